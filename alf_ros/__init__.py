@@ -1,0 +1,46 @@
+"""ALF2 for mechanisms with closed loops: `load_scene`, `Simulation`, and what they raise.
+
+Nothing here needs ROS. Names are imported when first used, so that `import alf_ros` costs nothing.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from alf_ros.errors import AlfError, AssemblyError, InputError, StepError
+    from alf_ros.sample import Sample
+    from alf_ros.scene import Scene, load_scene
+    from alf_ros.simulation import Simulation, State
+
+__all__ = [
+    'AlfError',
+    'AssemblyError',
+    'InputError',
+    'Sample',
+    'Scene',
+    'Simulation',
+    'State',
+    'StepError',
+    'load_scene',
+]
+
+_HOME = {
+    'AlfError': 'errors',
+    'AssemblyError': 'errors',
+    'InputError': 'errors',
+    'StepError': 'errors',
+    'Sample': 'sample',
+    'Scene': 'scene',
+    'load_scene': 'scene',
+    'Simulation': 'simulation',
+    'State': 'simulation',
+}
+
+
+def __getattr__(name: str) -> object:
+    import importlib
+
+    if name not in _HOME:
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+    return getattr(importlib.import_module(f'{__name__}.{_HOME[name]}'), name)

@@ -1,0 +1,55 @@
+"""Gravity: a uniform acceleration g (m/s²) on the mass of every body.
+
+Q = Σ_b m_b C_bᵀ g, with C_b the natural coordinates of the centre of mass: constant, so it is
+summed once, and V = -Qᵀ q. García de Jalón & Bayo, Kinematic and Dynamic Simulation of Multibody
+Systems (1994), ch. 4.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from alf_ros.arrays import Floats, Integers
+from alf_ros.effects import contract
+from alf_ros.layout import Layout
+
+MULTIPLE = False
+
+
+@dataclass(frozen=True)
+class Parameters:
+    acceleration: tuple[float, ...] = field(
+        metadata={
+            'kind': 'vector',
+            'unit': 'm/s^2',
+            'doc': 'acceleration of free fall, world frame',
+        }
+    )
+
+
+def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
+    """slots: [length of Q]; params: Q itself."""
+    (effect,) = effects
+    g = np.asarray(effect.parameters.acceleration)
+    Q = np.zeros((layout.blocks, layout.dimension))
+    for body in layout.bodies:
+        for block, carry in layout.carry(body.name, body.com):
+            Q[block] += carry @ (body.mass * g)
+    return contract.Packed(np.array([Q.size], dtype=np.int64), Q.ravel())
+
+
+@contract.force
+def force(t: float, q: Floats, qd: Floats, slots: Integers, params: Floats, Q: Floats) -> None:
+    for a in range(slots[0]):
+        Q[a] += params[a]
+
+
+@contract.potential
+def potential(t: float, q: Floats, slots: Integers, params: Floats) -> float:
+    energy = 0.0
+    for a in range(slots[0]):
+        energy -= params[a] * q[a]
+    return energy

@@ -1,0 +1,294 @@
+"""A scene: which mechanism, which effects, the initial state, how accurate.
+
+Whatever a file gets wrong is refused here, with its line, before anything is computed.
+`Scene.text` is one document without references to others: it is what gets logged, and it loads to
+an equal scene.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import os
+import re
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, field
+from numbers import Integral, Real
+from pathlib import Path
+from typing import Any
+
+from alf_ros import document, effects, layout, resources
+from alf_ros.document import Entry
+from alf_ros.effects import Effect
+from alf_ros.errors import InputError
+from alf_ros.mechanism import Mechanism
+from alf_ros.mechanism_file import read_mechanism
+from alf_ros.repetition import title
+from alf_ros.serialise import entry as as_entry
+from alf_ros.serialise import serialise
+
+INTEGRATORS = ('rk4',)
+FORMULATIONS = ('alf2',)
+
+_SUFFIXES = ('.yaml', '.yml')
+_CHOICES = {'integrator': INTEGRATORS, 'formulation': FORMULATIONS}
+_NUMBERS = {  # smallest, largest, whole, what is expected
+    'step': (1e-12, 1e6, False, 's, from 1e-12 to 1e6'),
+    'penalty': (1e-100, 1e100, False, 'a number greater than zero'),
+    'iterations': (1, 1000, True, 'a whole number from 1 to 1000'),
+    'tolerance': (0.0, 1.0, False, 'a number from 0 to 1'),
+}
+
+Components = tuple[float | None, ...]
+
+
+@dataclass(frozen=True)
+class Solver:
+    """How the motion is computed.
+
+    step: h (s). penalty: α relative to the scale of the masses, without dimension. The iterations
+    of a solve stop after `iterations` or at a relative change of `tolerance`. Raises InputError.
+    """
+
+    step: float = 1e-3
+    integrator: str = 'rk4'
+    formulation: str = 'alf2'
+    penalty: float = 1e9
+    iterations: int = 10
+    tolerance: float = 1e-12
+
+    def __post_init__(self) -> None:
+        for name, value in dataclasses.asdict(self).items():
+            fault = _setting_fault(name, value)
+            if fault:
+                raise InputError(key=name, value=value, **fault)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """All that is needed to run.
+
+    `positions` (m) and `velocities` (m/s) are by movable point, world frame; a component that is
+    None is free, as is every point that is not named.
+    """
+
+    name: str
+    mechanism: Mechanism
+    effects: tuple[Effect, ...]
+    positions: Mapping[str, Components]
+    velocities: Mapping[str, Components]
+    solver: Solver
+    text: str
+    file: str | None = field(default=None, compare=False)
+
+    @property
+    def hash(self) -> str:
+        """SHA-256 of the text, hexadecimal."""
+        return hashlib.sha256(self.text.encode()).hexdigest()
+
+
+def load_scene(
+    source: str | Path | Mapping[str, Any], parameters: Mapping[str, float] | None = None
+) -> Scene:
+    """The scene of a name under config/scenes, a YAML file, or a mapping with a scene's keys.
+
+    `parameters` replaces parameters of the mechanism, also those that the scene sets.
+    Raises InputError.
+    """
+    if isinstance(source, Mapping):
+        return _read_scene(as_entry(source), 'scene', Path(), parameters)
+    known = str(source)
+    path = _path(known)
+    if path is None:
+        scenes = _library('scenes')
+        if known not in scenes:
+            raise _no_scene(known, scenes)
+        path = scenes[known]
+    return _read_scene(document.read(path), _stem(path), path.parent, parameters)
+
+
+def scene_from_text(
+    text: str, file: str = '<text>', parameters: Mapping[str, float] | None = None
+) -> Scene:
+    """The scene in a YAML text; errors name it `file`. Raises InputError."""
+    return _read_scene(document.parse(text, file), 'scene', Path(), parameters)
+
+
+def _read_scene(
+    root: Entry, name: str, folder: Path, parameters: Mapping[str, float] | None
+) -> Scene:
+    keys = 'name', 'description', 'mechanism', 'parameters', 'effects', 'initial', 'solver'
+    fields = root.mapping(keys, ('mechanism',))
+    nothing = as_entry({})
+    if 'name' in fields:
+        name = title(fields['name'])
+    given = fields.get('parameters', nothing).mapping()
+    given |= {key: as_entry(v, path=f'parameters.{key}') for key, v in (parameters or {}).items()}
+    source, mechanism_name = _mechanism(fields['mechanism'], name, folder)
+    mechanism, values = read_mechanism(source, mechanism_name, given)
+
+    positions, velocities = _initial(fields.get('initial', nothing), mechanism, values)
+    solver = _solver(fields.get('solver', nothing), values)
+    found = tuple(_effects(fields.get('effects', nothing), mechanism, values))
+
+    whole: dict[str, object] = {
+        **fields,
+        'name': name,
+        'mechanism': _with(source, mechanism.name, given),
+    }
+    whole['solver'] = {k: v for k, v in dataclasses.asdict(solver).items() if v is not None}
+    whole.pop('parameters', None)
+    text = serialise(as_entry({key: whole[key] for key in keys if key in whole}))
+    return Scene(name, mechanism, found, positions, velocities, solver, text, root.file)
+
+
+def _with(source: Entry, name: str, given: Mapping[str, Entry]) -> dict[str, object]:
+    """The mapping of a mechanism with its name and the `given` parameters in it."""
+    fields: dict[str, object] = {'alf': None, 'name': name, **source.mapping()}
+    if given and 'parameters' in fields:
+        fields['parameters'] = {**source.mapping()['parameters'].mapping(), **given}
+    return fields
+
+
+def _mechanism(entry: Entry, name: str, folder: Path) -> tuple[Entry, str]:
+    """The mapping that a scene's `mechanism` stands for, and the name it has without saying so."""
+    if isinstance(entry.value, dict):
+        return entry, name
+    text = entry.text()
+    path = _path(text)
+    if path is None:
+        known = _library('mechanisms')
+        if text not in known:
+            raise entry.error('no mechanism of this name', choices=known)
+        path = known[text]
+    else:
+        path = folder / path
+        if not os.path.isfile(path):
+            raise entry.error('no such file', value=str(path))
+    return document.read(path), _stem(path)
+
+
+def _path(source: str) -> Path | None:
+    """The path that `source` is, or None for a name."""
+    is_path = source.endswith(_SUFFIXES) or '/' in source or os.sep in source
+    return Path(source).expanduser() if is_path else None
+
+
+def _stem(path: Path) -> str:
+    """The name of a file that does not name itself."""
+    return re.sub(r'[^\w.-]', '_', path.stem)[:100]
+
+
+def _no_scene(name: str, scenes: Collection[str]) -> InputError:
+    if name in _library('mechanisms'):
+        message = f'a mechanism, not a scene; write a scene file with "mechanism: {name}"'
+        return InputError(message, key='scene', value=name)
+    return InputError('no scene of this name', key='scene', value=name, choices=scenes)
+
+
+def _library(kind: str) -> dict[str, Path]:
+    """What can be named, by name; the first folder wins."""
+    folders = reversed(resources.folder(kind))
+    return {path.stem: path for folder in folders for path in sorted(folder.glob('*.yaml'))}
+
+
+def _initial(
+    section: Entry, mechanism: Mechanism, names: Mapping[str, float]
+) -> tuple[dict[str, Components], dict[str, Components]]:
+    known = {point.name: point for point in mechanism.points}
+    parts = section.mapping(('positions', 'velocities'))
+    found: dict[str, dict[str, Components]] = {'positions': {}, 'velocities': {}}
+    for what, part in parts.items():
+        for name, entry in part.mapping().items():
+            if name not in known:
+                raise entry.error('no such point', value=name, choices=known)
+            if known[name].fixed:
+                raise entry.error('this point is fixed', value=name)
+            found[what][name] = tuple(
+                None if item.is_null else item.number(names)
+                for item in entry.sequence(mechanism.dimension)
+            )
+    return found['positions'], found['velocities']
+
+
+def _effects(section: Entry, mechanism: Mechanism, names: Mapping[str, float]) -> Iterator[Effect]:
+    points = {point.name for point in mechanism.points}
+    bodies = {body.name for body in mechanism.bodies}
+    joints = {joint.name for joint in mechanism.joints}
+    known = {'point': points, 'body': bodies, 'joint': joints, 'body or point': bodies | points}
+    for kind, entry in section.mapping().items():
+        if kind not in effects.kinds():
+            raise entry.error('unknown effect', value=kind, choices=effects.kinds())
+        module = effects.load(kind)
+        for name, instance in _instances(kind, entry, module.MULTIPLE):
+            values = _parameters(instance, module.Parameters, mechanism.dimension, known, names)
+            try:
+                effect = Effect(kind, name, module.Parameters(**values))
+                module.pack([effect], layout.cut(mechanism))
+            except ValueError as error:
+                raise instance.error(str(error)) from None
+            yield effect
+
+
+def _instances(kind: str, entry: Entry, multiple: bool) -> list[tuple[str, Entry]]:
+    """An effect that may stand several times: a list, a mapping of names, or one alone."""
+    if multiple and isinstance(entry.value, tuple):
+        return [(f'{kind}_{i}', item) for i, item in enumerate(entry.value)]
+    if multiple and any(isinstance(value.value, dict) for value in entry.mapping().values()):
+        return list(entry.mapping().items())
+    return [(kind, entry)]
+
+
+def _parameters(
+    entry: Entry,
+    parameters: Any,
+    dimension: int,
+    known: Mapping[str, Collection[str]],
+    names: Mapping[str, float],
+) -> dict[str, object]:
+    """The fields of an effect's `Parameters`, each read as its metadata says."""
+    fields = {item.name: item for item in dataclasses.fields(parameters)}
+    missing = dataclasses.MISSING
+    required = [
+        name for name, f in fields.items() if f.default is missing and f.default_factory is missing
+    ]
+    values: dict[str, object] = {}
+    for key, value in entry.mapping(fields, required).items():
+        kind = fields[key].metadata['kind']
+        if value.is_null and fields[key].default is None:
+            values[key] = None
+        elif kind == 'number':
+            values[key] = value.number(names)
+        elif kind == 'vector':
+            values[key] = value.vector(dimension, names)
+        elif kind == 'boolean':
+            values[key] = value.boolean()
+        else:
+            values[key] = value.text(known.get(kind))
+    return values
+
+
+def _solver(section: Entry, names: Mapping[str, float]) -> Solver:
+    settings: dict[str, Any] = {}
+    for key, entry in section.mapping((*_NUMBERS, *_CHOICES)).items():
+        if key in _CHOICES:
+            settings[key] = entry.text()
+        else:
+            settings[key] = entry.integer(names) if _NUMBERS[key][2] else entry.number(names)
+        fault = _setting_fault(key, settings[key])
+        if fault:
+            raise entry.error(**fault)
+    return Solver(**settings)
+
+
+def _setting_fault(name: str, value: object) -> dict[str, Any] | None:
+    """What is wrong with one setting of the solver, as keywords of an InputError."""
+    if name in _CHOICES:
+        if value in _CHOICES[name]:
+            return None
+        return {'message': f'unknown {name}', 'choices': _CHOICES[name]}
+    low, high, whole, expected = _NUMBERS[name]
+    kind = Integral if whole else Real
+    if isinstance(value, kind) and not isinstance(value, bool) and low <= float(value) <= high:
+        return None
+    return {'message': 'not usable', 'expected': expected}

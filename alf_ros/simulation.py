@@ -1,0 +1,265 @@
+"""Simulation: a scene in motion. State in, compiled steps, Samples out."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from alf_ros import assembly, kernel
+from alf_ros.applied import NO_INPUTS, Applied, Inputs, Wrench, checked_effort, checked_wrench
+from alf_ros.arrays import Floats, Integers
+from alf_ros.errors import AssemblyError, InputError, StepError
+from alf_ros.integrator import TABLEAUX
+from alf_ros.model import allocate, compile_model
+from alf_ros.sample import Sample
+from alf_ros.scene import Scene
+
+_FAILURES = {
+    kernel.NOT_POSITIVE: (
+        'the leading matrix is not positive definite',
+        'a direction has neither mass nor constraint there: give it mass, or check the drawing',
+    ),
+    kernel.NOT_FINITE: ('the state is no longer finite', 'take a smaller step or smaller forces'),
+    kernel.NOT_CLOSED: (
+        'the loops cannot be closed after the step',
+        'take a smaller step: the mechanism moved too far in one',
+    ),
+}
+
+
+@dataclass(frozen=True)
+class State:
+    """Everything a run depends on: restore it and the run repeats bit for bit.
+
+    q (m), qd (m/s): all blocks in the kernel's order; turns: revolutions of each body.
+    """
+
+    step: int
+    q: Floats
+    qd: Floats
+    turns: Integers
+    inputs: Inputs
+
+
+class Simulation:
+    """A scene, stepped.
+
+    Keywords override the scene's solver section: `step` (s), `integrator`, `formulation`,
+    `penalty` (α without dimension), `iterations` (at most, per solve), `tolerance` (of the
+    solves, relative). Raises InputError for an unknown one, AssemblyError if the mechanism cannot
+    be closed or the initial velocities contradict each other.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        *,
+        step: float | None = None,
+        integrator: str | None = None,
+        formulation: str | None = None,
+        penalty: float | None = None,
+        iterations: int | None = None,
+        tolerance: float | None = None,
+    ) -> None:
+        given: dict[str, Any] = {
+            'step': step,
+            'integrator': integrator,
+            'formulation': formulation,
+            'penalty': penalty,
+            'iterations': iterations,
+            'tolerance': tolerance,
+        }
+        self.scene = scene
+        self.solver = replace(
+            scene.solver, **{key: value for key, value in given.items() if value is not None}
+        )
+        self._tableau = TABLEAUX[self.solver.integrator]
+        self.model = compile_model(scene.mechanism, self.solver.penalty)
+        self._work = allocate(self.model, self.model.system, self._tableau.b.size)
+        try:
+            q = assembly.close(self.model, scene.positions)
+            qd = assembly.complete(self.model, q, scene.velocities)
+        except AssemblyError as error:
+            raise AssemblyError(error.message, file=scene.file, key=error.key) from None
+        self._applied = Applied(self.model, scene.effects, NO_INPUTS)
+        turns = np.zeros(len(self.model.body_names), dtype=np.int64)
+        self._initial = State(0, q, qd, turns, NO_INPUTS)
+        self._iterations = 0
+        self._step_cost = math.nan
+        self.restore(self._initial)
+
+    # ------------------------------------------------------------------------------------- time
+
+    @property
+    def h(self) -> float:
+        """The solver step, s."""
+        return self.solver.step
+
+    @property
+    def step_index(self) -> int:
+        """Number of steps taken."""
+        return self._step
+
+    @property
+    def t(self) -> float:
+        """Simulated time, s: step_index times h, so that no rounding adds up."""
+        return self._step * self.solver.step
+
+    def step(self, n: int = 1) -> None:
+        """Take n steps in one compiled call that releases the GIL.
+
+        Raises StepError if one fails; the state is then the last good one.
+        """
+        started = time.perf_counter()
+        result, taken = self._advance(self._q, self._qd, self._turns, self._step, n, self.h)
+        self._step += taken
+        if taken:
+            self._step_cost = (time.perf_counter() - started) / taken
+        if result != kernel.OK:
+            raise StepError(*_FAILURES[result], self.t)
+
+    def _advance(
+        self, q: Floats, qd: Floats, turns: Integers, first: int, n: int, h: float
+    ) -> tuple[int, int]:
+        result, taken, self._iterations = kernel.advance(
+            self.model.unit,
+            self.model.system,
+            self._applied.assembled,
+            self._work,
+            self._tableau.a,
+            self._tableau.b,
+            self._tableau.c,
+            self.model.body_basis,
+            q,
+            qd,
+            turns,
+            0.0,
+            first,
+            n,
+            h,
+            self.solver.iterations,
+            self.solver.tolerance,
+            self.model.size,
+        )
+        return result, taken
+
+    def run(
+        self, duration: float, every: int = 1, at: Sequence[float] | None = None
+    ) -> Iterator[Sample]:
+        """Advance by `duration` (s), yielding a Sample now and after every `every` steps.
+
+        Or at the times `at` (s from the start of the scene, ascending): between two steps a
+        shorter step is taken aside, so that the motion is the same whatever is looked at.
+        """
+        if at is None:
+            last = self._step + math.floor(duration / self.h + 1e-6)
+            yield self.sample()
+            while self._step + every <= last:
+                self.step(every)
+                yield self.sample()
+            if self._step < last:
+                self.step(last - self._step)
+            return
+        for t in at:
+            if t < self.t - 1e-6 * self.h:
+                raise InputError('lies in the past', key='at', value=t, expected='ascending times')
+            steps = math.floor(t / self.h + 1e-6) - self._step
+            if steps > 0:
+                self.step(steps)
+            yield self.sample() if t - self.t <= 1e-6 * self.h else self._sample_between(t)
+        rest = math.floor(duration / self.h + 1e-6) - self._step
+        if rest > 0:
+            self.step(rest)
+
+    # ------------------------------------------------------------------------------------ state
+
+    @property
+    def state(self) -> State:
+        """A copy of the present state."""
+        return State(
+            self._step, self._q.copy(), self._qd.copy(), self._turns.copy(), self._applied.inputs
+        )
+
+    def restore(self, state: State) -> None:
+        """Go on from a state of this scene. The run repeats bit for bit."""
+        self._step = state.step
+        self._q, self._qd, self._turns = state.q.copy(), state.qd.copy(), state.turns.copy()
+        self._hold(state.inputs)
+
+    def reset(self) -> None:
+        """Back to the initial state, no inputs held."""
+        self.restore(self._initial)
+
+    # ----------------------------------------------------------------------------------- inputs
+
+    def apply_wrench(
+        self,
+        name: str,
+        force: Sequence[float] = (0.0, 0.0),
+        torque: float = 0.0,
+        at: str | None = None,
+        frame: str = 'world',
+    ) -> None:
+        """Hold a wrench on a body or a point from the next step on, in place of the one before.
+
+        force: N, in the world frame or in that of the body ('body'); torque: N m about +z; at: a
+        point of the body, else its centre of mass. Raises InputError, and changes nothing, for an
+        unknown name, numbers that are not finite, or a torque on what does not turn.
+        """
+        wrench = Wrench(tuple(map(float, force)), float(torque), at, frame)
+        checked_wrench(self.model, name, wrench)
+        inputs = self._applied.inputs
+        self._hold(Inputs({**inputs.wrenches, name: wrench}, inputs.efforts))
+
+    def apply_effort(self, joint: str, effort: float) -> None:
+        """Hold an effort (N m, or N on a slider) on a joint: on the child, and back on the parent.
+
+        Raises InputError, and changes nothing, for an unknown joint or a number that is not
+        finite.
+        """
+        effort = checked_effort(self.model, joint, effort)
+        inputs = self._applied.inputs
+        self._hold(Inputs(inputs.wrenches, {**inputs.efforts, joint: effort}))
+
+    def clear_inputs(self) -> None:
+        """Hold nothing any more."""
+        self._hold(NO_INPUTS)
+
+    def _hold(self, inputs: Inputs) -> None:
+        if inputs != self._applied.inputs:
+            self._applied = Applied(self.model, self.scene.effects, inputs)
+
+    # ---------------------------------------------------------------------------------- samples
+
+    def sample(self) -> Sample:
+        """The present state to read from; nothing in it is computed before it is asked for."""
+        return self._sample(self.t, self.state)
+
+    def _sample_between(self, t: float) -> Sample:
+        state = self.state
+        result, _ = self._advance(state.q, state.qd, state.turns, 0, 1, t - self.t)
+        if result != kernel.OK:
+            raise StepError(*_FAILURES[result], self.t)
+        return self._sample(t, state)
+
+    def _sample(self, t: float, state: State) -> Sample:
+        return Sample(
+            self.model,
+            self._applied,
+            self.solver,
+            t,
+            state,
+            lambda: self._generic_rank,
+            self._iterations,
+            self._step_cost,
+        )
+
+    @cached_property
+    def _generic_rank(self) -> int:
+        return assembly.generic_rank(self.model, self._initial.q)
