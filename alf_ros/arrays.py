@@ -8,6 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-Indices = NDArray[np.unsignedinteger[Any]]
+Indices = NDArray[Any]  # unsigned: spares the kernel the test for negative ones
 Integers = NDArray[np.int64]
 Unit = tuple[float, ...]  # as long as space has dimensions

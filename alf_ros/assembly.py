@@ -8,6 +8,7 @@ energy.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -30,8 +31,8 @@ def close(model: Model, given: Given, start: Floats | None = None) -> Floats:
     system, names, values = _held(model, given)
     work = allocate(model, system, 1)
     q = np.array(model.q if start is None else start)
-    held = system.rows.c.size - values.size
-    system.rows.c[held:] = -values
+    if values.size:
+        system.rows.c[-values.size :] = -values
     work.q[:] = q
     best = np.inf
     for _ in range(200):
@@ -86,25 +87,33 @@ def complete(model: Model, q: Floats, given: Given) -> Floats:
     return x
 
 
-def generic_rank(model: Model, q: Floats) -> int:
-    """Rank of Φ_q at ordinary positions near q: a position with less is a singular one."""
+def with_dependent_rows(model: Model, q: Floats) -> Model:
+    """The model, told how many of its rows depend on the others at ordinary positions near q.
+
+    q itself may be a singular one, so that places around it are looked at too.
+    """
     random = np.random.default_rng(0)
+    work = allocate(model, model.system, 1)
     found = 0
-    for _ in range(4):
-        start = np.array(q)
-        start[: model.n] += 0.05 * model.size * random.standard_normal(model.n)
-        work = allocate(model, model.system, 1)
+    for distance in (0.0, 0.05, 0.05, 0.05):
+        near = np.array(q)
+        near[: model.n] += distance * model.size * random.standard_normal(model.n)
         try:
-            near = close(model, {}, start)
+            near = close(model, {}, near)
         except AssemblyError:
             continue
         if kernel.linearise(model.unit, model.system, work, near):
             found = max(found, round(effective_rank(model, work)))
-    return found
+    dependent = float(len(model.row_names) - found)
+    return replace(model, system=model.system._replace(dependent=dependent))
 
 
 def _held(model: Model, given: Given) -> tuple[System, list[str], Floats]:
     """The mechanism's system with one more linear row for each component given."""
+    kernel_names = np.empty(len(model.row_names), dtype=object)
+    kernel_names[model.row] = model.row_names
+    if not given:
+        return model.system, list(kernel_names), np.zeros(0)
     rows, names, values = [], [], []
     for point, components in given.items():
         for axis, value in enumerate(components):
@@ -114,8 +123,6 @@ def _held(model: Model, given: Given) -> tuple[System, list[str], Floats]:
                 rows.append(Row(name, ((model.layout.of_point[point], e),)))
                 names.append(name)
                 values.append(value)
-    kernel_names = np.empty(len(model.row_names), dtype=object)
-    kernel_names[model.row] = model.row_names
     return hold(model, rows), [*kernel_names, *names], np.array(values, dtype=float)
 
 

@@ -25,6 +25,10 @@ from alf_ros.arrays import Floats, Indices, Integers, Unit
 
 OK, NOT_POSITIVE, NOT_FINITE, NOT_CLOSED = 0, 1, 2, 3
 
+# in units of how far Φ_q turns in a step:
+_NEAR = 8.0  # a singular position nearer than this: the stages are put onto Φ = 0
+_CLOSE = 0.1  # a stage closer than this: it is interpolated
+
 _0, _1 = np.uint64(0), np.uint64(1)
 _EPS = float(np.finfo(np.float64).eps)
 _compiled = njit(cache=True, nogil=True, error_model='numpy')
@@ -58,6 +62,7 @@ class Rows(NamedTuple):
     c: Floats  # (quadratic rows,)
     alpha: Floats  # (rows,) penalty α of each row
     scale: Floats  # (rows,) 1 / |Φ_q,r| as drawn: scale Φ is a distance in metres
+    penalty: float  # α without dimension, α_r = penalty · mass scale · scale²
 
 
 class Pattern(NamedTuple):
@@ -89,6 +94,7 @@ class System(NamedTuple):
     mass: Mass
     rows: Rows
     pattern: Pattern
+    dependent: float  # number of rows that depend on the others at ordinary positions
 
 
 class Work(NamedTuple):
@@ -109,8 +115,17 @@ class Work(NamedTuple):
     r2: Floats  # (rows,)
     sigma: Floats  # (rows,) σ'
     lam: Floats  # (rows,) λ
-    kq: Floats  # (stages movable D,)
-    kp: Floats  # (stages movable D,)
+    rate: Floats  # (rows,)
+    kq: Floats  # (stages movable D,) q̇ of the stages
+    kp: Floats  # (stages movable D,) ṗ' of the stages
+    target: Floats  # (all blocks D,) stage as the method has it, before it is put on Φ = 0
+    bend: Floats  # (all blocks D,) q̈ of the unforced mechanism: the curvature of its path
+    base: Floats  # (all blocks D,) a stage being interpolated
+    momenta: Floats  # (movable D,)
+    sum_q: Floats  # (movable D,)
+    sum_p: Floats  # (movable D,)
+    inverse_diagonal: Floats  # (movable D D,) A⁻¹ on the pattern
+    inverse_off: Floats  # (blocks D D,)
 
 
 # ------------------------------------------------------------------------------ arrays on loan
@@ -401,7 +416,7 @@ def assemble(unit: Unit, system: System, work: Work) -> None:
 
 
 @_compiled
-def factorise(unit: Unit, pattern: Pattern, diagonal: Floats, off: Floats, column: Floats) -> int:
+def factorise(unit: Unit, pattern: Pattern, diagonal: Floats, off: Floats, column: Floats) -> Any:
     """A = L D Lᵀ in place, right-looking by blocks; returns the number of columns that went well.
 
     Inside a block the elimination is by scalars: a 2x2 or 3x3 inverse would lose the digits that
@@ -606,43 +621,222 @@ def velocities(unit: Unit, system: System, work: Work, iterations: int, toleranc
 
 
 @_compiled
+def mass_trace(unit: Unit, pattern: Pattern, work: Work) -> float:
+    """tr(M A⁻¹) = Σ 1 / (1 + s_k²), s_k the singular values of α^½ Φ_q M^-½, from the factor.
+
+    It needs A⁻¹ only where M is, which is within the pattern of the factor: selected inversion
+    (Takahashi, Fagan & Chen 1973), in the time of a factorisation. From the last column:
+    Z_ik = -Σ_j Z_ij B_jk,  Z_kk = A_kk⁻¹ - Σ_j B_jkᵀ Z_jk, with B_jk = L_jk L_kk⁻¹.
+    """
+    D = np.uint64(len(unit))
+    DD = D * D
+    diagonal, off, column = work.diagonal, work.off, work.column
+    Z, Zo = work.inverse_diagonal, work.inverse_off
+    n = np.uint64(pattern.first.size) - _1
+    update = np.uint64(pattern.target.size)
+    trace = 0.0
+    for back in range(n):
+        k = n - _1 - back
+        kk, start = k * DD, pattern.first[k]
+        count = pattern.first[k + _1] - start
+        for e in range(count):  # B = L L_kk⁻¹, column by column of L_kk from the last
+            for a in range(D):
+                for up in range(D):
+                    c = D - _1 - up
+                    v = off[(start + e) * DD + a * D + c]
+                    for b in range(c + _1, D):
+                        v -= column[e * DD + a * D + b] * diagonal[kk + b * D + c]
+                    column[e * DD + a * D + c] = v
+        for e in range(start * DD, (start + count) * DD):
+            Zo[e] = 0.0
+        update -= count * (count - _1) // np.uint64(2)
+        at = update
+        for e in range(count):
+            i, ii = (start + e) * DD, pattern.row[start + e] * DD
+            for f in range(e):
+                low, j = pattern.target[at] * DD, (start + f) * DD
+                at += _1
+                for a in range(D):
+                    for c in range(D):
+                        for b in range(D):
+                            Zo[i + a * D + c] -= Zo[low + a * D + b] * column[f * DD + b * D + c]
+                            Zo[j + a * D + c] -= Zo[low + b * D + a] * column[e * DD + b * D + c]
+            for a in range(D):
+                for c in range(D):
+                    for b in range(D):
+                        Zo[i + a * D + c] -= Z[ii + a * D + b] * column[e * DD + b * D + c]
+        # the block itself: first (L D Lᵀ)⁻¹ of the pivot block, by columns of the unit matrix
+        for c in range(D):
+            for a in range(D):
+                v = 1.0 if a == c else 0.0
+                for b in range(a):
+                    v -= diagonal[kk + a * D + b] * Z[kk + b * D + c]
+                Z[kk + a * D + c] = v
+            for a in range(D):
+                Z[kk + a * D + c] *= diagonal[kk + a * D + a]
+            for up in range(_1, D):
+                a = D - _1 - up
+                for b in range(a + _1, D):
+                    Z[kk + a * D + c] -= diagonal[kk + b * D + a] * Z[kk + b * D + c]
+        for a in range(D):
+            for c in range(D):
+                v = Z[kk + a * D + c]
+                for e in range(count):
+                    for b in range(D):
+                        v -= column[e * DD + b * D + a] * Zo[(start + e) * DD + b * D + c]
+                Z[kk + a * D + c] = v
+                trace += pattern.mass_diagonal[kk + a * D + c] * v
+        for e in range(start * DD, (start + count) * DD):
+            trace += 2.0 * pattern.mass_off[e] * Zo[e]
+    return trace
+
+
+@_compiled
+def singular_distance(unit: Unit, system: System, work: Work) -> float:
+    """How far the nearest singular position is, as a singular value of the scaled Φ_q (no unit).
+
+    A row that depends on the others everywhere counts one in the trace and is left out; what
+    remains is Σ 1 / (1 + penalty s²), so this is never more than the smallest singular value.
+    """
+    D = np.uint64(len(unit))
+    n = float(np.uint64(system.mass.diagonal.size) * D)
+    lost = mass_trace(unit, system.pattern, work) - n + system.rows.alpha.size
+    slow = max(lost - system.dependent, _EPS)
+    return 1.0 / np.sqrt(system.rows.penalty * slow)
+
+
+@_compiled
+def turning(unit: Unit, rows: Rows, qd: Floats, g2d: Floats) -> float:
+    """max |Φ̇_q,r| / |Φ_q,r|, 1/s: singular values of the scaled Φ_q change no faster (Weyl)."""
+    D = np.uint64(len(unit))
+    m1 = np.uint64(rows.i.size)
+    fastest = 0.0
+    for r in range(m1):
+        i, j = rows.i[r] * D, rows.j[r] * D
+        v = 0.0
+        for a in range(D):
+            v += (qd[i + a] - qd[j + a]) * (qd[i + a] - qd[j + a])
+        both = 2.0 if r < rows.both else 1.0
+        fastest = max(fastest, both * v * rows.scale[r] * rows.scale[r])
+    for r in range(np.uint64(rows.c.size)):
+        v = 0.0
+        for e in range(rows.first[r], rows.movable[r]):
+            for a in range(D):
+                v += g2d[e * D + a] * g2d[e * D + a]
+        fastest = max(fastest, v * rows.scale[m1 + r] * rows.scale[m1 + r])
+    return np.sqrt(fastest)
+
+
+# ---------------------------------------------------------------------------------- onto Φ = 0
+
+
+@_compiled
+def opening(unit: Unit, rows: Rows, q: Floats, phi: Floats) -> float:
+    """Φ(q), and how far the widest row is open, m."""
+    violation(unit, rows, q, phi)
+    gap = 0.0
+    for r in range(phi.size):
+        gap = max(gap, abs(phi[r]) * rows.scale[r])
+    return gap
+
+
+@_compiled
+def correct(unit: Unit, system: System, work: Work, phi: Floats, q: Floats) -> None:
+    """q -= A⁻¹ Φ_qᵀ α Φ with the Jacobian and the factor of one and the same place in `work`.
+
+    Φ_q of another place would put α times the difference on the free directions.
+    """
+    delta = work.delta
+    for r in range(phi.size):
+        phi[r] *= -system.rows.alpha[r]
+    delta[:] = 0.0
+    add_transposed(unit, system.rows, work.g, work.g2, phi, delta)
+    solve(unit, system.pattern, work.diagonal, work.off, delta)
+    for a in range(np.uint64(system.mass.diagonal.size) * np.uint64(len(unit))):
+        q[a] += delta[a]
+
+
+@_compiled
 def project(unit: Unit, system: System, work: Work, size: float) -> int:
     """Bring q in `work` onto Φ = 0 along M, with Φ_q and factor of that place; returns the result.
 
-    It begins with Φ_q and factor of the last stage, which is near: both, since Φ_q of another
-    point would put α times the difference on the free directions. Where that converges slowly,
-    close to a singular position, they are made anew.
+    It begins with those of the last stage, which is near; where that converges slowly they are
+    made anew. Very close to a singular position a row cannot tell how far off its point is, and
+    what is left of the gap is let be.
     """
-    D = np.uint64(len(unit))
-    n = np.uint64(system.mass.diagonal.size) * D
-    phi, delta = work.r2, work.delta
     before = np.inf
-    result = NOT_CLOSED
-    for _ in range(30):
-        violation(unit, system.rows, work.q, phi)
-        gap = 0.0
-        for r in range(phi.size):
-            gap = max(gap, abs(phi[r]) * system.rows.scale[r])
-            phi[r] *= -system.rows.alpha[r]
-        if gap <= 4.0 * _EPS * size:
-            result = OK
+    fresh = False
+    for _ in range(50):
+        gap = opening(unit, system.rows, work.q, work.r2)
+        closed = gap <= 4.0 * _EPS * size
+        if closed or (fresh and gap > 0.5 * before and gap <= 1e-10 * size):
+            return OK if linearise(unit, system, work, work.q) else NOT_POSITIVE
+        if gap > 0.1 * before:
+            if not linearise(unit, system, work, work.q):
+                return NOT_POSITIVE
+            fresh = True
+        before = gap
+        correct(unit, system, work, work.r2, work.q)
+    return NOT_CLOSED
+
+
+@_compiled
+def place(unit: Unit, system: System, work: Work, size: float) -> bool:
+    """From the stage `target` and a guess q nearer to Φ = 0: q is put where `target` projects to.
+
+    Linearised at the guess, so that the free directions do not turn with the distance of the
+    stage from Φ = 0; leaves Φ_q and the factor of the place found.
+    """
+    rows, n = system.rows, work.p.size
+    if not linearise(unit, system, work, work.q):
+        return False
+    violation(unit, rows, work.q, work.r2)
+    for a in range(n):
+        work.delta[a] = work.target[a] - work.q[a]
+        work.q[a] = work.target[a]
+    work.delta[n:] = 0.0
+    times_jacobian(unit, rows, work.g, work.g2, work.delta, work.rate)
+    for r in range(work.r2.size):
+        work.r2[r] += work.rate[r]
+    correct(unit, system, work, work.r2, work.q)
+    before = np.inf
+    for _ in range(6):
+        if not linearise(unit, system, work, work.q):
+            return False
+        gap = opening(unit, rows, work.q, work.r2)
+        if gap <= 1e-13 * size or gap > 0.5 * before:
             break
-        delta[:] = 0.0
-        add_transposed(unit, system.rows, work.g, work.g2, phi, delta)
-        solve(unit, system.pattern, work.diagonal, work.off, delta)
-        step = 0.0
-        for a in range(n):
-            work.q[a] += delta[a]
-            step = max(step, abs(delta[a]))
-        if step > 0.1 * before and not linearise(unit, system, work, work.q):
-            return NOT_POSITIVE
-        before = step
-    if result == OK and not linearise(unit, system, work, work.q):
-        return NOT_POSITIVE
-    return result
+        before = gap
+        correct(unit, system, work, work.r2, work.q)
+        if gap <= 1e-8 * size:  # what this moved is too little to show in A, but not in Φ_q
+            jacobian(unit, rows, work.q, work.g, work.g2)
+            break
+    return True
 
 
-# ------------------------------------------------------------------------------------- the step
+# ----------------------------------------------------------------------------------------- the step
+
+
+@_compiled
+def momentum_rate(
+    unit: Unit,
+    system: System,
+    forces: Forces,
+    work: Work,
+    t: float,
+    iterations: int,
+    tolerance: float,
+) -> int:
+    """ṗ' = M q̈ at the stage in `work`, into p; returns iterations.
+
+    ṗ' = Q - Φ_qᵀ λ + Φ̇_qᵀ σ' (35) with λ fed forward, and Q - Φ_qᵀ λ = M q̈. What σ' is left is
+    error of the integration over the distance to the singular position: the gauge is reset at
+    every stage, and the last term is dropped.
+    """
+    count = accelerate(unit, system, forces, work, t, iterations, tolerance)
+    work.p[:] = 0.0
+    add_mass_times(unit, system.mass, 1.0, work.qdd, work.p)
+    return count
 
 
 @_compiled
@@ -652,22 +846,193 @@ def stage(
     forces: Forces,
     work: Work,
     t: float,
+    careful: bool,
     iterations: int,
     tolerance: float,
+    size: float,
 ) -> int:
-    """q̇ and ṗ' of one stage from q and p' in `work`; returns iterations, or 0 if A has no factor.
+    """q̇ and ṗ' of a stage from q and p' in `work`; returns iterations, or 0 if A has no factor.
 
-    ṗ' = Q - Φ_qᵀ λ + Φ̇_qᵀ σ' (35) with λ fed forward, and Q - Φ_qᵀ λ = M q̈. What σ' is left is
-    error of the integration over the distance to the singular position: the gauge is reset at
-    every stage, and the last term is dropped.
+    `careful`: the stage, `target`, is first put onto Φ = 0, starting from q.
     """
-    if not linearise(unit, system, work, work.q):
+    if careful:
+        if not place(unit, system, work, size):
+            return 0
+    elif not linearise(unit, system, work, work.q):
         return 0
     count = velocities(unit, system, work, iterations, tolerance)
-    count = max(count, accelerate(unit, system, forces, work, t, iterations, tolerance))
-    work.p[:] = 0.0
-    add_mass_times(unit, system.mass, 1.0, work.qdd, work.p)
-    return count
+    return max(count, momentum_rate(unit, system, forces, work, t, iterations, tolerance))
+
+
+@_compiled
+def stage_between(
+    unit: Unit,
+    system: System,
+    forces: Forces,
+    work: Work,
+    t: float,
+    qd: Floats,
+    spacing: float,
+    clearance: float,
+    iterations: int,
+    tolerance: float,
+    size: float,
+) -> int:
+    """q̇ and ṗ' of a stage at a singular position, from three places on either side along q̇.
+
+    The motion is smooth through the position, only its equations are not: what they give at
+    ±1, ±2, ±3 times `spacing` (s) is interpolated, to sixth order. If one of these places is
+    itself closer than `clearance`, the spacing is changed.
+    """
+    n = work.p.size
+    work.base[:] = work.target
+    work.momenta[:] = work.p
+    most = 0
+    for wider in range(4):
+        tau = spacing * (1.0 + 0.37 * wider)
+        nearest = np.inf
+        work.sum_q[:] = 0.0
+        work.sum_p[:] = 0.0
+        for k in range(-3, 4):
+            if k == 0:
+                continue
+            weight = 0.75 if abs(k) == 1 else (-0.3 if abs(k) == 2 else 0.05)
+            for a in range(n):
+                work.target[a] = work.base[a] + k * tau * qd[a]
+                work.q[a] = work.target[a] + 0.5 * (k * tau) ** 2 * work.bend[a]
+                work.p[a] = work.momenta[a]
+            count = stage(unit, system, forces, work, t, True, iterations, tolerance, size)
+            if count == 0:
+                return 0
+            most = max(most, count)
+            nearest = min(nearest, singular_distance(unit, system, work))
+            for a in range(n):
+                work.sum_q[a] += weight * work.qd[a]
+                work.sum_p[a] += weight * work.p[a]
+        if nearest >= clearance:
+            break
+    for a in range(n):
+        work.qd[a] = work.sum_q[a]
+        work.p[a] = work.sum_p[a]
+    return most
+
+
+@_compiled
+def step(
+    unit: Unit,
+    system: System,
+    forces: Forces,
+    work: Work,
+    a: Floats,
+    b: Floats,
+    c: Floats,
+    q: Floats,
+    qd: Floats,
+    t: float,
+    h: float,
+    iterations: int,
+    tolerance: float,
+    size: float,
+) -> tuple[int, int]:
+    """One explicit Runge-Kutta step (a, b, c) from q, q̇, whose Φ_q and factor stand in `work`.
+
+    Leaves the new q, q̇ in `work`, with Φ_q and factor. Returns (result, most iterations).
+    A step that could reach a singular position puts its stages onto Φ = 0 first, where the
+    equations go through smoothly; a stage that comes very close to the position is interpolated.
+    """
+    n = work.p.size
+    stages = np.uint64(b.size)
+    kq, kp = work.kq, work.kp
+    work.qd[:] = qd
+    jacobian_rate(unit, system.rows, work.qd, work.g2d)
+    reach = h * turning(unit, system.rows, work.qd, work.g2d)
+    distance = singular_distance(unit, system, work)
+    careful = distance < _NEAR * reach
+    if careful:
+        convective(unit, system.rows, work.g2d, work.qd, work.r2)
+        for r in range(work.r2.size):
+            work.r2[r] = -work.r2[r]
+            work.lam[r] = 0.0
+        work.bend[:] = 0.0
+        work.p[:] = 0.0
+        augmented(unit, system, work, work.p, work.bend, work.lam, work.r2, iterations, tolerance)
+    most = 0
+    for s in range(stages + _1):
+        for i in range(n):
+            work.q[i] = 0.0
+            work.p[i] = 0.0
+        for m in range(s):
+            weight = a[s, m] if s < stages else b[m]
+            if weight != 0.0:
+                for i in range(n):
+                    work.q[i] += weight * kq[m * n + i]
+                    work.p[i] += weight * kp[m * n + i]
+        for i in range(n):
+            work.q[i] = q[i] + h * work.q[i]
+            work.p[i] *= h
+        add_mass_times(unit, system.mass, 1.0, qd, work.p)
+        if s == stages:
+            break
+        ts = t + c[s] * h
+        if careful:
+            lag = 0.5 * c[s] * c[s]  # of the stage behind the path, in h² of its curvature
+            for m in range(s):
+                lag -= a[s, m] * c[m]
+            for i in range(n):
+                work.target[i] = work.q[i]
+                work.q[i] += h * h * lag * work.bend[i]
+            if s > 0:
+                work.momenta[:] = work.p
+                if not place(unit, system, work, size):
+                    return NOT_POSITIVE, most
+                distance = singular_distance(unit, system, work)
+            if distance < _CLOSE * reach:
+                count = stage_between(
+                    unit,
+                    system,
+                    forces,
+                    work,
+                    ts,
+                    qd,
+                    2.0 * _CLOSE * h,
+                    _CLOSE * reach,
+                    iterations,
+                    tolerance,
+                    size,
+                )
+                if count == 0:
+                    return NOT_POSITIVE, most
+                if s == 0:
+                    work.qd[:] = qd
+            else:
+                count = 1
+                if s > 0:
+                    count = velocities(unit, system, work, iterations, tolerance)
+                count = max(
+                    count,
+                    momentum_rate(unit, system, forces, work, ts, iterations, tolerance),
+                )
+        elif s == 0:
+            count = momentum_rate(unit, system, forces, work, ts, iterations, tolerance)
+        else:
+            count = stage(unit, system, forces, work, ts, False, iterations, tolerance, size)
+            if count == 0:
+                return NOT_POSITIVE, most
+        most = max(most, count)
+        for i in range(n):
+            kq[s * n + i] = work.qd[i]
+            kp[s * n + i] = work.p[i]
+    work.momenta[:] = work.p
+    result = project(unit, system, work, size)
+    if result == OK:
+        work.p[:] = work.momenta
+        most = max(most, velocities(unit, system, work, iterations, tolerance))
+        check = 0.0
+        for i in range(n):
+            check += work.q[i] + work.qd[i]
+        if not np.isfinite(check):
+            result = NOT_FINITE
+    return result, most
 
 
 @_compiled
@@ -705,61 +1070,24 @@ def advance(
     tolerance: float,
     size: float,
 ) -> tuple[int, int, int]:
-    """Take `steps` explicit Runge-Kutta steps (a, b, c) of ALF2 from step number `first`.
+    """Take `steps` steps of h from step number `first`; returns (result, taken, most iterations).
 
     q, q̇ (all blocks D) and turns are the state, in and out; on failure they hold the last good
-    step. Returns (result, steps taken, most iterations in a solve).
+    step.
     """
     system, forces, work = on_loan(system), on_loan(forces), on_loan(work)
-    D = np.uint64(len(unit))
-    n = np.uint64(system.mass.diagonal.size) * D
-    stages = np.uint64(b.size)
-    kq, kp = work.kq, work.kp
     most = 0
     work.q[:] = q
     if not linearise(unit, system, work, work.q):
         return NOT_POSITIVE, 0, most
     for taken in range(steps):
         t = t0 + (first + taken) * h
-        # first stage: the accepted point, whose factor stands; σ' = 0 and p = M q̇ by the gauge
-        work.qd[:] = qd
-        most = max(most, accelerate(unit, system, forces, work, t, iterations, tolerance))
-        work.p[:] = 0.0
-        add_mass_times(unit, system.mass, 1.0, work.qdd, work.p)
-        for i in range(n):
-            kq[i] = qd[i]
-            kp[i] = work.p[i]
-        for s in range(_1, stages + _1):
-            for i in range(n):
-                work.q[i] = 0.0
-                work.p[i] = 0.0
-            for m in range(s):
-                weight = a[s, m] if s < stages else b[m]
-                if weight != 0.0:
-                    for i in range(n):
-                        work.q[i] += weight * kq[m * n + i]
-                        work.p[i] += weight * kp[m * n + i]
-            for i in range(n):
-                work.q[i] = q[i] + h * work.q[i]
-                work.p[i] *= h
-            add_mass_times(unit, system.mass, 1.0, qd, work.p)
-            if s < stages:
-                count = stage(unit, system, forces, work, t + c[s] * h, iterations, tolerance)
-                if count == 0:
-                    return NOT_POSITIVE, taken, most
-                most = max(most, count)
-                for i in range(n):
-                    kq[s * n + i] = work.qd[i]
-                    kp[s * n + i] = work.p[i]
-        result = project(unit, system, work, size)
+        result, count = step(
+            unit, system, forces, work, a, b, c, q, qd, t, h, iterations, tolerance, size
+        )
+        most = max(most, count)
         if result != OK:
             return result, taken, most
-        most = max(most, velocities(unit, system, work, iterations, tolerance))
-        check = 0.0
-        for i in range(n):
-            check += work.q[i] + work.qd[i]
-        if not np.isfinite(check):
-            return NOT_FINITE, taken, most
         count_turns(axes, q, work.q, turns)
         q[:] = work.q
         qd[:] = work.qd

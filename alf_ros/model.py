@@ -94,7 +94,7 @@ def compile_model(mechanism: Mechanism, penalty: float) -> Model:
     q = np.array([at[name] for name in sorted(order, key=order.__getitem__)], dtype=float)
     rows, cut_rows = _rows(mechanism, layout), _rows(mechanism, cut, joints=False)
     arrays, kernel_order = _row_arrays(rows, layout)
-    arrays = _scaled(arrays, q, penalty * mass_scale)
+    arrays = _scaled(arrays, q, penalty, mass_scale)
     cut_arrays, cut_order = _row_arrays(cut_rows, cut)
     row = np.argsort(kernel_order)
     named = {row.name: n for n, row in enumerate(rows)}
@@ -102,8 +102,8 @@ def compile_model(mechanism: Mechanism, penalty: float) -> Model:
         mechanism=mechanism,
         layout=layout,
         cut=cut,
-        system=System(mass, arrays, _pattern(layout, mass, arrays)),
-        cut_system=System(cut_mass, cut_arrays, _NO_PATTERN),
+        system=System(mass, arrays, _pattern(layout, mass, arrays), 0.0),
+        cut_system=System(cut_mass, cut_arrays, _NO_PATTERN, 0.0),
         penalty=penalty,
         q=q.ravel(),
         mass_scale=mass_scale,
@@ -138,7 +138,7 @@ def hold(model: Model, extra: Sequence[Row]) -> System:
         c=np.concatenate([own.c, more.c]),
     )
     q = model.q.reshape(-1, model.layout.dimension)
-    rows = _scaled(rows, q, model.penalty * model.mass_scale)
+    rows = _scaled(rows, q, model.penalty, model.mass_scale)
     return model.system._replace(
         rows=rows, pattern=_pattern(model.layout, model.system.mass, rows)
     )
@@ -166,8 +166,17 @@ def allocate(model: Model, system: System, stages: int) -> Work:
         'r2': m,
         'sigma': m,
         'lam': m,
+        'rate': m,
         'kq': stages * n,
         'kp': stages * n,
+        'target': whole,
+        'bend': whole,
+        'base': whole,
+        'momenta': n,
+        'sum_q': n,
+        'sum_p': n,
+        'inverse_diagonal': n * D,
+        'inverse_off': pattern.row.size * D * D,
     }
     return Work(**{name: np.zeros(size) for name, size in sizes.items()})
 
@@ -242,12 +251,13 @@ def _row_arrays(rows: Sequence[Row], layout: Layout) -> tuple[Rows, list[int]]:
         c=np.array([rows[n].c for n in other], dtype=float),
         alpha=np.zeros(len(order)),
         scale=np.zeros(len(order)),
+        penalty=1.0,
     )
     return arrays, order
 
 
-def _scaled(rows: Rows, q: Floats, alpha: float) -> Rows:
-    """The rows with α_r = alpha / |Φ_q,r|² and scale 1 / |Φ_q,r|, over movable blocks as drawn."""
+def _scaled(rows: Rows, q: Floats, penalty: float, mass_scale: float) -> Rows:
+    """The rows with scale 1 / |Φ_q,r|, as drawn, and α_r = penalty · mass scale · scale²."""
     D = q.shape[1]
     d = q[rows.i] - q[rows.j]
     square = (d**2).sum(axis=1)
@@ -255,7 +265,8 @@ def _scaled(rows: Rows, q: Floats, alpha: float) -> Rows:
     b = rows.b.reshape(-1, D)
     linear = [(b[s:e] ** 2).sum() for s, e in zip(rows.first[:-1], rows.movable, strict=True)]
     scale = 1.0 / np.sqrt(np.concatenate([square, np.array(linear, dtype=float)]))
-    return rows._replace(alpha=alpha * scale**2, scale=scale)
+    alpha = penalty * mass_scale * scale**2
+    return rows._replace(alpha=alpha, scale=scale, penalty=float(penalty))
 
 
 # ----------------------------------------------------------------------------------- mass, pattern
@@ -442,7 +453,7 @@ def _indices(values: Iterable[Any]) -> Indices:
 
 def _freeze(model: Model) -> None:
     for system in (model.system, model.cut_system):
-        for part in system:
+        for part in (system.mass, system.rows, system.pattern):
             for array in part:
                 if isinstance(array, np.ndarray):
                     array.flags.writeable = False

@@ -95,7 +95,8 @@ class Diagnostics:
     @cached_property
     def singular(self) -> bool:
         """Whether the rank is lower here than at ordinary positions."""
-        return self.rank < self._sample._generic_rank()
+        model = self._sample.model
+        return self.rank + model.system.dependent < len(model.row_names)
 
 
 class Sample:
@@ -108,12 +109,10 @@ class Sample:
         solver: Solver,
         t: float,
         state: State,
-        generic_rank: Callable[[], int],
         iterations: int,
         step_cost: float,
     ) -> None:
         self.model, self.t, self.step = model, t, state.step
-        self._generic_rank = generic_rank
         self._applied, self._solver, self._state = applied, solver, state
         self.diagnostics = Diagnostics(self, iterations, step_cost)
 
