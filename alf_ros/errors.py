@@ -38,8 +38,7 @@ class InputError(AlfError):
             where += f':{line}' if where else f'line {line}'
         text = ': '.join(part for part in (where, key or '', message) if part)
         if value is not None:
-            shown = repr(value)
-            text += f', got {shown if len(shown) <= 80 else shown[:77] + "..."}'
+            text += f', got {_shortened(repr(value))}'
         if expected:
             text += f'; expected {expected}'
         if choices is not None:
@@ -52,6 +51,13 @@ class InputError(AlfError):
             elif names:
                 text += f'; known: {", ".join(names[:12])}{" ..." if len(names) > 12 else ""}'
         super().__init__(' '.join(text.split()))
+
+
+def _shortened(shown: str) -> str:
+    """At most 80 characters; of a path the end, which says more."""
+    if len(shown) <= 80:
+        return shown
+    return shown[0] + '...' + shown[-76:] if '/' in shown else shown[:77] + '...'
 
 
 class AssemblyError(InputError):

@@ -1,0 +1,93 @@
+"""Run a command of the package: `python -m alf_ros <command>`, or its name in lib/alf_ros."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from alf_ros.commands import COMMANDS
+from alf_ros.errors import AlfError, InputError
+from alf_ros.resources import version
+
+
+def summary(module: str) -> str:
+    """Return the first line of a module's docstring without importing it (that may take rclpy)."""
+    source = Path(__file__).with_name(module.partition('.')[2].replace('.', '/') + '.py')
+    docstring = ast.get_docstring(ast.parse(source.read_text(encoding='utf-8')))
+    return (docstring or '').partition('\n')[0]
+
+
+def usage() -> str:
+    """Return the help of `python -m alf_ros`."""
+    lines = [f'  {name:16}{summary(module)}' for name, module in COMMANDS.items()]
+    return '\n'.join(
+        [
+            'usage: python -m alf_ros [-h] [--version] <command> ...',
+            '',
+            'ALF2 simulation of closed-loop mechanisms.',
+            '',
+            'commands:',
+            *lines,
+            '',
+            '`python -m alf_ros <command> --help` explains one.',
+        ]
+    )
+
+
+def run(name: str, arguments: list[str]) -> int:
+    """Run the command `name`, or show help or the version, and return the exit code."""
+    if name in ('', '-h', '--help'):
+        print(usage(), file=sys.stdout if name else sys.stderr)
+        return 0 if name else 2
+    if name == '--version':
+        print(version())
+        return 0
+    if name not in COMMANDS:
+        raise InputError('no such command', value=name, choices=COMMANDS)
+    # What argparse shows as the program's name, and what rclpy reads its arguments from.
+    sys.argv = [f'alf_ros {name}', *arguments]
+    code: int = importlib.import_module(COMMANDS[name]).main(arguments)
+    return code
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command `argv[0]` with the rest of `argv` (default: the process's arguments).
+
+    Returns the exit code: 2 for a usage or input error or a missing library, told in one line.
+    """
+    name, *rest = (sys.argv[1:] if argv is None else list(argv)) or ['']
+    try:
+        code = run(name, rest)
+        sys.stdout.flush()
+        return code
+    except AlfError as error:
+        print(f'alf_ros {name}: {error}', file=sys.stderr)
+        return error.exit_code
+    except ImportError as error:
+        if (error.name or '').partition('.')[0] == 'alf_ros':
+            raise
+        print(
+            f'alf_ros {name}: {error} ({sys.executable}); `make setup` makes an interpreter '
+            'that has it, and a sourced ROS 2 brings rclpy and the messages',
+            file=sys.stderr,
+        )
+        return 2
+    except KeyboardInterrupt:
+        return 130
+    except BrokenPipeError:
+        # The reader (head, less) has gone. Python flushes once more at exit: let that go nowhere.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 141
+
+
+def executable() -> int:
+    """Run the command named like the file that was started: what lib/alf_ros/<command> calls."""
+    return main([Path(sys.argv[0]).name, *sys.argv[1:]])
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,10 @@
+"""The commands of this package, in the order in which help lists them.
+
+A command is a module with a docstring, whose first line is its help, and
+`main(argv: Sequence[str] | None = None) -> int`. A line here makes it `python -m alf_ros <name>`
+and `ros2 run alf_ros <name>`: setup.py reads this table too, so nothing may be imported here.
+"""
+
+COMMANDS = {
+    'simulator': 'alf_ros.node',
+}

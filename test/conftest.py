@@ -1,0 +1,31 @@
+"""Every test process is alone: its own ROS domain, this machine only, temporary logs."""
+
+import fcntl
+import os
+import tempfile
+from pathlib import Path
+
+# Set at import: rclpy reads them when it is first initialised, and child processes inherit them.
+
+
+def _reserve_domain():
+    """Return a ROS domain and the lock that keeps it ours until this process ends.
+
+    0 is everybody's default; above 101 the ports can collide with ephemeral ones on Linux.
+    """
+    for turn in range(101):
+        domain = 1 + (os.getpid() + turn) % 101
+        lock = open(Path(tempfile.gettempdir()) / f'alf_ros-{os.getuid()}-{domain}.lock', 'w')
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return domain, lock
+        except BlockingIOError:
+            lock.close()
+    raise RuntimeError('all 101 ROS domains are taken by other test processes')
+
+
+_DOMAIN, _LOCK = _reserve_domain()
+_LOGS = tempfile.TemporaryDirectory(prefix='alf_ros-test-')
+os.environ['ROS_DOMAIN_ID'] = str(_DOMAIN)
+os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+os.environ['ROS_LOG_DIR'] = _LOGS.name
