@@ -168,4 +168,9 @@ def checked_effort(model: Model, joint: str, effort: float) -> float:
         raise InputError('unknown joint', key='effort', value=joint, choices=model.joint_names)
     if not math.isfinite(effort):
         raise InputError('not an effort', key=joint, value=effort, expected='a finite number')
+    ends = next(each for each in model.mechanism.joints if each.name == joint)
+    for name in (ends.child, ends.parent):
+        points = model.layout.body[name].points if name != GROUND else ()
+        if ends.kind == 'revolute' and len(points) == 1:
+            raise InputError(f'{name!r} has no orientation: no torque on it', key=joint)
     return float(effort)

@@ -8,7 +8,6 @@ energy.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -87,8 +86,8 @@ def complete(model: Model, q: Floats, given: Given) -> Floats:
     return x
 
 
-def with_dependent_rows(model: Model, q: Floats) -> Model:
-    """The model, told how many of its rows depend on the others at ordinary positions near q.
+def dependent_rows(model: Model, q: Floats) -> int:
+    """How many of the rows depend on the others at ordinary positions near q (blocks D, m).
 
     q itself may be a singular one, so that places around it are looked at too.
     """
@@ -104,8 +103,7 @@ def with_dependent_rows(model: Model, q: Floats) -> Model:
             continue
         if kernel.linearise(model.unit, model.system, work, near):
             found = max(found, round(effective_rank(model, work)))
-    dependent = float(len(model.row_names) - found)
-    return replace(model, system=model.system._replace(dependent=dependent))
+    return len(model.row_names) - found
 
 
 def _held(model: Model, given: Given) -> tuple[System, list[str], Floats]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.integrate import DOP853
 
 from alf_ros.arrays import Floats
 
@@ -25,4 +26,9 @@ def _rk4() -> Tableau:
     return Tableau(a, np.array([1.0, 2.0, 2.0, 1.0]) / 6.0, np.array([0.0, 0.5, 0.5, 1.0]), 4)
 
 
-TABLEAUX = {'rk4': _rk4()}
+def _dop853() -> Tableau:
+    """Dormand & Prince of order 8 (Hairer, Nørsett & Wanner 1993, II.5), as SciPy has it."""
+    return Tableau(DOP853.A, DOP853.B, DOP853.C, 8)
+
+
+TABLEAUX = {'rk4': _rk4(), 'dop853': _dop853()}

@@ -25,13 +25,21 @@ from alf_ros.arrays import Floats, Indices, Integers, Unit
 
 OK, NOT_POSITIVE, NOT_FINITE, NOT_CLOSED = 0, 1, 2, 3
 
-# in units of how far Φ_q turns in a step:
-_NEAR = 8.0  # a singular position nearer than this: the stages are put onto Φ = 0
-_CLOSE = 0.1  # a stage closer than this: it is interpolated
+_SLOW = 0.1  # ratio of the augmented solve above which a stage is too close to a position
+_TURN = 0.1  # part of the momentum across the free directions from which on it is, too
+
 
 _0, _1 = np.uint64(0), np.uint64(1)
 _EPS = float(np.finfo(np.float64).eps)
 _compiled = njit(cache=True, nogil=True, error_model='numpy')
+# called from compiled code only: without the code that takes all these arrays from Python objects
+_inner = njit(
+    cache=True,
+    nogil=True,
+    error_model='numpy',
+    no_cpython_wrapper=True,
+    no_cfunc_wrapper=True,
+)
 
 
 class Mass(NamedTuple):
@@ -62,7 +70,6 @@ class Rows(NamedTuple):
     c: Floats  # (quadratic rows,)
     alpha: Floats  # (rows,) penalty α of each row
     scale: Floats  # (rows,) 1 / |Φ_q,r| as drawn: scale Φ is a distance in metres
-    penalty: float  # α without dimension, α_r = penalty · mass scale · scale²
 
 
 class Pattern(NamedTuple):
@@ -94,7 +101,6 @@ class System(NamedTuple):
     mass: Mass
     rows: Rows
     pattern: Pattern
-    dependent: float  # number of rows that depend on the others at ordinary positions
 
 
 class Work(NamedTuple):
@@ -106,6 +112,8 @@ class Work(NamedTuple):
     g: Floats  # (distance rows D,) q_i - q_j
     g2: Floats  # (entries D,) gradients of the quadratic rows
     g2d: Floats  # (entries D,) their time derivatives
+    gf: Floats  # (distance rows D,) the same, of the place where A was factorised
+    g2f: Floats  # (entries D,)
     q: Floats  # (all blocks D,) stage
     qd: Floats  # (all blocks D,)
     qdd: Floats  # (all blocks D,)
@@ -115,17 +123,15 @@ class Work(NamedTuple):
     r2: Floats  # (rows,)
     sigma: Floats  # (rows,) σ'
     lam: Floats  # (rows,) λ
-    rate: Floats  # (rows,)
+    rate: Floats  # (rows,) Φ_q times a velocity or a displacement
     kq: Floats  # (stages movable D,) q̇ of the stages
     kp: Floats  # (stages movable D,) ṗ' of the stages
-    target: Floats  # (all blocks D,) stage as the method has it, before it is put on Φ = 0
-    bend: Floats  # (all blocks D,) q̈ of the unforced mechanism: the curvature of its path
-    base: Floats  # (all blocks D,) a stage being interpolated
+    base: Floats  # (all blocks D,) the same, while places around it are tried
     momenta: Floats  # (movable D,)
     sum_q: Floats  # (movable D,)
     sum_p: Floats  # (movable D,)
-    inverse_diagonal: Floats  # (movable D D,) A⁻¹ on the pattern
-    inverse_off: Floats  # (blocks D D,)
+    bend: Floats  # (all blocks D,) q̈ of the unforced mechanism: the curvature of its path
+    target: Floats  # (all blocks D,) a stage as the method has it, before it is put on Φ = 0
 
 
 # ------------------------------------------------------------------------------ arrays on loan
@@ -251,7 +257,7 @@ def jacobian(unit: Unit, rows: Rows, q: Floats, g: Floats, g2: Floats) -> None:
         _add_terms(D, rows, e, q, g2)
 
 
-@_compiled
+@_inner
 def _add_terms(D: np.uint64, rows: Rows, e: np.uint64, q: Floats, g2: Floats) -> None:
     for s in range(rows.first_term[e], rows.first_term[e + _1]):
         j = rows.term_block[s] * D
@@ -377,7 +383,7 @@ def add_mass_times(unit: Unit, mass: Mass, s: float, v: Floats, out: Floats) -> 
 # ------------------------------------------------------------------------------------- the factor
 
 
-@_compiled
+@_inner
 def assemble(unit: Unit, system: System, work: Work) -> None:
     """A = M + Φ_qᵀ α Φ_q on the pattern, lower blocks, from the Jacobian in `work`."""
     D = np.uint64(len(unit))
@@ -415,7 +421,7 @@ def assemble(unit: Unit, system: System, work: Work) -> None:
                 work.off[at * D * D + a * D + c] += rows.alpha[r] * g2[e * D + a] * g2[f * D + c]
 
 
-@_compiled
+@_inner
 def factorise(unit: Unit, pattern: Pattern, diagonal: Floats, off: Floats, column: Floats) -> Any:
     """A = L D Lᵀ in place, right-looking by blocks; returns the number of columns that went well.
 
@@ -507,6 +513,8 @@ def solve(unit: Unit, pattern: Pattern, diagonal: Floats, off: Floats, x: Floats
 def linearise(unit: Unit, system: System, work: Work, q: Floats) -> bool:
     """Φ_q and the factor of A at q; returns whether A was positive definite."""
     jacobian(unit, system.rows, q, work.g, work.g2)
+    work.gf[:] = work.g
+    work.g2f[:] = work.g2
     assemble(unit, system, work)
     columns = factorise(unit, system.pattern, work.diagonal, work.off, work.column)
     return columns == np.uint64(system.pattern.first.size) - _1
@@ -526,62 +534,81 @@ def augmented(
     r2: Floats,
     iterations: int,
     tolerance: float,
-) -> int:
-    """Iterate to M x + Φ_qᵀ y = f, Φ_q x = -c with the one factor; returns how often.
+) -> tuple[int, float]:
+    """Iterate to M x + Φ_qᵀ y = f, Φ_q x = -c with the one factor; returns how often, how slowly.
 
     On entry r2 = -c - Φ_q x and y is a first guess. (26), (33) in residual form:
     A δ = f - M x - Φ_qᵀ y + Φ_qᵀ α r2,  x += δ,  y += α (Φ_q δ - r2); so α costs no precision.
-    It ends when the next δ, foreseen from the ratio of the last two, would not matter.
+    Where α stands, Φ_q is that of the factor, and elsewhere that of the place: they may differ a
+    little, and with the factor's in both they would converge to the wrong place, with the place's
+    in both they would not converge. It ends when the next δ, foreseen from the ratio of the last
+    two, would not matter beside x, or beside what f would do to the masses alone. A ratio that
+    does is 1 / (1 + s²) of the mode of a singular position; the largest one is returned.
     """
     D = np.uint64(len(unit))
     rows, delta = system.rows, work.delta
     m1 = np.uint64(rows.i.size)
     n = np.uint64(system.mass.diagonal.size) * D
-    before = 0.0
+    before, slowest = 0.0, 0.0
+    alone, heaviest = 0.0, 0.0
+    for a in range(n):
+        alone = max(alone, abs(f[a]))
+        heaviest = max(heaviest, system.mass.diagonal[a // D])
+    alone /= heaviest
     for count in range(1, iterations + 1):
         for a in range(n):
             delta[a] = f[a]
         add_mass_times(unit, system.mass, -1.0, x, delta)
         for r in range(m1):
             i, j = rows.i[r] * D, rows.j[r] * D
-            s = rows.alpha[r] * r2[r] - y[r]
+            s = rows.alpha[r] * r2[r]
             for a in range(D):
-                delta[i + a] += s * work.g[r * D + a]
+                v = s * work.gf[r * D + a] - y[r] * work.g[r * D + a]
+                delta[i + a] += v
                 if r < rows.both:
-                    delta[j + a] -= s * work.g[r * D + a]
+                    delta[j + a] -= v
         for r in range(np.uint64(rows.c.size)):
-            s = rows.alpha[m1 + r] * r2[m1 + r] - y[m1 + r]
+            s = rows.alpha[m1 + r] * r2[m1 + r]
             for e in range(rows.first[r], rows.movable[r]):
                 for a in range(D):
-                    delta[rows.block[e] * D + a] += s * work.g2[e * D + a]
+                    delta[rows.block[e] * D + a] += (
+                        s * work.g2f[e * D + a] - y[m1 + r] * work.g2[e * D + a]
+                    )
         solve(unit, system.pattern, work.diagonal, work.off, delta)
-        step, size = 0.0, 0.0
+        step, size = 0.0, alone
         for a in range(n):
             x[a] += delta[a]
             step = max(step, abs(delta[a]))
             size = max(size, abs(x[a]))
         for r in range(m1):
             i, j = rows.i[r] * D, rows.j[r] * D
-            s = 0.0
+            sf, s = 0.0, 0.0
             for a in range(D):
                 v = delta[i + a]
                 if r < rows.both:
                     v -= delta[j + a]
+                sf += work.gf[r * D + a] * v
                 s += work.g[r * D + a] * v
-            y[r] += rows.alpha[r] * (s - r2[r])
+            y[r] += rows.alpha[r] * (sf - r2[r])
             r2[r] -= s
         for r in range(np.uint64(rows.c.size)):
-            s = 0.0
+            sf, s = 0.0, 0.0
             for e in range(rows.first[r], rows.movable[r]):
                 for a in range(D):
-                    s += work.g2[e * D + a] * delta[rows.block[e] * D + a]
-            y[m1 + r] += rows.alpha[m1 + r] * (s - r2[m1 + r])
+                    v = delta[rows.block[e] * D + a]
+                    sf += work.g2f[e * D + a] * v
+                    s += work.g2[e * D + a] * v
+            y[m1 + r] += rows.alpha[m1 + r] * (sf - r2[m1 + r])
             r2[m1 + r] -= s
-        foreseen = step if count == 1 else step * min(1.0, step / before)
-        if foreseen <= tolerance * size:
-            return count
+        ratio = 1.0
+        if count > 1:
+            ratio = min(1.0, step / before)
+            if step > 1e-6 * size:  # what is left of the other modes is less
+                slowest = max(slowest, ratio)
+        if step * ratio <= tolerance * size:
+            return count, slowest
         before = step
-    return iterations
+    return iterations, slowest
 
 
 @_compiled
@@ -593,7 +620,7 @@ def accelerate(
     t: float,
     iterations: int,
     tolerance: float,
-) -> int:
+) -> tuple[int, float]:
     """q̈ and λ at the stage in `work` from its factor, both from a cold start (24)-(27)."""
     rows = system.rows
     applied_forces(forces, t, work.q, work.qd, work.Q)
@@ -608,8 +635,10 @@ def accelerate(
     )
 
 
-@_compiled
-def velocities(unit: Unit, system: System, work: Work, iterations: int, tolerance: float) -> int:
+@_inner
+def velocities(
+    unit: Unit, system: System, work: Work, iterations: int, tolerance: float
+) -> tuple[int, float]:
     """q̇ and σ' from the momenta p' with the factor in `work` (33); q̇ there is a guess."""
     times_jacobian(unit, system.rows, work.g, work.g2, work.qd, work.r2)
     for r in range(work.r2.size):
@@ -620,117 +649,10 @@ def velocities(unit: Unit, system: System, work: Work, iterations: int, toleranc
     )
 
 
-@_compiled
-def mass_trace(unit: Unit, pattern: Pattern, work: Work) -> float:
-    """tr(M A⁻¹) = Σ 1 / (1 + s_k²), s_k the singular values of α^½ Φ_q M^-½, from the factor.
-
-    It needs A⁻¹ only where M is, which is within the pattern of the factor: selected inversion
-    (Takahashi, Fagan & Chen 1973), in the time of a factorisation. From the last column:
-    Z_ik = -Σ_j Z_ij B_jk,  Z_kk = A_kk⁻¹ - Σ_j B_jkᵀ Z_jk, with B_jk = L_jk L_kk⁻¹.
-    """
-    D = np.uint64(len(unit))
-    DD = D * D
-    diagonal, off, column = work.diagonal, work.off, work.column
-    Z, Zo = work.inverse_diagonal, work.inverse_off
-    n = np.uint64(pattern.first.size) - _1
-    update = np.uint64(pattern.target.size)
-    trace = 0.0
-    for back in range(n):
-        k = n - _1 - back
-        kk, start = k * DD, pattern.first[k]
-        count = pattern.first[k + _1] - start
-        for e in range(count):  # B = L L_kk⁻¹, column by column of L_kk from the last
-            for a in range(D):
-                for up in range(D):
-                    c = D - _1 - up
-                    v = off[(start + e) * DD + a * D + c]
-                    for b in range(c + _1, D):
-                        v -= column[e * DD + a * D + b] * diagonal[kk + b * D + c]
-                    column[e * DD + a * D + c] = v
-        for e in range(start * DD, (start + count) * DD):
-            Zo[e] = 0.0
-        update -= count * (count - _1) // np.uint64(2)
-        at = update
-        for e in range(count):
-            i, ii = (start + e) * DD, pattern.row[start + e] * DD
-            for f in range(e):
-                low, j = pattern.target[at] * DD, (start + f) * DD
-                at += _1
-                for a in range(D):
-                    for c in range(D):
-                        for b in range(D):
-                            Zo[i + a * D + c] -= Zo[low + a * D + b] * column[f * DD + b * D + c]
-                            Zo[j + a * D + c] -= Zo[low + b * D + a] * column[e * DD + b * D + c]
-            for a in range(D):
-                for c in range(D):
-                    for b in range(D):
-                        Zo[i + a * D + c] -= Z[ii + a * D + b] * column[e * DD + b * D + c]
-        # the block itself: first (L D Lᵀ)⁻¹ of the pivot block, by columns of the unit matrix
-        for c in range(D):
-            for a in range(D):
-                v = 1.0 if a == c else 0.0
-                for b in range(a):
-                    v -= diagonal[kk + a * D + b] * Z[kk + b * D + c]
-                Z[kk + a * D + c] = v
-            for a in range(D):
-                Z[kk + a * D + c] *= diagonal[kk + a * D + a]
-            for up in range(_1, D):
-                a = D - _1 - up
-                for b in range(a + _1, D):
-                    Z[kk + a * D + c] -= diagonal[kk + b * D + a] * Z[kk + b * D + c]
-        for a in range(D):
-            for c in range(D):
-                v = Z[kk + a * D + c]
-                for e in range(count):
-                    for b in range(D):
-                        v -= column[e * DD + b * D + a] * Zo[(start + e) * DD + b * D + c]
-                Z[kk + a * D + c] = v
-                trace += pattern.mass_diagonal[kk + a * D + c] * v
-        for e in range(start * DD, (start + count) * DD):
-            trace += 2.0 * pattern.mass_off[e] * Zo[e]
-    return trace
-
-
-@_compiled
-def singular_distance(unit: Unit, system: System, work: Work) -> float:
-    """How far the nearest singular position is, as a singular value of the scaled Φ_q (no unit).
-
-    A row that depends on the others everywhere counts one in the trace and is left out; what
-    remains is Σ 1 / (1 + penalty s²), so this is never more than the smallest singular value.
-    """
-    D = np.uint64(len(unit))
-    n = float(np.uint64(system.mass.diagonal.size) * D)
-    lost = mass_trace(unit, system.pattern, work) - n + system.rows.alpha.size
-    slow = max(lost - system.dependent, _EPS)
-    return 1.0 / np.sqrt(system.rows.penalty * slow)
-
-
-@_compiled
-def turning(unit: Unit, rows: Rows, qd: Floats, g2d: Floats) -> float:
-    """max |Φ̇_q,r| / |Φ_q,r|, 1/s: singular values of the scaled Φ_q change no faster (Weyl)."""
-    D = np.uint64(len(unit))
-    m1 = np.uint64(rows.i.size)
-    fastest = 0.0
-    for r in range(m1):
-        i, j = rows.i[r] * D, rows.j[r] * D
-        v = 0.0
-        for a in range(D):
-            v += (qd[i + a] - qd[j + a]) * (qd[i + a] - qd[j + a])
-        both = 2.0 if r < rows.both else 1.0
-        fastest = max(fastest, both * v * rows.scale[r] * rows.scale[r])
-    for r in range(np.uint64(rows.c.size)):
-        v = 0.0
-        for e in range(rows.first[r], rows.movable[r]):
-            for a in range(D):
-                v += g2d[e * D + a] * g2d[e * D + a]
-        fastest = max(fastest, v * rows.scale[m1 + r] * rows.scale[m1 + r])
-    return np.sqrt(fastest)
-
-
 # ---------------------------------------------------------------------------------- onto Φ = 0
 
 
-@_compiled
+@_inner
 def opening(unit: Unit, rows: Rows, q: Floats, phi: Floats) -> float:
     """Φ(q), and how far the widest row is open, m."""
     violation(unit, rows, q, phi)
@@ -740,7 +662,7 @@ def opening(unit: Unit, rows: Rows, q: Floats, phi: Floats) -> float:
     return gap
 
 
-@_compiled
+@_inner
 def correct(unit: Unit, system: System, work: Work, phi: Floats, q: Floats) -> None:
     """q -= A⁻¹ Φ_qᵀ α Φ with the Jacobian and the factor of one and the same place in `work`.
 
@@ -750,13 +672,13 @@ def correct(unit: Unit, system: System, work: Work, phi: Floats, q: Floats) -> N
     for r in range(phi.size):
         phi[r] *= -system.rows.alpha[r]
     delta[:] = 0.0
-    add_transposed(unit, system.rows, work.g, work.g2, phi, delta)
+    add_transposed(unit, system.rows, work.gf, work.g2f, phi, delta)
     solve(unit, system.pattern, work.diagonal, work.off, delta)
     for a in range(np.uint64(system.mass.diagonal.size) * np.uint64(len(unit))):
         q[a] += delta[a]
 
 
-@_compiled
+@_inner
 def project(unit: Unit, system: System, work: Work, size: float) -> int:
     """Bring q in `work` onto Φ = 0 along M, with Φ_q and factor of that place; returns the result.
 
@@ -780,44 +702,47 @@ def project(unit: Unit, system: System, work: Work, size: float) -> int:
     return NOT_CLOSED
 
 
-@_compiled
-def place(unit: Unit, system: System, work: Work, size: float) -> bool:
-    """From the stage `target` and a guess q nearer to Φ = 0: q is put where `target` projects to.
+@_inner
+def place(unit: Unit, system: System, work: Work, size: float, wholly: bool) -> int:
+    """Put the stage `target` onto Φ = 0 by one correction, or `wholly`; Φ_q is that of the place.
 
-    Linearised at the guess, so that the free directions do not turn with the distance of the
-    stage from Φ = 0; leaves Φ_q and the factor of the place found.
+    Off Φ = 0 by e and s from a singular position the free directions are turned by e / s: that,
+    not α, is what breaks steps there. On it the equations go through the position smoothly. The
+    correction is linearised at q, a guess that is nearer to Φ = 0 than the stage.
     """
-    rows, n = system.rows, work.p.size
+    n = work.p.size
     if not linearise(unit, system, work, work.q):
-        return False
-    violation(unit, rows, work.q, work.r2)
+        return NOT_POSITIVE
+    violation(unit, system.rows, work.q, work.r2)
     for a in range(n):
         work.delta[a] = work.target[a] - work.q[a]
         work.q[a] = work.target[a]
     work.delta[n:] = 0.0
-    times_jacobian(unit, rows, work.g, work.g2, work.delta, work.rate)
+    times_jacobian(unit, system.rows, work.g, work.g2, work.delta, work.rate)
     for r in range(work.r2.size):
         work.r2[r] += work.rate[r]
     correct(unit, system, work, work.r2, work.q)
-    before = np.inf
-    for _ in range(6):
+    if wholly:
+        before = np.inf
+        for _ in range(3):
+            gap = opening(unit, system.rows, work.q, work.r2)
+            if gap <= 1e-13 * size or gap > 0.5 * before:
+                break
+            before = gap
+            if not linearise(unit, system, work, work.q):
+                return NOT_POSITIVE
+            correct(unit, system, work, work.r2, work.q)
         if not linearise(unit, system, work, work.q):
-            return False
-        gap = opening(unit, rows, work.q, work.r2)
-        if gap <= 1e-13 * size or gap > 0.5 * before:
-            break
-        before = gap
-        correct(unit, system, work, work.r2, work.q)
-        if gap <= 1e-8 * size:  # what this moved is too little to show in A, but not in Φ_q
-            jacobian(unit, rows, work.q, work.g, work.g2)
-            break
-    return True
+            return NOT_POSITIVE
+    else:
+        jacobian(unit, system.rows, work.q, work.g, work.g2)
+    return OK
 
 
 # ---------------------------------------------------------------------------------- the step
 
 
-@_compiled
+@_inner
 def momentum_rate(
     unit: Unit,
     system: System,
@@ -826,45 +751,54 @@ def momentum_rate(
     t: float,
     iterations: int,
     tolerance: float,
-) -> int:
-    """ṗ' = M q̈ at the stage in `work`, into p; returns iterations.
+) -> tuple[int, float]:
+    """ṗ' = M q̈ at the stage in `work`, into p; returns iterations and their slowest ratio.
 
     ṗ' = Q - Φ_qᵀ λ + Φ̇_qᵀ σ' (35) with λ fed forward, and Q - Φ_qᵀ λ = M q̈. What σ' is left is
     error of the integration over the distance to the singular position: the gauge is reset at
     every stage, and the last term is dropped.
     """
-    count = accelerate(unit, system, forces, work, t, iterations, tolerance)
+    count, slowest = accelerate(unit, system, forces, work, t, iterations, tolerance)
     work.p[:] = 0.0
     add_mass_times(unit, system.mass, 1.0, work.qdd, work.p)
-    return count
+    return count, slowest
 
 
-@_compiled
+@_inner
 def stage(
     unit: Unit,
     system: System,
     forces: Forces,
     work: Work,
     t: float,
-    careful: bool,
+    neighbour: bool,
     iterations: int,
     tolerance: float,
     size: float,
-) -> int:
-    """q̇ and ṗ' of a stage from q and p' in `work`; returns iterations, or 0 if A has no factor.
+) -> tuple[int, bool]:
+    """q̇ and ṗ' of a stage from q and p' in `work`; returns iterations (0: no factor), and whether
+    it is clear of singular positions."""
+    n = work.p.size
+    if place(unit, system, work, size, neighbour) != OK:
+        return 0, False
+    count, slowest = velocities(unit, system, work, iterations, tolerance)
+    if slowest > _SLOW and not neighbour:
+        work.target[:] = work.q
+        if place(unit, system, work, size, True) != OK:
+            return 0, False
+        count, slowest = velocities(unit, system, work, iterations, tolerance)
+    across, along = 0.0, 0.0
+    for i in range(n):
+        along = max(along, abs(work.p[i]))
+    add_mass_times(unit, system.mass, -1.0, work.qd, work.p)
+    for i in range(n):
+        across = max(across, abs(work.p[i]))
+    more, slower = momentum_rate(unit, system, forces, work, t, iterations, tolerance)
+    clear = max(slowest, slower) <= _SLOW and across <= _TURN * along
+    return max(count, more), clear
 
-    `careful`: the stage, `target`, is first put onto Φ = 0, starting from q.
-    """
-    if careful:
-        if not place(unit, system, work, size):
-            return 0
-    elif not linearise(unit, system, work, work.q):
-        return 0
-    count = velocities(unit, system, work, iterations, tolerance)
-    return max(count, momentum_rate(unit, system, forces, work, t, iterations, tolerance))
 
-
-@_compiled
+@_inner
 def stage_between(
     unit: Unit,
     system: System,
@@ -873,7 +807,6 @@ def stage_between(
     t: float,
     qd: Floats,
     spacing: float,
-    clearance: float,
     iterations: int,
     tolerance: float,
     size: float,
@@ -881,43 +814,40 @@ def stage_between(
     """q̇ and ṗ' of a stage at a singular position, from three places on either side along q̇.
 
     The motion is smooth through the position, only its equations are not: what they give at
-    ±1, ±2, ±3 times `spacing` (s) is interpolated, to sixth order. If one of these places is
-    itself closer than `clearance`, the spacing is changed.
+    ±1, ±2, ±3 times `spacing` (s) is interpolated, to sixth order. `base`, `momenta`: the stage.
     """
     n = work.p.size
-    work.base[:] = work.target
-    work.momenta[:] = work.p
     most = 0
-    for wider in range(4):
-        tau = spacing * (1.0 + 0.37 * wider)
-        nearest = np.inf
+    for _ in range(4):
         work.sum_q[:] = 0.0
         work.sum_p[:] = 0.0
+        good = True
         for k in range(-3, 4):
             if k == 0:
                 continue
             weight = 0.75 if abs(k) == 1 else (-0.3 if abs(k) == 2 else 0.05)
             for a in range(n):
-                work.target[a] = work.base[a] + k * tau * qd[a]
-                work.q[a] = work.target[a] + 0.5 * (k * tau) ** 2 * work.bend[a]
+                work.target[a] = work.base[a] + k * spacing * qd[a]
+                work.q[a] = work.target[a] + 0.5 * (k * spacing) ** 2 * work.bend[a]
                 work.p[a] = work.momenta[a]
-            count = stage(unit, system, forces, work, t, True, iterations, tolerance, size)
+            count, clear = stage(unit, system, forces, work, t, True, iterations, tolerance, size)
             if count == 0:
                 return 0
             most = max(most, count)
-            nearest = min(nearest, singular_distance(unit, system, work))
+            good = good and clear
             for a in range(n):
                 work.sum_q[a] += weight * work.qd[a]
                 work.sum_p[a] += weight * work.p[a]
-        if nearest >= clearance:
+        if good:
             break
+        spacing *= 3.0
     for a in range(n):
         work.qd[a] = work.sum_q[a]
         work.p[a] = work.sum_p[a]
     return most
 
 
-@_compiled
+@njit(inline='always', error_model='numpy')  # its only call: one compilation less
 def step(
     unit: Unit,
     system: System,
@@ -937,26 +867,22 @@ def step(
     """One explicit Runge-Kutta step (a, b, c) from q, q̇, whose Φ_q and factor stand in `work`.
 
     Leaves the new q, q̇ in `work`, with Φ_q and factor. Returns (result, most iterations).
-    A step that could reach a singular position puts its stages onto Φ = 0 first, where the
-    equations go through smoothly; a stage that comes very close to the position is interpolated.
     """
     n = work.p.size
     stages = np.uint64(b.size)
     kq, kp = work.kq, work.kp
     work.qd[:] = qd
     jacobian_rate(unit, system.rows, work.qd, work.g2d)
-    reach = h * turning(unit, system.rows, work.qd, work.g2d)
-    distance = singular_distance(unit, system, work)
-    careful = distance < _NEAR * reach
-    if careful:
-        convective(unit, system.rows, work.g2d, work.qd, work.r2)
-        for r in range(work.r2.size):
-            work.r2[r] = -work.r2[r]
-            work.lam[r] = 0.0
-        work.bend[:] = 0.0
-        work.p[:] = 0.0
-        augmented(unit, system, work, work.p, work.bend, work.lam, work.r2, iterations, tolerance)
-    most = 0
+    convective(unit, system.rows, work.g2d, work.qd, work.r2)
+    for r in range(work.r2.size):
+        work.r2[r] = -work.r2[r]
+        work.lam[r] = 0.0
+    work.bend[:] = 0.0
+    work.p[:] = 0.0
+    most, _ratio = augmented(
+        unit, system, work, work.p, work.bend, work.lam, work.r2, iterations, 1e-3
+    )
+    fastest, hardest = 0.0, 0.0
     for s in range(stages + _1):
         for i in range(n):
             work.q[i] = 0.0
@@ -971,62 +897,48 @@ def step(
             work.q[i] = q[i] + h * work.q[i]
             work.p[i] *= h
         add_mass_times(unit, system.mass, 1.0, qd, work.p)
+        work.momenta[:] = work.p
         if s == stages:
             break
+        work.base[:] = work.q
+        work.target[:] = work.q
+        lag = 0.5 * c[s] * c[s]  # of the stage behind the path, in h² of its curvature
+        for m in range(s):
+            lag -= a[s, m] * c[m]
+        for i in range(n):
+            work.q[i] += h * h * lag * work.bend[i]
         ts = t + c[s] * h
-        if careful:
-            lag = 0.5 * c[s] * c[s]  # of the stage behind the path, in h² of its curvature
-            for m in range(s):
-                lag -= a[s, m] * c[m]
+        if s == 0:
+            count, slowest = momentum_rate(unit, system, forces, work, ts, iterations, tolerance)
+            clear = slowest <= _SLOW
             for i in range(n):
-                work.target[i] = work.q[i]
-                work.q[i] += h * h * lag * work.bend[i]
-            if s > 0:
-                work.momenta[:] = work.p
-                if not place(unit, system, work, size):
-                    return NOT_POSITIVE, most
-                distance = singular_distance(unit, system, work)
-            if distance < _CLOSE * reach:
-                count = stage_between(
-                    unit,
-                    system,
-                    forces,
-                    work,
-                    ts,
-                    qd,
-                    2.0 * _CLOSE * h,
-                    _CLOSE * reach,
-                    iterations,
-                    tolerance,
-                    size,
-                )
-                if count == 0:
-                    return NOT_POSITIVE, most
-                if s == 0:
-                    work.qd[:] = qd
-            else:
-                count = 1
-                if s > 0:
-                    count = velocities(unit, system, work, iterations, tolerance)
-                count = max(
-                    count,
-                    momentum_rate(unit, system, forces, work, ts, iterations, tolerance),
-                )
-        elif s == 0:
-            count = momentum_rate(unit, system, forces, work, ts, iterations, tolerance)
+                fastest = max(fastest, abs(qd[i]))
+                hardest = max(hardest, abs(work.qdd[i]))
         else:
-            count = stage(unit, system, forces, work, ts, False, iterations, tolerance, size)
-            if count == 0:
-                return NOT_POSITIVE, most
+            count, clear = stage(
+                unit, system, forces, work, ts, False, iterations, tolerance, size
+            )
+        if not clear and count > 0 and fastest > 0.0 and hardest > 0.0:
+            moved = 0.0
+            for i in range(n):
+                moved = max(moved, abs(work.q[i] - work.base[i]))
+            spacing = max(20.0 * moved / fastest, 3e-3 * fastest / hardest)
+            count = stage_between(
+                unit, system, forces, work, ts, qd, spacing, iterations, tolerance, size
+            )
+            if s == 0:
+                work.qd[:] = qd
+        if count == 0:
+            return NOT_POSITIVE, most
         most = max(most, count)
         for i in range(n):
             kq[s * n + i] = work.qd[i]
             kp[s * n + i] = work.p[i]
-    work.momenta[:] = work.p
     result = project(unit, system, work, size)
     if result == OK:
         work.p[:] = work.momenta
-        most = max(most, velocities(unit, system, work, iterations, tolerance))
+        count, _slowest = velocities(unit, system, work, iterations, tolerance)
+        most = max(most, count)
         check = 0.0
         for i in range(n):
             check += work.q[i] + work.qd[i]
@@ -1035,7 +947,7 @@ def step(
     return result, most
 
 
-@_compiled
+@_inner
 def count_turns(axes: Indices, q: Floats, qn: Floats, turns: Integers) -> None:
     """Count the passages of each body's x axis over the negative x axis of the plane."""
     for n in range(np.uint64(turns.size)):

@@ -102,8 +102,8 @@ def compile_model(mechanism: Mechanism, penalty: float) -> Model:
         mechanism=mechanism,
         layout=layout,
         cut=cut,
-        system=System(mass, arrays, _pattern(layout, mass, arrays), 0.0),
-        cut_system=System(cut_mass, cut_arrays, _NO_PATTERN, 0.0),
+        system=System(mass, arrays, _pattern(layout, mass, arrays)),
+        cut_system=System(cut_mass, cut_arrays, _NO_PATTERN),
         penalty=penalty,
         q=q.ravel(),
         mass_scale=mass_scale,
@@ -157,6 +157,8 @@ def allocate(model: Model, system: System, stages: int) -> Work:
         'g': rows.i.size * D,
         'g2': rows.block.size * D,
         'g2d': rows.block.size * D,
+        'gf': rows.i.size * D,
+        'g2f': rows.block.size * D,
         'q': whole,
         'qd': whole,
         'qdd': whole,
@@ -166,17 +168,15 @@ def allocate(model: Model, system: System, stages: int) -> Work:
         'r2': m,
         'sigma': m,
         'lam': m,
-        'rate': m,
         'kq': stages * n,
         'kp': stages * n,
-        'target': whole,
-        'bend': whole,
         'base': whole,
         'momenta': n,
         'sum_q': n,
         'sum_p': n,
-        'inverse_diagonal': n * D,
-        'inverse_off': pattern.row.size * D * D,
+        'bend': whole,
+        'target': whole,
+        'rate': m,
     }
     return Work(**{name: np.zeros(size) for name, size in sizes.items()})
 
@@ -251,7 +251,6 @@ def _row_arrays(rows: Sequence[Row], layout: Layout) -> tuple[Rows, list[int]]:
         c=np.array([rows[n].c for n in other], dtype=float),
         alpha=np.zeros(len(order)),
         scale=np.zeros(len(order)),
-        penalty=1.0,
     )
     return arrays, order
 
@@ -266,7 +265,7 @@ def _scaled(rows: Rows, q: Floats, penalty: float, mass_scale: float) -> Rows:
     linear = [(b[s:e] ** 2).sum() for s, e in zip(rows.first[:-1], rows.movable, strict=True)]
     scale = 1.0 / np.sqrt(np.concatenate([square, np.array(linear, dtype=float)]))
     alpha = penalty * mass_scale * scale**2
-    return rows._replace(alpha=alpha, scale=scale, penalty=float(penalty))
+    return rows._replace(alpha=alpha, scale=scale)
 
 
 # ----------------------------------------------------------------------------------- mass, pattern

@@ -95,8 +95,7 @@ class Diagnostics:
     @cached_property
     def singular(self) -> bool:
         """Whether the rank is lower here than at ordinary positions."""
-        model = self._sample.model
-        return self.rank + model.system.dependent < len(model.row_names)
+        return self.redundant > self._sample._dependent_rows()
 
 
 class Sample:
@@ -109,11 +108,13 @@ class Sample:
         solver: Solver,
         t: float,
         state: State,
+        dependent_rows: Callable[[], int],
         iterations: int,
         step_cost: float,
     ) -> None:
         self.model, self.t, self.step = model, t, state.step
         self._applied, self._solver, self._state = applied, solver, state
+        self._dependent_rows = dependent_rows
         self.diagnostics = Diagnostics(self, iterations, step_cost)
 
     # ----------------------------------------------------------------------------------- motion

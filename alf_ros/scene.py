@@ -27,7 +27,7 @@ from alf_ros.repetition import title
 from alf_ros.serialise import entry as as_entry
 from alf_ros.serialise import serialise
 
-INTEGRATORS = ('rk4',)
+INTEGRATORS = ('rk4', 'dop853')
 FORMULATIONS = ('alf2',)
 
 _SUFFIXES = ('.yaml', '.yml')
@@ -53,7 +53,7 @@ class Solver:
     step: float = 1e-3
     integrator: str = 'rk4'
     formulation: str = 'alf2'
-    penalty: float = 1e9
+    penalty: float = 1e8
     iterations: int = 10
     tolerance: float = 1e-12
 

@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -86,7 +87,6 @@ class Simulation:
             qd = assembly.complete(self.model, q, scene.velocities)
         except AssemblyError as error:
             raise AssemblyError(error.message, file=scene.file, key=error.key) from None
-        self.model = assembly.with_dependent_rows(self.model, q)
         self._applied = Applied(self.model, scene.effects, NO_INPUTS)
         turns = np.zeros(len(self.model.body_names), dtype=np.int64)
         self._initial = State(0, q, qd, turns, NO_INPUTS)
@@ -255,6 +255,11 @@ class Simulation:
             self.solver,
             t,
             state,
+            lambda: self._dependent_rows,
             self._iterations,
             self._step_cost,
         )
+
+    @cached_property
+    def _dependent_rows(self) -> int:
+        return assembly.dependent_rows(self.model, self._initial.q)

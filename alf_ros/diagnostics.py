@@ -1,0 +1,152 @@
+"""/diagnostics: one status per task, with the same keys in the same order every time.
+
+Values are numbers as text, SI, the unit in the key. Levels: OK, WARN (look), ERROR (stopped).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+
+from alf_ros.errors import StepError
+
+if TYPE_CHECKING:
+    from alf_ros.inputs import Inputs
+    from alf_ros.pacing import Pacer
+    from alf_ros.recorder import Recorder
+    from alf_ros.sample import Sample
+
+CONSTRAINTS = (
+    'position_violation_m',
+    'velocity_violation_m_per_s',
+    'rank',
+    'redundant',
+    'singular',
+)
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+
+
+@dataclass(frozen=True)
+class Report:
+    """What one task says."""
+
+    task: str
+    level: bytes
+    message: str
+    values: Mapping[str, object]
+
+
+def solver(sample: Sample, paused: bool, failure: StepError | None) -> Report:
+    """Steps made, iterations and cost; after a failed step its reason and the remedy."""
+    state = 'failed' if failure else 'paused' if paused else 'playing'
+    values = {
+        'state': state,
+        'simulated_time_s': sample.t,
+        'step_index': sample.step,
+        'iterations': sample.diagnostics.iterations,
+        'step_cost_s': sample.diagnostics.step_cost,
+        'reason': failure.reason if failure else '',
+        'remedy': failure.remedy if failure else '',
+    }
+    return Report('solver', ERROR if failure else OK, str(failure) if failure else state, values)
+
+
+def constraints(sample: Sample) -> Report:
+    """Violations, and what the rows say of the position: rank, redundant rows, singular or not."""
+    found = sample.diagnostics
+    try:
+        values = (
+            found.position_violation,
+            found.velocity_violation,
+            found.rank,
+            found.redundant,
+            found.singular,
+        )
+    except StepError as error:
+        unknown = dict.fromkeys(CONSTRAINTS, 'unknown')
+        return Report('constraints', ERROR, str(error), unknown)
+    message = 'singular position' if found.singular else f'{found.redundant} redundant rows'
+    return Report('constraints', OK, message, dict(zip(CONSTRAINTS, values, strict=True)))
+
+
+def energy(sample: Sample, initial: float) -> Report:
+    """Total mechanical energy and its change since the run began, by drives and friction too."""
+    values = {
+        'energy_j': sample.energy,
+        'initial_energy_j': initial,
+        'change_j': sample.energy - initial,
+    }
+    return Report('energy', OK, f'{sample.energy:.6g} J', values)
+
+
+def timing(pacer: Pacer, paused: bool, lost_before: float) -> Report:
+    """Real-time factor achieved, overruns, lateness. WARN when real time was lost lately."""
+    values = {
+        'real_time_factor': pacer.achieved,
+        'wanted_real_time_factor': pacer.factor,
+        'tick_s': pacer.tick,
+        'ticks': pacer.ticks,
+        'overruns': pacer.overruns,
+        'lost_real_time_s': pacer.lost,
+        'lateness_p50_s': pacer.lateness[0],
+        'lateness_p99_s': pacer.lateness[1],
+    }
+    lost = pacer.lost - lost_before
+    if lost > 0.0:
+        return Report('timing', WARN, f'too slow: {lost:.3g} s of real time lost', values)
+    message = 'paused' if paused else f'real-time factor {pacer.achieved:.3f}'
+    return Report('timing', OK, message, values)
+
+
+def commands(inputs: Inputs) -> Report:
+    """Commands accepted, refused by reason, timed out. WARN for some seconds after a trouble."""
+    values = {
+        'accepted': inputs.accepted,
+        'held': inputs.held,
+        'refused': sum(inputs.refused.values()),
+        **{f'refused_{reason}': count for reason, count in inputs.refused.items()},
+        'timed_out': inputs.timed_out,
+        'timeout_s': inputs.timeout,
+        'last_trouble': inputs.last_trouble,
+    }
+    if inputs.troubled:
+        return Report('commands', WARN, inputs.last_trouble, values)
+    return Report('commands', OK, f'{inputs.accepted} accepted', values)
+
+
+def record(recorder: Recorder | None) -> Report:
+    """The log: messages written and dropped. WARN after a drop, ERROR when writing failed."""
+    values = {
+        'file': str(recorder.path) if recorder else '',
+        'written_messages': recorder.written if recorder else 0,
+        'dropped_messages': recorder.dropped if recorder else 0,
+        'error': recorder.error if recorder else '',
+    }
+    if recorder is None:
+        return Report('record', OK, 'off', values)
+    if recorder.error:
+        return Report('record', ERROR, recorder.error, values)
+    if recorder.dropped:
+        return Report('record', WARN, f'{recorder.dropped} messages dropped', values)
+    return Report('record', OK, recorder.path.name, values)
+
+
+def array(node: str, hardware_id: str, stamp: Time, reports: list[Report]) -> DiagnosticArray:
+    """The message: status names are `<node>: <task>`."""
+    message = DiagnosticArray()
+    message.header.stamp = stamp
+    message.status = [
+        DiagnosticStatus(
+            level=report.level,
+            name=f'{node}: {report.task}',
+            message=report.message,
+            hardware_id=hardware_id,
+            values=[KeyValue(key=key, value=str(value)) for key, value in report.values.items()],
+        )
+        for report in reports
+    ]
+    return message

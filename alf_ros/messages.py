@@ -1,0 +1,191 @@
+"""Sample -> the bytes of a ROS message: what each topic of the simulator says, and nothing else.
+
+All numbers are SI in the world frame (planar mechanisms: x-y plane, angles about +z, REP-103).
+Every message of a step carries the same stamp: the simulated time of the state it describes.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Vector3, Wrench
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import serialize_message
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState, MultiDOFJointState
+from std_msgs.msg import Float64
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from alf_ros.model import Model
+    from alf_ros.sample import Sample
+
+WORLD = 'world'
+
+# Reliable publishers match both reliable and best-effort readers.
+RELIABLE = QoSProfile(depth=10)
+# As rclcpp::ClockQoS: an old clock message is worth nothing.
+BEST_EFFORT = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+# CDR, little endian: a header of 4 bytes, then a leading stamp or Header.stamp.
+_STAMP = struct.Struct('<iI')
+_STAMP_AT = 4
+
+Write = Callable[['Sample', int], bytes]
+
+
+def stamp_ns(t: float) -> int:
+    """Stamp (ns) of the simulated time `t` (s), rounded to the nearest nanosecond.
+
+    A stamp of zero means "no time yet" in ROS, so the initial state at t = 0 is stamped 1 ns.
+    """
+    return max(1, round(t * 1e9))
+
+
+def to_time(ns: int) -> Time:
+    """The stamp as a message."""
+    seconds, nanoseconds = divmod(ns, 1_000_000_000)
+    return Time(sec=seconds, nanosec=nanoseconds)
+
+
+class Template:
+    """A serialised message of which only stamp and numbers change.
+
+    To fill and serialise a message object costs a microsecond for each number; its bytes have the
+    numbers in blocks at fixed places. `make(marks)` builds the message with one value all over
+    each block; the places of the blocks (`counts` of float64 each) are found by looking for it.
+    """
+
+    def __init__(self, make: Callable[[list[float]], Any], counts: list[int]) -> None:
+        marks = [1.0 / (7 + k) for k in range(len(counts))]
+        self._data = bytearray(serialize_message(make(marks)))
+        self.blocks = []
+        for mark, count in zip(marks, counts, strict=True):
+            at = self._data.index(np.full(count, mark).tobytes())
+            self.blocks.append(np.frombuffer(self._data, np.float64, count, at))
+
+    def stamp(self, ns: int) -> None:
+        """Write the stamp of a message that begins with one."""
+        _STAMP.pack_into(self._data, _STAMP_AT, *divmod(ns, 1_000_000_000))
+
+    def bytes(self) -> bytes:
+        """The message as it is now."""
+        return bytes(self._data)
+
+
+def joint_states(model: Model) -> Write | None:
+    """`joint_states`: all joints, passive ones too; angle (rad) or travel (m), its rate, and what
+    acts on the free axis (N m or N): drive, spring, friction and command, not the reaction."""
+
+    def values(sample: Sample) -> tuple[NDArray[np.float64], ...]:
+        return sample.joint_positions, sample.joint_velocities, sample.joint_efforts
+
+    return _joint_state(model.joint_names, values)
+
+
+def constraints(model: Model) -> Write | None:
+    """`~/constraints`: per row, position = violation, velocity = its rate, effort = multiplier."""
+    return _joint_state(model.row_names, lambda sample: (sample.phi, sample.phi_dot, sample.lam))
+
+
+def _joint_state(
+    names: tuple[str, ...], values: Callable[[Sample], tuple[NDArray[np.float64], ...]]
+) -> Write | None:
+    if not names:
+        return None
+    count = len(names)
+
+    def make(marks: list[float]) -> JointState:
+        position, velocity, effort = ([mark] * count for mark in marks)
+        return JointState(name=list(names), position=position, velocity=velocity, effort=effort)
+
+    template = Template(make, [count] * 3)
+
+    def write(sample: Sample, ns: int) -> bytes:
+        template.stamp(ns)
+        for block, value in zip(template.blocks, values(sample), strict=True):
+            block[:] = value
+        return template.bytes()
+
+    return write
+
+
+def reactions(model: Model) -> Write | None:
+    """`~/reactions`: force (N) and torque (N m) of parent on child, world frame, at the joint."""
+    if not model.joint_names:
+        return None
+    count = len(model.joint_names)
+
+    def make(marks: list[float]) -> MultiDOFJointState:
+        message = MultiDOFJointState(joint_names=list(model.joint_names))
+        message.header.frame_id = WORLD
+        (mark,) = marks
+        vector = Vector3(x=mark, y=mark, z=mark)
+        message.wrench = [Wrench(force=vector, torque=vector)] * count
+        return message
+
+    template = Template(make, [6 * count])
+    wrenches = template.blocks[0].reshape(count, 6)
+    wrenches[:] = 0.0
+
+    def write(sample: Sample, ns: int) -> bytes:
+        template.stamp(ns)
+        wrenches[:, :2] = sample.reaction_forces
+        wrenches[:, 5] = sample.reaction_torques
+        return template.bytes()
+
+    return write
+
+
+def energy(model: Model) -> Write:
+    """`~/energy`: total mechanical energy (J)."""
+    template = Template(lambda marks: Float64(data=marks[0]), [1])
+
+    def write(sample: Sample, ns: int) -> bytes:
+        template.blocks[0][0] = sample.energy
+        return template.bytes()
+
+    return write
+
+
+def clock(model: Model) -> Write:
+    """`/clock`: the simulated time."""
+    template = Template(lambda marks: Clock(), [])
+
+    def write(sample: Sample, ns: int) -> bytes:
+        template.stamp(ns)
+        return template.bytes()
+
+    return write
+
+
+@dataclass(frozen=True)
+class Topic:
+    """A topic of the simulator; `name` is what a user writes, `make(model)` gives its writer, or
+    None if there is nothing to say: a free body has no joints."""
+
+    name: str
+    type: type
+    qos: QoSProfile
+    make: Callable[[Model], Write | None]
+
+    @property
+    def key(self) -> str:
+        """The name without '~/' or '/': what stands behind `publish.` in the parameters."""
+        return self.name.rpartition('/')[2]
+
+
+TOPICS = (
+    Topic('joint_states', JointState, RELIABLE, joint_states),
+    Topic('~/reactions', MultiDOFJointState, RELIABLE, reactions),
+    Topic('~/constraints', JointState, RELIABLE, constraints),
+    Topic('~/energy', Float64, RELIABLE, energy),
+    Topic('/clock', Clock, BEST_EFFORT, clock),
+)

@@ -1,0 +1,105 @@
+"""Publishers: only what somebody asked for is computed; the same bytes are sent and logged."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Collection
+from typing import TYPE_CHECKING
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from std_msgs.msg import String
+
+from alf_ros.errors import InputError
+from alf_ros.messages import LATCHED, RELIABLE, TOPICS, stamp_ns
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+    from rclpy.qos import QoSProfile
+
+    from alf_ros.model import Model
+    from alf_ros.recorder import Recorder
+    from alf_ros.sample import Sample
+
+
+class Output:
+    """One topic. `mode` is 'auto' (published while somebody subscribes), 'on' or 'off'; what is
+    sent goes to `recorder` as well if there is one. Raises InputError for a bad QoS override.
+    """
+
+    def __init__(self, node: Node, name: str, message_type: type, qos: QoSProfile) -> None:
+        self.mode = 'auto'
+        self.recorder: Recorder | None = None
+        self.type = message_type
+        # rclpy writes overrides into the profile it is given.
+        self.qos = copy.copy(qos)
+        options = QoSOverridingOptions.with_default_policies()
+        try:
+            self._publisher = node.create_publisher(
+                message_type, name, self.qos, qos_overriding_options=options
+            )
+        except RuntimeError as error:
+            raise InputError(str(error), key=f'qos_overrides.{name}') from None
+        self.topic = self._publisher.topic_name
+
+    @property
+    def published(self) -> bool:
+        """Whether a message now would be published."""
+        if self.mode == 'auto':
+            return bool(self._publisher.get_subscription_count())
+        return self.mode == 'on'
+
+    @property
+    def wanted(self) -> bool:
+        """Whether a message now would go anywhere."""
+        return self.recorder is not None or self.published
+
+    def send(self, data: bytes, ns: int, record: bool = True) -> None:
+        """The same bytes go to the subscribers and, at stamp `ns`, to the log."""
+        if self.published:
+            self._publisher.publish(data)
+        if record and self.recorder is not None:
+            self.recorder.write(self.topic, self.type, self.qos, ns, data)
+
+
+class Outputs:
+    """All topics of the simulator.
+
+    `optional`: those that parameters switch, by name; `journal` and `scene` are in every log, for
+    without them no run could be repeated.
+    """
+
+    def __init__(self, node: Node, recorded: Collection[str]) -> None:
+        self.samples = {
+            topic.name: Output(node, topic.name, topic.type, topic.qos) for topic in TOPICS
+        }
+        self.diagnostics = Output(node, '/diagnostics', DiagnosticArray, RELIABLE)
+        self.journal = Output(node, '~/inputs', String, RELIABLE)
+        self.scene = Output(node, '~/scene', String, LATCHED)
+        self.scene.mode = 'on'
+        self.optional = {**self.samples, '/diagnostics': self.diagnostics}
+        self._recorded = [output for name, output in self.optional.items() if name in recorded]
+        self._recorded += [self.journal, self.scene]
+
+    def prepare(self, model: Model) -> None:
+        """Make the messages for a mechanism."""
+        writers = {topic.name: topic.make(model) for topic in TOPICS}
+        self._write = {name: write for name, write in writers.items() if write is not None}
+
+    def warm_up(self, sample: Sample) -> None:
+        """Write every message once, so that no tick has to wait for a compiler."""
+        for write in self._write.values():
+            write(sample, stamp_ns(sample.t))
+
+    def record(self, recorder: Recorder | None) -> None:
+        """From now on log to `recorder`."""
+        for output in self._recorded:
+            output.recorder = recorder
+
+    def send(self, sample: Sample, record: bool = True) -> None:
+        """Publish and log what is wanted of `sample`, all with one stamp."""
+        ns = stamp_ns(sample.t)
+        for name, write in self._write.items():
+            output = self.samples[name]
+            if output.wanted:
+                output.send(write(sample, ns), ns, record)

@@ -1,0 +1,175 @@
+"""Messages say what the sample says: values against mechanics, stamps, what a reader gets back."""
+
+import copy
+
+import numpy as np
+import pytest
+from builtin_interfaces.msg import Time
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import JointState
+
+from alf_ros import Simulation, diagnostics, load_scene
+from alf_ros.errors import StepError
+from alf_ros.messages import TOPICS, stamp_ns, to_time
+
+HANGING_ROD = {
+    'name': 'hanging_rod',
+    'mechanism': {
+        'alf': 1,
+        'space': 'planar',
+        'points': {'O': {'at': [0, 0], 'fixed': True}, 'A': {'at': [0, -2]}},
+        'bodies': {'rod': {'points': ['O', 'A'], 'mass': 3, 'inertia': 'rod'}},
+        'joints': {'pin': {'type': 'revolute', 'between': ['ground', 'rod'], 'at': 'O'}},
+    },
+    'effects': {'gravity': {'acceleration': [0, -9.81]}},
+}
+
+
+def messages(simulation):
+    """Every topic of the present state, as ROS reads the bytes."""
+    sample = simulation.sample()
+    return {
+        topic.key: deserialize_message(
+            topic.make(simulation.model)(sample, stamp_ns(sample.t)), topic.type
+        )
+        for topic in TOPICS
+    }
+
+
+@pytest.fixture(scope='module')
+def slider_crank():
+    simulation = Simulation(load_scene('slider_crank'))
+    simulation.step(1234)
+    return simulation
+
+
+def test_zero_is_no_stamp():
+    assert stamp_ns(0.0) == 1
+
+
+@pytest.mark.parametrize('step', [1, 7, 999_999, 123_456_789])
+def test_stamps_are_the_nearest_nanosecond(step):
+    assert stamp_ns(step * 1e-3) == step * 1_000_000
+
+
+def test_a_stamp_is_split_into_seconds_and_nanoseconds():
+    stamp = to_time(3_000_000_007)
+    assert (stamp.sec, stamp.nanosec) == (3, 7)
+
+
+def test_all_messages_of_a_sample_carry_its_stamp(slider_crank):
+    made = messages(slider_crank)
+    stamps = [made[key].header.stamp for key in ('joint_states', 'reactions', 'constraints')]
+    stamps.append(made['clock'].clock)
+    assert {(stamp.sec, stamp.nanosec) for stamp in stamps} == {(1, 234_000_000)}
+
+
+def test_joint_states_are_those_of_the_sample(slider_crank):
+    sample, message = slider_crank.sample(), messages(slider_crank)['joint_states']
+    assert list(message.name) == ['crank_pin', 'knee', 'guide']
+    assert list(message.position) == [sample.joints[name].position for name in message.name]
+    assert list(message.velocity) == [sample.joints[name].velocity for name in message.name]
+    # against the points: crank angle, travel of the slider along +x
+    ax, ay = sample.points['A']
+    assert np.tan(message.position[0]) == pytest.approx(ay / ax, rel=1e-12)
+    assert message.position[2] == sample.points['B'][0]
+
+
+def test_joint_effort_is_the_command_and_not_the_reaction():
+    simulation = Simulation(load_scene(HANGING_ROD))
+    simulation.apply_effort('pin', 2.5)
+    assert list(messages(simulation)['joint_states'].effort) == [2.5]
+
+
+def test_a_reaction_is_the_force_of_parent_on_child_in_the_world():
+    message = messages(Simulation(load_scene(HANGING_ROD)))['reactions']
+    assert message.header.frame_id == 'world' and list(message.joint_names) == ['pin']
+    force, torque = message.wrench[0].force, message.wrench[0].torque
+    # the ground holds the rod up with its weight
+    assert (force.x, force.y, force.z) == pytest.approx((0.0, 3 * 9.81, 0.0), abs=1e-12)
+    assert (torque.x, torque.y, torque.z) == pytest.approx((0.0, 0.0, 0.0), abs=1e-12)
+
+
+def test_constraints_give_violation_rate_and_multiplier_by_row(slider_crank):
+    sample, message = slider_crank.sample(), messages(slider_crank)['constraints']
+    assert list(message.name) == ['crank_length', 'coupler_length', 'guide']
+    assert list(message.position) == list(sample.phi)
+    assert list(message.velocity) == list(sample.phi_dot)
+    assert list(message.effort) == [sample.multipliers[name] for name in message.name]
+    assert max(map(abs, message.effort)) > 0.1
+
+
+def test_energy_is_that_of_the_rods_at_the_start():
+    # Bayo & Avello 6.2: rods of 1 kg and 1 m at 45 degrees, B at 4 m/s to the left. A moves across
+    # the crank so fast that the coupler keeps its length; a rod has m/6 (u·u + u·v + v·v).
+    c = np.sqrt(0.5)
+    slider, across, arm = np.array([-4.0, 0.0]), np.array([-c, c]), np.array([c, -c])
+    knee = (slider @ arm) / (across @ arm) * across
+    kinetic = (2.0 * knee @ knee + knee @ slider + slider @ slider) / 6.0
+    potential = 2 * 9.81 * c / 2
+    simulation = Simulation(load_scene('slider_crank'))
+    assert messages(simulation)['energy'].data == pytest.approx(kinetic + potential, rel=1e-12)
+
+
+def test_messages_are_written_anew_each_time_and_stay_as_they_were():
+    simulation = Simulation(load_scene('slider_crank'))
+    write = TOPICS[0].make(simulation.model)
+    first = write(simulation.sample(), 1)
+    kept = bytes(bytearray(first))
+    simulation.step(100)
+    second = deserialize_message(write(simulation.sample(), 2), JointState)
+    assert first == kept
+    assert list(second.position) == list(simulation.sample().joint_positions)
+    assert (second.header.stamp.sec, second.header.stamp.nanosec) == (0, 2)
+
+
+@pytest.mark.parametrize('length', range(1, 9))
+def test_numbers_find_their_place_whatever_the_names(length):
+    # names of every length, so of every alignment of what follows them
+    scene = copy.deepcopy(HANGING_ROD)
+    scene['mechanism']['joints'] = {'p' * length: scene['mechanism']['joints']['pin']}
+    scene['initial'] = {'velocities': {'A': [1.5, 0]}}
+    simulation = Simulation(load_scene(scene))
+    simulation.apply_effort('p' * length, 0.25)
+    made = messages(simulation)
+    joints, forces = made['joint_states'], made['reactions']
+    assert (joints.name, forces.joint_names) == (['p' * length],) * 2
+    state = joints.position[0], joints.velocity[0], joints.effort[0]
+    assert state == pytest.approx((-np.pi / 2, 0.75, 0.25))
+    # weight, and the centripetal force of the centre of mass at half the speed
+    wrench = forces.wrench[0]
+    assert wrench.force.y == pytest.approx(3 * 9.81 + 3 * 0.75**2 / 1.0)
+    assert (wrench.force.z, wrench.torque.x, wrench.torque.y, wrench.torque.z) == (0, 0, 0, 0)
+
+
+def test_what_has_no_joints_says_nothing_of_joints():
+    bob = {'bob': {'points': ['A'], 'mass': 1, 'inertia': 'point'}}
+    mechanism = {'alf': 1, 'space': 'planar', 'points': {'A': {'at': [0, 0]}}, 'bodies': bob}
+    model = Simulation(load_scene({'mechanism': mechanism})).model
+    made = [topic.name for topic in TOPICS if topic.make(model) is not None]
+    assert made == ['~/energy', '/clock']
+
+
+def test_diagnostics_have_fixed_keys_with_units(slider_crank):
+    sample = slider_crank.sample()
+    reports = [
+        diagnostics.solver(sample, False, None),
+        diagnostics.constraints(sample),
+        diagnostics.energy(sample, 13.0),
+        diagnostics.record(None),
+    ]
+    message = diagnostics.array('simulator', 'slider_crank', Time(), reports)
+    keys = {status.name: [entry.key for entry in status.values] for status in message.status}
+    assert keys['simulator: constraints'] == [
+        'position_violation_m',
+        'velocity_violation_m_per_s',
+        'rank',
+        'redundant',
+        'singular',
+    ]
+    assert keys['simulator: energy'] == ['energy_j', 'initial_energy_j', 'change_j']
+    assert {status.hardware_id for status in message.status} == {'slider_crank'}
+    assert all(status.level == diagnostics.OK for status in message.status)
+    failed = diagnostics.solver(sample, True, StepError('bent', 'take a smaller step', 1.0))
+    assert failed.level == diagnostics.ERROR and 'smaller step' in failed.message
+    assert list(failed.values) == keys['simulator: solver']
