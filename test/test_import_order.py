@@ -28,7 +28,17 @@ ROOMS = {
         'repetition',
         'serialise',
     ],
-    'simulation': ['simulation', 'applied', 'integrator', 'sample'],
+    'simulation': [
+        'simulation',
+        'applied',
+        'integrator',
+        'sample',
+        'exact',
+        'reference_motion',
+        'trial',
+        'error_plot',
+        'hard_cases',
+    ],
     'messages': ['messages'],
     'recorder': ['recorder', 'bag'],
     'node': [
