@@ -1,4 +1,8 @@
-"""Explicit Runge-Kutta methods as their tableaux; the kernel steps any of them."""
+"""Explicit Runge-Kutta methods as their tableaux; the kernel steps any of them.
+
+`rk4` and `dop853` take the step of the scene; `dop853_adaptive` takes as many steps between two
+grid points as its tolerance asks for.
+"""
 
 from __future__ import annotations
 
@@ -11,12 +15,14 @@ from alf_ros.arrays import Floats
 
 
 class Tableau(NamedTuple):
-    """Butcher's a (s, s), b (s,), c (s,) and the order of the method."""
+    """Butcher's a (s, s), b (s,), c (s,), the order, and for an adaptive method the weights of its
+    embedded errors (2, s + 1), the last for the end of the step."""
 
     a: Floats
     b: Floats
     c: Floats
     order: int
+    embedded: Floats | None = None
 
 
 def _rk4() -> Tableau:
@@ -26,9 +32,11 @@ def _rk4() -> Tableau:
     return Tableau(a, np.array([1.0, 2.0, 2.0, 1.0]) / 6.0, np.array([0.0, 0.5, 0.5, 1.0]), 4)
 
 
-def _dop853() -> Tableau:
-    """Dormand & Prince of order 8 (Hairer, Nørsett & Wanner 1993, II.5), as SciPy has it."""
-    return Tableau(DOP853.A, DOP853.B, DOP853.C, 8)
+# Dormand & Prince of order 8 (Hairer, Nørsett & Wanner 1993, II.5 and II.10), as SciPy has it
+_DOP853 = Tableau(DOP853.A, DOP853.B, DOP853.C, 8)
 
-
-TABLEAUX = {'rk4': _rk4(), 'dop853': _dop853()}
+TABLEAUX = {
+    'rk4': _rk4(),
+    'dop853': _DOP853,
+    'dop853_adaptive': _DOP853._replace(embedded=np.array([DOP853.E5, DOP853.E3])),
+}

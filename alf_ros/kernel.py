@@ -23,9 +23,10 @@ from numba.extending import intrinsic
 
 from alf_ros.arrays import Floats, Indices, Integers, Unit
 
-OK, NOT_POSITIVE, NOT_FINITE, NOT_CLOSED = 0, 1, 2, 3
+OK, NOT_POSITIVE, NOT_FINITE, NOT_CLOSED, COLLAPSED = 0, 1, 2, 3, 4
 
-_SLOW = 0.1  # ratio of the augmented solve above which a stage is too close to a position
+SOLVED = 1e-12  # relative change at which a solve is finished
+_SLOW = 0.01  # ratio of the augmented solve above which a stage is too close to a position
 _TURN = 0.1  # part of the momentum across the free directions from which on it is, too
 
 
@@ -794,7 +795,8 @@ def stage(
     for i in range(n):
         across = max(across, abs(work.p[i]))
     more, slower = momentum_rate(unit, system, forces, work, t, iterations, tolerance)
-    clear = max(slowest, slower) <= _SLOW and across <= _TURN * along
+    slow = 0.1 if neighbour else _SLOW
+    clear = max(slowest, slower) <= slow and across <= _TURN * along
     return max(count, more), clear
 
 
@@ -847,7 +849,7 @@ def stage_between(
     return most
 
 
-@njit(inline='always', error_model='numpy')  # its only call: one compilation less
+@njit(inline='always', error_model='numpy')  # one compilation less for those who step
 def step(
     unit: Unit,
     system: System,
@@ -1003,4 +1005,154 @@ def advance(
         count_turns(axes, q, work.q, turns)
         q[:] = work.q
         qd[:] = work.qd
+    return OK, steps, most
+
+
+@_inner
+def error_norm(
+    unit: Unit,
+    system: System,
+    work: Work,
+    weights: Floats,
+    qd: Floats,
+    h: float,
+    size: float,
+) -> float:
+    """An embedded error of q and p', relative to the motion; weights of the stages and the end.
+
+    Only its part along the free directions counts, by the factor of the end of the step: what is
+    across is removed by the projection, and is where a singular position is felt first.
+    """
+    n = work.p.size
+    largest = 0.0
+    for which in range(2):
+        k = work.kq if which == 0 else work.kp
+        for i in range(n):
+            work.sum_q[i] = 0.0
+        for s in range(np.uint64(weights.size)):
+            if weights[s] != 0.0:
+                for i in range(n):
+                    work.sum_q[i] += h * weights[s] * k[s * n + i]
+        if which == 0:
+            for i in range(n):
+                work.momenta[i] = 0.0
+            add_mass_times(unit, system.mass, 1.0, work.sum_q, work.momenta)
+            scale = size
+        else:
+            scale = 0.0
+            for i in range(n):
+                work.momenta[i] = work.sum_q[i]
+                scale = max(scale, max(abs(qd[i]), abs(work.qd[i]), h * abs(work.qdd[i])))
+        for r in range(work.r2.size):
+            work.r2[r] = 0.0
+            work.lam[r] = 0.0
+        work.bend[:] = 0.0
+        augmented(unit, system, work, work.momenta, work.bend, work.lam, work.r2, 3, 1e-3)
+        for i in range(n):
+            if abs(work.bend[i]) > largest * scale:
+                largest = abs(work.bend[i]) / scale
+    return largest
+
+
+@_compiled
+def advance_adaptively(
+    unit: Unit,
+    system: System,
+    forces: Forces,
+    work: Work,
+    a: Floats,
+    b: Floats,
+    c: Floats,
+    embedded: Floats,
+    axes: Indices,
+    q: Floats,
+    qd: Floats,
+    turns: Integers,
+    pace: Floats,
+    t0: float,
+    first: int,
+    steps: int,
+    h: float,
+    wanted: float,
+    iterations: int,
+    tolerance: float,
+    size: float,
+) -> tuple[int, int, int]:
+    """Like `advance`, each h in as many steps as an error of `wanted` (relative, a step) takes.
+
+    `embedded` (2, stages + 1): weights of the two embedded errors, of order 5 and 3 for DOP853.
+    `pace` (1,): the step it would like to take next, s; part of the state.
+    """
+    system, forces, work = on_loan(system), on_loan(forces), on_loan(work)
+    n = work.p.size
+    stages = np.uint64(b.size)
+    good_q, good_qd, good_turns, good_pace = q.copy(), qd.copy(), turns.copy(), pace[0]
+    most = 0
+    work.q[:] = q
+    if not linearise(unit, system, work, work.q):
+        return NOT_POSITIVE, 0, most
+    for taken in range(steps):
+        t = t0 + (first + taken) * h
+        done = 0.0
+        result = OK
+        while done < h:
+            left = h - done
+            last = pace[0] > 0.999999 * left
+            dt = pace[0]
+            if last:
+                dt = left
+            elif dt > 0.5 * left:  # no crumb before the grid point
+                dt = 0.5 * left
+            result, count = step(
+                unit,
+                system,
+                forces,
+                work,
+                a,
+                b,
+                c,
+                q,
+                qd,
+                t + done,
+                dt,
+                iterations,
+                tolerance,
+                size,
+            )
+            most = max(most, count)
+            error = np.inf
+            if result == OK:
+                momentum_rate(unit, system, forces, work, t + done + dt, iterations, tolerance)
+                for i in range(n):
+                    work.kq[stages * n + i] = work.qd[i]
+                    work.kp[stages * n + i] = work.p[i]
+                e5 = error_norm(unit, system, work, embedded[0], qd, dt, size) / wanted
+                e3 = error_norm(unit, system, work, embedded[1], qd, dt, size) / wanted
+                error = e5 * e5 / np.sqrt(e5 * e5 + 0.01 * e3 * e3) if e5 > 0.0 else 0.0
+            factor = 0.5
+            if np.isfinite(error):
+                factor = min(5.0, max(0.2, 0.9 * error ** (-1.0 / 8.0))) if error > 0.0 else 5.0
+            if error <= 1.0:
+                count_turns(axes, q, work.q, turns)
+                q[:] = work.q
+                qd[:] = work.qd
+                done = h if last else done + dt
+                pace[0] = max(pace[0], factor * dt) if dt < pace[0] else factor * dt
+            else:
+                pace[0] = factor * dt
+                if pace[0] < 1e-9 * h:
+                    result = result if result != OK else COLLAPSED
+                    break
+                work.q[:] = q
+                linearise(unit, system, work, work.q)
+        if done < h:
+            q[:] = good_q
+            qd[:] = good_qd
+            turns[:] = good_turns
+            pace[0] = good_pace
+            return result, taken, most
+        good_q[:] = q
+        good_qd[:] = qd
+        good_turns[:] = turns
+        good_pace = pace[0]
     return OK, steps, most

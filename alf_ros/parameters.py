@@ -79,7 +79,7 @@ def solver_specs(solver: Solver) -> list[Spec]:
         Spec('solver.formulation', solver.formulation, 'Equations solved, such as alf2'),
         Spec('solver.penalty', solver.penalty, 'Penalty, without dimension', (1e-300, 1e300)),
         Spec('solver.iterations', solver.iterations, 'Most iterations a stage', (1, 1000)),
-        Spec('solver.tolerance', solver.tolerance, 'Where iterations stop', (0.0, 1.0)),
+        Spec('solver.tolerance', solver.tolerance, 'Relative error (adaptive)', (0.0, 1.0)),
     ]
 
 

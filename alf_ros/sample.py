@@ -259,7 +259,7 @@ class Sample:
             work,
             self.t,
             self._solver.iterations,
-            self._solver.tolerance,
+            kernel.SOLVED,
         )
         return work
 

@@ -27,7 +27,7 @@ from alf_ros.repetition import title
 from alf_ros.serialise import entry as as_entry
 from alf_ros.serialise import serialise
 
-INTEGRATORS = ('rk4', 'dop853')
+INTEGRATORS = ('rk4', 'dop853', 'dop853_adaptive')
 FORMULATIONS = ('alf2',)
 
 _SUFFIXES = ('.yaml', '.yml')
@@ -47,7 +47,8 @@ class Solver:
     """How the motion is computed.
 
     step: h (s). penalty: α relative to the scale of the masses, without dimension. The iterations
-    of a solve stop after `iterations` or at a relative change of `tolerance`. Raises InputError.
+    of a solve stop after `iterations`. tolerance: relative error of a step that an adaptive
+    integrator allows; it takes as many as that needs in each `step`. Raises InputError.
     """
 
     step: float = 1e-3
@@ -55,7 +56,7 @@ class Solver:
     formulation: str = 'alf2'
     penalty: float = 1e8
     iterations: int = 10
-    tolerance: float = 1e-12
+    tolerance: float = 1e-8
 
     def __post_init__(self) -> None:
         for name, value in dataclasses.asdict(self).items():

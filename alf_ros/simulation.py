@@ -26,6 +26,10 @@ _FAILURES = {
         'a direction has neither mass nor constraint there: give it mass, or check the drawing',
     ),
     kernel.NOT_FINITE: ('the state is no longer finite', 'take a smaller step or smaller forces'),
+    kernel.COLLAPSED: (
+        'no step is small enough for the tolerance',
+        'ask for a larger tolerance, or look for a force that jumps',
+    ),
     kernel.NOT_CLOSED: (
         'the loops cannot be closed after the step',
         'take a smaller step: the mechanism moved too far in one',
@@ -37,13 +41,15 @@ _FAILURES = {
 class State:
     """Everything a run depends on: restore it and the run repeats bit for bit.
 
-    q (m), qd (m/s): all blocks in the kernel's order; turns: revolutions of each body.
+    q (m), qd (m/s): all blocks in the kernel's order; turns: revolutions of each body; pace: the
+    step an adaptive integrator would like to take next, s.
     """
 
     step: int
     q: Floats
     qd: Floats
     turns: Integers
+    pace: float
     inputs: Inputs
 
 
@@ -51,9 +57,10 @@ class Simulation:
     """A scene, stepped.
 
     Keywords override the scene's solver section: `step` (s), `integrator`, `formulation`,
-    `penalty` (α without dimension), `iterations` (at most, per solve), `tolerance` (of the
-    solves, relative). Raises InputError for an unknown one, AssemblyError if the mechanism cannot
-    be closed or the initial velocities contradict each other.
+    `penalty` (α without dimension), `iterations` (at most, per solve), `tolerance` (relative error
+    of a step, for an adaptive integrator, whose `step` is the grid it keeps). Raises InputError
+    for an unknown one, AssemblyError if the mechanism cannot be closed or the initial velocities
+    contradict each other.
     """
 
     def __init__(
@@ -81,7 +88,7 @@ class Simulation:
         )
         self._tableau = TABLEAUX[self.solver.integrator]
         self.model = compile_model(scene.mechanism, self.solver.penalty)
-        self._work = allocate(self.model, self.model.system, self._tableau.b.size)
+        self._work = allocate(self.model, self.model.system, self._tableau.b.size + 1)
         try:
             q = assembly.close(self.model, scene.positions)
             qd = assembly.complete(self.model, q, scene.velocities)
@@ -89,7 +96,7 @@ class Simulation:
             raise AssemblyError(error.message, file=scene.file, key=error.key) from None
         self._applied = Applied(self.model, scene.effects, NO_INPUTS)
         turns = np.zeros(len(self.model.body_names), dtype=np.int64)
-        self._initial = State(0, q, qd, turns, NO_INPUTS)
+        self._initial = State(0, q, qd, turns, self.h, NO_INPUTS)
         self._iterations = 0
         self._step_cost = math.nan
         self.restore(self._initial)
@@ -117,7 +124,9 @@ class Simulation:
         Raises StepError if one fails; the state is then the last good one.
         """
         started = time.perf_counter()
-        result, taken = self._advance(self._q, self._qd, self._turns, self._step, n, self.h)
+        result, taken = self._advance(
+            self._q, self._qd, self._turns, self._pace, self._step, n, self.h
+        )
         self._step += taken
         if taken:
             self._step_cost = (time.perf_counter() - started) / taken
@@ -125,28 +134,40 @@ class Simulation:
             raise StepError(*_FAILURES[result], self.t)
 
     def _advance(
-        self, q: Floats, qd: Floats, turns: Integers, first: int, n: int, h: float
+        self,
+        q: Floats,
+        qd: Floats,
+        turns: Integers,
+        pace: Floats,
+        first: int,
+        n: int,
+        h: float,
+        start: float = 0.0,
     ) -> tuple[int, int]:
-        result, taken, self._iterations = kernel.advance(
-            self.model.unit,
-            self.model.system,
-            self._applied.assembled,
-            self._work,
-            self._tableau.a,
-            self._tableau.b,
-            self._tableau.c,
-            self.model.body_basis,
-            q,
-            qd,
-            turns,
-            0.0,
-            first,
-            n,
-            h,
-            self.solver.iterations,
-            self.solver.tolerance,
-            self.model.size,
-        )
+        """n steps of h from `start` + `first` h (s); the state is changed in place."""
+        model, solver, tableau = self.model, self.solver, self._tableau
+        common = (model.unit, model.system, self._applied.assembled, self._work)
+        method = (tableau.a, tableau.b, tableau.c)
+        limits = (solver.iterations, kernel.SOLVED, model.size)
+        when = (start, first, n, h)
+        if tableau.embedded is None:
+            result, taken, self._iterations = kernel.advance(
+                *common, *method, model.body_basis, q, qd, turns, *when, *limits
+            )
+        else:
+            result, taken, self._iterations = kernel.advance_adaptively(
+                *common,
+                *method,
+                tableau.embedded,
+                model.body_basis,
+                q,
+                qd,
+                turns,
+                pace,
+                *when,
+                solver.tolerance,
+                *limits,
+            )
         return result, taken
 
     def run(
@@ -183,13 +204,19 @@ class Simulation:
     def state(self) -> State:
         """A copy of the present state."""
         return State(
-            self._step, self._q.copy(), self._qd.copy(), self._turns.copy(), self._applied.inputs
+            self._step,
+            self._q.copy(),
+            self._qd.copy(),
+            self._turns.copy(),
+            float(self._pace[0]),
+            self._applied.inputs,
         )
 
     def restore(self, state: State) -> None:
         """Go on from a state of this scene. The run repeats bit for bit."""
         self._step = state.step
         self._q, self._qd, self._turns = state.q.copy(), state.qd.copy(), state.turns.copy()
+        self._pace = np.array([state.pace])
         self._hold(state.inputs)
 
     def reset(self) -> None:
@@ -243,7 +270,8 @@ class Simulation:
 
     def _sample_between(self, t: float) -> Sample:
         state = self.state
-        result, _ = self._advance(state.q, state.qd, state.turns, 0, 1, t - self.t)
+        pace = np.array([state.pace])
+        result, _ = self._advance(state.q, state.qd, state.turns, pace, 0, 1, t - self.t, self.t)
         if result != kernel.OK:
             raise StepError(*_FAILURES[result], self.t)
         return self._sample(t, state)

@@ -29,9 +29,10 @@ def same(one, two) -> bool:  # type: ignore[no-untyped-def]
     return one.q.tobytes() == two.q.tobytes() and one.qd.tobytes() == two.qd.tobytes()
 
 
+@pytest.mark.parametrize('integrator', ['rk4', 'dop853', 'dop853_adaptive'])
 @pytest.mark.parametrize('name', ['slider_crank', 'double_four_bar', 'four_bar'])
-def test_restored_run_repeats_bit_for_bit(name: str) -> None:
-    sim = Simulation(load_scene(name))
+def test_restored_run_repeats_bit_for_bit(name: str, integrator: str) -> None:
+    sim = Simulation(load_scene(name), integrator=integrator)
     sim.step(700)
     state = pickle.loads(pickle.dumps(sim.state))
     sim.step(900)
@@ -39,7 +40,7 @@ def test_restored_run_repeats_bit_for_bit(name: str) -> None:
     sim.restore(state)
     sim.step(900)
     assert same(once, sim.sample())
-    again = Simulation(load_scene(name))
+    again = Simulation(load_scene(name), integrator=integrator)
     again.restore(state)
     for _ in range(900):
         again.step()

@@ -79,3 +79,40 @@ def test_starting_exactly_in_the_singular_position(speed: float) -> None:
     sample = sim.sample()
     assert sample.points['A'] == pytest.approx([np.cos(exact), np.sin(exact)], abs=1e-7)
     assert sample.points['B'] == pytest.approx([2 * np.cos(exact), 0.0], abs=1e-7)
+
+
+@pytest.mark.parametrize(
+    ('name', 'data'),
+    [('slider_crank', 'slider_crank_6_2'), ('double_four_bar', 'n_fourbar_N2')],
+)
+def test_adaptive_error_follows_the_tolerance_and_the_step_never_collapses(
+    name: str, data: str
+) -> None:
+    path = Path(__file__).parent / 'data' / f'{data}.json'
+    wanted = json.loads(path.read_text())['samples'][::10]
+    errors = []
+    for tolerance in (1e-4, 1e-6, 1e-8, 1e-10, 1e-12):
+        options = {'integrator': 'dop853_adaptive', 'tolerance': tolerance}
+        sim = Simulation(load_scene(name), step=1.0, **options)  # type: ignore[arg-type]
+        worst = 0.0
+        for sample, exact in zip(sim.run(10.0), wanted, strict=True):
+            points = sample.points
+            error = points['A'] - exact['q'][:2] if 'q' in exact else points['B0'] - exact['B0']
+            worst = max(worst, np.abs(error).max())
+            assert sim.state.pace > 5e-3
+        assert worst < 1e3 * tolerance
+        errors.append(worst)
+    assert errors == sorted(errors, reverse=True)
+
+
+def test_adaptive_through_a_general_change_point() -> None:
+    drifts = []
+    for tolerance in (1e-6, 1e-8, 1e-10, 1e-12):
+        sim = Simulation(
+            load_scene('change_point'), step=1.0, integrator='dop853_adaptive', tolerance=tolerance
+        )
+        energies = [sample.energy for sample in sim.run(4.0)]
+        assert sim.state.pace > 1e-3
+        drifts.append(np.ptp(energies) / energies[0])
+    assert drifts == sorted(drifts, reverse=True)
+    assert drifts[-1] < 1e-9
