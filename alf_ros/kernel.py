@@ -32,15 +32,15 @@ _TURN = 0.1  # part of the momentum across the free directions from which on it 
 
 _0, _1 = np.uint64(0), np.uint64(1)
 _EPS = float(np.finfo(np.float64).eps)
-_compiled = njit(cache=True, nogil=True, error_model='numpy')
+_options: dict[str, Any] = {'cache': True, 'nogil': True, 'error_model': 'numpy'}
 # called from compiled code only: without the code that takes all these arrays from Python objects
-_inner = njit(
-    cache=True,
-    nogil=True,
-    error_model='numpy',
-    no_cpython_wrapper=True,
-    no_cfunc_wrapper=True,
-)
+_bare = {'no_cpython_wrapper': True, 'no_cfunc_wrapper': True}
+# Handing on tuples of arrays costs more than a small mechanism: most functions stand where they
+# are called. Those that are called often and compiled slowly do not.
+_compiled = njit(**_options)
+_inlined = njit(**_options, forceinline=True)
+_inner = njit(**_options, **_bare)
+_inner_inlined = njit(**_options, **_bare, forceinline=True)
 
 
 class Mass(NamedTuple):
@@ -205,7 +205,7 @@ def _potential(
     return types.float64(at, t, q, slots, i, params, j), code
 
 
-@_compiled
+@_inlined
 def applied_forces(forces: Forces, t: float, q: Floats, qd: Floats, Q: Floats) -> None:
     """Q(q, q̇, t): the sum of the effects the scene names; each adds its own."""
     Q[:] = 0.0
@@ -223,7 +223,7 @@ def applied_forces(forces: Forces, t: float, q: Floats, qd: Floats, Q: Floats) -
         )
 
 
-@_compiled
+@_inlined
 def potential_energy(forces: Forces, t: float, q: Floats) -> float:
     """Potential energy of all effects that store some, J."""
     energy = 0.0
@@ -244,7 +244,7 @@ def potential_energy(forces: Forces, t: float, q: Floats) -> float:
 # ------------------------------------------------------------------------------------ constraints
 
 
-@_compiled
+@_inlined
 def jacobian(unit: Unit, rows: Rows, q: Floats, g: Floats, g2: Floats) -> None:
     """Φ_q(q), as the differences of the distance rows and the entries of the quadratic rows."""
     D = np.uint64(len(unit))
@@ -258,7 +258,7 @@ def jacobian(unit: Unit, rows: Rows, q: Floats, g: Floats, g2: Floats) -> None:
         _add_terms(D, rows, e, q, g2)
 
 
-@_inner
+@_inner_inlined
 def _add_terms(D: np.uint64, rows: Rows, e: np.uint64, q: Floats, g2: Floats) -> None:
     for s in range(rows.first_term[e], rows.first_term[e + _1]):
         j = rows.term_block[s] * D
@@ -267,7 +267,7 @@ def _add_terms(D: np.uint64, rows: Rows, e: np.uint64, q: Floats, g2: Floats) ->
                 g2[e * D + a] += rows.term[(s * D + a) * D + c] * q[j + c]
 
 
-@_compiled
+@_inlined
 def jacobian_rate(unit: Unit, rows: Rows, qd: Floats, g2d: Floats) -> None:
     """Φ̇_q of the quadratic rows; that of a distance row is the difference of the velocities."""
     D = np.uint64(len(unit))
@@ -277,7 +277,7 @@ def jacobian_rate(unit: Unit, rows: Rows, qd: Floats, g2d: Floats) -> None:
         _add_terms(D, rows, e, qd, g2d)
 
 
-@_compiled
+@_inlined
 def violation(unit: Unit, rows: Rows, q: Floats, phi: Floats) -> None:
     """Φ(q)."""
     D = np.uint64(len(unit))
@@ -302,7 +302,7 @@ def violation(unit: Unit, rows: Rows, q: Floats, phi: Floats) -> None:
         phi[m1 + r] = s
 
 
-@_compiled
+@_inlined
 def times_jacobian(unit: Unit, rows: Rows, g: Floats, g2: Floats, v: Floats, out: Floats) -> None:
     """out = Φ_q v."""
     D = np.uint64(len(unit))
@@ -322,7 +322,7 @@ def times_jacobian(unit: Unit, rows: Rows, g: Floats, g2: Floats, v: Floats, out
         out[m1 + r] = s
 
 
-@_compiled
+@_inlined
 def add_transposed(unit: Unit, rows: Rows, g: Floats, g2: Floats, y: Floats, out: Floats) -> None:
     """out += Φ_qᵀ y, on fixed blocks too."""
     D = np.uint64(len(unit))
@@ -340,7 +340,7 @@ def add_transposed(unit: Unit, rows: Rows, g: Floats, g2: Floats, y: Floats, out
                 out[i + a] += y[m1 + r] * g2[e * D + a]
 
 
-@_compiled
+@_inlined
 def convective(unit: Unit, rows: Rows, g2d: Floats, qd: Floats, out: Floats) -> None:
     """out = Φ̇_q q̇."""
     D = np.uint64(len(unit))
@@ -360,7 +360,7 @@ def convective(unit: Unit, rows: Rows, g2d: Floats, qd: Floats, out: Floats) -> 
         out[m1 + r] = s
 
 
-@_compiled
+@_inlined
 def add_mass_times(unit: Unit, mass: Mass, s: float, v: Floats, out: Floats) -> None:
     """out += s M v on movable blocks."""
     D = np.uint64(len(unit))
@@ -384,7 +384,7 @@ def add_mass_times(unit: Unit, mass: Mass, s: float, v: Floats, out: Floats) -> 
 # ------------------------------------------------------------------------------------- the factor
 
 
-@_inner
+@_inner_inlined
 def assemble(unit: Unit, system: System, work: Work) -> None:
     """A = M + Φ_qᵀ α Φ_q on the pattern, lower blocks, from the Jacobian in `work`."""
     D = np.uint64(len(unit))
@@ -422,7 +422,7 @@ def assemble(unit: Unit, system: System, work: Work) -> None:
                 work.off[at * D * D + a * D + c] += rows.alpha[r] * g2[e * D + a] * g2[f * D + c]
 
 
-@_inner
+@_inner_inlined
 def factorise(unit: Unit, pattern: Pattern, diagonal: Floats, off: Floats, column: Floats) -> Any:
     """A = L D Lᵀ in place, right-looking by blocks; returns the number of columns that went well.
 
@@ -476,7 +476,7 @@ def factorise(unit: Unit, pattern: Pattern, diagonal: Floats, off: Floats, colum
     return np.uint64(pattern.first.size) - _1
 
 
-@_compiled
+@_inlined
 def solve(unit: Unit, pattern: Pattern, diagonal: Floats, off: Floats, x: Floats) -> None:
     """x = A⁻¹ x."""
     D = np.uint64(len(unit))
@@ -612,7 +612,7 @@ def augmented(
     return iterations, slowest
 
 
-@_compiled
+@_inlined
 def accelerate(
     unit: Unit,
     system: System,
@@ -636,7 +636,7 @@ def accelerate(
     )
 
 
-@_inner
+@_inner_inlined
 def velocities(
     unit: Unit, system: System, work: Work, iterations: int, tolerance: float
 ) -> tuple[int, float]:
@@ -653,7 +653,7 @@ def velocities(
 # ---------------------------------------------------------------------------------- onto Φ = 0
 
 
-@_inner
+@_inner_inlined
 def opening(unit: Unit, rows: Rows, q: Floats, phi: Floats) -> float:
     """Φ(q), and how far the widest row is open, m."""
     violation(unit, rows, q, phi)
@@ -663,7 +663,7 @@ def opening(unit: Unit, rows: Rows, q: Floats, phi: Floats) -> float:
     return gap
 
 
-@_inner
+@_inner_inlined
 def correct(unit: Unit, system: System, work: Work, phi: Floats, q: Floats) -> None:
     """q -= A⁻¹ Φ_qᵀ α Φ with the Jacobian and the factor of one and the same place in `work`.
 
@@ -679,7 +679,7 @@ def correct(unit: Unit, system: System, work: Work, phi: Floats, q: Floats) -> N
         q[a] += delta[a]
 
 
-@_inner
+@_inner_inlined
 def project(unit: Unit, system: System, work: Work, size: float) -> int:
     """Bring q in `work` onto Φ = 0 along M, with Φ_q and factor of that place; returns the result.
 
@@ -703,7 +703,7 @@ def project(unit: Unit, system: System, work: Work, size: float) -> int:
     return NOT_CLOSED
 
 
-@_inner
+@_inner_inlined
 def place(unit: Unit, system: System, work: Work, size: float, wholly: bool) -> int:
     """Put the stage `target` onto Φ = 0 by one correction, or `wholly`; Φ_q is that of the place.
 
@@ -743,7 +743,7 @@ def place(unit: Unit, system: System, work: Work, size: float, wholly: bool) -> 
 # ---------------------------------------------------------------------------------- the step
 
 
-@_inner
+@_inner_inlined
 def momentum_rate(
     unit: Unit,
     system: System,
@@ -765,7 +765,7 @@ def momentum_rate(
     return count, slowest
 
 
-@_inner
+@_inner_inlined
 def stage(
     unit: Unit,
     system: System,
@@ -949,7 +949,7 @@ def step(
     return result, most
 
 
-@_inner
+@_inner_inlined
 def count_turns(axes: Indices, q: Floats, qn: Floats, turns: Integers) -> None:
     """Count the passages of each body's x axis over the negative x axis of the plane."""
     for n in range(np.uint64(turns.size)):
@@ -1008,7 +1008,7 @@ def advance(
     return OK, steps, most
 
 
-@_inner
+@_inner_inlined
 def error_norm(
     unit: Unit,
     system: System,
