@@ -26,7 +26,7 @@ from alf_ros.arrays import Floats, Indices, Integers, Unit
 OK, NOT_POSITIVE, NOT_FINITE, NOT_CLOSED, COLLAPSED = 0, 1, 2, 3, 4
 
 SOLVED = 1e-12  # relative change at which a solve is finished
-_SLOW = 0.01  # ratio of the augmented solve above which a stage is too close to a position
+_SLOW = 0.1  # ratio of the augmented solve above which a stage is too close to a position
 _TURN = 0.1  # part of the momentum across the free directions from which on it is, too
 
 
@@ -795,8 +795,8 @@ def stage(
     for i in range(n):
         across = max(across, abs(work.p[i]))
     more, slower = momentum_rate(unit, system, forces, work, t, iterations, tolerance)
-    slow = 0.1 if neighbour else _SLOW
-    clear = max(slowest, slower) <= slow and across <= _TURN * along
+
+    clear = max(slowest, slower) <= _SLOW and across <= _TURN * along
     return max(count, more), clear
 
 

@@ -1,0 +1,270 @@
+"""Run the mechanisms through their singular positions and judge the error against exact motions.
+
+Every run is judged by its position error (m) against the equation of the one freedom (exact.py),
+its energy error (J) and the largest gap of a constraint (m). See doc/hard_cases.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import math
+import os
+import platform
+import statistics
+import sys
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import NoReturn, TextIO
+
+import numpy as np
+
+from alf_ros import error_plot, reference_motion
+from alf_ros.errors import InputError
+from alf_ros.integrator import TABLEAUX
+from alf_ros.reference_motion import Motion
+from alf_ros.trial import Result, Run, execute, observed_order
+
+COLUMNS = (
+    'case,mechanism,start,integrator,step_s,position_error_m,energy_error_J,constraint_error_m,'
+    'position_bound_m,energy_bound_J,verdict'
+).split(',')
+
+
+@dataclass(frozen=True)
+class Row:
+    """A line of the table: runs of one mechanism; `order` is the lowest one that will do."""
+
+    case: str
+    setting: str
+    runs: tuple[Run, ...]
+    order: float | None = None
+
+
+# ------------------------------------------------------------------------------------------- cases
+
+
+def _runs(motions: Iterable[Motion], integrator: str, steps: Iterable[float]) -> tuple[Run, ...]:
+    """Runs with the bound of the method: 1e-6 m of order 4 (to 2 ms), 1e-9 m of order 8 to 4 ms.
+
+    Above 4 ms order 8 has only to stay on its branch (1e-3 m).
+    """
+
+    def bound(h: float) -> float:
+        return 1e-6 if integrator == 'rk4' else 1e-9 if h <= 4e-3 else 1e-3
+
+    return tuple(Run(motion, integrator, h, bound(h)) for motion in motions for h in steps)
+
+
+def _survival(quick: bool) -> Iterator[Row]:
+    """All steps h = 0.01/k through the examples of the paper."""
+    for name in ('slider_crank', 'double_four_bar'):
+        for integrator, numbers in (
+            ('rk4', (5, 8, 13, 31) if quick else range(5, 61)),
+            ('dop853', (1, 3, 5, 10) if quick else range(1, 61)),
+        ):
+            steps = [0.01 / k for k in numbers]
+            yield Row('survival', name, _runs([reference_motion.paper(name)], integrator, steps))
+
+
+def _change_points(quick: bool) -> Iterator[Row]:
+    """A four-bar without symmetry; odd steps, some of which land on the position."""
+    odd = (0.0, 0.13, 0.26, 0.39, 0.52, 0.65)
+    steps = [5e-3 / (k + more) for k in ((1, 2) if quick else (1, 2, 5, 10)) for more in odd]
+    motion = reference_motion.change_point()
+    for integrator, factor in (('rk4', 1e6), ('dop853', 0.0)):
+        runs = tuple(Run(motion, integrator, h, factor * h**4 + 5e-8) for h in steps)
+        yield Row('change_point', 'change_point', runs)
+
+
+def _many_bars(quick: bool) -> Iterator[Row]:
+    """N freedoms more for an instant, against the pendulum that N four-bars are."""
+    for integrator, steps in (('rk4', (2e-3, 1e-3, 5e-4)), ('dop853', (4e-3, 2e-3, 1e-3))):
+        for n in (2, 10) if quick else (2, 10, 100, 1000):
+            yield Row(
+                'many_bars',
+                f'n_four_bar N={n}',
+                _runs([reference_motion.four_bars(n)], integrator, steps),
+            )
+
+
+def _starts(quick: bool) -> Iterator[Row]:
+    """Let go in the singular position itself, and so near it that rounding decides."""
+    rates = (0.5, -2.0) if quick else (0.5, -0.5, 2.0, -2.0, 6.0, -6.0)
+    beyond = (1e-9, -1e-6) if quick else (1e-12, -1e-12, 1e-9, -1e-9, 1e-6, -1e-6, 1e-3, -1e-3)
+    for name in ('slider_crank', 'double_four_bar'):
+        for where, offsets in (('in', (0.0,)), ('near', beyond)):
+            motions = [
+                reference_motion.start(name, offset, rate) for offset in offsets for rate in rates
+            ]
+            for integrator, h in (('rk4', 1e-3), ('dop853', 2e-3)):
+                yield Row('starts', f'{name} {where} it', _runs(motions, integrator, (h,)))
+
+
+def _orders(quick: bool) -> Iterator[Row]:
+    """The order of the method, seen through singular passes; no run may leave its branch."""
+    for motion, largest in (
+        (reference_motion.paper('slider_crank'), 4e-2),
+        (reference_motion.paper('double_four_bar'), 8e-2),
+        (reference_motion.change_point(), 2.5e-2),
+    ):
+        for integrator, coarse in (('rk4', 1.6e-2), ('dop853', largest)):
+            steps = np.geomspace(coarse, coarse / 5, 9 if quick else 25)
+            runs = tuple(Run(motion, integrator, float(h), 0.1) for h in steps)
+            yield Row('order', motion.mechanism, runs, TABLEAUX[integrator].order - 0.5)
+
+
+CASES = {
+    'survival': _survival,
+    'change_point': _change_points,
+    'many_bars': _many_bars,
+    'starts': _starts,
+    'order': _orders,
+}
+
+
+# ----------------------------------------------------------------------------------------- running
+
+
+def _judge(row: Row, results: Sequence[Result]) -> str:
+    """'passed', or what is wrong with the runs of a row."""
+    bad = [result for result in results if result.verdict != 'passed']
+    if bad:
+        steps = [f'{1e3 * h:.4g}' for h in sorted({result.run.h for result in bad})]
+        at = ', '.join(steps[:3]) + (' ...' if steps[3:] else '')
+        lost = sum(bool(result.failure) for result in bad)
+        stopped = f', {lost} did not end' if lost else ''
+        return f'FAILED: {len(bad)} of {len(results)}{stopped} (h = {at} ms)'
+    if row.order is not None and not observed_order(results) >= row.order:
+        return f'FAILED: order below {row.order}'
+    return 'passed'
+
+
+HEADER = (
+    f'{"case":13}{"setting":50}{"runs":>4}  {"position error, m":20}{"energy, J":>9}'
+    f'{"gap, m":>9}{"order":>7}  verdict\n{"":69}{"median":10}worst'
+)
+
+
+def _line(row: Row, results: Sequence[Result]) -> str:
+    def worst(values: Iterable[float]) -> float:
+        return max(values, key=lambda value: (math.isnan(value), value))
+
+    steps = sorted({1e3 * run.h for run in row.runs})
+    span = f'{steps[0]:.3g} .. {steps[-1]:.3g} ms' if steps[1:] else f'{steps[0]:.3g} ms'
+    order = observed_order(results)
+    middle = statistics.median(
+        math.inf if result.failure else result.position for result in results
+    )
+    return (
+        f'{row.case:13}{f"{row.setting}, {row.runs[0].integrator}, {span}":50}{len(results):4}  '
+        f'{middle:<10.1e}{worst(r.position for r in results):<10.1e}'
+        f'{worst(r.energy for r in results):9.1e}{worst(r.constraint for r in results):9.1e}'
+        f'{"-" if math.isnan(order) else format(order, ".2f"):>7}  {_judge(row, results)}'
+    )
+
+
+class _Bar:
+    """How far it is, in one line of a terminal; nothing where stderr is none."""
+
+    def __init__(self, total: int) -> None:
+        self._total, self._done, self._shown = total, 0, sys.stderr.isatty()
+
+    def show(self, what: str) -> None:
+        if self._shown:
+            full = 30 * self._done // self._total
+            bar = '#' * full + '.' * (30 - full)
+            text = f'\r\x1b[K[{bar}] {self._done}/{self._total}  {what}'
+            print(text[: os.get_terminal_size(2).columns], end='', file=sys.stderr, flush=True)
+        self._done += 1
+
+    def clear(self) -> None:
+        if self._shown:
+            print('\r\x1b[K', end='', file=sys.stderr, flush=True)
+
+
+def _about() -> str:
+    """The machine and the versions, one comment line."""
+    cpu = platform.processor() or platform.machine()
+    try:
+        names = Path('/proc/cpuinfo').read_text(encoding='utf-8').splitlines()
+        cpu = next(x.partition(':')[2].strip() for x in names if x.startswith('model name'))
+    except (OSError, StopIteration):
+        pass  # not Linux, or a processor that has no name there
+    libraries = ', '.join(f'{name} {version(name)}' for name in ('numpy', 'scipy', 'numba'))
+    python = platform.python_version()
+    return f'# {cpu}, Python {python}, {libraries}, {time.strftime("%Y-%m-%d")}'
+
+
+def _run_all(rows: Sequence[Row], stream: TextIO) -> list[list[Result]]:
+    """Run the rows, printing each when it is done and writing each run into the CSV `stream`."""
+    print(_about(), file=stream)
+    writer = csv.writer(stream, lineterminator='\n')
+    writer.writerow(COLUMNS)
+    bar = _Bar(sum(len(row.runs) for row in rows))
+    print(HEADER, flush=True)
+    done = []
+    for row in rows:
+        results = []
+        for run in row.runs:
+            bar.show(f'{row.case}: {row.setting} {run.integrator} h = {1e3 * run.h:.3g} ms')
+            result = execute(run)
+            results.append(result)
+            errors = result.position, result.energy, result.constraint
+            bounds, motion = (run.bound, result.energy_bound), run.motion
+            writer.writerow(
+                [row.case, motion.mechanism, motion.start, run.integrator, f'{run.h:.9g}']
+                + [f'{number:.3e}' for number in (*errors, *bounds)]
+                + [result.verdict]
+            )
+            stream.flush()
+        bar.clear()
+        print(_line(row, results), flush=True)
+        done.append(results)
+    return done
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        raise InputError(f'{message} (see --help)')
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the cases; returns 0 if all passed, 1 if not. Raises InputError."""
+    parser = _Parser(
+        prog='hard_cases',
+        description='Run mechanisms through their singular positions and judge the error. '
+        'Exit code: 0 if all passed, 1 if one failed, 2 for what cannot be run.',
+    )
+    parser.add_argument(
+        '--folder', default='hard_cases', metavar='DIR', help='for results (default: hard_cases)'
+    )
+    parser.add_argument('--quick', action='store_true', help='a reduced form, under a minute')
+    parser.add_argument(
+        '--case', nargs='+', default=[], metavar='NAME', help=f'only these: {", ".join(CASES)}'
+    )
+    options = parser.parse_args(argv)
+    for name in options.case:
+        if name not in CASES:
+            raise InputError('no such case', key='--case', value=name, choices=CASES)
+    chosen = [name for name in CASES if name in options.case or not options.case]
+    rows = [row for name in chosen for row in CASES[name](options.quick)]
+    folder = Path(options.folder).expanduser()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with open(folder / 'hard_cases.csv', 'w', newline='', encoding='utf-8') as stream:
+            results = _run_all(rows, stream)
+        written = ['hard_cases.csv']
+        try:
+            error_plot.draw(folder / 'hard_cases.png', [r for row in results for r in row])
+            written.append('hard_cases.png')
+        except ImportError as error:
+            print(f'alf_ros hard_cases: no picture: {error}', file=sys.stderr)
+    except OSError as error:
+        raise InputError(str(error.strerror), key='--folder', value=str(folder)) from None
+    failed = sum(_judge(row, done) != 'passed' for row, done in zip(rows, results, strict=True))
+    print(f'{len(rows) - failed} of {len(rows)} passed; {" and ".join(written)} in {folder}')
+    return 1 if failed else 0

@@ -1,0 +1,84 @@
+"""A trial: one run of a scene, measured against the exact motion."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from alf_ros import exact
+from alf_ros.errors import AlfError
+from alf_ros.reference_motion import Motion
+from alf_ros.simulation import Simulation
+
+LARGEST_GAP = 1e-12  # m, of a constraint
+
+
+@dataclass(frozen=True)
+class Run:
+    """A motion, computed with the step `h` (s); `bound` (m) on its position error."""
+
+    motion: Motion
+    integrator: str
+    h: float
+    bound: float
+
+
+@dataclass(frozen=True)
+class Result:
+    """Largest errors of a run; NaN, and the reason in `failure`, if it did not come to its end."""
+
+    run: Run
+    position: float
+    energy: float
+    constraint: float
+    energy_bound: float
+    failure: str
+
+    @property
+    def verdict(self) -> str:
+        if self.failure:
+            return self.failure
+        errors = {
+            'position': (self.position, self.run.bound),
+            'energy': (self.energy, self.energy_bound),
+            'constraint': (self.constraint, LARGEST_GAP),
+        }
+        above = [name for name, (error, bound) in errors.items() if not error < bound]
+        return f'{" and ".join(above)} error above the bound' if above else 'passed'
+
+
+def execute(run: Run) -> Result:
+    """One run, and its largest errors at the times of its motion."""
+    position = energy = constraint = 0.0
+    bound = math.nan
+    try:
+        sim = Simulation(run.motion.scene(), integrator=run.integrator, step=run.h)
+        # the energy that the whole mechanism gains by falling through the bound on the position
+        mass = sum(body.mass for body in sim.scene.mechanism.bodies)
+        bound = exact.GRAVITY * mass * run.bound
+        first, *_ = samples = list(sim.run(run.motion.times[-1], at=run.motion.times))
+        for sample, q in zip(samples, run.motion.exact(), strict=True):
+            position = max(position, float(np.abs(sample.q - q).max()))
+            energy = max(energy, abs(sample.energy - first.energy))
+            constraint = max(constraint, sample.diagnostics.position_violation)
+    except AlfError as error:
+        return Result(run, math.nan, math.nan, math.nan, bound, str(error))
+    return Result(run, position, energy, constraint, bound, '')
+
+
+def observed_order(results: Iterable[Result]) -> float:
+    """Slope of log error over log step; NaN where the errors do not lie along one.
+
+    That is: fewer than four steps, less than two decades, or a correlation below 0.9. Only errors
+    that are above rounding (1e-10 m) and small (below 1 cm) count.
+    """
+    points = [(r.run.h, r.position) for r in results if 1e-10 < r.position < 1e-2]
+    if len({h for h, _ in points}) < 4:
+        return math.nan
+    steps, errors = np.log(np.array(points)).T
+    if np.ptp(errors) < math.log(100) or np.corrcoef(steps, errors)[0, 1] < 0.9:
+        return math.nan
+    return float(np.polyfit(steps, errors, 1)[0])
