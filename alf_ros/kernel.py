@@ -27,6 +27,7 @@ OK, NOT_POSITIVE, NOT_FINITE, NOT_CLOSED, COLLAPSED = 0, 1, 2, 3, 4
 
 SOLVED = 1e-12  # relative change at which a solve is finished
 _SLOW = 0.1  # ratio of the augmented solve above which a stage is too close to a position
+_SHARE = 0.05  # of the tolerance for one step: errors add up along a motion
 _TURN = 0.1  # part of the momentum across the free directions from which on it is, too
 
 
@@ -1126,8 +1127,8 @@ def advance_adaptively(
                 for i in range(n):
                     work.kq[stages * n + i] = work.qd[i]
                     work.kp[stages * n + i] = work.p[i]
-                e5 = error_norm(unit, system, work, embedded[0], qd, dt, size) / wanted
-                e3 = error_norm(unit, system, work, embedded[1], qd, dt, size) / wanted
+                e5 = error_norm(unit, system, work, embedded[0], qd, dt, size) / (_SHARE * wanted)
+                e3 = error_norm(unit, system, work, embedded[1], qd, dt, size) / (_SHARE * wanted)
                 error = e5 * e5 / np.sqrt(e5 * e5 + 0.01 * e3 * e3) if e5 > 0.0 else 0.0
             factor = 0.5
             if np.isfinite(error):

@@ -18,12 +18,23 @@ LARGEST_GAP = 1e-12  # m, of a constraint
 
 @dataclass(frozen=True)
 class Run:
-    """A motion, computed with the step `h` (s); `bound` (m) on its position error."""
+    """A motion, computed with the step `h` (s), or with `tolerance` on a grid of `h`.
+
+    `bound` (m) is on its position error.
+    """
 
     motion: Motion
     integrator: str
     h: float
     bound: float
+    tolerance: float | None = None
+
+    @property
+    def effort(self) -> str:
+        """What sets the accuracy, in words."""
+        if self.tolerance is not None:
+            return f'tolerance {self.tolerance:.0e}'
+        return f'h = {1e3 * self.h:.4g} ms'
 
 
 @dataclass(frozen=True)
@@ -55,7 +66,8 @@ def execute(run: Run) -> Result:
     position = energy = constraint = 0.0
     bound = math.nan
     try:
-        sim = Simulation(run.motion.scene(), integrator=run.integrator, step=run.h)
+        options = {'integrator': run.integrator, 'step': run.h, 'tolerance': run.tolerance}
+        sim = Simulation(run.motion.scene(), **options)  # type: ignore[arg-type]
         # the energy that the whole mechanism gains by falling through the bound on the position
         mass = sum(body.mass for body in sim.scene.mechanism.bodies)
         bound = exact.GRAVITY * mass * run.bound
