@@ -166,6 +166,23 @@ def on_loan(typing: Any, arrays: Any) -> Any:
     return arrays(arrays), code
 
 
+# Assigning slices would do too, but its error messages take seconds to compile.
+
+
+@_inner_inlined
+def zero(to: Floats) -> None:
+    """to = 0."""
+    for i in range(np.uint64(to.size)):
+        to[i] = 0.0
+
+
+@_inner_inlined
+def copy(of: Floats | Integers, to: Floats | Integers) -> None:
+    """to = of, which is as long."""
+    for i in range(np.uint64(to.size)):
+        to[i] = of[i]
+
+
 # ---------------------------------------------------------------------------------------- effects
 
 
@@ -209,7 +226,7 @@ def _potential(
 @_inlined
 def applied_forces(forces: Forces, t: float, q: Floats, qd: Floats, Q: Floats) -> None:
     """Q(q, q̇, t): the sum of the effects the scene names; each adds its own."""
-    Q[:] = 0.0
+    zero(Q)
     for e in range(forces.force.size):
         _force(
             forces.force[e],
@@ -390,8 +407,8 @@ def assemble(unit: Unit, system: System, work: Work) -> None:
     """A = M + Φ_qᵀ α Φ_q on the pattern, lower blocks, from the Jacobian in `work`."""
     D = np.uint64(len(unit))
     rows, pattern, g, g2 = system.rows, system.pattern, work.g, work.g2
-    work.diagonal[:] = pattern.mass_diagonal
-    work.off[:] = pattern.mass_off
+    copy(pattern.mass_diagonal, work.diagonal)
+    copy(pattern.mass_off, work.off)
     for r in range(np.uint64(rows.i.size)):
         i, j = rows.i[r] * D * D, rows.j[r] * D * D
         for a in range(D):
@@ -515,8 +532,8 @@ def solve(unit: Unit, pattern: Pattern, diagonal: Floats, off: Floats, x: Floats
 def linearise(unit: Unit, system: System, work: Work, q: Floats) -> bool:
     """Φ_q and the factor of A at q; returns whether A was positive definite."""
     jacobian(unit, system.rows, q, work.g, work.g2)
-    work.gf[:] = work.g
-    work.g2f[:] = work.g2
+    copy(work.g, work.gf)
+    copy(work.g2, work.g2f)
     assemble(unit, system, work)
     columns = factorise(unit, system.pattern, work.diagonal, work.off, work.column)
     return columns == np.uint64(system.pattern.first.size) - _1
@@ -631,7 +648,7 @@ def accelerate(
     for r in range(work.r2.size):
         work.r2[r] = -work.r2[r]
         work.lam[r] = 0.0
-    work.qdd[:] = 0.0
+    zero(work.qdd)
     return augmented(
         unit, system, work, work.Q, work.qdd, work.lam, work.r2, iterations, tolerance
     )
@@ -673,7 +690,7 @@ def correct(unit: Unit, system: System, work: Work, phi: Floats, q: Floats) -> N
     delta = work.delta
     for r in range(phi.size):
         phi[r] *= -system.rows.alpha[r]
-    delta[:] = 0.0
+    zero(delta)
     add_transposed(unit, system.rows, work.gf, work.g2f, phi, delta)
     solve(unit, system.pattern, work.diagonal, work.off, delta)
     for a in range(np.uint64(system.mass.diagonal.size) * np.uint64(len(unit))):
@@ -716,10 +733,10 @@ def place(unit: Unit, system: System, work: Work, size: float, wholly: bool) -> 
     if not linearise(unit, system, work, work.q):
         return NOT_POSITIVE
     violation(unit, system.rows, work.q, work.r2)
+    zero(work.delta)
     for a in range(n):
         work.delta[a] = work.target[a] - work.q[a]
         work.q[a] = work.target[a]
-    work.delta[n:] = 0.0
     times_jacobian(unit, system.rows, work.g, work.g2, work.delta, work.rate)
     for r in range(work.r2.size):
         work.r2[r] += work.rate[r]
@@ -761,7 +778,7 @@ def momentum_rate(
     every stage, and the last term is dropped.
     """
     count, slowest = accelerate(unit, system, forces, work, t, iterations, tolerance)
-    work.p[:] = 0.0
+    zero(work.p)
     add_mass_times(unit, system.mass, 1.0, work.qdd, work.p)
     return count, slowest
 
@@ -785,7 +802,7 @@ def stage(
         return 0, False
     count, slowest = velocities(unit, system, work, iterations, tolerance)
     if slowest > _SLOW and not neighbour:
-        work.target[:] = work.q
+        copy(work.q, work.target)
         if place(unit, system, work, size, True) != OK:
             return 0, False
         count, slowest = velocities(unit, system, work, iterations, tolerance)
@@ -822,8 +839,8 @@ def stage_between(
     n = work.p.size
     most = 0
     for _ in range(4):
-        work.sum_q[:] = 0.0
-        work.sum_p[:] = 0.0
+        zero(work.sum_q)
+        zero(work.sum_p)
         good = True
         for k in range(-3, 4):
             if k == 0:
@@ -874,14 +891,14 @@ def step(
     n = work.p.size
     stages = np.uint64(b.size)
     kq, kp = work.kq, work.kp
-    work.qd[:] = qd
+    copy(qd, work.qd)
     jacobian_rate(unit, system.rows, work.qd, work.g2d)
     convective(unit, system.rows, work.g2d, work.qd, work.r2)
     for r in range(work.r2.size):
         work.r2[r] = -work.r2[r]
         work.lam[r] = 0.0
-    work.bend[:] = 0.0
-    work.p[:] = 0.0
+    zero(work.bend)
+    zero(work.p)
     most, _ratio = augmented(
         unit, system, work, work.p, work.bend, work.lam, work.r2, iterations, 1e-3
     )
@@ -900,11 +917,11 @@ def step(
             work.q[i] = q[i] + h * work.q[i]
             work.p[i] *= h
         add_mass_times(unit, system.mass, 1.0, qd, work.p)
-        work.momenta[:] = work.p
+        copy(work.p, work.momenta)
         if s == stages:
             break
-        work.base[:] = work.q
-        work.target[:] = work.q
+        copy(work.q, work.base)
+        copy(work.q, work.target)
         lag = 0.5 * c[s] * c[s]  # of the stage behind the path, in h² of its curvature
         for m in range(s):
             lag -= a[s, m] * c[m]
@@ -930,7 +947,7 @@ def step(
                 unit, system, forces, work, ts, qd, spacing, iterations, tolerance, size
             )
             if s == 0:
-                work.qd[:] = qd
+                copy(qd, work.qd)
         if count == 0:
             return NOT_POSITIVE, most
         most = max(most, count)
@@ -939,7 +956,7 @@ def step(
             kp[s * n + i] = work.p[i]
     result = project(unit, system, work, size)
     if result == OK:
-        work.p[:] = work.momenta
+        copy(work.momenta, work.p)
         count, _slowest = velocities(unit, system, work, iterations, tolerance)
         most = max(most, count)
         check = 0.0
@@ -992,7 +1009,7 @@ def advance(
     """
     system, forces, work = on_loan(system), on_loan(forces), on_loan(work)
     most = 0
-    work.q[:] = q
+    copy(q, work.q)
     if not linearise(unit, system, work, work.q):
         return NOT_POSITIVE, 0, most
     for taken in range(steps):
@@ -1004,8 +1021,8 @@ def advance(
         if result != OK:
             return result, taken, most
         count_turns(axes, q, work.q, turns)
-        q[:] = work.q
-        qd[:] = work.qd
+        copy(work.q, q)
+        copy(work.qd, qd)
     return OK, steps, most
 
 
@@ -1047,7 +1064,7 @@ def error_norm(
         for r in range(work.r2.size):
             work.r2[r] = 0.0
             work.lam[r] = 0.0
-        work.bend[:] = 0.0
+        zero(work.bend)
         augmented(unit, system, work, work.momenta, work.bend, work.lam, work.r2, 3, 1e-3)
         for i in range(n):
             if abs(work.bend[i]) > largest * scale:
@@ -1089,7 +1106,7 @@ def advance_adaptively(
     stages = np.uint64(b.size)
     good_q, good_qd, good_turns, good_pace = q.copy(), qd.copy(), turns.copy(), pace[0]
     most = 0
-    work.q[:] = q
+    copy(q, work.q)
     if not linearise(unit, system, work, work.q):
         return NOT_POSITIVE, 0, most
     for taken in range(steps):
@@ -1135,8 +1152,8 @@ def advance_adaptively(
                 factor = min(5.0, max(0.2, 0.9 * error ** (-1.0 / 8.0))) if error > 0.0 else 5.0
             if error <= 1.0:
                 count_turns(axes, q, work.q, turns)
-                q[:] = work.q
-                qd[:] = work.qd
+                copy(work.q, q)
+                copy(work.qd, qd)
                 done = h if last else done + dt
                 pace[0] = max(pace[0], factor * dt) if dt < pace[0] else factor * dt
             else:
@@ -1144,16 +1161,16 @@ def advance_adaptively(
                 if pace[0] < 1e-9 * h:
                     result = result if result != OK else COLLAPSED
                     break
-                work.q[:] = q
+                copy(q, work.q)
                 linearise(unit, system, work, work.q)
         if done < h:
-            q[:] = good_q
-            qd[:] = good_qd
-            turns[:] = good_turns
+            copy(good_q, q)
+            copy(good_qd, qd)
+            copy(good_turns, turns)
             pace[0] = good_pace
             return result, taken, most
-        good_q[:] = q
-        good_qd[:] = qd
-        good_turns[:] = turns
+        copy(q, good_q)
+        copy(qd, good_qd)
+        copy(turns, good_turns)
         good_pace = pace[0]
     return OK, steps, most
