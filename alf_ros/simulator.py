@@ -79,7 +79,7 @@ class Simulator(Node):
 
         status.enabled = values['status_line']
         status.say(f'scene {self._scene.name}: preparing')
-        with status.say_if_slow('compiling (first run only) ...', 2.0):
+        with status.say_if_slow('compiling, the first time only ...', 2.0):
             settings = {key.partition('.')[2]: value for key, value in solver.items()}
             self._run = self._prepare(self._scene, settings, steps, values)
         self._pacer = Pacer(steps * step, values['real_time_factor'])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TextIO
@@ -42,14 +43,28 @@ class Status:
 
     @contextmanager
     def say_if_slow(self, text: str, seconds: float) -> Iterator[None]:
-        """Print `text` if the block takes longer than `seconds`."""
-        timer = threading.Timer(seconds, self.say, [text])
-        timer.daemon = True
-        timer.start()
+        """Print `text` if the block takes longer than `seconds`; on a terminal, time goes by."""
+        over, started = threading.Event(), time.monotonic()
+
+        def tell() -> None:
+            if over.wait(seconds):
+                return
+            if not self.live:
+                self.say(text)
+                return
+            while True:
+                self.show(f'{text} {time.monotonic() - started:.0f} s')
+                if over.wait(1.0):
+                    self.say(f'{text} {time.monotonic() - started:.0f} s')
+                    return
+
+        teller = threading.Thread(target=tell, daemon=True)
+        teller.start()
         try:
             yield
         finally:
-            timer.cancel()
+            over.set()
+            teller.join()
 
     def _write(self, text: str) -> None:
         if self._gone:

@@ -2,6 +2,8 @@
 
 import os
 import pty
+import re
+import time
 
 from alf_ros.status import Status
 
@@ -52,3 +54,16 @@ def test_what_takes_long_is_announced_once(tmp_path):
             while 'slow' not in (tmp_path / 'out').read_text():
                 pass
     assert (tmp_path / 'out').read_text() == 'slow\n'
+
+
+def test_on_a_terminal_it_shows_that_time_goes_by():
+    terminal, stream = pty.openpty()
+    with os.fdopen(stream, 'w') as stream:
+        status = Status(stream=stream)
+        with status.say_if_slow('compiling ...', 0.0):
+            time.sleep(1.5)
+        seen = ''
+        while '\n' not in seen:
+            seen += os.read(terminal, 1000).decode()
+    os.close(terminal)
+    assert re.fullmatch(r'(\r\x1b\[Kcompiling \.\.\. \d+ s){3,}\r\n', seen)
