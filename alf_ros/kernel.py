@@ -711,10 +711,10 @@ def project(unit: Unit, system: System, work: Work, size: float) -> int:
         gap = opening(unit, system.rows, work.q, work.r2)
         closed = gap <= 4.0 * _EPS * size
         if closed or (fresh and gap > 0.5 * before and gap <= 1e-10 * size):
-            return OK if linearise(unit, system, work, work.q) else NOT_POSITIVE
+            return OK if linearise(unit, system, work, work.q) else NOT_CLOSED
         if gap > 0.1 * before:
             if not linearise(unit, system, work, work.q):
-                return NOT_POSITIVE
+                return NOT_CLOSED
             fresh = True
         before = gap
         correct(unit, system, work, work.r2, work.q)
@@ -949,7 +949,7 @@ def step(
             if s == 0:
                 copy(qd, work.qd)
         if count == 0:
-            return NOT_POSITIVE, most
+            return NOT_CLOSED, most
         most = max(most, count)
         for i in range(n):
             kq[s * n + i] = work.qd[i]

@@ -31,8 +31,8 @@ _FAILURES = {
         'ask for a larger tolerance, or look for a force that jumps',
     ),
     kernel.NOT_CLOSED: (
-        'the loops cannot be closed after the step',
-        'take a smaller step: the mechanism moved too far in one',
+        'the loops cannot be closed within the step',
+        'take a smaller step, or smaller forces: the mechanism moves too far in one',
     ),
 }
 

@@ -219,6 +219,16 @@ def test_failed_step_keeps_the_last_good_state() -> None:
     assert same(sim.sample(), other.sample())
 
 
+@pytest.mark.parametrize('integrator', ['rk4', 'dop853'])
+@pytest.mark.parametrize('step', [0.5, 30.0])
+def test_a_step_much_too_long_says_so(integrator: str, step: float) -> None:
+    sim = Simulation(load_scene('slider_crank'), step=step, integrator=integrator)
+    before = sim.sample()
+    with pytest.raises(StepError, match='smaller step'):
+        sim.step(50)
+    assert sim.step_index > 0 or same(before, sim.sample())
+
+
 def test_keywords_override_the_scene() -> None:
     sim = Simulation(load_scene('slider_crank'), step=5e-4, penalty=1e7, iterations=4)
     assert (sim.h, sim.solver.penalty, sim.solver.iterations) == (5e-4, 1e7, 4)
