@@ -133,3 +133,24 @@ def test_one_simulated_hour(name: str, drift: float) -> None:
         else:
             assert points['B2'] - [2, 0] == pytest.approx(points['B0'], abs=1e-12)
     assert sim.t == 3600.0
+
+
+@pytest.mark.parametrize(
+    ('name', 'step', 'penalties', 'size'),
+    [
+        ('slider_crank', 4e-3, (1e6, 1e7, 1e9, 1e10, 1e11), 1e-9),
+        ('double_four_bar', 4e-3, (1e6, 1e7, 1e9, 1e10, 1e11), 1e-9),
+        ('four_bar', 2.5e-4, (1e4, 1e5, 1e6, 1e7, 1e9, 1e10, 1e11), 1e-10),  # never singular
+    ],
+)
+def test_the_answer_does_not_depend_on_the_penalty(
+    name: str, step: float, penalties: tuple[float, ...], size: float
+) -> None:
+    def end(penalty: float) -> np.ndarray:
+        sim = Simulation(load_scene(name), step=step, integrator='dop853', penalty=penalty)
+        sim.step(round(2.0 / step) if name == 'four_bar' else round(10.0 / step))
+        return sim.sample().q
+
+    usual = end(1e8)
+    for penalty in penalties:
+        assert end(penalty) == pytest.approx(usual, abs=size), penalty
