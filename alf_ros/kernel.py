@@ -126,14 +126,14 @@ class Work(NamedTuple):
     sigma: Floats  # (rows,) σ'
     lam: Floats  # (rows,) λ
     rate: Floats  # (rows,) Φ_q times a velocity or a displacement
-    kq: Floats  # (stages movable D,) q̇ of the stages
-    kp: Floats  # (stages movable D,) ṗ' of the stages
-    base: Floats  # (all blocks D,) the same, while places around it are tried
-    momenta: Floats  # (movable D,)
-    sum_q: Floats  # (movable D,)
-    sum_p: Floats  # (movable D,)
+    kq: Floats  # ((stages + 1) movable D,) q̇ of the stages and of the end
+    kp: Floats  # ((stages + 1) movable D,) ṗ' of the stages and of the end
     bend: Floats  # (all blocks D,) q̈ of the unforced mechanism: the curvature of its path
     target: Floats  # (all blocks D,) a stage as the method has it, before it is put on Φ = 0
+    base: Floats  # (all blocks D,) that stage again, while places around it are tried
+    momenta: Floats  # (movable D,) its p'
+    sum_q: Floats  # (movable D,) what is interpolated from those places: q̇
+    sum_p: Floats  # (movable D,) and ṗ'
 
 
 # ------------------------------------------------------------------------------ arrays on loan
@@ -813,7 +813,6 @@ def stage(
     for i in range(n):
         across = max(across, abs(work.p[i]))
     more, slower = momentum_rate(unit, system, forces, work, t, iterations, tolerance)
-
     clear = max(slowest, slower) <= _SLOW and across <= _TURN * along
     return max(count, more), clear
 

@@ -154,3 +154,51 @@ def test_the_answer_does_not_depend_on_the_penalty(
     usual = end(1e8)
     for penalty in penalties:
         assert end(penalty) == pytest.approx(usual, abs=size), penalty
+
+
+def parallelogram(cranks: tuple[int, ...]) -> Scene:
+    """A bar on parallel cranks; the third one depends on the other two everywhere."""
+    points: dict[str, object] = {}
+    bodies: dict[str, object] = {
+        'bar': {
+            'points': ['B0', 'B2', 'B1'],
+            'mass': 2,
+            'com': [1, 0],
+            'inertia': {'about_com': 1},
+        }
+    }
+    joints: dict[str, object] = {}
+    for k in range(3):
+        points |= {f'A{k}': {'at': [k, 0], 'fixed': True}, f'B{k}': {'at': [k, 1]}}
+    for k in cranks:
+        mass = 3.0 / len(cranks)
+        bodies[f'crank{k}'] = {'points': [f'A{k}', f'B{k}'], 'mass': mass, 'inertia': 'rod'}
+        for name, pair, point in (
+            (f'foot{k}', ['ground', f'crank{k}'], f'A{k}'),
+            (f'head{k}', [f'crank{k}', 'bar'], f'B{k}'),
+        ):
+            joints[name] = {'type': 'revolute', 'between': pair, 'at': point}
+    return load_scene(
+        {
+            'mechanism': {'alf': 1, 'points': points, 'bodies': bodies, 'joints': joints},
+            'effects': GRAVITY,
+            'initial': {'velocities': {'B0': [1, 0]}},
+        }
+    )
+
+
+def test_a_redundant_crank_changes_nothing_but_the_reactions() -> None:
+    """5 s through the passages in which the parallelogram could fold: same motion, same energy."""
+    samples = []
+    for cranks in ((0, 2), (0, 1, 2)):
+        sim = Simulation(parallelogram(cranks), step=4e-3, integrator='dop853')
+        energy = sim.sample().energy
+        sim.step(1250)
+        samples.append(sim.sample())
+        assert samples[-1].energy == pytest.approx(energy, abs=1e-9)
+    minimal, redundant = samples
+    assert redundant.q == pytest.approx(minimal.q, abs=1e-9)
+    assert (minimal.diagnostics.redundant, redundant.diagnostics.redundant) == (0, 1)
+    assert not redundant.diagnostics.singular
+    assert not any(reaction.indeterminate for reaction in minimal.reactions.values())
+    assert all(reaction.indeterminate for reaction in redundant.reactions.values())
