@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from alf_ros import Simulation, load_scene
+from alf_ros import Scene, Simulation, load_scene
 
 GRAVITY = {'gravity': {'acceleration': [0, -9.81]}}
 
