@@ -13,8 +13,22 @@ PACKAGE = ROOT / 'alf_ros'
 
 # Every module of the package, room by room: each imports from its own room and from earlier ones.
 ROOMS = {
-    'errors': ['errors', 'arrays', 'commands', 'resources'],
-    'kernel': ['kernel'],
+    'errors': ['errors', 'arrays', 'commands', 'resources', 'structs'],
+    'kernel': [
+        'kernel',
+        'kernel.adaptive',
+        'kernel.constraints',
+        'kernel.data',
+        'kernel.factor',
+        'kernel.forces',
+        'kernel.iteration',
+        'kernel.jit',
+        'kernel.manifold',
+        'kernel.mass',
+        'kernel.stage',
+        'kernel.step',
+        'kernel.vectors',
+    ],
     'mechanism': ['mechanism', 'layout'],
     'model': ['model', 'assembly', 'rank'],
     'effects': ['effects', 'effects.contract', 'effects.gravity', 'effects.constant_wrench'],
