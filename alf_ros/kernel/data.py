@@ -52,8 +52,8 @@ class Rows(Struct):
     i: Indices  # (distance rows,) movable block
     j: Indices  # (distance rows,) the other block
     length2: Floats  # (distance rows,) L², m²
-    first: Indices  # (quadratic and velocity rows + 1,) entries of a row: first[r] .. first[r + 1]
-    movable: Indices  # (quadratic and velocity rows,) entries of movable blocks end here; fixed ones follow
+    first: Indices  # (other rows + 1,) entries of a row: first[r] .. first[r + 1]
+    movable: Indices  # (other rows,) entries of movable blocks end here; fixed ones follow
     block: Indices  # (entries,)
     b: Floats  # (entries D,); the gradient is g = T q + b
     first_term: Indices  # (entries + 1,)
