@@ -15,19 +15,19 @@ from alf_ros.effects.contract import Effect
 from alf_ros.errors import InputError
 from alf_ros.kernel import Forces
 from alf_ros.layout import Layout
-from alf_ros.mechanism import GROUND, Joint
+from alf_ros.mechanism import GROUND
 from alf_ros.model import Model
 
 
 @dataclass(frozen=True)
 class Wrench:
-    """A force (N) and a torque about +z (N m) held on a body or point until replaced.
+    """A force (N) and a torque (N m; in the plane about +z), held on a body or point.
 
     `at` names a point of the body (default: its centre of mass); `frame` is 'world' or 'body'.
     """
 
     force: tuple[float, ...]
-    torque: float = 0.0
+    torque: float | tuple[float, ...] = 0.0
     at: str | None = None
     frame: str = 'world'
 
@@ -51,17 +51,16 @@ class Applied:
         self.inputs = inputs
         self._model = model
         self._effects = tuple(effects)
-        self._from_outside = [*_wrench_effects(inputs), *_effort_effects(model, inputs)]
+        self._from_outside = [*_wrench_effects(inputs), *_effort_effects(inputs)]
 
     @cached_property
     def assembled(self) -> Forces:
         """For the step: bodies share their points."""
         return self._pack(self._model.layout)
 
-    @cached_property
-    def cut(self) -> Forces:
-        """For the reactions: each body alone."""
-        return self._pack(self._model.cut)
+    def on(self, layout: Layout) -> Forces:
+        """For another layout: that of the reactions, with each body alone."""
+        return self._pack(layout)
 
     def _pack(self, layout: Layout) -> Forces:
         kinds: dict[tuple[str, bool], list[Effect]] = {}
@@ -113,26 +112,14 @@ def _wrench_effects(inputs: Inputs) -> list[Effect]:
     ]
 
 
-def _effort_effects(model: Model, inputs: Inputs) -> list[Effect]:
-    """An effort acts on the child and, the other way round, on the parent."""
+def _effort_effects(inputs: Inputs) -> list[Effect]:
     if not inputs.efforts:
         return []
-    constant_wrench = registry.load('constant_wrench')
-    joints = {joint.name: joint for joint in model.mechanism.joints}
-    effects = []
-    for name, effort in inputs.efforts.items():
-        joint: Joint = joints[name]
-        if joint.kind == 'slider' and joint.direction is not None:
-            force = tuple(effort * axis for axis in joint.direction)
-            parts = [constant_wrench.Parameters(joint.child, force, 0.0, joint.point)]
-        else:
-            parts = [
-                constant_wrench.Parameters(body, torque=torque)
-                for body, torque in ((joint.child, effort), (joint.parent, -effort))
-                if body != GROUND
-            ]
-        effects += [Effect('constant_wrench', name, part) for part in parts]
-    return effects
+    joint_effort = registry.load('joint_effort')
+    return [
+        Effect('joint_effort', name, joint_effort.Parameters(name, effort))
+        for name, effort in inputs.efforts.items()
+    ]
 
 
 def checked_wrench(model: Model, name: str, wrench: Wrench) -> Wrench:
@@ -142,18 +129,17 @@ def checked_wrench(model: Model, name: str, wrench: Wrench) -> Wrench:
     if name not in choices:
         raise InputError('unknown body or point', key='wrench', value=name, choices=choices)
     D = layout.dimension
-    if len(wrench.force) != D or not all(map(math.isfinite, (*wrench.force, wrench.torque))):
-        numbers = [*wrench.force, wrench.torque]
-        raise InputError(
-            'not a wrench',
-            key=name,
-            value=numbers,
-            expected=f'{D} finite forces and a finite torque',
-        )
+    torque = wrench.torque if isinstance(wrench.torque, tuple) else (wrench.torque,)
+    numbers = [*wrench.force, *torque]
+    sizes = (D, 1 if D == 2 else 3)
+    torque_fits = len(torque) == sizes[1] or not any(torque)
+    if len(wrench.force) != D or not torque_fits or not all(map(math.isfinite, numbers)):
+        expected = 'a finite torque' if D == 2 else '3 finite torques'
+        message = f'{D} finite forces and {expected}'
+        raise InputError('not a wrench', key=name, value=numbers, expected=message)
     if wrench.frame not in ('world', 'body'):
         raise InputError('unknown frame', key=name, value=wrench.frame, choices=('world', 'body'))
-    turns = name in layout.body and len(layout.body[name].points) > 1
-    if not turns and (wrench.torque or wrench.frame == 'body'):
+    if not layout.turns(name) and (any(torque) or wrench.frame == 'body'):
         raise InputError('has no orientation: no torque on it, and no frame of its own', key=name)
     if wrench.at is not None:
         points = layout.body[name].points if name in layout.body else ()
@@ -163,14 +149,16 @@ def checked_wrench(model: Model, name: str, wrench: Wrench) -> Wrench:
 
 
 def checked_effort(model: Model, joint: str, effort: float) -> float:
-    """The effort, if that joint can take one. Raises InputError otherwise."""
-    if joint not in model.joint_names:
-        raise InputError('unknown joint', key='effort', value=joint, choices=model.joint_names)
+    """The effort, if that joint coordinate can take one. Raises InputError otherwise."""
+    names = model.coordinate_names
+    if joint not in names:
+        raise InputError('unknown joint', key='effort', value=joint, choices=names)
     if not math.isfinite(effort):
         raise InputError('not an effort', key=joint, value=effort, expected='a finite number')
-    ends = next(each for each in model.mechanism.joints if each.name == joint)
-    for name in (ends.child, ends.parent):
-        points = model.layout.body[name].points if name != GROUND else ()
-        if ends.kind == 'revolute' and len(points) == 1:
+    coordinate = model.coordinates[names.index(joint)]
+    if coordinate.joint.kind == 'universal':
+        raise InputError('has two free axes: no effort on them', key=joint)
+    for name in (coordinate.joint.child, coordinate.joint.parent):
+        if coordinate.is_angle and name != GROUND and not model.layout.turns(name):
             raise InputError(f'{name!r} has no orientation: no torque on it', key=joint)
     return float(effort)

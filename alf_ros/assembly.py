@@ -8,17 +8,20 @@ energy.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from alf_ros import kernel
+from alf_ros import form, kernel
 from alf_ros.arrays import Floats
 from alf_ros.errors import AssemblyError
 from alf_ros.kernel import System, Work
-from alf_ros.model import Model, Row, allocate, hold
+from alf_ros.model import Model, allocate, hold
 from alf_ros.rank import effective_rank
+from alf_ros.rows import Row, linear
 
-Given = Mapping[str, Sequence[float | None]]  # a point's components; None leaves one free
+# components of points and vectors by name; None leaves one free
+Given = Mapping[str, Sequence[float | None]]
 
 
 def close(model: Model, given: Given, start: Floats | None = None) -> Floats:
@@ -27,11 +30,9 @@ def close(model: Model, given: Given, start: Floats | None = None) -> Floats:
     `start` (blocks D, m) is where to begin instead of the drawing. Raises AssemblyError with the
     constraints that stay open.
     """
-    system, names, values = _held(model, given)
+    system, names, _ = hold(model, _rows(model, given), velocities=False)
     work = allocate(model, system, 1)
     q = np.array(model.q if start is None else start)
-    if values.size:
-        system.rows.c[-values.size :] = -values
     work.q[:] = q
     best = np.inf
     for _ in range(200):
@@ -66,17 +67,21 @@ def complete(model: Model, q: Floats, given: Given) -> Floats:
 
     Raises AssemblyError with the constraints that contradict the velocities given.
     """
-    system, names, values = _held(model, given)
+    rows = _rows(model, given)
+    values = np.array([-row.c for row in rows])
+    rates = [replace(row, c=0.0) for row in rows]
+    system, names, own = hold(model, rates, velocities=True)
     work = allocate(model, system, 1)
     work.q[:] = q
     _linearised(model, system, work)
-    rows = system.rows
-    x, r2 = np.zeros_like(model.q), np.zeros(rows.alpha.size)
-    work.r2[r2.size - values.size :] = values
+    wanted = np.zeros(len(names))
+    wanted[own] = values
+    wanted[len(names) - system.rows.B.size :] = -system.rows.B
+    work.r2[:] = wanted
+    x, rate = np.zeros_like(model.q), np.zeros_like(wanted)
     kernel.augmented(model.unit, system, work, work.p, x, 100, 1e-15, False)
-    kernel.times_jacobian(model.unit, rows, work.g, work.g2, x, r2)
-    r2[r2.size - values.size :] -= values
-    wrong = np.abs(r2) * rows.scale
+    kernel.times_jacobian(model.unit, system.rows, work.g, work.g2, x, rate)
+    wrong = np.abs(rate - wanted) * system.rows.scale
     if wrong.size and wrong.max() > 1e-9 * max(1e-300, np.abs(values).max(initial=0.0)):
         raise AssemblyError(
             f'the velocities given contradict each other: {_worst(names, wrong, "m/s")}',
@@ -105,22 +110,19 @@ def dependent_rows(model: Model, q: Floats) -> int:
     return len(model.row_names) - found
 
 
-def _held(model: Model, given: Given) -> tuple[System, list[str], Floats]:
-    """The mechanism's system with one more linear row for each component given."""
-    kernel_names = np.empty(len(model.row_names), dtype=object)
-    kernel_names[model.row] = model.row_names
-    if not given:
-        return model.system, list(kernel_names), np.zeros(0)
-    rows, names, values = [], [], []
-    for point, components in given.items():
+def _rows(model: Model, given: Given) -> list[Row]:
+    """One more linear row for each component given; those of vectors are in their own length."""
+    layout, D = model.layout, model.layout.dimension
+    rows = []
+    for name, components in given.items():
+        is_point = name in layout.of_point
+        block = layout.of_point[name] if is_point else layout.of_vector[name]
+        unit = 1.0 if is_point else layout.length
         for axis, value in enumerate(components):
             if value is not None:
-                e = tuple(float(axis == a) for a in range(model.layout.dimension))
-                name = f'{point} ({"xyz"[axis]} given)'
-                rows.append(Row(name, ((model.layout.of_point[point], e),)))
-                names.append(name)
-                values.append(value)
-    return hold(model, rows), [*kernel_names, *names], np.array(values, dtype=float)
+                row = f'{name} ({"xyz"[axis]} given)'
+                rows.append(linear(row, np.eye(D)[axis], form.of_block(block, D), unit * value))
+    return rows
 
 
 def _linearised(model: Model, system: System, work: Work) -> tuple[bool, Floats]:

@@ -140,7 +140,7 @@ class Inputs:
         # Dictionaries for their order and their quick look-up.
         self._bodies = dict.fromkeys(simulation.model.body_names)
         self._points = dict.fromkeys(point.name for point in mechanism.points if not point.fixed)
-        self._joints = dict.fromkeys(simulation.model.joint_names)
+        self._joints = dict.fromkeys(simulation.model.coordinate_names)
         names = self._bodies | self._points
         unfit = [name for name in names if not _TOKEN.fullmatch(name)]
         if unfit:

@@ -1,107 +1,186 @@
-"""Which block of the natural coordinates a point of a body is, and how forces on a body reach
-blocks.
+"""Which block of the natural coordinates a point or vector of a body is, and what a place or a
+direction on a body is in terms of them.
 
-Two layouts of one mechanism are used. In the assembled one, bodies that meet at a point share its
-block: the step integrates that. In the cut one every body owns its points: it tells what acts on
-each body alone, hence the reactions in the joints.
+Two layouts of one mechanism are used. In the assembled one, bodies that meet at a point or share a
+vector share its block: the step integrates that. In the cut one every body owns its blocks: it
+tells what acts on each body alone, hence the reactions in the joints.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
+from alf_ros import form
 from alf_ros.arrays import Floats
-from alf_ros.mechanism import Body, Mechanism
+from alf_ros.form import Form
+from alf_ros.mechanism import GROUND, Body, Mechanism, Numbers
+
+TURN = np.array([[0.0, -1.0], [1.0, 0.0]])  # J, a quarter turn
+
+
+@dataclass(frozen=True, eq=False)
+class Basis:
+    """What carries a body: r = P_0 + Σ c_k d_k with c = `inverse` (k, D) times the local place.
+
+    `first` is the block of P_0, `ends` those that make d_k: P_k (then `is_point`) or a vector.
+    A planar body has d_1 alone; d_2 = J d_1.
+    """
+
+    first: int
+    ends: tuple[int, ...]
+    is_point: tuple[bool, ...]
+    inverse: Floats
 
 
 @dataclass(frozen=True)
 class Layout:
     """Blocks of a mechanism: `movable` of them first, `blocks` in all.
 
-    `of_point` gives the block of a point on its own (in the cut layout, that of the first body
-    that carries it), `of_body` those of each body's points in the body's order.
+    `of_point` and `of_vector` give the block of a point or vector on its own (in the cut layout,
+    that of the first body that has it), `of_body` those of each body: points, then vectors.
     """
 
     mechanism: Mechanism
     movable: int
     blocks: int
-    of_point: dict[str, int]
-    of_body: dict[str, tuple[int, ...]]
-    body: dict[str, Body]
+    of_point: Mapping[str, int]
+    of_vector: Mapping[str, int]
+    of_body: Mapping[str, tuple[int, ...]]
+
+    @cached_property
+    def body(self) -> dict[str, Body]:
+        return {body.name: body for body in self.mechanism.bodies}
 
     @property
     def dimension(self) -> int:
         """2 in the plane, 3 in space."""
         return self.mechanism.dimension
 
+    @cached_property
+    def length(self) -> float:
+        """Length of the blocks of unit vectors, m: that of the drawing, so that every natural
+        coordinate is a length, and every mass one."""
+        places = np.array([point.at for point in self.mechanism.points])
+        return float(np.ptp(places, axis=0).max(initial=0.0)) or 1.0
+
     @property
     def bodies(self) -> tuple[Body, ...]:
         """All bodies, in the order of the file."""
         return self.mechanism.bodies
 
-    def basis(self, body: str) -> tuple[int, int]:
-        """Blocks of the two points that carry a body; the same twice if it has only one."""
-        blocks = self.of_body[body]
-        return blocks[0], blocks[min(1, len(blocks) - 1)]
+    @cached_property
+    def _bases(self) -> dict[str, Basis]:
+        return {body.name: self._make_basis(body) for body in self.bodies}
 
-    def coordinates(self, body: str, local: tuple[float, ...]) -> tuple[float, float]:
-        """(a, b) of a place in the body frame (m): r = P_0 + a (P_1 - P_0) + b J (P_1 - P_0)."""
-        shape = self.body[body].local
-        if len(shape) == 1:
-            return 0.0, 0.0
-        return local[0] / shape[1][0], local[1] / shape[1][0]
+    def basis(self, body: str) -> Basis:
+        """What carries a body."""
+        return self._bases[body]
 
-    def carry(self, body: str, local: tuple[float, ...]) -> list[tuple[int, Floats]]:
-        """(block, C) pairs: a force F at that place of the body adds C F (N) to the block."""
-        i, j = self.basis(body)
-        a, b = self.coordinates(body, local)
-        one, turn = np.eye(2), np.array([[0.0, -1.0], [1.0, 0.0]])
-        if i == j:
-            return [(i, one)]
-        return [(i, (1.0 - a) * one + b * turn), (j, a * one - b * turn)]
+    def _make_basis(self, body: Body) -> Basis:
+        blocks = self.of_body[body.name]
+        ends: list[int] = []
+        is_point: list[bool] = []
+        local: list[Floats] = []
+        points = len(body.points)
+        # the second point, then vectors, then further points: what is independent carries
+        order = [*range(1, min(2, points)), *range(points, len(blocks)), *range(2, points)]
+        for n in order[: 1 if self.dimension == 2 else None]:
+            d = self.local(body, n)
+            trial = np.array([each / np.linalg.norm(each) for each in (*local, d) if np.any(each)])
+            if np.any(d) and np.linalg.svd(trial, compute_uv=False)[-1] > 1e-6:
+                ends.append(blocks[n])
+                is_point.append(n < points)
+                local.append(d)
+        if self.dimension == 2 and local:
+            local.append(TURN @ local[0])
+        inverse = np.linalg.pinv(np.array(local).T) if local else np.zeros((0, self.dimension))
+        return Basis(blocks[0], tuple(ends), tuple(is_point), inverse)
 
-    def place(self, name: str, at: str | None = None) -> tuple[int, int, float, float]:
-        """(i, j, a, b) of a body's centre of mass, of its point `at`, or (block, block, 0, 0) of
-        a point.
+    def local(self, body: Body, n: int) -> Floats:
+        """The n-th block of a body, points then vectors, in the body frame (D,), m."""
+        points = len(body.points)
+        if n < points:
+            return np.array(body.local[n], dtype=float)
+        return self.length * np.array(body.axes[n - points])
+
+    def weights(self, body: str, local: Numbers) -> Floats:
+        """c (k,): a place or direction of the body frame in terms of its basis."""
+        return np.asarray(self.basis(body).inverse @ np.asarray(local, dtype=float))
+
+    def direction(self, body: str, local: Numbers) -> Form:
+        """A direction fixed in a body (or in the ground), from the body frame."""
+        if body == GROUND:
+            return form.constant(local)
+        basis, c, D = self.basis(body), self.weights(body, local), self.dimension
+        total = Form({}, np.zeros(D))
+        for end, is_point, weight in zip(basis.ends, basis.is_point, c, strict=False):
+            d = form.of_block(end, D)
+            if is_point:
+                d = d - form.of_block(basis.first, D)
+            total = total + d.times(weight * np.eye(2) + c[1] * TURN if D == 2 else weight)
+        return total
+
+    def place(self, body: str, local: Numbers) -> Form:
+        """A place fixed in a body (or in the ground), from the body frame (m)."""
+        if body == GROUND:
+            return form.constant(local)
+        return form.of_block(self.basis(body).first, self.dimension) + self.direction(body, local)
+
+    def placed(self, name: str, at: str | None = None) -> Form:
+        """The centre of mass of a body, its point `at`, or a point of the mechanism.
 
         Raises ValueError if `at` is not a point of the body.
         """
         if name not in self.body:
-            return self.of_point[name], self.of_point[name], 0.0, 0.0
+            return form.of_block(self.of_point[name], self.dimension)
         body = self.body[name]
         if at is None:
-            local = body.com
-        elif at in body.points:
-            local = body.local[body.points.index(at)]
-        else:
-            raise ValueError(f'{at!r} is no point of {name!r}, which has {", ".join(body.points)}')
-        return *self.basis(name), *self.coordinates(name, local)
+            return self.place(name, body.com)
+        if at in body.points:
+            return self.place(name, body.local[body.points.index(at)])
+        raise ValueError(f'{at!r} is no point of {name!r}, which has {", ".join(body.points)}')
+
+    def turns(self, name: str) -> bool:
+        """Whether it has an orientation: a torque and a frame of its own make sense."""
+        if name not in self.body:
+            return False
+        return len(self.basis(name).ends) >= (1 if self.dimension == 2 else 3)
 
 
 def cut(mechanism: Mechanism) -> Layout:
-    """The layout in which every body owns its points."""
+    """The layout in which every body owns its points and vectors."""
     of_body: dict[str, tuple[int, ...]] = {}
     of_point: dict[str, int] = {}
+    of_vector: dict[str, int] = {}
     n = 0
     for body in mechanism.bodies:
-        of_body[body.name] = tuple(range(n, n + len(body.points)))
-        for name, block in zip(body.points, of_body[body.name], strict=True):
+        points = tuple(range(n, n + len(body.points)))
+        n += len(points)
+        vectors = tuple(range(n, n + len(body.vectors)))
+        n += len(vectors)
+        of_body[body.name] = points + vectors
+        for name, block in zip(body.points, points, strict=True):
             of_point.setdefault(name, block)
-        n += len(body.points)
-    for point in mechanism.points:  # a point of no body: nothing of a body acts there
-        if point.name not in of_point:
-            of_point[point.name] = n
-            n += 1
-    return Layout(
-        mechanism, n, n, of_point, of_body, {body.name: body for body in mechanism.bodies}
-    )
+        for name, block in zip(body.vectors, vectors, strict=True):
+            of_vector.setdefault(name, block)
+    for names, places in ((mechanism.points, of_point), (mechanism.vectors, of_vector)):
+        for item in names:  # of no body: nothing of a body acts there
+            if item.name not in places:
+                places[item.name] = n
+                n += 1
+    return Layout(mechanism, n, n, of_point, of_vector, of_body)
 
 
-def assembled(mechanism: Mechanism, order: dict[str, int]) -> Layout:
-    """The layout in which points are shared; `order` is the block of every point."""
-    of_body = {body.name: tuple(order[p] for p in body.points) for body in mechanism.bodies}
-    movable = sum(not point.fixed for point in mechanism.points)
-    bodies = {body.name: body for body in mechanism.bodies}
-    return Layout(mechanism, movable, len(mechanism.points), order, of_body, bodies)
+def assembled(mechanism: Mechanism, of_point: dict[str, int], of_vector: dict[str, int]) -> Layout:
+    """The layout in which points and vectors are shared, at the blocks given."""
+    of_body = {
+        body.name: tuple(of_point[p] for p in body.points)
+        + tuple(of_vector[v] for v in body.vectors)
+        for body in mechanism.bodies
+    }
+    movable = sum(not item.fixed for item in mechanism.blocks)
+    return Layout(mechanism, movable, len(mechanism.blocks), of_point, of_vector, of_body)

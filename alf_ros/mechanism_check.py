@@ -1,38 +1,51 @@
 """What must hold for a mechanism as a whole, whatever it was read from.
 
-At every point the bodies that carry it, and the ground if it is fixed, must be connected by the
-declared revolute joints as a tree: a missing one would be a connection without a name, one more
+At every point or vector the bodies that carry it, and the ground if it is fixed, must be connected
+by the declared joints as a tree: a missing one would be a connection without a name, one more
 would make the split of the reaction among them arbitrary.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 from alf_ros.document import Entry
+from alf_ros.layout import cut
 from alf_ros.mechanism import GROUND, Joint, Mechanism
+from alf_ros.rows import joint_rows, rigidity
 
 
 def check(mechanism: Mechanism, entries: Mapping[str, Entry]) -> None:
     """Raise InputError at the entry (by name in `entries`) that is wrong."""
-    fixed = {point.name for point in mechanism.points if point.fixed}
-    carriers: dict[str, list[str]] = {point.name: [] for point in mechanism.points}
+    fixed = {item.name for item in mechanism.blocks if item.fixed}
+    enough = 2 if mechanism.dimension == 2 else 3  # fixed places that leave no freedom
     for body in mechanism.bodies:
-        held = [point for point in body.points if point in fixed]
-        if len(held) > 1 or held == list(body.points):
+        held = [name for name in (*body.points, *body.vectors) if name in fixed]
+        if len(held) >= enough or held == [*body.points, *body.vectors]:
             message = f'body {body.name!r} cannot move: fixed at {" and ".join(held)}'
             raise entries[body.name].error(message)
-        for point in body.points:
-            carriers[point].append(body.name)
+    _check_shared(mechanism, 'point', fixed, entries)
+    _check_shared(mechanism, 'vector', fixed, entries)
+    _check_row_names(mechanism, entries)
+
+
+def _check_shared(
+    mechanism: Mechanism, kind: str, fixed: Collection[str], entries: Mapping[str, Entry]
+) -> None:
+    """What several bodies carry must be connected by joints there."""
+    items = mechanism.points if kind == 'point' else mechanism.vectors
+    carriers: dict[str, list[str]] = {item.name: [] for item in items}
+    for body in mechanism.bodies:
+        for name in body.points if kind == 'point' else body.vectors:
+            carriers[name].append(body.name)
     pins: dict[str, list[Joint]] = {}
     for joint in mechanism.joints:
-        if joint.kind == 'revolute':
-            pins.setdefault(joint.point, []).append(joint)
-    for point, bodies in carriers.items():
-        if not bodies and point not in fixed:
-            raise entries[point].error(f'point {point!r} is of no body and not fixed')
-        _check_pin(point, [GROUND] * (point in fixed) + bodies, pins.get(point, []), entries)
-    _check_row_names(mechanism, entries)
+        if getattr(joint, kind) is not None:
+            pins.setdefault(getattr(joint, kind), []).append(joint)
+    for name, bodies in carriers.items():
+        if not bodies and name not in fixed:
+            raise entries[name].error(f'{kind} {name!r} is of no body and not fixed')
+        _check_pin(name, [GROUND] * (name in fixed) + bodies, pins.get(name, []), entries)
 
 
 def _check_pin(
@@ -64,13 +77,13 @@ def _check_pin(
 
 
 def _check_row_names(mechanism: Mechanism, entries: Mapping[str, Entry]) -> None:
-    """Rows are named after bodies and sliders; two of one name could not be told apart."""
+    """Rows are named after bodies, vectors and joints; two of one name could not be told apart."""
+    layout = cut(mechanism)
+    rows = [(row.name, body.name) for body in mechanism.bodies for row in rigidity(body, layout)]
+    rows += [(f'{vector.name}_unit', vector.name) for vector in mechanism.vectors]
+    for joint in mechanism.joints:
+        rows += [(row.name, joint.name) for row in joint_rows(joint, layout)]
     owners: dict[str, str] = {}
-    rows: list[tuple[str, str]] = []
-    for body in mechanism.bodies:
-        rows += [(f'{body.name}_length', body.name)] * (len(body.points) > 1)
-        rows += [(f'{body.name}_{p}_{axis}', body.name) for p in body.points[2:] for axis in 'xy']
-    rows += [(joint.name, joint.name) for joint in mechanism.joints if joint.kind == 'slider']
     for row, owner in rows:
         if row in owners:
             raise entries[owner].error(

@@ -6,24 +6,33 @@ mechanism_check.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 from alf_ros import repetition
 from alf_ros.document import Entry
 from alf_ros.expression import reserved
-from alf_ros.mechanism import GROUND, Body, Joint, Mechanism, Point
+from alf_ros.mechanism import GROUND, Body, Joint, Mechanism, Point, Vector
+from alf_ros.mechanism_bodies import BodyReader
 from alf_ros.mechanism_check import check
-from alf_ros.mechanism_joints import JointReader
+from alf_ros.mechanism_joints import JointReader, unit
+from alf_ros.mechanism_orient import orient
 from alf_ros.repetition import Item
 
 VERSION = 1
-KEYS = ('alf', 'name', 'description', 'space', 'parameters', 'points', 'bodies', 'joints')
-LATER = ('vectors', 'drives', 'constraints')
+KEYS = (
+    'alf',
+    'name',
+    'description',
+    'space',
+    'parameters',
+    'points',
+    'vectors',
+    'bodies',
+    'joints',
+)
+LATER = ('drives', 'constraints')
 WORLD = 'world'
-_COINCIDENT = 1e-12  # of the largest coordinate: closer points give no direction
-_SHORTEST = 1e-100  # m: the square of less would vanish
 
 
 @dataclass
@@ -31,11 +40,12 @@ class _Parts:
     """What has been read so far. `entries` tells where each name was declared, for errors."""
 
     points: dict[str, Point] = field(default_factory=dict)
+    vectors: dict[str, Vector] = field(default_factory=dict)
     bodies: dict[str, Body] = field(default_factory=dict)
     entries: dict[str, Entry] = field(default_factory=dict)
 
     def declare(self, item: Item) -> None:
-        """Points, bodies and joints share one set of names: topics, frames and columns use it."""
+        """Points, vectors, bodies and joints share one set of names, as topics and frames do."""
         name, entry = item.name, item.entry
         if not repetition.NAME.fullmatch(name):
             expected = 'a letter, then letters, digits or _, 100 at most'
@@ -62,26 +72,41 @@ def read_mechanism(
     fields = root.mapping(KEYS, ('alf', 'points', 'bodies'))
     if fields['alf'].integer({}) != VERSION:
         raise fields['alf'].error('unknown version of the format', expected=str(VERSION))
-    if 'space' in fields and fields['space'].text(('planar', 'spatial')) != 'planar':
-        raise fields['space'].error('planar only in this version', expected='planar')
+    spatial = 'space' in fields and fields['space'].text(('planar', 'spatial')) == 'spatial'
+    dimension = 3 if spatial else 2
+    if 'vectors' in fields and not spatial:
+        raise fields['vectors'].error('vectors are for space: spatial')
     if 'name' in fields:
         name = repetition.title(fields['name'])
     values = read_parameters(fields.get('parameters'), overrides)
     parts = _Parts()
-    for point in _points(fields['points'], values, parts):
+    for point in _points(fields['points'], values, parts, dimension):
         parts.points[point.name] = point
-    for body in _bodies(fields['bodies'], values, parts):
+    if 'vectors' in fields:
+        for vector in _vectors(fields['vectors'], values, parts):
+            parts.vectors[vector.name] = vector
+    bodies = BodyReader(parts.points, parts.vectors, dimension)
+    for item, body in bodies.read(fields['bodies'], values):
+        parts.declare(item)
         parts.bodies[body.name] = body
     if not parts.bodies:
         raise fields['bodies'].error('a mechanism needs a body')
     joints: list[Joint] = []
     if 'joints' in fields:
-        reader = JointReader(parts.points, parts.bodies)
+        reader = JointReader(parts.points, parts.vectors, parts.bodies, bodies.poses, dimension)
         for item, joint in reader.read(fields['joints'], values):
             parts.declare(item)
             joints.append(joint)
-    points, bodies = tuple(parts.points.values()), tuple(parts.bodies.values())
-    mechanism = Mechanism(name, points, bodies, tuple(joints))
+    if spatial:
+        orient(parts.bodies, parts.vectors, bodies.poses, joints, parts.entries)
+    mechanism = Mechanism(
+        name,
+        tuple(parts.points.values()),
+        tuple(parts.bodies.values()),
+        tuple(joints),
+        tuple(parts.vectors.values()),
+        dimension,
+    )
     check(mechanism, parts.entries)
     return mechanism, values
 
@@ -100,101 +125,21 @@ def read_parameters(section: Entry | None, overrides: Mapping[str, Entry]) -> di
     return values
 
 
-def _points(section: Entry, values: Mapping[str, float], parts: _Parts) -> Iterator[Point]:
+def _points(
+    section: Entry, values: Mapping[str, float], parts: _Parts, dimension: int
+) -> Iterator[Point]:
     for item in repetition.repeated(section, ('at', 'fixed'), ('at',), values):
         parts.declare(item)
-        fixed = 'fixed' in item.fields and item.fields['fixed'].boolean()
-        yield Point(item.name, item.fields['at'].vector(2, item.names), fixed)
+        at = item.fields['at'].vector(dimension, item.names)
+        yield Point(item.name, at, _fixed(item))
 
 
-def _bodies(section: Entry, values: Mapping[str, float], parts: _Parts) -> Iterator[Body]:
-    keys = ('points', 'mass', 'inertia', 'com', 'length')
-    for item in repetition.repeated(section, keys, ('points', 'mass'), values):
+def _vectors(section: Entry, values: Mapping[str, float], parts: _Parts) -> Iterator[Vector]:
+    for item in repetition.repeated(section, ('along', 'fixed'), ('along',), values):
         parts.declare(item)
-        points = _references(item, 'points', parts)
-        local = _local(item, [parts.points[p].at for p in points])
-        mass = item.fields['mass'].number(item.names)
-        if mass < 0.0:
-            raise item.fields['mass'].error('negative mass', expected='kg, zero or more')
-        com, inertia = _inertia(item, local, mass)
-        yield Body(item.name, points, local, mass, com, inertia)
+        along = unit(item.fields['along'], 3, item.names)
+        yield Vector(item.name, tuple(map(float, along)), _fixed(item))
 
 
-def _references(item: Item, key: str, parts: _Parts) -> tuple[str, ...]:
-    """Distinct points of a body, at least one."""
-    names: list[str] = []
-    for entry in item.fields[key].sequence():
-        name = repetition.name(entry, item.names)
-        if name not in parts.points:
-            raise entry.error('no such point', value=name, choices=parts.points)
-        if name in names:
-            raise entry.error('point given twice', value=name)
-        names.append(name)
-    if not names:
-        raise item.fields[key].error(f'body {item.name!r} has no points')
-    return tuple(names)
-
-
-def _local(item: Item, drawn: list[tuple[float, ...]]) -> tuple[tuple[float, ...], ...]:
-    """The points in the body frame (m): origin at the first, x axis towards the second."""
-    length = item.fields.get('length')
-    if length is not None and len(drawn) != 2:
-        raise length.error('a length is for bodies of two points')
-    if len(drawn) == 1:
-        return ((0.0, 0.0),)
-    (x, y), (x1, y1) = drawn[:2]
-    span = math.hypot(x1 - x, y1 - y)
-    if span <= max(_COINCIDENT * max(map(abs, (x, y, x1, y1))), _SHORTEST):
-        raise item.fields['points'].error(
-            f'the first two points of {item.name!r} are drawn at the same place'
-        )
-    cos, sin = (x1 - x) / span, (y1 - y) / span
-    if length is not None:
-        span = length.number(item.names)
-        if span < _SHORTEST:
-            raise length.error('not a length', expected='m, more than zero')
-    further = (
-        (cos * (a - x) + sin * (b - y), cos * (b - y) - sin * (a - x)) for a, b in drawn[2:]
-    )
-    return ((0.0, 0.0), (span, 0.0), *further)
-
-
-def _inertia(
-    item: Item, local: tuple[tuple[float, ...], ...], mass: float
-) -> tuple[tuple[float, ...], float]:
-    """Centre of mass in the body frame (m) and inertia about it (kg m²)."""
-    kind, inertia = _moment(item, local, mass)
-    centre = item.fields.get('com')
-    com = None if centre is None else centre.vector(2, item.names)
-    if len(local) == 1:
-        if kind == 'rod' or inertia > 0.0:
-            raise item.fields['inertia'].error(
-                f'body {item.name!r} has one point, which cannot turn', expected='point'
-            )
-        if centre is not None and com != (0.0, 0.0):
-            raise centre.error('a body of one point has its mass there', expected='[0, 0]')
-        return (0.0, 0.0), 0.0
-    if com is not None:
-        return com, inertia
-    if kind == 'rod' or mass == 0.0 or (kind == 'about_com' and len(local) == 2):
-        return (0.5 * local[1][0], 0.0), inertia
-    raise item.entry.error(f"missing key 'com': where is the mass of {item.name!r}?")
-
-
-def _moment(item: Item, local: tuple[tuple[float, ...], ...], mass: float) -> tuple[str, float]:
-    """What `inertia` says: 'rod', 'point' or 'about_com', and its value (kg m²)."""
-    entry = item.fields.get('inertia')
-    if entry is None:
-        if mass > 0.0:
-            raise item.entry.error(f"missing key 'inertia': {item.name!r} has a mass")
-        return 'point', 0.0
-    if isinstance(entry.value, dict):
-        about = entry.mapping(('about_com',), ('about_com',))['about_com']
-        inertia = about.number(item.names)
-        if inertia < 0.0:
-            raise about.error('negative inertia', expected='kg m^2, zero or more')
-        return 'about_com', inertia
-    if entry.value not in ('rod', 'point'):
-        raise entry.error('unknown inertia', expected='rod, point or {about_com: J}')
-    length = local[1][0] if entry.value == 'rod' and len(local) > 1 else 0.0
-    return str(entry.value), mass * length * length / 12.0
+def _fixed(item: Item) -> bool:
+    return 'fixed' in item.fields and item.fields['fixed'].boolean()

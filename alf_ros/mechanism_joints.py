@@ -1,59 +1,127 @@
-"""The `joints` of a mechanism file."""
+"""The `joints` of a mechanism file.
+
+Every joint is a pair of frames, one on the parent and one on the child, that coincide as drawn
+(unless one of them slides along the other); what both bodies carry needs no constraint.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
 
+import numpy as np
+
 from alf_ros import repetition
+from alf_ros.arrays import Floats
 from alf_ros.document import Entry
-from alf_ros.mechanism import GROUND, Body, Joint, Point
+from alf_ros.mechanism import GROUND, Body, Frame, Joint, Numbers, Point, Vector
+from alf_ros.mechanism_bodies import Pose
 from alf_ros.repetition import Item
 
-TYPES = ('revolute', 'slider')
-LATER = (
-    'prismatic',
-    'weld',
-    'gear',
-    'spherical',
-    'universal',
-    'cylindrical',
-    'planar',
-    'no_slip',
-    'rolling',
-    'blade',
-)
+# what each type needs besides `between`, for each dimension
+PLANAR = {
+    'revolute': ('at',),
+    'slider': ('point', 'on'),
+    'prismatic': ('at', 'axis'),
+    'weld': ('at',),
+    'blade': ('at', 'axis'),
+    'no_slip': ('at', 'on', 'radius'),
+}
+SPATIAL = {
+    'spherical': ('at',),
+    'revolute': ('at', 'axis'),
+    'universal': ('at', 'axes'),
+    'cylindrical': ('at', 'axis'),
+    'prismatic': ('at', 'axis'),
+    'planar': ('at', 'axis'),
+    'weld': ('at',),
+    'perpendicular': ('axes',),
+    'distance': ('points',),
+    'no_slip': ('at', 'on', 'radius'),
+}
+OPTIONAL = {'distance': ('length',)}
+ROLLING = ('blade', 'no_slip')  # of a body on the ground
 
 
 class JointReader:
     """Reads joints between the bodies and at the points that exist. Raises InputError."""
 
-    def __init__(self, points: Mapping[str, Point], bodies: Mapping[str, Body]) -> None:
-        self.points, self.bodies = points, bodies
+    def __init__(
+        self,
+        points: Mapping[str, Point],
+        vectors: Mapping[str, Vector],
+        bodies: Mapping[str, Body],
+        poses: Mapping[str, Pose],
+        dimension: int,
+    ) -> None:
+        self.points, self.vectors, self.bodies, self.poses = points, vectors, bodies, poses
+        self.dimension = dimension
+        self.ground = Pose(np.zeros(dimension), np.eye(dimension))
         self.carriers: dict[str, list[str]] = {name: [] for name in points}
         for body in bodies.values():
             for point in body.points:
                 self.carriers[point].append(body.name)
 
     def read(self, section: Entry, names: Mapping[str, float]) -> Iterator[tuple[Item, Joint]]:
-        keys = ('type', 'between', 'at', 'point', 'on')
+        types = PLANAR if self.dimension == 2 else SPATIAL
+        other = SPATIAL if self.dimension == 2 else PLANAR
+        keys = {'type', 'between', *(key for needed in types.values() for key in needed), 'length'}
         for item in repetition.repeated(section, keys, ('type',), names):
-            kind = item.fields['type']
-            if kind.text() in LATER:
-                raise kind.error('not supported in this version', expected=' or '.join(TYPES))
-            revolute = kind.text(TYPES) == 'revolute'
-            yield item, self.revolute(item) if revolute else self.slider(item)
+            kind = item.fields['type'].text()
+            if kind in other and kind not in types:
+                where = 'space' if self.dimension == 2 else 'the plane'
+                raise item.fields['type'].error(f'a joint of {where}', choices=types)
+            item.fields['type'].text(types)
+            needed = types[kind]
+            between = () if kind == 'slider' else ('between',)
+            allowed = ('for', 'type', 'between', *needed, *OPTIONAL.get(kind, ()))
+            item.entry.mapping(allowed, (*between, *needed))
+            read = self.slider if kind == 'slider' else self.joint
+            yield item, read(item, kind)
 
-    def revolute(self, item: Item) -> Joint:
-        fields = item.entry.mapping(('for', 'type', 'between', 'at'), ('between', 'at'))
-        point = self.point(fields['at'], item)
+    def joint(self, item: Item, kind: str) -> Joint:
+        """Any joint whose bodies are named."""
+        fields = item.fields
         parent, child = self.between(fields['between'], item)
-        for body in (parent, child):
-            self.check_on(fields['at'], point, body)
-        return Joint(item.name, 'revolute', parent, child, point)
+        if kind in ROLLING and parent != GROUND:
+            message = f'{kind} is between the ground and a body'
+            raise fields['between'].error(message, value=parent, expected=f'[ground, {child}]')
+        if kind == 'distance':
+            return self.distance(item, parent, child)
+        if kind == 'perpendicular':
+            z, other = self.directions(fields['axes'], item)
+            place = self.points[self.bodies[child].points[0]].at
+            frames = self.at(parent, place, _frame(z)), self.at(child, place, _frame(other))
+            return Joint(item.name, kind, parent, child, frames)
+        point = self.point(fields['at'], item)
+        if kind == 'no_slip':
+            return self.wheel(item, child, point)
+        vector = None
+        if kind == 'universal':
+            z, x = self.directions(fields['axes'], item)
+            if abs(z @ x) > 1e-9:
+                raise fields['axes'].error('the axes of a universal joint are perpendicular')
+            axes = np.array([x, np.cross(z, x), z])
+        elif 'axis' in fields:
+            along, vector = self.direction(fields['axis'], item)
+            axes = _frame(along)
+            if vector is not None and not all(map(self.has(vector), (parent, child))):
+                vector = None
+        else:
+            axes = np.eye(self.dimension)
+        if self.dimension == 2 and kind == 'revolute':
+            for body in (parent, child):
+                self.check_on(fields['at'], point, body)
+        shared = all(self.carries(body, point) for body in (parent, child))
+        if not any(self.carries(body, point) for body in (parent, child)):
+            raise fields['at'].error(f'neither {parent} nor {child} carries it', value=point)
+        frames = self.frame(parent, point, axes), self.frame(child, point, axes)
+        sharing = shared and kind in ('revolute', 'spherical', 'universal', 'weld')
+        return Joint(item.name, kind, parent, child, frames, point if sharing else None, vector)
 
-    def slider(self, item: Item) -> Joint:
-        fields = item.entry.mapping(('for', 'type', 'point', 'on', 'between'), ('point', 'on'))
+    def slider(self, item: Item, kind: str) -> Joint:
+        """A point of a body on a line of the ground; a body need not be named if there is one."""
+        fields = item.fields
         point = self.point(fields['point'], item)
         if self.points[point].fixed:
             raise fields['point'].error('a fixed point cannot slide', value=point)
@@ -67,8 +135,66 @@ class JointReader:
             child = self.only_carrier(point, item)
         line = fields['on'].mapping(('through', 'direction'), ('through', 'direction'))
         through = line['through'].vector(2, item.names)
-        direction = _unit(line['direction'], item.names)
-        return Joint(item.name, 'slider', GROUND, child, point, through, direction)
+        along, _ = self.direction(line['direction'], item)
+        frames = self.at(GROUND, through, _frame(along)), self.frame(child, point, np.eye(2))
+        return Joint(item.name, kind, GROUND, child, frames)
+
+    def wheel(self, item: Item, child: str, point: str) -> Joint:
+        """A wheel (in space also a ball) that rolls on a line or plane of the ground."""
+        self.check_on(item.fields['at'], point, child)
+        key = 'direction' if self.dimension == 2 else 'normal'
+        on = item.fields['on'].mapping(('through', key), ('through', key))
+        through = on['through'].vector(self.dimension, item.names)
+        along, _ = self.direction(on[key], item)
+        radius = item.fields['radius'].number(item.names)
+        if not radius > 0.0:
+            raise item.fields['radius'].error('not a radius', expected='m, more than zero')
+        frames = self.at(GROUND, through, _frame(along)), self.frame(child, point, _frame(along))
+        return Joint(item.name, 'no_slip', GROUND, child, frames, value=radius)
+
+    def distance(self, item: Item, parent: str, child: str) -> Joint:
+        """A massless bar between a point of the parent and one of the child."""
+        ends = item.fields['points'].sequence(2)
+        points = [self.point(end, item) for end in ends]
+        for end, point, body in zip(ends, points, (parent, child), strict=True):
+            self.check_on(end, point, body)
+        length = math.dist(*(self.points[point].at for point in points))
+        if 'length' in item.fields:
+            length = item.fields['length'].number(item.names)
+        if not length > 0.0:
+            raise item.entry.error('a bar without length', expected='m, more than zero')
+        axes = np.eye(self.dimension)
+        frames = self.frame(parent, points[0], axes), self.frame(child, points[1], axes)
+        return Joint(item.name, 'distance', parent, child, frames, value=length)
+
+    # ------------------------------------------------------------------------------------- frames
+
+    def frame(self, body: str, point: str, axes: Floats) -> Frame:
+        """At a point, along axes of the world as drawn (rows), on a body."""
+        if body != GROUND and point in self.bodies[body].points:
+            each = self.bodies[body]
+            origin = each.local[each.points.index(point)]
+            return Frame(origin, tuple(map(self.poses[body].direction, axes)))
+        return self.at(body, self.points[point].at, axes)
+
+    def at(self, body: str, place: Numbers, axes: Floats) -> Frame:
+        """At a place of the world, along axes of the world as drawn (rows), on a body."""
+        pose = self.ground if body == GROUND else self.poses[body]
+        return Frame(pose.place(place), tuple(map(pose.direction, axes)))
+
+    def carries(self, body: str, point: str) -> bool:
+        """Whether a point is one of a body's, or of the ground's."""
+        if body == GROUND:
+            return self.points[point].fixed
+        return point in self.bodies[body].points
+
+    def has(self, vector: str):  # type: ignore[no-untyped-def]
+        """Whether a vector is one of a body's, or of the ground's."""
+        return lambda body: (
+            self.vectors[vector].fixed if body == GROUND else vector in self.bodies[body].vectors
+        )
+
+    # -------------------------------------------------------------------------------------- parts
 
     def only_carrier(self, point: str, item: Item) -> str:
         """The body on a slider whose file names none."""
@@ -110,13 +236,35 @@ class JointReader:
             carried = self.bodies[body].points
             raise entry.error(f'body {body!r} does not carry it', value=point, choices=carried)
 
+    def directions(self, entry: Entry, item: Item) -> tuple[Floats, Floats]:
+        first, second = (self.direction(each, item)[0] for each in entry.sequence(2))
+        return first, second
 
-def _unit(entry: Entry, names: Mapping[str, float]) -> tuple[float, float]:
+    def direction(self, entry: Entry, item: Item) -> tuple[Floats, str | None]:
+        """A unit direction of the world as drawn, and the name of the vector if it is one."""
+        if isinstance(entry.value, str):
+            name = repetition.name(entry, item.names)
+            if name not in self.vectors:
+                expected = 'a list of numbers'
+                raise entry.error('no such vector', value=name, expected=expected)
+            return np.array(self.vectors[name].along), name
+        return unit(entry, self.dimension, item.names), None
+
+
+def unit(entry: Entry, dimension: int, names: Mapping[str, float]) -> Floats:
     """A direction, normalised; scaled first, so that no square over- or underflows."""
-    x, y = entry.vector(2, names)
-    scale = max(abs(x), abs(y))
+    d = np.array(entry.vector(dimension, names))
+    scale = float(np.abs(d).max())
     if scale == 0.0:
         raise entry.error('zero is no direction')
-    x, y = x / scale, y / scale
-    norm = math.hypot(x, y)
-    return x / norm, y / norm
+    d = d / scale
+    return d / math.hypot(*d)
+
+
+def _frame(along: Floats) -> Floats:
+    """Axes (rows) of which x in the plane, z in space is `along`."""
+    if along.size == 2:
+        return np.array([along, [-along[1], along[0]]])
+    x = np.cross(along, np.eye(3)[int(np.argmin(np.abs(along)))])
+    x = x / np.linalg.norm(x)
+    return np.array([x, np.cross(along, x), along])

@@ -87,7 +87,7 @@ def joint_states(model: Model) -> Write | None:
     def values(sample: Sample) -> tuple[NDArray[np.float64], ...]:
         return sample.joint_positions, sample.joint_velocities, sample.joint_efforts
 
-    return _joint_state(model.joint_names, values)
+    return _joint_state(model.coordinate_names, values)
 
 
 def constraints(model: Model) -> Write | None:
@@ -132,13 +132,13 @@ def reactions(model: Model) -> Write | None:
         return message
 
     template = Template(make, [6 * count])
-    wrenches = template.blocks[0].reshape(count, 6)
+    wrenches, D = template.blocks[0].reshape(count, 6), model.layout.dimension
     wrenches[:] = 0.0
 
     def write(sample: Sample, ns: int) -> bytes:
         template.stamp(ns)
-        wrenches[:, :2] = sample.reaction_forces
-        wrenches[:, 5] = sample.reaction_torques
+        wrenches[:, :D] = sample.reaction_forces
+        wrenches[:, 3 if D == 3 else 5 :] = sample.reaction_torques
         return template.bytes()
 
     return write

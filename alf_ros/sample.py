@@ -14,10 +14,11 @@ from alf_ros import kernel
 from alf_ros.applied import Applied
 from alf_ros.arrays import Floats
 from alf_ros.errors import StepError
-from alf_ros.kernel import Work
-from alf_ros.mechanism import GROUND
+from alf_ros.kernel import Rows, Work
 from alf_ros.model import Model, allocate
+from alf_ros.orientation import orientation
 from alf_ros.rank import effective_rank
+from alf_ros.reactions import Reactions
 from alf_ros.scene import Solver
 
 if TYPE_CHECKING:
@@ -37,14 +38,15 @@ class JointState:
 
 @dataclass(frozen=True)
 class Reaction:
-    """What the parent exerts on the child at the joint, world frame: force (2,) N, torque N m.
+    """What the parent exerts on the child at the joint, world frame: force (D,) N; torque N m, in
+    the plane a number, about +z, in space (3,).
 
     `indeterminate` says that the constraints are redundant here, and that the share of this joint
     is one of many that balance (the one of least norm).
     """
 
     force: Floats
-    torque: float
+    torque: float | Floats
     indeterminate: bool
 
 
@@ -109,31 +111,31 @@ class Sample:
         t: float,
         state: State,
         dependent_rows: Callable[[], int],
+        reactions: Callable[[], Reactions],
         iterations: int,
         step_cost: float,
     ) -> None:
         self.model, self.t, self.step = model, t, state.step
         self._applied, self._solver, self._state = applied, solver, state
-        self._dependent_rows = dependent_rows
+        self._dependent_rows, self._reactions = dependent_rows, reactions
         self.diagnostics = Diagnostics(self, iterations, step_cost)
 
     # ----------------------------------------------------------------------------------- motion
 
     @cached_property
     def q(self) -> Floats:
-        """Natural coordinates (n,), m: movable points in the order of the file."""
-        return _read_only(self._positions[: self.model.layout.movable].ravel())
+        """Natural coordinates (n,): movable points in the order of the file, m, then vectors."""
+        return self._by_coordinate(self._state.q)
 
     @cached_property
     def qd(self) -> Floats:
         """Their velocities (n,), m/s."""
-        return _read_only(self._velocities[: self.model.layout.movable].ravel())
+        return self._by_coordinate(self._state.qd)
 
     @cached_property
     def qdd(self) -> Floats:
         """Their accelerations (n,), m/s^2."""
-        qdd = self._named(self._accelerated.qdd)
-        return _read_only(qdd[: self.model.layout.movable].ravel())
+        return self._by_coordinate(self._accelerated.qdd)
 
     @cached_property
     def _positions(self) -> Floats:
@@ -146,6 +148,13 @@ class Sample:
     def _named(self, blocks: Floats) -> Floats:
         """Blocks in the kernel's order -> (points, D) in the order of point_names."""
         return _read_only(blocks.reshape(-1, self.model.layout.dimension)[self.model.point_block])
+
+    def _by_coordinate(self, blocks: Floats) -> Floats:
+        """Blocks in the kernel's order -> (n,): points in m, unit vectors without unit."""
+        layout = self.model.layout
+        values = blocks.reshape(-1, layout.dimension)[self.model.coordinate_block]
+        values[sum(not point.fixed for point in layout.mechanism.points) :] /= layout.length
+        return _read_only(values.ravel())
 
     @property
     def points(self) -> Mapping[str, Floats]:
@@ -169,67 +178,82 @@ class Sample:
     # ----------------------------------------------------------------------------------- bodies
 
     @cached_property
-    def _axes(self) -> tuple[Floats, Floats]:
-        """x axis of each body (bodies, 2), m, and its rate, m/s; zero for bodies of one point."""
-        i, j = self.model.system.axes.T
-        q, qd = self._state.q.reshape(-1, 2), self._state.qd.reshape(-1, 2)
-        return q[j] - q[i], qd[j] - qd[i]
+    def _angle_parts(self) -> tuple[Floats, Floats]:
+        """(angles, 2) x and y of each angle that is counted, and their rates."""
+        rows = self.model.system.angles
+        values, rates = self._values(rows)
+        return values.reshape(-1, 2), rates.reshape(-1, 2)
+
+    def _values(self, rows: Rows) -> tuple[Floats, Floats]:
+        """Values and rates of quadratic rows that are no constraints."""
+        unit, state = self.model.unit, self._state
+        values, rates, g2 = np.zeros(rows.c.size), np.zeros(rows.c.size), np.zeros(rows.b.size)
+        kernel.violation(unit, rows, state.q, values)
+        kernel.jacobian(unit, rows, state.q, g2[:0], g2)
+        kernel.times_jacobian(unit, rows, g2[:0], g2, state.qd, rates)
+        return values, rates
 
     @cached_property
     def _angles(self) -> Floats:
-        d, _ = self._axes
+        xy, _ = self._angle_parts
         # adding zero makes -0.0 positive, so that atan2 agrees with the count of turns
-        return np.arctan2(d[:, 1] + 0.0, d[:, 0]) + 2.0 * np.pi * self._state.turns
+        return np.arctan2(xy[:, 1] + 0.0, xy[:, 0]) + 2.0 * np.pi * self._state.turns
 
     @cached_property
     def _spins(self) -> Floats:
-        d, dd = self._axes
-        d2 = (d**2).sum(axis=1)
-        return (d[:, 0] * dd[:, 1] - d[:, 1] * dd[:, 0]) / np.where(d2 > 0.0, d2, 1.0)
+        (x, y), (xd, yd) = (part.T for part in self._angle_parts)
+        return (x * yd - y * xd) / (x * x + y * y)
 
     @cached_property
     def body_poses(self) -> Floats:
-        """(bodies, 3): x, y (m) of the first point, angle of the x axis (rad, turns counted)."""
-        origin = self._state.q.reshape(-1, 2)[self.model.system.axes[:, 0]]
-        return _read_only(np.column_stack([origin, self._angles]))
+        """Frame of each body: in the plane (bodies, 3) x, y (m), angle of the x axis (rad, turns
+        counted); in space (bodies, 7) x, y, z (m), quaternion x, y, z, w.
+
+        A body without orientation has that of the world, a rod its x axis and no turn about it.
+        """
+        layout, q = self.model.layout, self._state.q.reshape(-1, self.model.layout.dimension)
+        origins = q[[layout.basis(name).first for name in self.model.body_names]]
+        if layout.dimension == 2:
+            return _read_only(np.column_stack([origins, self._angles]))
+        turns = [orientation(layout, name, q) for name in self.model.body_names]
+        return _read_only(np.column_stack([origins, np.array(turns).reshape(-1, 4)]))
 
     # ----------------------------------------------------------------------------------- joints
 
     @cached_property
+    def _lengths(self) -> tuple[Floats, Floats]:
+        return self._values(self.model.lengths)
+
+    @cached_property
     def joint_positions(self) -> Floats:
-        """(joints,) rad: child's x axis from the parent's, turns counted; or m along a slider."""
-        return self._joint_values(self._angles, self._positions, 1.0)
+        """(joint coordinates,) rad: child from parent, turns counted; or m along the axis."""
+        return self._joint_values(self._angles, self._lengths[0])
 
     @cached_property
     def joint_velocities(self) -> Floats:
-        """(joints,) rad/s or m/s."""
-        return self._joint_values(self._spins, self._velocities, 0.0)
+        """(joint coordinates,) rad/s or m/s."""
+        return self._joint_values(self._spins, self._lengths[1])
 
-    def _joint_values(self, of_bodies: Floats, of_points: Floats, offset: float) -> Floats:
-        body = {name: n for n, name in enumerate(self.model.body_names)}
-        point = {name: n for n, name in enumerate(self.model.point_names)}
-        values = np.zeros(len(self.model.joint_names))
-        for n, joint in enumerate(self.model.mechanism.joints):
-            if joint.direction is not None and joint.through is not None:
-                place = of_points[point[joint.point]] - offset * np.array(joint.through)
-                values[n] = place @ np.array(joint.direction)
-            else:
-                values[n] = of_bodies[body[joint.child]]
-                if joint.parent != GROUND:
-                    values[n] -= of_bodies[body[joint.parent]]
+    def _joint_values(self, angles: Floats, lengths: Floats) -> Floats:
+        values = np.zeros(len(self.model.coordinates))
+        for n, coordinate in enumerate(self.model.coordinates):
+            values[n] = (angles if coordinate.is_angle else lengths)[coordinate.place]
+            if coordinate.less >= 0:
+                values[n] -= angles[coordinate.less]
         return _read_only(values)
 
     @cached_property
     def joint_efforts(self) -> Floats:
-        """(joints,) what acts on the free axis, N m or N; not the reaction."""
+        """(joint coordinates,) what acts on the free axis, N m or N; not the reaction."""
         efforts = self._applied.inputs.efforts
-        return _read_only(np.array([efforts.get(name, 0.0) for name in self.model.joint_names]))
+        return _read_only(np.array([efforts.get(n, 0.0) for n in self.model.coordinate_names]))
 
     @property
     def joints(self) -> Mapping[str, JointState]:
-        """Position, velocity and effort of each joint."""
+        """Position, velocity and effort of each joint coordinate; of a joint that has one, by the
+        name of the joint."""
         return _ByName(
-            self.model.joint_names,
+            self.model.coordinate_names,
             lambda n: JointState(
                 float(self.joint_positions[n]),
                 float(self.joint_velocities[n]),
@@ -277,9 +301,9 @@ class Sample:
 
     @cached_property
     def phi_dot(self) -> Floats:
-        """(rows,) Φ_q q̇."""
+        """(rows,) Φ_q q̇; of rows that bind velocities only, N q̇ + B."""
         model, work, rate = self.model, self._linearised, np.zeros(len(self.model.row_names))
-        kernel.times_jacobian(model.unit, model.system.rows, work.g, work.g2, work.qd, rate)
+        kernel.constraint_rate(model.unit, model.system.rows, work.g, work.g2, work.qd, rate)
         return _read_only(rate[model.row])
 
     @cached_property
@@ -295,82 +319,43 @@ class Sample:
     # -------------------------------------------------------------------------------- reactions
 
     @cached_property
+    def _wrenches(self) -> tuple[Floats, Floats]:
+        cut, accelerated = self._reactions(), self._accelerated
+        q, qd = cut.on_cut_blocks(self._state.q), cut.on_cut_blocks(self._state.qd)
+        Q = np.zeros(q.size)
+        kernel.applied_forces(self._applied.on(cut.cut), self.t, q, qd, Q)
+        return cut.of(q, cut.on_cut_blocks(accelerated.qdd), accelerated.y, Q)
+
+    @property
     def reaction_forces(self) -> Floats:
-        """(joints, D) N: parent on child at the joint, world frame.
+        """(joints, D) N: parent on child at the joint, world frame."""
+        return _read_only(self._wrenches[0])
 
-        Each body alone needs M q̈ + Φ_qᵀ λ - Q at its points; a joint carries the sum over the
-        bodies on the child's side of its pin.
-        """
-        model, unit, system = self.model, self.model.unit, self.model.cut_system
-        q, qd, qdd = (
-            self._on_cut_blocks(array)
-            for array in (self._state.q, self._state.qd, self._accelerated.qdd)
-        )
-        needed, Q = np.zeros(q.size), np.zeros(q.size)
-        g, g2 = self._cut_jacobian
-        kernel.add_mass_times(unit, system.mass, 1.0, qdd, needed)
-        kernel.add_transposed(unit, system.rows, g, g2, self._accelerated.y[model.cut_row], needed)
-        kernel.applied_forces(self._applied.cut, self.t, q, qd, Q)
-        return _read_only(model.reaction @ (needed - Q).reshape(-1, model.layout.dimension))
-
-    def _on_cut_blocks(self, blocks: Floats) -> Floats:
-        return blocks.reshape(-1, self.model.layout.dimension)[self.model.cut_source].ravel()
-
-    @cached_property
-    def _cut_jacobian(self) -> tuple[Floats, Floats]:
-        """Φ_q of the bodies' own rows on the cut blocks: distance rows, entries of the others."""
-        rows, D = self.model.cut_system.rows, self.model.layout.dimension
-        g, g2 = np.zeros(rows.i.size * D), np.zeros(rows.b.size)
-        kernel.jacobian(self.model.unit, rows, self._on_cut_blocks(self._state.q), g, g2)
-        return g, g2
-
-    @cached_property
+    @property
     def reaction_torques(self) -> Floats:
-        """(joints,) N m: parent on child; pins and sliders carry none."""
-        return _read_only(np.zeros(len(self.model.joint_names)))
+        """(joints, 1 or 3) N m: parent on child about the joint, world frame; in the plane +z."""
+        return _read_only(self._wrenches[1])
 
     @property
     def reactions(self) -> Mapping[str, Reaction]:
         """Force and torque of parent on child in each joint."""
+        planar = self.model.layout.dimension == 2
         return _ByName(
             self.model.joint_names,
             lambda n: Reaction(
                 self.reaction_forces[n],
-                float(self.reaction_torques[n]),
+                float(self.reaction_torques[n, 0]) if planar else self.reaction_torques[n],
                 bool(self._indeterminate[n]),
             ),
         )
 
     @cached_property
     def _indeterminate(self) -> NDArray[np.bool_]:
-        """(joints,) whether λ may change without a change of motion and yet change the reaction.
-
-        A component of a reaction is w·λ. It is unique if w lies in the range of Φ_q, that is if
-        the projector Φ_q A⁻¹ Φ_qᵀ α leaves it as it is.
-        """
-        model, unit, D = self.model, self.model.unit, self.model.layout.dimension
-        flags = np.zeros(len(model.joint_names), dtype=bool)
+        """(joints,) whether the reaction is one of many that balance."""
         if not self.diagnostics.redundant:
-            return flags
-        g, g2 = self._cut_jacobian
-        work, rows = self._linearised, model.system.rows
-        x, back = np.zeros(model.q.size), np.zeros(rows.alpha.size)
-        w, w_cut = np.zeros(rows.alpha.size), np.zeros(model.cut_row.size)
-        for n in range(flags.size):
-            for axis in range(D):
-                v = np.zeros((model.cut.blocks, D))
-                v[:, axis] = model.reaction[[n]].toarray()[0]
-                kernel.times_jacobian(unit, model.cut_system.rows, g, g2, v.ravel(), w_cut)
-                w[:] = 0.0
-                w[model.cut_row] = w_cut
-                x[:] = 0.0
-                kernel.add_transposed(unit, rows, work.g, work.g2, rows.alpha * w, x)
-                kernel.solve(unit, model.system.pattern, work.diagonal, work.off, x)
-                x[model.n :] = 0.0
-                kernel.times_jacobian(unit, rows, work.g, work.g2, x, back)
-                left = np.sqrt((rows.alpha * (w - back) ** 2).sum())
-                flags[n] |= left > 1e-3 * np.sqrt((rows.alpha * w**2).sum())
-        return flags
+            return np.zeros(len(self.model.joint_names), dtype=bool)
+        cut = self._reactions()
+        return cut.indeterminate(cut.on_cut_blocks(self._state.q), self._linearised)
 
 
 def _read_only(array: Floats) -> Floats:

@@ -21,7 +21,7 @@ from alf_ros import document, effects, layout, resources
 from alf_ros.document import Entry
 from alf_ros.effects import Effect
 from alf_ros.errors import InputError
-from alf_ros.mechanism import Mechanism
+from alf_ros.mechanism import Mechanism, Point, Vector
 from alf_ros.mechanism_file import read_mechanism
 from alf_ros.repetition import title
 from alf_ros.serialise import entry as as_entry
@@ -196,20 +196,25 @@ def _library(kind: str) -> dict[str, Path]:
 def _initial(
     section: Entry, mechanism: Mechanism, names: Mapping[str, float]
 ) -> tuple[dict[str, Components], dict[str, Components]]:
-    known = {point.name: point for point in mechanism.points}
+    known = {item.name: item for item in mechanism.blocks}
     parts = section.mapping(('positions', 'velocities'))
     found: dict[str, dict[str, Components]] = {'positions': {}, 'velocities': {}}
-    for what, part in parts.items():
+    for which, part in parts.items():
         for name, entry in part.mapping().items():
             if name not in known:
-                raise entry.error('no such point', value=name, choices=known)
+                what = 'point' if mechanism.dimension == 2 else 'point or vector'
+                raise entry.error(f'no such {what}', value=name, choices=known)
             if known[name].fixed:
-                raise entry.error('this point is fixed', value=name)
-            found[what][name] = tuple(
+                raise entry.error(f'this {_kind(known[name])} is fixed', value=name)
+            found[which][name] = tuple(
                 None if item.is_null else item.number(names)
                 for item in entry.sequence(mechanism.dimension)
             )
     return found['positions'], found['velocities']
+
+
+def _kind(item: Point | Vector) -> str:
+    return 'vector' if isinstance(item, Vector) else 'point'
 
 
 def _effects(section: Entry, mechanism: Mechanism, names: Mapping[str, float]) -> Iterator[Effect]:
@@ -262,6 +267,8 @@ def _parameters(
             values[key] = value.number(names)
         elif kind == 'vector':
             values[key] = value.vector(dimension, names)
+        elif kind == 'spin':
+            values[key] = value.number(names) if dimension == 2 else value.vector(3, names)
         elif kind == 'boolean':
             values[key] = value.boolean()
         else:

@@ -18,6 +18,7 @@ from alf_ros.errors import AssemblyError, InputError, StepError
 from alf_ros.integrator import method
 from alf_ros.kernel import Phase
 from alf_ros.model import allocate, compile_model
+from alf_ros.reactions import Reactions
 from alf_ros.sample import Sample
 from alf_ros.scene import Scene
 
@@ -42,8 +43,8 @@ _FAILURES = {
 class State:
     """Everything a run depends on: restore it and the run repeats bit for bit.
 
-    q (m), qd (m/s): all blocks in the kernel's order; turns: revolutions of each body; pace: the
-    step an adaptive integrator would like to take next, s.
+    q (m), qd (m/s): all blocks in the kernel's order; turns: of each angle; pace: the step
+    an adaptive integrator would like to take next, s.
     """
 
     step: int
@@ -96,7 +97,7 @@ class Simulation:
         except AssemblyError as error:
             raise AssemblyError(error.message, file=scene.file, key=error.key) from None
         self._applied = Applied(self.model, scene.effects, NO_INPUTS)
-        turns = np.zeros(len(self.model.body_names), dtype=np.int64)
+        turns = np.zeros(self.model.system.angles.c.size // 2, dtype=np.int64)
         self._phase = Phase(q.copy(), qd.copy(), turns.copy(), np.array([self.h]))
         self._initial = State(0, q, qd, turns, self.h, NO_INPUTS)
         self._iterations = 0
@@ -210,18 +211,21 @@ class Simulation:
     def apply_wrench(
         self,
         name: str,
-        force: Sequence[float] = (0.0, 0.0),
-        torque: float = 0.0,
+        force: Sequence[float] | None = None,
+        torque: float | Sequence[float] = 0.0,
         at: str | None = None,
         frame: str = 'world',
     ) -> None:
         """Hold a wrench on a body or a point from the next step on, in place of the one before.
 
-        force: N, in the world frame or in that of the body ('body'); torque: N m about +z; at: a
-        point of the body, else its centre of mass. Raises InputError, and changes nothing, for an
-        unknown name, numbers that are not finite, or a torque on what does not turn.
+        force: (D,) N; torque: N m, in the plane about +z, in space (3,); at: a point of the body,
+        else its centre of mass; frame: that of both, 'world' or 'body'. Raises InputError, and
+        changes nothing, for an unknown name, numbers that are not finite, or a torque on what does
+        not turn.
         """
-        wrench = Wrench(tuple(map(float, force)), float(torque), at, frame)
+        zero = (0.0,) * self.model.layout.dimension
+        moment = tuple(map(float, torque)) if isinstance(torque, Sequence) else float(torque)
+        wrench = Wrench(zero if force is None else tuple(map(float, force)), moment, at, frame)
         checked_wrench(self.model, name, wrench)
         inputs = self._applied.inputs
         self._hold(Inputs({**inputs.wrenches, name: wrench}, inputs.efforts))
@@ -266,9 +270,14 @@ class Simulation:
             t,
             state,
             lambda: self._dependent_rows,
+            lambda: self._reactions,
             self._iterations,
             self._step_cost,
         )
+
+    @cached_property
+    def _reactions(self) -> Reactions:
+        return Reactions(self.model)
 
     @cached_property
     def _dependent_rows(self) -> int:

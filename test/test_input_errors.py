@@ -74,10 +74,10 @@ MISTAKES = {
     'missing at': ('{at: [L, L]}', '', 'B:', "points.B: missing key 'at'"),
     'missing version': ('  alf: 1\n', '', 'mechanism:', "missing key 'alf'"),
     'wrong version': ('alf: 1', 'alf: 2', 'alf', "unknown version.*got '2'; expected 1"),
-    'spatial': ('planar', 'spatial', 'space', 'planar only in this version'),
+    'spatial': ('planar', 'spatial', 'O: {', 'a list of 2 given; expected a list of 3'),
     'space': ('planar', 'plane', 'space', "got 'plane'; did you mean 'planar'"),
     'drives': ('  points:', '  drives: []\n  points:', 'drives', 'drives are not supported'),
-    'vectors': ('  points:', '  vectors: {}\n  points:', 'vectors', 'vectors are not supported'),
+    'vectors': ('  points:', '  vectors: {}\n  points:', 'vectors', 'vectors are for space'),
     'other key of a joint': ('C}\n    guide', 'C, point: C}\n    guide', 'hook', 'unknown key'),
     # values
     'vector': ('[L, L]', '[L, L, 0]', 'B:', 'a list of 3 given; expected a list of 2'),
@@ -152,7 +152,7 @@ MISTAKES = {
     ),
     # joints
     'type': ('type: slider', 'type: slidder', 'guide', "got 'slidder'; did you mean 'slider'"),
-    'later type': ('type: slider', 'type: weld', 'guide', 'weld.*expected revolute or slider'),
+    'later type': ('type: slider', 'type: spherical', 'guide', 'a joint of space'),
     'no such body': (
         '[crank, plate]',
         '[crank, plat]',

@@ -17,7 +17,7 @@ import yaml
 
 from alf_ros import document
 from alf_ros.effects import Effect, constant_wrench, gravity
-from alf_ros.mechanism import Body, Joint, Mechanism, Point
+from alf_ros.mechanism import Body, Frame, Joint, Mechanism, Point
 from alf_ros.resources import folder
 from alf_ros.scene import Scene, Solver, load_scene, scene_from_text
 from alf_ros.serialise import entry, serialise
@@ -49,11 +49,18 @@ def test_the_slider_crank_of_the_paper() -> None:
         assert body.local == (ends[0], pytest.approx(ends[1], abs=1e-15))
         assert (body.mass, body.com[1]) == (1.0, 0.0)
         assert (body.com[0], body.inertia) == pytest.approx((0.5, 1.0 / 12.0), rel=1e-15)
-    assert scene.mechanism.joints == (
-        Joint('crank_pin', 'revolute', 'ground', 'crank', 'O'),
-        Joint('knee', 'revolute', 'crank', 'coupler', 'A'),
-        Joint('guide', 'slider', 'ground', 'coupler', 'B', (0.0, 0.0), (1.0, 0.0)),
-    )
+    kinds = [
+        (joint.name, joint.kind, joint.parent, joint.child, joint.point)
+        for joint in scene.mechanism.joints
+    ]
+    assert kinds == [
+        ('crank_pin', 'revolute', 'ground', 'crank', 'O'),
+        ('knee', 'revolute', 'crank', 'coupler', 'A'),
+        ('guide', 'slider', 'ground', 'coupler', None),
+    ]
+    line, tip = scene.mechanism.joints[2].frames
+    assert line == Frame((0.0, 0.0), ((1.0, 0.0), (0.0, 1.0)))
+    assert tip.origin == pytest.approx((1.0, 0.0), abs=1e-15)
     assert scene.effects == (Effect('gravity', 'gravity', gravity.Parameters((0.0, -9.81))),)
     assert (scene.positions, scene.velocities) == ({}, {'B': (-4.0, 0.0)})
     assert scene.solver == Solver(step=1e-3, integrator='rk4')
@@ -139,11 +146,15 @@ def test_a_mapping_is_a_scene() -> None:
     scene = load_scene(
         {'mechanism': PENDULUM, 'initial': {'velocities': {'P': np.array([1.5, 0.0])}}}
     )
+    there = Frame((0.0, 0.0), ((1.0, 0.0), (0.0, 1.0)))
+    on_rod = scene.mechanism.joints[0].frames[1]
+    assert on_rod.origin == (0.0, 0.0)
+    assert np.array(on_rod.axes) == pytest.approx(np.array([[0, 1], [-1, 0]]), abs=1e-15)
     assert scene.mechanism == Mechanism(
         'scene',
         (Point('O', (0.0, 0.0), True), Point('P', (0.0, -2.0))),
         (Body('rod', ('O', 'P'), ((0.0, 0.0), (2.0, 0.0)), 3.0, (1.0, 0.0), 1.0),),
-        (Joint('pin', 'revolute', 'ground', 'rod', 'O'),),
+        (Joint('pin', 'revolute', 'ground', 'rod', (there, on_rod), 'O'),),
     )
     assert scene.velocities == {'P': (1.5, 0.0)}
     assert (scene.effects, scene.solver, scene.file) == ((), Solver(), None)
@@ -228,7 +239,8 @@ def test_direction_is_normalised(size: float) -> None:
      {{type: slider, point: A, between: [ground, rod], on: {{through: [1, 1], direction: [1, 1]}}}}
 """,
     )
-    assert scene.mechanism.joints[0].direction == pytest.approx((0.6, 0.8), rel=1e-15)
+    line = scene.mechanism.joints[0].frames[0]
+    assert line.axes[0] == pytest.approx((0.6, 0.8), rel=1e-15)
     assert [joint.child for joint in scene.mechanism.joints] == ['rod', 'rod']
 
 

@@ -36,8 +36,8 @@ def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
     g = np.asarray(effect.parameters.acceleration)
     Q = np.zeros((layout.blocks, layout.dimension))
     for body in layout.bodies:
-        for block, carry in layout.carry(body.name, body.com):
-            Q[block] += carry @ (body.mass * g)
+        for block, C in layout.placed(body.name).parts.items():
+            Q[block] += C.T @ (body.mass * g)
     return contract.Packed(np.array([Q.size], dtype=np.int64), Q.ravel())
 
 

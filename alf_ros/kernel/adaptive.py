@@ -136,7 +136,7 @@ def advance_adaptively(
             if np.isfinite(error):
                 factor = min(5.0, max(0.2, 0.9 * error ** (-1.0 / 8.0))) if error > 0.0 else 5.0
             if error <= 1.0:
-                accept(work, system.axes, phase)
+                accept(unit, system, work, phase)
                 done = h if last else done + dt
                 pace[0] = max(pace[0], factor * dt) if dt < pace[0] else factor * dt
             else:

@@ -89,7 +89,7 @@ class System(Struct):
     mass: Mass
     rows: Rows
     pattern: Pattern
-    axes: Indices  # (bodies, 2) blocks on the x axis of each body
+    angles: Rows  # x, y of each angle whose turns are counted: it is atan2(y, x)
     size: float  # m, largest extent of the drawing
     heaviest: float  # kg, largest diagonal element of M
 
@@ -128,7 +128,7 @@ class Phase(Struct):
 
     q: Floats  # (all blocks D,) m
     qd: Floats  # (all blocks D,) m/s
-    turns: Integers  # (bodies,) passages of the x axis over the negative x axis of the plane
+    turns: Integers  # (angles,) passages of (x, y) over the negative x axis
     pace: Floats  # (1,) the step an adaptive method would like to take next, s
 
 
@@ -163,4 +163,6 @@ class Work(Struct):
     sum_p: Floats  # (movable D,) and ṗ'
     good_q: Floats  # (all blocks D,) the last point of the grid that an adaptive method reached
     good_qd: Floats  # (all blocks D,)
-    good_turns: Integers  # (bodies,)
+    good_turns: Integers  # (angles,)
+    angle: Floats  # (angles, 2) x, y of each
+    angle_before: Floats  # (angles, 2) where the step began

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from alf_ros.arrays import Floats, Indices, Integers, Unit
+from alf_ros.arrays import Floats, Integers, Unit
+from alf_ros.kernel.constraints import violation
 from alf_ros.kernel.data import (
     NOT_CLOSED,
     NOT_FINITE,
     NOT_POSITIVE,
     OK,
     ONE,
-    TWO,
     Forces,
     Method,
     Phase,
@@ -115,21 +115,21 @@ def step(
 
 
 @inner
-def accept(work: Work, axes: Indices, phase: Phase) -> None:
+def accept(unit: Unit, system: System, work: Work, phase: Phase) -> None:
     """Take the end of a step that went well as the new phase."""
-    _count_turns(axes, phase.q, work.q, phase.turns)
+    violation(unit, system.angles, phase.q, work.angle_before)
+    violation(unit, system.angles, work.q, work.angle)
+    _count_turns(work.angle_before, work.angle, phase.turns)
     copy(work.q, phase.q)
     copy(work.qd, phase.qd)
 
 
 @inner
-def _count_turns(axes: Indices, q: Floats, qn: Floats, turns: Integers) -> None:
-    """Count the passages of each body's x axis over the negative x axis of the plane."""
+def _count_turns(before: Floats, after: Floats, turns: Integers) -> None:
+    """Count the passages of each (x, y) over the negative x axis."""
     for n in range(turns.size):
-        i, j = axes[TWO * n] * TWO, axes[TWO * n + ONE] * TWO
-        y0, y1 = q[j + ONE] - q[i + ONE], qn[j + ONE] - qn[i + ONE]
+        x0, y0, x1, y1 = before[2 * n], before[2 * n + 1], after[2 * n], after[2 * n + 1]
         if (y0 < 0.0) != (y1 < 0.0):
-            x0, x1 = q[j] - q[i], qn[j] - qn[i]
             if x0 * y1 - x1 * y0 > 0.0:  # counter-clockwise
                 turns[n] += 1 if y1 < 0.0 else 0
             else:
@@ -163,5 +163,5 @@ def advance(
         most = max(most, count)
         if result != OK:
             return result, taken, most
-        accept(work, system.axes, phase)
+        accept(unit, system, work, phase)
     return OK, steps, most

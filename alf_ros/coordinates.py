@@ -1,0 +1,100 @@
+"""Joint coordinates: continuous angles, turns counted, and lengths.
+
+An angle is measured by two rows, x and y, of which it is atan2(y, x); the kernel counts the
+passages of (x, y) over the negative x axis. In the plane these are the x axes of the bodies, and
+the coordinate of a joint is the child's angle less the parent's; in space they are the child's x
+axis in the parent's frame of the joint, so that the coordinate is zero as drawn.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from alf_ros import form
+from alf_ros.form import Form
+from alf_ros.layout import Layout
+from alf_ros.mechanism import GROUND, Joint
+from alf_ros.rows import Row, linear, product
+
+LENGTHS = ('slider', 'prismatic', 'cylindrical')
+ANGLES = ('revolute', 'cylindrical', 'universal')
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """One freedom of a joint: an angle (rad), at `place` less that at `less`, or a length (m).
+
+    `place` counts angles or lengths, whichever it is; `less` is -1 for none.
+    """
+
+    name: str
+    joint: Joint
+    is_angle: bool
+    place: int
+    less: int = -1
+
+
+def measured(layout: Layout) -> tuple[list[Coordinate], list[Row], list[Row]]:
+    """The coordinates of all joints, the rows x, y of each angle, and the row of each length."""
+    angles: list[Row] = []
+    lengths: list[Row] = []
+    coordinates: list[Coordinate] = []
+    body = {body.name: n for n, body in enumerate(layout.bodies)}
+    planar = layout.dimension == 2
+    if planar:
+        for each in layout.bodies:
+            d = form.constant((1.0, 0.0))
+            if layout.turns(each.name):
+                d = layout.direction(each.name, (1.0, 0.0))
+            angles += [linear(each.name, axis, d) for axis in np.eye(2)]
+    for joint in layout.mechanism.joints:
+        several = _count(joint, planar) > 1
+        if joint.kind in ANGLES and planar:
+            less = body.get(joint.parent, -1) if joint.parent != GROUND else -1
+            coordinates.append(Coordinate(joint.name, joint, True, body[joint.child], less))
+        elif joint.kind in ANGLES:
+            for suffix, x, y in _angles(joint, layout):
+                name = f'{joint.name}_{suffix}' if several else joint.name
+                coordinates.append(Coordinate(name, joint, True, len(angles) // 2))
+                angles += [x, y]
+        if joint.kind in LENGTHS:
+            name = f'{joint.name}_length' if several else joint.name
+            coordinates.append(Coordinate(name, joint, False, len(lengths)))
+            lengths.append(_length(joint, layout))
+    return coordinates, angles, lengths
+
+
+def _count(joint: Joint, planar: bool) -> int:
+    if joint.kind == 'universal':
+        return 2
+    return (joint.kind in ANGLES) + (joint.kind in LENGTHS)
+
+
+def _axes(joint: Joint, layout: Layout) -> tuple[list[Form], list[Form]]:
+    """The axes of the joint on the parent and on the child."""
+    both = zip((joint.parent, joint.child), joint.frames, strict=True)
+    parent, child = ([layout.direction(body, a) for a in frame.axes] for body, frame in both)
+    return parent, child
+
+
+def _angles(joint: Joint, layout: Layout) -> Iterator[tuple[str, Row, Row]]:
+    """(name, x, y) of each angle of a joint in space."""
+    parent, child = _axes(joint, layout)
+    if joint.kind == 'universal':
+        # about the parent's z, then about the child's x, which is the cross
+        yield 'first', product('x', parent[0], child[0]), product('y', parent[1], child[0])
+        back = parent[2].times(-1.0)
+        yield 'second', product('x', parent[2], child[2]), product('y', back, child[1])
+    else:
+        yield 'angle', product('x', parent[0], child[0]), product('y', parent[1], child[0])
+
+
+def _length(joint: Joint, layout: Layout) -> Row:
+    """Along x in the plane, along z in space."""
+    base, tip = joint.frames
+    gap = layout.place(joint.child, tip.origin) - layout.place(joint.parent, base.origin)
+    axis = layout.direction(joint.parent, base.axes[0 if layout.dimension == 2 else 2])
+    return product(joint.name, axis, gap)

@@ -1,0 +1,61 @@
+"""A constant effort on the free axis of a joint: N m on an angle, N on a length.
+
+It acts on the child and, the other way round, on the parent. Efforts that come from outside while
+a scene runs are packed by this file too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from alf_ros import affine
+from alf_ros.affine import Affine
+from alf_ros.coordinates import measured
+from alf_ros.effects import contract
+from alf_ros.layout import Layout
+from alf_ros.mechanism import GROUND
+
+MULTIPLE = True
+force = affine.force
+
+
+@dataclass(frozen=True)
+class Parameters:
+    joint: str = field(metadata={'kind': 'joint', 'doc': 'joint, or one of its coordinates'})
+    effort: float = field(
+        metadata={'kind': 'number', 'unit': 'N m or N', 'doc': 'effort on the free axis'}
+    )
+
+
+def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
+    """Packed as Q = K q + k, see `affine`.
+
+    Raises ValueError for a joint without a free axis that can take an effort.
+    """
+    coordinates = {coordinate.name: coordinate for coordinate in measured(layout)[0]}
+    planar = layout.dimension == 2
+    Q = Affine(layout.dimension)
+    for effect in effects:
+        p: Parameters = effect.parameters
+        if p.joint not in coordinates or coordinates[p.joint].joint.kind == 'universal':
+            raise ValueError(f'{p.joint!r} takes no effort: it has no single free axis')
+        joint, is_angle = coordinates[p.joint].joint, coordinates[p.joint].is_angle
+        axis = joint.frames[0].axes[0 if planar else 2]
+        along = layout.direction(joint.parent, axis)
+        for body, frame, effort in (
+            (joint.child, joint.frames[1], p.effort),
+            (joint.parent, joint.frames[0], -p.effort),
+        ):
+            if body == GROUND:
+                continue
+            if not is_angle:
+                Q.add_force(layout.place(body, frame.origin), along.times(effort))
+            elif not layout.turns(body):
+                raise ValueError(f'{body!r} has no orientation: no torque on it')
+            else:
+                torque = np.array([1.0] if planar else frame.axes[2])
+                Q.add_torque(layout, body, effort * torque, turned=not planar)
+    return Q.packed()

@@ -1,0 +1,46 @@
+"""Affine functions of the natural coordinates with values in space: places, directions, gaps.
+
+All joints are made of them: a place on a body is one, a direction fixed in a body is one, and
+nearly every constraint is the scalar product of two.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from alf_ros.arrays import Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Form:
+    """Σ C_b q_b + c over blocks b: `parts` holds C_b (D, D), `constant` c (D,)."""
+
+    parts: Mapping[int, Floats]
+    constant: Floats
+
+    def __add__(self, other: Form) -> Form:
+        parts = dict(self.parts)
+        for block, C in other.parts.items():
+            parts[block] = parts[block] + C if block in parts else C
+        return Form(parts, self.constant + other.constant)
+
+    def __sub__(self, other: Form) -> Form:
+        return self + other.times(-1.0)
+
+    def times(self, factor: Floats | float) -> Form:
+        """The form multiplied from the left, by a number or a (D, D) matrix."""
+        R = factor if isinstance(factor, np.ndarray) else factor * np.eye(self.constant.size)
+        return Form({block: R @ C for block, C in self.parts.items()}, R @ self.constant)
+
+
+def constant(value: tuple[float, ...]) -> Form:
+    """A place or direction in the world."""
+    return Form({}, np.array(value, dtype=float))
+
+
+def of_block(block: int, dimension: int) -> Form:
+    """A block itself."""
+    return Form({block: np.eye(dimension)}, np.zeros(dimension))

@@ -1,0 +1,72 @@
+"""The mass matrix in natural coordinates: constant, blocks k I, in the plane also w J.
+
+A body r = P_0 + Σ c_k d_k has the kinetic energy ½ Σ M_ab q̇_a·q̇_b, M from its mass, the first and
+the second moments of c: García de Jalón & Bayo, Kinematic and Dynamic Simulation of Multibody
+Systems (1994), ch. 4.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from alf_ros.arrays import Floats
+from alf_ros.kernel import Mass
+from alf_ros.layout import Layout
+from alf_ros.mechanism import Body
+from alf_ros.rows import indices
+
+
+def mass_of(layout: Layout) -> Mass:
+    """M of the movable blocks."""
+    diagonal = np.zeros(layout.blocks)
+    pairs: dict[tuple[int, int], list[float]] = {}
+    for body in layout.bodies:
+        basis = layout.basis(body.name)
+        blocks = (basis.first, *basis.ends)
+        matrix, skew = _of_body(body, layout)
+        for a, i in enumerate(blocks):
+            diagonal[i] += matrix[a, a]
+            for b, j in enumerate(blocks[:a]):
+                pair = pairs.setdefault((max(i, j), min(i, j)), [0.0, 0.0])
+                pair[0] += matrix[a, b]
+                pair[1] += skew if j > i else -skew
+    kept = {
+        pair: value for pair, value in pairs.items() if pair[0] < layout.movable and any(value)
+    }
+    values = np.array(list(kept.values()), dtype=float).reshape(-1, 2)
+    turned = np.flatnonzero(values[:, 1])
+    return Mass(
+        diagonal=diagonal[: layout.movable].copy(),
+        i=indices(i for i, _ in kept),
+        j=indices(j for _, j in kept),
+        k=values[:, 0].copy(),
+        skew=turned.astype(np.uint32),
+        w=values[turned, 1].copy(),
+    )
+
+
+def _of_body(body: Body, layout: Layout) -> tuple[Floats, float]:
+    """M of one body on P_0 and the ends of its basis (without the D equal axes); and w."""
+    basis, m = layout.basis(body.name), body.mass
+    c, second = layout.weights(body.name, body.com), _second_moments(body, layout)
+    w = 0.0
+    if layout.dimension == 2 and c.size:  # J makes the second direction of the first
+        second, w, c = second[:1, :1] + second[1:, 1:], m * float(c[1]), c[:1]
+    moments = np.block([[np.array([[m]]), m * c[None, :]], [m * c[:, None], second]])
+    # P_0 carries 1 - Σ c over the ends that are points
+    ends = np.eye(1 + c.size)
+    ends[0, 1:] = [-1.0 if point else 0.0 for point in basis.is_point]
+    return ends @ moments @ ends.T, w
+
+
+def _second_moments(body: Body, layout: Layout) -> Floats:
+    """∫ c cᵀ dm (k, k), c the weights of the basis."""
+    com = np.array(body.com)
+    if layout.dimension == 2:
+        # only the trace matters: split the moment of inertia evenly
+        about = 0.5 * float(body.inertia) * np.eye(2)  # type: ignore[arg-type]
+    else:
+        inertia = np.array(body.inertia)
+        about = 0.5 * np.trace(inertia) * np.eye(3) - inertia
+    inverse = layout.basis(body.name).inverse
+    return np.asarray(inverse @ (about + body.mass * np.outer(com, com)) @ inverse.T)
