@@ -15,6 +15,7 @@ from alf_ros import assembly, kernel
 from alf_ros.applied import NO_INPUTS, Applied, Inputs, Wrench, checked_effort, checked_wrench
 from alf_ros.arrays import Floats, Integers
 from alf_ros.errors import AssemblyError, InputError, StepError
+from alf_ros.formulations import Formulation
 from alf_ros.integrator import TABLEAUX
 from alf_ros.model import allocate, compile_model
 from alf_ros.sample import Sample
@@ -42,7 +43,8 @@ class State:
     """Everything a run depends on: restore it and the run repeats bit for bit.
 
     q (m), qd (m/s): all blocks in the kernel's order; turns: revolutions of each body; pace: the
-    step an adaptive integrator would like to take next, s.
+    step an adaptive integrator would like to take next, s; carried: what a formulation other than
+    alf2 integrates.
     """
 
     step: int
@@ -50,6 +52,7 @@ class State:
     qd: Floats
     turns: Integers
     pace: float
+    carried: Floats
     inputs: Inputs
 
 
@@ -96,7 +99,13 @@ class Simulation:
             raise AssemblyError(error.message, file=scene.file, key=error.key) from None
         self._applied = Applied(self.model, scene.effects, NO_INPUTS)
         turns = np.zeros(len(self.model.body_names), dtype=np.int64)
-        self._initial = State(0, q, qd, turns, self.h, NO_INPUTS)
+        self._formulation: Formulation | None = None
+        carried = np.zeros(0)
+        if self.solver.formulation != 'alf2':
+            options = (self.solver.formulation, self.model, self.solver.integrator)
+            self._formulation = Formulation(*options, q)
+            carried = self._formulation.start(q, qd)
+        self._initial = State(0, q, qd, turns, self.h, carried, NO_INPUTS)
         self._iterations = 0
         self._step_cost = math.nan
         self.restore(self._initial)
@@ -125,13 +134,16 @@ class Simulation:
         """
         started = time.perf_counter()
         result, taken = self._advance(
-            self._q, self._qd, self._turns, self._pace, self._step, n, self.h
+            self._q, self._qd, self._turns, self._pace, self._carried, self._step, n, self.h
         )
         self._step += taken
         if taken:
             self._step_cost = (time.perf_counter() - started) / taken
         if result != kernel.OK:
-            raise StepError(*_FAILURES[result], self.t)
+            raise StepError(*self._failure(result), self.t)
+
+    def _failure(self, result: int) -> tuple[str, str]:
+        return self._formulation.failure(result) if self._formulation else _FAILURES[result]
 
     def _advance(
         self,
@@ -139,6 +151,7 @@ class Simulation:
         qd: Floats,
         turns: Integers,
         pace: Floats,
+        carried: Floats,
         first: int,
         n: int,
         h: float,
@@ -150,7 +163,12 @@ class Simulation:
         method = (tableau.a, tableau.b, tableau.c)
         limits = (solver.iterations, kernel.SOLVED, model.size)
         when = (start, first, n, h)
-        if tableau.embedded is None:
+        if self._formulation is not None:
+            state = (carried, q, qd, turns)
+            result, taken, self._iterations = self._formulation.advance(
+                self._applied.assembled, self._work, *state, *when, solver.iterations
+            )
+        elif tableau.embedded is None:
             result, taken, self._iterations = kernel.advance(
                 *common, *method, model.body_basis, q, qd, turns, *when, *limits
             )
@@ -209,6 +227,7 @@ class Simulation:
             self._qd.copy(),
             self._turns.copy(),
             float(self._pace[0]),
+            self._carried.copy(),
             self._applied.inputs,
         )
 
@@ -216,7 +235,7 @@ class Simulation:
         """Go on from a state of this scene. The run repeats bit for bit."""
         self._step = state.step
         self._q, self._qd, self._turns = state.q.copy(), state.qd.copy(), state.turns.copy()
-        self._pace = np.array([state.pace])
+        self._pace, self._carried = np.array([state.pace]), state.carried.copy()
         self._hold(state.inputs)
 
     def reset(self) -> None:
@@ -271,9 +290,10 @@ class Simulation:
     def _sample_between(self, t: float) -> Sample:
         state = self.state
         pace = np.array([state.pace])
-        result, _ = self._advance(state.q, state.qd, state.turns, pace, 0, 1, t - self.t, self.t)
+        parts = (state.q, state.qd, state.turns, pace, state.carried)
+        result, _ = self._advance(*parts, 0, 1, t - self.t, self.t)
         if result != kernel.OK:
-            raise StepError(*_FAILURES[result], self.t)
+            raise StepError(*self._failure(result), self.t)
         return self._sample(t, state)
 
     def _sample(self, t: float, state: State) -> Sample:

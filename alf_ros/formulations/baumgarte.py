@@ -1,0 +1,96 @@
+"""Lagrange multipliers, with the constraints stabilised after Baumgarte (4).
+
+State y = (q, q̇):
+
+    [M Φ_qᵀ; Φ_q 0] [q̈; λ] = [Q; -Φ̇_q q̇ - 2ΩμΦ̇ - Ω²Φ]             (4)
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from alf_ros.arrays import Floats, Indices, Integers, Unit
+from alf_ros.formulations import alf1, saddle
+from alf_ros.formulations.runge_kutta import runge_kutta
+from alf_ros.formulations.storage import SINGULAR, Storage, allocate, compiled, inner
+from alf_ros.kernel import (
+    OK,
+    Forces,
+    System,
+    Work,
+    applied_forces,
+    convective,
+    jacobian_rate,
+    times_jacobian,
+    violation,
+)
+from alf_ros.model import Model
+
+start = alf1.start
+
+
+def prepare(model: Model, q: Floats, stages: int, omega: float, mu: float) -> Storage:
+    """Allocate what a run from q (all blocks D) writes."""
+    return allocate(model, 2 * model.n, stages, omega, mu, model.n + len(model.row_names))
+
+
+@inner
+def rates(
+    unit: Unit,
+    system: System,
+    forces: Forces,
+    work: Work,
+    storage: Storage,
+    t: float,
+    stage: np.uint64,
+    iterations: int,
+) -> tuple[int, int]:
+    """ẏ = (q̇, q̈); returns (result, 1)."""
+    n = np.uint64(work.p.size)
+    rows, omega, mu = system.rows, storage.omega, storage.mu
+    y, c, phi, phi_d = storage.y, storage.c, storage.phi, work.rate
+    at = stage * n * np.uint64(2)
+    for i in range(n):
+        work.q[i], work.qd[i] = y[i], y[n + i]
+    if not saddle.factorise(unit, system, work, storage):
+        return SINGULAR, 0
+    violation(unit, rows, work.q, phi)
+    times_jacobian(unit, rows, work.g, work.g2, work.qd, phi_d)
+    jacobian_rate(unit, rows, work.qd, work.g2d)
+    convective(unit, rows, work.g2d, work.qd, c)
+    for r in range(np.uint64(c.size)):
+        c[r] = -c[r] - 2.0 * omega * mu * phi_d[r] - omega * omega * phi[r]
+    applied_forces(forces, t, work.q, work.qd, work.Q)
+    saddle.solve(system, storage, work.Q, c, work.qdd, storage.sigma)  # eq. (4)
+    for i in range(n):
+        storage.k[at + i], storage.k[at + n + i] = work.qd[i], work.qdd[i]
+    return OK, 1
+
+
+@compiled
+def advance(
+    unit: Unit,
+    system: System,
+    forces: Forces,
+    work: Work,
+    storage: Storage,
+    a: Floats,
+    b: Floats,
+    c: Floats,
+    axes: Indices,
+    y: Floats,
+    q: Floats,
+    qd: Floats,
+    turns: Integers,
+    t0: float,
+    first: int,
+    steps: int,
+    h: float,
+    iterations: int,
+    size: float,
+) -> tuple[int, int, int]:
+    """Take steps, as `runge_kutta` says."""
+    return runge_kutta(
+        rates, unit, system, forces, work, storage,
+        a, b, c, axes, y, q, qd, turns, t0, first, steps, h, iterations, size,
+    )

@@ -1,0 +1,57 @@
+"""LU of a dense matrix, for the formulations that have one: O(N³), which is part of the comparison.
+
+No LAPACK: it would allocate in every stage, and say nothing of a matrix that is singular but for
+rounding.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from alf_ros.arrays import Floats, Indices
+from alf_ros.formulations.storage import inner
+
+_EPS = float(np.finfo(np.float64).eps)
+
+
+@inner
+def factorise(N: np.uint64, matrix: Floats, swap: Indices) -> bool:
+    """P A = L U in place, by rows, largest pivots first; returns False if A is singular.
+
+    That is, to working precision, by a pivot beside the largest element: A must be scaled.
+    """
+    largest = 0.0
+    for i in range(N * N):
+        largest = max(largest, abs(matrix[i]))
+    for k in range(N):
+        at = k
+        for i in range(k + np.uint64(1), N):
+            if abs(matrix[i * N + k]) > abs(matrix[at * N + k]):
+                at = i
+        swap[k] = at
+        if not abs(matrix[at * N + k]) > _EPS * N * largest:
+            return False
+        for j in range(N):
+            matrix[k * N + j], matrix[at * N + j] = matrix[at * N + j], matrix[k * N + j]
+        for i in range(k + np.uint64(1), N):
+            s = matrix[i * N + k] / matrix[k * N + k]
+            matrix[i * N + k] = s
+            for j in range(k + np.uint64(1), N):
+                matrix[i * N + j] -= s * matrix[k * N + j]
+    return True
+
+
+@inner
+def solve(N: np.uint64, matrix: Floats, swap: Indices, x: Floats) -> None:
+    """x = A⁻¹ x with the factors in `matrix`."""
+    for k in range(N):
+        at = np.uint64(swap[k])
+        x[k], x[at] = x[at], x[k]
+    for i in range(N):
+        for j in range(i):
+            x[i] -= matrix[i * N + j] * x[j]
+    for back in range(N):
+        i = N - np.uint64(1) - back
+        for j in range(i + np.uint64(1), N):
+            x[i] -= matrix[i * N + j] * x[j]
+        x[i] /= matrix[i * N + i]
