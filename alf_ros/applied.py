@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from alf_ros import effects as registry
-from alf_ros.arrays import Floats, Indices, Integers
+from alf_ros.arrays import Addresses, Floats, Integers
 from alf_ros.effects.contract import Effect
 from alf_ros.errors import InputError
 from alf_ros.kernel import Forces
@@ -94,7 +94,7 @@ class Applied:
         )
 
 
-def _starts(parts: Sequence[Floats] | Sequence[Integers]) -> Indices:
+def _starts(parts: Sequence[Floats] | Sequence[Integers]) -> Addresses:
     sizes = [part.size for part in parts]
     return np.cumsum([0, *sizes], dtype=np.uint64)[:-1]
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-Indices = NDArray[Any]  # unsigned: spares the kernel the test for negative ones
 Integers = NDArray[np.int64]
+Indices = NDArray[np.uint32]  # unsigned: spares the kernel the test for negative ones
+Addresses = NDArray[np.uint64]
 Unit = tuple[float, ...]  # as long as space has dimensions

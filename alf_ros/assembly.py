@@ -71,10 +71,9 @@ def complete(model: Model, q: Floats, given: Given) -> Floats:
     work.q[:] = q
     _linearised(model, system, work)
     rows = system.rows
-    r2 = np.zeros(rows.alpha.size)
-    r2[r2.size - values.size :] = values
-    x, y = np.zeros_like(model.q), np.zeros_like(r2)
-    kernel.augmented(model.unit, system, work, np.zeros(model.n), x, y, r2, 100, 1e-15)
+    x, r2 = np.zeros_like(model.q), np.zeros(rows.alpha.size)
+    work.r2[r2.size - values.size :] = values
+    kernel.augmented(model.unit, system, work, work.p, x, 100, 1e-15, False)
     kernel.times_jacobian(model.unit, rows, work.g, work.g2, x, r2)
     r2[r2.size - values.size :] -= values
     wrong = np.abs(r2) * rows.scale

@@ -12,6 +12,8 @@ import numpy as np
 from scipy.integrate import DOP853
 
 from alf_ros.arrays import Floats
+from alf_ros.kernel import Method
+from alf_ros.scene import Solver
 
 
 class Tableau(NamedTuple):
@@ -22,7 +24,7 @@ class Tableau(NamedTuple):
     b: Floats
     c: Floats
     order: int
-    embedded: Floats | None = None
+    embedded: Floats = np.zeros(0)
 
 
 def _rk4() -> Tableau:
@@ -33,10 +35,17 @@ def _rk4() -> Tableau:
 
 
 # Dormand & Prince of order 8 (Hairer, Nørsett & Wanner 1993, II.5 and II.10), as SciPy has it
-_DOP853 = Tableau(DOP853.A, DOP853.B, DOP853.C, 8)
+_A, _B, _C = (np.ascontiguousarray(part) for part in (DOP853.A, DOP853.B, DOP853.C))
+_DOP853 = Tableau(_A, _B, _C, 8)
 
 TABLEAUX = {
     'rk4': _rk4(),
     'dop853': _DOP853,
     'dop853_adaptive': _DOP853._replace(embedded=np.array([DOP853.E5, DOP853.E3])),
 }
+
+
+def method(solver: Solver) -> Method:
+    """What the kernel has to know of a scene's solver section."""
+    a, b, c, _, embedded = TABLEAUX[solver.integrator]
+    return Method(a, b, c, embedded, np.uint64(solver.iterations), solver.tolerance)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -44,11 +44,9 @@ class Model:
     penalty: float  # α without dimension
     q: Floats  # (blocks D,) as drawn, fixed points included
     mass_scale: float  # kg, mean of the diagonal of M
-    size: float  # m, largest extent of the drawing
     point_names: tuple[str, ...]  # movable points, then fixed ones, each in the order of the file
     point_block: Integers  # (points,) block of each named point
     body_names: tuple[str, ...]
-    body_basis: Indices  # (bodies, 2)
     joint_names: tuple[str, ...]
     row_names: tuple[str, ...]
     row: Integers  # (rows,) place in the kernel of each named row
@@ -60,6 +58,11 @@ class Model:
     def unit(self) -> Unit:
         """A tuple as long as space has dimensions: what tells the kernel its D."""
         return (0.0,) * self.layout.dimension
+
+    @property
+    def size(self) -> float:
+        """Largest extent of the drawing, m."""
+        return self.system.size
 
     @property
     def n(self) -> int:
@@ -96,24 +99,29 @@ def compile_model(mechanism: Mechanism, penalty: float) -> Model:
     arrays, kernel_order = _row_arrays(rows, layout)
     arrays = _scaled(arrays, q, penalty, mass_scale)
     cut_arrays, cut_order = _row_arrays(cut_rows, cut)
+    axes = [layout.basis(body.name) for body in mechanism.bodies]
+    system = System(
+        mass=mass,
+        rows=arrays,
+        pattern=_pattern(layout, mass, arrays),
+        axes=np.array(axes, dtype=np.uint32).reshape(-1, 2),
+        size=float(np.ptp(q, axis=0).max()),
+        heaviest=float(mass.diagonal.max()),
+    )
     row = np.argsort(kernel_order)
     named = {row.name: n for n, row in enumerate(rows)}
     model = Model(
         mechanism=mechanism,
         layout=layout,
         cut=cut,
-        system=System(mass, arrays, _pattern(layout, mass, arrays)),
-        cut_system=System(cut_mass, cut_arrays, _NO_PATTERN),
+        system=system,
+        cut_system=replace(system, mass=cut_mass, rows=cut_arrays, pattern=_NO_PATTERN),
         penalty=penalty,
         q=q.ravel(),
         mass_scale=mass_scale,
-        size=float(np.ptp(q, axis=0).max()),
         point_names=tuple(movable + fixed),
         point_block=np.array([order[name] for name in movable + fixed]),
         body_names=tuple(body.name for body in mechanism.bodies),
-        body_basis=np.array(
-            [layout.basis(body.name) for body in mechanism.bodies], dtype=np.uint32
-        ).reshape(-1, 2),
         joint_names=tuple(joint.name for joint in mechanism.joints),
         row_names=tuple(row.name for row in rows),
         row=row,
@@ -129,18 +137,21 @@ def hold(model: Model, extra: Sequence[Row]) -> System:
     """The model's system with more linear rows, behind its own."""
     own = model.system.rows
     more, _ = _row_arrays(extra, model.layout)
-    rows = own._replace(
+    rows = replace(
+        own,
         first=np.concatenate([own.first, own.first[-1] + more.first[1:]]).astype(np.uint32),
         movable=np.concatenate([own.movable, own.first[-1] + more.movable]).astype(np.uint32),
         block=np.concatenate([own.block, more.block]),
         b=np.concatenate([own.b, more.b]),
-        first_term=np.concatenate([own.first_term, own.first_term[-1] + more.first_term[1:]]),
+        first_term=np.concatenate(
+            [own.first_term, own.first_term[-1] + more.first_term[1:]]
+        ).astype(np.uint32),
         c=np.concatenate([own.c, more.c]),
     )
     q = model.q.reshape(-1, model.layout.dimension)
     rows = _scaled(rows, q, model.penalty, model.mass_scale)
-    return model.system._replace(
-        rows=rows, pattern=_pattern(model.layout, model.system.mass, rows)
+    return replace(
+        model.system, rows=rows, pattern=_pattern(model.layout, model.system.mass, rows)
     )
 
 
@@ -166,19 +177,23 @@ def allocate(model: Model, system: System, stages: int) -> Work:
         'Q': whole,
         'delta': whole,
         'r2': m,
-        'sigma': m,
-        'lam': m,
-        'kq': stages * n,
-        'kp': stages * n,
+        'y': m,
+        'kq': (stages + 1) * n,
+        'kp': (stages + 1) * n,
         'base': whole,
         'momenta': n,
         'sum_q': n,
         'sum_p': n,
         'bend': whole,
         'target': whole,
-        'rate': m,
+        'good_q': whole,
+        'good_qd': whole,
     }
-    return Work(**{name: np.zeros(size) for name, size in sizes.items()})
+    return Work(
+        evaluations=np.zeros(1, dtype=np.int64),
+        good_turns=np.zeros(system.axes.shape[0], dtype=np.int64),
+        **{name: np.zeros(size) for name, size in sizes.items()},
+    )
 
 
 # ------------------------------------------------------------------------------------ constraints
@@ -265,7 +280,7 @@ def _scaled(rows: Rows, q: Floats, penalty: float, mass_scale: float) -> Rows:
     linear = [(b[s:e] ** 2).sum() for s, e in zip(rows.first[:-1], rows.movable, strict=True)]
     scale = 1.0 / np.sqrt(np.concatenate([square, np.array(linear, dtype=float)]))
     alpha = penalty * mass_scale * scale**2
-    return rows._replace(alpha=alpha, scale=scale)
+    return replace(rows, alpha=alpha, scale=scale)
 
 
 # ----------------------------------------------------------------------------------- mass, pattern
@@ -453,7 +468,7 @@ def _indices(values: Iterable[Any]) -> Indices:
 def _freeze(model: Model) -> None:
     for system in (model.system, model.cut_system):
         for part in (system.mass, system.rows, system.pattern):
-            for array in part:
+            for array in vars(part).values():
                 if isinstance(array, np.ndarray):
                     array.flags.writeable = False
     model.q.flags.writeable = False

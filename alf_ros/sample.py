@@ -171,7 +171,7 @@ class Sample:
     @cached_property
     def _axes(self) -> tuple[Floats, Floats]:
         """x axis of each body (bodies, 2), m, and its rate, m/s; zero for bodies of one point."""
-        i, j = self.model.body_basis.T
+        i, j = self.model.system.axes.T
         q, qd = self._state.q.reshape(-1, 2), self._state.qd.reshape(-1, 2)
         return q[j] - q[i], qd[j] - qd[i]
 
@@ -190,7 +190,7 @@ class Sample:
     @cached_property
     def body_poses(self) -> Floats:
         """(bodies, 3): x, y (m) of the first point, angle of the x axis (rad, turns counted)."""
-        origin = self._state.q.reshape(-1, 2)[self.model.body_basis[:, 0]]
+        origin = self._state.q.reshape(-1, 2)[self.model.system.axes[:, 0]]
         return _read_only(np.column_stack([origin, self._angles]))
 
     # ----------------------------------------------------------------------------------- joints
@@ -259,7 +259,7 @@ class Sample:
             work,
             self.t,
             self._solver.iterations,
-            kernel.SOLVED,
+            True,
         )
         return work
 
@@ -285,7 +285,7 @@ class Sample:
     @cached_property
     def lam(self) -> Floats:
         """(rows,) multipliers λ from a cold solve: M q̈ + Φ_qᵀ λ = Q."""
-        return _read_only(self._accelerated.lam[self.model.row])
+        return _read_only(self._accelerated.y[self.model.row])
 
     @property
     def multipliers(self) -> Mapping[str, float]:
@@ -309,9 +309,7 @@ class Sample:
         needed, Q = np.zeros(q.size), np.zeros(q.size)
         g, g2 = self._cut_jacobian
         kernel.add_mass_times(unit, system.mass, 1.0, qdd, needed)
-        kernel.add_transposed(
-            unit, system.rows, g, g2, self._accelerated.lam[model.cut_row], needed
-        )
+        kernel.add_transposed(unit, system.rows, g, g2, self._accelerated.y[model.cut_row], needed)
         kernel.applied_forces(self._applied.cut, self.t, q, qd, Q)
         return _read_only(model.reaction @ (needed - Q).reshape(-1, model.layout.dimension))
 

@@ -16,7 +16,8 @@ from alf_ros.applied import NO_INPUTS, Applied, Inputs, Wrench, checked_effort, 
 from alf_ros.arrays import Floats, Integers
 from alf_ros.errors import AssemblyError, InputError, StepError
 from alf_ros.formulations import Formulation
-from alf_ros.integrator import TABLEAUX
+from alf_ros.integrator import method
+from alf_ros.kernel import Phase
 from alf_ros.model import allocate, compile_model
 from alf_ros.sample import Sample
 from alf_ros.scene import Scene
@@ -89,9 +90,9 @@ class Simulation:
         self.solver = replace(
             scene.solver, **{key: value for key, value in given.items() if value is not None}
         )
-        self._tableau = TABLEAUX[self.solver.integrator]
         self.model = compile_model(scene.mechanism, self.solver.penalty)
-        self._work = allocate(self.model, self.model.system, self._tableau.b.size + 1)
+        self._method = method(self.solver)
+        self._work = allocate(self.model, self.model.system, self._method.b.size)
         try:
             q = assembly.close(self.model, scene.positions)
             qd = assembly.complete(self.model, q, scene.velocities)
@@ -99,13 +100,13 @@ class Simulation:
             raise AssemblyError(error.message, file=scene.file, key=error.key) from None
         self._applied = Applied(self.model, scene.effects, NO_INPUTS)
         turns = np.zeros(len(self.model.body_names), dtype=np.int64)
+        self._phase = Phase(q.copy(), qd.copy(), turns.copy(), np.array([self.h]))
         self._formulation: Formulation | None = None
-        carried = np.zeros(0)
+        self._carried = np.zeros(0)
         if self.solver.formulation != 'alf2':
-            options = (self.solver.formulation, self.model, self.solver.integrator)
-            self._formulation = Formulation(*options, q)
-            carried = self._formulation.start(q, qd)
-        self._initial = State(0, q, qd, turns, self.h, carried, NO_INPUTS)
+            self._formulation = Formulation(self.model, self.solver, q)
+            self._carried = self._formulation.start(q, qd)
+        self._initial = State(0, q, qd, turns, self.h, self._carried.copy(), NO_INPUTS)
         self._iterations = 0
         self._step_cost = math.nan
         self.restore(self._initial)
@@ -127,15 +128,18 @@ class Simulation:
         """Simulated time, s: step_index times h, so that no rounding adds up."""
         return self._step * self.solver.step
 
+    @property
+    def evaluations(self) -> int:
+        """Stages evaluated so far: what a run costs, whatever the machine."""
+        return int(self._work.evaluations[0])
+
     def step(self, n: int = 1) -> None:
         """Take n steps in one compiled call that releases the GIL.
 
         Raises StepError if one fails; the state is then the last good one.
         """
         started = time.perf_counter()
-        result, taken = self._advance(
-            self._q, self._qd, self._turns, self._pace, self._carried, self._step, n, self.h
-        )
+        result, taken = self._advance(self._phase, self._carried, self._step, n, self.h)
         self._step += taken
         if taken:
             self._step_cost = (time.perf_counter() - started) / taken
@@ -146,46 +150,20 @@ class Simulation:
         return self._formulation.failure(result) if self._formulation else _FAILURES[result]
 
     def _advance(
-        self,
-        q: Floats,
-        qd: Floats,
-        turns: Integers,
-        pace: Floats,
-        carried: Floats,
-        first: int,
-        n: int,
-        h: float,
-        start: float = 0.0,
+        self, phase: Phase, carried: Floats, first: int, n: int, h: float, start: float = 0.0
     ) -> tuple[int, int]:
-        """n steps of h from `start` + `first` h (s); the state is changed in place."""
-        model, solver, tableau = self.model, self.solver, self._tableau
-        common = (model.unit, model.system, self._applied.assembled, self._work)
-        method = (tableau.a, tableau.b, tableau.c)
-        limits = (solver.iterations, kernel.SOLVED, model.size)
-        when = (start, first, n, h)
+        """n steps of h from `start` + `first` h (s); phase and `carried` are changed in place."""
         if self._formulation is not None:
-            state = (carried, q, qd, turns)
             result, taken, self._iterations = self._formulation.advance(
-                self._applied.assembled, self._work, *state, *when, solver.iterations
+                self._applied.assembled, self._work, phase, carried, start, first, n, h
             )
-        elif tableau.embedded is None:
-            result, taken, self._iterations = kernel.advance(
-                *common, *method, model.body_basis, q, qd, turns, *when, *limits
-            )
-        else:
-            result, taken, self._iterations = kernel.advance_adaptively(
-                *common,
-                *method,
-                tableau.embedded,
-                model.body_basis,
-                q,
-                qd,
-                turns,
-                pace,
-                *when,
-                solver.tolerance,
-                *limits,
-            )
+            return result, taken
+        advance = kernel.advance_adaptively if self._method.embedded.size else kernel.advance
+        model, forces = self.model, self._applied.assembled
+        system, method, work = model.system, self._method, self._work
+        result, taken, self._iterations = advance(
+            model.unit, system, forces, method, work, phase, start, first, n, h
+        )
         return result, taken
 
     def run(
@@ -221,21 +199,23 @@ class Simulation:
     @property
     def state(self) -> State:
         """A copy of the present state."""
+        phase = self._phase
         return State(
             self._step,
-            self._q.copy(),
-            self._qd.copy(),
-            self._turns.copy(),
-            float(self._pace[0]),
+            phase.q.copy(),
+            phase.qd.copy(),
+            phase.turns.copy(),
+            float(phase.pace[0]),
             self._carried.copy(),
             self._applied.inputs,
         )
 
     def restore(self, state: State) -> None:
         """Go on from a state of this scene. The run repeats bit for bit."""
+        phase = self._phase
         self._step = state.step
-        self._q, self._qd, self._turns = state.q.copy(), state.qd.copy(), state.turns.copy()
-        self._pace, self._carried = np.array([state.pace]), state.carried.copy()
+        phase.q[:], phase.qd[:], phase.turns[:] = state.q, state.qd, state.turns
+        phase.pace[0], self._carried[:] = state.pace, state.carried
         self._hold(state.inputs)
 
     def reset(self) -> None:
@@ -289,9 +269,8 @@ class Simulation:
 
     def _sample_between(self, t: float) -> Sample:
         state = self.state
-        pace = np.array([state.pace])
-        parts = (state.q, state.qd, state.turns, pace, state.carried)
-        result, _ = self._advance(*parts, 0, 1, t - self.t, self.t)
+        phase = Phase(state.q, state.qd, state.turns, np.array([state.pace]))
+        result, _ = self._advance(phase, state.carried, 0, 1, t - self.t, self.t)
         if result != kernel.OK:
             raise StepError(*self._failure(result), self.t)
         return self._sample(t, state)

@@ -12,34 +12,28 @@ from __future__ import annotations
 
 import numpy as np
 
-from alf_ros.arrays import Floats, Indices, Integers, Unit
+from alf_ros.arrays import Floats, Unit
 from alf_ros.formulations.runge_kutta import runge_kutta
-from alf_ros.formulations.storage import Storage, allocate, compiled, inner
-from alf_ros.kernel import (
-    NOT_POSITIVE,
-    OK,
-    SOLVED,
-    Forces,
-    System,
-    Work,
-    add_mass_times,
+from alf_ros.formulations.storage import Settings, Storage, allocate
+from alf_ros.kernel.constraints import (
     add_transposed,
-    applied_forces,
     convective,
-    copy,
     jacobian_rate,
-    linearise,
-    solve,
     times_jacobian,
     violation,
-    zero,
 )
+from alf_ros.kernel.data import NOT_POSITIVE, OK, SOLVED, TWO, Forces, Method, Phase, System, Work
+from alf_ros.kernel.factor import linearise, solve
+from alf_ros.kernel.forces import applied_forces
+from alf_ros.kernel.jit import compiled, inner
+from alf_ros.kernel.mass import add_mass_times
+from alf_ros.kernel.vectors import copy, zero
 from alf_ros.model import Model
 
 
-def prepare(model: Model, q: Floats, stages: int, omega: float, mu: float) -> Storage:
+def prepare(model: Model, settings: Settings, q: Floats) -> Storage:
     """Allocate what a run from q (all blocks D) writes."""
-    return allocate(model, 2 * model.n, stages, omega, mu)
+    return allocate(model, settings, 2 * model.n)
 
 
 def start(model: Model, storage: Storage, q: Floats, qd: Floats) -> Floats:
@@ -56,13 +50,12 @@ def rates(
     storage: Storage,
     t: float,
     stage: np.uint64,
-    iterations: int,
 ) -> tuple[int, int]:
     """ẏ = (q̇, q̈); returns (result, iterations)."""
-    n = np.uint64(work.p.size)
+    n = work.p.size
     rows, omega, mu = system.rows, storage.omega, storage.mu
-    y, c, phi, phi_d = storage.y, storage.c, storage.phi, work.rate
-    at = stage * n * np.uint64(2)
+    y, c, phi, phi_d = storage.y, storage.c, storage.phi, storage.phi_d
+    at = stage * n * TWO
     for i in range(n):
         work.q[i], work.qd[i] = y[i], y[n + i]
     if not linearise(unit, system, work, work.q):
@@ -71,13 +64,13 @@ def rates(
     times_jacobian(unit, rows, work.g, work.g2, work.qd, phi_d)
     jacobian_rate(unit, rows, work.qd, work.g2d)
     convective(unit, rows, work.g2d, work.qd, c)
-    for r in range(np.uint64(c.size)):
+    for r in range(c.size):
         c[r] = -rows.alpha[r] * (c[r] + 2.0 * omega * mu * phi_d[r] + omega * omega * phi[r])
     applied_forces(forces, t, work.q, work.qd, work.Q)
     copy(work.Q, storage.f)  # M q̈_0 = Q
     zero(work.qdd)
     count = 0
-    for _ in range(iterations):
+    for _ in range(np.int64(storage.iterations)):
         count += 1
         copy(storage.f, work.delta)
         add_transposed(unit, rows, work.g, work.g2, c, work.delta)
@@ -101,25 +94,17 @@ def advance(
     unit: Unit,
     system: System,
     forces: Forces,
+    method: Method,
     work: Work,
     storage: Storage,
-    a: Floats,
-    b: Floats,
-    c: Floats,
-    axes: Indices,
+    phase: Phase,
     y: Floats,
-    q: Floats,
-    qd: Floats,
-    turns: Integers,
     t0: float,
     first: int,
     steps: int,
     h: float,
-    iterations: int,
-    size: float,
 ) -> tuple[int, int, int]:
     """Take steps, as `runge_kutta` says."""
     return runge_kutta(
-        rates, unit, system, forces, work, storage,
-        a, b, c, axes, y, q, qd, turns, t0, first, steps, h, iterations, size,
+        rates, unit, system, forces, method, work, storage, phase, y, t0, first, steps, h
     )

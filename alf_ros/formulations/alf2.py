@@ -17,34 +17,28 @@ from __future__ import annotations
 
 import numpy as np
 
-from alf_ros.arrays import Floats, Indices, Integers, Unit
+from alf_ros.arrays import Floats, Unit
 from alf_ros.formulations.runge_kutta import runge_kutta
-from alf_ros.formulations.storage import Storage, allocate, compiled, inner
-from alf_ros.kernel import (
-    NOT_POSITIVE,
-    OK,
-    SOLVED,
-    Forces,
-    System,
-    Work,
-    add_mass_times,
+from alf_ros.formulations.storage import Settings, Storage, allocate
+from alf_ros.kernel.constraints import (
     add_transposed,
-    applied_forces,
-    copy,
     jacobian,
     jacobian_rate,
-    linearise,
-    solve,
     times_jacobian,
     violation,
-    zero,
 )
+from alf_ros.kernel.data import NOT_POSITIVE, OK, SOLVED, Forces, Method, Phase, System, Work
+from alf_ros.kernel.factor import linearise, solve
+from alf_ros.kernel.forces import applied_forces
+from alf_ros.kernel.jit import compiled, inner
+from alf_ros.kernel.mass import add_mass_times
+from alf_ros.kernel.vectors import copy, zero
 from alf_ros.model import Model
 
 
-def prepare(model: Model, q: Floats, stages: int, omega: float, mu: float) -> Storage:
+def prepare(model: Model, settings: Settings, q: Floats) -> Storage:
     """Allocate what a run from q (all blocks D) writes."""
-    return allocate(model, 2 * model.n + len(model.row_names), stages, omega, mu)
+    return allocate(model, settings, 2 * model.n + len(model.row_names))
 
 
 def start(model: Model, storage: Storage, q: Floats, qd: Floats) -> Floats:
@@ -65,10 +59,9 @@ def rates(
     storage: Storage,
     t: float,
     stage: np.uint64,
-    iterations: int,
 ) -> tuple[int, int]:
     """ẏ = (q̇, ṗ, Φ); returns (result, iterations)."""
-    n, m = np.uint64(work.p.size), np.uint64(storage.phi.size)
+    n, m = work.p.size, storage.phi.size
     rows, omega, mu = system.rows, storage.omega, storage.mu
     y, c, phi, sigma = storage.y, storage.c, storage.phi, storage.sigma
     two_n = n + n
@@ -84,21 +77,21 @@ def rates(
     zero(sigma)
     zero(work.qd)
     count = 0
-    for _ in range(iterations):
+    for _ in range(np.int64(storage.iterations)):
         count += 1
         for r in range(m):
-            work.rate[r] = -rows.alpha[r] * c[r]
+            storage.phi_d[r] = -rows.alpha[r] * c[r]
         copy(storage.f, work.delta)
-        add_transposed(unit, rows, work.g, work.g2, work.rate, work.delta)
+        add_transposed(unit, rows, work.g, work.g2, storage.phi_d, work.delta)
         solve(unit, system.pattern, work.diagonal, work.off, work.delta)
         change, largest = 0.0, 0.0
         for i in range(n):
             change = max(change, abs(work.delta[i] - work.qd[i]))
             largest = max(largest, abs(work.delta[i]))
             work.qd[i] = work.delta[i]  # q̇_i+1, eq. (33a)
-        times_jacobian(unit, rows, work.g, work.g2, work.qd, work.rate)
+        times_jacobian(unit, rows, work.g, work.g2, work.qd, storage.phi_d)
         for r in range(m):
-            sigma[r] += rows.alpha[r] * (work.rate[r] + c[r])  # eq. (33b)
+            sigma[r] += rows.alpha[r] * (storage.phi_d[r] + c[r])  # eq. (33b)
         if change <= SOLVED * largest:
             break
         zero(storage.f)
@@ -113,30 +106,24 @@ def rates(
     for r in range(m):
         storage.k[at + two_n + r] = phi[r]
     return OK, count
+
+
 @compiled
 def advance(
     unit: Unit,
     system: System,
     forces: Forces,
+    method: Method,
     work: Work,
     storage: Storage,
-    a: Floats,
-    b: Floats,
-    c: Floats,
-    axes: Indices,
+    phase: Phase,
     y: Floats,
-    q: Floats,
-    qd: Floats,
-    turns: Integers,
     t0: float,
     first: int,
     steps: int,
     h: float,
-    iterations: int,
-    size: float,
 ) -> tuple[int, int, int]:
     """Take steps, as `runge_kutta` says."""
     return runge_kutta(
-        rates, unit, system, forces, work, storage,
-        a, b, c, axes, y, q, qd, turns, t0, first, steps, h, iterations, size,
+        rates, unit, system, forces, method, work, storage, phase, y, t0, first, steps, h
     )

@@ -1,7 +1,6 @@
-"""LU of a dense matrix, for the formulations that have one: O(N³), which is part of the comparison.
+"""LU of a dense matrix, for the formulations that have one: O(N³), which is part of comparing.
 
-No LAPACK: it would allocate in every stage, and say nothing of a matrix that is singular but for
-rounding.
+Not LAPACK: it allocates in every stage, and what is singular but for rounding it solves.
 """
 
 from __future__ import annotations
@@ -9,9 +8,8 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Floats, Indices
-from alf_ros.formulations.storage import inner
-
-_EPS = float(np.finfo(np.float64).eps)
+from alf_ros.kernel.data import EPS, ONE
+from alf_ros.kernel.jit import inner
 
 
 @inner
@@ -25,18 +23,18 @@ def factorise(N: np.uint64, matrix: Floats, swap: Indices) -> bool:
         largest = max(largest, abs(matrix[i]))
     for k in range(N):
         at = k
-        for i in range(k + np.uint64(1), N):
+        for i in range(k + ONE, N):
             if abs(matrix[i * N + k]) > abs(matrix[at * N + k]):
                 at = i
         swap[k] = at
-        if not abs(matrix[at * N + k]) > _EPS * N * largest:
+        if not abs(matrix[at * N + k]) > EPS * N * largest:
             return False
         for j in range(N):
             matrix[k * N + j], matrix[at * N + j] = matrix[at * N + j], matrix[k * N + j]
-        for i in range(k + np.uint64(1), N):
+        for i in range(k + ONE, N):
             s = matrix[i * N + k] / matrix[k * N + k]
             matrix[i * N + k] = s
-            for j in range(k + np.uint64(1), N):
+            for j in range(k + ONE, N):
                 matrix[i * N + j] -= s * matrix[k * N + j]
     return True
 
@@ -45,13 +43,12 @@ def factorise(N: np.uint64, matrix: Floats, swap: Indices) -> bool:
 def solve(N: np.uint64, matrix: Floats, swap: Indices, x: Floats) -> None:
     """x = A⁻¹ x with the factors in `matrix`."""
     for k in range(N):
-        at = np.uint64(swap[k])
-        x[k], x[at] = x[at], x[k]
+        x[k], x[swap[k]] = x[swap[k]], x[k]
     for i in range(N):
         for j in range(i):
             x[i] -= matrix[i * N + j] * x[j]
     for back in range(N):
-        i = N - np.uint64(1) - back
-        for j in range(i + np.uint64(1), N):
+        i = N - ONE - back
+        for j in range(i + ONE, N):
             x[i] -= matrix[i * N + j] * x[j]
         x[i] /= matrix[i * N + i]

@@ -16,26 +16,18 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import qr
 
-from alf_ros.arrays import Floats, Indices, Integers, Unit
+from alf_ros.arrays import Floats, Indices, Unit
 from alf_ros.assembly import dependent_rows
 from alf_ros.formulations import dense
 from alf_ros.formulations.runge_kutta import runge_kutta
-from alf_ros.formulations.storage import FOLDED, SINGULAR, Storage, allocate, compiled, inner
-from alf_ros.kernel import (
-    OK,
-    Forces,
-    System,
-    Work,
-    add_mass_times,
-    applied_forces,
-    convective,
-    jacobian,
-    jacobian_rate,
-    opening,
-    times_jacobian,
-    violation,
-    zero,
-)
+from alf_ros.formulations.storage import FOLDED, SINGULAR, Settings, Storage, allocate
+from alf_ros.kernel.constraints import convective, jacobian, jacobian_rate, times_jacobian
+from alf_ros.kernel.data import OK, Forces, Method, Phase, System, Work
+from alf_ros.kernel.forces import applied_forces
+from alf_ros.kernel.jit import compiled, inner
+from alf_ros.kernel.manifold import opening
+from alf_ros.kernel.mass import add_mass_times
+from alf_ros.kernel.vectors import zero
 from alf_ros.model import Model
 from alf_ros.model import allocate as workspace
 
@@ -50,8 +42,7 @@ def split(model: Model, q: Floats) -> tuple[Indices, Indices]:
     position Φ_q has not that rank, and the first step says so.
     """
     rows, work = model.system.rows, workspace(model, model.system, 1)
-    kernel_q = np.array(q)
-    jacobian(model.unit, rows, kernel_q, work.g, work.g2)
+    jacobian(model.unit, rows, q, work.g, work.g2)
     phi_q = np.zeros((rows.alpha.size, model.n))
     for j in range(model.n):
         e = np.zeros(q.size)
@@ -64,12 +55,12 @@ def split(model: Model, q: Floats) -> tuple[Indices, Indices]:
     return order.astype(np.uint32), np.sort(kept).astype(np.uint32)
 
 
-def prepare(model: Model, q: Floats, stages: int, omega: float, mu: float) -> Storage:
+def prepare(model: Model, settings: Settings, q: Floats) -> Storage:
     """Allocate what a run from q (all blocks D) writes, and choose its independent coordinates."""
     order, kept = split(model, q)
     free = order.size - kept.size
     widest = max(free, kept.size)
-    return allocate(model, model.n + free, stages, omega, mu, widest, order, kept)
+    return allocate(model, settings, model.n + free, widest, order, kept)
 
 
 def start(model: Model, storage: Storage, q: Floats, qd: Floats) -> Floats:
@@ -80,16 +71,16 @@ def start(model: Model, storage: Storage, q: Floats, qd: Floats) -> Floats:
 @inner
 def _factorise(unit: Unit, system: System, work: Work, storage: Storage) -> bool:
     """Φ_q of the kept rows at q in `work`, scaled, and the LU of its dependent columns."""
-    n, d = np.uint64(storage.order.size), np.uint64(storage.kept.size)
+    n, d = storage.order.size, storage.kept.size
     rows, e = system.rows, work.delta
     jacobian(unit, rows, work.q, work.g, work.g2)
     for j in range(n):
         zero(e)
         e[storage.order[j]] = 1.0
-        times_jacobian(unit, rows, work.g, work.g2, e, work.rate)
+        times_jacobian(unit, rows, work.g, work.g2, e, storage.phi_d)
         for i in range(d):
             r = storage.kept[i]
-            storage.phi_q[i * n + j] = rows.scale[r] * work.rate[r]
+            storage.phi_q[i * n + j] = rows.scale[r] * storage.phi_d[r]
     for i in range(d):
         for j in range(d):
             storage.matrix[i * d + j] = storage.phi_q[i * n + j]
@@ -99,7 +90,7 @@ def _factorise(unit: Unit, system: System, work: Work, storage: Storage) -> bool
 @inner
 def _solve(system: System, storage: Storage, rows: Floats, to: Floats) -> None:
     """Find the dependent part of `to` from Φ_d to = -rows."""
-    d = np.uint64(storage.kept.size)
+    d = storage.kept.size
     for i in range(d):
         r = storage.kept[i]
         storage.right[i] = -system.rows.scale[r] * rows[r]
@@ -115,13 +106,13 @@ def _close(unit: Unit, system: System, work: Work, storage: Storage) -> tuple[in
     for count in range(1, 21):
         if not _factorise(unit, system, work, storage):
             return SINGULAR, count
-        gap = opening(unit, system.rows, work.q, storage.phi) / storage.size
+        gap = opening(unit, system.rows, work.q, storage.phi) / system.size
         if gap <= _CLOSED or (gap > 0.5 * before and gap <= _ENOUGH):
             return OK, count
         before = gap
         zero(work.qdd)
         _solve(system, storage, storage.phi, work.qdd)
-        for i in range(np.uint64(storage.order.size)):
+        for i in range(storage.order.size):
             work.q[i] += work.qdd[i]
     return FOLDED, 20
 
@@ -135,10 +126,9 @@ def rates(
     storage: Storage,
     t: float,
     stage: np.uint64,
-    iterations: int,
 ) -> tuple[int, int]:
     """ẏ = (q̇, z̈); returns (result, iterations)."""
-    n, d = np.uint64(storage.order.size), np.uint64(storage.kept.size)
+    n, d = storage.order.size, storage.kept.size
     f = n - d
     rows, y, R, MR, order = system.rows, storage.y, storage.R, storage.MR, storage.order
     at = stage * (n + f)
@@ -196,25 +186,17 @@ def advance(
     unit: Unit,
     system: System,
     forces: Forces,
+    method: Method,
     work: Work,
     storage: Storage,
-    a: Floats,
-    b: Floats,
-    c: Floats,
-    axes: Indices,
+    phase: Phase,
     y: Floats,
-    q: Floats,
-    qd: Floats,
-    turns: Integers,
     t0: float,
     first: int,
     steps: int,
     h: float,
-    iterations: int,
-    size: float,
 ) -> tuple[int, int, int]:
     """Take steps, as `runge_kutta` says."""
     return runge_kutta(
-        rates, unit, system, forces, work, storage,
-        a, b, c, axes, y, q, qd, turns, t0, first, steps, h, iterations, size,
+        rates, unit, system, forces, method, work, storage, phase, y, t0, first, steps, h
     )

@@ -10,22 +10,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from alf_ros.arrays import Floats, Indices, Integers, Unit
+from alf_ros.arrays import Floats, Unit
 from alf_ros.formulations import baumgarte, saddle
 from alf_ros.formulations.runge_kutta import runge_kutta
-from alf_ros.formulations.storage import SINGULAR, Storage, compiled, inner
-from alf_ros.kernel import (
-    OK,
-    Forces,
-    System,
-    Work,
-    add_mass_times,
-    add_transposed,
-    applied_forces,
-    jacobian,
-    jacobian_rate,
-    zero,
-)
+from alf_ros.formulations.storage import SINGULAR, Storage
+from alf_ros.kernel.constraints import add_transposed, jacobian, jacobian_rate
+from alf_ros.kernel.data import OK, TWO, Forces, Method, Phase, System, Work
+from alf_ros.kernel.forces import applied_forces
+from alf_ros.kernel.jit import compiled, inner
+from alf_ros.kernel.mass import add_mass_times
+from alf_ros.kernel.vectors import zero
 from alf_ros.model import Model
 
 prepare = baumgarte.prepare
@@ -47,12 +41,11 @@ def rates(
     storage: Storage,
     t: float,
     stage: np.uint64,
-    iterations: int,
 ) -> tuple[int, int]:
     """ẏ = (q̇, ṗ); returns (result, 1)."""
-    n = np.uint64(work.p.size)
+    n = work.p.size
     rows, y, sigma = system.rows, storage.y, storage.sigma
-    at = stage * n * np.uint64(2)
+    at = stage * n * TWO
     for i in range(n):
         work.q[i] = y[i]
     if not saddle.factorise(unit, system, work, storage):
@@ -76,25 +69,17 @@ def advance(
     unit: Unit,
     system: System,
     forces: Forces,
+    method: Method,
     work: Work,
     storage: Storage,
-    a: Floats,
-    b: Floats,
-    c: Floats,
-    axes: Indices,
+    phase: Phase,
     y: Floats,
-    q: Floats,
-    qd: Floats,
-    turns: Integers,
     t0: float,
     first: int,
     steps: int,
     h: float,
-    iterations: int,
-    size: float,
 ) -> tuple[int, int, int]:
     """Take steps, as `runge_kutta` says."""
     return runge_kutta(
-        rates, unit, system, forces, work, storage,
-        a, b, c, axes, y, q, qd, turns, t0, first, steps, h, iterations, size,
+        rates, unit, system, forces, method, work, storage, phase, y, t0, first, steps, h
     )

@@ -7,26 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from alf_ros.arrays import Floats, Indices, Integers, Unit
-from alf_ros.formulations.storage import FOLDED, OPENED, Storage, expanded, inner
-from alf_ros.kernel import NOT_FINITE, OK, Forces, System, Work, copy, count_turns, opening
+from alf_ros.arrays import Floats, Unit
+from alf_ros.formulations.storage import FOLDED, OPENED, Storage, expanded
+from alf_ros.kernel.data import NOT_FINITE, OK, ONE, Forces, Method, Phase, System, Work
+from alf_ros.kernel.jit import inner
+from alf_ros.kernel.manifold import opening
+from alf_ros.kernel.step import accept
+from alf_ros.kernel.vectors import copy
 
 _TORN = 0.1  # opening of a constraint, relative to the mechanism, that ends a run
-
-
-@inner
-def judge(
-    unit: Unit, system: System, work: Work, storage: Storage, result: int, size: float
-) -> int:
-    """Return what is wrong with the state in `storage`: if it has run away, that, else `result`."""
-    check = 0.0
-    for i in range(np.uint64(storage.y.size)):
-        check += storage.y[i] + storage.k[i]
-    if not np.isfinite(check):
-        return NOT_FINITE
-    if opening(unit, system.rows, work.q, work.r2) > _TORN * size:
-        return OPENED
-    return result
 
 
 @expanded
@@ -35,60 +24,66 @@ def runge_kutta(
     unit: Unit,
     system: System,
     forces: Forces,
+    method: Method,
     work: Work,
     storage: Storage,
-    a: Floats,
-    b: Floats,
-    c: Floats,
-    axes: Indices,
+    phase: Phase,
     y: Floats,
-    q: Floats,
-    qd: Floats,
-    turns: Integers,
     t0: float,
     first: int,
     steps: int,
     h: float,
-    iterations: int,
-    size: float,
 ) -> tuple[int, int, int]:
     """Take `steps` steps of h from step number `first`; returns (result, taken, most iterations).
 
-    y is the state, in and out, with its positions q and velocities q̇ (all blocks D) and the turns
-    of the bodies; on failure they are those of the last step that could be gone on from.
-
-    `rates` takes the state in storage.y, leaves its rates in storage.k, at the stage it is told,
-    and its q and q̇ in `work`.
+    y is the state, in and out, and `phase` goes with it; on failure they are those of the last
+    step that could be gone on from. `rates` takes the state of a stage in storage.y, leaves its
+    rates in storage.k and its q and q̇ in `work`.
     """
-    N, stages = np.uint64(y.size), np.uint64(b.size)
+    N, stages, start = np.uint64(y.size), method.b.size, np.uint64(0)
     k, ys = storage.k, storage.y
-    copy(q, work.q)  # with the fixed points
-    copy(qd, work.qd)
-    copy(y, ys)
-    start = np.uint64(0)
-    result, most = rates(unit, system, forces, work, storage, t0 + first * h, start, iterations)
+    copy(phase.q, work.q)  # with the fixed points
+    copy(phase.qd, work.qd)
+    for i in range(N):
+        ys[i] = y[i]
+    result, most = rates(unit, system, forces, work, storage, t0 + first * h, start)
     if result != OK:
         return result, 0, most
     for taken in range(steps):
         t = t0 + (first + taken) * h
-        for s in range(np.uint64(1), stages + np.uint64(1)):
+        for s in range(ONE, stages + ONE):
             end = s == stages
             for i in range(N):
                 rate = 0.0
                 for m in range(s):
-                    rate += (b[m] if end else a[s * stages + m]) * k[m * N + i]
+                    rate += (method.b[m] if end else method.a[s * stages + m]) * k[m * N + i]
                 ys[i] = y[i] + h * rate
             # the rates at the end are those of the first stage of the next step
             to = start if end else s
-            ts = t0 + (first + taken + 1) * h if end else t + c[s] * h
-            result, count = rates(unit, system, forces, work, storage, ts, to, iterations)
-            if result != FOLDED and (end or result != OK):
-                result = judge(unit, system, work, storage, result, size)
+            ts = t0 + (first + taken + 1) * h if end else t + method.c[s] * h
+            result, count = rates(unit, system, forces, work, storage, ts, to)
+            work.evaluations[0] += 1
+            most = max(most, count)
+            if end or result != OK:
+                result = _judged(unit, system, work, storage, result)
             if result != OK:
                 return result, taken, most
-            most = max(most, count)
-        copy(ys, y)
-        count_turns(axes, q, work.q, turns)
-        copy(work.q, q)
-        copy(work.qd, qd)
+        for i in range(N):
+            y[i] = ys[i]
+        accept(work, system.axes, phase)
     return OK, steps, most
+
+
+@inner
+def _judged(unit: Unit, system: System, work: Work, storage: Storage, result: int) -> int:
+    """Return what is wrong with a state: that it has run away, which says more, or `result`."""
+    if result == FOLDED:
+        return result
+    check = 0.0
+    for i in range(storage.y.size):
+        check += storage.y[i]
+    if not np.isfinite(check):
+        return NOT_FINITE
+    if opening(unit, system.rows, work.q, storage.phi) > _TORN * system.size:
+        return OPENED
+    return result

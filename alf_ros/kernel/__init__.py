@@ -1,0 +1,68 @@
+"""The compiled maths of ALF2: Φ, Φ_q, A = M + Φ_qᵀαΦ_q, its LDLᵀ, the augmented solve, the step.
+
+Equation numbers are those of Bayo & Avello, Nonlinear Dynamics 5 (1994); doc/method.md derives
+what differs from the print. `data` says what passes between the files.
+"""
+
+from alf_ros.kernel.adaptive import advance_adaptively
+from alf_ros.kernel.constraints import (
+    add_transposed,
+    convective,
+    jacobian,
+    jacobian_rate,
+    times_jacobian,
+    violation,
+)
+from alf_ros.kernel.data import (
+    COLLAPSED,
+    NOT_CLOSED,
+    NOT_FINITE,
+    NOT_POSITIVE,
+    OK,
+    SOLVED,
+    Forces,
+    Mass,
+    Method,
+    Pattern,
+    Phase,
+    Rows,
+    System,
+    Work,
+)
+from alf_ros.kernel.factor import linearise, solve
+from alf_ros.kernel.forces import applied_forces, potential_energy
+from alf_ros.kernel.iteration import accelerate, augmented
+from alf_ros.kernel.mass import add_mass_times
+from alf_ros.kernel.step import advance
+
+__all__ = [
+    'COLLAPSED',
+    'NOT_CLOSED',
+    'NOT_FINITE',
+    'NOT_POSITIVE',
+    'OK',
+    'SOLVED',
+    'Forces',
+    'Mass',
+    'Method',
+    'Pattern',
+    'Phase',
+    'Rows',
+    'System',
+    'Work',
+    'accelerate',
+    'add_mass_times',
+    'add_transposed',
+    'advance',
+    'advance_adaptively',
+    'applied_forces',
+    'augmented',
+    'convective',
+    'jacobian',
+    'jacobian_rate',
+    'linearise',
+    'potential_energy',
+    'solve',
+    'times_jacobian',
+    'violation',
+]

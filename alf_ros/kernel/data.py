@@ -1,0 +1,161 @@
+"""What the kernel reads and writes.
+
+Conventions. Vectors are flat, block i at [i D, (i + 1) D); D, 2 or 3, is the length of the tuple
+`unit` and so a constant when compiled. Movable blocks come first, in elimination order; fixed
+blocks follow, with positions but no velocity. Rows: distance rows between movable blocks, distance
+rows with a fixed end, quadratic rows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from alf_ros.arrays import Addresses, Floats, Indices, Integers
+from alf_ros.structs import Struct
+
+OK, NOT_POSITIVE, NOT_FINITE, NOT_CLOSED, COLLAPSED = 0, 1, 2, 3, 4
+
+SOLVED = 1e-12  # relative change at which a solve is finished
+EPS = float(np.finfo(np.float64).eps)
+ONE = np.uint64(1)
+TWO = np.uint64(2)
+FOUR = np.uint64(4)
+
+
+@dataclass(frozen=True, eq=False)
+class Mass(Struct):
+    """M: diagonal blocks k I and pairs of off-diagonal blocks k I + w J (w only in the plane)."""
+
+    constant = True
+
+    diagonal: Floats  # (movable blocks,) kg
+    i: Indices  # (pairs,) row block, i > j
+    j: Indices  # (pairs,)
+    k: Floats  # (pairs,) kg
+    skew: Indices  # (skew pairs,) pairs that have a w
+    w: Floats  # (skew pairs,) kg
+
+
+@dataclass(frozen=True, eq=False)
+class Rows(Struct):
+    """Φ(q): distance rows ½(|q_i - q_j|² - L²), then quadratic ones Σ ½(g + b)·q + c."""
+
+    constant = True
+
+    both: np.uint64  # number of distance rows whose two blocks move; they come first
+    i: Indices  # (distance rows,) movable block
+    j: Indices  # (distance rows,) the other block
+    length2: Floats  # (distance rows,) L², m²
+    first: Indices  # (quadratic rows + 1,) entries of a row: first[r] .. first[r + 1]
+    movable: Indices  # (quadratic rows,) entries of movable blocks end here; fixed ones follow
+    block: Indices  # (entries,)
+    b: Floats  # (entries D,); the gradient is g = T q + b
+    first_term: Indices  # (entries + 1,)
+    term_block: Indices  # (terms,)
+    term: Floats  # (terms D D,)
+    c: Floats  # (quadratic rows,)
+    alpha: Floats  # (rows,) penalty α of each row
+    scale: Floats  # (rows,) 1 / |Φ_q,r| as drawn: scale Φ is a distance in metres
+
+
+@dataclass(frozen=True, eq=False)
+class Pattern(Struct):
+    """Pattern of A and of its factor, analysed once: blocks below the diagonal, by columns."""
+
+    constant = True
+
+    first: Indices  # (movable + 1,) blocks of column k: first[k] .. first[k + 1]
+    row: Indices  # (blocks,) row of each off-diagonal block, ascending in a column
+    target: Indices  # (updates,) where the update of a pair of blocks of one column goes
+    mass_diagonal: Floats  # (movable D D,) M on the pattern
+    mass_off: Floats  # (blocks D D,)
+    distance: Indices  # (both,) off-diagonal block of a distance row
+    pair: Indices  # (pairs of entries, 4) entry, entry, block, row of the quadratic rows
+
+
+@dataclass(frozen=True, eq=False)
+class System(Struct):
+    """A mechanism."""
+
+    constant = True
+
+    mass: Mass
+    rows: Rows
+    pattern: Pattern
+    axes: Indices  # (bodies, 2) blocks on the x axis of each body
+    size: float  # m, largest extent of the drawing
+    heaviest: float  # kg, largest diagonal element of M
+
+
+@dataclass(frozen=True, eq=False)
+class Forces(Struct):
+    """The effects of a scene: addresses of compiled functions and the packed data of each."""
+
+    constant = True
+
+    force: Addresses  # (effects,) address of force()
+    potential: Addresses  # (effects,) address of potential(), 0 where there is none
+    slots: Integers  # (…,) all effects in a row
+    params: Floats  # (…,)
+    slots_at: Addresses  # (effects,) where an effect's slots begin
+    params_at: Addresses  # (effects,)
+
+
+@dataclass(frozen=True, eq=False)
+class Method(Struct):
+    """An explicit Runge-Kutta method (a, b, c), and how its solves end."""
+
+    constant = True
+
+    a: Floats  # (stages, stages)
+    b: Floats  # (stages,)
+    c: Floats  # (stages,)
+    embedded: Floats  # (2, stages + 1) weights of the embedded errors of order 5 and 3, or (0,)
+    iterations: np.uint64  # at most, in one solve
+    tolerance: float  # relative error of a step, of an adaptive method
+
+
+@dataclass(frozen=True, eq=False)
+class Phase(Struct):
+    """Where the mechanism is: what a step begins with and ends with."""
+
+    q: Floats  # (all blocks D,) m
+    qd: Floats  # (all blocks D,) m/s
+    turns: Integers  # (bodies,) passages of the x axis over the negative x axis of the plane
+    pace: Floats  # (1,) the step an adaptive method would like to take next, s
+
+
+@dataclass(frozen=True, eq=False)
+class Work(Struct):
+    """What else the kernel writes: allocated once by the caller."""
+
+    evaluations: Integers  # (1,) stages evaluated so far
+    diagonal: Floats  # (movable D D,) factor: unit lower triangles, reciprocal pivots between
+    off: Floats  # (blocks D D,) factor
+    column: Floats  # (longest column D D,) one column before division by the pivots
+    g: Floats  # (distance rows D,) q_i - q_j
+    g2: Floats  # (entries D,) gradients of the quadratic rows
+    g2d: Floats  # (entries D,) their time derivatives
+    gf: Floats  # (distance rows D,) the same, of the place where A was factorised
+    g2f: Floats  # (entries D,)
+    q: Floats  # (all blocks D,) stage
+    qd: Floats  # (all blocks D,)
+    qdd: Floats  # (all blocks D,)
+    p: Floats  # (movable D,) momenta p'
+    Q: Floats  # (all blocks D,)
+    delta: Floats  # (all blocks D,) right-hand side, then solution
+    r2: Floats  # (rows,)
+    y: Floats  # (rows,) σ' or λ
+    kq: Floats  # ((stages + 1) movable D,) q̇ of the stages and of the end
+    kp: Floats  # ((stages + 1) movable D,) ṗ' of the stages and of the end
+    bend: Floats  # (all blocks D,) q̈ of the unforced mechanism: the curvature of its path
+    target: Floats  # (all blocks D,) a stage as the method has it, before it is put on Φ = 0
+    base: Floats  # (all blocks D,) that stage again, while places around it are tried
+    momenta: Floats  # (movable D,) its p'
+    sum_q: Floats  # (movable D,) what is interpolated from those places: q̇
+    sum_p: Floats  # (movable D,) and ṗ'
+    good_q: Floats  # (all blocks D,) the last point of the grid that an adaptive method reached
+    good_qd: Floats  # (all blocks D,)
+    good_turns: Integers  # (bodies,)

@@ -1,0 +1,89 @@
+"""Q(q, q̇, t): the effects of a scene, called by their addresses."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+from alf_ros.arrays import Floats
+from alf_ros.kernel.data import Forces
+from alf_ros.kernel.jit import compiled
+from alf_ros.kernel.vectors import zero
+from alf_ros.structs import VectorType
+
+
+def _call(context: Any, builder: Any, sig: Any, args: Any, returns: Any) -> Any:
+    """Call a C function of a known signature at an address that is data."""
+    values = []
+    for kind, value in zip(sig.args[1:], args[1:], strict=True):
+        if isinstance(kind, (types.Array, VectorType)):
+            data = cgutils.create_struct_proxy(kind)(context, builder, value=value).data
+            values.append(data)
+        elif isinstance(kind, types.Float):
+            values.append(value)
+        else:  # an offset: belongs to the pointer before it
+            values[-1] = builder.gep(values[-1], [value])
+    function = ir.FunctionType(returns, [value.type for value in values])
+    pointer = builder.inttoptr(args[0], function.as_pointer())
+    return builder.call(pointer, values)
+
+
+@intrinsic
+def _force(
+    typing: Any, at: Any, t: Any, q: Any, qd: Any, slots: Any, i: Any, params: Any, j: Any, Q: Any
+) -> Any:
+    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        _call(context, builder, sig, args, ir.VoidType())
+        return context.get_dummy_value()
+
+    return types.void(at, t, q, qd, slots, i, params, j, Q), code
+
+
+@intrinsic
+def _potential(
+    typing: Any, at: Any, t: Any, q: Any, slots: Any, i: Any, params: Any, j: Any
+) -> Any:
+    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return _call(context, builder, sig, args, ir.DoubleType())
+
+    return types.float64(at, t, q, slots, i, params, j), code
+
+
+@compiled
+def applied_forces(forces: Forces, t: float, q: Floats, qd: Floats, Q: Floats) -> None:
+    """Q(q, q̇, t): the sum of the effects the scene names; each adds its own."""
+    zero(Q)
+    for e in range(forces.force.size):
+        _force(
+            forces.force[e],
+            t,
+            q,
+            qd,
+            forces.slots,
+            forces.slots_at[e],
+            forces.params,
+            forces.params_at[e],
+            Q,
+        )
+
+
+@compiled
+def potential_energy(forces: Forces, t: float, q: Floats) -> float:
+    """Potential energy of all effects that store some, J."""
+    energy = 0.0
+    for e in range(forces.force.size):
+        if forces.potential[e] != 0:
+            energy += _potential(
+                forces.potential[e],
+                t,
+                q,
+                forces.slots,
+                forces.slots_at[e],
+                forces.params,
+                forces.params_at[e],
+            )
+    return energy

@@ -1,0 +1,100 @@
+"""Onto Φ = 0: stages and the ends of steps, along M, with the factor that is there anyway."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from alf_ros.arrays import Floats, Unit
+from alf_ros.kernel.constraints import add_transposed, jacobian, times_jacobian, violation
+from alf_ros.kernel.data import EPS, NOT_CLOSED, NOT_POSITIVE, OK, Rows, System, Work
+from alf_ros.kernel.factor import linearise, solve
+from alf_ros.kernel.jit import inner
+from alf_ros.kernel.vectors import zero
+
+
+@inner
+def opening(unit: Unit, rows: Rows, q: Floats, phi: Floats) -> float:
+    """Φ(q), and how far the widest row is open, m."""
+    violation(unit, rows, q, phi)
+    gap = 0.0
+    for r in range(phi.size):
+        gap = max(gap, abs(phi[r]) * rows.scale[r])
+    return gap
+
+
+@inner
+def correct(unit: Unit, system: System, work: Work) -> None:
+    """q -= A⁻¹ Φ_qᵀ α Φ, Φ in r2, with the Jacobian and the factor of one and the same place.
+
+    Φ_q of another place would put α times the difference on the free directions.
+    """
+    delta, phi = work.delta, work.r2
+    for r in range(phi.size):
+        phi[r] *= -system.rows.alpha[r]
+    zero(delta)
+    add_transposed(unit, system.rows, work.gf, work.g2f, phi, delta)
+    solve(unit, system.pattern, work.diagonal, work.off, delta)
+    for a in range(work.p.size):
+        work.q[a] += delta[a]
+
+
+@inner
+def project(unit: Unit, system: System, work: Work) -> int:
+    """Bring q in `work` onto Φ = 0 along M, with Φ_q and factor of that place; returns the result.
+
+    It begins with those of the last stage, which is near; where that converges slowly they are
+    made anew. Very close to a singular position a row cannot tell how far off its point is, and
+    what is left of the gap is let be.
+    """
+    size = system.size
+    before = np.inf
+    fresh = False
+    for _ in range(50):
+        gap = opening(unit, system.rows, work.q, work.r2)
+        closed = gap <= 4.0 * EPS * size
+        if closed or (fresh and gap > 0.5 * before and gap <= 1e-10 * size):
+            return OK if linearise(unit, system, work, work.q) else NOT_CLOSED
+        if gap > 0.1 * before:
+            if not linearise(unit, system, work, work.q):
+                return NOT_CLOSED
+            fresh = True
+        before = gap
+        correct(unit, system, work)
+    return NOT_CLOSED
+
+
+@inner
+def place(unit: Unit, system: System, work: Work, wholly: bool) -> int:
+    """Put the stage `target` onto Φ = 0 by one correction, or `wholly`; Φ_q is that of the place.
+
+    Off Φ = 0 by e and s from a singular position the free directions are turned by e / s: that,
+    not α, is what breaks steps there. On it the equations go through the position smoothly. The
+    correction is linearised at q, a guess that is nearer to Φ = 0 than the stage.
+    """
+    n = work.p.size
+    if not linearise(unit, system, work, work.q):
+        return NOT_POSITIVE
+    violation(unit, system.rows, work.q, work.r2)
+    zero(work.delta)
+    for a in range(n):
+        work.delta[a] = work.target[a] - work.q[a]
+        work.q[a] = work.target[a]
+    times_jacobian(unit, system.rows, work.g, work.g2, work.delta, work.y)
+    for r in range(work.r2.size):
+        work.r2[r] += work.y[r]
+    correct(unit, system, work)
+    if wholly:
+        before = np.inf
+        for _ in range(3):
+            gap = opening(unit, system.rows, work.q, work.r2)
+            if gap <= 1e-13 * system.size or gap > 0.5 * before:
+                break
+            before = gap
+            if not linearise(unit, system, work, work.q):
+                return NOT_POSITIVE
+            correct(unit, system, work)
+        if not linearise(unit, system, work, work.q):
+            return NOT_POSITIVE
+    else:
+        jacobian(unit, system.rows, work.q, work.g, work.g2)
+    return OK

@@ -1,0 +1,167 @@
+"""One step of an explicit Runge-Kutta method, and many of them in one call."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from alf_ros.arrays import Floats, Indices, Integers, Unit
+from alf_ros.kernel.data import (
+    NOT_CLOSED,
+    NOT_FINITE,
+    NOT_POSITIVE,
+    OK,
+    ONE,
+    TWO,
+    Forces,
+    Method,
+    Phase,
+    System,
+    Work,
+)
+from alf_ros.kernel.factor import linearise
+from alf_ros.kernel.iteration import augmented, momentum_rate, unforced, velocities
+from alf_ros.kernel.jit import compiled, inner
+from alf_ros.kernel.manifold import project
+from alf_ros.kernel.mass import add_mass_times
+from alf_ros.kernel.stage import SLOW, stage, stage_between
+from alf_ros.kernel.vectors import copy, zero
+
+
+@inner
+def step(
+    unit: Unit,
+    system: System,
+    forces: Forces,
+    method: Method,
+    work: Work,
+    phase: Phase,
+    t: float,
+    h: float,
+) -> tuple[int, int]:
+    """One step from q, q̇ of `phase`, whose Φ_q and factor stand in `work`.
+
+    Leaves the new q, q̇ in `work`, with Φ_q and factor. Returns (result, most iterations).
+    """
+    n = work.p.size
+    q, qd, kq, kp = phase.q, phase.qd, work.kq, work.kp
+    stages, iterations = method.b.size, np.int64(method.iterations)
+    copy(qd, work.qd)
+    unforced(unit, system, work)
+    zero(work.bend)
+    zero(work.p)
+    most, _ratio = augmented(unit, system, work, work.p, work.bend, iterations, 1e-3, False)
+    fastest, hardest = 0.0, 0.0
+    for s in range(stages + ONE):
+        for i in range(n):
+            work.q[i] = 0.0
+            work.p[i] = 0.0
+        for m in range(s):
+            weight = method.a[s * stages + m] if s < stages else method.b[m]
+            if weight != 0.0:
+                for i in range(n):
+                    work.q[i] += weight * kq[m * n + i]
+                    work.p[i] += weight * kp[m * n + i]
+        for i in range(n):
+            work.q[i] = q[i] + h * work.q[i]
+            work.p[i] *= h
+        add_mass_times(unit, system.mass, 1.0, qd, work.p)
+        copy(work.p, work.momenta)
+        if s == stages:
+            break
+        copy(work.q, work.base)
+        copy(work.q, work.target)
+        lag = (
+            0.5 * method.c[s] * method.c[s]
+        )  # of the stage behind the path, in h² of its curvature
+        for m in range(s):
+            lag -= method.a[s * stages + m] * method.c[m]
+        for i in range(n):
+            work.q[i] += h * h * lag * work.bend[i]
+        ts = t + method.c[s] * h
+        if s == 0:
+            work.evaluations[0] += 1
+            count, slowest = momentum_rate(unit, system, forces, work, ts, iterations)
+            clear = slowest <= SLOW
+            for i in range(n):
+                fastest = max(fastest, abs(qd[i]))
+                hardest = max(hardest, abs(work.qdd[i]))
+        else:
+            count, clear = stage(unit, system, forces, work, ts, False, iterations)
+        if not clear and count > 0 and fastest > 0.0 and hardest > 0.0:
+            moved = 0.0
+            for i in range(n):
+                moved = max(moved, abs(work.q[i] - work.base[i]))
+            spacing = max(20.0 * moved / fastest, 3e-3 * fastest / hardest)
+            count = stage_between(unit, system, forces, work, ts, qd, spacing, iterations)
+            if s == 0:
+                copy(qd, work.qd)
+        if count == 0:
+            return NOT_CLOSED, most
+        most = max(most, count)
+        for i in range(n):
+            kq[s * n + i] = work.qd[i]
+            kp[s * n + i] = work.p[i]
+    result = project(unit, system, work)
+    if result == OK:
+        copy(work.momenta, work.p)
+        count, _slowest = velocities(unit, system, work, iterations)
+        most = max(most, count)
+        check = 0.0
+        for i in range(n):
+            check += work.q[i] + work.qd[i]
+        if not np.isfinite(check):
+            result = NOT_FINITE
+    return result, most
+
+
+@inner
+def accept(work: Work, axes: Indices, phase: Phase) -> None:
+    """Take the end of a step that went well as the new phase."""
+    _count_turns(axes, phase.q, work.q, phase.turns)
+    copy(work.q, phase.q)
+    copy(work.qd, phase.qd)
+
+
+@inner
+def _count_turns(axes: Indices, q: Floats, qn: Floats, turns: Integers) -> None:
+    """Count the passages of each body's x axis over the negative x axis of the plane."""
+    for n in range(turns.size):
+        i, j = axes[TWO * n] * TWO, axes[TWO * n + ONE] * TWO
+        y0, y1 = q[j + ONE] - q[i + ONE], qn[j + ONE] - qn[i + ONE]
+        if (y0 < 0.0) != (y1 < 0.0):
+            x0, x1 = q[j] - q[i], qn[j] - qn[i]
+            if x0 * y1 - x1 * y0 > 0.0:  # counter-clockwise
+                turns[n] += 1 if y1 < 0.0 else 0
+            else:
+                turns[n] -= 1 if y0 < 0.0 else 0
+
+
+@compiled
+def advance(
+    unit: Unit,
+    system: System,
+    forces: Forces,
+    method: Method,
+    work: Work,
+    phase: Phase,
+    t0: float,
+    first: int,
+    steps: int,
+    h: float,
+) -> tuple[int, int, int]:
+    """Take `steps` steps of h from step number `first`; returns (result, taken, most iterations).
+
+    `phase` is the state, in and out; on failure it holds the last good step.
+    """
+    most = 0
+    copy(phase.q, work.q)
+    if not linearise(unit, system, work, work.q):
+        return NOT_POSITIVE, 0, most
+    for taken in range(steps):
+        t = t0 + (first + taken) * h
+        result, count = step(unit, system, forces, method, work, phase, t, h)
+        most = max(most, count)
+        if result != OK:
+            return result, taken, most
+        accept(work, system.axes, phase)
+    return OK, steps, most

@@ -1,0 +1,20 @@
+"""Loops over vectors. Slices would do, but their error messages take seconds to compile."""
+
+from __future__ import annotations
+
+from alf_ros.arrays import Floats, Integers
+from alf_ros.kernel.jit import inlined
+
+
+@inlined
+def zero(to: Floats) -> None:
+    """to = 0."""
+    for i in range(to.size):
+        to[i] = 0.0
+
+
+@inlined
+def copy(of: Floats | Integers, to: Floats | Integers) -> None:
+    """to = of, which is as long or longer."""
+    for i in range(to.size):
+        to[i] = of[i]

@@ -1,0 +1,78 @@
+"""Structs: compiled code reads and writes the arrays that Python sees."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from numba import njit
+from numba.core.errors import TypingError
+
+from alf_ros.arrays import Floats, Indices, Integers
+from alf_ros.structs import Struct, vector
+
+
+@dataclass(frozen=True, eq=False)
+class Table(Struct):
+    constant = True
+
+    where: Indices
+    factor: float
+    limit: np.uint64
+
+
+@dataclass(frozen=True, eq=False)
+class Sums(Struct):
+    table: Table
+    total: Floats
+    count: Integers
+
+
+@njit
+def add(sums, values):  # type: ignore[no-untyped-def]
+    values = vector(values)
+    table = sums.table
+    for n in range(table.where.size):
+        if table.where[n] < table.limit:
+            sums.total[table.where[n]] += table.factor * values[n]
+            sums.count[0] -= 1
+    return values.size
+
+
+@njit
+def spoil(table):  # type: ignore[no-untyped-def]
+    table.where[0] = 1
+
+
+def sums() -> Sums:
+    where = np.array([2, 0, 5, 2], dtype=np.uint32)
+    return Sums(Table(where, -0.5, np.uint64(3)), np.zeros(3), np.zeros(1, dtype=np.int64))
+
+
+def test_compiled_code_works_on_the_arrays_of_python() -> None:
+    s = sums()
+    assert add(s, np.array([[1.0, 2.0], [4.0, 8.0]])) == 4
+    assert s.total.tolist() == [-1.0, 0.0, -4.5] and s.count.tolist() == [-3]
+
+
+def test_a_replaced_part_is_another_struct() -> None:
+    s = sums()
+    other = replace(s, table=replace(s.table, factor=2.0))
+    assert other._address != s._address
+    add(other, np.ones(4))
+    assert other.total.tolist() == [2.0, 0.0, 4.0]
+    assert other.total is s.total  # what was not replaced is shared
+
+
+def test_constants_cannot_be_written() -> None:
+    with pytest.raises(TypingError):
+        spoil(sums().table)
+
+
+@pytest.mark.parametrize(
+    'where', [np.array([1, 2]), np.array([1.0]), np.zeros((4, 4), dtype=np.uint32)[:, 1]]
+)
+def test_an_array_of_another_kind_is_refused(where: Indices) -> None:
+    with pytest.raises(TypeError, match='Table.where'):
+        replace(sums().table, where=where)
