@@ -264,6 +264,7 @@ def _row_arrays(rows: Sequence[Row], layout: Layout) -> tuple[Rows, list[int]]:
         term_block=_indices(()),
         term=np.zeros(0 * D * D),
         c=np.array([rows[n].c for n in other], dtype=float),
+        B=np.zeros(0),
         alpha=np.zeros(len(order)),
         scale=np.zeros(len(order)),
     )

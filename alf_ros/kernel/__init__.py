@@ -7,6 +7,7 @@ what differs from the print. `data` says what passes between the files.
 from alf_ros.kernel.adaptive import advance_adaptively
 from alf_ros.kernel.constraints import (
     add_transposed,
+    constraint_rate,
     convective,
     jacobian,
     jacobian_rate,
@@ -57,6 +58,7 @@ __all__ = [
     'advance_adaptively',
     'applied_forces',
     'augmented',
+    'constraint_rate',
     'convective',
     'jacobian',
     'jacobian_rate',

@@ -44,7 +44,7 @@ def jacobian_rate(unit: Unit, rows: Rows, qd: Floats, g2d: Floats) -> None:
 
 @compiled
 def violation(unit: Unit, rows: Rows, q: Floats, phi: Floats) -> None:
-    """Φ(q)."""
+    """Φ(q); 0 for rows that bind velocities only."""
     D = np.uint64(len(unit))
     m1 = rows.i.size
     for r in range(m1):
@@ -65,6 +65,8 @@ def violation(unit: Unit, rows: Rows, q: Floats, phi: Floats) -> None:
                     for c in range(D):
                         s += 0.5 * q[i + a] * rows.term[(n * D + a) * D + c] * q[j + c]
         phi[m1 + r] = s
+    for r in range(m1 + rows.c.size, phi.size):
+        phi[r] = 0.0
 
 
 @compiled
@@ -78,13 +80,24 @@ def times_jacobian(unit: Unit, rows: Rows, g: Floats, g2: Floats, v: Floats, out
         for a in range(D):
             s += g[r * D + a] * (v[i + a] - v[j + a])
         out[r] = s
-    for r in range(rows.c.size):
+    for r in range(rows.movable.size):
         s = 0.0
         for e in range(rows.first[r], rows.first[r + ONE]):
             i = rows.block[e] * D
             for a in range(D):
                 s += g2[e * D + a] * v[i + a]
         out[m1 + r] = s
+
+
+@compiled
+def constraint_rate(
+    unit: Unit, rows: Rows, g: Floats, g2: Floats, qd: Floats, out: Floats
+) -> None:
+    """out = Φ̇ = Φ_q q̇, and N q̇ + B (38)."""
+    times_jacobian(unit, rows, g, g2, qd, out)
+    velocity = out.size - rows.B.size
+    for r in range(rows.B.size):
+        out[velocity + r] += rows.B[r]
 
 
 @compiled
@@ -98,7 +111,7 @@ def add_transposed(unit: Unit, rows: Rows, g: Floats, g2: Floats, y: Floats, out
             s = y[r] * g[r * D + a]
             out[i + a] += s
             out[j + a] -= s
-    for r in range(rows.c.size):
+    for r in range(rows.movable.size):
         for e in range(rows.first[r], rows.first[r + ONE]):
             i = rows.block[e] * D
             for a in range(D):
@@ -116,7 +129,7 @@ def convective(unit: Unit, rows: Rows, g2d: Floats, qd: Floats, out: Floats) -> 
         for a in range(D):
             s += (qd[i + a] - qd[j + a]) * (qd[i + a] - qd[j + a])
         out[r] = s
-    for r in range(rows.c.size):
+    for r in range(rows.movable.size):
         s = 0.0
         for e in range(rows.first[r], rows.first[r + ONE]):
             i = rows.block[e] * D

@@ -40,7 +40,11 @@ class Mass(Struct):
 
 @dataclass(frozen=True, eq=False)
 class Rows(Struct):
-    """Φ(q): distance rows ½(|q_i - q_j|² - L²), then quadratic ones Σ ½(g + b)·q + c."""
+    """Φ(q): distance rows ½(|q_i - q_j|² - L²), then quadratic ones Σ ½(g + b)·q + c.
+
+    Behind them the rows that bind velocities only, N(q) q̇ + B = 0 (38): their entries are those of
+    N, and they have no Φ. Wherever velocities are meant, N stands below Φ_q.
+    """
 
     constant = True
 
@@ -48,14 +52,15 @@ class Rows(Struct):
     i: Indices  # (distance rows,) movable block
     j: Indices  # (distance rows,) the other block
     length2: Floats  # (distance rows,) L², m²
-    first: Indices  # (quadratic rows + 1,) entries of a row: first[r] .. first[r + 1]
-    movable: Indices  # (quadratic rows,) entries of movable blocks end here; fixed ones follow
+    first: Indices  # (other rows + 1,) entries of a row: first[r] .. first[r + 1]
+    movable: Indices  # (other rows,) entries of movable blocks end here; fixed ones follow
     block: Indices  # (entries,)
     b: Floats  # (entries D,); the gradient is g = T q + b
     first_term: Indices  # (entries + 1,)
     term_block: Indices  # (terms,)
     term: Floats  # (terms D D,)
     c: Floats  # (quadratic rows,)
+    B: Floats  # (velocity rows,) m/s, or as N says
     alpha: Floats  # (rows,) penalty α of each row
     scale: Floats  # (rows,) 1 / |Φ_q,r| as drawn: scale Φ is a distance in metres
 

@@ -35,7 +35,7 @@ def assemble(unit: Unit, system: System, work: Work) -> None:
             s = rows.alpha[r] * g[r * D + a]
             for c in range(D):
                 diagonal[i + a * D + c] += s * g[r * D + c]
-    for r in range(rows.c.size):
+    for r in range(rows.movable.size):
         for e in range(rows.first[r], rows.movable[r]):
             i = rows.block[e] * DD
             for a in range(D):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Floats, Unit
-from alf_ros.kernel.constraints import convective, jacobian_rate, times_jacobian
+from alf_ros.kernel.constraints import constraint_rate, convective, jacobian_rate
 from alf_ros.kernel.data import SOLVED, Forces, Rows, System, Work
 from alf_ros.kernel.factor import solve
 from alf_ros.kernel.forces import applied_forces
@@ -90,7 +90,7 @@ def _add_rows(D: np.uint64, rows: Rows, work: Work) -> None:
         i, s, z = rows.i[r] * D, rows.alpha[r] * r2[r], y[r]
         for a in range(D):
             delta[i + a] += s * gf[r * D + a] - z * g[r * D + a]
-    for r in range(rows.c.size):
+    for r in range(rows.movable.size):
         s, z = rows.alpha[m1 + r] * r2[m1 + r], y[m1 + r]
         for e in range(rows.first[r], rows.movable[r]):
             i = rows.block[e] * D
@@ -126,7 +126,7 @@ def _update_rows(D: np.uint64, rows: Rows, work: Work) -> None:
             s += g[r * D + a] * delta[i + a]
         y[r] += rows.alpha[r] * sf
         r2[r] -= s
-    for r in range(rows.c.size):
+    for r in range(rows.movable.size):
         sf, s = -r2[m1 + r], 0.0
         for e in range(rows.first[r], rows.movable[r]):
             i = rows.block[e] * D
@@ -140,7 +140,7 @@ def _update_rows(D: np.uint64, rows: Rows, work: Work) -> None:
 @inner
 def velocities(unit: Unit, system: System, work: Work, iterations: int) -> tuple[int, float]:
     """q̇ from the momenta p' with the factor in `work` (33); q̇ there is a guess."""
-    times_jacobian(unit, system.rows, work.g, work.g2, work.qd, work.r2)
+    constraint_rate(unit, system.rows, work.g, work.g2, work.qd, work.r2)
     for r in range(work.r2.size):
         work.r2[r] = -work.r2[r]
         work.y[r] = 0.0
