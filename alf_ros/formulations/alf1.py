@@ -17,9 +17,9 @@ from alf_ros.formulations.runge_kutta import runge_kutta
 from alf_ros.formulations.storage import Settings, Storage, allocate
 from alf_ros.kernel.constraints import (
     add_transposed,
+    constraint_rate,
     convective,
     jacobian_rate,
-    times_jacobian,
     violation,
 )
 from alf_ros.kernel.data import NOT_POSITIVE, OK, SOLVED, TWO, Forces, Method, Phase, System, Work
@@ -61,7 +61,7 @@ def rates(
     if not linearise(unit, system, work, work.q):
         return NOT_POSITIVE, 0
     violation(unit, rows, work.q, phi)
-    times_jacobian(unit, rows, work.g, work.g2, work.qd, phi_d)
+    constraint_rate(unit, rows, work.g, work.g2, work.qd, phi_d)
     jacobian_rate(unit, rows, work.qd, work.g2d)
     convective(unit, rows, work.g2d, work.qd, c)
     for r in range(c.size):

@@ -1,6 +1,6 @@
 """ALF2, the canonical augmented Lagrangian formulation, (32)-(35), as printed but for its signs.
 
-State y = (q, p, s), s = ∫Φ dt. With c = 2ΩμΦ + Ω²s the constraints are penalised as Φ̇ + c:
+State y = (q, p, s), s = ∫Φ dt. With c = Φ_t + 2ΩμΦ + Ω²s the constraints are penalised as Φ̇ + c:
 
     p = M q̇ + Φ_qᵀ σ                                               (32)
     A q̇_i+1 = M q̇_i - Φ_qᵀ α c,   M q̇_0 = p                        (33a), (34)
@@ -22,6 +22,7 @@ from alf_ros.formulations.runge_kutta import runge_kutta
 from alf_ros.formulations.storage import Settings, Storage, allocate
 from alf_ros.kernel.constraints import (
     add_transposed,
+    constraint_rate,
     jacobian,
     jacobian_rate,
     times_jacobian,
@@ -72,10 +73,11 @@ def rates(
     if not linearise(unit, system, work, work.q):
         return NOT_POSITIVE, 0
     violation(unit, rows, work.q, phi)
-    for r in range(m):
-        c[r] = 2.0 * omega * mu * phi[r] + omega * omega * y[two_n + r]
-    zero(sigma)
     zero(work.qd)
+    constraint_rate(unit, rows, work.g, work.g2, work.qd, c)  # Φ_t
+    for r in range(m):
+        c[r] += 2.0 * omega * mu * phi[r] + omega * omega * y[two_n + r]
+    zero(sigma)
     count = 0
     for _ in range(np.int64(storage.iterations)):
         count += 1

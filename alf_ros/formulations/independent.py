@@ -18,6 +18,7 @@ from scipy.linalg import qr
 
 from alf_ros.arrays import Floats, Indices, Unit
 from alf_ros.assembly import dependent_rows
+from alf_ros.errors import InputError
 from alf_ros.formulations import dense
 from alf_ros.formulations.runge_kutta import runge_kutta
 from alf_ros.formulations.storage import FOLDED, SINGULAR, Settings, Storage, allocate
@@ -56,7 +57,17 @@ def split(model: Model, q: Floats) -> tuple[Indices, Indices]:
 
 
 def prepare(model: Model, settings: Settings, q: Floats) -> Storage:
-    """Allocate what a run from q (all blocks D) writes, and choose its independent coordinates."""
+    """Allocate what a run from q (all blocks D) writes, and choose its independent coordinates.
+
+    Raises InputError for constraints of velocities: they leave more coordinates independent than
+    velocities.
+    """
+    if model.system.rows.B.size:
+        raise InputError(
+            'constraints that bind velocities only do not reduce the coordinates',
+            key='formulation',
+            value='independent',
+        )
     order, kept = split(model, q)
     free = order.size - kept.size
     widest = max(free, kept.size)

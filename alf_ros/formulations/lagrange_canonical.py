@@ -2,7 +2,7 @@
 
 State y = (q, p). The constraints stand at velocity level, Φ drifts with the error of a step only:
 
-    [M Φ_qᵀ; Φ_q 0] [q̇; σ] = [p; 0]                                (12)
+    [M Φ_qᵀ; Φ_q 0] [q̇; σ] = [p; -Φ_t]                             (12)
     ṗ = Q + Φ̇_qᵀ σ
 """
 
@@ -14,7 +14,7 @@ from alf_ros.arrays import Floats, Unit
 from alf_ros.formulations import baumgarte, saddle
 from alf_ros.formulations.runge_kutta import runge_kutta
 from alf_ros.formulations.storage import SINGULAR, Storage
-from alf_ros.kernel.constraints import add_transposed, jacobian, jacobian_rate
+from alf_ros.kernel.constraints import add_transposed, constraint_rate, jacobian, jacobian_rate
 from alf_ros.kernel.data import OK, TWO, Forces, Method, Phase, System, Work
 from alf_ros.kernel.forces import applied_forces
 from alf_ros.kernel.jit import compiled, inner
@@ -44,7 +44,7 @@ def rates(
 ) -> tuple[int, int]:
     """ẏ = (q̇, ṗ); returns (result, 1)."""
     n = work.p.size
-    rows, y, sigma = system.rows, storage.y, storage.sigma
+    rows, y, c, sigma = system.rows, storage.y, storage.c, storage.sigma
     at = stage * n * TWO
     for i in range(n):
         work.q[i] = y[i]
@@ -52,8 +52,11 @@ def rates(
         return SINGULAR, 0
     for i in range(n):
         work.p[i] = y[n + i]
-    zero(storage.c)
-    saddle.solve(system, storage, work.p, storage.c, work.qd, sigma)  # eq. (12)
+    zero(work.qd)
+    constraint_rate(unit, rows, work.g, work.g2, work.qd, c)  # Φ_t
+    for r in range(c.size):
+        c[r] = -c[r]
+    saddle.solve(system, storage, work.p, c, work.qd, sigma)  # eq. (12)
     # Φ̇_q: that of a distance row is the difference of the velocities
     jacobian(unit, rows, work.qd, storage.gd, storage.g2d)
     jacobian_rate(unit, rows, work.qd, storage.g2d)
