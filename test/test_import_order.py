@@ -62,6 +62,8 @@ ROOMS = {
         'trial',
         'error_plot',
         'hard_cases',
+        'figures',
+        'figure_plot',
     ],
     'messages': ['messages'],
     'recorder': ['recorder', 'bag'],
