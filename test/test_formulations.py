@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from alf_ros import Scene, Simulation, formulations, kernel, load_scene, reference_motion, scene
+from alf_ros.effects import contract
 from alf_ros.errors import AlfError, InputError, StepError
 from alf_ros.formulations import Formulation
 from alf_ros.integrator import method
@@ -207,6 +208,33 @@ def test_momenta_are_those_of_the_canonical_equations(name: str, solver: dict[st
     assert rates(sim.model, sim)[n : 2 * n] == pytest.approx(expected, rel=1e-4, abs=1e-6)
 
 
+@contract.force
+def turning(t, q, qd, slots, params, Q):  # type: ignore[no-untyped-def]
+    Q[0] += math.cos(t)
+
+
+@pytest.mark.parametrize('name', formulations.NAMES)
+def test_forces_are_those_of_the_time_of_the_stage(name: str) -> None:
+    """A free mass pushed by cos t, which no constraint holds, in two calls: x = 1 - cos t."""
+    body = {'puck': {'points': ['P'], 'mass': 1, 'inertia': 'point'}}
+    source = {'alf': 1, 'points': {'P': {'at': [0, 0]}}, 'bodies': body}
+    sim = Simulation(load_scene({'mechanism': source}), formulation=name, step=0.01)
+    none, nothing = sim._applied.assembled, np.zeros(1, dtype=np.uint64)
+    forces = replace(
+        none,
+        force=np.array([turning.address], dtype=np.uint64),
+        potential=nothing,
+        slots_at=nothing,
+        params_at=nothing,
+    )
+    sim._applied.__dict__['assembled'] = forces
+    sim.step(50)
+    sim.step(150)
+    sample = sim.sample()
+    assert sample.q == pytest.approx([1.0 - math.cos(2.0), 0.0], abs=1e-9)
+    assert sample.qd == pytest.approx([math.sin(2.0), 0.0], abs=1e-9)
+
+
 def test_rows_that_bind_velocities_only() -> None:
     """The slider-crank on a guide that rises at 0.2 m/s, as N q̇ + B = 0 (38)."""
     ends = {}
@@ -321,6 +349,17 @@ def test_what_runs_away_is_stopped() -> None:
     assert 0.9 < sample.t < 10.0
     assert np.isfinite(sample.qd).all()
     assert sample.diagnostics.position_violation < 0.2
+
+
+@pytest.mark.parametrize('name', formulations.NAMES)
+def test_what_is_no_longer_finite_is_stopped(name: str) -> None:
+    sim = Simulation(double_pendulum(), formulation=name)
+    sim.step(5)
+    sim.apply_wrench('B', force=[1e308, 1e308])
+    with pytest.raises(StepError, match='alf2'):
+        sim.step(5)
+    assert sim.step_index == 5
+    assert all(np.isfinite(part).all() for part in (sim.state.q, sim.state.qd, sim.state.carried))
 
 
 # ------------------------------------------------------------------------------------------ states

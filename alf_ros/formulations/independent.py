@@ -117,8 +117,8 @@ def _close(unit: Unit, system: System, work: Work, storage: Storage) -> tuple[in
     for count in range(1, 21):
         if not _factorise(unit, system, work, storage):
             return SINGULAR, count
-        gap = opening(unit, system.rows, work.q, storage.phi) / system.size
-        if gap <= _CLOSED or (gap > 0.5 * before and gap <= _ENOUGH):
+        gap = opening(unit, system.rows, work.q, storage.phi)
+        if gap <= _CLOSED * system.size or (gap > 0.5 * before and gap <= _ENOUGH * system.size):
             return OK, count
         before = gap
         zero(work.qdd)
