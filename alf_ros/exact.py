@@ -31,12 +31,14 @@ class OneFreedom:
     position: Callable[[float], Floats]
     tangent: Callable[[float], Floats]
 
+    def course(self, theta: float, rate: float, times: ArrayLike) -> Floats:
+        """θ (rad), θ̇ (rad/s) at ascending `times` (s), from θ, θ̇ at time 0: (2, times)."""
+        return _integrate(lambda t, y: (y[1], self.acceleration(y[0], y[1])), (theta, rate), times)
+
     def angles(self, theta: float, rate: float, times: ArrayLike) -> Floats:
         """θ (rad) at ascending `times` (s) after a start at time 0, at θ (rad) with θ̇ (rad/s)."""
-        found = _integrate(
-            lambda t, y: (y[1], self.acceleration(y[0], y[1])), (theta, rate), times
-        )
-        return found[0]
+        angles: Floats = self.course(theta, rate, times)[0]
+        return angles
 
     def motion(self, theta: float, rate: float, times: ArrayLike) -> Floats:
         """Coordinates q (times, n), m, of the same motion."""

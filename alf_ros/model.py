@@ -49,6 +49,11 @@ class Model:
         return self.system.size
 
     @property
+    def mass_scale(self) -> float:
+        """Mean of the diagonal of M, kg."""
+        return float(self.system.mass.diagonal.mean())
+
+    @property
     def n(self) -> int:
         """Number of natural coordinates (movable ones)."""
         return self.layout.movable * self.layout.dimension

@@ -28,7 +28,16 @@ from alf_ros.serialise import entry as as_entry
 from alf_ros.serialise import serialise
 
 INTEGRATORS = ('rk4', 'dop853', 'dop853_adaptive')
-FORMULATIONS = ('alf2',)
+FORMULATIONS = (
+    'alf2',
+    'alf1',
+    'alf2_literal',
+    'canonical',
+    'penalty',
+    'baumgarte',
+    'lagrange_canonical',
+    'independent',
+)
 
 _SUFFIXES = ('.yaml', '.yml')
 _CHOICES = {'integrator': INTEGRATORS, 'formulation': FORMULATIONS}

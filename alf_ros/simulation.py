@@ -15,6 +15,7 @@ from alf_ros import assembly, kernel
 from alf_ros.applied import NO_INPUTS, Applied, Inputs, Wrench, checked_effort, checked_wrench
 from alf_ros.arrays import Floats, Integers
 from alf_ros.errors import AssemblyError, InputError, StepError
+from alf_ros.formulations import Formulation
 from alf_ros.integrator import method
 from alf_ros.kernel import Phase
 from alf_ros.model import allocate, compile_model
@@ -43,8 +44,9 @@ _FAILURES = {
 class State:
     """Everything a run depends on: restore it and the run repeats bit for bit.
 
-    q (m), qd (m/s): all blocks in the kernel's order; turns: of each angle; pace: the step
-    an adaptive integrator would like to take next, s.
+    q (m), qd (m/s): all blocks in the kernel's order; turns: of each angle; pace: the step an
+    adaptive integrator would like to take next, s; carried: what a formulation other than alf2
+    integrates.
     """
 
     step: int
@@ -52,6 +54,7 @@ class State:
     qd: Floats
     turns: Integers
     pace: float
+    carried: Floats
     inputs: Inputs
 
 
@@ -99,7 +102,12 @@ class Simulation:
         self._applied = Applied(self.model, scene.effects, NO_INPUTS)
         turns = np.zeros(self.model.system.angles.c.size // 2, dtype=np.int64)
         self._phase = Phase(q.copy(), qd.copy(), turns.copy(), np.array([self.h]))
-        self._initial = State(0, q, qd, turns, self.h, NO_INPUTS)
+        self._formulation: Formulation | None = None
+        self._carried = np.zeros(0)
+        if self.solver.formulation != 'alf2':
+            self._formulation = Formulation(self.model, self.solver, q)
+            self._carried = self._formulation.start(q, qd)
+        self._initial = State(0, q, qd, turns, self.h, self._carried.copy(), NO_INPUTS)
         self._iterations = 0
         self._step_cost = math.nan
         self.restore(self._initial)
@@ -132,17 +140,25 @@ class Simulation:
         Raises StepError if one fails; the state is then the last good one.
         """
         started = time.perf_counter()
-        result, taken = self._advance(self._phase, self._step, n, self.h)
+        result, taken = self._advance(self._phase, self._carried, self._step, n, self.h)
         self._step += taken
         if taken:
             self._step_cost = (time.perf_counter() - started) / taken
         if result != kernel.OK:
-            raise StepError(*_FAILURES[result], self.t)
+            raise StepError(*self._failure(result), self.t)
+
+    def _failure(self, result: int) -> tuple[str, str]:
+        return self._formulation.failure(result) if self._formulation else _FAILURES[result]
 
     def _advance(
-        self, phase: Phase, first: int, n: int, h: float, start: float = 0.0
+        self, phase: Phase, carried: Floats, first: int, n: int, h: float, start: float = 0.0
     ) -> tuple[int, int]:
-        """n steps of h from `start` + `first` h (s); the phase is changed in place."""
+        """n steps of h from `start` + `first` h (s); phase and `carried` are changed in place."""
+        if self._formulation is not None:
+            result, taken, self._iterations = self._formulation.advance(
+                self._applied.assembled, self._work, phase, carried, start, first, n, h
+            )
+            return result, taken
         advance = kernel.advance_adaptively if self._method.embedded.size else kernel.advance
         model, forces = self.model, self._applied.assembled
         system, method, work = model.system, self._method, self._work
@@ -191,6 +207,7 @@ class Simulation:
             phase.qd.copy(),
             phase.turns.copy(),
             float(phase.pace[0]),
+            self._carried.copy(),
             self._applied.inputs,
         )
 
@@ -199,7 +216,7 @@ class Simulation:
         phase = self._phase
         self._step = state.step
         phase.q[:], phase.qd[:], phase.turns[:] = state.q, state.qd, state.turns
-        phase.pace[0] = state.pace
+        phase.pace[0], self._carried[:] = state.pace, state.carried
         self._hold(state.inputs)
 
     def reset(self) -> None:
@@ -257,9 +274,9 @@ class Simulation:
     def _sample_between(self, t: float) -> Sample:
         state = self.state
         phase = Phase(state.q, state.qd, state.turns, np.array([state.pace]))
-        result, _ = self._advance(phase, 0, 1, t - self.t, self.t)
+        result, _ = self._advance(phase, state.carried, 0, 1, t - self.t, self.t)
         if result != kernel.OK:
-            raise StepError(*_FAILURES[result], self.t)
+            raise StepError(*self._failure(result), self.t)
         return self._sample(t, state)
 
     def _sample(self, t: float, state: State) -> Sample:

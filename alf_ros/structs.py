@@ -16,6 +16,7 @@ from __future__ import annotations
 import hashlib
 import operator
 from dataclasses import dataclass, fields
+from functools import cache
 from pathlib import Path
 from typing import Any, ClassVar, get_args, get_type_hints
 
@@ -42,20 +43,21 @@ from numba.extending import (
 )
 
 
-def _stamp() -> str:
-    """Digest of all compiled code that takes structs.
+@cache
+def _stamp(package: str) -> str:
+    """Digest of the compiled code of the kernel, and of the package that declares a struct.
 
     numba's cache looks only at the file of the function called; as a part of the type's name this
     makes it look at the rest too.
     """
     here = Path(__file__)
     digest = hashlib.sha256()
-    for file in (here, *sorted((here.parent / 'kernel').glob('*.py'))):
+    folders = (here.parent / name for name in dict.fromkeys(('kernel', package)))
+    for file in (here, *(file for folder in folders for file in sorted(folder.glob('*.py')))):
         digest.update(file.read_bytes())
     return digest.hexdigest()[:8]
 
 
-_STAMP = _stamp()
 _SCALARS = {np.uint64: types.uint64, float: types.float64}
 _word = ir.IntType(64)
 
@@ -65,15 +67,17 @@ class VectorType(types.Type):
 
     def __init__(self, number: types.Number, constant: bool) -> None:
         self.number, self.constant = number, constant
-        super().__init__(f'{"const " if constant else ""}{number}*@{_STAMP}')
+        super().__init__(f'{"const " if constant else ""}{number}*@{_stamp("kernel")}')
 
 
 class StructType(types.Type):
     """A pointer to a table of words; `parts`: (name, first word, type) of each field."""
 
-    def __init__(self, name: str, parts: tuple[tuple[str, int, types.Type], ...]) -> None:
+    def __init__(
+        self, name: str, package: str, parts: tuple[tuple[str, int, types.Type], ...]
+    ) -> None:
         self.parts = parts
-        super().__init__(f'{name}@{_STAMP}')
+        super().__init__(f'{name}@{_stamp(package)}')
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +114,7 @@ class Struct:
     def _numba_type(cls) -> StructType:
         if cls not in Struct._types:
             hints, parts, word = get_type_hints(cls), [], 0
+            package = cls.__module__.rpartition('.')[0].rpartition('.')[2] or 'kernel'
             for field in fields(cls):
                 hint = hints[field.name]
                 part: types.Type = _SCALARS.get(hint, types.none)
@@ -120,7 +125,7 @@ class Struct:
                     part = VectorType(from_dtype(np.dtype(number)), cls.constant)
                 parts.append((field.name, word, part))
                 word += 2 if isinstance(part, VectorType) else 1
-            Struct._types[cls] = StructType(cls.__name__, tuple(parts))
+            Struct._types[cls] = StructType(cls.__name__, package, tuple(parts))
         return Struct._types[cls]
 
 
