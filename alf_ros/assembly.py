@@ -90,14 +90,14 @@ def complete(model: Model, q: Floats, given: Given) -> Floats:
     return x
 
 
-def dependent_rows(model: Model, q: Floats) -> int:
-    """How many of the rows depend on the others at ordinary positions near q (blocks D, m).
+def ordinary(model: Model, q: Floats) -> tuple[int, Floats]:
+    """How many rows depend on the others at ordinary positions near q, and one of those positions.
 
-    q itself may be a singular one, so that places around it are looked at too.
+    q (blocks D, m) itself may be a singular one, so that places around it are looked at too.
     """
     random = np.random.default_rng(0)
     work = allocate(model, model.system, 1)
-    found = 0
+    found, place = -1, q
     for distance in (0.0, 0.05, 0.05, 0.05):
         near = np.array(q)
         near[: model.n] += distance * model.size * random.standard_normal(model.n)
@@ -106,8 +106,10 @@ def dependent_rows(model: Model, q: Floats) -> int:
         except AssemblyError:
             continue
         if kernel.linearise(model.unit, model.system, work, near):
-            found = max(found, round(effective_rank(model, work)))
-    return len(model.row_names) - found
+            rank = round(effective_rank(model, work))
+            if rank > found:
+                found, place = rank, near
+    return len(model.row_names) - max(found, 0), place
 
 
 def _rows(model: Model, given: Given) -> list[Row]:

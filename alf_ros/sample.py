@@ -17,7 +17,7 @@ from alf_ros.errors import StepError
 from alf_ros.kernel import Rows, Work
 from alf_ros.model import Model, allocate
 from alf_ros.orientation import orientation
-from alf_ros.rank import effective_rank
+from alf_ros.rank import distance, effective_rank
 from alf_ros.reactions import Reactions
 from alf_ros.scene import Solver
 
@@ -87,12 +87,23 @@ class Diagnostics:
     @cached_property
     def rank(self) -> int:
         """Rank of Φ_q, from the factor of A."""
-        return round(effective_rank(self._sample.model, self._sample._linearised))
+        return round(self._effective_rank)
+
+    @cached_property
+    def _effective_rank(self) -> float:
+        return effective_rank(self._sample.model, self._sample._linearised)
 
     @property
     def redundant(self) -> int:
         """Number of constraint rows that depend on the others here."""
         return len(self._sample.model.row_names) - self.rank
+
+    @cached_property
+    def distance(self) -> float:
+        """Distance to a singular position: about the least singular value of the scaled Φ_q."""
+        sample = self._sample
+        independent = len(sample.model.row_names) - sample._dependent_rows()
+        return float(distance(independent - self._effective_rank, sample.model.penalty))
 
     @cached_property
     def singular(self) -> bool:

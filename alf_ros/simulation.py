@@ -17,8 +17,9 @@ from alf_ros.arrays import Floats, Integers
 from alf_ros.errors import AssemblyError, InputError, StepError
 from alf_ros.formulations import Formulation
 from alf_ros.integrator import method
-from alf_ros.kernel import Phase
+from alf_ros.kernel import Phase, Watch
 from alf_ros.model import allocate, compile_model
+from alf_ros.passes import UNWATCHED, Pass, Watcher
 from alf_ros.reactions import Reactions
 from alf_ros.sample import Sample
 from alf_ros.scene import Scene
@@ -63,9 +64,10 @@ class Simulation:
 
     Keywords override the scene's solver section: `step` (s), `integrator`, `formulation`,
     `penalty` (α without dimension), `iterations` (at most, per solve), `tolerance` (relative error
-    of a step, for an adaptive integrator, whose `step` is the grid it keeps). Raises InputError
-    for an unknown one, AssemblyError if the mechanism cannot be closed or the initial velocities
-    contradict each other.
+    of a step, for an adaptive integrator, whose `step` is the grid it keeps). With `watch` the
+    passes through singular positions are found, for about the cost of one stage more a step.
+    Raises InputError for an unknown keyword, AssemblyError if the mechanism cannot be closed or
+    the initial velocities contradict each other.
     """
 
     def __init__(
@@ -78,6 +80,7 @@ class Simulation:
         penalty: float | None = None,
         iterations: int | None = None,
         tolerance: float | None = None,
+        watch: bool = False,
     ) -> None:
         given: dict[str, Any] = {
             'step': step,
@@ -108,6 +111,7 @@ class Simulation:
             self._formulation = Formulation(self.model, self.solver, q)
             self._carried = self._formulation.start(q, qd)
         self._initial = State(0, q, qd, turns, self.h, self._carried.copy(), NO_INPUTS)
+        self._watcher = self._watching(q) if watch else None
         self._iterations = 0
         self._step_cost = math.nan
         self.restore(self._initial)
@@ -140,18 +144,50 @@ class Simulation:
         Raises StepError if one fails; the state is then the last good one.
         """
         started = time.perf_counter()
-        result, taken = self._advance(self._phase, self._carried, self._step, n, self.h)
+        if self._watcher is None:
+            result, taken = self._advance(self._phase, self._carried, self._step, n, self.h)
+        else:
+            result, taken = self._watcher.step(self._phase, self._step, n, self._advance_watched)
         self._step += taken
         if taken:
             self._step_cost = (time.perf_counter() - started) / taken
         if result != kernel.OK:
             raise StepError(*self._failure(result), self.t)
 
+    def _watching(self, q: Floats) -> Watcher:
+        if self._formulation is not None:
+            raise InputError(
+                'only alf2 watches for singular positions',
+                key='formulation',
+                value=self.solver.formulation,
+            )
+        return Watcher(self.model, q, self.h)
+
+    @property
+    def passes(self) -> tuple[Pass, ...]:
+        """The passes through singular positions since the start or the last restored state.
+
+        A pass is known one step after it. Raises InputError if the simulation does not watch.
+        """
+        if self._watcher is None:
+            raise InputError('nobody watches', key='passes', expected='Simulation(…, watch=True)')
+        return tuple(self._watcher.passes)
+
     def _failure(self, result: int) -> tuple[str, str]:
         return self._formulation.failure(result) if self._formulation else _FAILURES[result]
 
+    def _advance_watched(self, phase: Phase, first: int, n: int, watch: Watch) -> tuple[int, int]:
+        return self._advance(phase, self._carried, first, n, self.h, watch=watch)
+
     def _advance(
-        self, phase: Phase, carried: Floats, first: int, n: int, h: float, start: float = 0.0
+        self,
+        phase: Phase,
+        carried: Floats,
+        first: int,
+        n: int,
+        h: float,
+        start: float = 0.0,
+        watch: Watch = UNWATCHED,
     ) -> tuple[int, int]:
         """n steps of h from `start` + `first` h (s); phase and `carried` are changed in place."""
         if self._formulation is not None:
@@ -163,7 +199,7 @@ class Simulation:
         model, forces = self.model, self._applied.assembled
         system, method, work = model.system, self._method, self._work
         result, taken, self._iterations = advance(
-            model.unit, system, forces, method, work, phase, start, first, n, h
+            model.unit, system, forces, method, work, phase, watch, start, first, n, h
         )
         return result, taken
 
@@ -217,6 +253,8 @@ class Simulation:
         self._step = state.step
         phase.q[:], phase.qd[:], phase.turns[:] = state.q, state.qd, state.turns
         phase.pace[0], self._carried[:] = state.pace, state.carried
+        if self._watcher is not None:
+            self._watcher.restart()
         self._hold(state.inputs)
 
     def reset(self) -> None:
@@ -298,4 +336,4 @@ class Simulation:
 
     @cached_property
     def _dependent_rows(self) -> int:
-        return assembly.dependent_rows(self.model, self._initial.q)
+        return assembly.ordinary(self.model, self._initial.q)[0]

@@ -27,7 +27,9 @@ ROOMS = {
         'kernel.mass',
         'kernel.stage',
         'kernel.step',
+        'kernel.trace',
         'kernel.vectors',
+        'kernel.watch',
     ],
     'mechanism': ['mechanism', 'layout', 'form'],
     'model': [
@@ -65,6 +67,7 @@ ROOMS = {
         'simulation',
         'applied',
         'integrator',
+        'passes',
         'formulations',
         'formulations.alf1',
         'formulations.alf2',

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.linalg import qr
 
 from alf_ros.arrays import Floats, Indices, Unit
-from alf_ros.assembly import dependent_rows
+from alf_ros.assembly import ordinary
 from alf_ros.errors import InputError
 from alf_ros.formulations import dense
 from alf_ros.formulations.runge_kutta import runge_kutta
@@ -50,7 +50,7 @@ def split(model: Model, q: Floats) -> tuple[Indices, Indices]:
         e[j] = 1.0
         times_jacobian(model.unit, rows, work.g, work.g2, e, work.r2)
         phi_q[:, j] = rows.scale * work.r2
-    rank = len(model.row_names) - dependent_rows(model, q)
+    rank = len(model.row_names) - ordinary(model, q)[0]
     order = qr(phi_q, mode='r', pivoting=True)[1]
     kept = qr(phi_q[:, order[:rank]].T, mode='r', pivoting=True)[1][:rank]
     return order.astype(np.uint32), np.sort(kept).astype(np.uint32)

@@ -28,6 +28,7 @@ from alf_ros.kernel.data import (
     Phase,
     Rows,
     System,
+    Watch,
     Work,
 )
 from alf_ros.kernel.factor import linearise, solve
@@ -35,6 +36,7 @@ from alf_ros.kernel.forces import applied_forces, potential_energy
 from alf_ros.kernel.iteration import accelerate, augmented
 from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.step import advance
+from alf_ros.kernel.trace import mass_trace
 
 __all__ = [
     'COLLAPSED',
@@ -50,6 +52,7 @@ __all__ = [
     'Phase',
     'Rows',
     'System',
+    'Watch',
     'Work',
     'accelerate',
     'add_mass_times',
@@ -63,6 +66,7 @@ __all__ = [
     'jacobian',
     'jacobian_rate',
     'linearise',
+    'mass_trace',
     'potential_energy',
     'solve',
     'times_jacobian',

@@ -14,6 +14,7 @@ from alf_ros.kernel.data import (
     Method,
     Phase,
     System,
+    Watch,
     Work,
 )
 from alf_ros.kernel.factor import linearise
@@ -22,6 +23,7 @@ from alf_ros.kernel.jit import compiled, inner
 from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.step import accept, step
 from alf_ros.kernel.vectors import copy, zero
+from alf_ros.kernel.watch import note
 
 _SHARE = 0.05  # of the tolerance for one step: errors add up along a motion
 
@@ -100,6 +102,7 @@ def advance_adaptively(
     method: Method,
     work: Work,
     phase: Phase,
+    watch: Watch,
     t0: float,
     first: int,
     steps: int,
@@ -156,4 +159,6 @@ def advance_adaptively(
         copy(phase.qd, work.good_qd)
         copy(phase.turns, work.good_turns)
         good_pace = pace[0]
+        if watch.trace.size > 0:
+            note(unit, system, forces, work, watch, taken, t + h)
     return OK, steps, most

@@ -133,6 +133,16 @@ class Phase(Struct):
 
 
 @dataclass(frozen=True, eq=False)
+class Watch(Struct):
+    """What is noted step by step for those who watch for singular positions; empty for others."""
+
+    trace: Floats  # (steps,) tr(M A⁻¹)
+    energy: Floats  # (steps,) J
+    Z: Floats  # (movable D D,) A⁻¹ on the pattern
+    Zo: Floats  # (blocks D D,)
+
+
+@dataclass(frozen=True, eq=False)
 class Work(Struct):
     """What else the kernel writes: allocated once by the caller."""
 

@@ -16,6 +16,7 @@ from alf_ros.kernel.data import (
     Method,
     Phase,
     System,
+    Watch,
     Work,
 )
 from alf_ros.kernel.factor import linearise
@@ -25,6 +26,7 @@ from alf_ros.kernel.manifold import project
 from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.stage import SLOW, stage, stage_between
 from alf_ros.kernel.vectors import copy, zero
+from alf_ros.kernel.watch import note
 
 
 @inner
@@ -144,6 +146,7 @@ def advance(
     method: Method,
     work: Work,
     phase: Phase,
+    watch: Watch,
     t0: float,
     first: int,
     steps: int,
@@ -151,7 +154,8 @@ def advance(
 ) -> tuple[int, int, int]:
     """Take `steps` steps of h from step number `first`; returns (result, taken, most iterations).
 
-    `phase` is the state, in and out; on failure it holds the last good step.
+    `phase` is the state, in and out; on failure it holds the last good step. `watch` has room for
+    all steps, or none.
     """
     most = 0
     copy(phase.q, work.q)
@@ -164,4 +168,6 @@ def advance(
         if result != OK:
             return result, taken, most
         accept(unit, system, work, phase)
+        if watch.trace.size > 0:
+            note(unit, system, forces, work, watch, taken, t + h)
     return OK, steps, most
