@@ -15,6 +15,7 @@ from alf_ros.formulations import Formulation
 from alf_ros.integrator import method
 from alf_ros.kernel import Phase
 from alf_ros.model import Model
+from alf_ros.passes import UNWATCHED
 
 PENALTY = ('penalty', 'canonical')  # right up to 1/α
 ITERATED = ('alf1', 'alf2_literal')
@@ -257,7 +258,16 @@ def test_rows_that_bind_velocities_only() -> None:
             continue
         if name == 'alf2':
             kernel.advance(
-                model.unit, model.system, run[0], method(solver), *run[1:], 0.0, 0, 200, 1e-3
+                model.unit,
+                model.system,
+                run[0],
+                method(solver),
+                *run[1:],
+                UNWATCHED,
+                0.0,
+                0,
+                200,
+                1e-3,
             )
         else:
             formulation = Formulation(model, solver, q)
