@@ -17,7 +17,7 @@ from alf_ros.arrays import Floats
 from alf_ros.errors import AssemblyError
 from alf_ros.kernel import System, Work
 from alf_ros.model import Model, allocate, hold
-from alf_ros.rank import effective_rank
+from alf_ros.rank import distance, effective_rank
 from alf_ros.rows import Row, linear
 
 # components of points and vectors by name; None leaves one free
@@ -79,7 +79,7 @@ def complete(model: Model, q: Floats, given: Given) -> Floats:
     wanted[len(names) - system.rows.B.size :] = -system.rows.B
     work.r2[:] = wanted
     x, rate = np.zeros_like(model.q), np.zeros_like(wanted)
-    kernel.augmented(model.unit, system, work, work.p, x, 100, 1e-15, False)
+    kernel.augmented(model.unit, system, work, work.p, x, 100, 1e-15, 1.0)
     kernel.times_jacobian(model.unit, system.rows, work.g, work.g2, x, rate)
     wrong = np.abs(rate - wanted) * system.rows.scale
     if wrong.size and wrong.max() > 1e-9 * max(1e-300, np.abs(values).max(initial=0.0)):
@@ -90,26 +90,46 @@ def complete(model: Model, q: Floats, given: Given) -> Floats:
     return x
 
 
-def ordinary(model: Model, q: Floats) -> tuple[int, Floats]:
-    """How many rows depend on the others at ordinary positions near q, and one of those positions.
+def ordinary(model: Model, q: Floats) -> tuple[int, Floats, float]:
+    """What is ordinary near q: how many rows depend on the others, a place, and its distance σ.
 
-    q (blocks D, m) itself may be a singular one, so that places around it are looked at too.
+    q (blocks D, m) itself may be a singular position, so that places around it are looked at too.
     """
     random = np.random.default_rng(0)
     work = allocate(model, model.system, 1)
-    found, place = -1, q
-    for distance in (0.0, 0.05, 0.05, 0.05):
+    best, place = -1.0, q
+    for away in (0.0, 0.05, 0.05, 0.05):
         near = np.array(q)
-        near[: model.n] += distance * model.size * random.standard_normal(model.n)
-        try:
-            near = close(model, {}, near)
-        except AssemblyError:
-            continue
+        near[: model.n] += away * model.size * random.standard_normal(model.n)
+        if away:
+            try:
+                near = close(model, {}, near)
+            except AssemblyError:
+                continue
         if kernel.linearise(model.unit, model.system, work, near):
-            rank = round(effective_rank(model, work))
-            if rank > found:
-                found, place = rank, near
-    return len(model.row_names) - max(found, 0), place
+            rank = effective_rank(model, work)
+            if rank > best:
+                best, place = rank, near
+    rank = round(max(best, 0.0))
+    return len(model.row_names) - rank, place, _softness(model, work, place, rank)
+
+
+def _softness(model: Model, work: Work, q: Floats, rank: int) -> float:
+    """The distance σ at an ordinary place, with the smallest penalty that can tell it.
+
+    With a large one what is missing from the rank would be lost in rounding.
+    """
+    for penalty in (1e4, 1e6, 1e8, 1e10):
+        rows = model.system.rows
+        system = replace(
+            model.system, rows=replace(rows, alpha=rows.alpha * (penalty / model.penalty))
+        )
+        if not kernel.linearise(model.unit, system, work, q):
+            break
+        missing = rank - effective_rank(model, work)
+        if missing < 0.5:
+            return float(distance(missing, penalty))
+    return 1e-5
 
 
 def _rows(model: Model, given: Given) -> list[Row]:

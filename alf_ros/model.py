@@ -51,7 +51,7 @@ class Model:
     @property
     def mass_scale(self) -> float:
         """Mean of the diagonal of M, kg."""
-        return float(self.system.mass.diagonal.mean())
+        return self.system.mean
 
     @property
     def n(self) -> int:
@@ -104,7 +104,10 @@ def compile_model(mechanism: Mechanism, penalty: float) -> Model:
         pattern=pattern_of(layout, mass, arrays),
         angles=rows_of(angles, layout)[0],
         size=layout.length,
-        heaviest=float(mass.diagonal.max()),
+        mean=float(mass.diagonal.mean()),
+        penalty=penalty,
+        ordinary=1.0,
+        close=0.0,
     )
     block = {**layout.of_point, **layout.of_vector}
     points = sorted(mechanism.points, key=lambda point: point.fixed)
@@ -176,8 +179,7 @@ def _scaled(system: System, q: Floats, layout: Layout, penalty: float) -> Rows:
     others = [entry[s:e].sum() for s, e in zip(rows.first[:-1], rows.movable, strict=True)]
     square = np.concatenate([square, np.array(others, dtype=float)])
     scale = 1.0 / np.sqrt(np.where(square > 0.0, square, 1.0))
-    mean = float(system.mass.diagonal.mean())
-    return replace(rows, alpha=penalty * mean * scale**2, scale=scale)
+    return replace(rows, alpha=penalty * system.mean * scale**2, scale=scale)
 
 
 def allocate(model: Model, system: System, stages: int) -> Work:
@@ -199,10 +201,14 @@ def allocate(model: Model, system: System, stages: int) -> Work:
         'qd': whole,
         'qdd': whole,
         'p': n,
+        'given': n,
         'Q': whole,
         'delta': whole,
         'r2': m,
         'y': m,
+        'z': m,
+        'w': m,
+        'shift': whole,
         'kq': (stages + 1) * n,
         'kp': (stages + 1) * n,
         'base': whole,
@@ -210,6 +216,8 @@ def allocate(model: Model, system: System, stages: int) -> Work:
         'sum_q': n,
         'sum_p': n,
         'bend': whole,
+        'pull': whole,
+        'along': whole,
         'target': whole,
         'good_q': whole,
         'good_qd': whole,

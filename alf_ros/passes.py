@@ -61,7 +61,7 @@ class Watcher:
             Z=np.zeros(model.n * D),
             Zo=np.zeros(blocks * D * D),
         )
-        dependent, place = assembly.ordinary(model, q)
+        dependent, place, _ = assembly.ordinary(model, q)
         self._independent = len(model.row_names) - dependent
         self._ordinary = _dependency(model, place)
         self.restart()

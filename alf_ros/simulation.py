@@ -24,6 +24,9 @@ from alf_ros.reactions import Reactions
 from alf_ros.sample import Sample
 from alf_ros.scene import Scene
 
+# the motion does not depend on it; a smaller one takes more iterations to the same
+LEAST_PENALTY = 1e6
+
 _FAILURES = {
     kernel.NOT_POSITIVE: (
         'the leading matrix is not positive definite',
@@ -63,11 +66,11 @@ class Simulation:
     """A scene, stepped.
 
     Keywords override the scene's solver section: `step` (s), `integrator`, `formulation`,
-    `penalty` (α without dimension), `iterations` (at most, per solve), `tolerance` (relative error
-    of a step, for an adaptive integrator, whose `step` is the grid it keeps). With `watch` the
-    passes through singular positions are found, for about the cost of one stage more a step.
-    Raises InputError for an unknown keyword, AssemblyError if the mechanism cannot be closed or
-    the initial velocities contradict each other.
+    `penalty` (α without dimension; alf2 takes 1e6 at least), `iterations` (at most, per solve),
+    `tolerance` (relative error of a step, for an adaptive integrator, whose `step` is the grid it
+    keeps). With `watch` the passes through singular positions are found, for about the cost of one
+    stage more a step. Raises InputError for an unknown keyword, AssemblyError if the mechanism
+    cannot be closed or the initial velocities contradict each other.
     """
 
     def __init__(
@@ -94,7 +97,10 @@ class Simulation:
         self.solver = replace(
             scene.solver, **{key: value for key, value in given.items() if value is not None}
         )
-        self.model = compile_model(scene.mechanism, self.solver.penalty)
+        penalty = self.solver.penalty
+        if self.solver.formulation == 'alf2':
+            penalty = max(penalty, LEAST_PENALTY)
+        self.model = compile_model(scene.mechanism, penalty)
         self._method = method(self.solver)
         self._work = allocate(self.model, self.model.system, self._method.b.size)
         try:
@@ -102,6 +108,11 @@ class Simulation:
             qd = assembly.complete(self.model, q, scene.velocities)
         except AssemblyError as error:
             raise AssemblyError(error.message, file=scene.file, key=error.key) from None
+        self._dependent_rows, _, sigma = assembly.ordinary(self.model, q)
+        # rounding e on Φ turns a row at x = σ / ordinary by e / (ordinary x²), and q̈ by 1 / x more
+        close = 2e-3 * (0.5 / sigma) ** (1.0 / 3.0)
+        system = replace(self.model.system, ordinary=sigma, close=close)
+        self.model = replace(self.model, system=system)
         self._applied = Applied(self.model, scene.effects, NO_INPUTS)
         turns = np.zeros(self.model.system.angles.c.size // 2, dtype=np.int64)
         self._phase = Phase(q.copy(), qd.copy(), turns.copy(), np.array([self.h]))
@@ -333,7 +344,3 @@ class Simulation:
     @cached_property
     def _reactions(self) -> Reactions:
         return Reactions(self.model)
-
-    @cached_property
-    def _dependent_rows(self) -> int:
-        return assembly.ordinary(self.model, self._initial.q)[0]

@@ -210,7 +210,7 @@ def table_one(penalty: float, count: int) -> Floats:
     exact = np.linalg.solve(whole, np.array([0.0, -9.81, 0.0, -2.0, -2.0]))[:3]
     errors = []
     for _ in range(count):
-        kernel.augmented(model.unit, system, work, Q, x, 1, 0.0, True)
+        kernel.augmented(model.unit, system, work, Q, x, 1, 0.0, 1.0)
         errors.append(np.linalg.norm(x[[A, A + 1, B]] - exact))
     return np.array(errors)
 

@@ -106,16 +106,13 @@ def test_adaptive_error_follows_the_tolerance_and_the_step_never_collapses(
 
 
 def test_adaptive_through_a_general_change_point() -> None:
-    drifts = []
     for tolerance in (1e-6, 1e-8, 1e-10, 1e-12):
         sim = Simulation(
             load_scene('change_point'), step=1.0, integrator='dop853_adaptive', tolerance=tolerance
         )
         energies = [sample.energy for sample in sim.run(4.0)]
         assert sim.state.pace > 1e-3
-        drifts.append(np.ptp(energies) / energies[0])
-    assert drifts == sorted(drifts, reverse=True)
-    assert drifts[-1] < 1e-9
+        assert np.ptp(energies) / energies[0] < max(tolerance, 1e-10)
 
 
 @pytest.mark.parametrize(('name', 'drift'), [('slider_crank', 1e-9), ('double_four_bar', 1e-8)])
@@ -138,8 +135,9 @@ def test_one_simulated_hour(name: str, drift: float) -> None:
 @pytest.mark.parametrize(
     ('name', 'step', 'penalties', 'size'),
     [
-        ('slider_crank', 4e-3, (1e6, 1e7, 1e9, 1e10, 1e11), 1e-9),
-        ('double_four_bar', 4e-3, (1e6, 1e7, 1e9, 1e10, 1e11), 1e-9),
+        ('slider_crank', 4e-3, (1e4, 1e6, 1e7, 1e9, 1e10), 1e-10),
+        ('double_four_bar', 4e-3, (1e4, 1e6, 1e7, 1e9, 1e10), 1e-9),
+        ('change_point', 2e-3, (1e4, 1e6, 1e7, 1e9, 1e10), 1e-9),
         ('four_bar', 2.5e-4, (1e4, 1e5, 1e6, 1e7, 1e9, 1e10, 1e11), 1e-10),  # never singular
     ],
 )
@@ -148,7 +146,7 @@ def test_the_answer_does_not_depend_on_the_penalty(
 ) -> None:
     def end(penalty: float) -> np.ndarray:
         sim = Simulation(load_scene(name), step=step, integrator='dop853', penalty=penalty)
-        sim.step(round(2.0 / step) if name == 'four_bar' else round(10.0 / step))
+        sim.step(round({'four_bar': 2.0, 'change_point': 4.0}.get(name, 10.0) / step))
         return sim.sample().q
 
     usual = end(1e8)

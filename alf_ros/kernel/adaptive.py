@@ -18,7 +18,7 @@ from alf_ros.kernel.data import (
     Work,
 )
 from alf_ros.kernel.factor import linearise
-from alf_ros.kernel.iteration import augmented, momentum_rate
+from alf_ros.kernel.iteration import augmented, largest, momentum_rate
 from alf_ros.kernel.jit import compiled, inner
 from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.step import accept, step
@@ -26,20 +26,23 @@ from alf_ros.kernel.vectors import copy, zero
 from alf_ros.kernel.watch import note
 
 _SHARE = 0.05  # of the tolerance for one step: errors add up along a motion
+_FLOOR = 0.1  # part of the speed that the forces would give it along its size
 
 
 @inner
 def _error_norm(
     unit: Unit, system: System, method: Method, work: Work, phase: Phase, which: int, h: float
 ) -> float:
-    """Embedded error `which` of q and p', relative to the motion.
+    """Embedded error `which` of q and p'.
 
-    Only its part along the free directions counts, by the factor of the end of the step: what is
-    across is removed by the projection, and is where a singular position is felt first.
+    It is relative to the size for q, and to the speed for p': what is much slower than the forces
+    would make it counts as a tenth of that, or rounding would be too large an error. Only the part
+    along the free directions counts, by the factor of the end of the step: what is across is
+    removed by the projection, and is where a singular position is felt first.
     """
     n = work.p.size
     weights = method.b.size + ONE
-    largest = 0.0
+    worst = 0.0
     for part in range(2):
         k = work.kq if part == 0 else work.kp
         zero(work.sum_q)
@@ -53,18 +56,19 @@ def _error_norm(
             add_mass_times(unit, system.mass, 1.0, work.sum_q, work.momenta)
             scale = system.size
         else:
-            scale = 0.0
+            pull = largest(work.Q, n) / system.mean
+            scale = _FLOOR * np.sqrt(system.size * pull)
             for i in range(n):
                 work.momenta[i] = work.sum_q[i]
                 scale = max(scale, max(abs(phase.qd[i]), abs(work.qd[i])), h * abs(work.qdd[i]))
         zero(work.r2)
         zero(work.y)
         zero(work.bend)
-        augmented(unit, system, work, work.momenta, work.bend, 3, 1e-3, False)
+        augmented(unit, system, work, work.momenta, work.bend, 3, 1e-3, 1.0)
         for i in range(n):
-            if abs(work.bend[i]) > largest * scale:
-                largest = abs(work.bend[i]) / scale
-    return largest
+            if abs(work.bend[i]) > worst * scale:
+                worst = abs(work.bend[i]) / scale
+    return worst
 
 
 @inner
@@ -84,7 +88,7 @@ def _error(
     """
     n, stages = work.p.size, method.b.size
     work.evaluations[0] += 1
-    momentum_rate(unit, system, forces, work, t, np.int64(method.iterations))
+    momentum_rate(unit, system, forces, work, t, np.int64(method.iterations), True)
     for i in range(n):
         work.kq[stages * n + i] = work.qd[i]
         work.kp[stages * n + i] = work.p[i]

@@ -91,7 +91,10 @@ class System(Struct):
     pattern: Pattern
     angles: Rows  # x, y of each angle whose turns are counted: it is atan2(y, x)
     size: float  # m, largest extent of the drawing
-    heaviest: float  # kg, largest diagonal element of M
+    mean: float  # kg, of the diagonal of M
+    penalty: float  # α without dimension
+    ordinary: float  # least singular value σ at ordinary positions
+    close: float  # σ over that, below which rounding would be felt
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,12 +162,18 @@ class Work(Struct):
     qd: Floats  # (all blocks D,)
     qdd: Floats  # (all blocks D,)
     p: Floats  # (movable D,) momenta p'
+    given: Floats  # (movable D,) those of the stage, while p is put to other use
     Q: Floats  # (all blocks D,)
     delta: Floats  # (all blocks D,) right-hand side, then solution
     r2: Floats  # (rows,)
     y: Floats  # (rows,) σ' or λ
+    z: Floats  # (rows,) direction of a conjugate gradient
+    w: Floats  # (rows,) Φ_q A⁻¹ Φ_qᵀ z
+    shift: Floats  # (all blocks D,) of the stage onto Φ = 0
     kq: Floats  # ((stages + 1) movable D,) q̇ of the stages and of the end
     kp: Floats  # ((stages + 1) movable D,) ṗ' of the stages and of the end
+    pull: Floats  # (all blocks D,) q̈ where the step began
+    along: Floats  # (all blocks D,) direction of the branch at a singular position
     bend: Floats  # (all blocks D,) q̈ of the unforced mechanism: the curvature of its path
     target: Floats  # (all blocks D,) a stage as the method has it, before it is put on Φ = 0
     base: Floats  # (all blocks D,) that stage again, while places around it are tried

@@ -5,13 +5,25 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Floats, Unit
-from alf_ros.kernel.constraints import constraint_rate, convective, jacobian_rate
-from alf_ros.kernel.data import SOLVED, Forces, Rows, System, Work
+from alf_ros.kernel.constraints import (
+    add_transposed,
+    constraint_rate,
+    convective,
+    jacobian_rate,
+    times_jacobian,
+)
+from alf_ros.kernel.data import EPS, SOLVED, Forces, Rows, System, Work
 from alf_ros.kernel.factor import solve
 from alf_ros.kernel.forces import applied_forces
 from alf_ros.kernel.jit import compiled, inner
 from alf_ros.kernel.mass import add_mass_times, subtract_mass_times
 from alf_ros.kernel.vectors import zero
+
+_PATIENCE = 1e-3  # ratio from which on conjugate gradients take over
+_MODES = 40  # of those, at most
+_ROUNDS = 2
+_NOISE = 8.0 * EPS  # part of x by which rows are off by rounding
+_ROUNDING = 1e-12  # of an eigenvalue
 
 
 @compiled
@@ -23,48 +35,124 @@ def augmented(
     x: Floats,
     iterations: int,
     tolerance: float,
-    multipliers: bool,
+    patience: float,
 ) -> tuple[int, float]:
-    """Iterate to M x + Φ_qᵀ y = f, Φ_q x = -c with the one factor; returns how often, how slowly.
+    """Iterate to M x + Φ_qᵀ y = f, Φ_q x = -c with the one factor.
 
     y and r2 stand in `work`: on entry r2 = -c - Φ_q x, and y is a first guess. (26), (33) in
     residual form: A δ = f - M x - Φ_qᵀ y + Φ_qᵀ α r2,  x += δ,  y += α (Φ_q δ - r2); so α costs no
     precision. Where α stands, Φ_q is that of the factor, and elsewhere that of the place: they may
     differ a little, and with the factor's in both they would converge to the wrong place, with the
-    place's in both they would not converge. It ends when the next δ, foreseen from the ratio of
-    the last two, would not matter beside x, or beside what f would do to the masses alone. A ratio
-    that does is 1 / (1 + s²) of the mode of a singular position; the largest one is returned.
-    Without `multipliers` the last step of y is left out.
+    place's in both they would not converge.
+
+    What is left is r2: the next δ of a mode s would be s / (1 + s²) < 1 of |α^½ r2| in the norm of
+    M. It ends when that, and the rounding of the last δ, would not matter beside x, or beside what
+    f would do to the masses alone. A mode takes a part 1 / (1 + s²) of its r2 along: where the
+    ratio of two rounds says that one is above `patience`, it ends too. Returned are how often, and
+    the largest ratio that mattered.
     """
     D = np.uint64(len(unit))
-    rows, delta = system.rows, work.delta
-    n = system.mass.diagonal.size * D
+    n, mass = work.p.size, np.sqrt(system.mean)
+    alone = largest(f, n) / system.mean
+    fine = max(tolerance, _NOISE * np.sqrt(system.penalty))
     before, slowest = 0.0, 0.0
-    alone = 0.0
-    for a in range(n):
-        alone = max(alone, abs(f[a]))
-    alone /= system.heaviest
     for count in range(1, iterations + 1):
-        subtract_mass_times(unit, system.mass, f, x, delta)
-        _add_rows(D, rows, work)
-        solve(unit, system.pattern, work.diagonal, work.off, delta)
-        step, size = 0.0, alone
-        for a in range(n):
-            x[a] += delta[a]
-            step = max(step, abs(delta[a]))
-            size = max(size, abs(x[a]))
-        ratio = 1.0
-        if count > 1:
-            ratio = min(1.0, step / before)
-            if step > 1e-6 * size:  # what is left of the other modes is less
-                slowest = max(slowest, ratio)
-        if step * ratio <= tolerance * size:
-            if multipliers:
-                _update_rows(D, rows, work)
-            return count, slowest
-        _update_rows(D, rows, work)
-        before = step
+        subtract_mass_times(unit, system.mass, f, x, work.delta)
+        _add_rows(D, system.rows, work)
+        solve(unit, system.pattern, work.diagonal, work.off, work.delta)
+        step, size = _step(1.0, work.delta, x, n)
+        size = max(size, alone)
+        left = np.sqrt(_update_rows(D, system.rows, work))
+        if left <= fine * mass * size:
+            if EPS * system.penalty * step <= tolerance * size:
+                return count, slowest
+        elif count > 1:
+            slowest = max(slowest, min(1.0, left / before))
+            if slowest > patience:
+                return count, slowest
+        before = left
     return iterations, slowest
+
+
+@inner
+def largest(v: Floats, n: np.uint64) -> float:
+    most = 0.0
+    for i in range(n):
+        most = max(most, abs(v[i]))
+    return most
+
+
+@inner
+def _step(beta: float, delta: Floats, x: Floats, n: np.uint64) -> tuple[float, float]:
+    """x += β δ; returns the largest of β δ and of x."""
+    step, size = 0.0, 0.0
+    for i in range(n):
+        x[i] += beta * delta[i]
+        step = max(step, abs(delta[i]))
+        size = max(size, abs(x[i]))
+    return abs(beta) * step, size
+
+
+@compiled
+def finish(
+    unit: Unit,
+    system: System,
+    work: Work,
+    x: Floats,
+    tolerance: float,
+    noise: float,
+    faintest: float,
+    furthest: float,
+) -> float:
+    """Go on from `augmented` by conjugate gradients, where Φ_q is that of the factor.
+
+    Its iteration is one of steepest descent for Φ_q A⁻¹ Φ_qᵀ z = r2 with α to precondition. The
+    eigenvalues are s² / (1 + s²): nearly all of them 1, and that of a row about to lose its
+    direction small. Conjugate gradients take as many steps as there are clusters of them, whatever
+    the penalty. Returns the least singular value σ met, s² = penalty σ², and 0 if there were too
+    many. It ends where rows are off by `noise` or by the rounding of x; and at a mode that cannot
+    be told from rounding, whose σ is below `faintest`, or that asks for a step of more than
+    `furthest` times σ.
+    """
+    rows, delta, r2, y, z, w = system.rows, work.delta, work.r2, work.y, work.z, work.w
+    n, m = work.p.size, r2.size
+    least, rho = np.inf, 0.0
+    for r in range(m):
+        z[r] = rows.alpha[r] * r2[r]
+        rho += r2[r] * z[r]
+    for _ in range(_MODES):
+        floor = max(noise, _NOISE * largest(x, n))
+        if rho <= system.penalty * system.mean * floor * floor:
+            return least
+        zero(delta)
+        add_transposed(unit, rows, work.gf, work.g2f, z, delta)
+        for i in range(n, delta.size):  # fixed blocks do not move
+            delta[i] = 0.0
+        solve(unit, system.pattern, work.diagonal, work.off, delta)
+        times_jacobian(unit, rows, work.gf, work.g2f, delta, w)
+        zw, zz = 0.0, 0.0
+        for r in range(m):
+            zw += z[r] * w[r]
+            zz += z[r] * z[r] / rows.alpha[r]
+        if not zw > _ROUNDING * zz:
+            return least
+        sigma = np.sqrt(zw / (system.penalty * max(zz - zw, EPS * zz)))
+        beta = rho / zw
+        if sigma < faintest or beta * largest(delta, n) > furthest * sigma:
+            return least
+        least = min(least, sigma)
+        step, size = _step(beta, delta, x, n)
+        after = 0.0
+        for r in range(m):
+            y[r] += beta * (rows.alpha[r] * w[r] - z[r])
+            r2[r] -= beta * w[r]
+            after += rows.alpha[r] * r2[r] * r2[r]
+        if step <= tolerance * size:
+            return least
+        for r in range(m):
+            z[r] = rows.alpha[r] * r2[r] + after / rho * z[r]
+        rho = after
+    return 0.0
 
 
 @inner
@@ -99,8 +187,8 @@ def _add_rows(D: np.uint64, rows: Rows, work: Work) -> None:
 
 
 @inner
-def _update_rows(D: np.uint64, rows: Rows, work: Work) -> None:
-    """y += α (Φ_q δ - r2), r2 -= Φ_q δ."""
+def _update_rows(D: np.uint64, rows: Rows, work: Work) -> float:
+    """y += α (Φ_q δ - r2), r2 -= Φ_q δ; returns r2ᵀ α r2."""
     delta, g, gf, y, r2, g2, g2f = (
         work.delta,
         work.g,
@@ -110,41 +198,75 @@ def _update_rows(D: np.uint64, rows: Rows, work: Work) -> None:
         work.g2,
         work.g2f,
     )
-    m1 = rows.i.size
+    m1, total = rows.i.size, 0.0
     for r in range(rows.both):
-        i, j, sf, s = rows.i[r] * D, rows.j[r] * D, -r2[r], 0.0
+        i, j, sf, s = rows.i[r] * D, rows.j[r] * D, -r2[r], r2[r]
         for a in range(D):
             v = delta[i + a] - delta[j + a]
             sf += gf[r * D + a] * v
-            s += g[r * D + a] * v
+            s -= g[r * D + a] * v
         y[r] += rows.alpha[r] * sf
-        r2[r] -= s
+        r2[r] = s
+        total += rows.alpha[r] * s * s
     for r in range(rows.both, m1):
-        i, sf, s = rows.i[r] * D, -r2[r], 0.0
+        i, sf, s = rows.i[r] * D, -r2[r], r2[r]
         for a in range(D):
             sf += gf[r * D + a] * delta[i + a]
-            s += g[r * D + a] * delta[i + a]
+            s -= g[r * D + a] * delta[i + a]
         y[r] += rows.alpha[r] * sf
-        r2[r] -= s
+        r2[r] = s
+        total += rows.alpha[r] * s * s
     for r in range(rows.movable.size):
-        sf, s = -r2[m1 + r], 0.0
+        sf, s = -r2[m1 + r], r2[m1 + r]
         for e in range(rows.first[r], rows.movable[r]):
             i = rows.block[e] * D
             for a in range(D):
                 sf += g2f[e * D + a] * delta[i + a]
-                s += g2[e * D + a] * delta[i + a]
+                s -= g2[e * D + a] * delta[i + a]
         y[m1 + r] += rows.alpha[m1 + r] * sf
-        r2[m1 + r] -= s
+        r2[m1 + r] = s
+        total += rows.alpha[m1 + r] * s * s
+    return total
 
 
 @inner
-def velocities(unit: Unit, system: System, work: Work, iterations: int) -> tuple[int, float]:
-    """q̇ from the momenta p' with the factor in `work` (33); q̇ there is a guess."""
+def velocities(
+    unit: Unit, system: System, work: Work, iterations: int, exactly: bool
+) -> tuple[int, float]:
+    """q̇ from the momenta p' with the factor in `work` (33); q̇ there is a guess.
+
+    `exactly` where Φ_q is that of the factor. Returns the iterations, and about the least singular
+    value σ; infinite where it is too large to matter, and not `exactly` 0 where it does matter.
+    """
     constraint_rate(unit, system.rows, work.g, work.g2, work.qd, work.r2)
     for r in range(work.r2.size):
         work.r2[r] = -work.r2[r]
         work.y[r] = 0.0
-    return augmented(unit, system, work, work.p, work.qd, iterations, SOLVED, False)
+    return _solved(unit, system, work, work.p, work.qd, iterations, exactly)
+
+
+@inner
+def _solved(
+    unit: Unit,
+    system: System,
+    work: Work,
+    f: Floats,
+    x: Floats,
+    iterations: int,
+    exactly: bool,
+) -> tuple[int, float]:
+    count, slowest = augmented(unit, system, work, f, x, iterations, SOLVED, _PATIENCE)
+    if slowest <= _PATIENCE:
+        return count, np.inf
+    if not exactly:
+        return count, 0.0
+    sigma = np.sqrt(max(0.0, 1.0 / slowest - 1.0) / system.penalty)
+    sigma = min(sigma, finish(unit, system, work, x, SOLVED, 0.0, 0.0, np.inf))
+    for _ in range(_ROUNDS):
+        # rounding comes with the factor 1 / s²: a step on both residuals takes it away
+        augmented(unit, system, work, f, x, 1, 0.0, 1.0)
+        finish(unit, system, work, x, SOLVED, 0.0, 0.0, np.inf)
+    return count + _ROUNDS, sigma
 
 
 @compiled
@@ -155,13 +277,16 @@ def accelerate(
     work: Work,
     t: float,
     iterations: int,
-    multipliers: bool,
+    exactly: bool,
 ) -> tuple[int, float]:
-    """q̈ and λ (in y) at the stage in `work` from its factor, from a cold start (24)-(27)."""
+    """q̈ and λ (in y) at the stage in `work` from its factor, from a cold start (24)-(27).
+
+    `exactly` and what is returned: as for `velocities`.
+    """
     applied_forces(forces, t, work.q, work.qd, work.Q)
     unforced(unit, system, work)
     zero(work.qdd)
-    return augmented(unit, system, work, work.Q, work.qdd, iterations, SOLVED, multipliers)
+    return _solved(unit, system, work, work.Q, work.qdd, iterations, exactly)
 
 
 @inner
@@ -182,14 +307,15 @@ def momentum_rate(
     work: Work,
     t: float,
     iterations: int,
+    exactly: bool,
 ) -> tuple[int, float]:
-    """ṗ' = M q̈ at the stage in `work`, into p; returns iterations and their slowest ratio.
+    """ṗ' = M q̈ at the stage in `work`, into p; returns what `accelerate` does.
 
     ṗ' = Q - Φ_qᵀ λ + Φ̇_qᵀ σ' (35) with λ fed forward, and Q - Φ_qᵀ λ = M q̈. What σ' is left is
     error of the integration over the distance to the singular position: the gauge is reset at
     every stage, and the last term is dropped.
     """
-    count, slowest = accelerate(unit, system, forces, work, t, iterations, False)
+    count, sigma = accelerate(unit, system, forces, work, t, iterations, exactly)
     zero(work.p)
     add_mass_times(unit, system.mass, 1.0, work.qdd, work.p)
-    return count, slowest
+    return count, sigma

@@ -8,8 +8,12 @@ from alf_ros.arrays import Floats, Unit
 from alf_ros.kernel.constraints import add_transposed, jacobian, times_jacobian, violation
 from alf_ros.kernel.data import EPS, NOT_CLOSED, NOT_POSITIVE, OK, Rows, System, Work
 from alf_ros.kernel.factor import linearise, solve
+from alf_ros.kernel.iteration import finish
 from alf_ros.kernel.jit import inner
 from alf_ros.kernel.vectors import zero
+
+_ROOM = 4.0
+_FURTHEST = 0.1  # part of the distance to a singular position that a correction may go across
 
 
 @inner
@@ -39,6 +43,24 @@ def correct(unit: Unit, system: System, work: Work) -> None:
 
 
 @inner
+def correct_exactly(unit: Unit, system: System, work: Work, gap: float, furthest: float) -> None:
+    """The same, also in the direction of a row that is about to lose it.
+
+    Off Φ = 0 by `gap` (m), rows that depend on others look as if they were about that far from it:
+    such modes are left alone, and those that ask for more than `furthest` (m) times their σ.
+    """
+    phi = work.r2
+    for r in range(phi.size):
+        phi[r] = -phi[r]
+        work.y[r] = 0.0
+    zero(work.shift)
+    faintest = _ROOM * gap / system.size
+    finish(unit, system, work, work.shift, 1e-3, 0.3 * EPS * system.size, faintest, furthest)
+    for a in range(work.p.size):
+        work.q[a] += work.shift[a]
+
+
+@inner
 def project(unit: Unit, system: System, work: Work) -> int:
     """Bring q in `work` onto Φ = 0 along M, with Φ_q and factor of that place; returns the result.
 
@@ -54,12 +76,15 @@ def project(unit: Unit, system: System, work: Work) -> int:
         closed = gap <= 4.0 * EPS * size
         if closed or (fresh and gap > 0.5 * before and gap <= 1e-10 * size):
             return OK if linearise(unit, system, work, work.q) else NOT_CLOSED
-        if gap > 0.1 * before:
+        if fresh or gap > 0.1 * before:
             if not linearise(unit, system, work, work.q):
                 return NOT_CLOSED
             fresh = True
         before = gap
-        correct(unit, system, work)
+        if fresh:
+            correct_exactly(unit, system, work, gap, _FURTHEST * size)
+        else:
+            correct(unit, system, work)
     return NOT_CLOSED
 
 
@@ -67,34 +92,33 @@ def project(unit: Unit, system: System, work: Work) -> int:
 def place(unit: Unit, system: System, work: Work, wholly: bool) -> int:
     """Put the stage `target` onto Φ = 0 by one correction, or `wholly`; Φ_q is that of the place.
 
-    Off Φ = 0 by e and s from a singular position the free directions are turned by e / s: that,
+    Off Φ = 0 by e and σ from a singular position the free directions are turned by e / σ: that,
     not α, is what breaks steps there. On it the equations go through the position smoothly. The
     correction is linearised at q, a guess that is nearer to Φ = 0 than the stage.
     """
     n = work.p.size
     if not linearise(unit, system, work, work.q):
         return NOT_POSITIVE
-    violation(unit, system.rows, work.q, work.r2)
+    gap = opening(unit, system.rows, work.q, work.r2)
     zero(work.delta)
     for a in range(n):
         work.delta[a] = work.target[a] - work.q[a]
         work.q[a] = work.target[a]
+        gap = max(gap, abs(work.delta[a]))
     times_jacobian(unit, system.rows, work.g, work.g2, work.delta, work.y)
     for r in range(work.r2.size):
         work.r2[r] += work.y[r]
-    correct(unit, system, work)
-    if wholly:
-        before = np.inf
-        for _ in range(3):
-            gap = opening(unit, system.rows, work.q, work.r2)
-            if gap <= 1e-13 * system.size or gap > 0.5 * before:
-                break
-            before = gap
-            if not linearise(unit, system, work, work.q):
-                return NOT_POSITIVE
-            correct(unit, system, work)
+    if not wholly:
+        correct(unit, system, work)
+        jacobian(unit, system.rows, work.q, work.g, work.g2)
+        return OK
+    before = np.inf
+    for _ in range(6):
+        correct_exactly(unit, system, work, gap, np.inf)
+        gap = opening(unit, system.rows, work.q, work.r2)
         if not linearise(unit, system, work, work.q):
             return NOT_POSITIVE
-    else:
-        jacobian(unit, system.rows, work.q, work.g, work.g2)
+        if gap <= 0.3 * EPS * system.size or gap > 0.5 * before:
+            break
+        before = gap
     return OK

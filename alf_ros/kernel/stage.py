@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from alf_ros.arrays import Floats, Unit
 from alf_ros.kernel.data import OK, Forces, System, Work
-from alf_ros.kernel.iteration import momentum_rate, velocities
+from alf_ros.kernel.iteration import largest, momentum_rate, velocities
 from alf_ros.kernel.jit import inner
 from alf_ros.kernel.manifold import place
-from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.vectors import copy, zero
 
-SLOW = 0.1  # ratio of the augmented solve above which a stage is too close to a position
-_TURN = 0.1  # part of the momentum across the free directions from which on it is, too
+_ROOM = 4.0  # how often what a stage is moved onto Φ = 0 must go into that distance
+SPACING = 4.0  # of the places around a position, in parts of what is too close
+_WEIGHTS = (56.0 / 70.0, -28.0 / 70.0, 8.0 / 70.0, -1.0 / 70.0)
 
 
 @inner
@@ -21,30 +21,35 @@ def stage(
     forces: Forces,
     work: Work,
     t: float,
+    radius: float,
     neighbour: bool,
     iterations: int,
-) -> tuple[int, bool]:
-    """q̇ and ṗ' of a stage from q and p' in `work`; returns iterations (0: no factor), and whether
-    it is clear of singular positions."""
+) -> tuple[int, float, bool]:
+    """q̇ and ṗ' of a stage from q and p' in `work`.
+
+    Returns iterations (0: no factor), about the distance x to a singular position (its least
+    singular value over the ordinary one), and whether it is clear of it. `radius` (m): of the
+    path, which is what distances from a position are relative to.
+    """
     n = work.p.size
-    work.evaluations[0] += 1
-    if place(unit, system, work, neighbour) != OK:
-        return 0, False
-    count, slowest = velocities(unit, system, work, iterations)
-    if slowest > SLOW and not neighbour:
-        copy(work.q, work.target)
-        if place(unit, system, work, True) != OK:
-            return 0, False
-        count, slowest = velocities(unit, system, work, iterations)
-    across, along = 0.0, 0.0
+    wholly = neighbour
+    while True:
+        work.evaluations[0] += 1
+        if place(unit, system, work, wholly) != OK:
+            return 0, 0.0, False
+        count, sigma = velocities(unit, system, work, iterations, wholly)
+        if sigma > 0.0 or wholly:
+            copy(work.p, work.given)
+            more, same = momentum_rate(unit, system, forces, work, t, iterations, wholly)
+            if same > 0.0 or wholly:
+                break
+            copy(work.given, work.p)
+        wholly = True
+    sigma, moved = min(sigma, same), 0.0
     for i in range(n):
-        along = max(along, abs(work.p[i]))
-    add_mass_times(unit, system.mass, -1.0, work.qd, work.p)
-    for i in range(n):
-        across = max(across, abs(work.p[i]))
-    more, slower = momentum_rate(unit, system, forces, work, t, iterations)
-    clear = max(slowest, slower) <= SLOW and across <= _TURN * along
-    return max(count, more), clear
+        moved = max(moved, abs(work.q[i] - work.target[i]))
+    x = sigma / system.ordinary
+    return max(count, more), x, x > system.close and x * radius > _ROOM * moved
 
 
 @inner
@@ -54,30 +59,38 @@ def stage_between(
     forces: Forces,
     work: Work,
     t: float,
-    qd: Floats,
+    along: Floats,
+    radius: float,
     spacing: float,
     iterations: int,
 ) -> int:
-    """q̇ and ṗ' of a stage at a singular position, from three places on either side along q̇.
+    """q̇ and ṗ' of a stage at a singular position, from four places on either side of it.
 
     The motion is smooth through the position, only its equations are not: what they give at
-    ±1, ±2, ±3 times `spacing` (s) is interpolated, to sixth order. `base`, `momenta`: the stage.
+    ±1, ±2, ±3, ±4 times `spacing` (m) along a direction of the branch is interpolated, to eighth
+    order.
+    `base`, `momenta`: the stage.
     """
     n = work.p.size
+    speed = largest(along, n)
+    if not speed > 0.0:
+        return 1
     most = 0
     for _ in range(4):
         zero(work.sum_q)
         zero(work.sum_p)
         good = True
-        for k in range(-3, 4):
+        for k in range(-4, 5):
             if k == 0:
                 continue
-            weight = 0.75 if abs(k) == 1 else (-0.3 if abs(k) == 2 else 0.05)
+            weight = _WEIGHTS[abs(k) - 1]
             for a in range(n):
-                work.target[a] = work.base[a] + k * spacing * qd[a]
-                work.q[a] = work.target[a] + 0.5 * (k * spacing) ** 2 * work.bend[a]
+                away = k * spacing / speed
+                work.target[a] = work.base[a] + away * along[a]
+                # a guess off Φ = 0 by less: there the rows are turned by that over the distance
+                work.q[a] = work.target[a] + 0.5 * away * away * work.bend[a]
                 work.p[a] = work.momenta[a]
-            count, clear = stage(unit, system, forces, work, t, True, iterations)
+            count, _x, clear = stage(unit, system, forces, work, t, radius, True, iterations)
             if count == 0:
                 return 0
             most = max(most, count)

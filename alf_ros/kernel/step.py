@@ -20,13 +20,15 @@ from alf_ros.kernel.data import (
     Work,
 )
 from alf_ros.kernel.factor import linearise
-from alf_ros.kernel.iteration import augmented, momentum_rate, unforced, velocities
+from alf_ros.kernel.iteration import augmented, largest, momentum_rate, unforced, velocities
 from alf_ros.kernel.jit import compiled, inner
 from alf_ros.kernel.manifold import project
 from alf_ros.kernel.mass import add_mass_times
-from alf_ros.kernel.stage import SLOW, stage, stage_between
+from alf_ros.kernel.stage import SPACING, stage, stage_between
 from alf_ros.kernel.vectors import copy, zero
 from alf_ros.kernel.watch import note
+
+_BLIND = 1e-6  # distance to a singular position from which on a stage's velocity is its direction
 
 
 @inner
@@ -51,8 +53,12 @@ def step(
     unforced(unit, system, work)
     zero(work.bend)
     zero(work.p)
-    most, _ratio = augmented(unit, system, work, work.p, work.bend, iterations, 1e-3, False)
-    fastest, hardest = 0.0, 0.0
+    most, _ratio = augmented(unit, system, work, work.p, work.bend, iterations, 1e-3, 1.0)
+    fastest, hardest = largest(qd, n), 0.0
+    radius = system.size
+    bend = largest(work.bend, n)
+    if fastest * fastest < radius * bend:
+        radius = fastest * fastest / bend
     for s in range(stages + ONE):
         for i in range(n):
             work.q[i] = 0.0
@@ -82,19 +88,29 @@ def step(
         ts = t + method.c[s] * h
         if s == 0:
             work.evaluations[0] += 1
-            count, slowest = momentum_rate(unit, system, forces, work, ts, iterations)
-            clear = slowest <= SLOW
-            for i in range(n):
-                fastest = max(fastest, abs(qd[i]))
-                hardest = max(hardest, abs(work.qdd[i]))
+            count, sigma = momentum_rate(unit, system, forces, work, ts, iterations, True)
+            x = sigma / system.ordinary
+            clear = x > system.close
+            copy(work.qdd, work.pull)
+            hardest = largest(work.qdd, n)
         else:
-            count, clear = stage(unit, system, forces, work, ts, False, iterations)
-        if not clear and count > 0 and fastest > 0.0 and hardest > 0.0:
+            count, x, clear = stage(unit, system, forces, work, ts, radius, False, iterations)
+        if not clear and count > 0:
             moved = 0.0
             for i in range(n):
                 moved = max(moved, abs(work.q[i] - work.base[i]))
-            spacing = max(20.0 * moved / fastest, 3e-3 * fastest / hardest)
-            count = stage_between(unit, system, forces, work, ts, qd, spacing, iterations)
+            spacing = max(20.0 * moved, SPACING * system.close * radius)
+            # along the branch, which the velocity tells unless it is too close for that; from
+            # rest it is left along the acceleration
+            along = work.pull
+            if fastest * fastest > 1e-6 * hardest * system.size:
+                along = qd
+                if x > _BLIND:
+                    copy(work.qd, work.along)
+                    along = work.along
+            count = stage_between(
+                unit, system, forces, work, ts, along, radius, spacing, iterations
+            )
             if s == 0:
                 copy(qd, work.qd)
         if count == 0:
@@ -106,7 +122,7 @@ def step(
     result = project(unit, system, work)
     if result == OK:
         copy(work.momenta, work.p)
-        count, _slowest = velocities(unit, system, work, iterations)
+        count, _sigma = velocities(unit, system, work, iterations, True)
         most = max(most, count)
         check = 0.0
         for i in range(n):
