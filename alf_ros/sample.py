@@ -173,7 +173,8 @@ class Sample:
         momenta = np.zeros(model.n)
         kernel.add_mass_times(model.unit, model.system.mass, 1.0, state.qd, momenta)
         kinetic = 0.5 * float(momenta @ state.qd[: model.n])
-        return kinetic + kernel.potential_energy(self._applied.assembled, self.t, state.q)
+        forces = self._applied.assembled
+        return kinetic + kernel.potential_energy(forces, self.t, state.q, self._near)
 
     # ----------------------------------------------------------------------------------- bodies
 
@@ -198,6 +199,13 @@ class Sample:
         xy, _ = self._angle_parts
         # adding zero makes -0.0 positive, so that atan2 agrees with the count of turns
         return np.arctan2(xy[:, 1] + 0.0, xy[:, 0]) + 2.0 * np.pi * self._state.turns
+
+    @cached_property
+    def _near(self) -> Floats:
+        """(angles,) rad: what effects unwrap angles by."""
+        near = np.zeros(self._state.turns.size)
+        kernel.nearby(self._angle_parts[0].ravel(), self._state.turns, near)
+        return near
 
     @cached_property
     def _spins(self) -> Floats:
@@ -269,6 +277,7 @@ class Sample:
         work = allocate(self.model, self.model.system, 0)
         work.q[:] = self._state.q
         work.qd[:] = self._state.qd
+        work.near[:] = self._near
         if not kernel.linearise(self.model.unit, self.model.system, work, work.q):
             raise StepError('the leading matrix is not positive definite', 'see step()', self.t)
         return work
@@ -323,7 +332,7 @@ class Sample:
         cut, accelerated = self._reactions(), self._accelerated
         q, qd = cut.on_cut_blocks(self._state.q), cut.on_cut_blocks(self._state.qd)
         Q = np.zeros(q.size)
-        kernel.applied_forces(self._applied.on(cut.cut), self.t, q, qd, Q)
+        kernel.applied_forces(self._applied.on(cut.cut), self.t, q, qd, self._near, Q)
         return cut.of(q, cut.on_cut_blocks(accelerated.qdd), accelerated.y, Q)
 
     @property

@@ -32,10 +32,11 @@ def test_compiled_force_is_the_python_force() -> None:
 
     model, q, qd = sim.model, sim.state.q, sim.state.qd
     forces, compiled = sim._applied.assembled, np.zeros(q.size)
-    kernel.applied_forces(forces, 0.0, q, qd, compiled)
+    near = np.zeros(sim.state.turns.size)
+    kernel.applied_forces(forces, 0.0, q, qd, near, compiled)
     module, python = load('constant_wrench'), np.zeros(q.size)
     packed = module.pack(list(scene.effects), model.layout)
-    module.force.__wrapped__(0.0, q, qd, packed.slots, packed.params, python)
+    module.force.__wrapped__(0.0, q, qd, near, packed.slots, packed.params, python)
     # the compiler may fuse a product and a sum: the last bit may differ
     assert compiled == pytest.approx(python, rel=4e-16, abs=1e-15)
     assert np.abs(compiled).max() > 1.0

@@ -35,6 +35,7 @@ from alf_ros.kernel.forces import applied_forces, potential_energy
 from alf_ros.kernel.iteration import accelerate, augmented
 from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.step import advance
+from alf_ros.kernel.turns import nearby
 
 __all__ = [
     'COLLAPSED',
@@ -63,6 +64,7 @@ __all__ = [
     'jacobian',
     'jacobian_rate',
     'linearise',
+    'nearby',
     'potential_energy',
     'solve',
     'times_jacobian',

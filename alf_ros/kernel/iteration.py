@@ -158,7 +158,7 @@ def accelerate(
     multipliers: bool,
 ) -> tuple[int, float]:
     """q̈ and λ (in y) at the stage in `work` from its factor, from a cold start (24)-(27)."""
-    applied_forces(forces, t, work.q, work.qd, work.Q)
+    applied_forces(forces, t, work.q, work.qd, work.near, work.Q)
     unforced(unit, system, work)
     zero(work.qdd)
     return augmented(unit, system, work, work.Q, work.qdd, iterations, SOLVED, multipliers)

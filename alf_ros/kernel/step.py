@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from alf_ros.arrays import Floats, Integers, Unit
+from alf_ros.arrays import Unit
 from alf_ros.kernel.constraints import violation
 from alf_ros.kernel.data import (
     NOT_CLOSED,
@@ -24,6 +24,7 @@ from alf_ros.kernel.jit import compiled, inner
 from alf_ros.kernel.manifold import project
 from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.stage import SLOW, stage, stage_between
+from alf_ros.kernel.turns import count_turns, nearby
 from alf_ros.kernel.vectors import copy, zero
 
 
@@ -115,25 +116,23 @@ def step(
 
 
 @inner
-def accept(unit: Unit, system: System, work: Work, phase: Phase) -> None:
-    """Take the end of a step that went well as the new phase."""
+def begin(unit: Unit, system: System, work: Work, phase: Phase) -> bool:
+    """Φ_q, factor and angles of the phase into `work`; False if there is no factor."""
     violation(unit, system.angles, phase.q, work.angle_before)
-    violation(unit, system.angles, work.q, work.angle)
-    _count_turns(work.angle_before, work.angle, phase.turns)
-    copy(work.q, phase.q)
-    copy(work.qd, phase.qd)
+    nearby(work.angle_before, phase.turns, work.near)
+    copy(phase.q, work.q)
+    return linearise(unit, system, work, work.q)
 
 
 @inner
-def _count_turns(before: Floats, after: Floats, turns: Integers) -> None:
-    """Count the passages of each (x, y) over the negative x axis."""
-    for n in range(turns.size):
-        x0, y0, x1, y1 = before[2 * n], before[2 * n + 1], after[2 * n], after[2 * n + 1]
-        if (y0 < 0.0) != (y1 < 0.0):
-            if x0 * y1 - x1 * y0 > 0.0:  # counter-clockwise
-                turns[n] += 1 if y1 < 0.0 else 0
-            else:
-                turns[n] -= 1 if y0 < 0.0 else 0
+def accept(unit: Unit, system: System, work: Work, phase: Phase) -> None:
+    """Take the end of a step that went well as the new phase."""
+    violation(unit, system.angles, work.q, work.angle)
+    count_turns(work.angle_before, work.angle, phase.turns)
+    copy(work.angle, work.angle_before)
+    nearby(work.angle, phase.turns, work.near)
+    copy(work.q, phase.q)
+    copy(work.qd, phase.qd)
 
 
 @compiled
@@ -154,8 +153,7 @@ def advance(
     `phase` is the state, in and out; on failure it holds the last good step.
     """
     most = 0
-    copy(phase.q, work.q)
-    if not linearise(unit, system, work, work.q):
+    if not begin(unit, system, work, phase):
         return NOT_POSITIVE, 0, most
     for taken in range(steps):
         t = t0 + (first + taken) * h
