@@ -28,7 +28,7 @@ from alf_ros.mechanism import GROUND, Numbers
 LENGTH, ANGLE, DISTANCE, PLACE = 0, 1, 2, 3
 _HEAD, _WORDS = 2, 5
 
-shared = njit(error_model='numpy')  # part of each effect that calls it, and cached there
+shared = njit(cache=True, error_model='numpy')  # a part of each effect that calls it
 
 
 def place(layout: Layout, name: str, at: str | Numbers | None = None) -> Form:
@@ -66,39 +66,32 @@ class Measures:
             raise ValueError(f'{name!r} has no single free axis; joint coordinates: {known}')
         return self._coordinates[name].is_angle
 
-    def add_coordinate(self, name: str, numbers: Iterable[float]) -> None:
+    def add_coordinate(self, name: str) -> None:
         """A joint coordinate, an angle with its turns. Raises ValueError if there is none."""
         if self.is_angle(name):
             n, less = self._coordinates[name].place, self._coordinates[name].less
             both = self._angles[2 * n : 2 * n + 2]
             both += self._angles[2 * less : 2 * less + 2] if less >= 0 else []
-            self._add(ANGLE, both, numbers, n, less)
+            self._add(ANGLE, both, n, less)
         else:
-            self._add(LENGTH, [self._lengths[self._coordinates[name].place]], numbers)
+            self._add(LENGTH, [self._lengths[self._coordinates[name].place]])
 
-    def add_distance(self, start: Form, end: Form, numbers: Iterable[float]) -> None:
+    def add_distance(self, start: Form, end: Form) -> None:
         """The distance of two places."""
-        self._add(DISTANCE, self._components(end - start), numbers)
+        self._add(DISTANCE, self._components(end - start))
 
-    def add_place(self, where: Form, arms: Sequence[Form], numbers: Iterable[float]) -> None:
+    def add_place(self, where: Form, arms: Sequence[Form]) -> None:
         """A place, and directions of its body: rows D n + a are components a of the n-th."""
         parts = [row for form in (where, *arms) for row in self._components(form)]
-        self._add(PLACE, parts, numbers)
+        self._add(PLACE, parts)
 
     def _components(self, form: Form) -> list[rows.Row]:
         return [rows.linear('', e, form) for e in np.eye(self._layout.dimension)]
 
-    def _add(
-        self,
-        kind: int,
-        parts: Sequence[rows.Row],
-        numbers: Iterable[float],
-        near: int = 0,
-        less: int = -1,
-    ) -> None:
+    def _add(self, kind: int, parts: Sequence[rows.Row], near: int = 0, less: int = -1) -> None:
         self._words.append((kind, near, less, len(self._rows)))
         self._rows += parts
-        self._numbers.append(np.array([float(number) for number in numbers]))
+        self._numbers.append(np.zeros(0))
 
     def drawn(self, n: int = -1) -> float:
         """The n-th scalar, as the mechanism is drawn."""
@@ -120,7 +113,7 @@ class Measures:
         return value[0] if kind == LENGTH else float(np.linalg.norm(value[: layout.dimension]))
 
     def give(self, numbers: Iterable[float]) -> None:
-        """Numbers of the effect for the scalar that was added last, in place of those before."""
+        """The numbers of the effect that go with the scalar added last."""
         self._numbers[-1] = np.array([float(number) for number in numbers])
 
     def packed(self) -> Packed:

@@ -14,7 +14,7 @@ from scipy.interpolate import CubicSpline
 from alf_ros.arrays import Floats
 from alf_ros.measure import shared
 
-Points = Sequence[tuple[float, ...]]
+Points = Sequence[Sequence[float]]
 
 
 def pieces(points: Points, column: int = 1, cubic: bool = False, hold: bool = False) -> Floats:
@@ -46,9 +46,21 @@ def pieces(points: Points, column: int = 1, cubic: bool = False, hold: bool = Fa
     return np.concatenate([[x.size], x, first, inner.ravel(), last])
 
 
-def line(slope: float) -> Floats:
-    """f = slope x."""
-    return pieces([(0.0, 0.0), (1.0, slope)])
+def law(factor: float | None, points: Points | None) -> Floats:
+    """f = factor x, or piecewise linear through points (x, f). Raises ValueError."""
+    if points is None:
+        points = [(0.0, 0.0), (1.0, factor or 0.0)]
+    if len(points[0]) != 2:
+        raise ValueError('this table has two columns')
+    return pieces(points)
+
+
+def signal(value: float | Points) -> Floats:
+    """A function of time: a number, or points (t, f), linear between, held beyond."""
+    points = value if isinstance(value, tuple) else [(0.0, value)]
+    if len(points[0]) != 2:
+        raise ValueError('a table of a function of time has two columns')
+    return pieces(points, hold=True)
 
 
 @shared
@@ -70,6 +82,14 @@ def interpolate(params: Floats, at: int, x: float) -> float:
     p = _piece(params, at, x)
     d = x - params[p]
     return params[p + 1] + d * (params[p + 2] + d * (params[p + 3] + d * params[p + 4]))
+
+
+@shared
+def slope(params: Floats, at: int, x: float) -> float:
+    """df/dx."""
+    p = _piece(params, at, x)
+    d = x - params[p]
+    return params[p + 2] + d * (2.0 * params[p + 3] + d * 3.0 * params[p + 4])
 
 
 @shared

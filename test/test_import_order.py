@@ -27,6 +27,7 @@ ROOMS = {
         'kernel.mass',
         'kernel.stage',
         'kernel.step',
+        'kernel.turns',
         'kernel.vectors',
     ],
     'mechanism': ['mechanism', 'layout', 'form'],
@@ -44,6 +45,9 @@ ROOMS = {
     'effects': [
         'effects',
         'affine',
+        'effect_file',
+        'measure',
+        'table',
         'effects.contract',
         'effects.gravity',
         'effects.constant_wrench',
@@ -58,7 +62,9 @@ ROOMS = {
         'mechanism_file',
         'mechanism_joints',
         'mechanism_orient',
+        'number_file',
         'repetition',
+        'scene_effects',
         'serialise',
     ],
     'simulation': [

@@ -43,14 +43,19 @@ def _stamp() -> str:
     return digest.hexdigest()[:8]
 
 
+_STAMP = _stamp()
+
+
 class Pointer(types.CPointer):
     """A pointer of C, of another type whenever the code that effects share is another."""
 
-    stamp = _stamp()
+    def __init__(self, number: types.Number) -> None:
+        super().__init__(number)
+        self.name = f'{self.name}@{_STAMP}'  # of the instance: caches keep it
 
     @property
-    def key(self) -> tuple[types.Type, str]:
-        return self.dtype, self.stamp
+    def key(self) -> str:
+        return str(self.name)
 
 
 register_model(Pointer)(models.PointerModel)
@@ -87,3 +92,25 @@ def force(function: Callable[..., None]) -> Any:
 def potential(function: Callable[..., float]) -> Any:
     """Compile `potential(t, q, near, slots, params)`; cached beside its file."""
     return cfunc(POTENTIAL, **_options)(function)
+
+
+def not_negative(parameters: Any, *names: str) -> None:
+    """Raise ValueError if a parameter is less than zero; one that is not given is not."""
+    for name in names:
+        value = getattr(parameters, name)
+        if value is not None and not value >= 0.0:
+            raise ValueError(f'{name} must not be negative, it is {value:g}')
+
+
+def positive(parameters: Any, *names: str) -> None:
+    """Raise ValueError unless parameters are greater than zero, or not given."""
+    for name in names:
+        value = getattr(parameters, name)
+        if value is not None and not value > 0.0:
+            raise ValueError(f'{name} must be greater than zero, it is {value:g}')
+
+
+def either(parameters: Any, *names: str) -> None:
+    """Raise ValueError unless one of the parameters is given, and only one."""
+    if sum(getattr(parameters, name) is not None for name in names) != 1:
+        raise ValueError(f'give one of {", ".join(names)}')

@@ -1,0 +1,274 @@
+"""What holds for every effect: compiled as written, power as energy, nothing at zero strength."""
+
+from __future__ import annotations
+
+import importlib
+
+import numpy as np
+import pytest
+from numba.core.registry import CPUDispatcher
+
+from alf_ros import InputError, Simulation, effects, kernel
+from alf_ros.scene import scene_from_text
+
+PLANAR = """
+mechanism:
+  alf: 1
+  space: planar
+  points:
+    O: {at: [0, 0], fixed: true}
+    W: {at: [2, 1.5], fixed: true}
+    A: {at: [1, 0.2]}
+    B: {at: [1.4, -0.8]}
+    S: {at: [1.4, -0.8]}
+    C: {at: [2.5, -0.6]}
+  bodies:
+    arm: {points: [O, A], mass: 2.0, inertia: {about_com: 0.3}, com: [0.4, 0.1]}
+    fore: {points: [A, B], mass: 1.0, inertia: rod}
+    shoe: {points: [S, C], mass: 0.5, inertia: {about_com: 0.02}}
+  joints:
+    shoulder: {type: revolute, between: [ground, arm], at: O}
+    elbow: {type: revolute, between: [arm, fore], at: A}
+    rail: {type: prismatic, between: [fore, shoe], at: B, axis: [0.4, -1]}
+initial: {velocities: {A: [~, 1.5], B: [0.5, ~], C: [1.0, ~]}}
+"""
+SPATIAL = """
+mechanism:
+  alf: 1
+  space: spatial
+  points:
+    O: {at: [0, 0, 0], fixed: true}
+    W: {at: [2, 1.5, 0.5], fixed: true}
+    A: {at: [1, 0.2, 0.1]}
+    B: {at: [1.4, -0.8, 0.3]}
+    S: {at: [1.4, -0.8, 0.3]}
+    C: {at: [2.5, -0.6, 0.2]}
+    D: {at: [2.5, -0.6, 0.2]}
+    E: {at: [3, 0, 1]}
+  bodies:
+    arm: {points: [O, A], mass: 2.0, inertia: {about_com: [0.3, 0.2, 0.25]}, com: [0.4, 0.1, 0]}
+    fore: {points: [A, B], mass: 1.0, inertia: {about_com: [0.1, 0.2, 0.15]}}
+    shoe: {points: [S, C], mass: 0.5, inertia: {about_com: [0.02, 0.03, 0.04]}}
+    hand: {points: [D, E], mass: 0.5, inertia: {about_com: [0.02, 0.03, 0.04]}}
+  joints:
+    shoulder: {type: revolute, between: [ground, arm], at: O, axis: [0.2, 0, 1]}
+    elbow: {type: universal, between: [arm, fore], at: A, axes: [[0, 0, 1], [1, 0, 0]]}
+    rail: {type: cylindrical, between: [fore, shoe], at: B, axis: [0.4, -1, 0]}
+    wrist: {type: prismatic, between: [shoe, hand], at: D, axis: [1, 0, 1]}
+initial: {velocities: {A: [~, 1.5, ~], B: [~, ~, 0.2], C: [~, ~, 2], E: [~, ~, 0.7]}}
+"""
+CURVE = '[[-1, -30], [-0.1, -2], [0.05, 1], [0.3, 4], [2, 50]]'
+# by kind: everything that it can do in the plane, in space, and the same without strength
+EXAMPLES = {
+    'gravity': ('{acceleration: [1, -9.81]}', '{acceleration: [1, 2, -9.81]}', '{acceleration: [0, 0]}'),
+    'constant_wrench': (
+        '{a: {on: fore, force: [1, 2], torque: 0.5, frame: body}, b: {on: B, force: [3, -1]}}',
+        '[{on: fore, force: [1, 2, 3], torque: [0.5, 1, -2], frame: body}, {on: shoe, force: [3, -1, 1], torque: [1, 2, 3]}]',
+        '{on: fore, force: [0, 0]}',
+    ),
+    'joint_effort': (
+        '[{joint: shoulder, effort: 1}, {joint: elbow, effort: 2}, {joint: rail, effort: -3}]',
+        '[{joint: shoulder, effort: 1}, {joint: rail_angle, effort: 2}, {joint: rail_length, effort: -3}]',
+        '{joint: elbow, effort: 0}',
+    ),
+    'spring': (
+        f'[{{between: [B, W], stiffness: 50}}, {{between: [ground, shoe], at: [[1, 1], [0.1, 0.2]], table: {CURVE}, free_length: 1.3}}, {{between: [arm, fore], at: [O, ~], stiffness: 20, free_length: 0}}]',
+        f'[{{between: [B, W], stiffness: 50}}, {{between: [ground, hand], at: [[1, 1, 0], [0.1, 0.2, 0.3]], table: {CURVE}, free_length: 1.3}}, {{between: [arm, fore], at: [O, ~], stiffness: 20, free_length: 0}}]',
+        '{between: [B, W], stiffness: 0}',
+    ),
+    'damper': (
+        f'[{{between: [B, W], damping: 5}}, {{between: [arm, shoe], at: [~, [0.1, 0.2]], table: {CURVE}}}]',
+        f'[{{between: [B, W], damping: 5}}, {{between: [arm, hand], at: [~, [0.1, 0.2, 0]], table: {CURVE}}}]',
+        '{between: [B, W], damping: 0}',
+    ),
+    'torsion_spring': (
+        f'[{{joint: shoulder, stiffness: 3, damping: 0.1, free_position: 0.1}}, {{joint: elbow, table: {CURVE}}}, {{joint: rail, stiffness: 30, damping: 2, free_position: 0.1}}]',
+        f'[{{joint: shoulder, stiffness: 3, damping: 0.1, free_position: 0.1}}, {{joint: elbow_first, table: {CURVE}}}, {{joint: elbow_second, stiffness: 3}}, {{joint: rail_angle, stiffness: 3}}, {{joint: rail_length, stiffness: 30, damping: 2}}, {{joint: wrist, stiffness: 30}}]',
+        '{joint: elbow, stiffness: 0}',
+    ),
+    'joint_stop': (
+        '[{joint: elbow, lower: -2, upper: -1.5, stiffness: 100, damping: 0.3}, {joint: rail, upper: -0.01, stiffness: 1000, exponent: 1}]',
+        '[{joint: elbow_second, upper: -0.2, stiffness: 100, damping: 0.3}, {joint: rail_length, upper: -0.01, stiffness: 1000, exponent: 1}]',
+        '{joint: elbow, lower: -2, upper: -1.5, stiffness: 0}',
+    ),
+    'joint_friction': (
+        '[{joint: elbow, viscous: 0.2, dynamic: 0.1, static: 0.2, load: 100, radius: 0.02, stribeck: 1, slip: 0.1}, {joint: rail, dynamic: 0.3, load: 5}]',
+        '[{joint: elbow_first, viscous: 0.2, dynamic: 0.1, static: 0.2, load: 100, radius: 0.02, stribeck: 1, slip: 0.1}, {joint: wrist, dynamic: 0.3, load: 5}]',
+        '{joint: elbow}',
+    ),
+    'motor': (
+        '[{joint: elbow, position: [[0, 0], [1, 2]], position_gain: 20, velocity_gain: 1, limit: 7, free_speed: 20}, {joint: rail, velocity: 0.5, velocity_gain: 3}, {joint: shoulder, effort: [[0, 0], [0.1, 4]]}]',
+        '[{joint: elbow_first, position: [[0, 0], [1, 2]], position_gain: 20, velocity_gain: 1, limit: 7, free_speed: 20}, {joint: wrist, velocity: 0.5, velocity_gain: 3}, {joint: shoulder, effort: [[0, 0], [0.1, 4]]}]',
+        '{joint: elbow, limit: 0, effort: 5}',
+    ),
+    'drag': (
+        '[{on: fore, linear: 1, quadratic: 2, spin: 0.3, wind: [3, 1]}, {on: B, quadratic: 1}, {on: arm, at: [0.5, 0.5], linear: 1}]',
+        '[{on: fore, linear: 1, quadratic: 2, spin: 0.3, wind: [3, 1, 1]}, {on: B, quadratic: 1}, {on: arm, at: [0.5, 0.5, 0], linear: 1}]',
+        '{on: fore}',
+    ),
+    'ground_contact': (
+        '[{on: shoe, radius: 0.1, through: [0, -0.75], normal: [0.1, 1], stiffness: 1000, damping: 0.2, friction: 0.5}, {on: B, stiffness: 500, exponent: 1, through: [0, -0.7]}]',
+        '[{on: shoe, radius: 0.9, through: [0, 0, -0.65], normal: [0.1, 0, 1], stiffness: 100, damping: 0.2, friction: 0.5}, {on: B, stiffness: 500, exponent: 1, through: [0, 0, 0.5], friction: 1}]',
+        '{on: shoe, radius: 0.1, through: [0, 0.75], stiffness: 0, friction: 0.5}',
+    ),
+    'user_table': (
+        '[{on: fore, table: [[0, 1, 2, 3], [0.3, 2, 3, 1], [1, 0, 0, 0]], frame: body, interpolation: cubic}, {joint: elbow, table: [[0.1, 3], [0.2, -1]]}, {on: B, table: [[0, 5, 1]]}, {on: arm, table: [[0, 5, 1, 4]]}]',
+        '[{on: fore, table: [[0, 1, 2, 3, 1, 2, 3], [0.3, 2, 3, 1, 0, 1, 0]], frame: body, interpolation: cubic}, {joint: elbow_first, table: [[0.1, 3], [0.2, -1]]}, {on: B, table: [[0, 5, 1, 2]]}, {on: hand, table: [[0, 5, 1, 4, 1, -2, 3]]}]',
+        '{on: fore, table: [[0, 0, 0, 0]]}',
+    ),
+}
+CASES = [(kind, n) for kind in EXAMPLES for n in (0, 1)]
+CONSERVATIVE = ('gravity', 'spring', 'torsion_spring', 'joint_stop', 'ground_contact')
+
+
+def simulation(kind: str, which: int, **options: object) -> Simulation:
+    text = (PLANAR, SPATIAL, PLANAR)[which]
+    scene = scene_from_text(f'{text}\neffects: {{{kind}: {EXAMPLES[kind][which]}}}\n')
+    return Simulation(scene, **options)  # type: ignore[arg-type]
+
+
+def applied(sim: Simulation, q, qd):  # type: ignore[no-untyped-def]
+    Q = np.zeros(q.size)
+    near = sim.sample()._near
+    kernel.applied_forces(sim._applied.assembled, sim.t, q, qd, near, Q)
+    return Q
+
+
+def as_python(monkeypatch: pytest.MonkeyPatch, *modules: object) -> None:
+    """Run what is compiled as the Python that is written."""
+    for module in modules:
+        for name, value in list(vars(module).items()):
+            if isinstance(value, CPUDispatcher):
+                monkeypatch.setattr(module, name, value.py_func)
+
+
+def test_every_effect_has_examples() -> None:
+    assert set(EXAMPLES) == set(effects.kinds())
+
+
+@pytest.mark.parametrize('kind, which', CASES)
+def test_compiled_is_what_is_written(
+    kind: str, which: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sim = simulation(kind, which)
+    sim.step(130)
+    sample, (q, qd) = sim.sample(), (sim.state.q, sim.state.qd)
+    compiled = applied(sim, q, qd)
+    energy = kernel.potential_energy(sim._applied.assembled, sim.t, q, sample._near)
+    module = effects.load(kind)
+    packed = module.pack(list(sim.scene.effects), sim.model.layout)
+    shared = [importlib.import_module(f'alf_ros.{name}') for name in ('measure', 'table')]
+    as_python(monkeypatch, module, *shared)
+    near, data, python = sample._near, (packed.slots, packed.params), np.zeros(q.size)
+    module.force.__wrapped__(sim.t, q, qd, near, *data, python)
+    # products and sums may be fused, and powers taken by other libraries: the last bits may differ
+    size = np.abs(compiled).max()
+    assert size > 0.1
+    assert compiled == pytest.approx(python, rel=1e-13, abs=1e-14 * size)
+    if hasattr(module, 'potential'):
+        written = module.potential.__wrapped__(sim.t, q, near, *data)
+        assert energy == pytest.approx(written, rel=1e-13)
+
+
+@pytest.mark.parametrize('kind, which', CASES)
+def test_force_is_the_gradient_of_the_potential(kind: str, which: int) -> None:
+    """At rest, along any motion of the coordinates: -∂V/∂q; without a potential nothing is there."""
+    sim = simulation(kind, which)
+    sim.step(130)
+    q, near = sim.state.q, sim.sample()._near
+    Q = applied(sim, q, np.zeros(q.size))
+    directions = np.random.default_rng(1).normal(size=(5, q.size))
+    forces = sim._applied.assembled
+    for d in directions:
+        h = 1e-6
+        ahead, behind = (kernel.potential_energy(forces, sim.t, q + s * d, near) for s in (h, -h))
+        slope = (behind - ahead) / (2.0 * h)
+        if kind in CONSERVATIVE:
+            assert slope == pytest.approx(Q @ d, rel=1e-6, abs=1e-6)
+        else:
+            assert slope == 0.0
+
+
+@pytest.mark.parametrize('kind, which', CASES)
+def test_power_is_the_rate_of_energy(kind: str, which: int) -> None:
+    """dE/dt = Q·q̇ without what the potential counts; friction, dampers and drag only take."""
+    sim = simulation(kind, which, step=1e-4)
+    sim.step(1300)
+    energies = []
+    power = dissipation = 0.0
+    for n in range(3):
+        q, qd = sim.state.q, sim.state.qd
+        if n == 1:
+            rest = applied(sim, q, np.zeros(q.size)) if kind in CONSERVATIVE else 0.0
+            dissipation = (applied(sim, q, qd) - rest) @ qd
+            power = applied(sim, q, qd) @ qd
+        energies.append(sim.sample().energy)
+        sim.step()
+    rate = (energies[2] - energies[0]) / 2e-4
+    expected = dissipation if kind in CONSERVATIVE else power
+    assert rate == pytest.approx(expected, rel=2e-4, abs=1e-6)
+    if kind in ('damper', 'joint_friction', 'torsion_spring'):
+        assert dissipation < -1e-3
+
+
+@pytest.mark.parametrize('kind', EXAMPLES)
+def test_zero_strength_is_absence(kind: str) -> None:
+    absent, zero = Simulation(scene_from_text(PLANAR)), simulation(kind, 2)
+    for sim in (absent, zero):
+        sim.apply_effort('shoulder', 1.0)
+        sim.step(200)
+    assert absent.state.q.tobytes() == zero.state.q.tobytes()
+
+
+@pytest.mark.parametrize('kind, which', CASES)
+def test_reactions_balance_each_body(kind: str, which: int) -> None:
+    """On each body the effect and its joints give its momenta their rate: Newton's law."""
+    sim = simulation(kind, which, integrator='dop853', step=1e-3)
+    sim.step(130)
+    sample = sim.sample()
+    layout, cut = sim.model.layout, sample._reactions().cut
+    q = sample._reactions().on_cut_blocks(sim.state.q)
+    qd = sample._reactions().on_cut_blocks(sim.state.qd)
+    Q = np.zeros(q.size)
+    kernel.applied_forces(sample._applied.on(cut), sim.t, q, qd, sample._near, Q)
+    qdd = sample._accelerated.qdd.reshape(-1, layout.dimension)
+    for n, body in enumerate(layout.bodies):
+        points = cut.of_body[body.name]
+        force = Q.reshape(-1, layout.dimension)[list(points[: len(body.points)])].sum(axis=0)
+        com = layout.placed(body.name)
+        needed = body.mass * sum(C @ qdd[block] for block, C in com.parts.items())
+        for joint, reaction in zip(layout.mechanism.joints, sample.reaction_forces, strict=True):
+            force = force + reaction * ((joint.child == body.name) - (joint.parent == body.name))
+        assert force == pytest.approx(needed, abs=1e-7 * max(1.0, np.abs(needed).max())), n
+
+
+@pytest.mark.parametrize(
+    'text, message',
+    [
+        ('spring: {between: [B, W]}', 'give one of stiffness, table'),
+        ('spring: {between: [B, nowhere], stiffness: 1}', 'nowhere'),
+        ('spring: {between: [ground, B], stiffness: 1}', 'a place on the ground'),
+        ('spring: {between: [B, W], at: [[0, 0], ~], stiffness: 1}', 'has no place of its own'),
+        ('spring: {between: [B, W], stiffness: -1}', 'must not be negative'),
+        ('spring: {between: [B, W], table: [[0, 0], [0, 1]]}', 'must ascend'),
+        ('spring: {between: [B, W], table: [[0, 0]]}', 'two points'),
+        ('damper: {between: [B, W], table: [[0, 0], [1]]}', 'rows of equal length'),
+        ('torsion_spring: {joint: elbw, stiffness: 1}', "did you mean 'elbow'"),
+        ('joint_stop: {joint: elbow, stiffness: 1}', 'lower or an upper'),
+        ('joint_stop: {joint: elbow, stiffness: 1, lower: 1, upper: 0}', 'below the upper'),
+        ('joint_friction: {joint: elbow, dynamic: 0.2, static: 0.1}', 'static must not be less'),
+        ('joint_friction: {joint: rail, radius: 0.1}', 'no radius'),
+        ('motor: {joint: elbow, position: 1}', 'go together'),
+        ('motor: {joint: elbow, velocity: 1}', 'needs velocity_gain'),
+        ('ground_contact: {on: B, stiffness: 1, normal: [0, 0]}', 'no direction'),
+        ('ground_contact: {on: B, stiffness: 1, exponent: 0.5}', 'must be 1 at least'),
+        ('drag: {on: B, spin: 1}', 'no orientation'),
+        ('user_table: {on: B, table: [[0, 1]]}', '2 columns, expected 3'),
+        ('user_table: {on: B, table: [[0, 1, 1, 1]]}', 'no orientation'),
+        ('user_table: {table: [[0, 1, 1, 1]]}', 'give one of on, joint'),
+        ('user_table: {on: B, table: [[0, 1, 1]], interpolation: square}', 'square'),
+    ],
+)
+def test_what_cannot_be_is_refused(text: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        scene_from_text(f'{PLANAR}\neffects: {{{text}}}\n')
