@@ -58,6 +58,13 @@ class Applied:
         """For the step: bodies share their points."""
         return self._pack(self._model.layout)
 
+    @cached_property
+    def each(self) -> dict[str, Forces]:
+        """The effects of the scene, one by one."""
+        one_by_one = (Applied(self._model, [effect], NO_INPUTS) for effect in self._effects)
+        labels = (effect.label for effect in self._effects)
+        return {label: one.assembled for label, one in zip(labels, one_by_one, strict=True)}
+
     def on(self, layout: Layout) -> Forces:
         """For another layout: that of the reactions, with each body alone."""
         return self._pack(layout)

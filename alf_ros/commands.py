@@ -8,4 +8,5 @@ and `ros2 run alf_ros <name>`: setup.py reads this table too, so nothing may be 
 COMMANDS = {
     'simulator': 'alf_ros.node',
     'hard_cases': 'alf_ros.hard_cases',
+    'effects': 'alf_ros.effects_command',
 }

@@ -176,6 +176,19 @@ class Sample:
         forces = self._applied.assembled
         return kinetic + kernel.potential_energy(forces, self.t, state.q, self._near)
 
+    @cached_property
+    def powers(self) -> Mapping[str, float]:
+        """What each effect of the scene gives to the motion now, W; less than zero: it takes.
+
+        By kind, or `kind.name` where it has a name of its own.
+        """
+        state, Q = self._state, np.zeros(self._state.q.size)
+        powers = {}
+        for label, forces in self._applied.each.items():
+            kernel.applied_forces(forces, self.t, state.q, state.qd, self._near, Q)
+            powers[label] = float(Q @ state.qd)
+        return powers
+
     # ----------------------------------------------------------------------------------- bodies
 
     @cached_property

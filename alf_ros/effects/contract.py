@@ -75,6 +75,12 @@ class Effect:
     name: str
     parameters: Any
 
+    @property
+    def label(self) -> str:
+        """What tells it from all other effects of a scene."""
+        kind = Path(self.kind.partition('#')[0]).stem
+        return self.name if self.name.startswith(kind) else f'{kind}.{self.name}'
+
 
 @dataclass(frozen=True)
 class Packed:
