@@ -98,6 +98,6 @@ def checked(module: ModuleType, file: str) -> ModuleType:
         if not {'kind', 'doc'} <= set(field.metadata):
             raise InputError(f"no 'kind' and 'doc' in the metadata of {field.name!r}", file=file)
     for name, wanted in (('force', contract.FORCE), ('potential', contract.POTENTIAL)):
-        if getattr(getattr(module, name, None), '_sig', wanted) != wanted:
+        if hasattr(module, name) and getattr(getattr(module, name), '_sig', None) != wanted:
             raise InputError(f'{name} is not compiled by @contract.{name}', file=file)
     return module
