@@ -91,7 +91,9 @@ def checked(module: ModuleType, file: str) -> ModuleType:
     """The module, if it holds what `contract` asks for. Raises InputError otherwise."""
     for name in ('Parameters', 'MULTIPLE', 'pack', 'force'):
         if not hasattr(module, name):
-            raise InputError(f'an effect without {name}: see alf_ros/effects/contract.py', file=file)
+            raise InputError(
+                f'an effect without {name}: see alf_ros/effects/contract.py', file=file
+            )
     if not dataclasses.is_dataclass(module.Parameters):
         raise InputError('Parameters is no dataclass', file=file)
     for field in dataclasses.fields(module.Parameters):

@@ -48,8 +48,8 @@ def _default(field: dataclasses.Field[Any]) -> str:
 def table(found: PriceList) -> str:
     """A price list as text."""
     width = max([len(price.effect) for price in found.prices] + [10]) + 2
-    head = f'{"effect":{width}}{"added, µs":>11}{"removed, µs":>13}{"change, m":>12}{"work, J":>12}'
-    lines = [head]
+    head = f'{"effect":{width}}{"added, µs":>11}{"removed, µs":>13}'
+    lines = [f'{head}{"change, m":>12}{"work, J":>12}']
     for price in found.prices:
         change = 'no run' if price.change == math.inf else f'{price.change:.2e}'
         lines.append(
@@ -57,8 +57,8 @@ def table(found: PriceList) -> str:
             f'{price.work:12.4g}'
         )
     lines.append(
-        f'a step takes {found.bare:.3f} µs without effects, {found.whole:.3f} µs with all of them; '
-        f'a difference below {max(found.resolution, 1e-3):.3f} µs says nothing'
+        f'a step takes {found.bare:.3f} µs without effects, {found.whole:.3f} µs with all of '
+        f'them; a difference below {max(found.resolution, 1e-3):.3f} µs says nothing'
     )
     return '\n'.join(lines)
 
@@ -72,9 +72,7 @@ def _write(path: Path, found: PriceList) -> None:
         writer.writerow(['(all)', f'{found.whole:.4f}', '', '', ''])
         for price in found.prices:
             numbers = (f'{price.added:.4f}', f'{price.removed:.4f}')
-            writer.writerow(
-                [price.effect, *numbers, f'{price.change:.6e}', f'{price.work:.6e}']
-            )
+            writer.writerow([price.effect, *numbers, f'{price.change:.6e}', f'{price.work:.6e}'])
 
 
 class _Parser(argparse.ArgumentParser):

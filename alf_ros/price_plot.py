@@ -11,7 +11,10 @@ _SMALLEST = 1e-16  # m, drawn as nothing
 
 
 def draw(path: Path, title: str, found: PriceList) -> None:
-    """Write the picture. Raises ImportError without matplotlib, OSError if it cannot be written."""
+    """Write the picture.
+
+    Raises ImportError without matplotlib, OSError if the file cannot be written.
+    """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -29,11 +32,12 @@ def draw(path: Path, title: str, found: PriceList) -> None:
     cost.legend(loc='best', fontsize='small')
     shown = [price.change if _SMALLEST < price.change < math.inf else math.nan for price in prices]
     change.plot(shown, places, 'o', color='#d55e00')
+    across = change.get_yaxis_transform()  # fractions along x, data along y
     for y, price in zip(places, prices, strict=True):
         if price.change == math.inf:
-            change.text(0.98, y, 'does not run without', ha='right', va='center', transform=_across(change))
+            change.text(0.02, y, 'does not run without', va='center', transform=across)
         elif price.change <= _SMALLEST:
-            change.text(0.02, y, 'none', va='center', transform=_across(change))
+            change.text(0.02, y, 'none', va='center', transform=across)
     if any(x == x for x in shown):
         change.set_xscale('log')
     change.set(xlabel='change of position it makes, m', ylim=(-0.6, len(prices) - 0.4))
@@ -41,8 +45,3 @@ def draw(path: Path, title: str, found: PriceList) -> None:
         axes.grid(True, axis='x', color='0.92')
         axes.set_axisbelow(True)
     figure.savefig(path, dpi=120)
-
-
-def _across(axes: object) -> object:
-    """Fractions along x, data along y."""
-    return axes.get_yaxis_transform()  # type: ignore[attr-defined]

@@ -57,7 +57,7 @@ def law(factor: float | None, points: Points | None) -> Floats:
 
 def signal(value: float | Points) -> Floats:
     """A function of time: a number, or points (t, f), linear between, held beyond."""
-    points = value if isinstance(value, tuple) else [(0.0, value)]
+    points = [(0.0, value)] if isinstance(value, (int, float)) else value
     if len(points[0]) != 2:
         raise ValueError('a table of a function of time has two columns')
     return pieces(points, hold=True)

@@ -25,8 +25,8 @@ def rebound(v: float, c: float) -> float:
 def test_elastic_bounce() -> None:
     """A linear contact: half a period of the oscillator on the ground, then free flight."""
     m, k, v = 2.0, 8e3, 1.5
-    contact = f'ground_contact: {{on: P, stiffness: {k}, exponent: 1, normal: [-1, 0], through: [1, 0]}}'
-    sim = simulate(MASS, contact, f'P: [{v}, 0.3]', step=1e-4)
+    contact = f'on: P, stiffness: {k}, exponent: 1, normal: [-1, 0], through: [1, 0]'
+    sim = simulate(MASS, f'ground_contact: {{{contact}}}', f'P: [{v}, 0.3]', step=1e-4)
     omega = math.sqrt(k / m)
     for sample in sim.run(0.1, at=[0.0, 0.3 * math.pi / omega, 0.1]):
         s = min(omega * sample.t, math.pi)
@@ -90,9 +90,9 @@ def test_block_brakes_on_the_ground() -> None:
 @pytest.mark.parametrize('mu', [0.5, 0.05], ids=['rolls', 'slips'])
 @pytest.mark.parametrize('mechanism, share', [(DISC, 0.5), (BALL, 0.4)], ids=['disc', 'ball'])
 def test_round_body_on_a_slope(mechanism: str, share: float, mu: float) -> None:
-    """Rolling: a = g sin α / (1 + J / m r²). Slipping: g (sin α - μ cos α), and α̇ = μ m g r cos α / J.
+    """Rolling: v̇ = g sin α / (1 + J / m r²). Slipping: g (sin α - μ cos α), ω̇ = μ m g r cos α / J.
 
-    Friction stands at the bottom, where the body touches at first; its depth is in balance.
+    It starts at rest, at the depth at which the ground carries it.
     """
     m, r, k, alpha, eps = 2.0, 0.1, 1e5, 0.3, 1e-3
     spatial = mechanism is BALL
@@ -162,7 +162,8 @@ def test_stribeck_curve() -> None:
     effort = 0.9 * mu_s * load * r
     sim = simulate(
         ROTOR,
-        f'joint_friction: {{joint: pin, {friction}}}, joint_effort: {{joint: pin, effort: {effort}}}',
+        f'joint_friction: {{joint: pin, {friction}}}, '
+        f'joint_effort: {{joint: pin, effort: {effort}}}',
     )
     sim.step(2000)
     creep = sim.sample().joints['pin'].velocity

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import importlib
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from numba.core.registry import CPUDispatcher
 
-from alf_ros import InputError, Simulation, effects, kernel
+from alf_ros import InputError, Simulation, document, effects, kernel, load_scene
 from alf_ros.scene import scene_from_text
 
 PLANAR = """
@@ -57,74 +59,16 @@ mechanism:
     wrist: {type: prismatic, between: [shoe, hand], at: D, axis: [1, 0, 1]}
 initial: {velocities: {A: [~, 1.5, ~], B: [~, ~, 0.2], C: [~, ~, 2], E: [~, ~, 0.7]}}
 """
-CURVE = '[[-1, -30], [-0.1, -2], [0.05, 1], [0.3, 4], [2, 50]]'
-# by kind: everything that it can do in the plane, in space, and the same without strength
-EXAMPLES = {
-    'gravity': ('{acceleration: [1, -9.81]}', '{acceleration: [1, 2, -9.81]}', '{acceleration: [0, 0]}'),
-    'constant_wrench': (
-        '{a: {on: fore, force: [1, 2], torque: 0.5, frame: body}, b: {on: B, force: [3, -1]}}',
-        '[{on: fore, force: [1, 2, 3], torque: [0.5, 1, -2], frame: body}, {on: shoe, force: [3, -1, 1], torque: [1, 2, 3]}]',
-        '{on: fore, force: [0, 0]}',
-    ),
-    'joint_effort': (
-        '[{joint: shoulder, effort: 1}, {joint: elbow, effort: 2}, {joint: rail, effort: -3}]',
-        '[{joint: shoulder, effort: 1}, {joint: rail_angle, effort: 2}, {joint: rail_length, effort: -3}]',
-        '{joint: elbow, effort: 0}',
-    ),
-    'spring': (
-        f'[{{between: [B, W], stiffness: 50}}, {{between: [ground, shoe], at: [[1, 1], [0.1, 0.2]], table: {CURVE}, free_length: 1.3}}, {{between: [arm, fore], at: [O, ~], stiffness: 20, free_length: 0}}]',
-        f'[{{between: [B, W], stiffness: 50}}, {{between: [ground, hand], at: [[1, 1, 0], [0.1, 0.2, 0.3]], table: {CURVE}, free_length: 1.3}}, {{between: [arm, fore], at: [O, ~], stiffness: 20, free_length: 0}}]',
-        '{between: [B, W], stiffness: 0}',
-    ),
-    'damper': (
-        f'[{{between: [B, W], damping: 5}}, {{between: [arm, shoe], at: [~, [0.1, 0.2]], table: {CURVE}}}]',
-        f'[{{between: [B, W], damping: 5}}, {{between: [arm, hand], at: [~, [0.1, 0.2, 0]], table: {CURVE}}}]',
-        '{between: [B, W], damping: 0}',
-    ),
-    'torsion_spring': (
-        f'[{{joint: shoulder, stiffness: 3, damping: 0.1, free_position: 0.1}}, {{joint: elbow, table: {CURVE}}}, {{joint: rail, stiffness: 30, damping: 2, free_position: 0.1}}]',
-        f'[{{joint: shoulder, stiffness: 3, damping: 0.1, free_position: 0.1}}, {{joint: elbow_first, table: {CURVE}}}, {{joint: elbow_second, stiffness: 3}}, {{joint: rail_angle, stiffness: 3}}, {{joint: rail_length, stiffness: 30, damping: 2}}, {{joint: wrist, stiffness: 30}}]',
-        '{joint: elbow, stiffness: 0}',
-    ),
-    'joint_stop': (
-        '[{joint: elbow, lower: -2, upper: -1.5, stiffness: 100, damping: 0.3}, {joint: rail, upper: -0.01, stiffness: 1000, exponent: 1}]',
-        '[{joint: elbow_second, upper: -0.2, stiffness: 100, damping: 0.3}, {joint: rail_length, upper: -0.01, stiffness: 1000, exponent: 1}]',
-        '{joint: elbow, lower: -2, upper: -1.5, stiffness: 0}',
-    ),
-    'joint_friction': (
-        '[{joint: elbow, viscous: 0.2, dynamic: 0.1, static: 0.2, load: 100, radius: 0.02, stribeck: 1, slip: 0.1}, {joint: rail, dynamic: 0.3, load: 5}]',
-        '[{joint: elbow_first, viscous: 0.2, dynamic: 0.1, static: 0.2, load: 100, radius: 0.02, stribeck: 1, slip: 0.1}, {joint: wrist, dynamic: 0.3, load: 5}]',
-        '{joint: elbow}',
-    ),
-    'motor': (
-        '[{joint: elbow, position: [[0, 0], [1, 2]], position_gain: 20, velocity_gain: 1, limit: 7, free_speed: 20}, {joint: rail, velocity: 0.5, velocity_gain: 3}, {joint: shoulder, effort: [[0, 0], [0.1, 4]]}]',
-        '[{joint: elbow_first, position: [[0, 0], [1, 2]], position_gain: 20, velocity_gain: 1, limit: 7, free_speed: 20}, {joint: wrist, velocity: 0.5, velocity_gain: 3}, {joint: shoulder, effort: [[0, 0], [0.1, 4]]}]',
-        '{joint: elbow, limit: 0, effort: 5}',
-    ),
-    'drag': (
-        '[{on: fore, linear: 1, quadratic: 2, spin: 0.3, wind: [3, 1]}, {on: B, quadratic: 1}, {on: arm, at: [0.5, 0.5], linear: 1}]',
-        '[{on: fore, linear: 1, quadratic: 2, spin: 0.3, wind: [3, 1, 1]}, {on: B, quadratic: 1}, {on: arm, at: [0.5, 0.5, 0], linear: 1}]',
-        '{on: fore}',
-    ),
-    'ground_contact': (
-        '[{on: shoe, radius: 0.1, through: [0, -0.75], normal: [0.1, -1], stiffness: 1000, damping: 0.2, friction: 0.5}, {on: B, stiffness: 500, exponent: 1, normal: [0, -1], through: [0, -0.5], friction: 1}]',
-        '[{on: shoe, radius: 0.9, through: [0, 0, 0.1], normal: [0.1, 0, 1], stiffness: 100, damping: 0.2, friction: 0.5}, {on: B, stiffness: 50, exponent: 1, through: [0, 0, 0.9], friction: 1}]',
-        '{on: shoe, radius: 0.1, through: [0, 0.75], stiffness: 0, friction: 0.5}',
-    ),
-    'user_table': (
-        '[{on: fore, table: [[0, 1, 2, 3], [0.3, 2, 3, 1], [1, 0, 0, 0]], frame: body, interpolation: cubic}, {joint: elbow, table: [[0.1, 3], [0.2, -1]]}, {on: B, table: [[0, 5, 1]]}, {on: arm, table: [[0, 5, 1, 4]]}]',
-        '[{on: fore, table: [[0, 1, 2, 3, 1, 2, 3], [0.3, 2, 3, 1, 0, 1, 0]], frame: body, interpolation: cubic}, {joint: elbow_first, table: [[0.1, 3], [0.2, -1]]}, {on: B, table: [[0, 5, 1, 2]]}, {on: hand, table: [[0, 5, 1, 4, 1, -2, 3]]}]',
-        '{on: fore, table: [[0, 0, 0, 0]]}',
-    ),
-}
-CASES = [(kind, n) for kind in EXAMPLES for n in (0, 1)]
+# by kind: `planar` and `spatial` do everything that it can do, `without` has no strength
+EXAMPLES = document.read(Path(__file__).parent / 'data/effect_examples.yaml').mapping()
+CASES = [(kind, which) for kind in EXAMPLES for which in ('planar', 'spatial')]
 CONSERVATIVE = ('gravity', 'spring', 'torsion_spring', 'joint_stop', 'ground_contact')
 
 
-def simulation(kind: str, which: int, **options: object) -> Simulation:
-    text = (PLANAR, SPATIAL, PLANAR)[which]
-    scene = scene_from_text(f'{text}\neffects: {{{kind}: {EXAMPLES[kind][which]}}}\n')
-    return Simulation(scene, **options)  # type: ignore[arg-type]
+def simulation(kind: str, which: str, **options: Any) -> Simulation:
+    fields = document.parse(SPATIAL if which == 'spatial' else PLANAR, None).mapping()
+    chosen = {kind: EXAMPLES[kind].mapping()[which]}
+    return Simulation(load_scene({**fields, 'effects': chosen}), **options)
 
 
 def applied(sim: Simulation, q, qd):  # type: ignore[no-untyped-def]
@@ -148,7 +92,7 @@ def test_every_effect_has_examples() -> None:
 
 @pytest.mark.parametrize('kind, which', CASES)
 def test_compiled_is_what_is_written(
-    kind: str, which: int, monkeypatch: pytest.MonkeyPatch
+    kind: str, which: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     sim = simulation(kind, which)
     sim.step(130)
@@ -171,8 +115,8 @@ def test_compiled_is_what_is_written(
 
 
 @pytest.mark.parametrize('kind, which', CASES)
-def test_force_is_the_gradient_of_the_potential(kind: str, which: int) -> None:
-    """At rest, along any motion of the coordinates: -∂V/∂q; without a potential nothing is there."""
+def test_force_is_the_gradient_of_the_potential(kind: str, which: str) -> None:
+    """At rest, along any motion of the coordinates: -∂V/∂q."""
     sim = simulation(kind, which)
     sim.step(130)
     q, near = sim.state.q, sim.sample()._near
@@ -190,7 +134,7 @@ def test_force_is_the_gradient_of_the_potential(kind: str, which: int) -> None:
 
 
 @pytest.mark.parametrize('kind, which', CASES)
-def test_power_is_the_rate_of_energy(kind: str, which: int) -> None:
+def test_power_is_the_rate_of_energy(kind: str, which: str) -> None:
     """dE/dt = Q·q̇ without what the potential counts; friction, dampers and drag only take."""
     sim = simulation(kind, which, step=1e-4)
     sim.step(1300)
@@ -213,7 +157,7 @@ def test_power_is_the_rate_of_energy(kind: str, which: int) -> None:
 
 @pytest.mark.parametrize('kind', EXAMPLES)
 def test_zero_strength_is_absence(kind: str) -> None:
-    absent, zero = Simulation(scene_from_text(PLANAR)), simulation(kind, 2)
+    absent, zero = Simulation(scene_from_text(PLANAR)), simulation(kind, 'without')
     for sim in (absent, zero):
         sim.apply_effort('shoulder', 1.0)
         sim.step(200)
@@ -221,7 +165,7 @@ def test_zero_strength_is_absence(kind: str) -> None:
 
 
 @pytest.mark.parametrize('kind, which', CASES)
-def test_reactions_balance_each_body(kind: str, which: int) -> None:
+def test_reactions_balance_each_body(kind: str, which: str) -> None:
     """On each body the effect and its joints give its momenta their rate: Newton's law."""
     sim = simulation(kind, which, integrator='dop853', step=1e-3)
     sim.step(130)

@@ -15,7 +15,8 @@ def test_damped_oscillator() -> None:
     k, c, m, v = 50.0, 3.0, 2.0, 2.0
     sim = simulate(
         MASS,
-        f'spring: {{between: [O, mass], stiffness: {k}}}, damper: {{between: [O, P], damping: {c}}}',
+        f'spring: {{between: [O, mass], stiffness: {k}}}, '
+        f'damper: {{between: [O, P], damping: {c}}}',
         f'P: [{v}, 0]',
     )
     decay = c / (2.0 * m)
@@ -29,9 +30,7 @@ def test_bilinear_spring() -> None:
     """A table with a corner: half a period of each stiffness, and no energy lost."""
     stiff, soft, m = 200.0, 50.0, 2.0
     table = f'[[-1, -{stiff}], [0, 0], [1, {soft}]]'
-    sim = simulate(
-        MASS, f'spring: {{between: [O, P], table: {table}}}', 'P: [0.5, 0]', step=1e-4
-    )
+    sim = simulate(MASS, f'spring: {{between: [O, P], table: {table}}}', 'P: [0.5, 0]', step=1e-4)
     period = math.pi * (math.sqrt(m / stiff) + math.sqrt(m / soft))
     energy = sim.sample().energy
     assert energy == pytest.approx(0.25, abs=1e-14)
@@ -112,7 +111,8 @@ def test_wound_up_run_repeats_bit_for_bit(integrator: str) -> None:
 
 def test_spring_on_a_length() -> None:
     """A slider on its rail: the joint's coordinate is a length."""
-    rail = MASS + '  joints: {rail: {type: slider, point: P, on: {through: [0, 0], direction: [1, 0]}}}\n'
+    line = '{through: [0, 0], direction: [1, 0]}'
+    rail = f'{MASS}  joints: {{rail: {{type: slider, point: P, on: {line}}}}}\n'
     sim = simulate(rail, 'torsion_spring: {joint: rail, stiffness: 50, free_position: 0.5}')
     for sample in sim.run(1.0, every=100):
         x = 0.5 + 0.5 * math.cos(5.0 * sample.t)

@@ -65,8 +65,7 @@ def test_work_of_all_effects_is_the_kinetic_energy_gained() -> None:
     start, end = sim.run(0.5, every=500)
     weight = 1.0 * 9.81  # of each of the two rods
     rise = sum(
-        weight * 0.5 * (end.points[a][1] + end.points[b][1] - start.points[a][1] - start.points[b][1])
-        for a, b in (('O', 'A'), ('A', 'B'))
+        weight * 0.5 * (end.points[name] - start.points[name])[1] for name in ('O', 'A', 'A', 'B')
     )
     work = {price.effect: price.work for price in found.prices}
     assert work['gravity'] == pytest.approx(-rise, abs=1e-4)

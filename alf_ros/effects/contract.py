@@ -51,11 +51,11 @@ class Pointer(types.CPointer):
 
     def __init__(self, number: types.Number) -> None:
         super().__init__(number)
-        self.name = f'{self.name}@{_STAMP}'  # of the instance: caches keep it
+        self.name: str = f'{number}*@{_STAMP}'  # of the instance: caches keep it
 
     @property
     def key(self) -> str:
-        return str(self.name)
+        return self.name
 
 
 register_model(Pointer)(models.PointerModel)

@@ -1,7 +1,8 @@
 """Drag of a fluid, still or with wind w (m/s), on a body or point that moves with v through it.
 
 F = -(b + c |v - w|) (v - w) at its centre of mass or another place, and on a body that turns the
-torque -s ω. c = ½ ρ C_d A of turbulent flow (Newton), b = 6 π η r of a ball in laminar flow (Stokes).
+torque -s ω. c = ½ ρ C_d A of turbulent flow (Newton), b = 6 π η r of a ball in laminar flow
+(Stokes).
 """
 
 from __future__ import annotations

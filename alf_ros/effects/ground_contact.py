@@ -41,7 +41,11 @@ class Parameters:
     )
     through: tuple[float, ...] = field(
         default=(),
-        metadata={'kind': 'vector', 'unit': 'm', 'doc': 'place on the plane; the origin if absent'},
+        metadata={
+            'kind': 'vector',
+            'unit': 'm',
+            'doc': 'place on the plane; the origin if absent',
+        },
     )
     normal: tuple[float, ...] = field(
         default=(),
@@ -155,7 +159,8 @@ def force(
             F = -rub * _slip(q, qd, slots, params, n, at, a, sinking)
             push_component(q, slots, params, n, a, N * params[normal + a] + F, Q)
             for k in range(arms):
-                push_component(q, slots, params, n, D * (k + 1) + a, F * _arm(q, slots, params, n, at, k), Q)
+                arm = _arm(q, slots, params, n, at, k)
+                push_component(q, slots, params, n, D * (k + 1) + a, F * arm, Q)
 
 
 @contract.potential

@@ -1,9 +1,10 @@
 """Friction on a coordinate x of a joint: viscous, and dry under a given normal load.
 
-The effort is -(b ẋ + μ(ẋ) N r ẋ / √(ẋ² + ε²)) with μ(ẋ) = μ_d + (μ_s - μ_d) exp(-(ẋ / ẋ_s)²): Stribeck's
-curve from μ_s at rest to μ_d. N (N) is the load of the bearing (preload), r (m) the radius at
-which it rubs; of a length r is 1. Below ε dry friction is a steep viscous one: it holds a load
-only while creeping. Armstrong-Hélouvry, Dupont & Canudas de Wit, Automatica 30 (1994), 1083.
+The effort is -(b ẋ + μ(ẋ) N r ẋ / √(ẋ² + ε²)) with μ(ẋ) = μ_d + (μ_s - μ_d) exp(-(ẋ / ẋ_s)²):
+Stribeck's curve from μ_s at rest to μ_d. N (N) is the load of the bearing (preload), r (m) the
+radius at which it rubs; of a length r is 1. Below ε dry friction is a steep viscous one: it holds
+a load only while creeping. Armstrong-Hélouvry, Dupont & Canudas de Wit, Automatica 30 (1994),
+1083.
 """
 
 from __future__ import annotations

@@ -45,7 +45,11 @@ class Parameters:
     )
     free_length: float | None = field(
         default=None,
-        metadata={'kind': 'number', 'unit': 'm', 'doc': 'length without tension; as drawn if absent'},
+        metadata={
+            'kind': 'number',
+            'unit': 'm',
+            'doc': 'length without tension; as drawn if absent',
+        },
     )
 
     def __post_init__(self) -> None:

@@ -166,4 +166,4 @@ class Work(Struct):
     good_turns: Integers  # (angles,)
     angle: Floats  # (angles, 2) x, y of each
     angle_before: Floats  # (angles, 2) where the step began
-    near: Floats  # (angles,) rad, turns counted: each angle where the step began, to a quarter turn
+    near: Floats  # (angles,) rad, turns counted: where the step began, to a quarter turn
