@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from alf_ros import kernel
 from alf_ros.applied import Applied
 from alf_ros.arrays import Floats
+from alf_ros.efforts import unit_motion
 from alf_ros.errors import StepError
 from alf_ros.kernel import Rows, Work
 from alf_ros.model import Model, allocate
@@ -265,9 +266,20 @@ class Sample:
 
     @cached_property
     def joint_efforts(self) -> Floats:
-        """(joint coordinates,) what acts on the free axis, N m or N; not the reaction."""
-        efforts = self._applied.inputs.efforts
-        return _read_only(np.array([efforts.get(n, 0.0) for n in self.model.coordinate_names]))
+        """(joint coordinates,) what acts on the free axis, N m or N: inputs held, motors, springs,
+        stops, friction; not the reaction."""
+        inputs = self._applied.inputs.efforts
+        efforts = np.array([inputs.get(n, 0.0) for n in self.model.coordinate_names])
+        if any(effect.coordinates for effect in self._applied.effects):
+            reactions, state = self._reactions(), self._state
+            q, qd = reactions.on_cut_blocks(state.q), reactions.on_cut_blocks(state.qd)
+            Q, on_joints = np.zeros(q.size), self._applied.on_joints(reactions.cut)
+            for n, coordinate in enumerate(self.model.coordinates):
+                if coordinate.name in on_joints:
+                    forces = on_joints[coordinate.name]
+                    kernel.applied_forces(forces, self.t, q, qd, self._near, Q)
+                    efforts[n] += Q @ unit_motion(coordinate, reactions.cut, q)
+        return _read_only(efforts)
 
     @property
     def joints(self) -> Mapping[str, JointState]:

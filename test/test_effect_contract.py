@@ -155,6 +155,21 @@ def test_power_is_the_rate_of_energy(kind: str, which: str) -> None:
         assert expected < -1e-3
 
 
+@pytest.mark.parametrize('which', ['planar', 'spatial'])
+@pytest.mark.parametrize(
+    'kind', ['joint_effort', 'torsion_spring', 'joint_stop', 'joint_friction', 'motor']
+)
+def test_efforts_of_joints_are_what_effects_exert(kind: str, which: str) -> None:
+    """With the velocities of the joints they make the whole power."""
+    sim = simulation(kind, which)
+    sim.step(130)
+    sample = sim.sample()
+    power = applied(sim, sim.state.q, sim.state.qd) @ sim.state.qd
+    assert abs(power) > 0.05
+    assert sample.joint_efforts @ sample.joint_velocities == pytest.approx(power, rel=1e-10)
+    assert sum(sample.powers.values()) == pytest.approx(power, rel=1e-10)
+
+
 @pytest.mark.parametrize('kind', EXAMPLES)
 def test_zero_strength_is_absence(kind: str) -> None:
     absent, zero = Simulation(scene_from_text(PLANAR)), simulation(kind, 'without')

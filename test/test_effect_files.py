@@ -113,5 +113,9 @@ def test_effect_of_a_package(folder: Path, monkeypatch: pytest.MonkeyPatch) -> N
     try:
         assert scene_from_text(scene.text).effects == scene.effects
         assert Simulation(scene).sample().energy == pytest.approx(-4.0, abs=1e-12)
+        sys.modules.pop('magnet')
+        (folder / 'magnet.py').write_text('import nothing_of_this_name\n')
+        with pytest.raises(InputError, match='cannot be loaded from its package: ModuleNotFound'):
+            scene_from_text(text)
     finally:
         sys.modules.pop('magnet', None)

@@ -96,12 +96,14 @@ def test_what_is_not_named_is_not_imported() -> None:
     code = (
         'import sys\n'
         'from alf_ros import Simulation, scene\n'
-        f'sim = Simulation(scene.scene_from_text({PENDULUM!r}))\n'
-        'sim.step(3); sim.sample().energy\n'
-        'print(sorted(name for name in sys.modules if name.startswith("alf_ros.effects.")))\n'
+        f'for more in ("", "effects: {{torsion_spring: {{joint: pin, stiffness: 1}}}}"):\n'
+        f'    sim = Simulation(scene.scene_from_text({PENDULUM!r} + more))\n'
+        '    sim.step(3); sim.sample().energy; sim.sample().joint_efforts\n'
+        '    print(sorted(name for name in sys.modules if name.startswith("alf_ros.effects.")))\n'
     )
     done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "['alf_ros.effects.contract']"
+    contract, one = "'alf_ros.effects.contract'", "'alf_ros.effects.torsion_spring'"
+    assert done.stdout.splitlines() == [f'[{contract}]', f'[{contract}, {one}]']
 
 
 def test_another_set_of_effects_compiles_no_kernel() -> None:

@@ -79,6 +79,7 @@ ROOMS = {
     'simulation': [
         'simulation',
         'applied',
+        'efforts',
         'integrator',
         'sample',
         'exact',

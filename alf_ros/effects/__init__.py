@@ -14,6 +14,7 @@ from types import ModuleType
 
 from alf_ros import effect_file
 from alf_ros.effects.contract import Effect
+from alf_ros.errors import InputError
 
 __all__ = ['Effect', 'full_name', 'kinds', 'load', 'short_name']
 
@@ -60,5 +61,10 @@ def load(kind: str) -> ModuleType:
         return effect_file.load(kind)
     if kind in _own():
         return importlib.import_module(f'{__name__}.{kind}')
-    module: ModuleType = _registered()[kind].load()
+    point = _registered()[kind]
+    try:
+        module: ModuleType = point.load()
+    except Exception as error:  # whatever somebody's package raises
+        told = f'{type(error).__name__}: {error}'
+        raise InputError(f'cannot be loaded from its package: {told}', value=kind) from None
     return effect_file.checked(module, module.__file__ or kind)

@@ -25,7 +25,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -74,6 +74,13 @@ class Effect:
     kind: str
     name: str
     parameters: Any
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """The joint coordinates it acts on."""
+        kinds = ((field.name, field.metadata['kind']) for field in fields(self.parameters))
+        names = (getattr(self.parameters, name) for name, kind in kinds if kind == 'coordinate')
+        return tuple(name for name in names if name is not None)
 
     @property
     def label(self) -> str:
