@@ -51,6 +51,7 @@ class Applied:
         self.inputs = inputs
         self._model = model
         self.effects = tuple(effects)
+        self._elsewhere: tuple[Layout, Forces] | None = None
         self._on_joints: dict[str, Forces] | None = None
         self._from_outside = [*_wrench_effects(inputs), *_effort_effects(inputs)]
 
@@ -68,7 +69,9 @@ class Applied:
 
     def on(self, layout: Layout) -> Forces:
         """For another layout: that of the reactions, with each body alone."""
-        return self._pack(layout)
+        if self._elsewhere is None or self._elsewhere[0] is not layout:
+            self._elsewhere = layout, self._pack(layout)
+        return self._elsewhere[1]
 
     def on_joints(self, layout: Layout) -> dict[str, Forces]:
         """For another layout, what the effects of the scene exert on each joint coordinate."""

@@ -58,12 +58,13 @@ def load(name: str) -> ModuleType:
     """The module of a full name. Raises InputError, with the line, if it cannot be used."""
     if name not in _loaded:
         path, digest = _split(full_name(name, Path()))
+        text = Path(path).read_bytes()
         # Not through the import system: its cache knows the time of a file to the second only.
-        module = ModuleType(f'alf_ros_effect_{digest}')
+        module = ModuleType(f'{contract.FROM_FILE}{digest}')
         module.__file__ = path
         sys.modules[module.__name__] = module  # where dataclasses look up annotations
         try:
-            exec(compile(Path(path).read_bytes(), path, 'exec'), vars(module))
+            exec(compile(text, path, 'exec'), vars(module))
         except SyntaxError as error:
             raise InputError(f'not Python: {error.msg}', file=path, line=error.lineno) from None
         except NumbaError as error:

@@ -13,13 +13,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from functools import cached_property
 
 import numpy as np
 from numba import njit
 
 from alf_ros import rows
 from alf_ros.arrays import Floats, Integers
-from alf_ros.coordinates import measured
+from alf_ros.coordinates import Coordinate, measured
 from alf_ros.effects.contract import Packed
 from alf_ros.form import Form, constant
 from alf_ros.layout import Layout
@@ -53,28 +54,32 @@ class Measures:
 
     def __init__(self, layout: Layout) -> None:
         self._layout = layout
-        coordinates, self._angles, self._lengths = measured(layout)
-        self._coordinates = {each.name: each for each in coordinates}
         self._rows: list[rows.Row] = []
         self._words: list[tuple[int, int, int, int]] = []
         self._numbers: list[Floats] = []
 
+    @cached_property
+    def _measured(self) -> tuple[dict[str, Coordinate], list[rows.Row], list[rows.Row]]:
+        coordinates, angles, lengths = measured(self._layout)
+        return {each.name: each for each in coordinates}, angles, lengths
+
     def is_angle(self, name: str) -> bool:
         """Whether a joint coordinate is an angle. Raises ValueError if there is none so named."""
-        if name not in self._coordinates:
-            known = ', '.join(self._coordinates)
+        coordinates = self._measured[0]
+        if name not in coordinates:
+            known = ', '.join(coordinates)
             raise ValueError(f'{name!r} has no single free axis; joint coordinates: {known}')
-        return self._coordinates[name].is_angle
+        return coordinates[name].is_angle
 
     def add_coordinate(self, name: str) -> None:
         """A joint coordinate, an angle with its turns. Raises ValueError if there is none."""
-        if self.is_angle(name):
-            n, less = self._coordinates[name].place, self._coordinates[name].less
-            both = self._angles[2 * n : 2 * n + 2]
-            both += self._angles[2 * less : 2 * less + 2] if less >= 0 else []
+        is_angle, (coordinates, angles, lengths) = self.is_angle(name), self._measured
+        n, less = coordinates[name].place, coordinates[name].less
+        if is_angle:
+            both = angles[2 * n : 2 * n + 2] + (angles[2 * less :][:2] if less >= 0 else [])
             self._add(ANGLE, both, n, less)
         else:
-            self._add(LENGTH, [self._lengths[self._coordinates[name].place]])
+            self._add(LENGTH, [lengths[n]])
 
     def add_distance(self, start: Form, end: Form) -> None:
         """The distance of two places."""

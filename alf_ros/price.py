@@ -8,7 +8,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.integrate import trapezoid
 
+from alf_ros.arrays import Floats
 from alf_ros.effects import Effect
 from alf_ros.errors import StepError
 from alf_ros.scene import Scene
@@ -44,22 +46,20 @@ class PriceList:
     resolution: float
 
 
-def price_list(scene: Scene, duration: float, integrator: str | None = None) -> PriceList:
+def price_list(scene: Scene, duration: float) -> PriceList:
     """Prices in runs of `duration` (s). Raises StepError if the scene itself does not run."""
     effects = scene.effects
     sets: list[Sequence[Effect]] = [(), effects, effects]
     for effect in effects:
         sets += [(effect,), tuple(other for other in effects if other is not effect)]
-    sims = [
-        Simulation(replace(scene, effects=tuple(chosen)), integrator=integrator) for chosen in sets
-    ]
+    sims = [Simulation(replace(scene, effects=tuple(chosen))) for chosen in sets]
     bare, whole, again, *others = _costs(sims)
-    path, work = _motion(sims[1], duration)
+    path, work = _path(sims[1], duration), _work(sims[1], duration)
     prices = []
     for n, effect in enumerate(effects):
         change = math.inf
         try:
-            other, _ = _motion(sims[4 + 2 * n], duration)
+            other = _path(sims[4 + 2 * n], duration)
             change = float(np.linalg.norm(path - other, axis=2).max())
         except StepError:
             pass  # nothing else held the mechanism back
@@ -88,17 +88,17 @@ def _costs(sims: Sequence[Simulation]) -> list[float]:
     return least
 
 
-def _motion(sim: Simulation, duration: float) -> tuple[np.ndarray, dict[str, float]]:
-    """Places of all points at every step (steps, points, D), and the work of each effect, J, by
-    the trapezoidal rule."""
+def _path(sim: Simulation, duration: float) -> Floats:
+    """(steps, points, D) places of all points at every step, m."""
     sim.reset()
-    places = []
-    work = {effect.label: 0.0 for effect in sim.scene.effects}
-    before: dict[str, float] = {}
-    for sample in sim.run(duration):
-        places.append([sample.points[name] for name in sim.model.point_names])
-        powers = sample.powers
-        for label in before:
-            work[label] += 0.5 * sim.h * (before[label] + powers[label])
-        before = dict(powers)
-    return np.array(places), work
+    names = sim.model.point_names
+    return np.array([[s.points[name] for name in names] for s in sim.run(duration)])
+
+
+def _work(sim: Simulation, duration: float) -> dict[str, float]:
+    """What each effect gives to the motion, J, by the trapezoidal rule over the steps."""
+    sim.reset()
+    powers = [sample.powers for sample in sim.run(duration)]
+    return {
+        label: sim.h * float(trapezoid([power[label] for power in powers])) for label in powers[0]
+    }

@@ -134,6 +134,27 @@ def test_round_body_on_a_slope(mechanism: str, share: float, mu: float) -> None:
         assert sample.body_poses[0, 2] < 0.0  # it rolls forwards
 
 
+def test_block_on_a_slope_creeps() -> None:
+    """Where dry friction would hold it, at ε tan α / √(μ² - tan² α); the ground carries it."""
+    k, mu, alpha, eps = 1e4, 0.5, 0.3, 1e-2
+    tangent = math.tan(alpha)
+    creep = eps * tangent / math.sqrt(mu**2 - tangent**2)
+    normal = f'[{-math.sin(alpha)}, {math.cos(alpha)}]'
+    contact = f'on: P, through: [1, 0], normal: {normal}, stiffness: {k}, exponent: 1'
+    sim = simulate(
+        MASS,
+        f'gravity: {{acceleration: [0, {-G}]}}, '
+        f'ground_contact: {{{contact}, damping: 5, friction: {mu}, slip: {eps}}}',
+    )
+    sim.step(4000)
+    sample = sim.sample()
+    down = -creep * np.array([math.cos(alpha), math.sin(alpha)])
+    assert sample.velocities['P'] == pytest.approx(down, abs=1e-7)
+    depth = 2.0 * G * math.cos(alpha) / k
+    height = sample.points['P'] - [1.0, 0.0]
+    assert height @ [-math.sin(alpha), math.cos(alpha)] == pytest.approx(-depth, rel=1e-6)
+
+
 def test_rotor_brakes_in_its_bearing() -> None:
     """J ω̇ = -b ω - F: ω = (ω₀ + F / b) exp(-b t / J) - F / b until it stands."""
     J, b, mu, load, r, v = 0.5, 0.2, 0.15, 200.0, 0.01, 4.0

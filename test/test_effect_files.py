@@ -40,14 +40,16 @@ def output(folder: Path) -> str:
 
 
 def test_documented_effect_runs_and_an_edit_takes_effect(folder: Path) -> None:
-    """The orbit is a circle; with the law edited, in as many bytes, it is another at once."""
+    """The orbit is a circle; with the law edited, in as many bytes and at the same time by the
+    file's clock, it is another at once."""
     (told,) = (text for kind, text in BLOCKS if kind == 'text')
     assert output(folder) == told
-    file = folder / 'magnet.py'
+    file, times = folder / 'magnet.py', (1e9, 1e9)
+    os.utime(file, times)
+    assert output(folder) == told  # and is in the cache
     file.write_text(FILES['magnet.py'].replace('n, -params', 'n, +params'), 'utf-8')
+    os.utime(file, times)
     assert output(folder) != told
-    file.write_text(FILES['magnet.py'], 'utf-8')
-    assert output(folder) == told
 
 
 def test_documented_effect_takes_few_lines() -> None:
