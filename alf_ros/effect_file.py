@@ -60,7 +60,7 @@ def load(name: str) -> ModuleType:
         path, digest = _split(full_name(name, Path()))
         text = Path(path).read_bytes()
         # Not through the import system: its cache knows the time of a file to the second only.
-        module = ModuleType(f'{contract.FROM_FILE}{digest}')
+        module = ModuleType(f'alf_ros_effect_{digest}')
         module.__file__ = path
         sys.modules[module.__name__] = module  # where dataclasses look up annotations
         try:

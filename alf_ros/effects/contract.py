@@ -65,7 +65,6 @@ FORCE = types.void(
     types.float64, _numbers, _numbers, _numbers, _integers, _numbers, _numbers
 )  # t, q, qd, near, slots, params, Q
 POTENTIAL = types.float64(types.float64, _numbers, _numbers, _integers, _numbers)
-FROM_FILE = 'alf_ros_effect_'  # modules of files outside the package: then comes the digest
 _options: dict[str, Any] = {'cache': True, 'error_model': 'numpy'}
 
 
@@ -101,20 +100,12 @@ class Packed:
 
 def force(function: Callable[..., None]) -> Any:
     """Compile `force(t, q, qd, near, slots, params, Q)`; cached beside its file."""
-    return cfunc(FORCE, **_options)(_named(function))
+    return cfunc(FORCE, **_options)(function)
 
 
 def potential(function: Callable[..., float]) -> Any:
     """Compile `potential(t, q, near, slots, params)`; cached beside its file."""
-    return cfunc(POTENTIAL, **_options)(_named(function))
-
-
-def _named(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Put the digest of a file into the name of its function: numba's cache keeps it by that, and
-    knows of the file only its time and size."""
-    if function.__module__.startswith(FROM_FILE):
-        function.__qualname__ = f'{function.__module__}.{function.__qualname__}'
-    return function
+    return cfunc(POTENTIAL, **_options)(function)
 
 
 def not_negative(parameters: Any, *names: str) -> None:
