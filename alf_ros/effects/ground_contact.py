@@ -64,7 +64,7 @@ class Parameters:
         default=0.0, metadata={'kind': 'number', 'unit': '1', 'doc': 'coefficient μ'}
     )
     slip: float = field(
-        default=1e-3,
+        default=1e-2,
         metadata={'kind': 'number', 'unit': 'm/s', 'doc': 'speed ε below which friction fades'},
     )
 

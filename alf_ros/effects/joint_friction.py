@@ -46,7 +46,7 @@ class Parameters:
         metadata={'kind': 'number', 'unit': 'rad/s or m/s', 'doc': 'speed of the fall to μ_d'},
     )
     slip: float = field(
-        default=1e-3,
+        default=1e-2,
         metadata={
             'kind': 'number',
             'unit': 'rad/s or m/s',
