@@ -179,26 +179,62 @@ def test_zero_strength_is_absence(kind: str) -> None:
     assert absent.state.q.tobytes() == zero.state.q.tobytes()
 
 
+def needed(layout, body, q, qdd):  # type: ignore[no-untyped-def]
+    """Rates of momentum and of its moment about the origin: of point masses like the body."""
+    D = layout.dimension
+    if D == 2:
+        moments, axes = np.array([body.inertia, 0.0]), np.eye(2)
+    else:
+        J = np.array(body.inertia)
+        moments, axes = np.linalg.eigh(0.5 * np.trace(J) * np.eye(3) - J)
+    total = np.zeros(D + (1 if D == 2 else 3))
+    rest = body.mass
+    places = []
+    for moment, axis in zip(moments, axes.T, strict=True):
+        arm = np.sqrt(max(moment, 0.0) / (0.2 * body.mass)) * axis
+        places += [(0.1 * body.mass, np.array(body.com) + s * arm) for s in (1.0, -1.0)]
+        rest -= 0.2 * body.mass
+    for m, local in [*places, (rest, np.array(body.com))]:
+        form = layout.place(body.name, tuple(local))
+        r = form.constant + sum(C @ q[block] for block, C in form.parts.items())
+        force = m * sum(C @ qdd[block] for block, C in form.parts.items())
+        total += [*force, *np.atleast_1d(cross(r, force))]
+    return total
+
+
+def cross(r, f):  # type: ignore[no-untyped-def]
+    return np.cross(r, f) if len(r) == 3 else r[0] * f[1] - r[1] * f[0]
+
+
 @pytest.mark.parametrize('kind, which', CASES)
 def test_reactions_balance_each_body(kind: str, which: str) -> None:
-    """On each body the effect and its joints give its momenta their rate: Newton's law."""
+    """On each body alone the effect and the joints make up what it needs: Newton and Euler."""
     sim = simulation(kind, which, integrator='dop853', step=1e-3)
     sim.step(130)
     sample = sim.sample()
-    layout, cut = sim.model.layout, sample._reactions().cut
-    q = sample._reactions().on_cut_blocks(sim.state.q)
-    qd = sample._reactions().on_cut_blocks(sim.state.qd)
+    layout, reactions = sim.model.layout, sample._reactions()
+    cut, D = reactions.cut, layout.dimension
+    q, qd = reactions.on_cut_blocks(sim.state.q), reactions.on_cut_blocks(sim.state.qd)
     Q = np.zeros(q.size)
     kernel.applied_forces(sample._applied.on(cut), sim.t, q, qd, sample._near, Q)
-    qdd = sample._accelerated.qdd.reshape(-1, layout.dimension)
-    for n, body in enumerate(layout.bodies):
-        points = cut.of_body[body.name]
-        force = Q.reshape(-1, layout.dimension)[list(points[: len(body.points)])].sum(axis=0)
-        com = layout.placed(body.name)
-        needed = body.mass * sum(C @ qdd[block] for block, C in com.parts.items())
-        for joint, reaction in zip(layout.mechanism.joints, sample.reaction_forces, strict=True):
-            force = force + reaction * ((joint.child == body.name) - (joint.parent == body.name))
-        assert force == pytest.approx(needed, abs=1e-7 * max(1.0, np.abs(needed).max())), n
+    q, Q = q.reshape(-1, D), Q.reshape(-1, D)
+    qdd = reactions.on_cut_blocks(sample._accelerated.qdd).reshape(-1, D)
+    largest = 0.0
+    for body in layout.bodies:
+        blocks = list(cut.of_body[body.name])
+        force = Q[blocks[: len(body.points)]].sum(axis=0)
+        moment = sum(cross(q[block], Q[block]) for block in blocks)
+        total = np.array([*force, *np.atleast_1d(moment)])
+        for n, joint in enumerate(layout.mechanism.joints):
+            sign = (joint.child == body.name) - (joint.parent == body.name)
+            form = cut.place(joint.child, joint.frames[1].origin)
+            r = form.constant + sum(C @ q[block] for block, C in form.parts.items())
+            f, torque = sample.reaction_forces[n], sample.reaction_torques[n]
+            total += sign * np.array([*f, *np.atleast_1d(cross(r, f) + torque)])
+        wanted = needed(cut, body, q, qdd)
+        largest = max(largest, np.abs(wanted).max())
+        assert total == pytest.approx(wanted, abs=1e-7 * max(1.0, np.abs(wanted).max()))
+    assert largest > 0.5
 
 
 @pytest.mark.parametrize(
