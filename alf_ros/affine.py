@@ -60,7 +60,15 @@ class Affine:
 
 
 @contract.force
-def force(t: float, q: Floats, qd: Floats, slots: Integers, params: Floats, Q: Floats) -> None:
+def force(
+    t: float,
+    q: Floats,
+    qd: Floats,
+    near: Floats,
+    slots: Integers,
+    params: Floats,
+    Q: Floats,
+) -> None:
     D = slots[0]
     for n in range(slots[1]):
         for a in range(D):

@@ -50,7 +50,9 @@ class Applied:
         """Raises InputError if an effect does not fit the mechanism."""
         self.inputs = inputs
         self._model = model
-        self._effects = tuple(effects)
+        self.effects = tuple(effects)
+        self._elsewhere: tuple[Layout, Forces] | None = None
+        self._on_joints: dict[str, Forces] | None = None
         self._from_outside = [*_wrench_effects(inputs), *_effort_effects(inputs)]
 
     @cached_property
@@ -58,13 +60,35 @@ class Applied:
         """For the step: bodies share their points."""
         return self._pack(self._model.layout)
 
+    @cached_property
+    def each(self) -> dict[str, Forces]:
+        """The effects of the scene, one by one."""
+        one_by_one = (Applied(self._model, [effect], NO_INPUTS) for effect in self.effects)
+        labels = (effect.label for effect in self.effects)
+        return {label: one.assembled for label, one in zip(labels, one_by_one, strict=True)}
+
     def on(self, layout: Layout) -> Forces:
         """For another layout: that of the reactions, with each body alone."""
-        return self._pack(layout)
+        if self._elsewhere is None or self._elsewhere[0] is not layout:
+            self._elsewhere = layout, self._pack(layout)
+        return self._elsewhere[1]
+
+    def on_joints(self, layout: Layout) -> dict[str, Forces]:
+        """For another layout, what the effects of the scene exert on each joint coordinate."""
+        if self._on_joints is None:
+            groups: dict[str, list[Effect]] = {}
+            for effect in self.effects:
+                for joint in effect.coordinates:
+                    groups.setdefault(joint, []).append(effect)
+            self._on_joints = {
+                joint: Applied(self._model, group, NO_INPUTS).on(layout)
+                for joint, group in groups.items()
+            }
+        return self._on_joints
 
     def _pack(self, layout: Layout) -> Forces:
         kinds: dict[tuple[str, bool], list[Effect]] = {}
-        for effect in self._effects:
+        for effect in self.effects:
             kinds.setdefault((effect.kind, False), []).append(effect)
         for effect in self._from_outside:
             kinds.setdefault((effect.kind, True), []).append(effect)

@@ -9,4 +9,5 @@ COMMANDS = {
     'simulator': 'alf_ros.node',
     'hard_cases': 'alf_ros.hard_cases',
     'figures': 'alf_ros.figures',
+    'effects': 'alf_ros.effects_command',
 }

@@ -86,8 +86,7 @@ def _angles(joint: Joint, layout: Layout) -> Iterator[tuple[str, Row, Row]]:
     if joint.kind == 'universal':
         # about the parent's z, then about the child's x, which is the cross
         yield 'first', product('x', parent[0], child[0]), product('y', parent[1], child[0])
-        back = parent[2].times(-1.0)
-        yield 'second', product('x', parent[2], child[2]), product('y', back, child[1])
+        yield 'second', product('x', parent[2], child[2]), product('y', parent[2], child[1])
     else:
         yield 'angle', product('x', parent[0], child[0]), product('y', parent[1], child[0])
 

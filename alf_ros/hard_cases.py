@@ -205,7 +205,7 @@ class _Bar:
             print('\r\x1b[K', end='', file=sys.stderr, flush=True)
 
 
-def _about() -> str:
+def about() -> str:
     """The machine and the versions, one comment line."""
     cpu = platform.processor() or platform.machine()
     try:
@@ -220,7 +220,7 @@ def _about() -> str:
 
 def _run_all(rows: Sequence[Row], stream: TextIO) -> list[list[Result]]:
     """Run the rows, printing each when it is done and writing each run into the CSV `stream`."""
-    print(_about(), file=stream)
+    print(about(), file=stream)
     writer = csv.writer(stream, lineterminator='\n')
     writer.writerow(COLUMNS)
     bar = _Bar(sum(len(row.runs) for row in rows))

@@ -223,6 +223,7 @@ def allocate(model: Model, system: System, stages: int) -> Work:
         'good_qd': whole,
         'angle': angles,
         'angle_before': angles,
+        'near': angles // 2,
     }
     return Work(
         evaluations=np.zeros(1, dtype=np.int64),

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from alf_ros import kernel
 from alf_ros.applied import Applied
 from alf_ros.arrays import Floats
+from alf_ros.efforts import unit_motion
 from alf_ros.errors import StepError
 from alf_ros.kernel import Rows, Work
 from alf_ros.model import Model, allocate
@@ -184,7 +185,21 @@ class Sample:
         momenta = np.zeros(model.n)
         kernel.add_mass_times(model.unit, model.system.mass, 1.0, state.qd, momenta)
         kinetic = 0.5 * float(momenta @ state.qd[: model.n])
-        return kinetic + kernel.potential_energy(self._applied.assembled, self.t, state.q)
+        forces = self._applied.assembled
+        return kinetic + kernel.potential_energy(forces, self.t, state.q, self._near)
+
+    @cached_property
+    def powers(self) -> Mapping[str, float]:
+        """What each effect of the scene gives to the motion now, W; less than zero: it takes.
+
+        By kind, or `kind.name` where it has a name of its own.
+        """
+        state, Q = self._state, np.zeros(self._state.q.size)
+        powers = {}
+        for label, forces in self._applied.each.items():
+            kernel.applied_forces(forces, self.t, state.q, state.qd, self._near, Q)
+            powers[label] = float(Q @ state.qd)
+        return powers
 
     # ----------------------------------------------------------------------------------- bodies
 
@@ -209,6 +224,13 @@ class Sample:
         xy, _ = self._angle_parts
         # adding zero makes -0.0 positive, so that atan2 agrees with the count of turns
         return np.arctan2(xy[:, 1] + 0.0, xy[:, 0]) + 2.0 * np.pi * self._state.turns
+
+    @cached_property
+    def _near(self) -> Floats:
+        """(angles,) rad: what effects unwrap angles by."""
+        near = np.zeros(self._state.turns.size)
+        kernel.nearby(self._angle_parts[0].ravel(), self._state.turns, near)
+        return near
 
     @cached_property
     def _spins(self) -> Floats:
@@ -255,9 +277,20 @@ class Sample:
 
     @cached_property
     def joint_efforts(self) -> Floats:
-        """(joint coordinates,) what acts on the free axis, N m or N; not the reaction."""
-        efforts = self._applied.inputs.efforts
-        return _read_only(np.array([efforts.get(n, 0.0) for n in self.model.coordinate_names]))
+        """(joint coordinates,) what acts on the free axis, N m or N: inputs held, motors, springs,
+        stops, friction; not the reaction."""
+        inputs = self._applied.inputs.efforts
+        efforts = np.array([inputs.get(n, 0.0) for n in self.model.coordinate_names])
+        if any(effect.coordinates for effect in self._applied.effects):
+            reactions, state = self._reactions(), self._state
+            q, qd = reactions.on_cut_blocks(state.q), reactions.on_cut_blocks(state.qd)
+            Q, on_joints = np.zeros(q.size), self._applied.on_joints(reactions.cut)
+            for n, coordinate in enumerate(self.model.coordinates):
+                if coordinate.name in on_joints:
+                    forces = on_joints[coordinate.name]
+                    kernel.applied_forces(forces, self.t, q, qd, self._near, Q)
+                    efforts[n] += Q @ unit_motion(coordinate, reactions.cut, q)
+        return _read_only(efforts)
 
     @property
     def joints(self) -> Mapping[str, JointState]:
@@ -280,6 +313,7 @@ class Sample:
         work = allocate(self.model, self.model.system, 0)
         work.q[:] = self._state.q
         work.qd[:] = self._state.qd
+        work.near[:] = self._near
         if not kernel.linearise(self.model.unit, self.model.system, work, work.q):
             raise StepError('the leading matrix is not positive definite', 'see step()', self.t)
         return work
@@ -334,7 +368,7 @@ class Sample:
         cut, accelerated = self._reactions(), self._accelerated
         q, qd = cut.on_cut_blocks(self._state.q), cut.on_cut_blocks(self._state.qd)
         Q = np.zeros(q.size)
-        kernel.applied_forces(self._applied.on(cut.cut), self.t, q, qd, Q)
+        kernel.applied_forces(self._applied.on(cut.cut), self.t, q, qd, self._near, Q)
         return cut.of(q, cut.on_cut_blocks(accelerated.qdd), accelerated.y, Q)
 
     @property

@@ -11,19 +11,20 @@ import dataclasses
 import hashlib
 import os
 import re
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from numbers import Integral, Real
 from pathlib import Path
 from typing import Any
 
-from alf_ros import document, effects, layout, resources
+from alf_ros import document, resources
 from alf_ros.document import Entry
 from alf_ros.effects import Effect
 from alf_ros.errors import InputError
 from alf_ros.mechanism import Mechanism, Point, Vector
 from alf_ros.mechanism_file import read_mechanism
 from alf_ros.repetition import title
+from alf_ros.scene_effects import read_effects
 from alf_ros.serialise import entry as as_entry
 from alf_ros.serialise import serialise
 
@@ -139,7 +140,7 @@ def _read_scene(
 
     positions, velocities = _initial(fields.get('initial', nothing), mechanism, values)
     solver = _solver(fields.get('solver', nothing), values)
-    found = tuple(_effects(fields.get('effects', nothing), mechanism, values))
+    found, section = read_effects(fields.get('effects', nothing), mechanism, values, folder)
 
     whole: dict[str, object] = {
         **fields,
@@ -147,6 +148,8 @@ def _read_scene(
         'mechanism': _with(source, mechanism.name, given),
     }
     whole['solver'] = {k: v for k, v in dataclasses.asdict(solver).items() if v is not None}
+    if 'effects' in fields:
+        whole['effects'] = section
     whole.pop('parameters', None)
     text = serialise(as_entry({key: whole[key] for key in keys if key in whole}))
     return Scene(name, mechanism, found, positions, velocities, solver, text, root.file)
@@ -224,65 +227,6 @@ def _initial(
 
 def _kind(item: Point | Vector) -> str:
     return 'vector' if isinstance(item, Vector) else 'point'
-
-
-def _effects(section: Entry, mechanism: Mechanism, names: Mapping[str, float]) -> Iterator[Effect]:
-    points = {point.name for point in mechanism.points}
-    bodies = {body.name for body in mechanism.bodies}
-    joints = {joint.name for joint in mechanism.joints}
-    known = {'point': points, 'body': bodies, 'joint': joints, 'body or point': bodies | points}
-    for kind, entry in section.mapping().items():
-        if kind not in effects.kinds():
-            raise entry.error('unknown effect', value=kind, choices=effects.kinds())
-        module = effects.load(kind)
-        for name, instance in _instances(kind, entry, module.MULTIPLE):
-            values = _parameters(instance, module.Parameters, mechanism.dimension, known, names)
-            try:
-                effect = Effect(kind, name, module.Parameters(**values))
-                module.pack([effect], layout.cut(mechanism))
-            except ValueError as error:
-                raise instance.error(str(error)) from None
-            yield effect
-
-
-def _instances(kind: str, entry: Entry, multiple: bool) -> list[tuple[str, Entry]]:
-    """An effect that may stand several times: a list, a mapping of names, or one alone."""
-    if multiple and isinstance(entry.value, tuple):
-        return [(f'{kind}_{i}', item) for i, item in enumerate(entry.value)]
-    if multiple and any(isinstance(value.value, dict) for value in entry.mapping().values()):
-        return list(entry.mapping().items())
-    return [(kind, entry)]
-
-
-def _parameters(
-    entry: Entry,
-    parameters: Any,
-    dimension: int,
-    known: Mapping[str, Collection[str]],
-    names: Mapping[str, float],
-) -> dict[str, object]:
-    """The fields of an effect's `Parameters`, each read as its metadata says."""
-    fields = {item.name: item for item in dataclasses.fields(parameters)}
-    missing = dataclasses.MISSING
-    required = [
-        name for name, f in fields.items() if f.default is missing and f.default_factory is missing
-    ]
-    values: dict[str, object] = {}
-    for key, value in entry.mapping(fields, required).items():
-        kind = fields[key].metadata['kind']
-        if value.is_null and fields[key].default is None:
-            values[key] = None
-        elif kind == 'number':
-            values[key] = value.number(names)
-        elif kind == 'vector':
-            values[key] = value.vector(dimension, names)
-        elif kind == 'spin':
-            values[key] = value.number(names) if dimension == 2 else value.vector(3, names)
-        elif kind == 'boolean':
-            values[key] = value.boolean()
-        else:
-            values[key] = value.text(known.get(kind))
-    return values
 
 
 def _solver(section: Entry, names: Mapping[str, float]) -> Solver:

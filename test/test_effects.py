@@ -32,10 +32,11 @@ def test_compiled_force_is_the_python_force() -> None:
 
     model, q, qd = sim.model, sim.state.q, sim.state.qd
     forces, compiled = sim._applied.assembled, np.zeros(q.size)
-    kernel.applied_forces(forces, 0.0, q, qd, compiled)
+    near = np.zeros(sim.state.turns.size)
+    kernel.applied_forces(forces, 0.0, q, qd, near, compiled)
     module, python = load('constant_wrench'), np.zeros(q.size)
     packed = module.pack(list(scene.effects), model.layout)
-    module.force.__wrapped__(0.0, q, qd, packed.slots, packed.params, python)
+    module.force.__wrapped__(0.0, q, qd, near, packed.slots, packed.params, python)
     # the compiler may fuse a product and a sum: the last bit may differ
     assert compiled == pytest.approx(python, rel=4e-16, abs=1e-15)
     assert np.abs(compiled).max() > 1.0
@@ -95,12 +96,14 @@ def test_what_is_not_named_is_not_imported() -> None:
     code = (
         'import sys\n'
         'from alf_ros import Simulation, scene\n'
-        f'sim = Simulation(scene.scene_from_text({PENDULUM!r}))\n'
-        'sim.step(3); sim.sample().energy\n'
-        'print(sorted(name for name in sys.modules if name.startswith("alf_ros.effects.")))\n'
+        f'for more in ("", "effects: {{torsion_spring: {{joint: pin, stiffness: 1}}}}"):\n'
+        f'    sim = Simulation(scene.scene_from_text({PENDULUM!r} + more))\n'
+        '    sim.step(3); sim.sample().energy; sim.sample().joint_efforts\n'
+        '    print(sorted(name for name in sys.modules if name.startswith("alf_ros.effects.")))\n'
     )
     done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "['alf_ros.effects.contract']"
+    contract, one = "'alf_ros.effects.contract'", "'alf_ros.effects.torsion_spring'"
+    assert done.stdout.splitlines() == [f'[{contract}]', f'[{contract}, {one}]']
 
 
 def test_another_set_of_effects_compiles_no_kernel() -> None:

@@ -148,7 +148,7 @@ def dense(sim: Simulation) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarr
     curving, Q = np.zeros(m), np.zeros(state.q.size)
     kernel.jacobian_rate(unit, rows, state.qd, work.g2d)
     kernel.convective(unit, rows, work.g2d, state.qd, curving)
-    kernel.applied_forces(sim._applied.assembled, sim.t, state.q, state.qd, Q)
+    kernel.applied_forces(sim._applied.assembled, sim.t, state.q, state.qd, np.zeros(8), Q)
     return M, phi_q, curving, Q[: model.n]
 
 
@@ -210,7 +210,7 @@ def test_momenta_are_those_of_the_canonical_equations(name: str, solver: dict[st
 
 
 @contract.force
-def turning(t, q, qd, slots, params, Q):  # type: ignore[no-untyped-def]
+def turning(t, q, qd, near, slots, params, Q):  # type: ignore[no-untyped-def]
     Q[0] += math.cos(t)
 
 

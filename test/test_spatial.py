@@ -270,3 +270,24 @@ def test_power_of_a_wrench_in_space() -> None:
             if k < steps:
                 sim.step()
         assert sim.sample().energy - before == pytest.approx(work, abs=1e-9)
+
+
+@pytest.mark.parametrize('axis, speed', [('first', '[-1, ~, ~]'), ('second', '[~, ~, 1]')])
+def test_angles_of_a_universal_joint_turn_right_handed(axis: str, speed: str) -> None:
+    """About +z of the ground first, then about +x of the body: its y axis rises."""
+    sim = Simulation(
+        scene_from_text(
+            'mechanism:\n  alf: 1\n  space: spatial\n'
+            '  points: {O: {at: [0, 0, 0], fixed: true}, A: {at: [0, 1, 0]}}\n'
+            '  bodies: {b: {points: [O, A], mass: 1, inertia: {about_com: [1, 1, 1]}}}\n'
+            '  joints: {u: {type: universal, between: [ground, b], at: O, '
+            'axes: [[0, 0, 1], [1, 0, 0]]}}\n'
+            f'initial: {{velocities: {{A: {speed}}}}}\n'
+        )
+    )
+    sim.step(200)
+    joints = sim.sample().joints
+    other = 'second' if axis == 'first' else 'first'
+    assert joints[f'u_{axis}'].velocity == pytest.approx(1.0, abs=1e-9)
+    assert joints[f'u_{axis}'].position == pytest.approx(0.2, abs=1e-9)
+    assert joints[f'u_{other}'].position == pytest.approx(0.0, abs=1e-9)

@@ -1,24 +1,70 @@
-"""Effects: what acts on a mechanism. A scene names them; what it does not name is not imported."""
+"""Effects: what acts on a mechanism. A scene names them; what it does not name is not imported.
+
+Besides the files of this folder a scene may name an effect that another package registers (entry
+point of the group `alf_ros.effects`, a module), or a file of its own (`my_effect.py`).
+"""
 
 from __future__ import annotations
 
 import importlib
 import pkgutil
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
 from types import ModuleType
 
+from alf_ros import effect_file
 from alf_ros.effects.contract import Effect
+from alf_ros.errors import InputError
 
-__all__ = ['Effect', 'kinds', 'load']
+__all__ = ['Effect', 'full_name', 'kinds', 'load', 'short_name']
+
+_GROUP = 'alf_ros.effects'
 
 
-def kinds() -> tuple[str, ...]:
-    """Names of all effects there are: the files of this folder, none of them imported."""
+def _own() -> tuple[str, ...]:
     names = (module.name for module in pkgutil.iter_modules(__path__))
     return tuple(sorted(name for name in names if name != 'contract'))
 
 
+def _registered() -> dict[str, EntryPoint]:
+    return {point.name: point for point in entry_points(group=_GROUP)}
+
+
+def kinds() -> tuple[str, ...]:
+    """Names of all effects that need no path, none of them imported."""
+    return tuple(dict.fromkeys((*_own(), *sorted(_registered()))))
+
+
+def full_name(name: str, folder: Path) -> str:
+    """The name that means the same wherever it is read: of a file, its path and digest.
+
+    Raises KeyError if there is no such effect, InputError if it is not the file that is meant.
+    """
+    if effect_file.is_file_name(name):
+        return effect_file.full_name(name, folder)
+    if name not in kinds():
+        raise KeyError(name)
+    return name
+
+
+def short_name(kind: str) -> str:
+    """What an effect is called where there is one of it: of a file, its name."""
+    return effect_file.stem(kind) if effect_file.is_file_name(kind) else kind
+
+
 def load(kind: str) -> ModuleType:
-    """The module of one effect. Raises KeyError if there is no such file."""
-    if kind not in kinds():
-        raise KeyError(kind)
-    return importlib.import_module(f'{__name__}.{kind}')
+    """The module of one effect, by its full name.
+
+    Raises KeyError if there is none, InputError if somebody else's is not what an effect is.
+    """
+    if effect_file.is_file_name(kind):
+        return effect_file.load(kind)
+    if kind in _own():
+        return importlib.import_module(f'{__name__}.{kind}')
+    point = _registered()[kind]
+    try:
+        module: ModuleType = point.load()
+    except Exception as error:  # whatever somebody's package raises
+        told = f'{type(error).__name__}: {error}'
+        raise InputError(f'cannot be loaded from its package: {told}', value=kind) from None
+    return effect_file.checked(module, module.__file__ or kind)

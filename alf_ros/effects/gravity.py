@@ -42,13 +42,21 @@ def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
 
 
 @contract.force
-def force(t: float, q: Floats, qd: Floats, slots: Integers, params: Floats, Q: Floats) -> None:
+def force(
+    t: float,
+    q: Floats,
+    qd: Floats,
+    near: Floats,
+    slots: Integers,
+    params: Floats,
+    Q: Floats,
+) -> None:
     for a in range(slots[0]):
         Q[a] += params[a]
 
 
 @contract.potential
-def potential(t: float, q: Floats, slots: Integers, params: Floats) -> float:
+def potential(t: float, q: Floats, near: Floats, slots: Integers, params: Floats) -> float:
     energy = 0.0
     for a in range(slots[0]):
         energy -= params[a] * q[a]

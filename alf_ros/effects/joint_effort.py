@@ -24,7 +24,7 @@ force = affine.force
 
 @dataclass(frozen=True)
 class Parameters:
-    joint: str = field(metadata={'kind': 'joint', 'doc': 'joint, or one of its coordinates'})
+    joint: str = field(metadata={'kind': 'coordinate', 'doc': 'joint, or one of its coordinates'})
     effort: float = field(
         metadata={'kind': 'number', 'unit': 'N m or N', 'doc': 'effort on the free axis'}
     )

@@ -66,7 +66,7 @@ def rates(
     convective(unit, rows, work.g2d, work.qd, c)
     for r in range(c.size):
         c[r] = -rows.alpha[r] * (c[r] + 2.0 * omega * mu * phi_d[r] + omega * omega * phi[r])
-    applied_forces(forces, t, work.q, work.qd, work.Q)
+    applied_forces(forces, t, work.q, work.qd, work.near, work.Q)
     copy(work.Q, storage.f)  # M q̈_0 = Q
     zero(work.qdd)
     count = 0

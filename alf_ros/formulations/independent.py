@@ -164,7 +164,7 @@ def rates(
     convective(unit, rows, work.g2d, work.qd, storage.c)
     zero(work.qdd)
     _solve(system, storage, storage.c, work.qdd)  # Ṙ ż
-    applied_forces(forces, t, work.q, work.qd, work.Q)
+    applied_forces(forces, t, work.q, work.qd, work.near, work.Q)
     add_mass_times(unit, system.mass, -1.0, work.qdd, work.Q)
     for j in range(f):
         zero(work.delta)

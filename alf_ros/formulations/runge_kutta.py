@@ -12,7 +12,7 @@ from alf_ros.formulations.storage import FOLDED, OPENED, Storage, expanded
 from alf_ros.kernel.data import NOT_FINITE, OK, ONE, Forces, Method, Phase, System, Work
 from alf_ros.kernel.jit import inner
 from alf_ros.kernel.manifold import opening
-from alf_ros.kernel.step import accept
+from alf_ros.kernel.step import accept, mark
 from alf_ros.kernel.vectors import copy
 
 _TORN = 0.1  # opening of a constraint, relative to the mechanism, that ends a run
@@ -42,6 +42,7 @@ def runge_kutta(
     """
     N, stages, start = np.uint64(y.size), method.b.size, np.uint64(0)
     k, ys = storage.k, storage.y
+    mark(unit, system, work, phase)
     copy(phase.q, work.q)  # with the fixed points
     copy(phase.qd, work.qd)
     for i in range(N):

@@ -37,6 +37,7 @@ from alf_ros.kernel.iteration import accelerate, augmented
 from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.step import advance
 from alf_ros.kernel.trace import mass_trace
+from alf_ros.kernel.turns import nearby
 
 __all__ = [
     'COLLAPSED',
@@ -67,6 +68,7 @@ __all__ = [
     'jacobian_rate',
     'linearise',
     'mass_trace',
+    'nearby',
     'potential_energy',
     'solve',
     'times_jacobian',

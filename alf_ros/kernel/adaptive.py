@@ -21,7 +21,7 @@ from alf_ros.kernel.factor import linearise
 from alf_ros.kernel.iteration import augmented, largest, momentum_rate
 from alf_ros.kernel.jit import compiled, inner
 from alf_ros.kernel.mass import add_mass_times
-from alf_ros.kernel.step import accept, step
+from alf_ros.kernel.step import accept, begin, step
 from alf_ros.kernel.vectors import copy, zero
 from alf_ros.kernel.watch import note
 
@@ -119,8 +119,7 @@ def advance_adaptively(
     copy(phase.qd, work.good_qd)
     copy(phase.turns, work.good_turns)
     most = 0
-    copy(phase.q, work.q)
-    if not linearise(unit, system, work, work.q):
+    if not begin(unit, system, work, phase):
         return NOT_POSITIVE, 0, most
     for taken in range(steps):
         t = t0 + (first + taken) * h

@@ -185,3 +185,4 @@ class Work(Struct):
     good_turns: Integers  # (angles,)
     angle: Floats  # (angles, 2) x, y of each
     angle_before: Floats  # (angles, 2) where the step began
+    near: Floats  # (angles,) rad, turns counted: where the step began, to a quarter turn

@@ -34,27 +34,39 @@ def _call(context: Any, builder: Any, sig: Any, args: Any, returns: Any) -> Any:
 
 @intrinsic
 def _force(
-    typing: Any, at: Any, t: Any, q: Any, qd: Any, slots: Any, i: Any, params: Any, j: Any, Q: Any
+    typing: Any,
+    at: Any,
+    t: Any,
+    q: Any,
+    qd: Any,
+    near: Any,
+    slots: Any,
+    i: Any,
+    params: Any,
+    j: Any,
+    Q: Any,
 ) -> Any:
     def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         _call(context, builder, sig, args, ir.VoidType())
         return context.get_dummy_value()
 
-    return types.void(at, t, q, qd, slots, i, params, j, Q), code
+    return types.void(at, t, q, qd, near, slots, i, params, j, Q), code
 
 
 @intrinsic
 def _potential(
-    typing: Any, at: Any, t: Any, q: Any, slots: Any, i: Any, params: Any, j: Any
+    typing: Any, at: Any, t: Any, q: Any, near: Any, slots: Any, i: Any, params: Any, j: Any
 ) -> Any:
     def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         return _call(context, builder, sig, args, ir.DoubleType())
 
-    return types.float64(at, t, q, slots, i, params, j), code
+    return types.float64(at, t, q, near, slots, i, params, j), code
 
 
 @compiled
-def applied_forces(forces: Forces, t: float, q: Floats, qd: Floats, Q: Floats) -> None:
+def applied_forces(
+    forces: Forces, t: float, q: Floats, qd: Floats, near: Floats, Q: Floats
+) -> None:
     """Q(q, q̇, t): the sum of the effects the scene names; each adds its own."""
     zero(Q)
     for e in range(forces.force.size):
@@ -63,6 +75,7 @@ def applied_forces(forces: Forces, t: float, q: Floats, qd: Floats, Q: Floats) -
             t,
             q,
             qd,
+            near,
             forces.slots,
             forces.slots_at[e],
             forces.params,
@@ -72,7 +85,7 @@ def applied_forces(forces: Forces, t: float, q: Floats, qd: Floats, Q: Floats) -
 
 
 @compiled
-def potential_energy(forces: Forces, t: float, q: Floats) -> float:
+def potential_energy(forces: Forces, t: float, q: Floats, near: Floats) -> float:
     """Potential energy of all effects that store some, J."""
     energy = 0.0
     for e in range(forces.force.size):
@@ -81,6 +94,7 @@ def potential_energy(forces: Forces, t: float, q: Floats) -> float:
                 forces.potential[e],
                 t,
                 q,
+                near,
                 forces.slots,
                 forces.slots_at[e],
                 forces.params,

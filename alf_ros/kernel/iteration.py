@@ -283,7 +283,7 @@ def accelerate(
 
     `exactly` and what is returned: as for `velocities`.
     """
-    applied_forces(forces, t, work.q, work.qd, work.Q)
+    applied_forces(forces, t, work.q, work.qd, work.near, work.Q)
     unforced(unit, system, work)
     zero(work.qdd)
     return _solved(unit, system, work, work.Q, work.qdd, iterations, exactly)

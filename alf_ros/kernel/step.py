@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from alf_ros.arrays import Floats, Integers, Unit
+from alf_ros.arrays import Unit
 from alf_ros.kernel.constraints import violation
 from alf_ros.kernel.data import (
     NOT_CLOSED,
@@ -25,6 +25,7 @@ from alf_ros.kernel.jit import compiled, inner
 from alf_ros.kernel.manifold import project
 from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.stage import SPACING, stage, stage_between
+from alf_ros.kernel.turns import count_turns, nearby
 from alf_ros.kernel.vectors import copy, zero
 from alf_ros.kernel.watch import note
 
@@ -133,25 +134,29 @@ def step(
 
 
 @inner
-def accept(unit: Unit, system: System, work: Work, phase: Phase) -> None:
-    """Take the end of a step that went well as the new phase."""
+def mark(unit: Unit, system: System, work: Work, phase: Phase) -> None:
+    """The angles of the phase into `work`."""
     violation(unit, system.angles, phase.q, work.angle_before)
-    violation(unit, system.angles, work.q, work.angle)
-    _count_turns(work.angle_before, work.angle, phase.turns)
-    copy(work.q, phase.q)
-    copy(work.qd, phase.qd)
+    nearby(work.angle_before, phase.turns, work.near)
 
 
 @inner
-def _count_turns(before: Floats, after: Floats, turns: Integers) -> None:
-    """Count the passages of each (x, y) over the negative x axis."""
-    for n in range(turns.size):
-        x0, y0, x1, y1 = before[2 * n], before[2 * n + 1], after[2 * n], after[2 * n + 1]
-        if (y0 < 0.0) != (y1 < 0.0):
-            if x0 * y1 - x1 * y0 > 0.0:  # counter-clockwise
-                turns[n] += 1 if y1 < 0.0 else 0
-            else:
-                turns[n] -= 1 if y0 < 0.0 else 0
+def begin(unit: Unit, system: System, work: Work, phase: Phase) -> bool:
+    """Φ_q, factor and angles of the phase into `work`; False if there is no factor."""
+    mark(unit, system, work, phase)
+    copy(phase.q, work.q)
+    return linearise(unit, system, work, work.q)
+
+
+@inner
+def accept(unit: Unit, system: System, work: Work, phase: Phase) -> None:
+    """Take the end of a step that went well as the new phase."""
+    violation(unit, system.angles, work.q, work.angle)
+    count_turns(work.angle_before, work.angle, phase.turns)
+    copy(work.angle, work.angle_before)
+    nearby(work.angle, phase.turns, work.near)
+    copy(work.q, phase.q)
+    copy(work.qd, phase.qd)
 
 
 @compiled
@@ -174,8 +179,7 @@ def advance(
     all steps, or none.
     """
     most = 0
-    copy(phase.q, work.q)
-    if not linearise(unit, system, work, work.q):
+    if not begin(unit, system, work, phase):
         return NOT_POSITIVE, 0, most
     for taken in range(steps):
         t = t0 + (first + taken) * h

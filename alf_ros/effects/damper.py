@@ -1,0 +1,75 @@
+"""A damper between two places: the force F(l̇) holds back the change of their distance l.
+
+F (N) is damping times speed (m/s), or a table of it. Q = -F ∂l/∂q; its power is -F l̇. Where the
+places meet, the damper has no direction and no force.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from alf_ros.arrays import Floats, Integers
+from alf_ros.effects import contract
+from alf_ros.layout import Layout
+from alf_ros.measure import Measures, numbers_of, place, push, scalar
+from alf_ros.table import Points, interpolate, law
+
+MULTIPLE = True
+
+
+@dataclass(frozen=True)
+class Parameters:
+    between: tuple[str, str] = field(
+        metadata={'kind': 'pair', 'doc': 'two bodies or points; or ground, with a place'}
+    )
+    at: tuple[str | tuple[float, ...] | None, ...] = field(
+        default=(None, None),
+        metadata={
+            'kind': 'places',
+            'unit': 'm',
+            'doc': 'where on each: a point of the body, a place in its frame, or ~: its centre '
+            'of mass',
+        },
+    )
+    damping: float | None = field(
+        default=None, metadata={'kind': 'number', 'unit': 'N s/m', 'doc': 'damping'}
+    )
+    table: Points | None = field(
+        default=None,
+        metadata={
+            'kind': 'table',
+            'unit': 'm/s, N',
+            'doc': 'instead of damping: speed apart and force, straight between and beyond',
+        },
+    )
+
+    def __post_init__(self) -> None:
+        contract.either(self, 'damping', 'table')
+        contract.not_negative(self, 'damping')
+
+
+def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
+    """Numbers of each: table of F. Raises ValueError for places and tables that are none."""
+    measures = Measures(layout)
+    for effect in effects:
+        p: Parameters = effect.parameters
+        start, end = (place(layout, *each) for each in zip(p.between, p.at, strict=True))
+        measures.add_distance(start, end)
+        measures.give(law(p.damping, p.table))
+    return measures.packed()
+
+
+@contract.force
+def force(
+    t: float,
+    q: Floats,
+    qd: Floats,
+    near: Floats,
+    slots: Integers,
+    params: Floats,
+    Q: Floats,
+) -> None:
+    for n in range(slots[1]):
+        _, speed = scalar(q, qd, near, slots, params, n)
+        push(q, slots, params, n, -interpolate(params, numbers_of(slots, n), speed), Q)

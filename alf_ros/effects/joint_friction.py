@@ -1,0 +1,97 @@
+"""Friction on a coordinate x of a joint: viscous, and dry under a given normal load.
+
+The effort is -(b ẋ + μ(ẋ) N r ẋ / √(ẋ² + ε²)) with μ(ẋ) = μ_d + (μ_s - μ_d) exp(-(ẋ / ẋ_s)²):
+Stribeck's curve from μ_s at rest to μ_d. N (N) is the load of the bearing (preload), r (m) the
+radius at which it rubs; of a length r is 1. Below ε dry friction is a steep viscous one: it holds
+a load only while creeping. Armstrong-Hélouvry, Dupont & Canudas de Wit, Automatica 30 (1994),
+1083.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from math import exp, sqrt
+
+from alf_ros.arrays import Floats, Integers
+from alf_ros.effects import contract
+from alf_ros.layout import Layout
+from alf_ros.measure import Measures, numbers_of, push, scalar
+
+MULTIPLE = True
+
+
+@dataclass(frozen=True)
+class Parameters:
+    joint: str = field(metadata={'kind': 'coordinate', 'doc': 'joint, or one of its coordinates'})
+    viscous: float = field(
+        default=0.0,
+        metadata={'kind': 'number', 'unit': 'N m s/rad or N s/m', 'doc': 'viscous friction b'},
+    )
+    dynamic: float = field(
+        default=0.0, metadata={'kind': 'number', 'unit': '1', 'doc': 'coefficient μ_d in motion'}
+    )
+    static: float | None = field(
+        default=None,
+        metadata={'kind': 'number', 'unit': '1', 'doc': 'coefficient μ_s at rest; μ_d if absent'},
+    )
+    load: float = field(
+        default=0.0, metadata={'kind': 'number', 'unit': 'N', 'doc': 'normal load N'}
+    )
+    radius: float = field(
+        default=1.0, metadata={'kind': 'number', 'unit': 'm', 'doc': 'radius r of an angle'}
+    )
+    stribeck: float = field(
+        default=0.1,
+        metadata={'kind': 'number', 'unit': 'rad/s or m/s', 'doc': 'speed of the fall to μ_d'},
+    )
+    slip: float = field(
+        default=1e-2,
+        metadata={
+            'kind': 'number',
+            'unit': 'rad/s or m/s',
+            'doc': 'speed ε below which dry friction fades',
+        },
+    )
+
+    def __post_init__(self) -> None:
+        contract.not_negative(self, 'viscous', 'dynamic', 'load')
+        contract.positive(self, 'radius', 'stribeck', 'slip')
+        if self.static is not None and self.static < self.dynamic:
+            raise ValueError('static must not be less than dynamic')
+
+
+def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
+    """Numbers of each: b, μ_d N r, (μ_s - μ_d) N r, ẋ_s, ε.
+
+    Raises ValueError for a joint without coordinate, and for a radius of a length.
+    """
+    measures = Measures(layout)
+    for effect in effects:
+        p: Parameters = effect.parameters
+        measures.add_coordinate(p.joint)
+        if p.radius != 1.0 and not measures.is_angle(p.joint):
+            raise ValueError(f'{p.joint!r} is a length: no radius')
+        scale, static = p.load * p.radius, p.dynamic if p.static is None else p.static
+        dry = [p.dynamic * scale, (static - p.dynamic) * scale]
+        measures.give([p.viscous, *dry, p.stribeck, p.slip])
+    return measures.packed()
+
+
+@contract.force
+def force(
+    t: float,
+    q: Floats,
+    qd: Floats,
+    near: Floats,
+    slots: Integers,
+    params: Floats,
+    Q: Floats,
+) -> None:
+    for n in range(slots[1]):
+        at = numbers_of(slots, n)
+        _, xd = scalar(q, qd, near, slots, params, n)
+        ratio = xd / params[at + 3]
+        dry = params[at + 1] + params[at + 2] * exp(-ratio * ratio)
+        dry /= sqrt(xd * xd + params[at + 4] * params[at + 4])
+        push(q, slots, params, n, -(params[at] + dry) * xd, Q)

@@ -1,0 +1,99 @@
+"""Stops of a coordinate x of a joint: compliant, with losses.
+
+At a depth δ (rad or m) behind a stop it is pushed back with k δᵖ (1 + c δ̇), never pulled. Of an
+impact at speed v the speed u is left with c (u + v) = ln (1 + c v) - ln (1 - c u), whatever k, p
+and mass are; about 1 - u/v = ⅔ c v for small c v. V = k δᵖ⁺¹ / (p + 1). Hunt & Crossley,
+J. Appl. Mech. 42 (1975), 440.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from alf_ros.arrays import Floats, Integers
+from alf_ros.effects import contract
+from alf_ros.layout import Layout
+from alf_ros.measure import Measures, numbers_of, push, scalar
+
+MULTIPLE = True
+
+
+@dataclass(frozen=True)
+class Parameters:
+    joint: str = field(metadata={'kind': 'coordinate', 'doc': 'joint, or one of its coordinates'})
+    stiffness: float = field(
+        metadata={'kind': 'number', 'unit': 'N m/rad^p or N/m^p', 'doc': 'stiffness k'}
+    )
+    lower: float | None = field(
+        default=None, metadata={'kind': 'number', 'unit': 'rad or m', 'doc': 'lower stop'}
+    )
+    upper: float | None = field(
+        default=None, metadata={'kind': 'number', 'unit': 'rad or m', 'doc': 'upper stop'}
+    )
+    exponent: float = field(
+        default=1.5, metadata={'kind': 'number', 'unit': '1', 'doc': 'exponent p, at least 1'}
+    )
+    damping: float = field(
+        default=0.0, metadata={'kind': 'number', 'unit': 's/rad or s/m', 'doc': 'losses c'}
+    )
+
+    def __post_init__(self) -> None:
+        contract.not_negative(self, 'stiffness', 'damping')
+        if self.exponent < 1.0:
+            raise ValueError(f'exponent must be 1 at least, it is {self.exponent:g}')
+        if self.lower is None and self.upper is None:
+            raise ValueError('give a lower or an upper stop, or both')
+        if None not in (self.lower, self.upper) and not self.lower < self.upper:  # type: ignore[operator]
+            raise ValueError('the lower stop must be below the upper one')
+
+
+def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
+    """Numbers of each: lower, upper, k, p, c. Raises ValueError for a joint without coordinate."""
+    measures = Measures(layout)
+    for effect in effects:
+        p: Parameters = effect.parameters
+        lower = -math.inf if p.lower is None else p.lower
+        upper = math.inf if p.upper is None else p.upper
+        measures.add_coordinate(p.joint)
+        measures.give([lower, upper, p.stiffness, p.exponent, p.damping])
+    return measures.packed()
+
+
+@contract.force
+def force(
+    t: float,
+    q: Floats,
+    qd: Floats,
+    near: Floats,
+    slots: Integers,
+    params: Floats,
+    Q: Floats,
+) -> None:
+    for n in range(slots[1]):
+        at = numbers_of(slots, n)
+        lower, upper, k, p, c = (
+            params[at],
+            params[at + 1],
+            params[at + 2],
+            params[at + 3],
+            params[at + 4],
+        )
+        x, xd = scalar(q, qd, near, slots, params, n)
+        if x < lower:
+            push(q, slots, params, n, k * (lower - x) ** p * max(0.0, 1.0 - c * xd), Q)
+        elif x > upper:
+            push(q, slots, params, n, -k * (x - upper) ** p * max(0.0, 1.0 + c * xd), Q)
+
+
+@contract.potential
+def potential(t: float, q: Floats, near: Floats, slots: Integers, params: Floats) -> float:
+    energy = 0.0
+    for n in range(slots[1]):
+        at = numbers_of(slots, n)
+        x, _ = scalar(q, q, near, slots, params, n)
+        depth = max(0.0, max(params[at] - x, x - params[at + 1]))
+        exponent = params[at + 3] + 1.0
+        energy += params[at + 2] * depth**exponent / exponent
+    return energy

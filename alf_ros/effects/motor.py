@@ -1,0 +1,116 @@
+"""A motor on a coordinate x of a joint, with its controller and its limits.
+
+It drives with e(t) + k_p (x*(t) - x) + k_v (ẋ* - ẋ): an effort (no gain), a speed (k_v) or a
+position (k_p, and k_v to damp), where ẋ* is the slope of x* unless given. The result stays between
+-L (1 + ẋ/ẋ₀) and L (1 - ẋ/ẋ₀), L the effort at standstill and ẋ₀ the speed without load: the
+line of a direct-current motor between its extreme voltages. The inertia of the rotor is no force
+but mass: that of a body.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from alf_ros.arrays import Floats, Integers
+from alf_ros.effects import contract
+from alf_ros.layout import Layout
+from alf_ros.measure import Measures, numbers_of, push, scalar
+from alf_ros.table import Points, interpolate, signal, slope
+
+MULTIPLE = True
+
+
+@dataclass(frozen=True)
+class Parameters:
+    joint: str = field(metadata={'kind': 'coordinate', 'doc': 'joint, or one of its coordinates'})
+    effort: float | Points = field(
+        default=0.0,
+        metadata={'kind': 'signal', 'unit': 'N m or N', 'doc': 'effort e; or a table t, e'},
+    )
+    position: float | Points | None = field(
+        default=None,
+        metadata={'kind': 'signal', 'unit': 'rad or m', 'doc': 'wanted x*; or a table t, x*'},
+    )
+    velocity: float | Points | None = field(
+        default=None,
+        metadata={
+            'kind': 'signal',
+            'unit': 'rad/s or m/s',
+            'doc': 'wanted ẋ*, or a table t, ẋ*; the slope of position if absent',
+        },
+    )
+    position_gain: float = field(
+        default=0.0, metadata={'kind': 'number', 'unit': 'N m/rad or N/m', 'doc': 'k_p'}
+    )
+    velocity_gain: float = field(
+        default=0.0, metadata={'kind': 'number', 'unit': 'N m s/rad or N s/m', 'doc': 'k_v'}
+    )
+    limit: float | None = field(
+        default=None,
+        metadata={'kind': 'number', 'unit': 'N m or N', 'doc': 'L; no limit if absent'},
+    )
+    free_speed: float | None = field(
+        default=None,
+        metadata={
+            'kind': 'number',
+            'unit': 'rad/s or m/s',
+            'doc': 'ẋ₀; if absent, the limit does not depend on speed',
+        },
+    )
+
+    def __post_init__(self) -> None:
+        contract.not_negative(self, 'position_gain', 'velocity_gain', 'limit')
+        contract.positive(self, 'free_speed')
+        if (self.position is None) != (self.position_gain == 0.0):
+            raise ValueError('position and position_gain go together')
+        if self.velocity is not None and self.velocity_gain == 0.0:
+            raise ValueError('velocity needs velocity_gain')
+        if self.free_speed is not None and self.limit is None:
+            raise ValueError('free_speed needs limit')
+
+
+def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
+    """Numbers of each: k_p, k_v, L, 1/ẋ₀, whether ẋ* is given, where the tables of x* and ẋ* begin
+    after that of e, tables. Raises ValueError for a joint without coordinate."""
+    measures = Measures(layout)
+    for effect in effects:
+        p: Parameters = effect.parameters
+        measures.add_coordinate(p.joint)
+        limit = math.inf if p.limit is None else p.limit
+        slope_of_limit = 0.0 if p.free_speed is None else 1.0 / p.free_speed
+        e, x, xd = (signal(s or 0.0) for s in (p.effort, p.position, p.velocity))
+        given = float(p.velocity is not None)
+        head = [p.position_gain, p.velocity_gain, limit, slope_of_limit, given]
+        measures.give([*head, e.size, e.size + x.size, *e, *x, *xd])
+    return measures.packed()
+
+
+@contract.force
+def force(
+    t: float,
+    q: Floats,
+    qd: Floats,
+    near: Floats,
+    slots: Integers,
+    params: Floats,
+    Q: Floats,
+) -> None:
+    for n in range(slots[1]):
+        at = numbers_of(slots, n)
+        e = at + 7
+        x, xd = scalar(q, qd, near, slots, params, n)
+        position_table, velocity_table = e + int(params[at + 5]), e + int(params[at + 6])
+        if params[at + 4] != 0.0:
+            velocity = interpolate(params, velocity_table, t)
+        else:
+            velocity = slope(params, position_table, t)
+        effort = interpolate(params, e, t)
+        effort += params[at] * (interpolate(params, position_table, t) - x)
+        effort += params[at + 1] * (velocity - xd)
+        limit = params[at + 2]
+        if limit < math.inf:
+            speed = xd * params[at + 3]
+            effort = min(max(effort, -limit * (1.0 + speed)), limit * (1.0 - speed))
+        push(q, slots, params, n, effort, Q)

@@ -1,0 +1,96 @@
+"""A spring between two places: the tension T(l - l₀) draws them together, l their distance (m).
+
+T (N) is stiffness times extension, or a table of it. Q = -T ∂l/∂q, V = ∫ T. Where the places
+meet, the spring has no direction and no force. What damps is a `damper`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from alf_ros.arrays import Floats, Integers
+from alf_ros.effects import contract
+from alf_ros.layout import Layout
+from alf_ros.measure import Measures, numbers_of, place, push, scalar
+from alf_ros.table import Points, integral, interpolate, law
+
+MULTIPLE = True
+
+
+@dataclass(frozen=True)
+class Parameters:
+    between: tuple[str, str] = field(
+        metadata={'kind': 'pair', 'doc': 'two bodies or points; or ground, with a place'}
+    )
+    at: tuple[str | tuple[float, ...] | None, ...] = field(
+        default=(None, None),
+        metadata={
+            'kind': 'places',
+            'unit': 'm',
+            'doc': 'where on each: a point of the body, a place in its frame, or ~: its centre '
+            'of mass',
+        },
+    )
+    stiffness: float | None = field(
+        default=None, metadata={'kind': 'number', 'unit': 'N/m', 'doc': 'stiffness'}
+    )
+    table: Points | None = field(
+        default=None,
+        metadata={
+            'kind': 'table',
+            'unit': 'm, N',
+            'doc': 'instead of stiffness: extension and tension, straight between and beyond',
+        },
+    )
+    free_length: float | None = field(
+        default=None,
+        metadata={
+            'kind': 'number',
+            'unit': 'm',
+            'doc': 'length without tension; as drawn if absent',
+        },
+    )
+
+    def __post_init__(self) -> None:
+        contract.either(self, 'stiffness', 'table')
+        contract.not_negative(self, 'stiffness', 'free_length')
+
+
+def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
+    """Numbers of each: l₀, table of T. Raises ValueError for places and tables that are none."""
+    measures = Measures(layout)
+    for effect in effects:
+        p: Parameters = effect.parameters
+        start, end = (place(layout, *each) for each in zip(p.between, p.at, strict=True))
+        measures.add_distance(start, end)
+        length = measures.drawn() if p.free_length is None else p.free_length
+        measures.give([length, *law(p.stiffness, p.table)])
+    return measures.packed()
+
+
+@contract.force
+def force(
+    t: float,
+    q: Floats,
+    qd: Floats,
+    near: Floats,
+    slots: Integers,
+    params: Floats,
+    Q: Floats,
+) -> None:
+    for n in range(slots[1]):
+        at = numbers_of(slots, n)
+        length, _ = scalar(q, qd, near, slots, params, n)
+        push(q, slots, params, n, -interpolate(params, at + 1, length - params[at]), Q)
+
+
+@contract.potential
+def potential(t: float, q: Floats, near: Floats, slots: Integers, params: Floats) -> float:
+    energy = 0.0
+    for n in range(slots[1]):
+        at = numbers_of(slots, n)
+        length, _ = scalar(q, q, near, slots, params, n)
+        energy += integral(params, at + 1, length - params[at])
+        energy -= integral(params, at + 1, 0.0)
+    return energy

@@ -1,0 +1,88 @@
+"""A spring with a damper on a coordinate x of a joint: the effort -T(x - x₀) - c ẋ.
+
+x is the angle (rad), its turns counted, or the length (m). T is stiffness times deflection, or a
+table of it. Q = (-T - c ẋ) ∂x/∂q, V = ∫ T.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from alf_ros.arrays import Floats, Integers
+from alf_ros.effects import contract
+from alf_ros.layout import Layout
+from alf_ros.measure import Measures, numbers_of, push, scalar
+from alf_ros.table import Points, integral, interpolate, law
+
+MULTIPLE = True
+
+
+@dataclass(frozen=True)
+class Parameters:
+    joint: str = field(metadata={'kind': 'coordinate', 'doc': 'joint, or one of its coordinates'})
+    stiffness: float | None = field(
+        default=None,
+        metadata={'kind': 'number', 'unit': 'N m/rad or N/m', 'doc': 'stiffness'},
+    )
+    table: Points | None = field(
+        default=None,
+        metadata={
+            'kind': 'table',
+            'unit': 'rad, N m or m, N',
+            'doc': 'instead of stiffness: deflection and effort, straight between and beyond',
+        },
+    )
+    free_position: float | None = field(
+        default=None,
+        metadata={
+            'kind': 'number',
+            'unit': 'rad or m',
+            'doc': 'angle or length without effort; as drawn if absent',
+        },
+    )
+    damping: float = field(
+        default=0.0, metadata={'kind': 'number', 'unit': 'N m s/rad or N s/m', 'doc': 'damping'}
+    )
+
+    def __post_init__(self) -> None:
+        contract.either(self, 'stiffness', 'table')
+        contract.not_negative(self, 'stiffness', 'damping')
+
+
+def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
+    """Numbers of each: x₀, c, table of T. Raises ValueError for a joint without coordinate."""
+    measures = Measures(layout)
+    for effect in effects:
+        p: Parameters = effect.parameters
+        measures.add_coordinate(p.joint)
+        position = measures.drawn() if p.free_position is None else p.free_position
+        measures.give([position, p.damping, *law(p.stiffness, p.table)])
+    return measures.packed()
+
+
+@contract.force
+def force(
+    t: float,
+    q: Floats,
+    qd: Floats,
+    near: Floats,
+    slots: Integers,
+    params: Floats,
+    Q: Floats,
+) -> None:
+    for n in range(slots[1]):
+        at = numbers_of(slots, n)
+        x, xd = scalar(q, qd, near, slots, params, n)
+        effort = interpolate(params, at + 2, x - params[at]) + params[at + 1] * xd
+        push(q, slots, params, n, -effort, Q)
+
+
+@contract.potential
+def potential(t: float, q: Floats, near: Floats, slots: Integers, params: Floats) -> float:
+    energy = 0.0
+    for n in range(slots[1]):
+        at = numbers_of(slots, n)
+        x, _ = scalar(q, q, near, slots, params, n)
+        energy += integral(params, at + 2, x - params[at]) - integral(params, at + 2, 0.0)
+    return energy

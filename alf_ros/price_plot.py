@@ -1,0 +1,47 @@
+"""Draw a price list: what each effect costs beside what difference it makes."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from alf_ros.price import PriceList
+
+_SMALLEST = 1e-16  # m, drawn as nothing
+
+
+def draw(path: Path, title: str, found: PriceList) -> None:
+    """Write the picture.
+
+    Raises ImportError without matplotlib, OSError if the file cannot be written.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    prices = found.prices[::-1]  # the first one on top
+    names, places = [price.effect for price in prices], list(range(len(prices)))
+    figure = Figure(figsize=(10.0, 1.8 + 0.45 * len(prices)), layout='constrained')
+    FigureCanvasAgg(figure)
+    figure.suptitle(f'{title}: {found.bare:.2f} µs a step without effects, {found.whole:.2f} with')
+    cost, change = figure.subplots(1, 2, sharey=True)
+    cost.barh([y + 0.2 for y in places], [p.added for p in prices], 0.38, label='added alone')
+    cost.barh([y - 0.2 for y in places], [p.removed for p in prices], 0.38, label='of them all')
+    cost.axvspan(-found.resolution, found.resolution, color='0.9', zorder=0, label='resolution')
+    cost.set(xlabel='cost, µs per step', yticks=places)
+    cost.set_yticklabels(names)
+    cost.legend(loc='best', fontsize='small')
+    shown = [price.change if _SMALLEST < price.change < math.inf else math.nan for price in prices]
+    change.plot(shown, places, 'o', color='#d55e00')
+    across = change.get_yaxis_transform()  # fractions along x, data along y
+    for y, price in zip(places, prices, strict=True):
+        if price.change == math.inf:
+            change.text(0.02, y, 'does not run without', va='center', transform=across)
+        elif price.change <= _SMALLEST:
+            change.text(0.02, y, 'none', va='center', transform=across)
+    if any(x == x for x in shown):
+        change.set_xscale('log')
+    change.set(xlabel='change of position it makes, m', ylim=(-0.6, len(prices) - 0.4))
+    for axes in (cost, change):
+        axes.grid(True, axis='x', color='0.92')
+        axes.set_axisbelow(True)
+    figure.savefig(path, dpi=120)

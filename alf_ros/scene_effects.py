@@ -1,0 +1,170 @@
+"""The effects of a scene: every parameter read as its metadata says.
+
+`kind` of a parameter: 'number'; 'vector', 2 or 3 numbers; 'spin', 1 or 3; 'boolean'; 'text', one
+of `choices` if the metadata has them; names: 'body', 'point', 'joint', 'coordinate' (of a joint),
+'body or point'; 'pair', two bodies or points, or the ground; 'place', the name of a point or a
+vector; 'places', two of them; 'table', a list of lists of numbers, or the name of a CSV file;
+'signal', a number or a table.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Collection, Mapping
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from alf_ros import effects, layout, number_file
+from alf_ros.coordinates import measured
+from alf_ros.document import Entry
+from alf_ros.effects import Effect
+from alf_ros.errors import InputError
+from alf_ros.mechanism import GROUND, Mechanism
+from alf_ros.serialise import entry as as_entry
+
+Names = Mapping[str, Collection[str]]
+_MISSING = dataclasses.MISSING
+
+
+def read_effects(
+    section: Entry, mechanism: Mechanism, numbers: Mapping[str, float], folder: Path
+) -> tuple[tuple[Effect, ...], Entry]:
+    """The effects in a section, and the section without references to files of numbers, files of
+    effects named in full. Files are relative to `folder`. Raises InputError."""
+    cut = layout.cut(mechanism)
+    points = [point.name for point in mechanism.points]
+    bodies = [body.name for body in mechanism.bodies]
+    known = {
+        'point': points,
+        'body': bodies,
+        'joint': [joint.name for joint in mechanism.joints],
+        'coordinate': [coordinate.name for coordinate in measured(cut)[0]],
+        'body or point': [*bodies, *points],
+        'pair': [*bodies, *points, GROUND],
+    }
+    reader = _Reader(known, numbers, mechanism.dimension, folder)
+    found: list[Effect] = []
+    whole: dict[str, Entry] = {}
+    for key, entry in section.mapping().items():
+        kind, module = _module(key, entry, folder)
+        for name, instance in _instances(kind, entry, module.MULTIPLE):
+            values = reader.parameters(instance, module.Parameters)
+            try:
+                effect = Effect(kind, name, module.Parameters(**values))
+                module.pack([effect], cut)
+            except ValueError as error:
+                raise instance.error(str(error)) from None
+            found.append(effect)
+        whole[kind] = reader.without_files(entry)
+    return tuple(found), as_entry(whole)
+
+
+def _module(key: str, entry: Entry, folder: Path) -> tuple[str, ModuleType]:
+    """The full name of an effect, and its module."""
+    known = effects.kinds()
+    try:
+        kind = effects.full_name(key, folder)
+        return kind, effects.load(kind)
+    except KeyError:
+        raise entry.error('unknown effect', value=key, choices=known) from None
+    except InputError as error:
+        if error.file is not None:  # of the effect
+            raise
+        raise entry.error(error.message, value=error.value) from None
+
+
+def _instances(kind: str, entry: Entry, multiple: bool) -> list[tuple[str, Entry]]:
+    """An effect that may stand several times: a list, a mapping of names, or one alone."""
+    name = effects.short_name(kind)
+    if multiple and isinstance(entry.value, tuple):
+        return [(f'{name}_{i}', item) for i, item in enumerate(entry.value)]
+    if multiple and any(isinstance(value.value, dict) for value in entry.mapping().values()):
+        return list(entry.mapping().items())
+    return [(name, entry)]
+
+
+class _Reader:
+    """Reads parameters, and remembers what came from files."""
+
+    def __init__(
+        self, known: Names, numbers: Mapping[str, float], dimension: int, folder: Path
+    ) -> None:
+        self._known, self._numbers = known, numbers
+        self._dimension, self._folder = dimension, folder
+        self._from_file: dict[int, Entry] = {}
+
+    def parameters(self, entry: Entry, parameters: Any) -> dict[str, object]:
+        """The fields of an effect's `Parameters`."""
+        fields = {item.name: item for item in dataclasses.fields(parameters)}
+        required = [
+            name
+            for name, f in fields.items()
+            if f.default is _MISSING and f.default_factory is _MISSING
+        ]
+        values: dict[str, object] = {}
+        for key, value in entry.mapping(fields, required).items():
+            if value.is_null and fields[key].default is None:
+                values[key] = None
+            else:
+                values[key] = self._value(value, fields[key].metadata)
+        return values
+
+    def _value(self, entry: Entry, about: Mapping[str, Any]) -> object:
+        kind, D, numbers = about['kind'], self._dimension, self._numbers
+        if kind == 'number':
+            return entry.number(numbers)
+        if kind == 'vector':
+            return entry.vector(D, numbers)
+        if kind == 'spin':
+            return entry.number(numbers) if D == 2 else entry.vector(3, numbers)
+        if kind == 'boolean':
+            return entry.boolean()
+        if kind == 'pair':
+            return tuple(item.text(self._known['pair']) for item in entry.sequence(2))
+        if kind == 'place':
+            return self._place(entry)
+        if kind == 'places':
+            return tuple(self._place(item) for item in entry.sequence(2))
+        if kind == 'table' or (kind == 'signal' and self._is_table(entry)):
+            return self._table(entry)
+        if kind == 'signal':
+            return entry.number(numbers)
+        return entry.text(self._known.get(kind, about.get('choices')))
+
+    def _place(self, entry: Entry) -> str | tuple[float, ...] | None:
+        if entry.is_null:
+            return None
+        if isinstance(entry.value, str):
+            return entry.text(self._known['point'])
+        return entry.vector(self._dimension, self._numbers)
+
+    @staticmethod
+    def _is_table(entry: Entry) -> bool:
+        return not isinstance(entry.value, str) or entry.value.endswith('.csv')
+
+    def _table(self, entry: Entry) -> tuple[tuple[float, ...], ...]:
+        if isinstance(entry.value, str):
+            rows = number_file.read(self._folder / entry.text())
+            self._from_file[id(entry)] = as_entry(rows)
+            return rows
+        rows = tuple(
+            tuple(item.number(self._numbers) for item in row.sequence())
+            for row in entry.sequence()
+        )
+        if any(len(row) != len(rows[0]) for row in rows):
+            raise entry.error('not a table', expected='rows of equal length')
+        return rows
+
+    def without_files(self, entry: Entry) -> Entry:
+        """The entry, what came from files written out."""
+        value = entry.value
+        if id(entry) in self._from_file:
+            return self._from_file[id(entry)]
+        if isinstance(value, dict):
+            fields = {key: self.without_files(item) for key, item in value.items()}
+            return dataclasses.replace(entry, value=fields)
+        if isinstance(value, tuple):
+            items = tuple(self.without_files(item) for item in value)
+            return dataclasses.replace(entry, value=items)
+        return entry
