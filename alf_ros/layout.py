@@ -89,6 +89,8 @@ class Layout:
         # the second point, then vectors, then further points: what is independent carries
         order = [*range(1, min(2, points)), *range(points, len(blocks)), *range(2, points)]
         for n in order[: 1 if self.dimension == 2 else None]:
+            if len(local) == self.dimension:
+                break
             d = self.local(body, n)
             trial = np.array([each / np.linalg.norm(each) for each in (*local, d) if np.any(each)])
             if np.any(d) and np.linalg.svd(trial, compute_uv=False)[-1] > 1e-6:

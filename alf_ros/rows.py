@@ -111,26 +111,29 @@ def _half(row: Row) -> Row:
 
 
 def rigidity(body: Body, layout: Layout) -> Iterator[Row]:
-    """Lengths and angles of the basis of a body; every further point and vector from it."""
+    """Lengths and angles of the basis of a body; every further point and vector from it.
+
+    A row between fixed blocks binds nothing that moves, but it is there: a body on two fixed
+    points has one constraint too many, and a reaction along the line between them that is open.
+    """
     D, basis, blocks = layout.dimension, layout.basis(body.name), layout.of_body[body.name]
     named = dict(zip(blocks, (*body.points, *body.vectors), strict=True))
     local = {block: layout.local(body, n) for n, block in enumerate(blocks)}
-
-    def moves(f: Form) -> bool:
-        return any(block < layout.movable for block in f.parts)
 
     before: list[tuple[int, Form]] = []
     for n, (end, is_point) in enumerate(zip(basis.ends, basis.is_point, strict=True)):
         d = form.of_block(end, D)
         if is_point:
             d = d - form.of_block(basis.first, D)
-            if moves(d):
-                name = f'{body.name}_length' if n == 0 else f'{body.name}_{named[end]}_length'
-                yield distance(name, basis.first, end, float(np.linalg.norm(local[end])))
+            name = f'{body.name}_length' if n == 0 else f'{body.name}_{named[end]}_length'
+            length = float(np.linalg.norm(local[end]))
+            if min(basis.first, end) < layout.movable:
+                yield distance(name, basis.first, end, length)
+            else:
+                yield _half(product(name, d, d, length**2))
         for other, e in before:
-            if moves(d + e):
-                name = f'{body.name}_{named[other]}_{named[end]}'
-                yield product(name, e, d, float(local[end] @ local[other]))
+            name = f'{body.name}_{named[other]}_{named[end]}'
+            yield product(name, e, d, float(local[end] @ local[other]))
         before.append((end, d))
     for block, name in named.items():  # what does not carry follows
         if block in (basis.first, *basis.ends):
@@ -138,9 +141,8 @@ def rigidity(body: Body, layout: Layout) -> Iterator[Row]:
         gap = form.of_block(block, D) - layout.direction(body.name, tuple(local[block]))
         if name in body.points:
             gap = gap - form.of_block(basis.first, D)
-        if moves(gap):
-            for axis, along in zip('xyz', np.eye(D), strict=False):
-                yield linear(f'{body.name}_{name}_{axis}', along, gap)
+        for axis, along in zip('xyz', np.eye(D), strict=False):
+            yield linear(f'{body.name}_{name}_{axis}', along, gap)
 
 
 def joint_rows(joint: Joint, layout: Layout) -> list[Row]:
