@@ -106,19 +106,23 @@ class Linearised:
         others look independent, and would pull back along the free motion. What is small among
         them is softened, so that it works at singular positions too.
         """
+        n, size = self.model.n, self.model.size
         q = self.q.copy()
-        q[: self.model.n] += step
-        size = self.model.size
-        at = Linearised(self.model, q)
-        for _ in range(30):
+        q[:n] += step
+        at = tangent = Linearised(self.model, q)
+        before = np.inf
+        for _ in range(60):
             gap = float(np.abs(at.phi).max(initial=0.0))
-            if gap < 1e-13 * size:
+            if gap < 1e-13 * size or gap > 1e3 * size:
                 break
-            U, s, Vt = at._decomposed
+            if gap > 0.1 * before:  # the decomposition is no longer that of this place
+                tangent = at
+            before = gap
+            U, s, Vt = tangent._decomposed
             s = s[:rank]
             soft = s / (s**2 + (1e-8 * s.max(initial=0.0)) ** 2)
             q = at.q.copy()
-            q[: self.model.n] -= Vt[:rank].T @ (soft * (U[:, :rank].T @ at.phi))
+            q[:n] -= Vt[:rank].T @ (soft * (U[:, :rank].T @ at.phi))
             at = Linearised(self.model, q)
         return at if np.abs(at.phi).max(initial=0.0) < 1e-9 * size else None
 

@@ -16,8 +16,8 @@ from alf_ros.arrays import Floats
 from alf_ros.linearised import DEPENDENT, Linearised
 
 _STEP = 0.03  # of the shortest bar
-_MOST = 1200  # positions
-_LABOUR = 1e9  # n³ times positions
+_MOST, _SAMPLE = 1200, 480  # positions: of one way, of several together
+_LABOUR = 5e8  # n³ times positions
 _LEAST = 20  # positions: with fewer there is no walk
 _SUSPECT = 0.3  # singular value, of its usual one, below which a dip is looked at
 _SINGULAR = 1e-5  # and below which its bottom counts as singular
@@ -39,7 +39,9 @@ def sweep(start: Linearised) -> Sweep:
     if not freedoms:
         return found
     n = start.model.n
-    most = int(min(_MOST, _LABOUR / n**3) / freedoms)
+    most = int(min(_MOST, _LABOUR / n**3))
+    if freedoms > 1:
+        most = min(most, _SAMPLE) // (2 * freedoms)
     if most < _LEAST:
         return found
     for direction in start.free.T:
