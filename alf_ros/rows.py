@@ -97,16 +97,16 @@ def unit_rows(layout: Layout) -> Iterator[Row]:
         block = layout.of_vector[vector.name]
         if not vector.fixed and block in carrying:
             v = form.of_block(block, layout.dimension)
-            yield _half(product(f'{vector.name}_unit', v, v, layout.length**2))
+            yield _times(0.5, product(f'{vector.name}_unit', v, v, layout.length**2))
 
 
-def _half(row: Row) -> Row:
-    """Half of a row, so that its gradient is the vector itself, as in a distance row."""
+def _times(factor: float, row: Row) -> Row:
+    """A multiple of a row; half of a square has the vector itself as gradient, as a distance."""
     return replace(
         row,
-        b={i: 0.5 * b for i, b in row.b.items()},
-        terms={i: {j: 0.5 * T for j, T in t.items()} for i, t in row.terms.items()},
-        c=0.5 * row.c,
+        b={i: factor * b for i, b in row.b.items()},
+        terms={i: {j: factor * T for j, T in t.items()} for i, t in row.terms.items()},
+        c=factor * row.c,
     )
 
 
@@ -130,7 +130,7 @@ def rigidity(body: Body, layout: Layout) -> Iterator[Row]:
             if min(basis.first, end) < layout.movable:
                 yield distance(name, basis.first, end, length)
             else:
-                yield _half(product(name, d, d, length**2))
+                yield _times(0.5 / length, product(name, d, d, length**2))  # so it is in m
         for other, e in before:
             name = f'{body.name}_{named[other]}_{named[end]}'
             yield product(name, e, d, float(local[end] @ local[other]))
@@ -202,7 +202,7 @@ def joint_rows(joint: Joint, layout: Layout) -> list[Row]:
     if kind == 'no_slip':
         rows += _rolling_in_space(joint, layout)
     if kind == 'distance':
-        rows.append(_half(product(joint.name, gap, gap, joint.value**2)))
+        rows.append(_times(0.5, product(joint.name, gap, gap, joint.value**2)))
     return rows
 
 
