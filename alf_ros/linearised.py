@@ -68,11 +68,23 @@ class Linearised:
 
     @cached_property
     def rank_of_positions(self) -> int:
-        """Number of independent rows among those that bind positions."""
-        binds_velocity = self.model.system.rows.B.size
-        order = np.argsort(self.model.row)  # kernel's order, in which those stand behind
-        kept = self.jacobian[order[: order.size - binds_velocity]]
-        s = np.linalg.svd(kept, compute_uv=False)
+        """Number of independent rows among those that bind positions.
+
+        In the plane gears, racks and wheels on a line bind them too: their rows are of velocities,
+        but can be integrated.
+        """
+        rolls = {
+            joint.name
+            for joint in self.model.mechanism.joints
+            if joint.kind in ('gear', 'rack', 'no_slip')
+        }
+        if self.model.layout.dimension == 3:
+            rolls.clear()
+        names = self.model.row_names
+        first = len(names) - self.model.system.rows.B.size  # in the kernel's order
+        places = self.model.row.tolist()
+        kept = [n for n, name in enumerate(names) if places[n] < first or name in rolls]
+        s = np.linalg.svd(self.jacobian[kept], compute_uv=False)
         return int((s > DEPENDENT * s.max(initial=1e-300)).sum())
 
     @cached_property

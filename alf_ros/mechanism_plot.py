@@ -14,6 +14,7 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.form import Form
 from alf_ros.mechanism import GROUND, Joint
+from alf_ros.outline import outline
 from alf_ros.plot_canvas import INK, Plane, Space
 from alf_ros.soundness import Soundness
 
@@ -77,9 +78,12 @@ class _Picture:
         them = np.array(list(self.places.values()))
         points = self.way[:, list(self.layout.of_point.values())].reshape(-1, D)
         rims = [
-            self.places_of(joint)[1] + sign * joint.value
+            place + sign * abs(radius)
             for joint in self.model.mechanism.joints
-            if joint.kind == 'no_slip'
+            if joint.kind in ('no_slip', 'rack', 'gear')
+            for place, radius in zip(
+                self.places_of(joint)[::-1], (joint.value, joint.of_parent), strict=True
+            )
             for sign in (1.0, -1.0)
         ]
         them = np.vstack([them, points, *rims])
@@ -145,7 +149,7 @@ class _Picture:
             ]
             if body.mass > 0.0:
                 corners.append(self.value(self.layout.place(body.name, body.com)))
-            hull = _outline(np.array(corners))
+            hull = outline(np.array(corners))
             if len(hull) > 2:
                 self.canvas.plate(hull, colour)
                 hull = np.vstack([hull, hull[:1]])
@@ -232,20 +236,29 @@ class _Picture:
             line = np.array([there, at])
             self.canvas.line(line, color=INK, linewidth=1.2, linestyle='--', zorder=5)
             self.canvas.line(line, color=INK, linestyle='', marker='o', markersize=5, zorder=8)
+        elif kind == 'gear':
+            self._pitch_circle(at, joint.value)
+            self._pitch_circle(there, joint.of_parent)
+        elif kind == 'rack':
+            self._pitch_circle(at, joint.value)
+            low = at - joint.value * axes[1]
+            line = np.array([low - 1.5 * joint.value * along, low + 1.5 * joint.value * along])
+            self.canvas.line(line, color=INK, linewidth=1.0, linestyle='-.', zorder=5)
         elif kind == 'no_slip':
-            self._wheel(joint, at, axes, own)
+            self._wheel(joint, at, axes)
 
-    def _wheel(self, joint: Joint, at: Floats, axes: list[Floats], own: list[Floats]) -> None:
+    def _pitch_circle(self, at: Floats, radius: float) -> None:
+        angle = np.linspace(0.0, 2.0 * np.pi, 91)[:, None]
+        circle = at + radius * np.hstack([np.cos(angle), np.sin(angle)])
+        self.canvas.line(circle, color=INK, linewidth=1.0, linestyle='-.', zorder=5)
+
+    def _wheel(self, joint: Joint, at: Floats, axes: list[Floats]) -> None:
         """A circle of its radius, and the ground under it."""
-        planar = self.layout.dimension == 2
-        R, up = joint.value, axes[1 if planar else 2]
-        x = axes[0]
-        if (
-            not planar
-        ):  # in the plane of the two longest directions of the body that stands upright
-            axle = self._axle(joint)
-            x = np.cross(axle, up)
-            x = axes[0] if np.linalg.norm(x) < 1e-6 else x / np.linalg.norm(x)
+        R, x, up = joint.value, axes[0], axes[-1]
+        if self.layout.dimension == 3:  # it rolls across its axle
+            across = np.cross(self._axle(joint), up)
+            size = float(np.linalg.norm(across))
+            x = across / size if size > 1e-6 else x
         angle = np.linspace(0.0, 2.0 * np.pi, 61)[:, None]
         rim = at + R * (np.cos(angle) * x + np.sin(angle) * up)
         self.canvas.line(rim, color=INK, linewidth=1.5, zorder=5)
@@ -266,31 +279,3 @@ class _Picture:
         corners = [(1, 1), (1, -1), (-1, -1), (-1, 1), (1, 1)]
         line = np.array([at + a * long * along + b * wide * side for a, b in corners])
         self.canvas.line(line, color=INK, linewidth=1.2, zorder=7)
-
-
-def _outline(corners: Floats) -> Floats:
-    """(k, D) the convex hull of points in a plane, in order; two ends of points in a line.
-
-    Of points that fill space, the hull as seen along the direction of their least extent.
-    """
-    middle = corners.mean(axis=0)
-    _, spread, axes = np.linalg.svd(corners - middle, full_matrices=False)
-    flat = (corners - middle) @ axes[:2].T
-    if corners.shape[0] == 1 or spread[0] == 0.0:
-        return corners[:1]
-    if corners.shape[0] == 2 or spread[1] < 1e-6 * spread[0]:
-        return corners[[int(np.argmin(flat[:, 0])), int(np.argmax(flat[:, 0]))]]
-    order = sorted(range(len(flat)), key=lambda n: tuple(flat[n]))
-    sides: list[list[int]] = []
-    for turn in (order, order[::-1]):  # Andrew's monotone chain
-        side: list[int] = []
-        for n in turn:
-            while len(side) > 1 and _cross(flat[side[-2]], flat[side[-1]], flat[n]) <= 0.0:
-                side.pop()
-            side.append(n)
-        sides.append(side[:-1])
-    return corners[sides[0] + sides[1]]
-
-
-def _cross(a: Floats, b: Floats, c: Floats) -> float:
-    return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))

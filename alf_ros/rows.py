@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from alf_ros import form
+from alf_ros import form, rolling
 from alf_ros.arrays import Floats, Indices
 from alf_ros.form import Form
 from alf_ros.kernel import Rows
-from alf_ros.layout import TURN, Layout
+from alf_ros.layout import Layout
 from alf_ros.mechanism import Body, Joint
 
 Terms = dict[int, dict[int, Floats]]
@@ -182,7 +182,10 @@ def joint_rows(joint: Joint, layout: Layout) -> list[Row]:
             rows.append(motion(joint.name, (axis(1, 1), layout.place(joint.child, tip.origin))))
         if kind == 'no_slip':
             add('touch', axis(0, 1), gap, joint.value)
-            rows.append(_rolling_in_plane(joint, layout))
+        if kind in ('no_slip', 'rack'):
+            rows.append(motion(joint.name, *rolling.on_a_line(joint, layout)))
+        if kind == 'gear':
+            rows.append(motion(joint.name, *rolling.of_gears(joint, layout)))
         return rows
     if kind in ('spherical', 'revolute', 'universal', 'weld'):
         coincide()
@@ -200,33 +203,11 @@ def joint_rows(joint: Joint, layout: Layout) -> list[Row]:
     if kind in ('planar', 'no_slip'):
         add('touch', axis(0, 2), gap, joint.value)
     if kind == 'no_slip':
-        rows += _rolling_in_space(joint, layout)
+        for name, pairs in rolling.on_a_plane(joint, layout):
+            rows.append(motion(f'{joint.name}_{name}', *pairs))
     if kind == 'distance':
         rows.append(_times(0.5, product(joint.name, gap, gap, joint.value**2)))
     return rows
-
-
-def _rolling_in_plane(joint: Joint, layout: Layout) -> Row:
-    """x·v + R ω = 0 at the contact O - R y, with ω = J d · ḋ / |d|²."""
-    base, tip = joint.frames
-    x = layout.direction(joint.parent, base.axes[0])
-    centre = layout.place(joint.child, tip.origin)
-    d = layout.direction(joint.child, (1.0, 0.0))
-    return motion(joint.name, (x, centre), (d.times(joint.value * TURN), d))
-
-
-def _rolling_in_space(joint: Joint, layout: Layout) -> Iterator[Row]:
-    """t·(v + ω × r) = 0 for t = x, y of the plane, r = -R z; ω × r = Σ (r·u_k) u̇_k, axes u_k."""
-    base, tip = joint.frames
-    centre = layout.place(joint.child, tip.origin)
-    normal = np.array(base.axes[2])
-    for name, t in zip('xy', np.array(base.axes[:2]), strict=True):
-        pairs = [(form.constant(tuple(t)), centre)]
-        for k in range(3):
-            u = layout.direction(joint.child, tuple(np.eye(3)[k]))
-            # t · u̇_k times -R z · u_k: the matrix t zᵀ carries u_k to where it meets u̇_k
-            pairs.append((u.times(-joint.value * np.outer(t, normal)), u))
-        yield motion(f'{joint.name}_{name}', *pairs)
 
 
 # ------------------------------------------------------------------------------------- arrays

@@ -110,7 +110,7 @@ def _size(at: Linearised) -> Iterator[Answer]:
     velocity = model.system.rows.B.size
     rows = f'{_count(len(model.row_names), "constraint row")}, rank {at.rank}'
     if velocity:
-        rows += f'; {velocity} of them bind velocities only'
+        rows += f'; {velocity} of velocities'
     points = sum(not point.fixed for point in model.mechanism.points)
     vectors = sum(not vector.fixed for vector in model.mechanism.vectors)
     of = _count(points, 'point') + (f' and {_count(vectors, "vector")}' if vectors else '')

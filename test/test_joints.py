@@ -34,7 +34,7 @@ mechanism:
     two: {{points: [{at}, B], mass: 0.7, inertia: {{about_com: 0.1}}, com: [0.3, -0.2]}}
   joints:
     pin: {{type: revolute, between: [ground, one], at: O}}
-    joint: {joint}
+    {more}joint: {joint}
 effects: {{gravity: {{acceleration: [1.0, -9.81]}}}}
 initial: {{velocities: {{A: [~, 0.8]}}}}
 """
@@ -66,11 +66,12 @@ initial: {{velocities: {{A: [~, 0.8, 0.3], B: [~, 0.4, ~]}}}}
 
 @dataclass(frozen=True)
 class Case:
-    """A joint, and how many of its child's freedoms it leaves; `shared`: at a point of both."""
+    """A joint, and how many of its child's freedoms it leaves. `shared`: at a point of both."""
 
     text: str
     free: int
     shared: bool = False
+    pinned: bool = False  # to `one` besides: it keeps wheels where they touch
 
 
 AXIS = '[0.3, -0.4, 1.0]'
@@ -81,6 +82,18 @@ PLANAR_CASES = {
     'slider': Case(f'{{type: slider, point: B, {LINE}}}', 2),
     'prismatic': Case('{type: prismatic, between: [one, two], at: A2, axis: [1, 2]}', 1),
     'weld': Case('{type: weld, between: [one, two], at: A2}', 0),
+    'gear': Case(
+        '{type: gear, between: [ground, two], centres: [O, A], '
+        'radii: ["0.6*hypot(0.9, 0.3)", "0.4*hypot(0.9, 0.3)"]}',
+        2,
+        pinned=True,
+    ),
+    'rack': Case(
+        '{type: rack, between: [one, two], at: A, radius: 0.4, '
+        'on: {through: [0, 0.1], direction: [1, 0]}}',
+        2,
+        pinned=True,
+    ),
     'blade': Case('{type: blade, between: [ground, two], at: B, axis: [2, 1]}', 2),
     'no_slip': Case(f'{{type: no_slip, between: [ground, two], at: B, radius: 0.4, {LINE}}}', 1),
 }
@@ -110,10 +123,12 @@ def scene_of(dimension: int, kind: str) -> Scene:
     if dimension == 2:
         there = '0.8, 0.9' if apart else '1, 0.5'
     second = there
+    together = case.shared or case.pinned
+    more = 'hinge: {type: revolute, between: [one, two], at: A}\n    ' if case.pinned else ''
     text = (PLANE if dimension == 2 else SPACE).format(
-        joint=case.text, at='A' if case.shared else 'A2', second=second
+        joint=case.text, at='A' if together else 'A2', second=second, more=more
     )
-    if case.shared:  # nothing may be of no body
+    if together:  # nothing may be of no body
         text = text.replace(f'    A2: {{at: [{second}]}}\n', '')
     return scene_from_text(text)
 

@@ -20,6 +20,7 @@ from scipy.spatial.transform import Rotation
 from alf_ros import Sample, Simulation, load_scene
 from alf_ros.arrays import Floats
 from alf_ros.resources import folder
+from alf_ros.scene import scene_from_text
 
 DATA = Path(__file__).parent / 'data'
 SCENES = sorted(path.stem for path in folder('scenes')[0].glob('*.yaml'))
@@ -31,6 +32,7 @@ REDUNDANT = {
     'bricard': 1,
     'differential_drive_cart': 1,
     'double_wishbone': 2,
+    'planetary_gear': 2,
     'scissor_lift': 18,
 }
 FREEDOMS = {
@@ -322,6 +324,64 @@ def test_stewart_platform_heaves() -> None:
 
 
 # ------------------------------------------------------------------------------ closed forms
+
+
+def test_planetary_gear() -> None:
+    """Willis: ω_c = ω_s rs / (rs + rr), planets ω_p = ω_c - ω_c rr / rp; constant acceleration."""
+    rs, rr = 0.03, 0.09
+    rp, rc = 0.5 * (rr - rs), 0.5 * (rr + rs)
+    carrier = rs / (rs + rr)
+    planet = carrier * (1.0 - rr / rp)
+    inertia = 5e-4 + carrier**2 * (1e-3 + 3 * 0.2 * rc**2) + 3 * planet**2 * 1e-4
+    sim = Simulation(load_scene('planetary_gear'))
+    start, spin = sim.sample().joints['pin1'].position, planet - carrier
+    for sample in sim.run(1.0, every=50):
+        angle = 0.5 * 0.02 / inertia * sample.t**2
+        assert sample.joints['shaft'].position == pytest.approx(angle, abs=1e-9)
+        assert sample.joints['output'].position == pytest.approx(carrier * angle, abs=1e-9)
+        assert sample.joints['pin1'].position - start == pytest.approx(spin * angle, abs=1e-9)
+    assert angle > 10.0  # rad
+    flags = {name for name, reaction in sample.reactions.items() if reaction.indeterminate}
+    assert {'mesh0', 'mesh1', 'mesh2', 'ring0', 'ring1', 'ring2'} <= flags
+
+
+def test_one_planet_is_determinate() -> None:
+    """Its tooth forces: T = F rs drives the sun, and each mesh is tangential."""
+    text = load_scene('planetary_gear').text.replace('k: [0, 2]', 'k: [0, 0]')
+    scene = scene_from_text(text.replace('[O, P0, P1, P2]', '[O, P0]'))
+    assert len(scene.mechanism.bodies) == 3
+    sim = Simulation(scene, step=2e-3, integrator='dop853')
+    sim.step(100)
+    sample = sim.sample()
+    assert sample.diagnostics.redundant == 0
+    out = sample.points['P0'] / np.linalg.norm(sample.points['P0'])
+    for joint in ('mesh0', 'ring0'):
+        assert sample.reactions[joint].force @ out == pytest.approx(0.0, abs=1e-10)
+    # the sun: J α = T - F rs, F on the planet
+    rs, rr, rp, rc = 0.03, 0.09, 0.03, 0.06
+    carrier = rs / (rs + rr)
+    planet = carrier * (1.0 - rr / rp)
+    alpha = 0.02 / (5e-4 + carrier**2 * (1e-3 + 0.2 * rc**2) + planet**2 * 1e-4)
+    force = sample.reactions['mesh0'].force @ [-out[1], out[0]]
+    assert force * rs == pytest.approx(0.02 - 5e-4 * alpha, abs=1e-9)
+    # the planet: J α_p = -F rp + G rp, about its centre (F on the inner side, G on the outer)
+    other = sample.reactions['ring0'].force @ [-out[1], out[0]]
+    assert (other - force) * rp == pytest.approx(1e-4 * planet * alpha, abs=1e-9)
+    torques = [sample.reactions[joint].torque for joint in ('mesh0', 'ring0')]
+    assert torques == pytest.approx([-force * rp, other * rp], abs=1e-9)
+
+
+def test_rack_and_pinion() -> None:
+    """a (m + J / r²) = 2 m."""
+    r, J, m = 0.05, 0.002, 1.5
+    a = 2.0 * m / (m + J / r**2)
+    for sample in Simulation(load_scene('rack_and_pinion')).run(1.0, every=20):
+        moved = 0.5 * a * sample.t**2
+        assert sample.joints['guide'].position == pytest.approx(moved, abs=1e-10)
+        # the rack below moves to the right: the pinion turns counter-clockwise
+        assert sample.joints['axle'].position == pytest.approx(moved / r, abs=1e-9)
+        tooth = sample.reactions['mesh'].force
+        assert tooth == pytest.approx([J * a / r**2, 0.0], abs=1e-9)
 
 
 def test_pendulum() -> None:
