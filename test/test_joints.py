@@ -340,6 +340,85 @@ def test_reaction(dimension: int, kind: str) -> None:
         assert torque == pytest.approx(0.0, abs=1e-9)
 
 
+# what is zero, from the place of the child in the axes of the parent (D,), and the axes of the
+# child in those of the parent (D, D), in columns
+MEANING = {
+    (2, 'revolute'): lambda gap, axes, joint: [*gap],
+    (2, 'slider'): lambda gap, axes, joint: [gap[1]],
+    (2, 'prismatic'): lambda gap, axes, joint: [gap[1], axes[1, 0]],
+    (2, 'weld'): lambda gap, axes, joint: [*gap, axes[1, 0]],
+    (2, 'no_slip'): lambda gap, axes, joint: [gap[1] - joint.value],
+    (2, 'gear'): lambda gap, axes, joint: [np.linalg.norm(gap) - joint.value - joint.of_parent],
+    (2, 'rack'): lambda gap, axes, joint: [gap[1] - joint.value],
+    (2, 'blade'): lambda gap, axes, joint: [],
+    (3, 'spherical'): lambda gap, axes, joint: [*gap],
+    (3, 'revolute'): lambda gap, axes, joint: [*gap, *axes[:2, 2]],
+    (3, 'universal'): lambda gap, axes, joint: [*gap, axes[2, 0]],
+    (3, 'cylindrical'): lambda gap, axes, joint: [*gap[:2], *axes[:2, 2]],
+    (3, 'prismatic'): lambda gap, axes, joint: [*gap[:2], *(axes - np.eye(3)).ravel()],
+    (3, 'planar'): lambda gap, axes, joint: [gap[2], *axes[:2, 2]],
+    (3, 'weld'): lambda gap, axes, joint: [*gap, *(axes - np.eye(3)).ravel()],
+    (3, 'perpendicular'): lambda gap, axes, joint: [axes[2, 2]],
+    (3, 'distance'): lambda gap, axes, joint: [np.linalg.norm(gap) - joint.value],
+    (3, 'no_slip'): lambda gap, axes, joint: [gap[2] - joint.value],
+}
+
+
+@pytest.mark.parametrize('dimension, kind', CASES)
+def test_meaning(dimension: int, kind: str) -> None:
+    """Where the bodies have gone the joint holds, by its definition."""
+    sim = simulation(dimension, kind)
+    sim.step(150)
+    layout, q = sim.model.layout, sim.state.q.reshape(-1, dimension)
+    assert np.abs(q - sim._initial.q.reshape(-1, dimension)).max() > 0.05
+    joint = sim.model.mechanism.joints[-1]
+    parent, child = (
+        np.array([value(layout.direction(body, axis), q) for axis in frame.axes])
+        for body, frame in zip((joint.parent, joint.child), joint.frames, strict=True)
+    )
+    there, here = (
+        value(layout.place(body, frame.origin), q)
+        for body, frame in zip((joint.parent, joint.child), joint.frames, strict=True)
+    )
+    assert parent @ parent.T == pytest.approx(np.eye(dimension), abs=1e-12)
+    open_ = MEANING[dimension, kind](parent @ (here - there), parent @ child.T, joint)
+    assert np.array(open_) == pytest.approx(0.0, abs=1e-11)
+
+
+def moves(kind: str) -> Instant:
+    """A moment in the motion of a planar case."""
+    sim = simulation(2, kind)
+    sim.step(150)
+    state = sim.state
+    return Instant(sim.model.layout, *(x.reshape(-1, 2) for x in (state.q, state.qd, state.qd)))
+
+
+def test_blade_and_wheels_in_the_plane_do_not_slip() -> None:
+    """The velocity of the material points that touch, on parent and child."""
+    for kind in ('blade', 'no_slip', 'rack', 'gear'):
+        at = moves(kind)
+        joint = at.layout.mechanism.joints[-1]
+        (base, base_velocity), (tip, tip_velocity) = at.place(joint, 0), at.place(joint, 1)
+        y = value(at.layout.direction(joint.parent, joint.frames[0].axes[1]), at.q)
+        if kind == 'blade':
+            edge = value(at.layout.direction(joint.child, joint.frames[1].axes[1]), at.q)
+            assert tip_velocity @ edge == pytest.approx(0.0, abs=1e-11)
+            assert np.abs(tip_velocity).max() > 0.1
+            continue
+        away = (tip - base) / np.linalg.norm(tip - base) if kind == 'gear' else y
+        touch = tip - joint.value * away
+        on = []
+        for body, place, velocity in (
+            (joint.parent, base, base_velocity),
+            (joint.child, tip, tip_velocity),
+        ):
+            arm = touch - place
+            on.append(velocity + at.spin(body)[0] * np.array([-arm[1], arm[0]]))
+        slip = on[1] - on[0]
+        assert slip == pytest.approx(0.0, abs=1e-10), kind
+        assert np.abs(at.spin(joint.child)).max() > 0.1
+
+
 DOOR = """
 mechanism:
   alf: 1
