@@ -156,8 +156,12 @@ def _mass(at: Linearised) -> Answer:
     if not count:
         return Answer(OK, 'mass', 'in every direction that is free')
     names = moving(at.model, at.massless[:, 0])
-    text = f'none in {_count(count, "free direction")}: give mass to what carries {_list(names)}'
-    return Answer(BAD, 'mass', text)
+    points = [name for name in names if name in at.model.layout.of_point]
+    cure = f'give mass to what carries {_list(points)}'
+    if not points:
+        bodies = [body.name for body in at.model.mechanism.bodies if {*names} & {*body.vectors}]
+        cure = f'{_list(bodies)} may turn without inertia'
+    return Answer(BAD, 'mass', f'none in {_count(count, "free direction")}: {cure}')
 
 
 def _start(at: Linearised, usual: Linearised) -> Answer:

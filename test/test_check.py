@@ -104,6 +104,34 @@ def test_a_free_direction_without_mass() -> None:
     assert '1 free direction:' in text and text.endswith('what carries H')
 
 
+def test_a_slender_rod_may_turn_about_itself_without_inertia() -> None:
+    """A universal joint holds it, so that it has an orientation; its end is free."""
+    found = examine(
+        scene_from_text("""
+mechanism:
+  alf: 1
+  space: spatial
+  points: {A: {at: [0, 0, 0], fixed: true}, B: {at: [1, 0, 0]}, C: {at: [2, 1, 0]}}
+  bodies:
+    arm: {points: [A, B], mass: 1, inertia: rod}
+    hand: {points: [B, C], mass: 1, inertia: rod}
+  joints:
+    shoulder: {type: revolute, between: [ground, arm], at: A, axis: [0, 0, 1]}
+    elbow: {type: universal, between: [arm, hand], at: B, axes: [[0, 0, 1], [1, 1, 0]]}
+""")
+    )
+    mass = 'none in 1 free direction: hand may turn without inertia'
+    assert answers(found)['mass'] == (BAD, mass)
+
+
+def test_a_body_alone_is_sound() -> None:
+    point = (
+        '{alf: 1, points: {A: {at: [0, 0]}}, bodies: {a: {points: [A], mass: 1, inertia: point}}}'
+    )
+    found = examine(scene_from_text(f'mechanism: {point}'))
+    assert found.sound and answers(found)['mobility'][1] == '2 freedoms'
+
+
 def test_mass_may_be_missing_where_nothing_is_free() -> None:
     assert answers(examine(scene_from_text(four_bar((1.0, 3.0, 2.5), 0.0))))['mass'][0] == OK
 
