@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from alf_ros import kernel
+from alf_ros import Simulation, kernel
 from alf_ros.arrays import Floats
 from alf_ros.linearised import Linearised
 from alf_ros.model import Model, compile_model
@@ -179,3 +179,39 @@ def test_kinetic_energy_in_the_plane(points: int) -> None:
         if points == 1:  # it has no orientation: only the velocity of the point counts
             wanted = 0.5 * m * v @ v
         assert kinetic(model, qd.ravel()) == pytest.approx(wanted, rel=1e-11)
+
+
+@pytest.mark.parametrize('sine', [0.3, 0.03, 3e-4])
+def test_points_nearly_in_a_line_carry_a_body_as_well_as_others(sine: float) -> None:
+    """A torque-free body of three or four such points keeps its energy and spin all the same."""
+    for flat in ('', ', S'):
+        text = f"""
+mechanism:
+  alf: 1
+  space: spatial
+  points:
+    P: {{at: [0, 0, 0]}}
+    Q: {{at: [1, 0, 0]}}
+    R: {{at: [0.9, {0.9 * sine}, 0]}}
+    S: {{at: [0.5, {0.2 * sine}, {0.5 * sine}]}}
+    G: {{at: [3, 0, 0], fixed: true}}
+  bodies:
+    body:
+      points: [P, Q, R{flat}]
+      mass: 1
+      inertia: {{about_com: [0.1, 0.2, 0.25]}}
+      com: [0.5, 0, 0]
+    {'' if flat else 'other: {points: [S], mass: 1, inertia: point}'}
+initial:
+  velocities: {{P: [0, 0, 0], Q: [0, 2, 1], R: [{-1.8 * sine}, 1.8, {2.7 * sine + 0.9}]}}
+"""
+        sim = Simulation(scene_from_text(text), integrator='dop853', step=5e-3)
+        first = sim.sample()
+        assert first.energy == pytest.approx(
+            0.5 * (5 / 4 + 0.1 * 9 + 0.2 * 1 + 0.25 * 4), rel=1e-9
+        )
+        sim.step(400)
+        last = sim.sample()
+        assert last.energy == pytest.approx(first.energy, rel=1e-10)
+        assert last.diagnostics.redundant == 0
+        assert last.diagnostics.position_violation < 1e-13
