@@ -48,7 +48,7 @@ def draw(path: Path, found: Soundness) -> None:
             Space(figure.add_subplot(1, 2, n + 1, projection='3d'), *view)
             for n, view in enumerate(_VIEWS)
         ]
-        figure.subplots_adjust(left=0.0, right=0.95, bottom=0.04, top=0.9, wspace=0.05)
+        figure.subplots_adjust(left=0.0, right=0.95, bottom=0.04, top=0.9, wspace=0.2)
     FigureCanvasAgg(figure)
     for canvas in canvases:
         picture.on(canvas)

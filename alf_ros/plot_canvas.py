@@ -66,7 +66,8 @@ class Space:
         from matplotlib.ticker import MaxNLocator, NullLocator
 
         self.axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
-        self.axes.set_box_aspect(high - low, zoom=1.25 if self.front else 1.0)
+        wide = self.front and high[0] - low[0] > high[2] - low[2]
+        self.axes.set_box_aspect(high - low, zoom=1.2 if wide else 1.0)
         self.axes.set_xlabel('x, m', labelpad=8)
         self.axes.set_zlabel('z, m', labelpad=12)
         if not self.front:
