@@ -8,7 +8,7 @@ tells what acts on each body alone, hence the reactions in the joints.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -20,6 +20,7 @@ from alf_ros.form import Form
 from alf_ros.mechanism import GROUND, Body, Mechanism, Numbers
 
 TURN = np.array([[0.0, -1.0], [1.0, 0.0]])  # J, a quarter turn
+_APART = 0.5  # sine from which on directions are well apart
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,13 +89,11 @@ class Layout:
         points = len(body.points)
         # the second point, then vectors, then further points: what is independent carries
         order = [*range(1, min(2, points)), *range(points, len(blocks)), *range(2, points)]
-        for n in order[: 1 if self.dimension == 2 else None]:
-            d = self.local(body, n)
-            trial = np.array([each / np.linalg.norm(each) for each in (*local, d) if np.any(each)])
-            if np.any(d) and np.linalg.svd(trial, compute_uv=False)[-1] > 1e-6:
-                ends.append(blocks[n])
-                is_point.append(n < points)
-                local.append(d)
+        candidates = [self.local(body, n) for n in order]
+        for k in independent(candidates, 1 if self.dimension == 2 else 3):
+            ends.append(blocks[order[k]])
+            is_point.append(order[k] < points)
+            local.append(candidates[k])
         if self.dimension == 2 and local:
             local.append(TURN @ local[0])
         inverse = np.linalg.pinv(np.array(local).T) if local else np.zeros((0, self.dimension))
@@ -149,6 +148,33 @@ class Layout:
         if name not in self.body:
             return False
         return len(self.basis(name).ends) >= (1 if self.dimension == 2 else 3)
+
+
+def independent(directions: Sequence[Floats], most: int, least: float = 1e-6) -> list[int]:
+    """Which of the directions to choose as a basis, `most` of them: the first one that is not
+    zero, then the first that is well apart from those chosen, or else the one farthest apart.
+
+    `least` is the sine below which a direction counts as dependent.
+    """
+    chosen: list[int] = []
+    axes: list[Floats] = []
+    while len(chosen) < most:
+        apart = []
+        for d in directions:
+            size = np.linalg.norm(d)
+            unit = d / size if size > 0.0 else d
+            apart.append(
+                float(np.linalg.norm(unit - sum(((unit @ a) * a for a in axes), 0.0 * d)))
+            )
+        good = [k for k, sine in enumerate(apart) if sine > _APART]
+        best = good[0] if good else int(np.argmax(apart)) if apart else -1
+        if best < 0 or apart[best] < least:
+            break
+        d = directions[best] / np.linalg.norm(directions[best])
+        d = d - sum(((d @ a) * a for a in axes), 0.0 * d)
+        chosen.append(best)
+        axes.append(d / np.linalg.norm(d))
+    return chosen
 
 
 def cut(mechanism: Mechanism) -> Layout:

@@ -68,11 +68,13 @@ class Frame:
 class Joint:
     """A joint between `parent` and `child` (bodies, or 'ground').
 
-    kind: in the plane 'revolute', 'slider', 'prismatic', 'weld', 'blade', 'no_slip'; in space
+    kind: in the plane 'revolute', 'slider', 'prismatic', 'weld', 'gear', 'rack', 'blade',
+    'no_slip'; in space
     'spherical', 'revolute', 'universal', 'cylindrical', 'prismatic', 'planar', 'weld', 'distance',
     'perpendicular', 'no_slip'. `frames` are those of the joint on parent and child. What the two
     share is named `point` and `vector` (the axis): it needs no constraint. `value` is what the
-    kind needs besides: 'distance': m; 'no_slip': radius of the wheel, m.
+    kind needs besides: 'distance': m; 'no_slip', 'rack', 'gear': radius of the child, m. A gear
+    has that of its parent too (`of_parent`, m); the smaller of an internal pair is negative.
     """
 
     name: str
@@ -83,6 +85,7 @@ class Joint:
     point: str | None = None
     vector: str | None = None
     value: float = 0.0
+    of_parent: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from alf_ros import repetition
+from alf_ros import mechanism_gears, repetition
 from alf_ros.arrays import Floats
 from alf_ros.document import Entry
 from alf_ros.mechanism import GROUND, Body, Frame, Joint, Numbers, Point, Vector
@@ -24,6 +24,8 @@ PLANAR = {
     'slider': ('point', 'on'),
     'prismatic': ('at', 'axis'),
     'weld': ('at',),
+    'gear': ('centres', 'radii'),
+    'rack': ('at', 'on', 'radius'),
     'blade': ('at', 'axis'),
     'no_slip': ('at', 'on', 'radius'),
 }
@@ -39,7 +41,7 @@ SPATIAL = {
     'distance': ('points',),
     'no_slip': ('at', 'on', 'radius'),
 }
-OPTIONAL = {'distance': ('length',)}
+OPTIONAL = {'distance': ('length',), 'gear': ('internal',)}
 ROLLING = ('blade', 'no_slip')  # of a body on the ground
 
 
@@ -65,7 +67,7 @@ class JointReader:
     def read(self, section: Entry, names: Mapping[str, float]) -> Iterator[tuple[Item, Joint]]:
         types = PLANAR if self.dimension == 2 else SPATIAL
         other = SPATIAL if self.dimension == 2 else PLANAR
-        keys = {'type', 'between', *(key for needed in types.values() for key in needed), 'length'}
+        keys = {'type', 'between', *sum((*types.values(), *OPTIONAL.values()), ())}
         for item in repetition.repeated(section, keys, ('type',), names):
             kind = item.fields['type'].text()
             if kind in other and kind not in types:
@@ -86,6 +88,10 @@ class JointReader:
         if kind in ROLLING and parent != GROUND:
             message = f'{kind} is between the ground and a body'
             raise fields['between'].error(message, value=parent, expected=f'[ground, {child}]')
+        if kind == 'gear':
+            return mechanism_gears.gear(self, item, parent, child)
+        if kind == 'rack':
+            return mechanism_gears.rack(self, item, parent, child)
         if kind == 'distance':
             return self.distance(item, parent, child)
         if kind == 'perpendicular':

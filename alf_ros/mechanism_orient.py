@@ -14,11 +14,12 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.document import Entry
+from alf_ros.layout import independent
 from alf_ros.mechanism import Body, Joint, Vector
 from alf_ros.mechanism_bodies import Pose
 
 _FREE = ('spherical', 'distance')  # joints that hold no axis
-_INDEPENDENT = 1e-6  # smallest singular value of unit directions that count as independent
+_APART = 0.1  # sine of the least angle at which directions carry a body well
 
 
 def orient(
@@ -32,14 +33,16 @@ def orient(
     held = {name for joint in joints if joint.kind not in _FREE for name in _both(joint)}
     for name, body in list(bodies.items()):
         directions = [np.array(each) for each in (*body.local[1:], *body.axes)]
-        rank = _rank(directions)
-        if rank == 3 or (rank <= 1 and name not in held and not _turns(body)):
+        rank = len(independent(directions, 3))
+        chosen = [directions[k] for k in independent(directions, 3, _APART)]
+        if len(chosen) == 3 or (rank <= 1 and name not in held and not _turns(body)):
             continue
         added: list[tuple[str, Floats]] = []
         # the frame has x along the first direction and y in the plane of the next
         for axis, e in zip('zyx', np.eye(3)[::-1], strict=True):
-            if rank + len(added) < 3 and _rank([*directions, e]) > _rank(directions):
-                directions.append(e)
+            more = [*chosen, e]
+            if len(chosen) < 3 and len(independent(more, 3, _APART)) == len(more):
+                chosen = more
                 added.append((f'{name}_{axis}', e))
         for vector, e in added:
             if vector in entries:
@@ -64,10 +67,3 @@ def _turns(body: Body) -> bool:
     """Whether it has inertia about the axis of its points, or axes of its own."""
     moments = np.array(body.inertia)
     return bool(moments[0].any() or body.axes or np.any(np.array(body.com)[1:]))
-
-
-def _rank(directions: list[Floats]) -> int:
-    units = [d / np.linalg.norm(d) for d in directions if d.any()]
-    if not units:
-        return 0
-    return int((np.linalg.svd(np.array(units), compute_uv=False) > _INDEPENDENT).sum())

@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from alf_ros import form
+from alf_ros import form, rolling
 from alf_ros.arrays import Floats, Indices
 from alf_ros.form import Form
 from alf_ros.kernel import Rows
-from alf_ros.layout import TURN, Layout
+from alf_ros.layout import Layout
 from alf_ros.mechanism import Body, Joint
 
 Terms = dict[int, dict[int, Floats]]
@@ -97,40 +97,43 @@ def unit_rows(layout: Layout) -> Iterator[Row]:
         block = layout.of_vector[vector.name]
         if not vector.fixed and block in carrying:
             v = form.of_block(block, layout.dimension)
-            yield _half(product(f'{vector.name}_unit', v, v, layout.length**2))
+            yield _times(0.5, product(f'{vector.name}_unit', v, v, layout.length**2))
 
 
-def _half(row: Row) -> Row:
-    """Half of a row, so that its gradient is the vector itself, as in a distance row."""
+def _times(factor: float, row: Row) -> Row:
+    """A multiple of a row; half of a square has the vector itself as gradient, as a distance."""
     return replace(
         row,
-        b={i: 0.5 * b for i, b in row.b.items()},
-        terms={i: {j: 0.5 * T for j, T in t.items()} for i, t in row.terms.items()},
-        c=0.5 * row.c,
+        b={i: factor * b for i, b in row.b.items()},
+        terms={i: {j: factor * T for j, T in t.items()} for i, t in row.terms.items()},
+        c=factor * row.c,
     )
 
 
 def rigidity(body: Body, layout: Layout) -> Iterator[Row]:
-    """Lengths and angles of the basis of a body; every further point and vector from it."""
+    """Lengths and angles of the basis of a body; every further point and vector from it.
+
+    A row between fixed blocks binds nothing that moves, but it is there: a body on two fixed
+    points has one constraint too many, and a reaction along the line between them that is open.
+    """
     D, basis, blocks = layout.dimension, layout.basis(body.name), layout.of_body[body.name]
     named = dict(zip(blocks, (*body.points, *body.vectors), strict=True))
     local = {block: layout.local(body, n) for n, block in enumerate(blocks)}
-
-    def moves(f: Form) -> bool:
-        return any(block < layout.movable for block in f.parts)
 
     before: list[tuple[int, Form]] = []
     for n, (end, is_point) in enumerate(zip(basis.ends, basis.is_point, strict=True)):
         d = form.of_block(end, D)
         if is_point:
             d = d - form.of_block(basis.first, D)
-            if moves(d):
-                name = f'{body.name}_length' if n == 0 else f'{body.name}_{named[end]}_length'
-                yield distance(name, basis.first, end, float(np.linalg.norm(local[end])))
+            name = f'{body.name}_length' if n == 0 else f'{body.name}_{named[end]}_length'
+            length = float(np.linalg.norm(local[end]))
+            if min(basis.first, end) < layout.movable:
+                yield distance(name, basis.first, end, length)
+            else:
+                yield _times(0.5 / length, product(name, d, d, length**2))  # so it is in m
         for other, e in before:
-            if moves(d + e):
-                name = f'{body.name}_{named[other]}_{named[end]}'
-                yield product(name, e, d, float(local[end] @ local[other]))
+            name = f'{body.name}_{named[other]}_{named[end]}'
+            yield product(name, e, d, float(local[end] @ local[other]))
         before.append((end, d))
     for block, name in named.items():  # what does not carry follows
         if block in (basis.first, *basis.ends):
@@ -138,9 +141,8 @@ def rigidity(body: Body, layout: Layout) -> Iterator[Row]:
         gap = form.of_block(block, D) - layout.direction(body.name, tuple(local[block]))
         if name in body.points:
             gap = gap - form.of_block(basis.first, D)
-        if moves(gap):
-            for axis, along in zip('xyz', np.eye(D), strict=False):
-                yield linear(f'{body.name}_{name}_{axis}', along, gap)
+        for axis, along in zip('xyz', np.eye(D), strict=False):
+            yield linear(f'{body.name}_{name}_{axis}', along, gap)
 
 
 def joint_rows(joint: Joint, layout: Layout) -> list[Row]:
@@ -180,7 +182,10 @@ def joint_rows(joint: Joint, layout: Layout) -> list[Row]:
             rows.append(motion(joint.name, (axis(1, 1), layout.place(joint.child, tip.origin))))
         if kind == 'no_slip':
             add('touch', axis(0, 1), gap, joint.value)
-            rows.append(_rolling_in_plane(joint, layout))
+        if kind in ('no_slip', 'rack'):
+            rows.append(motion(joint.name, *rolling.on_a_line(joint, layout)))
+        if kind == 'gear':
+            rows.append(motion(joint.name, *rolling.of_gears(joint, layout)))
         return rows
     if kind in ('spherical', 'revolute', 'universal', 'weld'):
         coincide()
@@ -198,33 +203,11 @@ def joint_rows(joint: Joint, layout: Layout) -> list[Row]:
     if kind in ('planar', 'no_slip'):
         add('touch', axis(0, 2), gap, joint.value)
     if kind == 'no_slip':
-        rows += _rolling_in_space(joint, layout)
+        for name, pairs in rolling.on_a_plane(joint, layout):
+            rows.append(motion(f'{joint.name}_{name}', *pairs))
     if kind == 'distance':
-        rows.append(_half(product(joint.name, gap, gap, joint.value**2)))
+        rows.append(_times(0.5, product(joint.name, gap, gap, joint.value**2)))
     return rows
-
-
-def _rolling_in_plane(joint: Joint, layout: Layout) -> Row:
-    """x·v + R ω = 0 at the contact O - R y, with ω = J d · ḋ / |d|²."""
-    base, tip = joint.frames
-    x = layout.direction(joint.parent, base.axes[0])
-    centre = layout.place(joint.child, tip.origin)
-    d = layout.direction(joint.child, (1.0, 0.0))
-    return motion(joint.name, (x, centre), (d.times(joint.value * TURN), d))
-
-
-def _rolling_in_space(joint: Joint, layout: Layout) -> Iterator[Row]:
-    """t·(v + ω × r) = 0 for t = x, y of the plane, r = -R z; ω × r = Σ (r·u_k) u̇_k, axes u_k."""
-    base, tip = joint.frames
-    centre = layout.place(joint.child, tip.origin)
-    normal = np.array(base.axes[2])
-    for name, t in zip('xy', np.array(base.axes[:2]), strict=True):
-        pairs = [(form.constant(tuple(t)), centre)]
-        for k in range(3):
-            u = layout.direction(joint.child, tuple(np.eye(3)[k]))
-            # t · u̇_k times -R z · u_k: the matrix t zᵀ carries u_k to where it meets u̇_k
-            pairs.append((u.times(-joint.value * np.outer(t, normal)), u))
-        yield motion(f'{joint.name}_{name}', *pairs)
 
 
 # ------------------------------------------------------------------------------------- arrays

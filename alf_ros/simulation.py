@@ -110,7 +110,7 @@ class Simulation:
             raise AssemblyError(error.message, file=scene.file, key=error.key) from None
         self._dependent_rows, _, sigma = assembly.ordinary(self.model, q)
         # rounding e on Φ turns a row at x = σ / ordinary by e / (ordinary x²), and q̈ by 1 / x more
-        close = 2e-3 * (0.5 / sigma) ** (1.0 / 3.0)
+        close = 5e-4 * (0.5 / sigma) ** (1.0 / 3.0)
         system = replace(self.model.system, ordinary=sigma, close=close)
         self.model = replace(self.model, system=system)
         self._applied = Applied(self.model, scene.effects, NO_INPUTS)

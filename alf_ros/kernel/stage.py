@@ -10,7 +10,7 @@ from alf_ros.kernel.manifold import place
 from alf_ros.kernel.vectors import copy, zero
 
 _ROOM = 4.0  # how often what a stage is moved onto Φ = 0 must go into that distance
-SPACING = 4.0  # of the places around a position, in parts of what is too close
+SPACING = 6.0  # of the places around a position, in parts of what is too close
 _WEIGHTS = (56.0 / 70.0, -28.0 / 70.0, 8.0 / 70.0, -1.0 / 70.0)
 
 
