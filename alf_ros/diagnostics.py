@@ -40,9 +40,8 @@ class Report:
     values: Mapping[str, object]
 
 
-def solver(sample: Sample, paused: bool, failure: StepError | None) -> Report:
+def solver(sample: Sample, state: str, failure: StepError | None) -> Report:
     """Steps made, iterations and cost; after a failed step its reason and the remedy."""
-    state = 'failed' if failure else 'paused' if paused else 'playing'
     values = {
         'state': state,
         'simulated_time_s': sample.t,

@@ -25,7 +25,9 @@ from alf_ros.messages import WORLD
 
 if TYPE_CHECKING:
     from rclpy.node import Node
+    from rclpy.subscription import Subscription
 
+    from alf_ros.applied import Inputs as HeldInputs
     from alf_ros.simulation import Simulation
 
 REASONS = (
@@ -131,11 +133,21 @@ class Inputs:
         self.last_trouble = ''
         self._trouble_time = -math.inf
         self._held: dict[tuple[str, str], float] = {}  # (kind, name) -> renewed at, s
-        self._node, self._simulation = node, simulation
-        self._journal, self._alarm = journal, alarm
+        self._node, self._journal, self._alarm = node, journal, alarm
         self._prefix = f'{node.get_fully_qualified_name()}/wrench/'
+        self._subscriptions: list[Subscription] = []
+        node.create_subscription(JointState, 'joint_commands', self._on_efforts, _QUEUE)
+        self.load(simulation)
+
+    def load(self, simulation: Simulation) -> None:
+        """Take commands for this mechanism from now on, and for no other."""
+        self._held.clear()
+        for subscription in self._subscriptions:
+            self._node.destroy_subscription(subscription)
+        self._subscriptions.clear()
         self._seen: set[tuple[str, str]] = set()
         self._unknown = 0
+        self.use(simulation)
         mechanism = simulation.model.mechanism
         # Dictionaries for their order and their quick look-up.
         self._bodies = dict.fromkeys(simulation.model.body_names)
@@ -145,12 +157,21 @@ class Inputs:
         unfit = [name for name in names if not _TOKEN.fullmatch(name)]
         if unfit:
             text = f'no wrench topic for names that ROS topics cannot have: {", ".join(unfit[:8])}'
-            node.get_logger().warning(text)
+            self._node.get_logger().warning(text)
         if len(names) <= SUBSCRIBED_AT_START:
             for name in names:
                 if name not in unfit:
                     self._subscribe(name)
-        node.create_subscription(JointState, 'joint_commands', self._on_efforts, _QUEUE)
+
+    def use(self, simulation: Simulation) -> None:
+        """Apply commands to this simulation of the same mechanism from now on."""
+        self._simulation = simulation
+
+    def hold(self, inputs: HeldInputs) -> None:
+        """What a restored state holds counts as commanded now."""
+        now = time.monotonic()
+        self._held = {('wrench', name): now for name in inputs.wrenches}
+        self._held.update({('effort', name): now for name in inputs.efforts})
 
     @property
     def held(self) -> int:
@@ -202,11 +223,13 @@ class Inputs:
             self._unknown += 1
             if self._unknown > SUBSCRIBED_AT_START:
                 return
-        self._node.create_subscription(
-            WrenchStamped,
-            f'~/wrench/{name}',
-            lambda message: self._on_wrench(message, name),
-            _QUEUE,
+        self._subscriptions.append(
+            self._node.create_subscription(
+                WrenchStamped,
+                f'~/wrench/{name}',
+                lambda message: self._on_wrench(message, name),
+                _QUEUE,
+            )
         )
 
     def _on_wrench(self, message: WrenchStamped, name: str) -> None:

@@ -8,13 +8,11 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Vector3, Wrench
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, MultiDOFJointState
@@ -28,12 +26,6 @@ if TYPE_CHECKING:
 
 WORLD = 'world'
 
-# Reliable publishers match both reliable and best-effort readers.
-RELIABLE = QoSProfile(depth=10)
-# As rclcpp::ClockQoS: an old clock message is worth nothing.
-BEST_EFFORT = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-
 # CDR, little endian: a header of 4 bytes, then a leading stamp or Header.stamp.
 _STAMP = struct.Struct('<iI')
 _STAMP_AT = 4
@@ -41,12 +33,12 @@ _STAMP_AT = 4
 Write = Callable[['Sample', int], bytes]
 
 
-def stamp_ns(t: float) -> int:
-    """Stamp (ns) of the simulated time `t` (s), rounded to the nearest nanosecond.
+def stamp_ns(t: float, ahead: int = 0) -> int:
+    """Stamp (ns) of the simulated time `t` (s), to the nearest nanosecond, and `ahead` (ns) more.
 
     A stamp of zero means "no time yet" in ROS, so the initial state at t = 0 is stamped 1 ns.
     """
-    return max(1, round(t * 1e9))
+    return max(1, round(t * 1e9) + ahead)
 
 
 def to_time(ns: int) -> Time:
@@ -164,28 +156,3 @@ def clock(model: Model) -> Write:
         return template.bytes()
 
     return write
-
-
-@dataclass(frozen=True)
-class Topic:
-    """A topic of the simulator; `name` is what a user writes, `make(model)` gives its writer, or
-    None if there is nothing to say: a free body has no joints."""
-
-    name: str
-    type: type
-    qos: QoSProfile
-    make: Callable[[Model], Write | None]
-
-    @property
-    def key(self) -> str:
-        """The name without '~/' or '/': what stands behind `publish.` in the parameters."""
-        return self.name.rpartition('/')[2]
-
-
-TOPICS = (
-    Topic('joint_states', JointState, RELIABLE, joint_states),
-    Topic('~/reactions', MultiDOFJointState, RELIABLE, reactions),
-    Topic('~/constraints', JointState, RELIABLE, constraints),
-    Topic('~/energy', Float64, RELIABLE, energy),
-    Topic('/clock', Clock, BEST_EFFORT, clock),
-)

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 
 from alf_ros.errors import InputError
-from alf_ros.messages import LATCHED, RELIABLE, TOPICS, stamp_ns
+from alf_ros.topics import LATCHED, RELIABLE, TOPICS
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from alf_ros.model import Model
     from alf_ros.recorder import Recorder
     from alf_ros.sample import Sample
+    from alf_ros.scene import Scene
 
 
 class Output:
@@ -89,16 +91,19 @@ class Outputs:
     def warm_up(self, sample: Sample) -> None:
         """Write every message once, so that no tick has to wait for a compiler."""
         for write in self._write.values():
-            write(sample, stamp_ns(sample.t))
+            write(sample, 1)
+
+    def describe(self, scene: Scene, ns: int) -> None:
+        """Say which scene runs."""
+        self.scene.send(serialize_message(String(data=scene.text)), ns)
 
     def record(self, recorder: Recorder | None) -> None:
         """From now on log to `recorder`."""
         for output in self._recorded:
             output.recorder = recorder
 
-    def send(self, sample: Sample, record: bool = True) -> None:
-        """Publish and log what is wanted of `sample`, all with one stamp."""
-        ns = stamp_ns(sample.t)
+    def send(self, sample: Sample, ns: int, record: bool = True) -> None:
+        """Publish and log what is wanted of `sample`, all with the stamp `ns`."""
         for name, write in self._write.items():
             output = self.samples[name]
             if output.wanted:

@@ -10,7 +10,8 @@ from sensor_msgs.msg import JointState
 
 from alf_ros import Simulation, diagnostics, load_scene
 from alf_ros.errors import StepError
-from alf_ros.messages import TOPICS, stamp_ns, to_time
+from alf_ros.messages import stamp_ns, to_time
+from alf_ros.topics import TOPICS
 
 HANGING_ROD = {
     'name': 'hanging_rod',
@@ -147,13 +148,13 @@ def test_what_has_no_joints_says_nothing_of_joints():
     mechanism = {'alf': 1, 'space': 'planar', 'points': {'A': {'at': [0, 0]}}, 'bodies': bob}
     model = Simulation(load_scene({'mechanism': mechanism})).model
     made = [topic.name for topic in TOPICS if topic.make(model) is not None]
-    assert made == ['~/energy', '/clock']
+    assert made == ['~/energy', 'clock']
 
 
 def test_diagnostics_have_fixed_keys_with_units(slider_crank):
     sample = slider_crank.sample()
     reports = [
-        diagnostics.solver(sample, False, None),
+        diagnostics.solver(sample, 'playing', None),
         diagnostics.constraints(sample),
         diagnostics.energy(sample, 13.0),
         diagnostics.record(None),
@@ -170,6 +171,6 @@ def test_diagnostics_have_fixed_keys_with_units(slider_crank):
     assert keys['simulator: energy'] == ['energy_j', 'initial_energy_j', 'change_j']
     assert {status.hardware_id for status in message.status} == {'slider_crank'}
     assert all(status.level == diagnostics.OK for status in message.status)
-    failed = diagnostics.solver(sample, True, StepError('bent', 'take a smaller step', 1.0))
+    failed = diagnostics.solver(sample, 'failed', StepError('bent', 'take a smaller step', 1.0))
     assert failed.level == diagnostics.ERROR and 'smaller step' in failed.message
     assert list(failed.values) == keys['simulator: solver']
