@@ -47,6 +47,7 @@ setup(
         (f'share/{NAME}', ['package.xml']),
         (f'share/{NAME}/launch', glob('launch/*.launch.py')),
         (f'share/{NAME}/config', glob('config/*.yaml')),
+        (f'share/{NAME}/config/security', glob('config/security/*.xml')),
         (f'share/{NAME}/config/mechanisms', glob('config/mechanisms/*.yaml')),
         (f'share/{NAME}/config/scenes', glob('config/scenes/*.yaml')),
     ],

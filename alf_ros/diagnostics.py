@@ -27,6 +27,8 @@ CONSTRAINTS = (
     'redundant',
     'singular',
 )
+# Part of the ticks that may come late: on a busy desktop some always do.
+MOST_LATE = 0.05
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
 
@@ -55,7 +57,8 @@ def solver(sample: Sample, state: str, failure: StepError | None) -> Report:
 
 
 def constraints(sample: Sample) -> Report:
-    """Violations, and what the rows say of the position: rank, redundant rows, singular or not."""
+    """Violations, and what the rows say of the position: rank and redundant rows. WARN at a
+    singular position."""
     found = sample.diagnostics
     try:
         values = (
@@ -68,8 +71,11 @@ def constraints(sample: Sample) -> Report:
     except StepError as error:
         unknown = dict.fromkeys(CONSTRAINTS, 'unknown')
         return Report('constraints', ERROR, str(error), unknown)
-    message = 'singular position' if found.singular else f'{found.redundant} redundant rows'
-    return Report('constraints', OK, message, dict(zip(CONSTRAINTS, values, strict=True)))
+    told = dict(zip(CONSTRAINTS, values, strict=True))
+    if found.singular:
+        message = 'singular position: the reactions are not unique here'
+        return Report('constraints', WARN, message, told)
+    return Report('constraints', OK, f'{found.redundant} redundant rows', told)
 
 
 def energy(sample: Sample, initial: float) -> Report:
@@ -82,8 +88,18 @@ def energy(sample: Sample, initial: float) -> Report:
     return Report('energy', OK, f'{sample.energy:.6g} J', values)
 
 
-def timing(pacer: Pacer, paused: bool, lost_before: float) -> Report:
-    """Real-time factor achieved, overruns, lateness. WARN when real time was lost lately."""
+@dataclass(frozen=True)
+class Pace:
+    """What a pacer had counted at some time: ticks, overruns, real time lost (s)."""
+
+    ticks: int
+    overruns: int
+    lost: float
+
+
+def timing(pacer: Pacer, paused: bool, before: Pace) -> Report:
+    """Real-time factor achieved, overruns, lateness. WARN when real time was lost since `before`,
+    or more than one tick in twenty came late."""
     values = {
         'real_time_factor': pacer.achieved,
         'wanted_real_time_factor': pacer.factor,
@@ -94,9 +110,12 @@ def timing(pacer: Pacer, paused: bool, lost_before: float) -> Report:
         'lateness_p50_s': pacer.lateness[0],
         'lateness_p99_s': pacer.lateness[1],
     }
-    lost = pacer.lost - lost_before
+    lost = pacer.lost - before.lost
     if lost > 0.0:
         return Report('timing', WARN, f'too slow: {lost:.3g} s of real time lost', values)
+    late, ticks = pacer.overruns - before.overruns, pacer.ticks - before.ticks
+    if late > MOST_LATE * ticks:
+        return Report('timing', WARN, f'{late} overruns in the last {ticks} ticks', values)
     message = 'paused' if paused else f'real-time factor {pacer.achieved:.3f}'
     return Report('timing', OK, message, values)
 

@@ -62,19 +62,25 @@ class Refused(Exception):
 
 
 def read_wrench(
-    message: WrenchStamped, name: str, bodies: Collection[str], points: Collection[str]
+    message: WrenchStamped,
+    name: str,
+    bodies: Collection[str],
+    points: Collection[str],
+    frame_prefix: str = '',
 ) -> dict[str, Any]:
     """Planar wrench for body or movable point `name`: keywords of `Simulation.apply_wrench`.
 
     Force (N) at the body's centre of mass or at the point, torque (N m) about +z. `frame_id` '' or
-    'world': world axes; the body's own name: its axes, turning with it. Raises Refused.
+    'world': world axes; the body's own name, also behind `frame_prefix`: its axes, turning with
+    it. Raises Refused.
     """
     force, torque, frame = message.wrench.force, message.wrench.torque, message.header.frame_id
     is_body = name in bodies
     if not is_body and name not in points:
         hint = _hint(name, (*bodies, *points))
         raise Refused('unknown_name', f'unknown body or movable point {hint}')
-    if frame not in ('', WORLD) and not (is_body and frame == name):
+    of_body = is_body and frame in (name, frame_prefix + name)
+    if frame not in ('', WORLD) and not of_body:
         own = f' or {name!r}' if is_body else ''
         raise Refused('unknown_frame', f'{name}: frame {frame!r} is not {WORLD!r}{own}')
     if not all(map(math.isfinite, (force.x, force.y, force.z, torque.x, torque.y, torque.z))):
@@ -85,7 +91,7 @@ def read_wrench(
         'name': name,
         'force': (force.x, force.y),
         'torque': torque.z,
-        'frame': 'body' if frame == name else 'world',
+        'frame': 'body' if of_body else 'world',
     }
 
 
@@ -127,6 +133,7 @@ class Inputs:
         self, node: Node, simulation: Simulation, journal: Journal, alarm: Callable[[], None]
     ) -> None:
         self.timeout = 0.0
+        self.frame_prefix = ''
         self.accepted = 0
         self.timed_out = 0
         self.refused = dict.fromkeys(REASONS, 0)
@@ -234,7 +241,8 @@ class Inputs:
 
     def _on_wrench(self, message: WrenchStamped, name: str) -> None:
         try:
-            self._apply_wrench(read_wrench(message, name, self._bodies, self._points))
+            prefix = self.frame_prefix
+            self._apply_wrench(read_wrench(message, name, self._bodies, self._points, prefix))
         except Refused as refused:
             self._refuse(refused)
         else:

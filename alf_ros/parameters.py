@@ -17,7 +17,7 @@ from rclpy.parameter import Parameter
 
 from alf_ros.document import LARGEST
 from alf_ros.errors import InputError
-from alf_ros.topics import TOPICS
+from alf_ros.topics import TF, TOPICS
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -26,7 +26,9 @@ if TYPE_CHECKING:
 
 # YAML, and so every ROS command line, turns an unquoted on or off into a boolean.
 MODES = {'auto': 'auto', 'on': 'on', 'off': 'off', True: 'on', False: 'off'}
-TOPIC_NAMES = (*(topic.name for topic in TOPICS), '/diagnostics')
+OFFERED = (*(topic.name for topic in TOPICS), '/diagnostics', 'robot_description')
+TOPIC_NAMES = OFFERED if TF in OFFERED else (*OFFERED, TF)
+_DEFAULT_MODE = {TF: 'off'}
 RECORDED = ['joint_states', '~/reactions', '~/constraints', '~/energy', '/diagnostics']
 # A saved state's name is a file's name.
 _STATE_NAME = re.compile(r'[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}')
@@ -163,8 +165,29 @@ def node_specs(rate: float) -> list[Spec]:
         Spec('record.enabled', True, 'Record an MCAP log'),
         Spec('record.folder', 'logs', 'Folder in which each run makes a folder for its log'),
         Spec('record.topics', RECORDED, f'Recorded topics, of {", ".join(TOPIC_NAMES)}'),
+        Spec(
+            'display_rate',
+            30.0,
+            'Messages per simulated second on ~/markers and tf, Hz, at most `rate`',
+            (1e-6, 1e5),
+            fixed=False,
+        ),
+        Spec(
+            'force_scale',
+            0.0,
+            'Length of the arrows of forces, m/N; 0: that of its weight is a quarter of its size',
+            (0.0, 1e6),
+            fixed=False,
+        ),
+        Spec('frame_prefix', '', 'Stands before the names of bodies as frames, such as left/'),
         *(
-            Spec(mode_of(name), 'auto', f'Publish {name}: {modes}', fixed=False, untyped=True)
+            Spec(
+                mode_of(name),
+                _DEFAULT_MODE.get(name, 'auto'),
+                f'Publish {name}: {modes}',
+                fixed=False,
+                untyped=True,
+            )
             for name in TOPIC_NAMES
         ),
     ]
@@ -236,6 +259,9 @@ def refusal(parameter: Parameter[Any]) -> str:
         for topic in value:
             if topic not in TOPIC_NAMES:
                 return str(InputError('unknown topic', key=name, value=topic, choices=TOPIC_NAMES))
+    asked = name == mode_of(TF) and MODES[value] != 'off'
+    if TF not in OFFERED and (asked or (name == 'record.topics' and TF in value)):
+        return f'{name}: tf needs tf2_msgs, which comes with a ROS 2 installation: source one'
     if name == 'state.name' and not _STATE_NAME.fullmatch(value):
         wanted = "letters, digits, '_', '.', '-'; at most 100"
         return str(InputError('not a name', key=name, value=value, expected=wanted))

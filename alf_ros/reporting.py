@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from rclpy.serialization import serialize_message
 
 from alf_ros import diagnostics
+from alf_ros.diagnostics import Pace
 from alf_ros.errors import StepError
 from alf_ros.messages import to_time
 from alf_ros.status import PLAIN_PERIOD, Status
@@ -35,16 +36,17 @@ class Reporting:
         self._status = status
         self._looks = 0
         self._alarms: tuple[bool, ...] = ()
-        self._lost = 0.0  # real time lost up to the last regular diagnosis, s
+        self._before = Pace(0, 0, 0.0)  # at the last regular diagnosis
 
     def look(self) -> None:
         """To be called every `LOOK_PERIOD`."""
         self._looks += 1
+        self._outputs.look(self._control.run.stamp)
         run = self._control.run
         recorder = run.recorder
         alarms = (
             self._control.inputs.troubled,
-            self._pacer.lost > self._lost,
+            self._pacer.lost > self._before.lost,
             recorder is not None and bool(recorder.dropped or recorder.error),
         )
         regular = self._looks % LOOKS_PER_DIAGNOSIS == 0
@@ -52,10 +54,10 @@ class Reporting:
             self._alarms = alarms
             self.diagnose()
         if regular:
-            self._lost = self._pacer.lost
+            self._before = Pace(self._pacer.ticks, self._pacer.overruns, self._pacer.lost)
             if self._control.paused:
                 # Who came late, or missed the message, sees the state as well.
-                run.send(record=False)
+                run.send(record=False, whole=True)
         if self._status.live or self._looks % round(PLAIN_PERIOD / LOOK_PERIOD) == 0:
             self._status.show(self._line())
 
@@ -73,7 +75,7 @@ class Reporting:
             diagnostics.solver(sample, self._control.state, run.failure),
             diagnostics.constraints(sample),
             diagnostics.energy(sample, run.initial_energy),
-            diagnostics.timing(self._pacer, self._control.paused, self._lost),
+            diagnostics.timing(self._pacer, self._control.paused, self._before),
             diagnostics.commands(self._control.inputs),
             diagnostics.record(run.recorder),
         ]

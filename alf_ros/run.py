@@ -88,7 +88,7 @@ class Run:
         self._outputs.describe(scene, self.stamp)
         self.note({'kind': 'start', **about})
         self.initial_energy = self.simulation.sample().energy
-        self.send()
+        self.send(whole=True)
 
     def change(self, setup: Setup, effects: dict[str, Any]) -> None:
         """Go on with other settings at the same state; `effects` are the numbers that changed."""
@@ -114,10 +114,10 @@ class Run:
             self.failure = None
             self.send()
 
-    def send(self, record: bool = True) -> None:
-        """Publish and log the present state."""
+    def send(self, record: bool = True, whole: bool = False) -> None:
+        """Publish and log the present state; `whole` also what is not shown at every tick."""
         try:
-            self._outputs.send(self.simulation.sample(), self.stamp, record)
+            self._outputs.send(self.simulation.sample(), self.stamp, record, whole)
         except StepError as error:
             self.failure = error
 

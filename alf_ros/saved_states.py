@@ -39,7 +39,9 @@ def from_data(data: dict[str, Any], like: State) -> State:
             fields[field.name] = _like(data[field.name], getattr(like, field.name))
     wrenches = {}
     for name, wrench in data['inputs']['wrenches'].items():
-        wrenches[name] = Wrench(**{**wrench, 'force': tuple(wrench['force'])})
+        held: dict[str, Any] = dict(wrench)
+        held.update({key: tuple(value) for key, value in held.items() if type(value) is list})
+        wrenches[name] = Wrench(**held)
     return State(**fields, inputs=Inputs(wrenches, dict(data['inputs']['efforts'])))
 
 

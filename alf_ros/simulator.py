@@ -14,6 +14,7 @@ from rclpy.parameter import Parameter
 from rclpy.task import Future
 
 from alf_ros import parameters
+from alf_ros.display import Display
 from alf_ros.errors import AlfError, InputError, StepError
 from alf_ros.outputs import Outputs
 from alf_ros.pacing import SHORTEST_BEAT, Pacer
@@ -70,7 +71,8 @@ class Simulator(Node):
         effects = parameters.declare(self, parameters.effect_specs(drawn))
         rate = settings.default_rate(solver['solver.step'])
         values = parameters.declare(self, parameters.node_specs(rate))
-        self._outputs = Outputs(self, values['record.topics'])
+        display = Display(values['frame_prefix'])
+        self._outputs = Outputs(self, values['record.topics'], display)
         parameters.check_names(self)
 
         status.enabled = values['status_line']
@@ -102,6 +104,7 @@ class Simulator(Node):
         self._pacer = Pacer(setup.tick, values['real_time_factor'])
         # The alarm looks the report up when it comes: that needs the control, which needs this.
         inputs = Inputs(self, setup.simulation, run.note, lambda: self._reporting.diagnose())
+        inputs.frame_prefix = values['frame_prefix']
         saved = SavedStates(Path(values['state.folder']) if values['state.folder'] else None)
         self._control = Control(
             run, self._pacer, inputs, saved, self._on_event, self._pace, self._finish
@@ -216,16 +219,23 @@ class Simulator(Node):
                 self._load(setup)
             else:
                 self._control.change(setup, values)
+        self._thin_out()
         modes = {parameters.mode_of(name): name for name in self._outputs.optional}
         for parameter in changed:
             if parameter.name in modes:
                 mode = parameters.MODES[parameter.value]
                 self._outputs.optional[modes[parameter.name]].mode = mode
+            elif parameter.name == 'force_scale':
+                self._outputs.display.force_scale = parameter.value
             elif parameter.name == 'command_timeout':
                 self._control.inputs.timeout = parameter.value
             elif parameter.name == 'real_time_factor' and parameter.value != self._pacer.factor:
                 self._pacer.set_factor(parameter.value)
                 self._pace()
+
+    def _thin_out(self) -> None:
+        rate, wanted = (self.get_parameter(name).value for name in ('rate', 'display_rate'))
+        self._outputs.shown_every = max(1, round(rate / wanted))
 
     def _load(self, setup: Setup) -> None:
         """Another scene, paused at its start; its parameters say what it says."""

@@ -54,7 +54,7 @@ ROOMS = {
         'error_plot',
         'hard_cases',
     ],
-    'messages': ['messages', 'topics'],
+    'messages': ['messages', 'display', 'markers', 'topics', 'transforms', 'urdf'],
     'recorder': ['recorder', 'bag'],
     'node': [
         'node',

@@ -9,6 +9,7 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
 from alf_ros import Simulation, diagnostics, load_scene
+from alf_ros.display import Display
 from alf_ros.errors import StepError
 from alf_ros.messages import stamp_ns, to_time
 from alf_ros.topics import TOPICS
@@ -31,9 +32,10 @@ def messages(simulation):
     sample = simulation.sample()
     return {
         topic.key: deserialize_message(
-            topic.make(simulation.model)(sample, stamp_ns(sample.t)), topic.type
+            topic.make(simulation.model, Display())(sample, stamp_ns(sample.t)), topic.type
         )
         for topic in TOPICS
+        if topic.name != 'tf'
     }
 
 
@@ -114,7 +116,7 @@ def test_energy_is_that_of_the_rods_at_the_start():
 
 def test_messages_are_written_anew_each_time_and_stay_as_they_were():
     simulation = Simulation(load_scene('slider_crank'))
-    write = TOPICS[0].make(simulation.model)
+    write = TOPICS[0].make(simulation.model, Display())
     first = write(simulation.sample(), 1)
     kept = bytes(bytearray(first))
     simulation.step(100)
@@ -147,8 +149,8 @@ def test_what_has_no_joints_says_nothing_of_joints():
     bob = {'bob': {'points': ['A'], 'mass': 1, 'inertia': 'point'}}
     mechanism = {'alf': 1, 'space': 'planar', 'points': {'A': {'at': [0, 0]}}, 'bodies': bob}
     model = Simulation(load_scene({'mechanism': mechanism})).model
-    made = [topic.name for topic in TOPICS if topic.make(model) is not None]
-    assert made == ['~/energy', 'clock']
+    made = [topic.name for topic in TOPICS if topic.make(model, Display()) is not None]
+    assert made == ['~/energy', 'clock', '~/markers']
 
 
 def test_diagnostics_have_fixed_keys_with_units(slider_crank):

@@ -139,6 +139,7 @@ def test_every_parameter_is_described_and_every_number_has_a_range(changed):
         'start_paused',
         'duration',
         'status_line',
+        'frame_prefix',
         'state.folder',
         'record.enabled',
         'record.folder',
