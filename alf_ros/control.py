@@ -68,6 +68,7 @@ class Control:
     def advance(self, now: float) -> None:
         """Make the ticks that are due at `now` (s, steady clock)."""
         due = self._left if self.paused else self._pacer.due(now)
+        self.inputs.apply()
         for _ in range(due):
             self.run.tick()
             if self.paused:
@@ -159,6 +160,7 @@ class Control:
 
     def save(self, name: str) -> str:
         """Keep the present state under `name`."""
+        self.inputs.apply()
         setup = self.run.setup
         return f'{name}: {self.run}, {self._saved.save(name, setup.scene, setup.simulation)}'
 

@@ -58,6 +58,7 @@ ROOMS = {
     'recorder': ['recorder', 'bag'],
     'node': [
         'node',
+        'command_messages',
         'control',
         'diagnostics',
         'inputs',

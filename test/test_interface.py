@@ -101,7 +101,7 @@ def test_parameters(found):
 
 
 def test_reasons_of_refusals():
-    from alf_ros.inputs import REASONS
+    from alf_ros.command_messages import REASONS
 
     documented = {name for names, _ in table('Commands')[3:] for name in names}
     assert set(REASONS) <= documented
