@@ -46,6 +46,7 @@ setup(
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
         (f'share/{NAME}/launch', glob('launch/*.launch.py')),
+        (f'share/{NAME}/rviz', glob('rviz/*.rviz')),
         (f'share/{NAME}/config', glob('config/*.yaml')),
         (f'share/{NAME}/config/security', glob('config/security/*.xml')),
         (f'share/{NAME}/config/mechanisms', glob('config/mechanisms/*.yaml')),
