@@ -13,6 +13,7 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from alf_ros.errors import StepError
+from alf_ros.rank import effective_rank
 
 if TYPE_CHECKING:
     from alf_ros.inputs import Inputs
@@ -26,7 +27,10 @@ CONSTRAINTS = (
     'rank',
     'redundant',
     'singular',
+    'closest_to_singular',
 )
+# From this closeness on: at a tick of 2 ms, no pass of the scenes that come along is missed.
+NEAR_SINGULAR = 1e-4
 # Part of the ticks that may come late: on a busy desktop some always do.
 MOST_LATE = 0.05
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
@@ -56,17 +60,35 @@ def solver(sample: Sample, state: str, failure: StepError | None) -> Report:
     return Report('solver', ERROR if failure else OK, str(failure) if failure else state, values)
 
 
-def constraints(sample: Sample) -> Report:
-    """Violations, and what the rows say of the position: rank and redundant rows. WARN at a
-    singular position."""
+def closeness(sample: Sample) -> float:
+    """How much of a constraint row is lost here: 0 at ordinary positions, 1 (or more) at singular
+    ones; in between the position is near one, at the scale that the step feels."""
+    rank = effective_rank(sample.model, sample._linearised)
+    return len(sample.model.row_names) - rank - sample._dependent_rows()
+
+
+def closeness_if_known(sample: Sample) -> float:
+    """The same, where reactions or multipliers were asked for; else 0: alone it costs more than a
+    small mechanism's step."""
+    return closeness(sample) if '_linearised' in vars(sample) else 0.0
+
+
+def constraints(sample: Sample, closest: float = 0.0) -> Report:
+    """Violations, and what the rows say of the position: rank and redundant rows.
+
+    WARN at a singular position, and when one was passed since the last report: `closest` is the
+    largest closeness since then.
+    """
     found = sample.diagnostics
     try:
+        closest = max(closest, closeness(sample))
         values = (
             found.position_violation,
             found.velocity_violation,
             found.rank,
             found.redundant,
             found.singular,
+            closest,
         )
     except StepError as error:
         unknown = dict.fromkeys(CONSTRAINTS, 'unknown')
@@ -75,6 +97,8 @@ def constraints(sample: Sample) -> Report:
     if found.singular:
         message = 'singular position: the reactions are not unique here'
         return Report('constraints', WARN, message, told)
+    if closest > NEAR_SINGULAR:
+        return Report('constraints', WARN, 'passed near a singular position', told)
     return Report('constraints', OK, f'{found.redundant} redundant rows', told)
 
 

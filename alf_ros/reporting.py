@@ -10,7 +10,7 @@ from alf_ros import diagnostics
 from alf_ros.diagnostics import Pace
 from alf_ros.errors import StepError
 from alf_ros.messages import to_time
-from alf_ros.status import PLAIN_PERIOD, Status
+from alf_ros.status import LOOK_PERIOD, PLAIN_PERIOD, Status
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -19,8 +19,7 @@ if TYPE_CHECKING:
     from alf_ros.outputs import Outputs
     from alf_ros.pacing import Pacer
 
-# Period (s) of `look`; diagnostics come every fourth time.
-LOOK_PERIOD = 0.25
+# Diagnostics come every fourth time.
 LOOKS_PER_DIAGNOSIS = 4
 
 
@@ -73,12 +72,13 @@ class Reporting:
         sample, ns = run.simulation.sample(), run.stamp
         reports = [
             diagnostics.solver(sample, self._control.state, run.failure),
-            diagnostics.constraints(sample),
+            diagnostics.constraints(sample, run.closest),
             diagnostics.energy(sample, run.initial_energy),
             diagnostics.timing(self._pacer, self._control.paused, self._before),
             diagnostics.commands(self._control.inputs),
             diagnostics.record(run.recorder),
         ]
+        run.closest = 0.0
         mechanism = run.setup.scene.mechanism.name
         message = diagnostics.array(self._name, mechanism, to_time(ns), reports)
         output.send(serialize_message(message), ns)

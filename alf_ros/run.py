@@ -10,6 +10,7 @@ from typing import Any
 from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 
+from alf_ros.diagnostics import closeness_if_known
 from alf_ros.errors import StepError
 from alf_ros.messages import stamp_ns
 from alf_ros.outputs import Outputs
@@ -34,6 +35,7 @@ class Run:
         self.recorder: Recorder | None = None
         self.failure: StepError | None = None
         self.initial_energy = 0.0
+        self.closest = 0.0  # to a singular position, since somebody set it back
         self._outputs, self._duration, self._folder = outputs, duration, log_folder
         self._ahead = 0  # ns by which stamps are ahead of the simulated time
 
@@ -117,7 +119,10 @@ class Run:
     def send(self, record: bool = True, whole: bool = False) -> None:
         """Publish and log the present state; `whole` also what is not shown at every tick."""
         try:
-            self._outputs.send(self.simulation.sample(), self.stamp, record, whole)
+            sample = self.simulation.sample()
+            self._outputs.send(sample, self.stamp, record, whole)
+            if self._outputs.diagnostics.wanted:
+                self.closest = max(self.closest, closeness_if_known(sample))
         except StepError as error:
             self.failure = error
 

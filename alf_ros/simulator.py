@@ -18,9 +18,8 @@ from alf_ros.display import Display
 from alf_ros.errors import AlfError, InputError, StepError
 from alf_ros.outputs import Outputs
 from alf_ros.pacing import SHORTEST_BEAT, Pacer
-from alf_ros.reporting import LOOK_PERIOD, Reporting
 from alf_ros.services import Services
-from alf_ros.status import Status
+from alf_ros.status import LOOK_PERIOD, Status
 
 if TYPE_CHECKING:
     from rclpy.timer import Timer
@@ -96,6 +95,7 @@ class Simulator(Node):
         """Make the parts, and use all compiled code once, so that no tick waits for it."""
         from alf_ros.control import Control
         from alf_ros.inputs import Inputs
+        from alf_ros.reporting import Reporting
         from alf_ros.run import Run
         from alf_ros.saved_states import SavedStates
 

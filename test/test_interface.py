@@ -6,6 +6,7 @@ from xml.etree import ElementTree
 
 import pytest
 from rcl_interfaces.srv import ListParameters
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from ros_node import ROOT, Peer, SimulatorProcess
 
 from alf_ros import load_scene
@@ -16,12 +17,12 @@ ANY = {'body': r'\w+', 'point': r'\w+', 'kind': r'\w+', 'name': r'\w+', 'field':
 ANY['topic'] = '/[^.]+'
 
 
-def table(section):
-    """(names, second column) of each row of a section's tables."""
+def table(section, column=1):
+    """(names, another column) of each row of a section's tables."""
     text = DOC.partition(f'\n## {section}\n')[2].partition('\n## ')[0]
     rows = [line.strip('|').split('|') for line in text.splitlines() if line.startswith('| `')]
     assert rows, section
-    return [(re.findall(r'`([^`]+)`', row[0]), row[1].strip()) for row in rows]
+    return [(re.findall(r'`([^`]+)`', row[0]), row[column].strip()) for row in rows]
 
 
 def resolved(name):
@@ -39,7 +40,7 @@ def pattern(name):
 def found(tmp_path_factory):
     """Publishers, subscribers and services by name, with their types, and all parameters."""
     peer = Peer()
-    options = {'use_sim_time': 'false'}
+    options = {'qos_overrides./simulator/energy.publisher.reliability': 'best_effort'}
     with SimulatorProcess(tmp_path_factory.mktemp('node'), **options).wait_running():
         names = peer.call(ListParameters, '/simulator/list_parameters').result.names
 
@@ -54,12 +55,19 @@ def found(tmp_path_factory):
             return all(name in names for name, names in zip(last, known, strict=True)) and known
 
         everything = peer.until(discovered, 'the node on the graph')
+        offered = {topic: peer.node.get_publishers_info_by_topic(topic) for topic in everything[0]}
     peer.close()
-    return *everything, names
+    profiles = {
+        topic: info.qos_profile
+        for topic, infos in offered.items()
+        for info in infos
+        if info.node_name == 'simulator'
+    }
+    return *everything, names, profiles
 
 
 def test_topics(found):
-    publishers, _, _, _ = found
+    publishers, *_ = found
     documented = {resolved(names[0]): kind for names, kind in table('Topics')}
     try:
         import tf2_msgs.msg  # noqa: F401
@@ -68,8 +76,22 @@ def test_topics(found):
     assert publishers == {name: [kind] for name, kind in documented.items()}
 
 
+def test_quality_of_service_is_the_documented_one_or_that_asked_for(found):
+    *_, profiles = found
+    for names, said in table('Topics', column=2):
+        topic = resolved(names[0])
+        if topic not in profiles or said == 'by rclpy':
+            continue
+        profile = profiles[topic]
+        best_effort = said.startswith('best effort') or topic == '/simulator/energy'
+        wanted = ReliabilityPolicy.BEST_EFFORT if best_effort else ReliabilityPolicy.RELIABLE
+        assert profile.reliability == wanted, topic
+        latched = DurabilityPolicy.TRANSIENT_LOCAL
+        assert (profile.durability == latched) == (said == 'latched'), topic
+
+
 def test_commands(found):
-    _, subscribers, _, _ = found
+    _, subscribers, *_ = found
     documented = {pattern(resolved(names[0])): kind for names, kind in table('Commands')[:3]}
     for name, kinds in subscribers.items():
         if name != '/parameter_events':  # rclpy's own, on some distributions
@@ -83,7 +105,7 @@ def test_commands(found):
 
 
 def test_services(found):
-    _, _, services, _ = found
+    _, _, services, *_ = found
     documented = {resolved(name): kind for names, kind in table('Services') for name in names}
     assert set(services) == set(documented)
     for name, kinds in services.items():
@@ -91,7 +113,7 @@ def test_services(found):
 
 
 def test_parameters(found):
-    _, _, _, names = found
+    *_, names, _ = found
     documented = {name for listed, _ in table('Parameters') for name in listed}
     for name in names:
         assert any(re.fullmatch(pattern(key), name) for key in documented), name
@@ -108,7 +130,7 @@ def test_reasons_of_refusals():
 
 
 def test_the_security_policy_lets_the_node_do_what_it_does_and_no_more(found):
-    publishers, subscribers, services, _ = found
+    publishers, subscribers, services, *_ = found
     policy = ElementTree.parse(ROOT / 'config/security/simulator.policy.xml')
     profile = policy.find("enclaves/enclave[@path='/alf_ros/simulator']/profiles/profile")
     assert (profile.get('ns'), profile.get('node')) == ('/', 'simulator')

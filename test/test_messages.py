@@ -169,6 +169,7 @@ def test_diagnostics_have_fixed_keys_with_units(slider_crank):
         'rank',
         'redundant',
         'singular',
+        'closest_to_singular',
     ]
     assert keys['simulator: energy'] == ['energy_j', 'initial_energy_j', 'change_j']
     assert {status.hardware_id for status in message.status} == {'slider_crank'}
@@ -176,3 +177,29 @@ def test_diagnostics_have_fixed_keys_with_units(slider_crank):
     failed = diagnostics.solver(sample, 'failed', StepError('bent', 'take a smaller step', 1.0))
     assert failed.level == diagnostics.ERROR and 'smaller step' in failed.message
     assert list(failed.values) == keys['simulator: solver']
+
+
+def test_a_singular_position_is_a_warning_and_passing_near_one_too():
+    # rods of equal length upright: the slider is on the crank's pin
+    positions = {'A': [0, 1], 'B': [0, 0]}
+    velocities = {'A': [1, 0], 'B': [2, 0]}
+    initial = {'positions': positions, 'velocities': velocities}
+    there = Simulation(load_scene({'mechanism': 'slider_crank', 'initial': initial})).sample()
+    report = diagnostics.constraints(there)
+    assert (report.level, report.values['singular']) == (diagnostics.WARN, True)
+    assert report.values['closest_to_singular'] == pytest.approx(1.0, abs=1e-6)
+
+    simulation = Simulation(load_scene('slider_crank'))
+    far = simulation.sample()
+    assert diagnostics.constraints(far).level == diagnostics.OK
+    assert diagnostics.closeness(far) < 1e-6
+    assert diagnostics.constraints(far, closest=0.01).level == diagnostics.WARN
+    # nothing is computed for it alone
+    assert diagnostics.closeness_if_known(simulation.sample()) == 0.0
+    # in its 10 s it passes 11 times: every pass is seen at a tick of 2 ms
+    passes, near = 0, False
+    for sample in simulation.run(10.0, every=2):
+        sample.reaction_forces  # noqa: B018
+        was, near = near, diagnostics.closeness_if_known(sample) > diagnostics.NEAR_SINGULAR
+        passes += near and not was
+    assert passes == 11

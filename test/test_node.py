@@ -26,7 +26,9 @@ from std_msgs.msg import Float64, String
 from std_srvs.srv import SetBool, Trigger
 
 from alf_ros import Simulation, load_scene, parameters
+from alf_ros.parameters import OFFERED
 from alf_ros.settings import default_rate, steps_per_tick
+from alf_ros.topics import TF
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -131,6 +133,14 @@ def test_a_kill_loses_at_most_a_second(tmp_path, peer):
         ([], {'duration': '.nan'}, 'from 0 to 1e+09'),
         ([], {'start_paused': 'maybe'}, 'true or false'),
         ([], {'publish.energy': 'sometimes'}, 'auto'),
+        pytest.param(
+            [],
+            {'publish.tf': 'auto'},
+            'needs tf2_msgs',
+            marks=pytest.mark.skipif(TF in OFFERED, reason='tf2_msgs is installed'),
+        ),
+        ([], {'qos_overrides./simulator/energy.publisher.depth': -1}, 'depth'),
+        ([], {'effects.gravity.acceleration': '[0.0, 1.0, 2.0]'}, 'a list of 2'),
         ([], {'record.topics': '[joint_state]'}, "did you mean 'joint_states'"),
         ([], {'solver.integrator': 'rk5'}, "did you mean 'rk4'"),
         (['--log-folder', '/proc/nowhere'], {}, 'record.folder: cannot write a log'),
