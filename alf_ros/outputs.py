@@ -106,7 +106,9 @@ class Outputs:
             write(sample, 1)
 
     def describe(self, scene: Scene, ns: int) -> None:
-        """Say which scene runs; its URDF when somebody wants it."""
+        """A run begins, or its effects change: say which scene it is, and its URDF when somebody
+        wants it."""
+        self._ticks = 0
         self.scene.send(serialize_message(String(data=scene.text)), ns)
         self._undescribed = scene
         self.look(ns)
@@ -127,7 +129,7 @@ class Outputs:
     def send(self, sample: Sample, ns: int, record: bool = True, whole: bool = False) -> None:
         """Publish and log what is wanted of `sample`, all with the stamp `ns`; `whole` also what
         is not shown at every tick."""
-        self._ticks += 1
+        self._ticks += not whole
         shown = whole or self._ticks % self.shown_every == 0
         for name, write in self._write.items():
             output = self.samples[name]

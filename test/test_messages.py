@@ -150,7 +150,8 @@ def test_what_has_no_joints_says_nothing_of_joints():
     mechanism = {'alf': 1, 'space': 'planar', 'points': {'A': {'at': [0, 0]}}, 'bodies': bob}
     model = Simulation(load_scene({'mechanism': mechanism})).model
     made = [topic.name for topic in TOPICS if topic.make(model, Display()) is not None]
-    assert made == ['~/energy', 'clock', '~/markers']
+    # and tf where tf2_msgs is installed
+    assert made[:3] == ['~/energy', 'clock', '~/markers'] and made[3:] in ([], ['tf'])
 
 
 def test_diagnostics_have_fixed_keys_with_units(slider_crank):

@@ -1,5 +1,6 @@
 """Two simulators on one machine, each in a namespace, do not disturb each other."""
 
+import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -17,8 +18,14 @@ BEST_EFFORT = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
-def test_two_simulators_in_namespaces(tmp_path):
+@pytest.fixture
+def peer():
     peer = Peer()
+    yield peer
+    peer.close()
+
+
+def test_two_simulators_in_namespaces(tmp_path, peer):
     clocks = {
         side: peer.listen(f'/{side}/clock', Clock, BEST_EFFORT) for side in ('left', 'right')
     }
@@ -60,15 +67,17 @@ def test_two_simulators_in_namespaces(tmp_path):
         assert peer.call(SetBool, '/left/simulator/pause', data=True).success
         count = len(joints['right'])
         peer.until(lambda: len(joints['right']) > count + 50, 'the other goes on')
-        names = {status.name for message in told for status in message.status}
-        assert {'left/simulator: solver', 'right/simulator: solver'} <= names
+        tasks = {'left/simulator: solver', 'right/simulator: solver'}
+        peer.until(
+            lambda: tasks <= {status.name for message in told for status in message.status},
+            'diagnostics of both',
+        )
         before = clocks['right'][-1].clock
         assert peer.call(Trigger, '/left/simulator/reset').success
         peer.until(lambda: clocks['right'][-1].clock != before, 'time of the other')
         times = [c.clock.sec * 10**9 + c.clock.nanosec for c in clocks['right']]
         assert times == sorted(times)
         assert left.stop() == 0 and right.stop() == 0
-    peer.close()
 
     def commands(node):
         log = read_log(node.logs[0])
