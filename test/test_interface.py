@@ -1,6 +1,8 @@
 """doc/ros_interface.md and config/security against a running node: neither more nor less."""
 
+import os
 import re
+import subprocess
 from fnmatch import fnmatchcase
 from xml.etree import ElementTree
 
@@ -11,6 +13,7 @@ from ros_node import ROOT, Peer, SimulatorProcess
 
 from alf_ros import load_scene
 
+RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
 DOC = (ROOT / 'doc/ros_interface.md').read_text('utf-8')
 # Names that stand for many.
 ANY = {'body': r'\w+', 'point': r'\w+', 'kind': r'\w+', 'name': r'\w+', 'field': r'\w+'}
@@ -147,3 +150,13 @@ def test_the_security_policy_lets_the_node_do_what_it_does_and_no_more(found):
     assert unused(publishers, 'topics', 'publish') <= {'/tf'}
     assert unused(subscribers, 'topics', 'subscribe') <= {'/parameter_events'}
     assert unused(services, 'services', 'reply') == set()
+
+
+@pytest.mark.parametrize(('given', 'found'), [({}, 'LOCALHOST'), ({RANGE: 'SUBNET'}, 'SUBNET')])
+def test_make_run_stays_on_this_machine_unless_told_otherwise(given, found):
+    own = {k: v for k, v in os.environ.items() if k != RANGE and not k.startswith('MAKE')}
+    environment = {**own, **given}
+    show = f'show: ; @echo $${RANGE}'
+    command = ['make', '--no-print-directory', '-C', str(ROOT), f'--eval={show}', 'show']
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == found
