@@ -17,8 +17,6 @@ from alf_ros.effects import Effect
 from alf_ros.errors import InputError
 from alf_ros.scene import Scene, load_scene
 
-KINDS = {'number': float, 'vector': list, 'boolean': bool}
-
 
 @dataclass(frozen=True)
 class EffectValue:
@@ -39,13 +37,24 @@ def effect_values(scene: Scene) -> dict[str, EffectValue]:
 
 def _values(effect: Effect) -> Iterator[EffectValue]:
     for field in dataclasses.fields(effect.parameters):
-        value, about = getattr(effect.parameters, field.name), field.metadata
-        if about['kind'] in KINDS and value is not None:
+        value, about = _plain(getattr(effect.parameters, field.name)), field.metadata
+        if value is not None:
             instance = '' if effect.name == effect.kind else f'{effect.name}.'
             name = f'effects.{effect.kind}.{instance}{field.name}'
             unit = f', {about["unit"]}' if 'unit' in about else ''
             doc = f'{effect.name}: {about.get("doc", field.name)}{unit}'
-            yield EffectValue(name, effect, field.name, KINDS[about['kind']](value), doc)
+            yield EffectValue(name, effect, field.name, value, doc)
+
+
+def _plain(value: object) -> bool | float | list[float] | None:
+    """The value if it is a switch, a number or a vector; None for names and what is absent."""
+    if isinstance(value, bool):
+        return value
+    if isinstance(value, (int, float)):
+        return float(value)
+    if isinstance(value, tuple) and value and all(isinstance(n, (int, float)) for n in value):
+        return [float(number) for number in value]
+    return None
 
 
 def with_effect_values(scene: Scene, values: Mapping[str, Any]) -> Scene:

@@ -27,7 +27,7 @@ def scene(wrenches):
 def test_a_changed_scene_is_the_scene_written_with_the_other_number(wrenches, prefix):
     before = scene(wrenches)
     assert effect_values(before)[f'{prefix}force'].value == [0.0, 5.0]
-    assert effect_values(before)[f'{prefix}torque'].doc.endswith('torque about +z, N m')
+    assert effect_values(before)[f'{prefix}torque'].doc.endswith('about +z, N m')
     after = with_effect_values(before, {f'{prefix}force': [1.5, -2.0]})
     assert effect_values(after)[f'{prefix}force'].value == [1.5, -2.0]
     # all else stays, and the text says what runs
