@@ -13,6 +13,7 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from alf_ros.errors import StepError
+from alf_ros.rank import effective_rank
 
 if TYPE_CHECKING:
     from alf_ros.inputs import Inputs
@@ -26,7 +27,12 @@ CONSTRAINTS = (
     'rank',
     'redundant',
     'singular',
+    'closest_to_singular',
 )
+# From this closeness on: at a tick of 2 ms, no pass of the scenes that come along is missed.
+NEAR_SINGULAR = 1e-4
+# Part of the ticks that may come late: on a busy desktop some always do.
+MOST_LATE = 0.05
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
 
@@ -40,9 +46,8 @@ class Report:
     values: Mapping[str, object]
 
 
-def solver(sample: Sample, paused: bool, failure: StepError | None) -> Report:
+def solver(sample: Sample, state: str, failure: StepError | None) -> Report:
     """Steps made, iterations and cost; after a failed step its reason and the remedy."""
-    state = 'failed' if failure else 'paused' if paused else 'playing'
     values = {
         'state': state,
         'simulated_time_s': sample.t,
@@ -55,22 +60,46 @@ def solver(sample: Sample, paused: bool, failure: StepError | None) -> Report:
     return Report('solver', ERROR if failure else OK, str(failure) if failure else state, values)
 
 
-def constraints(sample: Sample) -> Report:
-    """Violations, and what the rows say of the position: rank, redundant rows, singular or not."""
+def closeness(sample: Sample) -> float:
+    """How much of a constraint row is lost here: 0 at ordinary positions, 1 (or more) at singular
+    ones; in between the position is near one, at the scale that the step feels."""
+    rank = effective_rank(sample.model, sample._linearised)
+    return len(sample.model.row_names) - rank - sample._dependent_rows()
+
+
+def closeness_if_known(sample: Sample) -> float:
+    """The same, where reactions or multipliers were asked for; else 0: alone it costs more than a
+    small mechanism's step."""
+    return closeness(sample) if '_linearised' in vars(sample) else 0.0
+
+
+def constraints(sample: Sample, closest: float = 0.0) -> Report:
+    """Violations, and what the rows say of the position: rank and redundant rows.
+
+    WARN at a singular position, and when one was passed since the last report: `closest` is the
+    largest closeness since then.
+    """
     found = sample.diagnostics
     try:
+        closest = max(closest, closeness(sample))
         values = (
             found.position_violation,
             found.velocity_violation,
             found.rank,
             found.redundant,
             found.singular,
+            closest,
         )
     except StepError as error:
         unknown = dict.fromkeys(CONSTRAINTS, 'unknown')
         return Report('constraints', ERROR, str(error), unknown)
-    message = 'singular position' if found.singular else f'{found.redundant} redundant rows'
-    return Report('constraints', OK, message, dict(zip(CONSTRAINTS, values, strict=True)))
+    told = dict(zip(CONSTRAINTS, values, strict=True))
+    if found.singular:
+        message = 'singular position: the reactions are not unique here'
+        return Report('constraints', WARN, message, told)
+    if closest > NEAR_SINGULAR:
+        return Report('constraints', WARN, 'passed near a singular position', told)
+    return Report('constraints', OK, f'{found.redundant} redundant rows', told)
 
 
 def energy(sample: Sample, initial: float) -> Report:
@@ -83,8 +112,18 @@ def energy(sample: Sample, initial: float) -> Report:
     return Report('energy', OK, f'{sample.energy:.6g} J', values)
 
 
-def timing(pacer: Pacer, paused: bool, lost_before: float) -> Report:
-    """Real-time factor achieved, overruns, lateness. WARN when real time was lost lately."""
+@dataclass(frozen=True)
+class Pace:
+    """What a pacer had counted at some time: ticks, overruns, real time lost (s)."""
+
+    ticks: int
+    overruns: int
+    lost: float
+
+
+def timing(pacer: Pacer, paused: bool, before: Pace) -> Report:
+    """Real-time factor achieved, overruns, lateness. WARN when real time was lost since `before`,
+    or more than one tick in twenty came late."""
     values = {
         'real_time_factor': pacer.achieved,
         'wanted_real_time_factor': pacer.factor,
@@ -95,9 +134,12 @@ def timing(pacer: Pacer, paused: bool, lost_before: float) -> Report:
         'lateness_p50_s': pacer.lateness[0],
         'lateness_p99_s': pacer.lateness[1],
     }
-    lost = pacer.lost - lost_before
+    lost = pacer.lost - before.lost
     if lost > 0.0:
         return Report('timing', WARN, f'too slow: {lost:.3g} s of real time lost', values)
+    late, ticks = pacer.overruns - before.overruns, pacer.ticks - before.ticks
+    if late > MOST_LATE * ticks:
+        return Report('timing', WARN, f'{late} overruns in the last {ticks} ticks', values)
     message = 'paused' if paused else f'real-time factor {pacer.achieved:.3f}'
     return Report('timing', OK, message, values)
 
