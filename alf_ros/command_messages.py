@@ -41,10 +41,12 @@ def read_wrench(
     bodies: Collection[str],
     points: Collection[str],
     frame_prefix: str = '',
+    dimension: int = 2,
 ) -> dict[str, Any]:
-    """Planar wrench for body or movable point `name`: keywords of `Simulation.apply_wrench`.
+    """Wrench for body or movable point `name`: keywords of `Simulation.apply_wrench`.
 
-    Force (N) at the body's centre of mass or at the point, torque (N m) about +z. `frame_id` '' or
+    Force (N) at the body's centre of mass or at the point, torque (N m; in the plane about +z).
+    `frame_id` '' or
     'world': world axes; the body's own name, also behind `frame_prefix`: its axes, turning with
     it. Raises Refused.
     """
@@ -59,12 +61,13 @@ def read_wrench(
         raise Refused('unknown_frame', f'{name}: frame {frame!r} is not {WORLD!r}{own}')
     if not all(map(math.isfinite, (force.x, force.y, force.z, torque.x, torque.y, torque.z))):
         raise Refused('not_finite', f'{name}: a wrench must be finite')
-    if force.z or torque.x or torque.y:
+    if dimension == 2 and (force.z or torque.x or torque.y):
         raise Refused('out_of_plane', f'{name}: force.z, torque.x and torque.y must be 0')
+    planar = dimension == 2
     return {
         'name': name,
-        'force': (force.x, force.y),
-        'torque': torque.z,
+        'force': (force.x, force.y) if planar else (force.x, force.y, force.z),
+        'torque': torque.z if planar else (torque.x, torque.y, torque.z),
         'frame': 'body' if of_body else 'world',
     }
 

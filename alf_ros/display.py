@@ -57,24 +57,35 @@ def arrows(tails: Floats, vectors: Floats) -> Floats:
     return np.stack([tails, tips, tips, left, tips, right], axis=1).reshape(-1, 3)
 
 
+def poses(sample: Sample) -> Floats:
+    """(bodies, 7) frames of the bodies in the world: x y z (m), quaternion x y z w."""
+    found = sample.body_poses
+    if found.shape[1] == 7:
+        return found
+    half, none = 0.5 * found[:, 2], np.zeros((len(found), 1))
+    columns = (found[:, :2], none, none, none, np.sin(half), np.cos(half))
+    return np.column_stack(columns)
+
+
+def turned(quaternion: Floats, vector: Floats) -> Floats:
+    """(3,) turned by a unit quaternion x y z w: v + 2 u × (u × v + w v)."""
+    u, w = quaternion[:3], quaternion[3]
+    return vector + 2.0 * np.cross(u, np.cross(u, vector) + w * vector)
+
+
 def held_forces(sample: Sample) -> tuple[Floats, Floats]:
-    """Where the wrenches held act, (n, D) m, and their forces, (n, D) N, both in the world."""
-    mechanism = sample.model.mechanism
-    poses = dict(zip(sample.model.body_names, sample.body_poses, strict=True))
-    bodies = {body.name: body for body in mechanism.bodies}
-    places, forces = [], []
+    """Where the wrenches held act, (n, 3) m, and their forces, (n, 3) N, both in the world."""
+    frames = dict(zip(sample.model.body_names, poses(sample), strict=True))
+    bodies = {body.name: body for body in sample.model.mechanism.bodies}
+    places, forces = np.zeros((0, 3)), np.zeros((0, 3))
     for name, wrench in sample._applied.inputs.wrenches.items():
-        force = np.array(wrench.force)
+        (force,) = in_space(np.array([wrench.force]))
         if name in bodies:
-            x, y, angle = poses[name]
-            c, s = np.cos(angle), np.sin(angle)
-            turn = np.array([[c, -s], [s, c]])
-            body = bodies[name]
+            body, frame = bodies[name], frames[name]
             local = body.local[body.points.index(wrench.at)] if wrench.at else body.com
-            places.append(np.array([x, y]) + turn @ np.array(local))
-            forces.append(turn @ force if wrench.frame == 'body' else force)
+            place = frame[:3] + turned(frame[3:], in_space(np.array([local]))[0])
+            force = turned(frame[3:], force) if wrench.frame == 'body' else force
         else:
-            places.append(sample.points[name])
-            forces.append(force)
-    shape = len(places), mechanism.dimension
-    return np.array(places).reshape(shape), np.array(forces).reshape(shape)
+            (place,) = in_space(np.array([sample.points[name]]))
+        places, forces = np.vstack([places, place]), np.vstack([forces, force])
+    return places, forces

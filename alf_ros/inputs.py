@@ -133,7 +133,8 @@ class Inputs:
             if now - renewed > self.timeout:
                 del self._held[kind, name]
                 if kind == 'wrench':
-                    zero = {'name': name, 'force': (0.0, 0.0), 'torque': 0.0, 'frame': 'world'}
+                    force = (0.0,) * self._simulation.model.layout.dimension
+                    zero = {'name': name, 'force': force, 'torque': 0.0, 'frame': 'world'}
                     self._apply_wrench(zero, cause='timeout')
                 else:
                     self._apply_efforts({name: 0.0}, cause='timeout')
@@ -162,7 +163,14 @@ class Inputs:
 
     def _on_wrench(self, message: WrenchStamped, name: str) -> None:
         try:
-            wrench = read_wrench(message, name, self._bodies, self._points, self.frame_prefix)
+            wrench = read_wrench(
+                message,
+                name,
+                self._bodies,
+                self._points,
+                self.frame_prefix,
+                self._simulation.model.layout.dimension,
+            )
         except Refused as refused:
             self._refuse(refused)
         else:

@@ -72,7 +72,7 @@ def markers(model: Model, display: Display) -> Write:
             _places(sample, ends),
             tails,
             arrows(tails, scale * reactions),
-            arrows(in_space(places), scale * in_space(forces)),
+            arrows(places, scale * forces),
         ]
         blocks = iter(filled.blocks)
         for points in lists:

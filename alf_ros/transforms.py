@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from alf_ros.display import Display
+from alf_ros.display import Display, poses
 from alf_ros.messages import WORLD, Write
 
 if TYPE_CHECKING:
@@ -43,8 +43,8 @@ class _Bytes:
 
 
 def transforms(model: Model, display: Display) -> Write | None:
-    """The writer of a tf2_msgs/TFMessage: `world` to each body; planar mechanisms only."""
-    if model.mechanism.dimension != 2:
+    """The writer of a tf2_msgs/TFMessage: `world` to each body; None without bodies."""
+    if not model.body_names:
         return None
     message = _Bytes()
     message.integer(len(model.body_names))
@@ -61,11 +61,9 @@ def transforms(model: Model, display: Display) -> Write | None:
 
     def write(sample: Sample, ns: int) -> bytes:
         stamp = divmod(ns, 1_000_000_000)
-        half = 0.5 * sample.body_poses[:, 2]
-        poses = np.column_stack([sample.body_poses[:, :2], np.sin(half), np.cos(half)])
-        for at, block, pose in zip(stamps, numbers, poses, strict=True):
+        for at, block, pose in zip(stamps, numbers, poses(sample), strict=True):
             _STAMP.pack_into(data, at, *stamp)
-            block[:2], block[5:] = pose[:2], pose[2:]
+            block[:] = pose
         return bytes(data)
 
     return write

@@ -36,12 +36,10 @@ def urdf(mechanism: Mechanism, prefix: str = '') -> str:
         robot.append(ElementTree.Comment(text))
     ElementTree.SubElement(robot, 'link', name=WORLD)
     bodies = {body.name: body for body in mechanism.bodies}
-    at = {point.name: (point.at[0], point.at[1]) for point in mechanism.points}
     radius = _RADIUS * size(mechanism)
     for joint, parent, child in _tree(mechanism):
         _add_link(robot, bodies[child], prefix, radius)
-        inner = _local(bodies[child], joint.point)
-        outer = at[joint.point] if parent == GROUND else _local(bodies[parent], joint.point)
+        outer, inner = _place(joint, parent), _place(joint, child)
         above = WORLD if parent == GROUND else prefix + parent
         below = prefix + child
         if inner != (0.0, 0.0):  # the link of a joint begins at the joint, a body at its origin
@@ -53,19 +51,12 @@ def urdf(mechanism: Mechanism, prefix: str = '') -> str:
         sign = 1.0 if joint.child == child else -1.0
         _add_joint(robot, joint.name, 'continuous', above, below, outer, (0.0, 0.0, sign))
     for joint in mechanism.joints:
-        if joint.kind == 'slider' and joint.through is not None and joint.direction is not None:
+        if joint.kind == 'slider' and joint.parent == GROUND:
             slide = f'{prefix}{joint.name}_slide'
             ElementTree.SubElement(robot, 'link', name=slide)
-            through, direction = joint.through, joint.direction
-            _add_joint(
-                robot,
-                joint.name,
-                'prismatic',
-                WORLD,
-                slide,
-                (through[0], through[1]),
-                (direction[0], direction[1], 0.0),
-            )
+            x, y = joint.frames[0].axes[0]
+            through = _place(joint, GROUND)
+            _add_joint(robot, joint.name, 'prismatic', WORLD, slide, through, (x, y, 0.0))
     ElementTree.indent(robot)
     return ElementTree.tostring(robot, 'unicode', xml_declaration=True) + '\n'
 
@@ -94,8 +85,9 @@ def _reached(mechanism: Mechanism) -> set[str]:
     return {child for _, _, child in _tree(mechanism)}
 
 
-def _local(body: Body, point: str) -> Place:
-    x, y = body.local[body.points.index(point)]
+def _place(joint: Joint, body: str) -> Place:
+    """Where the joint sits on a body or the ground."""
+    x, y = joint.frames[body == joint.child].origin
     return x, y
 
 

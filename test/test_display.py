@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from rclpy.serialization import deserialize_message
 from rosbags.typesys import Stores, get_typestore
+from scipy.spatial.transform import Rotation
 from visualization_msgs.msg import Marker, MarkerArray
 
 from alf_ros import Simulation, load_scene
@@ -169,11 +170,14 @@ def test_joint_states_move_the_urdf_as_the_bodies_move(scene):
         place, turned = found[name]
         assert place == pytest.approx([x, y], abs=1e-9)
         assert np.cos(turned - angle) == pytest.approx(1.0, abs=1e-12)
+    poses = dict(zip(simulation.model.body_names, sample.body_poses, strict=True))
     for joint in simulation.scene.mechanism.joints:
         if joint.kind == 'slider':
-            assert found[f'{joint.name}_slide'][0] == pytest.approx(
-                sample.points[joint.point], abs=1e-9
-            )
+            x, y, angle = poses[joint.child]
+            u, v = joint.frames[1].origin
+            c, s = np.cos(angle), np.sin(angle)
+            at = [x + c * u - s * v, y + s * u + c * v]
+            assert found[f'{joint.name}_slide'][0] == pytest.approx(at, abs=1e-9)
 
 
 def test_a_body_that_only_a_slider_holds_is_named_as_left_out():
@@ -194,3 +198,47 @@ def test_inertia_and_shape_are_those_of_the_body():
     izz = float(link.find('inertial/inertia').get('izz'))
     assert izz == pytest.approx(mass * 0.3**2 / 12)
     assert float(link.find('visual/geometry/cylinder').get('length')) == pytest.approx(0.3)
+
+
+TOP = {
+    'mechanism': {
+        'alf': 1,
+        'space': 'spatial',
+        'points': {
+            'O': {'at': [0.1, 0.2, 0.3], 'fixed': True},
+            'P': {'at': [1.0, 0.5, 0.9]},
+            'Q': {'at': [0.4, 1.1, 0.6]},
+            'R': {'at': [0.2, 0.3, 1.4]},
+        },
+        'bodies': {
+            'top': {
+                'points': ['O', 'P', 'Q', 'R'],
+                'mass': 2,
+                'com': [0.5, 0.1, 0.2],
+                'inertia': {'about_com': [0.1, 0.2, 0.25]},
+            }
+        },
+        'joints': {'ball': {'type': 'spherical', 'between': ['ground', 'top'], 'at': 'O'}},
+    },
+    'effects': {'gravity': {'acceleration': [0, 0, -9.81]}},
+}
+
+
+def test_a_body_in_space_is_shown_as_it_is():
+    simulation = moved(TOP, 300)
+    simulation.apply_wrench('top', [3.0, 1.0, -2.0], frame='body')
+    sample = simulation.sample()
+    data = transforms(simulation.model, Display())(sample, 1)
+    store = get_typestore(Stores.ROS2_JAZZY)
+    (frame,) = store.deserialize_cdr(data, 'tf2_msgs/msg/TFMessage').transforms
+    p, r = frame.transform.translation, frame.transform.rotation
+    origin, turn = np.array([p.x, p.y, p.z]), Rotation.from_quat([r.x, r.y, r.z, r.w])
+    body = simulation.scene.mechanism.bodies[0]
+    for name, local in zip(body.points, body.local, strict=True):
+        assert origin + turn.apply(local) == pytest.approx(sample.points[name], abs=1e-9)
+    found = drawn(simulation, Display(force_scale=0.25))
+    assert np.array_equal(places(found['joints']), [sample.points['O']])
+    arrow = places(found['applied'])
+    assert arrow[0] == pytest.approx(origin + turn.apply(body.com), abs=1e-9)
+    force = turn.apply([3.0, 1.0, -2.0])
+    assert arrow[1] - arrow[0] == pytest.approx(0.25 * force, abs=1e-9)
