@@ -5,6 +5,7 @@ Values are numbers as text, SI, the unit in the key. Levels: OK, WARN (look), ER
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -26,7 +27,12 @@ CONSTRAINTS = (
     'rank',
     'redundant',
     'singular',
+    'distance_to_singular',
 )
+# Below this distance: at a tick of 2 ms, no pass of the scenes that come along is missed.
+NEAR_SINGULAR = 1e-2
+# Part of the ticks that may come late: on a busy desktop some always do.
+MOST_LATE = 0.05
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
 
@@ -40,9 +46,8 @@ class Report:
     values: Mapping[str, object]
 
 
-def solver(sample: Sample, paused: bool, failure: StepError | None) -> Report:
+def solver(sample: Sample, state: str, failure: StepError | None) -> Report:
     """Steps made, iterations and cost; after a failed step its reason and the remedy."""
-    state = 'failed' if failure else 'paused' if paused else 'playing'
     values = {
         'state': state,
         'simulated_time_s': sample.t,
@@ -55,22 +60,33 @@ def solver(sample: Sample, paused: bool, failure: StepError | None) -> Report:
     return Report('solver', ERROR if failure else OK, str(failure) if failure else state, values)
 
 
-def constraints(sample: Sample) -> Report:
-    """Violations, and what the rows say of the position: rank, redundant rows, singular or not."""
+def constraints(sample: Sample, closest: float = math.inf) -> Report:
+    """Violations, and what the rows say of the position: rank and redundant rows.
+
+    WARN at a singular position, and when one was passed since the last report: `closest` is the
+    least distance since then.
+    """
     found = sample.diagnostics
     try:
+        closest = min(closest, found.distance)
         values = (
             found.position_violation,
             found.velocity_violation,
             found.rank,
             found.redundant,
             found.singular,
+            closest,
         )
     except StepError as error:
         unknown = dict.fromkeys(CONSTRAINTS, 'unknown')
         return Report('constraints', ERROR, str(error), unknown)
-    message = 'singular position' if found.singular else f'{found.redundant} redundant rows'
-    return Report('constraints', OK, message, dict(zip(CONSTRAINTS, values, strict=True)))
+    told = dict(zip(CONSTRAINTS, values, strict=True))
+    if found.singular:
+        message = 'singular position: the reactions are not unique here'
+        return Report('constraints', WARN, message, told)
+    if closest < NEAR_SINGULAR:
+        return Report('constraints', WARN, 'passed near a singular position', told)
+    return Report('constraints', OK, f'{found.redundant} redundant rows', told)
 
 
 def energy(sample: Sample, initial: float) -> Report:
@@ -83,8 +99,18 @@ def energy(sample: Sample, initial: float) -> Report:
     return Report('energy', OK, f'{sample.energy:.6g} J', values)
 
 
-def timing(pacer: Pacer, paused: bool, lost_before: float) -> Report:
-    """Real-time factor achieved, overruns, lateness. WARN when real time was lost lately."""
+@dataclass(frozen=True)
+class Pace:
+    """What a pacer had counted at some time: ticks, overruns, real time lost (s)."""
+
+    ticks: int
+    overruns: int
+    lost: float
+
+
+def timing(pacer: Pacer, paused: bool, before: Pace) -> Report:
+    """Real-time factor achieved, overruns, lateness. WARN when real time was lost since `before`,
+    or more than one tick in twenty came late."""
     values = {
         'real_time_factor': pacer.achieved,
         'wanted_real_time_factor': pacer.factor,
@@ -95,9 +121,12 @@ def timing(pacer: Pacer, paused: bool, lost_before: float) -> Report:
         'lateness_p50_s': pacer.lateness[0],
         'lateness_p99_s': pacer.lateness[1],
     }
-    lost = pacer.lost - lost_before
+    lost = pacer.lost - before.lost
     if lost > 0.0:
         return Report('timing', WARN, f'too slow: {lost:.3g} s of real time lost', values)
+    late, ticks = pacer.overruns - before.overruns, pacer.ticks - before.ticks
+    if late > MOST_LATE * ticks:
+        return Report('timing', WARN, f'{late} overruns in the last {ticks} ticks', values)
     message = 'paused' if paused else f'real-time factor {pacer.achieved:.3f}'
     return Report('timing', OK, message, values)
 

@@ -6,19 +6,18 @@ Every message of a step carries the same stamp: the simulated time of the state 
 
 from __future__ import annotations
 
+import re
 import struct
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Vector3, Wrench
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, MultiDOFJointState
-from std_msgs.msg import Float64
+from std_msgs.msg import Float64, Header
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -28,25 +27,19 @@ if TYPE_CHECKING:
 
 WORLD = 'world'
 
-# Reliable publishers match both reliable and best-effort readers.
-RELIABLE = QoSProfile(depth=10)
-# As rclcpp::ClockQoS: an old clock message is worth nothing.
-BEST_EFFORT = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-
-# CDR, little endian: a header of 4 bytes, then a leading stamp or Header.stamp.
+# A stamp that no run has, for templates; in CDR, little endian.
+STAMP = Time(sec=0x5EED5EED, nanosec=0x1EAF1EAF)
 _STAMP = struct.Struct('<iI')
-_STAMP_AT = 4
 
 Write = Callable[['Sample', int], bytes]
 
 
-def stamp_ns(t: float) -> int:
-    """Stamp (ns) of the simulated time `t` (s), rounded to the nearest nanosecond.
+def stamp_ns(t: float, ahead: int = 0) -> int:
+    """Stamp (ns) of the simulated time `t` (s), to the nearest nanosecond, and `ahead` (ns) more.
 
     A stamp of zero means "no time yet" in ROS, so the initial state at t = 0 is stamped 1 ns.
     """
-    return max(1, round(t * 1e9))
+    return max(1, round(t * 1e9) + ahead)
 
 
 def to_time(ns: int) -> Time:
@@ -56,24 +49,29 @@ def to_time(ns: int) -> Time:
 
 
 class Template:
-    """A serialised message of which only stamp and numbers change.
+    """A serialised message of which only stamps and numbers change.
 
     To fill and serialise a message object costs a microsecond for each number; its bytes have the
     numbers in blocks at fixed places. `make(marks)` builds the message with one value all over
-    each block; the places of the blocks (`counts` of float64 each) are found by looking for it.
+    each block, and `STAMP` wherever the stamp belongs; the places of the blocks (`counts` of
+    float64 each) and stamps are found by looking for them.
     """
 
     def __init__(self, make: Callable[[list[float]], Any], counts: list[int]) -> None:
         marks = [1.0 / (7 + k) for k in range(len(counts))]
         self._data = bytearray(serialize_message(make(marks)))
         self.blocks = []
+        at = 0
         for mark, count in zip(marks, counts, strict=True):
-            at = self._data.index(np.full(count, mark).tobytes())
+            at = self._data.index(np.full(count, mark).tobytes(), at)
             self.blocks.append(np.frombuffer(self._data, np.float64, count, at))
+        stamp = _STAMP.pack(STAMP.sec, STAMP.nanosec)
+        self._stamps = [found.start() for found in re.finditer(re.escape(stamp), self._data)]
 
     def stamp(self, ns: int) -> None:
-        """Write the stamp of a message that begins with one."""
-        _STAMP.pack_into(self._data, _STAMP_AT, *divmod(ns, 1_000_000_000))
+        """Write the stamp (ns)."""
+        for at in self._stamps:
+            _STAMP.pack_into(self._data, at, *divmod(ns, 1_000_000_000))
 
     def bytes(self) -> bytes:
         """The message as it is now."""
@@ -104,7 +102,10 @@ def _joint_state(
 
     def make(marks: list[float]) -> JointState:
         position, velocity, effort = ([mark] * count for mark in marks)
-        return JointState(name=list(names), position=position, velocity=velocity, effort=effort)
+        header = Header(stamp=STAMP)
+        return JointState(
+            header=header, name=list(names), position=position, velocity=velocity, effort=effort
+        )
 
     template = Template(make, [count] * 3)
 
@@ -125,7 +126,7 @@ def reactions(model: Model) -> Write | None:
 
     def make(marks: list[float]) -> MultiDOFJointState:
         message = MultiDOFJointState(joint_names=list(model.joint_names))
-        message.header.frame_id = WORLD
+        message.header = Header(stamp=STAMP, frame_id=WORLD)
         (mark,) = marks
         vector = Vector3(x=mark, y=mark, z=mark)
         message.wrench = [Wrench(force=vector, torque=vector)] * count
@@ -157,35 +158,10 @@ def energy(model: Model) -> Write:
 
 def clock(model: Model) -> Write:
     """`/clock`: the simulated time."""
-    template = Template(lambda marks: Clock(), [])
+    template = Template(lambda marks: Clock(clock=STAMP), [])
 
     def write(sample: Sample, ns: int) -> bytes:
         template.stamp(ns)
         return template.bytes()
 
     return write
-
-
-@dataclass(frozen=True)
-class Topic:
-    """A topic of the simulator; `name` is what a user writes, `make(model)` gives its writer, or
-    None if there is nothing to say: a free body has no joints."""
-
-    name: str
-    type: type
-    qos: QoSProfile
-    make: Callable[[Model], Write | None]
-
-    @property
-    def key(self) -> str:
-        """The name without '~/' or '/': what stands behind `publish.` in the parameters."""
-        return self.name.rpartition('/')[2]
-
-
-TOPICS = (
-    Topic('joint_states', JointState, RELIABLE, joint_states),
-    Topic('~/reactions', MultiDOFJointState, RELIABLE, reactions),
-    Topic('~/constraints', JointState, RELIABLE, constraints),
-    Topic('~/energy', Float64, RELIABLE, energy),
-    Topic('/clock', Clock, BEST_EFFORT, clock),
-)

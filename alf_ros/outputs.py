@@ -8,18 +8,22 @@ from typing import TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 
 from alf_ros.errors import InputError
-from alf_ros.messages import LATCHED, RELIABLE, TOPICS, stamp_ns
+from alf_ros.topics import LATCHED, RELIABLE, TOPICS
+from alf_ros.urdf import urdf
 
 if TYPE_CHECKING:
     from rclpy.node import Node
     from rclpy.qos import QoSProfile
 
+    from alf_ros.display import Display
     from alf_ros.model import Model
     from alf_ros.recorder import Recorder
     from alf_ros.sample import Sample
+    from alf_ros.scene import Scene
 
 
 class Output:
@@ -66,10 +70,12 @@ class Outputs:
     """All topics of the simulator.
 
     `optional`: those that parameters switch, by name; `journal` and `scene` are in every log, for
-    without them no run could be repeated.
+    without them no run could be repeated. What is only shown is sent at every `shown_every`th
+    tick. `display`: how it is shown.
     """
 
-    def __init__(self, node: Node, recorded: Collection[str]) -> None:
+    def __init__(self, node: Node, recorded: Collection[str], display: Display) -> None:
+        self.display, self.shown_every = display, 1
         self.samples = {
             topic.name: Output(node, topic.name, topic.type, topic.qos) for topic in TOPICS
         }
@@ -77,29 +83,55 @@ class Outputs:
         self.journal = Output(node, '~/inputs', String, RELIABLE)
         self.scene = Output(node, '~/scene', String, LATCHED)
         self.scene.mode = 'on'
-        self.optional = {**self.samples, '/diagnostics': self.diagnostics}
+        self.description = Output(node, 'robot_description', String, LATCHED)
+        self.optional = {
+            **self.samples,
+            '/diagnostics': self.diagnostics,
+            'robot_description': self.description,
+        }
         self._recorded = [output for name, output in self.optional.items() if name in recorded]
         self._recorded += [self.journal, self.scene]
+        self._shown = {topic.name for topic in TOPICS if topic.shown}
+        self._ticks = 0
+        self._undescribed: Scene | None = None
 
     def prepare(self, model: Model) -> None:
         """Make the messages for a mechanism."""
-        writers = {topic.name: topic.make(model) for topic in TOPICS}
+        writers = {topic.name: topic.make(model, self.display) for topic in TOPICS}
         self._write = {name: write for name, write in writers.items() if write is not None}
 
     def warm_up(self, sample: Sample) -> None:
         """Write every message once, so that no tick has to wait for a compiler."""
         for write in self._write.values():
-            write(sample, stamp_ns(sample.t))
+            write(sample, 1)
+
+    def describe(self, scene: Scene, ns: int) -> None:
+        """A run begins, or its effects change: say which scene it is, and its URDF when somebody
+        wants it."""
+        self._ticks = 0
+        self.scene.send(serialize_message(String(data=scene.text)), ns)
+        self._undescribed = scene
+        self.look(ns)
+
+    def look(self, ns: int) -> None:
+        """To be called now and then: who subscribes to robot_description late gets it as well."""
+        scene = self._undescribed
+        if scene is not None and self.description.wanted and scene.mechanism.dimension == 2:
+            text = urdf(scene.mechanism, self.display.frame_prefix)
+            self.description.send(serialize_message(String(data=text)), ns)
+            self._undescribed = None
 
     def record(self, recorder: Recorder | None) -> None:
         """From now on log to `recorder`."""
         for output in self._recorded:
             output.recorder = recorder
 
-    def send(self, sample: Sample, record: bool = True) -> None:
-        """Publish and log what is wanted of `sample`, all with one stamp."""
-        ns = stamp_ns(sample.t)
+    def send(self, sample: Sample, ns: int, record: bool = True, whole: bool = False) -> None:
+        """Publish and log what is wanted of `sample`, all with the stamp `ns`; `whole` also what
+        is not shown at every tick."""
+        self._ticks += not whole
+        shown = whole or self._ticks % self.shown_every == 0
         for name, write in self._write.items():
             output = self.samples[name]
-            if output.wanted:
+            if (shown or name not in self._shown) and output.wanted:
                 output.send(write(sample, ns), ns, record)

@@ -27,6 +27,11 @@ class Pacer:
         self.lateness: tuple[float, float] = (0.0, 0.0)
         self.set_factor(factor)
 
+    def set_tick(self, tick: float) -> None:
+        """Change the simulated seconds of a tick from the next call of `due` on."""
+        self.tick = tick
+        self.set_factor(self.factor)
+
     def set_factor(self, factor: float) -> None:
         """Change the real-time factor from the next call of `due` on."""
         self.factor = factor

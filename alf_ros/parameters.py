@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -11,33 +11,36 @@ from rcl_interfaces.msg import (
     FloatingPointRange,
     IntegerRange,
     ParameterDescriptor,
-    SetParametersResult,
 )
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.parameter import Parameter
 
+from alf_ros.document import LARGEST
 from alf_ros.errors import InputError
-from alf_ros.messages import TOPICS
+from alf_ros.topics import TF, TOPICS
 
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-    from alf_ros.scene import Solver
+    from alf_ros.scene import Scene, Solver
 
 # YAML, and so every ROS command line, turns an unquoted on or off into a boolean.
 MODES = {'auto': 'auto', 'on': 'on', 'off': 'off', True: 'on', False: 'off'}
-TOPIC_NAMES = (*(topic.name for topic in TOPICS), '/diagnostics')
+OFFERED = (*(topic.name for topic in TOPICS), '/diagnostics', 'robot_description')
+TOPIC_NAMES = OFFERED if TF in OFFERED else (*OFFERED, TF)
+_DEFAULT_MODE = {TF: 'off'}
 RECORDED = ['joint_states', '~/reactions', '~/constraints', '~/energy', '/diagnostics']
-# Shortest tick (s) chosen by default: at 500 Hz a small mechanism, recorded and published, takes a
-# fifth of a core, and 500 Hz is more than RViz, plots and most controllers use.
-DEFAULT_TICK = 2e-3
+# A saved state's name is a file's name.
+_STATE_NAME = re.compile(r'[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}')
+# Numbers of effects are parameters up to this many: declaring one takes a tenth of a millisecond.
+MOST_EFFECT_VALUES = 512
 
 _KINDS = {
     bool: 'true or false',
     int: 'a whole number',
     float: 'a number',
     str: 'a text',
-    list: 'a list of texts',
+    list: 'a list',
 }
 
 
@@ -68,24 +71,68 @@ class Spec:
         return descriptor
 
 
-SCENE = Spec('scene', 'slider_crank', 'Scene: a name under config/scenes, or a path')
+SCENE = Spec(
+    'scene',
+    'slider_crank',
+    'Scene: a name under config/scenes, or a path; setting it loads it, paused at its start',
+    fixed=False,
+)
 
 
 def solver_specs(solver: Solver) -> list[Spec]:
     """`solver.*`: defaults are what the scene says, limits those of `Solver`."""
     return [
-        Spec('solver.step', solver.step, 'Solver step, s', (1e-12, 1e6)),
-        Spec('solver.integrator', solver.integrator, 'Integrator, such as rk4 or dop853'),
-        Spec('solver.formulation', solver.formulation, 'Equations solved, such as alf2'),
-        Spec('solver.penalty', solver.penalty, 'Penalty, without dimension', (1e-300, 1e300)),
-        Spec('solver.iterations', solver.iterations, 'Most iterations a stage', (1, 1000)),
-        Spec('solver.tolerance', solver.tolerance, 'Relative error (adaptive)', (0.0, 1.0)),
+        Spec('solver.step', solver.step, 'Solver step, s', (1e-12, 1e6), fixed=False),
+        Spec(
+            'solver.integrator',
+            solver.integrator,
+            'Integrator, such as rk4 or dop853',
+            fixed=False,
+        ),
+        Spec(
+            'solver.formulation', solver.formulation, 'Equations solved, such as alf2', fixed=False
+        ),
+        Spec(
+            'solver.penalty',
+            solver.penalty,
+            'Penalty, without dimension',
+            (1e-100, 1e100),
+            fixed=False,
+        ),
+        Spec(
+            'solver.iterations',
+            solver.iterations,
+            'Most iterations of a solve',
+            (1, 1000),
+            fixed=False,
+        ),
+        Spec(
+            'solver.tolerance',
+            solver.tolerance,
+            'Relative error of a step (adaptive integrators)',
+            (0.0, 1.0),
+            fixed=False,
+        ),
     ]
 
 
-def node_specs(step: float) -> list[Spec]:
-    """Everything but the scene and the solver, for a solver step of `step` seconds."""
-    rate = 1.0 / (step * max(1, math.ceil(DEFAULT_TICK / step * (1.0 - 1e-9))))
+def effect_specs(scene: Scene) -> list[Spec]:
+    """`effects.*`: the numbers of the scene's effects; none if there are too many."""
+    # Imported late: loading the solver takes a good part of the start.
+    from alf_ros.effect_values import effect_values
+
+    values = effect_values(scene)
+    if len(values) > MOST_EFFECT_VALUES:
+        return []
+    limits = (-LARGEST, LARGEST)
+    return [
+        Spec(name, v.value, v.doc, limits if type(v.value) is float else None, fixed=False)
+        for name, v in values.items()
+    ]
+
+
+def node_specs(rate: float) -> list[Spec]:
+    """Everything but scene, solver and effects; `rate` (Hz) is the default one of the scene."""
     modes = 'auto: when somebody subscribes; on: always; off: never'
     return [
         Spec(
@@ -93,6 +140,7 @@ def node_specs(step: float) -> list[Spec]:
             rate,
             'Ticks, and so messages, per simulated second, Hz; 1/rate is a whole number of steps',
             (1e-6, 1e5),
+            fixed=False,
         ),
         Spec(
             'real_time_factor',
@@ -101,6 +149,7 @@ def node_specs(step: float) -> list[Spec]:
             (0.0, 1e3),
             fixed=False,
         ),
+        Spec('step_count', 1, 'Ticks that one call of ~/step makes', (1, 10**9), fixed=False),
         Spec(
             'command_timeout',
             0.0,
@@ -108,14 +157,37 @@ def node_specs(step: float) -> list[Spec]:
             (0.0, 3600.0),
             fixed=False,
         ),
-        Spec('start_paused', False, 'Start paused: ~/pause false plays, ~/step makes one tick'),
+        Spec('start_paused', False, 'Start paused: ~/pause false plays, ~/step makes ticks'),
         Spec('duration', 0.0, 'Simulated seconds to run; 0 runs until stopped', (0.0, 1e9)),
         Spec('status_line', True, 'Print a live status line (plain lines if not on a terminal)'),
+        Spec('state.name', 'default', 'Name for ~/save_state and ~/restore_state', fixed=False),
+        Spec('state.folder', 'states', 'Folder of saved states; empty: only in memory'),
         Spec('record.enabled', True, 'Record an MCAP log'),
         Spec('record.folder', 'logs', 'Folder in which each run makes a folder for its log'),
         Spec('record.topics', RECORDED, f'Recorded topics, of {", ".join(TOPIC_NAMES)}'),
+        Spec(
+            'display_rate',
+            30.0,
+            'Messages per simulated second on ~/markers and tf, Hz, at most `rate`',
+            (1e-6, 1e5),
+            fixed=False,
+        ),
+        Spec(
+            'force_scale',
+            0.0,
+            'Length of the arrows of forces, m/N; 0: that of its weight is a quarter of its size',
+            (0.0, 1e6),
+            fixed=False,
+        ),
+        Spec('frame_prefix', '', 'Stands before the names of bodies as frames, such as left/'),
         *(
-            Spec(mode_of(name), 'auto', f'Publish {name}: {modes}', fixed=False, untyped=True)
+            Spec(
+                mode_of(name),
+                _DEFAULT_MODE.get(name, 'auto'),
+                f'Publish {name}: {modes}',
+                fixed=False,
+                untyped=True,
+            )
             for name in TOPIC_NAMES
         ),
     ]
@@ -126,33 +198,48 @@ def mode_of(topic: str) -> str:
     return f'publish.{topic.rpartition("/")[2]}'
 
 
-def declare(node: Node, specs: Iterable[Spec]) -> dict[str, Any]:
-    """Declare parameters and return their values.
+def declare(node: Node, specs: Iterable[Spec], override: bool = True) -> dict[str, Any]:
+    """Declare parameters and return their values; `override` by what was given at the start.
 
     Raises InputError, one line, for a value of the wrong type or out of range.
     """
     values = {}
     overrides = node._parameter_overrides
     for spec in specs:
-        given = overrides.get(spec.name)
-        if given is not None and type(given.value) is int and isinstance(spec.default, float):
-            # `duration:=10` on a command line is an integer; nobody means to be refused for that.
-            overrides[spec.name] = Parameter(spec.name, value=float(given.value))
+        given = overrides.get(spec.name) if override else None
+        if given is not None:
+            overrides[spec.name] = given = _as_number(given, spec.default)
         expected = _KINDS[type(spec.default)]
         if spec.limits is not None:
             expected += f' from {spec.limits[0]:g} to {spec.limits[1]:g}'
         try:
-            parameter = node.declare_parameter(spec.name, spec.default, spec.descriptor())
+            parameter = node.declare_parameter(
+                spec.name, spec.default, spec.descriptor(), ignore_override=not override
+            )
         except (InvalidParameterTypeException, InvalidParameterValueException):
             value = given.value if given is not None else spec.default
             raise InputError(
                 'bad value of a parameter', key=spec.name, value=value, expected=expected
             ) from None
-        values[spec.name] = parameter.value
+        values[spec.name] = plain(parameter.value)
         reason = refusal(parameter)
         if reason:
             raise InputError(reason)
     return values
+
+
+def plain(value: Any) -> Any:
+    """The value of a parameter, arrays as lists."""
+    return value if isinstance(value, (bool, int, float, str)) else list(value)
+
+
+def _as_number(given: Parameter[Any], default: object) -> Parameter[Any]:
+    """`duration:=10` on a command line is an integer; nobody means to be refused for that."""
+    if isinstance(default, float) and type(given.value) is int:
+        return Parameter(given.name, value=float(given.value))
+    if isinstance(default, list) and given.type_ == Parameter.Type.INTEGER_ARRAY:
+        return Parameter(given.name, value=[float(number) for number in given.value])
+    return given
 
 
 def check_names(node: Node) -> None:
@@ -172,26 +259,10 @@ def refusal(parameter: Parameter[Any]) -> str:
         for topic in value:
             if topic not in TOPIC_NAMES:
                 return str(InputError('unknown topic', key=name, value=topic, choices=TOPIC_NAMES))
+    asked = name == mode_of(TF) and MODES[value] != 'off'
+    if TF not in OFFERED and (asked or (name == 'record.topics' and TF in value)):
+        return f'{name}: tf needs tf2_msgs, which comes with a ROS 2 installation: source one'
+    if name == 'state.name' and not _STATE_NAME.fullmatch(value):
+        wanted = "letters, digits, '_', '.', '-'; at most 100"
+        return str(InputError('not a name', key=name, value=value, expected=wanted))
     return ''
-
-
-def judge(parameters: list[Parameter[Any]]) -> SetParametersResult:
-    """On-set callback: rejects with the reason, all or nothing."""
-    reason = next(filter(None, map(refusal, parameters)), '')
-    return SetParametersResult(successful=not reason, reason=reason)
-
-
-def steps_per_tick(rate: float, step: float) -> int:
-    """Number of solver steps (s) in a tick at `rate` (Hz). Raises InputError if not whole."""
-    steps = 1.0 / (rate * step)
-    whole = max(1, round(steps))
-    if abs(steps - whole) > 1e-6 * whole:
-        below, above = max(1, math.floor(steps)), math.ceil(steps)
-        near = ' or '.join(f'{1.0 / (n * step):.9g}' for n in sorted({above, below}))
-        raise InputError(
-            f'a tick of 1/rate must be a whole number of solver steps of {step:g} s',
-            key='rate',
-            value=rate,
-            expected=f'{near} Hz',
-        )
-    return whole

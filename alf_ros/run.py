@@ -1,9 +1,10 @@
-"""A run of a scene from t = 0: its ticks, what they publish, and its log."""
+"""A run of a scene: its ticks, their stamps, what they publish, and its log."""
 
 from __future__ import annotations
 
 import dataclasses
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -15,65 +16,96 @@ from alf_ros.messages import stamp_ns
 from alf_ros.outputs import Outputs
 from alf_ros.provenance import versions
 from alf_ros.recorder import Recorder
-from alf_ros.scene import Scene
-from alf_ros.simulation import Simulation
+from alf_ros.saved_states import as_data
+from alf_ros.settings import Setup
+from alf_ros.simulation import Simulation, State
 
 
 class Run:
-    """Ticks of `steps` solver steps; after `duration` (simulated s, 0: never) it is `over`.
+    """Ticks of a setup; after `duration` (simulated s, 0: never) it is `over`.
 
     A failed step leaves the last good state and its reason in `failure`. Every `begin` makes a log
     of its own in `log_folder`, so that a log is always one run from its start.
     """
 
     def __init__(
-        self,
-        scene: Scene,
-        simulation: Simulation,
-        outputs: Outputs,
-        steps: int,
-        duration: float,
-        log_folder: Path | None,
+        self, setup: Setup, outputs: Outputs, duration: float, log_folder: Path | None
     ) -> None:
-        self.simulation = simulation
+        self.setup = setup
         self.recorder: Recorder | None = None
         self.failure: StepError | None = None
         self.initial_energy = 0.0
-        self._scene, self._outputs, self._steps, self._folder = scene, outputs, steps, log_folder
-        self._last_step = max(1, round(duration / simulation.h)) if duration else 0
+        self.closest = math.inf  # to a singular position, since somebody set it back
+        self._outputs, self._duration, self._folder = outputs, duration, log_folder
+        self._ahead = 0  # ns by which stamps are ahead of the simulated time
+
+    @property
+    def simulation(self) -> Simulation:
+        """The simulation that runs."""
+        return self.setup.simulation
+
+    @property
+    def stamp(self) -> int:
+        """Stamp (ns) of the present state: never zero, which means "no time yet" in ROS."""
+        return stamp_ns(self.simulation.t, self._ahead)
 
     @property
     def over(self) -> bool:
         """Whether the duration has been reached."""
         return 0 < self._last_step <= self.simulation.step_index
 
-    def begin(self) -> None:
-        """Start from the initial state. Raises InputError if there can be no log."""
+    @property
+    def _last_step(self) -> int:
+        return max(1, round(self._duration / self.simulation.h)) if self._duration else 0
+
+    def begin(self, state: State | None = None, keep_time: bool = False) -> None:
+        """Start from `state`, or the initial one.
+
+        With `keep_time` the stamps go on a tick after the last, whatever the time of the state is;
+        otherwise they are its time. Raises InputError if there can be no log.
+        """
+        later = self._ahead + round((self.simulation.t + self.setup.tick) * 1e9)
         self.close()
-        self.simulation.reset()
+        if state is None:
+            self.simulation.reset()
+        else:
+            self.simulation.restore(state)
+        self._ahead = later - round(self.simulation.t * 1e9) if keep_time else 0
         self.failure = None
-        scene = self._scene
-        about = {
+        scene = self.setup.scene
+        about: dict[str, Any] = {
             'scene': scene.name,
             'scene_sha256': scene.hash,
-            'solver': dataclasses.asdict(self.simulation.solver),
-            'steps_per_tick': self._steps,
+            **self._settings(),
+            'stamps_ahead_ns': self._ahead,
             'versions': versions(),
         }
+        if state is not None:
+            about['state'] = as_data(state)
         if self._folder is not None:
             info = {k: v if isinstance(v, str) else json.dumps(v) for k, v in about.items()}
             info['scene_text'] = scene.text
             self.recorder = Recorder(self._folder, scene.name, info)
         self._outputs.record(self.recorder)
-        data = serialize_message(String(data=scene.text))
-        self._outputs.scene.send(data, stamp_ns(self.simulation.t))
+        self._outputs.describe(scene, self.stamp)
         self.note({'kind': 'start', **about})
         self.initial_energy = self.simulation.sample().energy
-        self.send()
+        self.send(whole=True)
+
+    def change(self, setup: Setup, effects: dict[str, Any]) -> None:
+        """Go on with other settings at the same state; `effects` are the numbers that changed."""
+        self.setup = setup
+        self.note({'kind': 'settings', **self._settings(), 'effects': effects})
+        if effects:
+            self._outputs.describe(setup.scene, self.stamp)
+
+    def _settings(self) -> dict[str, Any]:
+        solver = dataclasses.asdict(self.simulation.solver)
+        return {'solver': solver, 'steps_per_tick': self.setup.steps}
 
     def tick(self) -> None:
         """Make one tick's steps, fewer at the end of the run, and send what came out."""
-        steps = self._steps
+        steps = self.setup.steps
         if self._last_step:
             steps = min(steps, self._last_step - self.simulation.step_index)
         try:
@@ -84,10 +116,13 @@ class Run:
             self.failure = None
             self.send()
 
-    def send(self, record: bool = True) -> None:
-        """Publish and log the present state."""
+    def send(self, record: bool = True, whole: bool = False) -> None:
+        """Publish and log the present state; `whole` also what is not shown at every tick."""
         try:
-            self._outputs.send(self.simulation.sample(), record)
+            sample = self.simulation.sample()
+            self._outputs.send(sample, self.stamp, record, whole)
+            if self._outputs.diagnostics.wanted:
+                self.closest = min(self.closest, sample.diagnostics.distance_if_known)
         except StepError as error:
             self.failure = error
 
@@ -96,7 +131,7 @@ class Run:
         if self._outputs.journal.wanted:
             step, t = self.simulation.step_index, self.simulation.t
             text = json.dumps({'step': step, 't': t, **entry})
-            self._outputs.journal.send(serialize_message(String(data=text)), stamp_ns(t))
+            self._outputs.journal.send(serialize_message(String(data=text)), self.stamp)
 
     def close(self) -> None:
         """End the log."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from alf_ros import kernel
-from alf_ros.applied import Applied
+from alf_ros.applied import Applied, Inputs
 from alf_ros.arrays import Floats
 from alf_ros.efforts import unit_motion
 from alf_ros.errors import StepError
@@ -106,6 +107,12 @@ class Diagnostics:
         independent = len(sample.model.row_names) - sample._dependent_rows()
         return float(distance(independent - self._effective_rank, sample.model.penalty))
 
+    @property
+    def distance_if_known(self) -> float:
+        """The same, where reactions or multipliers were asked for; else infinite: alone it costs
+        more than a small mechanism's step."""
+        return self.distance if '_linearised' in vars(self._sample) else math.inf
+
     @cached_property
     def singular(self) -> bool:
         """Whether the rank is lower here than at ordinary positions."""
@@ -177,6 +184,11 @@ class Sample:
     def velocities(self) -> Mapping[str, Floats]:
         """Velocity of each point (D,), m/s."""
         return _ByName(self.model.point_names, self._velocities.__getitem__)
+
+    @property
+    def inputs(self) -> Inputs:
+        """The wrenches and efforts held."""
+        return self._applied.inputs
 
     @cached_property
     def energy(self) -> float:

@@ -1,4 +1,4 @@
-"""The node `simulator`: time, parameters, services and reports around a run."""
+"""The node `simulator`: parameters, timers and services around a run."""
 
 from __future__ import annotations
 
@@ -7,31 +7,25 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.serialization import serialize_message
 from rclpy.task import Future
-from std_srvs.srv import SetBool, Trigger
 
-from alf_ros import diagnostics, parameters
-from alf_ros.errors import InputError, StepError
-from alf_ros.messages import stamp_ns, to_time
+from alf_ros import parameters
+from alf_ros.display import Display
+from alf_ros.errors import AlfError, InputError, StepError
 from alf_ros.outputs import Outputs
-from alf_ros.pacing import Pacer
-from alf_ros.status import PLAIN_PERIOD, Status
+from alf_ros.pacing import SHORTEST_BEAT, Pacer
+from alf_ros.services import Services
+from alf_ros.status import LOOK_PERIOD, Status
 
 if TYPE_CHECKING:
     from rclpy.timer import Timer
 
-    from alf_ros.run import Run
-    from alf_ros.scene import Scene
-
-# Longest time (s) of ticks in one call of the timer, so that commands and services get their turn.
-BURST = 0.01
-# Period (s) of status line and graph watch; diagnostics come every fourth time.
-LOOK_PERIOD = 0.25
-LOOKS_PER_DIAGNOSIS = 4
+    from alf_ros.settings import Setup
+    from alf_ros.simulation import Simulation
 
 
 class Stop:
@@ -61,88 +55,103 @@ class Simulator(Node):
         super().__init__('simulator', parameter_overrides=overrides)
         self.finished: Future[None] = Future()
         self._status, self._stop = status, stop
-        self._looks = 0
-        self._alarms: tuple[bool, ...] = ()
-        self._lost = 0.0  # real time lost up to the last regular diagnosis, s
+        self._loading = False
+        self._next: tuple[Setup, dict[str, Any]] | None = None  # what the next parameters make
 
-        name = parameters.declare(self, [parameters.SCENE])['scene']
+        scene = parameters.declare(self, [parameters.SCENE])['scene']
         # Imported late: loading the solver takes a good part of the start.
+        from alf_ros import settings
+        from alf_ros.effect_values import with_effect_values
         from alf_ros.scene import load_scene
 
-        self._scene = load_scene(name)
-        solver = parameters.declare(self, parameters.solver_specs(self._scene.solver))
-        step = solver['solver.step']
-        values = parameters.declare(self, parameters.node_specs(step))
-        steps = parameters.steps_per_tick(values['rate'], step)
-        self._outputs = Outputs(self, values['record.topics'])
+        self._settings = settings
+        drawn = load_scene(scene)
+        solver = parameters.declare(self, parameters.solver_specs(drawn.solver))
+        effects = parameters.declare(self, parameters.effect_specs(drawn))
+        rate = settings.default_rate(solver['solver.step'])
+        values = parameters.declare(self, parameters.node_specs(rate))
+        display = Display(values['frame_prefix'])
+        self._outputs = Outputs(self, values['record.topics'], display)
         parameters.check_names(self)
 
         status.enabled = values['status_line']
-        status.say(f'scene {self._scene.name}: preparing')
+        status.say(f'scene {drawn.name}: preparing')
         with status.say_if_slow('compiling, the first time only ...', 2.0):
-            settings = {key.partition('.')[2]: value for key, value in solver.items()}
-            self._run = self._prepare(self._scene, settings, steps, values)
-        self._pacer = Pacer(steps * step, values['real_time_factor'])
-        self._paused: bool = values['start_paused']
+            given = {spec.name: spec.default for spec in parameters.effect_specs(drawn)}
+            changed = {name: value for name, value in effects.items() if value != given[name]}
+            setup = settings.made(
+                with_effect_values(drawn, changed), _below('solver', solver), values['rate']
+            )
+            self._assemble(setup, values)
         self._on_parameters([self.get_parameter(key) for key in values])
-        self._connect()
-
-    def _prepare(
-        self, scene: Scene, settings: dict[str, Any], steps: int, values: dict[str, Any]
-    ) -> Run:
-        """Load the compiled code and use all of it once, so that no tick waits for it."""
-        from alf_ros.inputs import Inputs
-        from alf_ros.run import Run
-        from alf_ros.simulation import Simulation
-
-        simulation = Simulation(scene, **settings)
-        folder = Path(values['record.folder']) if values['record.enabled'] else None
-        run = Run(scene, simulation, self._outputs, steps, values['duration'], folder)
-        self._inputs = Inputs(self, simulation, run.note, self._diagnose)
-        self._outputs.prepare(simulation.model)
-        try:
-            simulation.step(0)
-            self._outputs.warm_up(simulation.sample())
-            diagnostics.constraints(simulation.sample())
-        except StepError:
-            pass  # the first tick will say so, with the log open
-        return run
-
-    def _connect(self) -> None:
-        self.add_on_set_parameters_callback(parameters.judge)
+        self.add_on_set_parameters_callback(self._judge)
         self.add_post_set_parameters_callback(self._on_parameters)
-        self.create_service(SetBool, '~/pause', self._on_pause)
-        self.create_service(Trigger, '~/step', self._on_step)
-        self.create_service(Trigger, '~/reset', self._on_reset)
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(LOOK_PERIOD, self._on_look, clock=self._steady)
+        self._timer: Timer | None = None
         self._pace()
 
-    def _pace(self) -> None:
-        self._timer: Timer = self.create_timer(
-            self._pacer.beat, self._on_timer, clock=self._steady
+    def _assemble(self, setup: Setup, values: dict[str, Any]) -> None:
+        """Make the parts, and use all compiled code once, so that no tick waits for it."""
+        from alf_ros.control import Control
+        from alf_ros.inputs import Inputs
+        from alf_ros.reporting import Reporting
+        from alf_ros.run import Run
+        from alf_ros.saved_states import SavedStates
+
+        folder = Path(values['record.folder']) if values['record.enabled'] else None
+        run = Run(setup, self._outputs, values['duration'], folder)
+        self._pacer = Pacer(setup.tick, values['real_time_factor'])
+        # The alarm looks the report up when it comes: that needs the control, which needs this.
+        inputs = Inputs(self, setup.simulation, run.note, lambda: self._reporting.diagnose())
+        inputs.frame_prefix = values['frame_prefix']
+        saved = SavedStates(Path(values['state.folder']) if values['state.folder'] else None)
+        self._control = Control(
+            run, self._pacer, inputs, saved, self._on_event, self._pace, self._finish
         )
+        self._reporting = Reporting(self, self._control, self._pacer, self._outputs, self._status)
+        Services(self, self._control)
+        self._playing_first = not values['start_paused']
+        self._warm_up(setup.simulation)
+
+    def _warm_up(self, simulation: Simulation) -> None:
+        self._outputs.prepare(simulation.model)
+        try:
+            self._outputs.warm_up(simulation.sample())
+            self._reporting.warm_up()
+        except StepError:
+            pass  # the first tick will say so, with the log open
+
+    def _pace(self) -> None:
+        """Call the timer as often as ticks come."""
+        if self._timer is not None:
+            self.destroy_timer(self._timer)
+        beat = SHORTEST_BEAT if self._control.stepping else self._pacer.beat
+        self._timer = self.create_timer(beat, self._on_timer, clock=self._steady)
 
     # --------------------------------------------------------------------------------------- run
 
     def begin(self) -> None:
         """Start a run at t = 0 with a log of its own. Raises InputError if there can be none."""
-        self._inputs.clear()
-        self._run.begin()
-        self._pacer.start()
-        step, recorder = self._run.simulation.h, self._run.recorder
-        state = 'paused' if self._paused else f'real-time factor {self._pacer.factor:g}'
+        control = self._control
+        control.run.begin()
+        if self._playing_first:
+            control.play()
+        simulation, recorder = control.run.simulation, control.run.recorder
+        state = 'paused' if control.paused else f'real-time factor {self._pacer.factor:g}'
         log = f'log {recorder.path}' if recorder else 'no log'
-        self._status.say(f'running: step {step:g} s, tick {self._pacer.tick:g} s, {state}; {log}')
+        step, tick = simulation.h, self._pacer.tick
+        self._status.say(f'running: step {step:g} s, tick {tick:g} s, {state}; {log}')
 
     def close(self) -> None:
         """End the log, with a last report in it."""
-        recorder = self._run.recorder
+        run = self._control.run
+        recorder = run.recorder
         try:
-            self._diagnose()
+            self._reporting.diagnose()
         finally:
-            self._run.close()
-        text = f'stopped at {self._run}'
+            run.close()
+        text = f'stopped at {run}'
         if recorder is not None:
             text += f'; log {recorder.path}, {recorder.written} messages'
             text += f', {recorder.dropped} dropped' if recorder.dropped else ''
@@ -151,137 +160,104 @@ class Simulator(Node):
 
     def _on_timer(self) -> None:
         now = time.monotonic()
-        self._inputs.expire(now)
+        self._control.inputs.expire(now)
         if self._stop.asked:
             self._finish()
-        if self._paused or self.finished.done():
-            return
-        for _ in range(self._pacer.due(now)):
-            going = self._tick()
-            self._pacer.done()
-            if not going or time.monotonic() - now > BURST:
-                break
+        if not self.finished.done():
+            self._control.advance(now)
 
-    def _tick(self) -> bool:
-        """Make one tick; False when the run cannot or need not go on."""
-        self._run.tick()
-        if self._run.failure:
-            self._paused = True
-            self.get_logger().error(str(self._run.failure))
-            self._diagnose()
-            return False
-        if self._run.over:
+    def _on_look(self) -> None:
+        if self._stop.asked:
             self._finish()
-        return not self._run.over
+        self._control.inputs.watch()
+        self._reporting.look()
+
+    def _on_event(self) -> None:
+        """A step failed, or a log ends: that is reported at once."""
+        if self._control.run.failure:
+            self.get_logger().error(str(self._control.run.failure))
+        self._reporting.diagnose()
 
     def _finish(self) -> None:
         if not self.finished.done():
             self.finished.set_result(None)
 
-    # ----------------------------------------------------------------------- parameters, services
+    # -------------------------------------------------------------------------------- parameters
+
+    def _judge(self, changed: list[Parameter[Any]]) -> SetParametersResult:
+        """On-set callback: rejects with the reason, all or nothing."""
+        if self._loading:
+            return SetParametersResult(successful=True)
+        reason = next(filter(None, map(parameters.refusal, changed)), '')
+        self._next = None
+        if not reason:
+            try:
+                self._next = self._prepared({p.name: parameters.plain(p.value) for p in changed})
+            except AlfError as error:
+                reason = str(error)
+        return SetParametersResult(successful=not reason, reason=reason)
+
+    def _prepared(self, values: dict[str, Any]) -> tuple[Setup, dict[str, Any]] | None:
+        """What the run will be with these parameters, or None if it stays as it is."""
+        solver = _below('solver', values)
+        if 'scene' in values:
+            with self._status.say_if_slow(f'loading {values["scene"]} ...', 2.0):
+                return self._settings.loaded(values['scene'], solver, values.get('rate')), values
+        effects = {k: v for k, v in values.items() if k.startswith('effects.')}
+        if not solver and not effects and 'rate' not in values:
+            return None
+        rate = values.get('rate', self.get_parameter('rate').value)
+        return self._settings.changed(self._control.run.setup, solver, effects, rate), effects
 
     def _on_parameters(self, changed: list[Parameter[Any]]) -> None:
+        """Post-set callback: takes effect at once, which is between two ticks."""
+        if self._loading:
+            return
+        if self._next is not None:
+            (setup, values), self._next = self._next, None
+            if 'scene' in values:
+                self._load(setup)
+            else:
+                self._control.change(setup, values)
+        self._thin_out()
         modes = {parameters.mode_of(name): name for name in self._outputs.optional}
         for parameter in changed:
             if parameter.name in modes:
                 mode = parameters.MODES[parameter.value]
                 self._outputs.optional[modes[parameter.name]].mode = mode
+            elif parameter.name == 'force_scale':
+                self._outputs.display.force_scale = parameter.value
             elif parameter.name == 'command_timeout':
-                self._inputs.timeout = parameter.value
+                self._control.inputs.timeout = parameter.value
             elif parameter.name == 'real_time_factor' and parameter.value != self._pacer.factor:
                 self._pacer.set_factor(parameter.value)
-                self.destroy_timer(self._timer)
                 self._pace()
 
-    def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        before, self._paused = self._paused, request.data
-        if before and not self._paused:
-            self._pacer.start()
-        state = 'paused' if self._paused else 'playing'
-        response.success = True
-        response.message = f'already {state}' if before == self._paused else state
-        return response
+    def _thin_out(self) -> None:
+        rate, wanted = (self.get_parameter(name).value for name in ('rate', 'display_rate'))
+        self._outputs.shown_every = max(1, round(rate / wanted))
 
-    def _on_step(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        if not self._paused:
-            response.message = 'playing: pause first'
-            return response
-        self._tick()
-        response.success = self._run.failure is None
-        response.message = str(self._run.failure or self._run)
-        return response
-
-    def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self._diagnose()  # the last word of the log that ends here
+    def _load(self, setup: Setup) -> None:
+        """Another scene, paused at its start; its parameters say what it says."""
+        self._loading = True
         try:
-            self.begin()
-            response.success = True
-            response.message = str(self._run)
+            for name in self.get_parameters_by_prefix('effects'):
+                self.undeclare_parameter(f'effects.{name}')
+            parameters.declare(self, parameters.effect_specs(setup.scene), override=False)
+            solver = parameters.solver_specs(setup.simulation.solver)
+            self.set_parameters([Parameter(spec.name, value=spec.default) for spec in solver])
+            self.set_parameters([Parameter('rate', value=1.0 / setup.tick)])
+        finally:
+            self._loading = False
+        self._warm_up(setup.simulation)
+        try:
+            self._control.load(setup)
         except InputError as error:
-            self.get_logger().error(str(error))
-            response.message = f'reset, but without a log: {error}'
-        return response
+            self.get_logger().error(f'no log: {error}')
+        self._status.say(f'scene {setup.scene.name}: loaded, paused')
 
-    # ------------------------------------------------------------------------------------ reports
 
-    def _on_look(self) -> None:
-        if self._stop.asked:
-            self._finish()
-        self._looks += 1
-        self._inputs.watch()
-        recorder = self._run.recorder
-        alarms = (
-            self._inputs.troubled,
-            self._pacer.lost > self._lost,
-            recorder is not None and bool(recorder.dropped or recorder.error),
-        )
-        regular = self._looks % LOOKS_PER_DIAGNOSIS == 0
-        if regular or alarms != self._alarms:
-            self._alarms = alarms
-            self._diagnose()
-        if regular:
-            self._lost = self._pacer.lost
-            if self._paused:
-                # Who came late, or missed the message, sees the state as well.
-                self._run.send(record=False)
-        if self._status.live or self._looks % round(PLAIN_PERIOD / LOOK_PERIOD) == 0:
-            self._status.show(self._line())
-
-    def _diagnose(self) -> None:
-        output, run = self._outputs.diagnostics, self._run
-        if not output.wanted:
-            return
-        sample = run.simulation.sample()
-        ns = stamp_ns(sample.t)
-        reports = [
-            diagnostics.solver(sample, self._paused, run.failure),
-            diagnostics.constraints(sample),
-            diagnostics.energy(sample, run.initial_energy),
-            diagnostics.timing(self._pacer, self._paused, self._lost),
-            diagnostics.commands(self._inputs),
-            diagnostics.record(run.recorder),
-        ]
-        mechanism = self._scene.mechanism.name
-        message = diagnostics.array(self.get_name(), mechanism, to_time(ns), reports)
-        output.send(serialize_message(message), ns)
-
-    def _line(self) -> str:
-        sample, recorder = self._run.simulation.sample(), self._run.recorder
-        state = 'FAILED' if self._run.failure else 'paused' if self._paused else ''
-        if not state and self._pacer.achieved:  # known after the first second
-            state = f'real-time factor {self._pacer.achieved:.2f}'
-        try:
-            violation = f'{sample.diagnostics.position_violation:.0e} m'
-        except StepError:
-            violation = 'unknown'
-        parts = [
-            f't {sample.t:.2f} s',
-            state,
-            f'E {sample.energy:.6g} J',
-            f'violation {violation}',
-            f'overruns {self._pacer.overruns}',
-            f'log {recorder.path.name}' if recorder else 'no log',
-        ]
-        if recorder is not None and recorder.dropped:
-            parts.append(f'{recorder.dropped} messages dropped')
-        return '  '.join(filter(None, parts))
+def _below(prefix: str, values: dict[str, Any]) -> dict[str, Any]:
+    """The values below `prefix`, without it."""
+    dotted = f'{prefix}.'
+    return {k[len(dotted) :]: v for k, v in values.items() if k.startswith(dotted)}

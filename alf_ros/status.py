@@ -10,6 +10,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TextIO
 
+# Seconds between two looks at the run.
+LOOK_PERIOD = 0.25
 # Seconds between two lines when nobody watches a terminal.
 PLAIN_PERIOD = 5.0
 

@@ -35,13 +35,15 @@ class SimulatorProcess:
                 arguments += ['-p', f'{name.replace("__", ".")}:={value}']
         self.output_path = self.folder / 'output.txt'
         self.folder.mkdir(parents=True, exist_ok=True)
+        # A sourced ROS 2 is on PYTHONPATH too.
+        paths = [str(ROOT), os.environ.get('PYTHONPATH', '')]
         with open(self.output_path, 'w') as output:
             self.process = subprocess.Popen(
                 [sys.executable, '-m', 'alf_ros', 'simulator', *arguments],
                 stdout=output,
                 stderr=subprocess.STDOUT,
                 cwd=self.folder,
-                env={**os.environ, 'PYTHONPATH': str(ROOT)},
+                env={**os.environ, 'PYTHONPATH': os.pathsep.join(filter(None, paths))},
                 start_new_session=True,
             )
 

@@ -1,6 +1,7 @@
 """Messages say what the sample says: values against mechanics, stamps, what a reader gets back."""
 
 import copy
+import math
 
 import numpy as np
 import pytest
@@ -9,8 +10,10 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
 from alf_ros import Simulation, diagnostics, load_scene
+from alf_ros.display import Display
 from alf_ros.errors import StepError
-from alf_ros.messages import TOPICS, stamp_ns, to_time
+from alf_ros.messages import stamp_ns, to_time
+from alf_ros.topics import TOPICS
 
 HANGING_ROD = {
     'name': 'hanging_rod',
@@ -30,9 +33,10 @@ def messages(simulation):
     sample = simulation.sample()
     return {
         topic.key: deserialize_message(
-            topic.make(simulation.model)(sample, stamp_ns(sample.t)), topic.type
+            topic.make(simulation.model, Display())(sample, stamp_ns(sample.t)), topic.type
         )
         for topic in TOPICS
+        if topic.name != 'tf'
     }
 
 
@@ -113,7 +117,7 @@ def test_energy_is_that_of_the_rods_at_the_start():
 
 def test_messages_are_written_anew_each_time_and_stay_as_they_were():
     simulation = Simulation(load_scene('slider_crank'))
-    write = TOPICS[0].make(simulation.model)
+    write = TOPICS[0].make(simulation.model, Display())
     first = write(simulation.sample(), 1)
     kept = bytes(bytearray(first))
     simulation.step(100)
@@ -146,14 +150,15 @@ def test_what_has_no_joints_says_nothing_of_joints():
     bob = {'bob': {'points': ['A'], 'mass': 1, 'inertia': 'point'}}
     mechanism = {'alf': 1, 'space': 'planar', 'points': {'A': {'at': [0, 0]}}, 'bodies': bob}
     model = Simulation(load_scene({'mechanism': mechanism})).model
-    made = [topic.name for topic in TOPICS if topic.make(model) is not None]
-    assert made == ['~/energy', '/clock']
+    made = [topic.name for topic in TOPICS if topic.make(model, Display()) is not None]
+    # and tf where tf2_msgs is installed
+    assert made[:3] == ['~/energy', 'clock', '~/markers'] and made[3:] in ([], ['tf'])
 
 
 def test_diagnostics_have_fixed_keys_with_units(slider_crank):
     sample = slider_crank.sample()
     reports = [
-        diagnostics.solver(sample, False, None),
+        diagnostics.solver(sample, 'playing', None),
         diagnostics.constraints(sample),
         diagnostics.energy(sample, 13.0),
         diagnostics.record(None),
@@ -166,10 +171,37 @@ def test_diagnostics_have_fixed_keys_with_units(slider_crank):
         'rank',
         'redundant',
         'singular',
+        'distance_to_singular',
     ]
     assert keys['simulator: energy'] == ['energy_j', 'initial_energy_j', 'change_j']
     assert {status.hardware_id for status in message.status} == {'slider_crank'}
     assert all(status.level == diagnostics.OK for status in message.status)
-    failed = diagnostics.solver(sample, True, StepError('bent', 'take a smaller step', 1.0))
+    failed = diagnostics.solver(sample, 'failed', StepError('bent', 'take a smaller step', 1.0))
     assert failed.level == diagnostics.ERROR and 'smaller step' in failed.message
     assert list(failed.values) == keys['simulator: solver']
+
+
+def test_a_singular_position_is_a_warning_and_passing_near_one_too():
+    # rods of equal length upright: the slider is on the crank's pin
+    positions = {'A': [0, 1], 'B': [0, 0]}
+    velocities = {'A': [1, 0], 'B': [2, 0]}
+    initial = {'positions': positions, 'velocities': velocities}
+    there = Simulation(load_scene({'mechanism': 'slider_crank', 'initial': initial})).sample()
+    report = diagnostics.constraints(there)
+    assert (report.level, report.values['singular']) == (diagnostics.WARN, True)
+    assert report.values['distance_to_singular'] < 1e-6
+
+    simulation = Simulation(load_scene('slider_crank'))
+    far = simulation.sample()
+    assert diagnostics.constraints(far).level == diagnostics.OK
+    assert far.diagnostics.distance > 0.1
+    assert diagnostics.constraints(far, closest=0.001).level == diagnostics.WARN
+    # nothing is computed for it alone
+    assert simulation.sample().diagnostics.distance_if_known == math.inf
+    # in its 10 s it passes 11 times: every pass is seen at a tick of 2 ms
+    passes, near = 0, False
+    for sample in simulation.run(10.0, every=2):
+        sample.reaction_forces  # noqa: B018
+        was, near = near, sample.diagnostics.distance_if_known < diagnostics.NEAR_SINGULAR
+        passes += near and not was
+    assert passes == 11

@@ -26,6 +26,9 @@ from std_msgs.msg import Float64, String
 from std_srvs.srv import SetBool, Trigger
 
 from alf_ros import Simulation, load_scene, parameters
+from alf_ros.parameters import OFFERED
+from alf_ros.settings import default_rate, steps_per_tick
+from alf_ros.topics import TF
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -130,6 +133,14 @@ def test_a_kill_loses_at_most_a_second(tmp_path, peer):
         ([], {'duration': '.nan'}, 'from 0 to 1e+09'),
         ([], {'start_paused': 'maybe'}, 'true or false'),
         ([], {'publish.energy': 'sometimes'}, 'auto'),
+        pytest.param(
+            [],
+            {'publish.tf': 'auto'},
+            'needs tf2_msgs',
+            marks=pytest.mark.skipif(TF in OFFERED, reason='tf2_msgs is installed'),
+        ),
+        ([], {'qos_overrides./simulator/energy.publisher.depth': -1}, 'depth'),
+        ([], {'effects.gravity.acceleration': '[0.0, 1.0, 2.0]'}, 'a list of 2'),
         ([], {'record.topics': '[joint_state]'}, "did you mean 'joint_states'"),
         ([], {'solver.integrator': 'rk5'}, "did you mean 'rk4'"),
         (['--log-folder', '/proc/nowhere'], {}, 'record.folder: cannot write a log'),
@@ -156,9 +167,9 @@ def test_help_starts_no_node():
 
 
 def test_rate_and_step_must_fit():
-    assert parameters.steps_per_tick(1000.0, 1e-3) == 1
-    assert parameters.steps_per_tick(1.0, 1e-3) == 1000
-    assert parameters.steps_per_tick(1.0 / (7 * 3e-4), 3e-4) == 7
+    assert steps_per_tick(1000.0, 1e-3) == 1
+    assert steps_per_tick(1.0, 1e-3) == 1000
+    assert steps_per_tick(1.0 / (7 * 3e-4), 3e-4) == 7
 
 
 def test_pause_step_play_and_reset(tmp_path, peer):
@@ -245,7 +256,7 @@ def test_parameters_are_described_ranged_and_refused_with_a_reason(tmp_path, pee
             DescribeParameters, '/simulator/describe_parameters', names=names
         ).descriptors
         assert all(descriptor.description for descriptor in described)
-        assert [d.read_only for d in described] == [True, True, True, False, False, True]
+        assert [d.read_only for d in described] == [False, False, False, False, False, True]
         assert described[3].floating_point_range[0].to_value == 1000.0
         values = peer.call(GetParameters, '/simulator/get_parameters', names=names).values
         assert values[1].double_value == 1e-3 and values[2].double_value == 500.0
@@ -254,7 +265,7 @@ def test_parameters_are_described_ranged_and_refused_with_a_reason(tmp_path, pee
 
         refused = change('publish.energy', 'sometimes')
         assert not refused.successful and 'expected auto, on or off' in refused.reason
-        assert not change('rate', 100.0).successful
+        assert not change('duration', 100.0).successful
         assert not change('real_time_factor', -2.0).successful
         assert change('real_time_factor', 4.0).successful
         found = Diagnostics(peer)
@@ -311,10 +322,10 @@ def test_the_parameter_file_lists_every_parameter_with_its_default(tmp_path):
     path = ROOT / 'config/simulator.yaml'
     text = path.read_text('utf-8')
     given = yaml.safe_load(text)['simulator']['ros__parameters']
-    for group in ('record', 'publish'):
+    for group in ('record', 'publish', 'state'):
         given |= {f'{group}.{key}': value for key, value in given.pop(group).items()}
     solver = load_scene('slider_crank').solver
-    specs = [parameters.SCENE, *parameters.node_specs(solver.step)]
+    specs = [parameters.SCENE, *parameters.node_specs(default_rate(solver.step))]
     defaults = {spec.name: spec.default for spec in specs}
     # these two are there as comments, because their defaults come from the scene
     assert {**given, 'rate': 500.0} == defaults

@@ -22,8 +22,8 @@ from std_msgs.msg import Float64, String
 
 from alf_ros import bag
 from alf_ros.errors import InputError
-from alf_ros.messages import BEST_EFFORT, LATCHED, RELIABLE
 from alf_ros.recorder import Recorder
+from alf_ros.topics import BEST_EFFORT, LATCHED, RELIABLE
 
 ROOT = Path(__file__).resolve().parents[1]
 TEXT = 'mechanism: slider_crank\n# "quotes", ünïcode: {a: [1, 2]}\n'
@@ -246,7 +246,7 @@ def test_a_disk_that_fills_up_stops_the_log_and_nothing_else(tmp_path):
         from pathlib import Path
         from rclpy.serialization import serialize_message
         from std_msgs.msg import String
-        from alf_ros.messages import RELIABLE
+        from alf_ros.topics import RELIABLE
         from alf_ros.recorder import Recorder
         import random
         resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))

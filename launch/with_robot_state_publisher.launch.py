@@ -1,0 +1,41 @@
+"""The simulator and a robot_state_publisher with its URDF: a tf tree and a RobotModel in RViz.
+
+`ros2 launch alf_ros with_robot_state_publisher.launch.py scene:=four_bar view:=true` takes the
+arguments of simulate.launch.py.
+"""
+
+from launch import LaunchDescription
+from launch.actions import IncludeLaunchDescription, OpaqueFunction
+from launch.launch_description_sources import PythonLaunchDescriptionSource
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
+from launch_ros.substitutions import FindPackageShare
+
+from alf_ros import load_scene
+from alf_ros.urdf import urdf
+
+
+def robot_state_publisher(context):
+    """Return the node; it wants the URDF at its start, so the scene is read here as well."""
+    scene = load_scene(LaunchConfiguration('scene').perform(context))
+    parameters = {
+        'robot_description': ParameterValue(urdf(scene.mechanism), value_type=str),
+        # Without it, it would take a reset for time that stands still.
+        'use_sim_time': True,
+    }
+    node = Node(
+        package='robot_state_publisher',
+        executable='robot_state_publisher',
+        parameters=[parameters],
+        # The simulator says robot_description, also when another scene is loaded.
+        remappings=[('robot_description', '~/robot_description')],
+    )
+    return [node]
+
+
+def generate_launch_description():
+    """Describe the launch: simulate.launch.py, and what makes a tf tree of its joint_states."""
+    file = PathJoinSubstitution([FindPackageShare('alf_ros'), 'launch', 'simulate.launch.py'])
+    simulate = IncludeLaunchDescription(PythonLaunchDescriptionSource(file))
+    return LaunchDescription([simulate, OpaqueFunction(function=robot_state_publisher)])

@@ -1,0 +1,162 @@
+"""doc/ros_interface.md and config/security against a running node: neither more nor less."""
+
+import os
+import re
+import subprocess
+from fnmatch import fnmatchcase
+from xml.etree import ElementTree
+
+import pytest
+from rcl_interfaces.srv import ListParameters
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+from ros_node import ROOT, Peer, SimulatorProcess
+
+from alf_ros import load_scene
+
+RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
+DOC = (ROOT / 'doc/ros_interface.md').read_text('utf-8')
+# Names that stand for many.
+ANY = {'body': r'\w+', 'point': r'\w+', 'kind': r'\w+', 'name': r'\w+', 'field': r'\w+'}
+ANY['topic'] = '/[^.]+'
+
+
+def table(section, column=1):
+    """(names, another column) of each row of a section's tables."""
+    text = DOC.partition(f'\n## {section}\n')[2].partition('\n## ')[0]
+    rows = [line.strip('|').split('|') for line in text.splitlines() if line.startswith('| `')]
+    assert rows, section
+    return [(re.findall(r'`([^`]+)`', row[0]), row[column].strip()) for row in rows]
+
+
+def resolved(name):
+    if name.startswith('~/'):
+        return f'/simulator{name[1:]}'
+    return name if name.startswith('/') else f'/{name}'
+
+
+def pattern(name):
+    parts = re.split(r'<(\w+)>', name)
+    return ''.join(ANY[part] if n % 2 else re.escape(part) for n, part in enumerate(parts))
+
+
+@pytest.fixture(scope='module')
+def found(tmp_path_factory):
+    """Publishers, subscribers and services by name, with their types, and all parameters."""
+    peer = Peer()
+    options = {'qos_overrides./simulator/energy.publisher.reliability': 'best_effort'}
+    with SimulatorProcess(tmp_path_factory.mktemp('node'), **options).wait_running():
+        names = peer.call(ListParameters, '/simulator/list_parameters').result.names
+
+        def graph(what):
+            ask = getattr(peer.node, f'get_{what}_names_and_types_by_node')
+            return dict(ask('simulator', '/'))
+
+        def discovered():
+            known = graph('publisher'), graph('subscriber'), graph('service')
+            # the last of each that the node makes
+            last = '/robot_description', '/simulator/wrench/B', '/simulator/restore_state'
+            return all(name in names for name, names in zip(last, known, strict=True)) and known
+
+        everything = peer.until(discovered, 'the node on the graph')
+        offered = {topic: peer.node.get_publishers_info_by_topic(topic) for topic in everything[0]}
+    peer.close()
+    profiles = {
+        topic: info.qos_profile
+        for topic, infos in offered.items()
+        for info in infos
+        if info.node_name == 'simulator'
+    }
+    return *everything, names, profiles
+
+
+def test_topics(found):
+    publishers, *_ = found
+    documented = {resolved(names[0]): kind for names, kind in table('Topics')}
+    try:
+        import tf2_msgs.msg  # noqa: F401
+    except ImportError:
+        del documented['/tf']
+    assert publishers == {name: [kind] for name, kind in documented.items()}
+
+
+def test_quality_of_service_is_the_documented_one_or_that_asked_for(found):
+    *_, profiles = found
+    for names, said in table('Topics', column=2):
+        topic = resolved(names[0])
+        if topic not in profiles or said == 'by rclpy':
+            continue
+        profile = profiles[topic]
+        best_effort = said.startswith('best effort') or topic == '/simulator/energy'
+        wanted = ReliabilityPolicy.BEST_EFFORT if best_effort else ReliabilityPolicy.RELIABLE
+        assert profile.reliability == wanted, topic
+        latched = DurabilityPolicy.TRANSIENT_LOCAL
+        assert (profile.durability == latched) == (said == 'latched'), topic
+
+
+def test_commands(found):
+    _, subscribers, *_ = found
+    documented = {pattern(resolved(names[0])): kind for names, kind in table('Commands')[:3]}
+    for name, kinds in subscribers.items():
+        if name != '/parameter_events':  # rclpy's own, on some distributions
+            (wanted,) = {kind for key, kind in documented.items() if re.fullmatch(key, name)}
+            assert kinds == [wanted]
+    mechanism = load_scene('slider_crank').mechanism
+    names = {body.name for body in mechanism.bodies}
+    names |= {point.name for point in mechanism.points if not point.fixed}
+    wrenches = {f'/simulator/wrench/{name}' for name in names}
+    assert {*wrenches, '/joint_commands'} <= set(subscribers)
+
+
+def test_services(found):
+    _, _, services, *_ = found
+    documented = {resolved(name): kind for names, kind in table('Services') for name in names}
+    assert set(services) == set(documented)
+    for name, kinds in services.items():
+        assert kinds[0].startswith(documented[name].rstrip('…'))
+
+
+def test_parameters(found):
+    *_, names, _ = found
+    documented = {name for listed, _ in table('Parameters') for name in listed}
+    for name in names:
+        assert any(re.fullmatch(pattern(key), name) for key in documented), name
+    # rclpy has the second one since Jazzy only
+    for key in documented - {'start_type_description_service', 'effects.<kind>.<name>.<field>'}:
+        assert any(re.fullmatch(pattern(key), name) for name in names), key
+
+
+def test_reasons_of_refusals():
+    from alf_ros.command_messages import REASONS
+
+    documented = {name for names, _ in table('Commands')[3:] for name in names}
+    assert set(REASONS) <= documented
+
+
+def test_the_security_policy_lets_the_node_do_what_it_does_and_no_more(found):
+    publishers, subscribers, services, *_ = found
+    policy = ElementTree.parse(ROOT / 'config/security/simulator.policy.xml')
+    profile = policy.find("enclaves/enclave[@path='/alf_ros/simulator']/profiles/profile")
+    assert (profile.get('ns'), profile.get('node')) == ('/', 'simulator')
+
+    def unused(names, kind, access):
+        """Rules that none of the names needs; every name must have one."""
+        groups = [group for group in profile.findall(kind) if group.get(access) == 'ALLOW']
+        rules = {resolved(item.text) for group in groups for item in group}
+        for name in names:
+            assert any(fnmatchcase(name, rule) for rule in rules), f'{access} {name}'
+        return {rule for rule in rules if not any(fnmatchcase(name, rule) for name in names)}
+
+    # tf needs tf2_msgs; rclpy reads parameter events on some distributions only
+    assert unused(publishers, 'topics', 'publish') <= {'/tf'}
+    assert unused(subscribers, 'topics', 'subscribe') <= {'/parameter_events'}
+    assert unused(services, 'services', 'reply') == set()
+
+
+@pytest.mark.parametrize(('given', 'found'), [({}, 'LOCALHOST'), ({RANGE: 'SUBNET'}, 'SUBNET')])
+def test_make_run_stays_on_this_machine_unless_told_otherwise(given, found):
+    own = {k: v for k, v in os.environ.items() if k != RANGE and not k.startswith('MAKE')}
+    environment = {**own, **given}
+    show = f'show: ; @echo $${RANGE}'
+    command = ['make', '--no-print-directory', '-C', str(ROOT), f'--eval={show}', 'show']
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == found
