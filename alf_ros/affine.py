@@ -39,7 +39,7 @@ class Affine:
             elif turned:
                 Q = layout.direction(body, tuple(0.5 * np.cross(torque, dual)))
             else:
-                cross = np.cross(torque, np.eye(3)).T  # [τ]×
+                cross = np.asarray(np.cross(torque, np.eye(3)).T, dtype=float)  # [τ]×
                 Q = layout.direction(body, tuple(dual)).times(0.5 * cross)
             self._add(end, Q)
             if is_point:

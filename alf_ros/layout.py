@@ -96,7 +96,9 @@ class Layout:
             local.append(candidates[k])
         if self.dimension == 2 and local:
             local.append(TURN @ local[0])
-        inverse = np.linalg.pinv(np.array(local).T) if local else np.zeros((0, self.dimension))
+        inverse: Floats = np.zeros((0, self.dimension))
+        if local:
+            inverse = np.asarray(np.linalg.pinv(np.array(local).T), dtype=float)
         return Basis(blocks[0], tuple(ends), tuple(is_point), inverse)
 
     def local(self, body: Body, n: int) -> Floats:

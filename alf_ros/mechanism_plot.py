@@ -256,7 +256,7 @@ class _Picture:
         """A circle of its radius, and the ground under it."""
         R, x, up = joint.value, axes[0], axes[-1]
         if self.layout.dimension == 3:  # it rolls across its axle
-            across = np.cross(self._axle(joint), up)
+            across = np.asarray(np.cross(self._axle(joint), up), dtype=float)
             size = float(np.linalg.norm(across))
             x = across / size if size > 1e-6 else x
         angle = np.linspace(0.0, 2.0 * np.pi, 61)[:, None]

@@ -69,7 +69,10 @@ class Watcher:
     def restart(self) -> None:
         """Forget all passes: the simulation goes on from another state."""
         self.passes.clear()
-        self._t, self._sigma, self._energy = np.zeros(0), np.zeros(0), np.zeros(0)
+        # times, distances and energies of the last two steps: a pass is seen from the one after
+        self._t: Floats = np.zeros(0)
+        self._sigma: Floats = np.zeros(0)
+        self._energy: Floats = np.zeros(0)
 
     def step(self, phase: Phase, first: int, n: int, advance: Advance) -> tuple[int, int]:
         """n steps from number `first`; returns (result, steps taken)."""

@@ -198,7 +198,7 @@ def _sources(model: Model, cut: layout.Layout) -> Integers:
 def _moment(arms: Floats, forces: Floats) -> Floats:
     """(n, 1 or 3) moments of (n, D) forces at (n, D) arms."""
     if arms.shape[1] == 3:
-        return np.cross(arms, forces)
+        return np.asarray(np.cross(arms, forces), dtype=float)
     return (arms[:, 0] * forces[:, 1] - arms[:, 1] * forces[:, 0])[:, None]
 
 
@@ -212,5 +212,5 @@ def _rigid(D: int) -> list[tuple[Floats, Floats]]:
 def _turned(spin: Floats, arms: Floats) -> Floats:
     """(n, D) velocities of arms that turn with a spin."""
     if arms.shape[1] == 3:
-        return np.cross(spin, arms)
+        return np.asarray(np.cross(spin, arms), dtype=float)
     return spin[0] * np.stack([-arms[:, 1], arms[:, 0]], axis=1)

@@ -117,7 +117,7 @@ class Simulation:
         turns = np.zeros(self.model.system.angles.c.size // 2, dtype=np.int64)
         self._phase = Phase(q.copy(), qd.copy(), turns.copy(), np.array([self.h]))
         self._formulation: Formulation | None = None
-        self._carried = np.zeros(0)
+        self._carried: Floats = np.zeros(0)
         if self.solver.formulation != 'alf2':
             self._formulation = Formulation(self.model, self.solver, q)
             self._carried = self._formulation.start(q, qd)

@@ -22,14 +22,15 @@ def stage(
     work: Work,
     t: float,
     radius: float,
+    close: float,
     neighbour: bool,
     iterations: int,
 ) -> tuple[int, float, bool]:
     """q̇ and ṗ' of a stage from q and p' in `work`.
 
     Returns iterations (0: no factor), about the distance x to a singular position (its least
-    singular value over the ordinary one), and whether it is clear of it. `radius` (m): of the
-    path, which is what distances from a position are relative to.
+    singular value over the ordinary one), and whether it is clear of it: x is above `close`.
+    `radius` (m): of the path, which is what distances from a position are relative to.
     """
     n = work.p.size
     wholly = neighbour
@@ -49,7 +50,7 @@ def stage(
     for i in range(n):
         moved = max(moved, abs(work.q[i] - work.target[i]))
     x = sigma / system.ordinary
-    return max(count, more), x, x > system.close and x * radius > _ROOM * moved
+    return max(count, more), x, x > close and x * radius > _ROOM * moved
 
 
 @inner
@@ -61,6 +62,7 @@ def stage_between(
     t: float,
     along: Floats,
     radius: float,
+    close: float,
     spacing: float,
     iterations: int,
 ) -> int:
@@ -90,7 +92,9 @@ def stage_between(
                 # a guess off Φ = 0 by less: there the rows are turned by that over the distance
                 work.q[a] = work.target[a] + 0.5 * away * away * work.bend[a]
                 work.p[a] = work.momenta[a]
-            count, _x, clear = stage(unit, system, forces, work, t, radius, True, iterations)
+            count, _x, clear = stage(
+                unit, system, forces, work, t, radius, close, True, iterations
+            )
             if count == 0:
                 return 0
             most = max(most, count)

@@ -56,7 +56,7 @@ def step(
     zero(work.p)
     most, _ratio = augmented(unit, system, work, work.p, work.bend, iterations, 1e-3, 1.0)
     fastest, hardest = largest(qd, n), 0.0
-    radius = system.size
+    radius, close = system.size, system.close
     bend = largest(work.bend, n)
     if fastest * fastest < radius * bend:
         radius = fastest * fastest / bend
@@ -90,12 +90,17 @@ def step(
         if s == 0:
             work.evaluations[0] += 1
             count, sigma = momentum_rate(unit, system, forces, work, ts, iterations, True)
-            x = sigma / system.ordinary
-            clear = x > system.close
             copy(work.qdd, work.pull)
             hardest = largest(work.qdd, n)
+            # rounding is felt as v² / x³: what is slow may be closer
+            if fastest * fastest < radius * hardest:
+                close *= (fastest * fastest / (radius * hardest)) ** (1.0 / 3.0)
+            x = sigma / system.ordinary
+            clear = x > close
         else:
-            count, x, clear = stage(unit, system, forces, work, ts, radius, False, iterations)
+            count, x, clear = stage(
+                unit, system, forces, work, ts, radius, close, False, iterations
+            )
         if not clear and count > 0:
             moved = 0.0
             for i in range(n):
@@ -110,7 +115,7 @@ def step(
                     copy(work.qd, work.along)
                     along = work.along
             count = stage_between(
-                unit, system, forces, work, ts, along, radius, spacing, iterations
+                unit, system, forces, work, ts, along, radius, close, spacing, iterations
             )
             if s == 0:
                 copy(qd, work.qd)
