@@ -92,7 +92,7 @@ def _many_bars(quick: bool) -> Iterator[Row]:
 
 
 def _starts(quick: bool) -> Iterator[Row]:
-    """Let go in the singular position itself, so near it that rounding decides, at rest beside it."""
+    """Let go in the singular position, so near it that rounding decides, at rest beside it."""
     rates = (0.5, -2.0) if quick else (0.5, -0.5, 2.0, -2.0, 6.0, -6.0)
     beside = (1e-3, -1e-7) if quick else (1e-3, -1e-3, 1e-5, -1e-5, 1e-7, -1e-7, 1e-9)
     beyond = (1e-9, -1e-6) if quick else (1e-12, -1e-12, 1e-9, -1e-9, 1e-6, -1e-6, 1e-3, -1e-3)

@@ -42,9 +42,9 @@ class Pass:
     energy_after: float
 
 
-UNWATCHED = Watch(np.zeros(0), np.zeros(0), np.zeros(0), np.zeros(0))
-
-Advance = Callable[[Phase, int, int, Watch], tuple[int, int]]  # first step, steps -> result, taken
+Advance = Callable[
+    [Phase, int, int, Watch | None], tuple[int, int]
+]  # first step, steps -> result, taken
 
 
 class Watcher:
@@ -83,7 +83,7 @@ class Watcher:
             for k, event in self._found(first + taken, more):
                 there = copy(before)
                 if k >= 0:  # once more, up to the step that is nearest
-                    advance(there, first + taken, k + 1, UNWATCHED)
+                    advance(there, first + taken, k + 1, None)
                 joints = _joints(self._model, _dependency(self._model, there.q) - self._ordinary)
                 self.passes.append(replace(event, joints=joints))
             taken += more

@@ -19,7 +19,7 @@ from alf_ros.formulations import Formulation
 from alf_ros.integrator import method
 from alf_ros.kernel import Phase, Watch
 from alf_ros.model import allocate, compile_model
-from alf_ros.passes import UNWATCHED, Pass, Watcher
+from alf_ros.passes import Pass, Watcher
 from alf_ros.reactions import Reactions
 from alf_ros.sample import Sample
 from alf_ros.scene import Scene
@@ -187,7 +187,9 @@ class Simulation:
     def _failure(self, result: int) -> tuple[str, str]:
         return self._formulation.failure(result) if self._formulation else _FAILURES[result]
 
-    def _advance_watched(self, phase: Phase, first: int, n: int, watch: Watch) -> tuple[int, int]:
+    def _advance_watched(
+        self, phase: Phase, first: int, n: int, watch: Watch | None
+    ) -> tuple[int, int]:
         return self._advance(phase, self._carried, first, n, self.h, watch=watch)
 
     def _advance(
@@ -198,7 +200,7 @@ class Simulation:
         n: int,
         h: float,
         start: float = 0.0,
-        watch: Watch = UNWATCHED,
+        watch: Watch | None = None,
     ) -> tuple[int, int]:
         """n steps of h from `start` + `first` h (s); phase and `carried` are changed in place."""
         if self._formulation is not None:

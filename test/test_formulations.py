@@ -15,7 +15,6 @@ from alf_ros.formulations import Formulation
 from alf_ros.integrator import method
 from alf_ros.kernel import Phase
 from alf_ros.model import Model
-from alf_ros.passes import UNWATCHED
 
 PENALTY = ('penalty', 'canonical')  # right up to 1/α
 ITERATED = ('alf1', 'alf2_literal')
@@ -263,7 +262,7 @@ def test_rows_that_bind_velocities_only() -> None:
                 run[0],
                 method(solver),
                 *run[1:],
-                UNWATCHED,
+                None,
                 0.0,
                 0,
                 200,

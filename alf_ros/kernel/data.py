@@ -137,7 +137,7 @@ class Phase(Struct):
 
 @dataclass(frozen=True, eq=False)
 class Watch(Struct):
-    """What is noted step by step for those who watch for singular positions; empty for others."""
+    """What is noted step by step for those who watch for singular positions."""
 
     trace: Floats  # (steps,) tr(M A⁻¹)
     energy: Floats  # (steps,) J

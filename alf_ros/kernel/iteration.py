@@ -15,7 +15,7 @@ from alf_ros.kernel.constraints import (
 from alf_ros.kernel.data import EPS, SOLVED, Forces, Rows, System, Work
 from alf_ros.kernel.factor import solve
 from alf_ros.kernel.forces import applied_forces
-from alf_ros.kernel.jit import compiled, inner
+from alf_ros.kernel.jit import compiled, expanded, inner
 from alf_ros.kernel.mass import add_mass_times, subtract_mass_times
 from alf_ros.kernel.vectors import zero
 
@@ -229,7 +229,7 @@ def _update_rows(D: np.uint64, rows: Rows, work: Work) -> float:
     return total
 
 
-@inner
+@expanded
 def velocities(
     unit: Unit, system: System, work: Work, iterations: int, exactly: bool
 ) -> tuple[int, float]:
@@ -245,7 +245,7 @@ def velocities(
     return _solved(unit, system, work, work.p, work.qd, iterations, exactly)
 
 
-@inner
+@expanded
 def _solved(
     unit: Unit,
     system: System,
@@ -299,7 +299,7 @@ def unforced(unit: Unit, system: System, work: Work) -> None:
         work.y[r] = 0.0
 
 
-@inner
+@expanded
 def momentum_rate(
     unit: Unit,
     system: System,

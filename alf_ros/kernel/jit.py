@@ -12,3 +12,5 @@ compiled = njit(**_options)
 # called from compiled code only: without the code that takes arguments from Python objects
 inner = njit(**_options, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 inlined = njit(**_options, no_cpython_wrapper=True, no_cfunc_wrapper=True, forceinline=True)
+# stands in the code that calls it: a compilation less, for what is called from one or two places
+expanded = njit(nogil=True, error_model='numpy', inline='always')

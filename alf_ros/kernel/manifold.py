@@ -9,7 +9,7 @@ from alf_ros.kernel.constraints import add_transposed, jacobian, times_jacobian,
 from alf_ros.kernel.data import EPS, NOT_CLOSED, NOT_POSITIVE, OK, Rows, System, Work
 from alf_ros.kernel.factor import linearise, solve
 from alf_ros.kernel.iteration import finish
-from alf_ros.kernel.jit import inner
+from alf_ros.kernel.jit import expanded, inner
 from alf_ros.kernel.vectors import zero
 
 _ROOM = 4.0
@@ -88,7 +88,7 @@ def project(unit: Unit, system: System, work: Work) -> int:
     return NOT_CLOSED
 
 
-@inner
+@expanded
 def place(unit: Unit, system: System, work: Work, wholly: bool) -> int:
     """Put the stage `target` onto Φ = 0 by one correction, or `wholly`; Φ_q is that of the place.
 

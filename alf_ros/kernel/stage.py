@@ -5,7 +5,7 @@ from __future__ import annotations
 from alf_ros.arrays import Floats, Unit
 from alf_ros.kernel.data import OK, Forces, System, Work
 from alf_ros.kernel.iteration import largest, momentum_rate, velocities
-from alf_ros.kernel.jit import inner
+from alf_ros.kernel.jit import expanded, inner
 from alf_ros.kernel.manifold import place
 from alf_ros.kernel.vectors import copy, zero
 
@@ -53,7 +53,7 @@ def stage(
     return max(count, more), x, x > close and x * radius > _ROOM * moved
 
 
-@inner
+@expanded
 def stage_between(
     unit: Unit,
     system: System,

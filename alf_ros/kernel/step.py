@@ -21,7 +21,7 @@ from alf_ros.kernel.data import (
 )
 from alf_ros.kernel.factor import linearise
 from alf_ros.kernel.iteration import augmented, largest, momentum_rate, unforced, velocities
-from alf_ros.kernel.jit import compiled, inner
+from alf_ros.kernel.jit import compiled, expanded, inner
 from alf_ros.kernel.manifold import project
 from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.stage import SPACING, stage, stage_between
@@ -32,7 +32,7 @@ from alf_ros.kernel.watch import note
 _BLIND = 1e-6  # distance to a singular position from which on a stage's velocity is its direction
 
 
-@inner
+@expanded
 def step(
     unit: Unit,
     system: System,
@@ -172,7 +172,7 @@ def advance(
     method: Method,
     work: Work,
     phase: Phase,
-    watch: Watch,
+    watch: Watch | None,
     t0: float,
     first: int,
     steps: int,
@@ -181,7 +181,7 @@ def advance(
     """Take `steps` steps of h from step number `first`; returns (result, taken, most iterations).
 
     `phase` is the state, in and out; on failure it holds the last good step. `watch` has room for
-    all steps, or none.
+    all steps.
     """
     most = 0
     if not begin(unit, system, work, phase):
@@ -193,6 +193,6 @@ def advance(
         if result != OK:
             return result, taken, most
         accept(unit, system, work, phase)
-        if watch.trace.size > 0:
+        if watch is not None:  # known when it is compiled: who does not watch does without
             note(unit, system, forces, work, watch, taken, t + h)
     return OK, steps, most
