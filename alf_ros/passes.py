@@ -42,9 +42,8 @@ class Pass:
     energy_after: float
 
 
-Advance = Callable[
-    [Phase, int, int, Watch | None], tuple[int, int]
-]  # first step, steps -> result, taken
+# phase, first step, steps, watch -> result, steps taken
+Advance = Callable[[Phase, int, int, Watch | None], tuple[int, int]]
 
 
 class Watcher:
