@@ -83,7 +83,7 @@ def compile_model(mechanism: Mechanism, penalty: float) -> Model:
     """Analyse a mechanism once: coordinates, rows, mass matrix, elimination order, pattern of the
     factor.
 
-    `penalty` is α without dimension: row r gets α_r = penalty · mean(diag M) / |Φ_q,r|².
+    `penalty` is α without dimension, in masses that a row feels.
     Raises AssemblyError if nothing has mass, or nothing moves.
     """
     layout = _ordered(mechanism)
@@ -169,17 +169,30 @@ def hold(model: Model, extra: Sequence[Row], velocities: bool) -> tuple[System, 
 
 
 def _scaled(system: System, q: Floats, layout: Layout, penalty: float) -> Rows:
-    """The rows with scale 1 / |Φ_q,r|, as drawn, and α_r = penalty · mean(diag M) · scale²."""
+    """The rows with scale 1 / |Φ_q,r| and α_r = penalty / (Φ_q,r M⁻¹ Φ_q,rᵀ), both as drawn.
+
+    What the denominator is one over is the mass that the row feels: of the lightest it holds. For
+    M stands its diagonal, and for what has no mass the mean.
+    """
     rows, D = system.rows, layout.dimension
     g, g2 = np.zeros(rows.i.size * D), np.zeros(rows.b.size)
     kernel.jacobian((0.0,) * D, rows, q, g, g2)
-    square = (g.reshape(-1, D) ** 2).sum(axis=1)
-    square[: int(rows.both)] *= 2.0
-    entry = (g2.reshape(-1, D) ** 2).sum(axis=1)
-    others = [entry[s:e].sum() for s, e in zip(rows.first[:-1], rows.movable, strict=True)]
-    square = np.concatenate([square, np.array(others, dtype=float)])
-    scale = 1.0 / np.sqrt(np.where(square > 0.0, square, 1.0))
-    return replace(rows, alpha=penalty * system.mean * scale**2, scale=scale)
+    light = np.zeros(layout.blocks)  # 1 / mass of each block; fixed ones do not move
+    mass = system.mass.diagonal
+    light[: mass.size] = 1.0 / np.where(mass > 0.0, mass, system.mean)
+    square, entry = ((each.reshape(-1, D) ** 2).sum(axis=1) for each in (g, g2))
+
+    def sums(weight: Floats) -> Floats:
+        """Σ |Φ_q,r,b|² weight_b over the movable blocks b of each row."""
+        ends = square * weight[rows.i]
+        ends[: int(rows.both)] += (square * weight[rows.j])[: int(rows.both)]
+        entries = entry * weight[rows.block]
+        others = [entries[s:e].sum() for s, e in zip(rows.first[:-1], rows.movable, strict=True)]
+        total = np.concatenate([ends, np.array(others, dtype=float)])
+        return np.where(total > 0.0, total, 1.0)
+
+    scale = 1.0 / np.sqrt(sums(np.ones(layout.blocks)))
+    return replace(rows, alpha=penalty / sums(light), scale=scale)
 
 
 def allocate(model: Model, system: System, stages: int) -> Work:

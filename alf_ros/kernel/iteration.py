@@ -52,7 +52,7 @@ def augmented(
     the largest ratio that mattered.
     """
     D = np.uint64(len(unit))
-    n, mass = work.p.size, np.sqrt(system.mean)
+    n = work.p.size
     alone = largest(f, n) / system.mean
     fine = max(tolerance, _NOISE * np.sqrt(system.penalty))
     before, slowest = 0.0, 0.0
@@ -62,8 +62,8 @@ def augmented(
         solve(unit, system.pattern, work.diagonal, work.off, work.delta)
         step, size = _step(1.0, work.delta, x, n)
         size = max(size, alone)
-        left = np.sqrt(_update_rows(D, system.rows, work))
-        if left <= fine * mass * size:
+        left = np.sqrt(system.penalty * _update_rows(D, system.rows, work))
+        if left <= fine * size:
             if EPS * system.penalty * step <= tolerance * size:
                 return count, slowest
         elif count > 1:
@@ -188,7 +188,7 @@ def _add_rows(D: np.uint64, rows: Rows, work: Work) -> None:
 
 @inner
 def _update_rows(D: np.uint64, rows: Rows, work: Work) -> float:
-    """y += α (Φ_q δ - r2), r2 -= Φ_q δ; returns r2ᵀ α r2."""
+    """y += α (Φ_q δ - r2), r2 -= Φ_q δ; returns the square of r2, rows scaled to lengths."""
     delta, g, gf, y, r2, g2, g2f = (
         work.delta,
         work.g,
@@ -207,7 +207,7 @@ def _update_rows(D: np.uint64, rows: Rows, work: Work) -> float:
             s -= g[r * D + a] * v
         y[r] += rows.alpha[r] * sf
         r2[r] = s
-        total += rows.alpha[r] * s * s
+        total += rows.scale[r] * s * rows.scale[r] * s
     for r in range(rows.both, m1):
         i, sf, s = rows.i[r] * D, -r2[r], r2[r]
         for a in range(D):
@@ -215,7 +215,7 @@ def _update_rows(D: np.uint64, rows: Rows, work: Work) -> float:
             s -= g[r * D + a] * delta[i + a]
         y[r] += rows.alpha[r] * sf
         r2[r] = s
-        total += rows.alpha[r] * s * s
+        total += rows.scale[r] * s * rows.scale[r] * s
     for r in range(rows.movable.size):
         sf, s = -r2[m1 + r], r2[m1 + r]
         for e in range(rows.first[r], rows.movable[r]):
@@ -225,7 +225,7 @@ def _update_rows(D: np.uint64, rows: Rows, work: Work) -> float:
                 s -= g2[e * D + a] * delta[i + a]
         y[m1 + r] += rows.alpha[m1 + r] * sf
         r2[m1 + r] = s
-        total += rows.alpha[m1 + r] * s * s
+        total += rows.scale[m1 + r] * s * rows.scale[m1 + r] * s
     return total
 
 
