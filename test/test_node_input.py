@@ -58,6 +58,7 @@ def driven(tmp_path_factory):
             point.publish(wrench(1.0 / 3.0, 0.7 * k))
             joints.publish(JointState(name=['knee', 'guide'], effort=[0.2, -0.1 * k]))
             peer.until(lambda n=count: len(heard) > n + 5, 'motion')
+        peer.until(lambda: heard[-1].effort[2] == -4.0, 'the last effort')
         assert node.stop() == 0, node.output
     peer.close()
     return read_log(node.logs[0])
