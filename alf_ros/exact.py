@@ -24,12 +24,14 @@ class OneFreedom:
     """A mechanism as a function of one angle θ.
 
     acceleration: θ (rad), θ̇ (rad/s) -> θ̈ (rad/s^2). position: θ -> q (n,), m, in the order of the
-    mechanism's file. tangent: θ -> dq/dθ (n,), m/rad.
+    mechanism's file. tangent: θ -> dq/dθ (n,), m/rad. inertia: θ -> I (kg m²) and dI/dθ, of the
+    kinetic energy ½ I θ̇².
     """
 
     acceleration: Callable[[float, float], float]
     position: Callable[[float], Floats]
     tangent: Callable[[float], Floats]
+    inertia: Callable[[float], tuple[float, float]]
 
     def course(self, theta: float, rate: float, times: ArrayLike) -> Floats:
         """θ (rad), θ̇ (rad/s) at ascending `times` (s), from θ, θ̇ at time 0: (2, times)."""
@@ -80,6 +82,7 @@ def slider_crank() -> OneFreedom:
         acceleration,
         lambda theta: np.array([np.cos(theta), np.sin(theta), 2.0 * np.cos(theta), 0.0]),
         lambda theta: np.array([-np.sin(theta), np.cos(theta), -2.0 * np.sin(theta), 0.0]),
+        lambda theta: (2.0 / 3.0 + 2.0 * np.sin(theta) ** 2, 2.0 * np.sin(2.0 * theta)),
     )
 
 
@@ -99,6 +102,7 @@ def four_bars(n: int) -> OneFreedom:
         lambda theta, rate: float(-stiffness * np.cos(theta)),
         lambda theta: repeated(np.cos(theta), np.sin(theta), 1.0),
         lambda theta: repeated(-np.sin(theta), np.cos(theta), 0.0),
+        lambda theta: ((n + 1) / 3.0 + n, 0.0),
     )
 
 

@@ -15,33 +15,22 @@ import statistics
 import sys
 import time
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import NoReturn, TextIO
 
 import numpy as np
 
-from alf_ros import error_plot, reference_motion
+from alf_ros import campaign, error_plot, reference_motion
 from alf_ros.errors import InputError
 from alf_ros.integrator import TABLEAUX
 from alf_ros.reference_motion import Motion
-from alf_ros.trial import Result, Run, execute, observed_order
+from alf_ros.trial import Result, Row, Run, execute, observed_order
 
 COLUMNS = (
-    'case,mechanism,start,integrator,step_s,tolerance,position_error_m,energy_error_J,constraint_error_m,'
-    'position_bound_m,energy_bound_J,verdict'
+    'case,mechanism,start,integrator,step_s,tolerance,penalty,position_error_m,energy_error_J,constraint_error_m,'
+    'position_bound_m,energy_bound_J,evaluations,ratio,verdict'
 ).split(',')
-
-
-@dataclass(frozen=True)
-class Row:
-    """A line of the table: runs of one mechanism; `order` is the lowest one that will do."""
-
-    case: str
-    setting: str
-    runs: tuple[Run, ...]
-    order: float | None = None
 
 
 # ------------------------------------------------------------------------------------------- cases
@@ -145,6 +134,7 @@ CASES = {
     'many_bars': _many_bars,
     'starts': _starts,
     'order': _orders,
+    'campaign': campaign.rows,
 }
 
 
@@ -162,12 +152,21 @@ def _judge(row: Row, results: Sequence[Result]) -> str:
         return f'FAILED: {len(bad)} of {len(results)}{stopped} ({at})'
     if row.order is not None and not observed_order(results) >= row.order:
         return f'FAILED: order below {row.order}'
+    if row.ratio is not None and not _ratios(results)[0] <= row.ratio:
+        return f'FAILED: more than {row.ratio} times the evaluations'
     return 'passed'
+
+
+def _ratios(results: Sequence[Result]) -> tuple[float, float]:
+    """Median and worst ratio of the evaluations to those of the one freedom alone."""
+    ratios = [math.inf if result.failure else result.ratio for result in results]
+    return statistics.median(ratios), max(ratios)
 
 
 HEADER = (
     f'{"case":13}{"setting":50}{"runs":>4}  {"position error, m":20}{"energy, J":>9}'
-    f'{"gap, m":>9}{"order":>7}  verdict\n{"":69}{"median":10}worst'
+    f'{"gap, m":>9}{"order":>7}{"evaluations":>13}  verdict\n{"":69}{"median":10}worst'
+    f'{"":31}median worst'
 )
 
 
@@ -178,8 +177,11 @@ def _line(row: Row, results: Sequence[Result]) -> str:
     steps = sorted({1e3 * run.h for run in row.runs})
     span = f'{steps[0]:.3g} .. {steps[-1]:.3g} ms' if steps[1:] else f'{steps[0]:.3g} ms'
     if row.runs[0].tolerance is not None:
-        span = f'{row.runs[0].tolerance:.0e} .. {row.runs[-1].tolerance:.0e}'
-    order = observed_order(results)
+        ends = dict.fromkeys((row.runs[0].tolerance, row.runs[-1].tolerance))
+        span = ' .. '.join(f'{tolerance:.0e}' for tolerance in ends)
+    order, ratios = observed_order(results), '-'
+    if row.ratio is not None:
+        ratios = '{:.2f} {:.2f}'.format(*_ratios(results))
     middle = statistics.median(
         math.inf if result.failure else result.position for result in results
     )
@@ -187,7 +189,8 @@ def _line(row: Row, results: Sequence[Result]) -> str:
         f'{row.case:13}{f"{row.setting}, {row.runs[0].integrator}, {span}":50}{len(results):4}  '
         f'{middle:<10.1e}{worst(r.position for r in results):<10.1e}'
         f'{worst(r.energy for r in results):9.1e}{worst(r.constraint for r in results):9.1e}'
-        f'{"-" if math.isnan(order) else format(order, ".2f"):>7}  {_judge(row, results)}'
+        f'{"-" if math.isnan(order) else format(order, ".2f"):>7}{ratios:>13}  '
+        f'{_judge(row, results)}'
     )
 
 
@@ -241,8 +244,9 @@ def _run_all(rows: Sequence[Row], stream: TextIO) -> list[list[Result]]:
             bounds, motion = (run.bound, result.energy_bound), run.motion
             writer.writerow(
                 [row.case, motion.mechanism, motion.start, run.integrator, f'{run.h:.9g}']
-                + ['' if run.tolerance is None else f'{run.tolerance:.0e}']
+                + ['' if x is None else f'{x:.0e}' for x in (run.tolerance, run.penalty)]
                 + [f'{number:.3e}' for number in (*errors, *bounds)]
+                + [result.evaluations, '' if run.reduced is None else f'{result.ratio:.3f}']
                 + [result.verdict]
             )
             stream.flush()

@@ -58,7 +58,9 @@ def change_point() -> Motion:
 
 
 @cache
-def start(name: str, offset: float, rate: float) -> Motion:
+def start(
+    name: str, offset: float, rate: float, times: tuple[float, ...] = TEN_SECONDS[:31]
+) -> Motion:
     """3 s from `offset` (rad) beyond the singular position, at `rate` (rad/s)."""
     crank = name == 'slider_crank'
     alone = exact.slider_crank() if crank else exact.four_bars(2)
@@ -76,7 +78,6 @@ def start(name: str, offset: float, rate: float) -> Motion:
             'velocities': by_point(alone.tangent(theta) * rate),
         },
     }
-    times = TEN_SECONDS[:31]
     solution = cache(partial(alone.motion, theta, rate, times))
     where = f'{offset:g} rad beyond it at {rate:g} rad/s'
     return Motion(name, where, partial(load_scene, source), times, solution)

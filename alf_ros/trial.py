@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from alf_ros import exact
 from alf_ros.errors import AlfError
+from alf_ros.reduced import Cost, evaluations_for
 from alf_ros.reference_motion import Motion
 from alf_ros.simulation import Simulation
 
@@ -20,7 +21,8 @@ LARGEST_GAP = 1e-12  # m, of a constraint
 class Run:
     """A motion, computed with the step `h` (s), or with `tolerance` on a grid of `h`.
 
-    `bound` (m) is on its position error.
+    `bound` (m) is on its position error. `penalty`: in place of that of the scene. `reduced`: what
+    the equation of the one freedom alone costs, by tolerance, to compare the evaluations with.
     """
 
     motion: Motion
@@ -28,6 +30,8 @@ class Run:
     h: float
     bound: float
     tolerance: float | None = None
+    penalty: float | None = None
+    reduced: Callable[[], Sequence[Cost]] | None = None
 
     @property
     def effort(self) -> str:
@@ -47,6 +51,17 @@ class Result:
     constraint: float
     energy_bound: float
     failure: str
+    evaluations: int = 0
+
+    @property
+    def ratio(self) -> float:
+        """Evaluations over those that the one freedom alone needs for the same position error.
+
+        NaN where nothing was asked for, or the run did not come to its end.
+        """
+        if self.run.reduced is None or self.failure:
+            return math.nan
+        return self.evaluations / evaluations_for(self.position, self.run.reduced())
 
     @property
     def verdict(self) -> str:
@@ -61,12 +76,26 @@ class Result:
         return f'{" and ".join(above)} error above the bound' if above else 'passed'
 
 
+@dataclass(frozen=True)
+class Row:
+    """A line of the table: runs of one mechanism; `order` is the lowest one that will do,
+    `ratio` the highest median of the evaluations over those of the one freedom alone.
+    """
+
+    case: str
+    setting: str
+    runs: tuple[Run, ...]
+    order: float | None = None
+    ratio: float | None = None
+
+
 def execute(run: Run) -> Result:
     """One run, and its largest errors at the times of its motion."""
     position = energy = constraint = 0.0
     bound = math.nan
     try:
-        options = {'integrator': run.integrator, 'step': run.h, 'tolerance': run.tolerance}
+        options: dict[str, object] = {'integrator': run.integrator, 'step': run.h}
+        options |= {'tolerance': run.tolerance, 'penalty': run.penalty}
         sim = Simulation(run.motion.scene(), **options)  # type: ignore[arg-type]
         # the energy that the whole mechanism gains by falling through the bound on the position
         mass = sum(body.mass for body in sim.scene.mechanism.bodies)
@@ -78,7 +107,7 @@ def execute(run: Run) -> Result:
             constraint = max(constraint, sample.diagnostics.position_violation)
     except AlfError as error:
         return Result(run, math.nan, math.nan, math.nan, bound, str(error))
-    return Result(run, position, energy, constraint, bound, '')
+    return Result(run, position, energy, constraint, bound, '', sim.evaluations)
 
 
 def observed_order(results: Iterable[Result]) -> float:
