@@ -1,0 +1,55 @@
+"""What one stage evaluation costs: N four-bars, RK4 at 0.1 ms, everything of a step included.
+
+    .venv/bin/python benchmark/stage_cost.py [--repeat 5]
+
+Prints µs per stage for N = 2, 10, 40, 200, 1000 (the fastest of so many repetitions: others use
+the machine too) and writes benchmark/results/stage_cost.csv.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import sys
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+from alf_ros import Simulation, load_scene  # noqa: E402
+from alf_ros.hard_cases import about  # noqa: E402
+
+
+def cost(bars: int, repeat: int) -> float:
+    """Seconds per stage evaluation."""
+    scene = load_scene('n_four_bar', parameters={'N': bars})
+    simulation = Simulation(scene, step=1e-4, integrator='rk4')
+    simulation.step(3)  # compiled or loaded
+    steps, fastest = max(5, 10_000 // bars), float('inf')
+    for _ in range(repeat):
+        before, started = simulation.evaluations, time.perf_counter()
+        simulation.step(steps)
+        spent = time.perf_counter() - started
+        fastest = min(fastest, spent / (simulation.evaluations - before))
+    return fastest
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.partition('\n')[0])
+    parser.add_argument('--repeat', type=int, default=5)
+    options = parser.parse_args()
+    path = ROOT / 'benchmark/results/stage_cost.csv'
+    with open(path, 'w', newline='', encoding='utf-8') as stream:
+        print(about(), file=stream)
+        writer = csv.writer(stream, lineterminator='\n')
+        writer.writerow(['four_bars', 'us_per_stage'])
+        for bars in (2, 10, 40, 200, 1000):
+            spent = 1e6 * cost(bars, options.repeat)
+            each = 1e3 * spent / bars
+            print(f'N = {bars:4}: {spent:8.3f} µs a stage, {each:6.1f} ns a four-bar')
+            writer.writerow([bars, f'{spent:.3f}'])
+
+
+if __name__ == '__main__':
+    main()
