@@ -20,6 +20,8 @@ from alf_ros.mechanism import Mechanism, Point, Vector
 from alf_ros.pattern import elimination_order, pattern_of
 from alf_ros.rows import Row, joint_rows, rigidity, rows_of, unit_rows
 
+_CLOSE = 5e-4  # distance to a singular position below which a stage is interpolated, at σ = 0.5
+
 
 @dataclass(frozen=True, eq=False)
 class Model:
@@ -57,6 +59,15 @@ class Model:
     def n(self) -> int:
         """Number of natural coordinates (movable ones)."""
         return self.layout.movable * self.layout.dimension
+
+    def accustomed(self, sigma: float) -> Model:
+        """The same, knowing the least singular value σ of its ordinary positions.
+
+        x = σ / ordinary is about the distance to a singular position. Rounding e on Φ turns a row
+        by e / (ordinary x²), and q̈ by 1 / x more: so `close` goes with its cube root.
+        """
+        close = _CLOSE * (0.5 / sigma) ** (1.0 / 3.0)
+        return replace(self, system=replace(self.system, ordinary=sigma, close=close))
 
     @cached_property
     def body_names(self) -> tuple[str, ...]:
@@ -157,6 +168,10 @@ def hold(model: Model, extra: Sequence[Row], velocities: bool) -> tuple[System, 
 
     Returns the names of its rows in the kernel's order too, and where the additional ones stand.
     """
+    own = model.system.rows
+    if not extra and (velocities or not own.B.size):
+        order = np.argsort(model.row).tolist()
+        return model.system, [model.row_names[n] for n in order], slice(0, 0)
     rows = [*constraints(model.mechanism, model.layout), *extra]
     if not velocities:
         rows = [row for row in rows if not row.velocity]

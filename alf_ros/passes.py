@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from alf_ros import assembly, kernel
+from alf_ros import kernel
 from alf_ros.arrays import Floats
 from alf_ros.kernel import Phase, Watch
 from alf_ros.mechanism import GROUND
@@ -49,8 +49,9 @@ Advance = Callable[[Phase, int, int, Watch | None], tuple[int, int]]
 class Watcher:
     """Steps, and finds the passes on the way."""
 
-    def __init__(self, model: Model, q: Floats, h: float) -> None:
-        """q (blocks D, m): where the simulation starts; h (s): its step."""
+    def __init__(self, model: Model, dependent: int, ordinary: Floats, h: float) -> None:
+        """`dependent` rows at ordinary positions, of which `ordinary` (blocks D, m) is one; h (s):
+        the step of the simulation."""
         self.passes: list[Pass] = []
         self._model, self._h = model, h
         D, blocks = model.layout.dimension, model.system.pattern.row.size
@@ -60,9 +61,8 @@ class Watcher:
             Z=np.zeros(model.n * D),
             Zo=np.zeros(blocks * D * D),
         )
-        dependent, place, _ = assembly.ordinary(model, q)
         self._independent = len(model.row_names) - dependent
-        self._ordinary = _dependency(model, place)
+        self._ordinary = _dependency(model, ordinary)
         self.restart()
 
     def restart(self) -> None:

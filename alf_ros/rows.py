@@ -147,6 +147,8 @@ def rigidity(body: Body, layout: Layout) -> Iterator[Row]:
 
 def joint_rows(joint: Joint, layout: Layout) -> list[Row]:
     """What a joint adds to what its bodies share: nothing for a planar revolute."""
+    if joint.point is not None and joint.kind == 'revolute' and layout.dimension == 2:
+        return []  # most joints of a large mechanism: no forms for nothing
     base, tip = joint.frames
     gap = layout.place(joint.child, tip.origin) - layout.place(joint.parent, base.origin)
 

@@ -108,11 +108,8 @@ class Simulation:
             qd = assembly.complete(self.model, q, scene.velocities)
         except AssemblyError as error:
             raise AssemblyError(error.message, file=scene.file, key=error.key) from None
-        self._dependent_rows, _, sigma = assembly.ordinary(self.model, q)
-        # rounding e on Φ turns a row at x = σ / ordinary by e / (ordinary x²), and q̈ by 1 / x more
-        close = 5e-4 * (0.5 / sigma) ** (1.0 / 3.0)
-        system = replace(self.model.system, ordinary=sigma, close=close)
-        self.model = replace(self.model, system=system)
+        self._dependent_rows, self._ordinary, sigma = assembly.ordinary(self.model, q)
+        self.model = self.model.accustomed(sigma)
         self._applied = Applied(self.model, scene.effects, NO_INPUTS)
         turns = np.zeros(self.model.system.angles.c.size // 2, dtype=np.int64)
         self._phase = Phase(q.copy(), qd.copy(), turns.copy(), np.array([self.h]))
@@ -122,7 +119,7 @@ class Simulation:
             self._formulation = Formulation(self.model, self.solver, q)
             self._carried = self._formulation.start(q, qd)
         self._initial = State(0, q, qd, turns, self.h, self._carried.copy(), NO_INPUTS)
-        self._watcher = self._watching(q) if watch else None
+        self._watcher = self._watching() if watch else None
         self._iterations = 0
         self._step_cost = math.nan
         self.restore(self._initial)
@@ -165,14 +162,14 @@ class Simulation:
         if result != kernel.OK:
             raise StepError(*self._failure(result), self.t)
 
-    def _watching(self, q: Floats) -> Watcher:
+    def _watching(self) -> Watcher:
         if self._formulation is not None:
             raise InputError(
                 'only alf2 watches for singular positions',
                 key='formulation',
                 value=self.solver.formulation,
             )
-        return Watcher(self.model, q, self.h)
+        return Watcher(self.model, self._dependent_rows, self._ordinary, self.h)
 
     @property
     def passes(self) -> tuple[Pass, ...]:

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from alf_ros.arrays import Floats, Unit
-from alf_ros.formulations.storage import FOLDED, OPENED, Storage, expanded
+from alf_ros.formulations.storage import FOLDED, OPENED, Storage
 from alf_ros.kernel.data import NOT_FINITE, OK, ONE, Forces, Method, Phase, System, Work
-from alf_ros.kernel.jit import inner
+from alf_ros.kernel.jit import expanded, inner
 from alf_ros.kernel.manifold import opening
 from alf_ros.kernel.step import accept, mark
 from alf_ros.kernel.vectors import copy
@@ -18,6 +18,8 @@ from alf_ros.kernel.vectors import copy
 _TORN = 0.1  # opening of a constraint, relative to the mechanism, that ends a run
 
 
+# Expanded into the `advance` of each formulation: only so can a compiled function be handed to it
+# and the whole be cached, which is why those functions are alike.
 @expanded
 def runge_kutta(
     rates: Callable[..., Any],

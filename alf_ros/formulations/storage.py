@@ -5,16 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from alf_ros.arrays import Floats, Indices
 from alf_ros.model import Model
 from alf_ros.structs import Struct
 
 SINGULAR, OPENED, FOLDED = 20, 21, 22  # results beside those of the kernel
-
-# stands in the code that calls it: so that a compiled function can be handed to it and cached
-expanded = njit(inline='always', nogil=True, error_model='numpy')
 
 
 @dataclass(frozen=True)

@@ -18,11 +18,11 @@ from alf_ros.kernel.data import (
     Work,
 )
 from alf_ros.kernel.factor import linearise
-from alf_ros.kernel.iteration import augmented, largest, momentum_rate
+from alf_ros.kernel.iteration import augmented, momentum_rate
 from alf_ros.kernel.jit import compiled, inner
 from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.step import accept, begin, step
-from alf_ros.kernel.vectors import copy, zero
+from alf_ros.kernel.vectors import copy, largest, zero
 from alf_ros.kernel.watch import note
 
 _SHARE = 0.05  # of the tolerance for one step: errors add up along a motion

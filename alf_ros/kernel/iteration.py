@@ -17,11 +17,11 @@ from alf_ros.kernel.factor import solve
 from alf_ros.kernel.forces import applied_forces
 from alf_ros.kernel.jit import compiled, expanded, inner
 from alf_ros.kernel.mass import add_mass_times, subtract_mass_times
-from alf_ros.kernel.vectors import zero
+from alf_ros.kernel.vectors import largest, zero
 
 _PATIENCE = 1e-3  # ratio from which on conjugate gradients take over
 _MODES = 40  # of those, at most
-_ROUNDS = 2
+_ROUNDS = 2  # after them, to take away the rounding they bring
 _NOISE = 8.0 * EPS  # part of x by which rows are off by rounding
 _ROUNDING = 1e-12  # of an eigenvalue
 
@@ -72,14 +72,6 @@ def augmented(
                 return count, slowest
         before = left
     return iterations, slowest
-
-
-@inner
-def largest(v: Floats, n: np.uint64) -> float:
-    most = 0.0
-    for i in range(n):
-        most = max(most, abs(v[i]))
-    return most
 
 
 @inner
@@ -263,7 +255,7 @@ def _solved(
     sigma = np.sqrt(max(0.0, 1.0 / slowest - 1.0) / system.penalty)
     sigma = min(sigma, finish(unit, system, work, x, SOLVED, 0.0, 0.0, np.inf))
     for _ in range(_ROUNDS):
-        # rounding comes with the factor 1 / s²: a step on both residuals takes it away
+        # it comes with the factor 1 / s²: a step on both residuals takes it away
         augmented(unit, system, work, f, x, 1, 0.0, 1.0)
         finish(unit, system, work, x, SOLVED, 0.0, 0.0, np.inf)
     return count + _ROUNDS, sigma

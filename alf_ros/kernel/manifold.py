@@ -12,7 +12,7 @@ from alf_ros.kernel.iteration import finish
 from alf_ros.kernel.jit import expanded, inner
 from alf_ros.kernel.vectors import zero
 
-_ROOM = 4.0
+_ROOM = 4.0  # times the gap: σ below which a mode may be made by it
 _FURTHEST = 0.1  # part of the distance to a singular position that a correction may go across
 
 

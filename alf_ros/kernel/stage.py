@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from alf_ros.arrays import Floats, Unit
 from alf_ros.kernel.data import OK, Forces, System, Work
-from alf_ros.kernel.iteration import largest, momentum_rate, velocities
+from alf_ros.kernel.iteration import momentum_rate, velocities
 from alf_ros.kernel.jit import expanded, inner
 from alf_ros.kernel.manifold import place
-from alf_ros.kernel.vectors import copy, zero
+from alf_ros.kernel.vectors import copy, largest, zero
 
 _ROOM = 4.0  # how often what a stage is moved onto Φ = 0 must go into that distance
 SPACING = 6.0  # of the places around a position, in parts of what is too close
@@ -70,8 +70,8 @@ def stage_between(
 
     The motion is smooth through the position, only its equations are not: what they give at
     ±1, ±2, ±3, ±4 times `spacing` (m) along a direction of the branch is interpolated, to eighth
-    order.
-    `base`, `momenta`: the stage.
+    order. `base`, `momenta`: the stage. Where one of them is not clear, all are taken three times
+    as far away, at most three times. From a standstill that knows no direction the stage stays.
     """
     n = work.p.size
     speed = largest(along, n)

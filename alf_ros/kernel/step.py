@@ -20,13 +20,13 @@ from alf_ros.kernel.data import (
     Work,
 )
 from alf_ros.kernel.factor import linearise
-from alf_ros.kernel.iteration import augmented, largest, momentum_rate, unforced, velocities
+from alf_ros.kernel.iteration import augmented, momentum_rate, unforced, velocities
 from alf_ros.kernel.jit import compiled, expanded, inner
 from alf_ros.kernel.manifold import project
 from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.stage import SPACING, stage, stage_between
 from alf_ros.kernel.turns import count_turns, nearby
-from alf_ros.kernel.vectors import copy, zero
+from alf_ros.kernel.vectors import copy, largest, zero
 from alf_ros.kernel.watch import note
 
 _BLIND = 1e-6  # distance to a singular position from which on a stage's velocity is its direction
@@ -79,9 +79,8 @@ def step(
             break
         copy(work.q, work.base)
         copy(work.q, work.target)
-        lag = (
-            0.5 * method.c[s] * method.c[s]
-        )  # of the stage behind the path, in h² of its curvature
+        # how far the stage is behind the path, in h² of its curvature
+        lag = 0.5 * method.c[s] * method.c[s]
         for m in range(s):
             lag -= method.a[s * stages + m] * method.c[m]
         for i in range(n):

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from alf_ros.arrays import Floats, Integers
-from alf_ros.kernel.jit import inlined
+from alf_ros.kernel.jit import inlined, inner
 
 
 @inlined
@@ -18,3 +20,12 @@ def copy(of: Floats | Integers, to: Floats | Integers) -> None:
     """to = of, which is as long or longer."""
     for i in range(to.size):
         to[i] = of[i]
+
+
+@inner
+def largest(v: Floats, n: np.uint64) -> float:
+    """Largest of the first n numbers, without sign."""
+    most = 0.0
+    for i in range(n):
+        most = max(most, abs(v[i]))
+    return most
