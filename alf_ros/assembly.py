@@ -14,11 +14,12 @@ import numpy as np
 
 from alf_ros import form, kernel
 from alf_ros.arrays import Floats
+from alf_ros.driving import is_aligned
 from alf_ros.errors import AssemblyError
 from alf_ros.kernel import System, Work
 from alf_ros.model import Model, allocate, hold
 from alf_ros.rank import distance, effective_rank
-from alf_ros.rows import Row, linear
+from alf_ros.row import Row, linear
 
 # components of points and vectors by name; None leaves one free
 Given = Mapping[str, Sequence[float | None]]
@@ -59,6 +60,12 @@ def close(model: Model, given: Given, start: Floats | None = None) -> Floats:
         raise AssemblyError(
             f'the mechanism cannot be closed: {_worst(names, gap, "m")}', key='initial.positions'
         )
+    for drive in model.mechanism.drives:
+        if not is_aligned(drive, model.layout, work.q):
+            raise AssemblyError(
+                f'drive {drive.name} begins more than a right angle from the drawing',
+                key=f'drives.{drive.name}',
+            )
     return np.array(work.q)
 
 
@@ -74,15 +81,18 @@ def complete(model: Model, q: Floats, given: Given) -> Floats:
     work = allocate(model, system, 1)
     work.q[:] = q
     _linearised(model, system, work)
-    wanted = np.zeros(len(names))
+    kernel.prescribe(system, 0.0, work.q, work.qd, work.qdd)
+    wanted, x = np.zeros(len(names)), np.array(work.qd)
     wanted[own] = values
-    wanted[len(names) - system.rows.B.size :] = -system.rows.B
-    work.r2[:] = wanted
-    x, rate = np.zeros_like(model.q), np.zeros_like(wanted)
+    kernel.times_jacobian(model.unit, system.rows, work.g, work.g2, x, work.r2)
+    work.r2[:] = wanted - work.r2
+    rate = np.zeros_like(wanted)
     kernel.augmented(model.unit, system, work, work.p, x, 100, 1e-15, 1.0)
     kernel.times_jacobian(model.unit, system.rows, work.g, work.g2, x, rate)
     wrong = np.abs(rate - wanted) * system.rows.scale
-    if wrong.size and wrong.max() > 1e-9 * max(1e-300, np.abs(values).max(initial=0.0)):
+    if wrong.size and wrong.max() > 1e-9 * max(
+        1e-300, np.abs(values).max(initial=0.0), np.abs(work.qd).max()
+    ):
         raise AssemblyError(
             f'the velocities given contradict each other: {_worst(names, wrong, "m/s")}',
             key='initial.velocities',

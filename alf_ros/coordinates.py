@@ -17,7 +17,7 @@ from alf_ros import form
 from alf_ros.form import Form
 from alf_ros.layout import Layout
 from alf_ros.mechanism import GROUND, Joint
-from alf_ros.rows import Row, linear, product
+from alf_ros.row import Row, linear, product
 
 LENGTHS = ('slider', 'prismatic', 'cylindrical')
 ANGLES = ('revolute', 'cylindrical', 'universal')
@@ -63,7 +63,7 @@ def measured(layout: Layout) -> tuple[list[Coordinate], list[Row], list[Row]]:
         if joint.kind in LENGTHS:
             name = f'{joint.name}_length' if several else joint.name
             coordinates.append(Coordinate(name, joint, False, len(lengths)))
-            lengths.append(_length(joint, layout))
+            lengths.append(length_row(joint, layout))
     return coordinates, angles, lengths
 
 
@@ -80,19 +80,38 @@ def _axes(joint: Joint, layout: Layout) -> tuple[list[Form], list[Form]]:
     return parent, child
 
 
+def coordinate_of(name: str, layout: Layout) -> Coordinate:
+    """The joint coordinate of a name."""
+    return next(each for each in measured(layout)[0] if each.name == name)
+
+
+def angle_axes(coordinate: Coordinate, layout: Layout) -> tuple[Form, Form, Form]:
+    """Directions X, Y and d of which a joint coordinate is the angle atan2(Y·d, X·d)."""
+    joint = coordinate.joint
+    if layout.dimension == 3:
+        suffix = 'second' if coordinate.name == f'{joint.name}_second' else ''
+        return _measured_from(joint, suffix, layout)
+    X, Y = (layout.direction(joint.parent, axis) for axis in ((1.0, 0.0), (0.0, 1.0)))
+    return X, Y, layout.direction(joint.child, (1.0, 0.0))
+
+
 def _angles(joint: Joint, layout: Layout) -> Iterator[tuple[str, Row, Row]]:
     """(name, x, y) of each angle of a joint in space."""
+    suffixes = ('first', 'second') if joint.kind == 'universal' else ('angle',)
+    for suffix in suffixes:
+        X, Y, d = _measured_from(joint, suffix, layout)
+        yield suffix, product('x', X, d), product('y', Y, d)
+
+
+def _measured_from(joint: Joint, suffix: str, layout: Layout) -> tuple[Form, Form, Form]:
     parent, child = _axes(joint, layout)
-    if joint.kind == 'universal':
-        # about the parent's z, then about the child's x, which is the cross
-        yield 'first', product('x', parent[0], child[0]), product('y', parent[1], child[0])
-        yield 'second', product('x', parent[2], child[2]), product('y', parent[2], child[1])
-    else:
-        yield 'angle', product('x', parent[0], child[0]), product('y', parent[1], child[0])
+    if suffix == 'second':  # about the child's x, which is the cross of a universal joint
+        return child[2], child[1], parent[2]
+    return parent[0], parent[1], child[0]
 
 
-def _length(joint: Joint, layout: Layout) -> Row:
-    """Along x in the plane, along z in space."""
+def length_row(joint: Joint, layout: Layout) -> Row:
+    """How far the child is along x of the parent's frame in the plane, along z in space."""
     base, tip = joint.frames
     gap = layout.place(joint.child, tip.origin) - layout.place(joint.parent, base.origin)
     axis = layout.direction(joint.parent, base.axes[0 if layout.dimension == 2 else 2])

@@ -8,15 +8,18 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import yaml
 
 from alf_ros.errors import InputError
-from alf_ros.expression import ExpressionError, evaluate
+from alf_ros.expression import ExpressionError, evaluate, motion
+from alf_ros.signal import Signal
+
+T = TypeVar('T')
 
 LARGEST = 1e100
 DEEPEST = 40
@@ -108,19 +111,28 @@ class Entry:
 
     def number(self, names: Mapping[str, float]) -> float:
         """The value of a number or an expression of `names`; no product of three can overflow."""
+        value = self._evaluated(evaluate, names)
+        if abs(value) > LARGEST:
+            raise self.error('too large', expected=f'{LARGEST:g} at most')
+        return value
+
+    def _evaluated(
+        self, how: Callable[[str, Mapping[str, float]], T], names: Mapping[str, float]
+    ) -> T:
         if not isinstance(self.value, str) or self.is_null:
             raise self.wrong('a number or an expression')
         try:
-            value = evaluate(self.value, names)
+            return how(self.value, names)
         except ExpressionError as error:
             if error.name is None:
                 raise self.error(str(error), expected='a number or an expression') from None
             raise self.error(
                 f'{error} in {self.value!r}', value=error.name, choices=error.choices
             ) from None
-        if abs(value) > LARGEST:
-            raise self.error('too large', expected=f'{LARGEST:g} at most')
-        return value
+
+    def motion(self, names: Mapping[str, float]) -> Signal:
+        """The value of an expression of `names` and t, the time."""
+        return self._evaluated(motion, names)
 
     def integer(self, names: Mapping[str, float]) -> int:
         value = self.number(names)

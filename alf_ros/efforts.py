@@ -10,7 +10,6 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.coordinates import Coordinate
-from alf_ros.form import Form
 from alf_ros.layout import TURN, Layout
 
 
@@ -22,18 +21,14 @@ def unit_motion(coordinate: Coordinate, cut: Layout, q: Floats) -> Floats:
     blocks = np.array(cut.of_body[joint.child])
     points = blocks[: len(cut.body[joint.child].points)]
     base, tip = joint.frames
-    axis = _value(cut.direction(joint.parent, base.axes[0 if D == 2 else 2]), places)
+    axis = cut.direction(joint.parent, base.axes[0 if D == 2 else 2]).value(places)
     if not coordinate.is_angle:
         velocity[points] = axis
         return velocity.ravel()
     if joint.kind == 'universal' and coordinate.name.endswith('_second'):
-        axis = _value(cut.direction(joint.child, tip.axes[0]), places)
+        axis = cut.direction(joint.child, tip.axes[0]).value(places)
     arms = places.copy()
-    arms[points] -= _value(cut.place(joint.child, tip.origin), places)
+    arms[points] -= cut.place(joint.child, tip.origin).value(places)
     turned = arms @ TURN.T if D == 2 else np.cross(axis, arms)
     velocity[blocks] = turned[blocks]
     return velocity.ravel()
-
-
-def _value(form: Form, places: Floats) -> Floats:
-    return np.asarray(form.constant + sum(C @ places[b] for b, C in form.parts.items()))

@@ -15,6 +15,10 @@ import re
 import warnings
 from collections.abc import Callable, Iterable, Mapping
 from functools import lru_cache
+from typing import Any
+
+from alf_ros import signal
+from alf_ros.signal import NotSmooth, Signal
 
 LONGEST = 1000
 DEEPEST = 100
@@ -41,16 +45,23 @@ FUNCTIONS: dict[str, Callable[..., float]] = {
     'max': max,
 }
 
-_BINARY: dict[type[ast.operator], Callable[[float, float], float]] = {
+
+def _power(base: Any, exponent: Any) -> Any:
+    if isinstance(base, Signal) or isinstance(exponent, Signal):
+        return base**exponent
+    return math.pow(base, exponent)  # refuses (-8)**(1/3), where ** would answer with a complex
+
+
+_BINARY: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
     ast.Mult: operator.mul,
     ast.Div: operator.truediv,
     ast.FloorDiv: operator.floordiv,
     ast.Mod: operator.mod,
-    ast.Pow: math.pow,  # refuses (-8)**(1/3), where ** would answer with a complex number
+    ast.Pow: _power,
 }
-_UNARY: dict[type[ast.unaryop], Callable[[float], float]] = {
+_UNARY: dict[type[ast.unaryop], Callable[[Any], Any]] = {
     ast.UAdd: operator.pos,
     ast.USub: operator.neg,
 }
@@ -58,7 +69,7 @@ _DECIMAL = re.compile(r'[-+]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][-+]?[0-9]+)?')
 _ALLOWED = re.compile(r'[0-9A-Za-z_.+\-*/%(), ]*')
 _NOT_FINITE = re.compile(r'[-+]?\.?(inf|infinity|nan)', re.IGNORECASE)
 
-Evaluator = Callable[[Mapping[str, float]], float]
+Evaluator = Callable[[Mapping[str, Any]], Any]
 
 
 class ExpressionError(ValueError):
@@ -78,22 +89,37 @@ def evaluate(text: str, names: Mapping[str, float]) -> float:
     >>> evaluate('2*L*sin(pi/2)', {'L': 1.5})
     3.0
     """
-    text = text.strip()
+    value = float(_evaluated(text.strip(), names))
+    if not math.isfinite(value):
+        raise ExpressionError('not a finite number')
+    return value
+
+
+def motion(text: str, names: Mapping[str, float]) -> Signal:
+    """`text` as a function of t, the time; raises ExpressionError."""
+    if 't' in names:
+        raise ExpressionError('t is the time here, but also the name of a parameter', 't')
+    value = _evaluated(text.strip(), {**names, 't': signal.TIME})
+    if not isinstance(value, Signal) and not math.isfinite(value):
+        raise ExpressionError('not a finite number')
+    return signal.signal(value)
+
+
+def _evaluated(text: str, names: Mapping[str, Any]) -> Any:
     try:
-        value = float(text) if _DECIMAL.fullmatch(text) else float(_compiled(text)(names))
+        return float(text) if _DECIMAL.fullmatch(text) else _compiled(text)(names)
     except ZeroDivisionError:
         raise ExpressionError('division by zero') from None
     except OverflowError:
         raise ExpressionError('too large for a 64-bit number') from None
     except ExpressionError:
         raise
+    except NotSmooth as error:
+        raise ExpressionError(str(error)) from None
     except ValueError:
         raise ExpressionError('a function is not defined there') from None
     except TypeError:
         raise ExpressionError('wrong number of arguments') from None
-    if not math.isfinite(value):
-        raise ExpressionError('not a finite number')
-    return value
 
 
 def reserved(name: str) -> bool:
@@ -146,8 +172,14 @@ def _function(node: ast.expr, depth: int) -> Evaluator:
             if name not in FUNCTIONS:
                 raise ExpressionError(f'unknown function {name!r}', name, FUNCTIONS)
             call, arguments = FUNCTIONS[name], [_function(i, depth - 1) for i in inputs]
-            return lambda names: call(*(argument(names) for argument in arguments))
+            return lambda names: _called(name, call, [argument(names) for argument in arguments])
     raise ExpressionError('not arithmetic')
+
+
+def _called(name: str, call: Callable[..., float], arguments: list[Any]) -> Any:
+    if any(isinstance(argument, Signal) for argument in arguments):
+        return signal.call(name, *arguments)
+    return call(*arguments)
 
 
 def _constant_or_parameter(name: str) -> Evaluator:

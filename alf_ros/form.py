@@ -35,6 +35,11 @@ class Form:
         R = factor if isinstance(factor, np.ndarray) else factor * np.eye(self.constant.size)
         return Form({block: R @ C for block, C in self.parts.items()}, R @ self.constant)
 
+    def value(self, places: Floats) -> Floats:
+        """(D,) of the blocks `places` (blocks, D)."""
+        moved = sum(C @ places[block] for block, C in self.parts.items())
+        return np.asarray(self.constant + moved)
+
 
 def constant(value: tuple[float, ...]) -> Form:
     """A place or direction in the world."""

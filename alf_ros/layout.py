@@ -43,6 +43,8 @@ class Layout:
 
     `of_point` and `of_vector` give the block of a point or vector on its own (in the cut layout,
     that of the first body that has it), `of_body` those of each body: points, then vectors.
+    `of_prescribed` are the blocks that move as functions of time, `of_auxiliary` those without
+    mass that rows need besides (`auxiliary`).
     """
 
     mechanism: Mechanism
@@ -51,6 +53,8 @@ class Layout:
     of_point: Mapping[str, int]
     of_vector: Mapping[str, int]
     of_body: Mapping[str, tuple[int, ...]]
+    of_auxiliary: Mapping[str, int]
+    of_prescribed: Mapping[str, int]
 
     @cached_property
     def body(self) -> dict[str, Body]:
@@ -184,6 +188,8 @@ def cut(mechanism: Mechanism) -> Layout:
     of_body: dict[str, tuple[int, ...]] = {}
     of_point: dict[str, int] = {}
     of_vector: dict[str, int] = {}
+    of_auxiliary: dict[str, int] = {}
+    of_prescribed: dict[str, int] = {}
     n = 0
     for body in mechanism.bodies:
         points = tuple(range(n, n + len(body.points)))
@@ -200,15 +206,29 @@ def cut(mechanism: Mechanism) -> Layout:
             if item.name not in places:
                 places[item.name] = n
                 n += 1
-    return Layout(mechanism, n, n, of_point, of_vector, of_body)
+    for name in mechanism.auxiliary:
+        of_auxiliary[name], n = n, n + 1
+    for each in mechanism.prescribed:
+        of_prescribed[each.name], n = n, n + 1
+    return Layout(mechanism, n, n, of_point, of_vector, of_body, of_auxiliary, of_prescribed)
 
 
-def assembled(mechanism: Mechanism, of_point: dict[str, int], of_vector: dict[str, int]) -> Layout:
+def assembled(
+    mechanism: Mechanism,
+    of_point: Mapping[str, int],
+    of_vector: Mapping[str, int],
+    of_auxiliary: Mapping[str, int],
+) -> Layout:
     """The layout in which points and vectors are shared, at the blocks given."""
     of_body = {
         body.name: tuple(of_point[p] for p in body.points)
         + tuple(of_vector[v] for v in body.vectors)
         for body in mechanism.bodies
     }
-    movable = sum(not item.fixed for item in mechanism.blocks)
-    return Layout(mechanism, movable, len(mechanism.blocks), of_point, of_vector, of_body)
+    movable = sum(not item.fixed for item in mechanism.blocks) + len(of_auxiliary)
+    first = len(of_point) + len(of_vector) + len(of_auxiliary)
+    of_prescribed = {item.name: n for n, item in enumerate(mechanism.prescribed, first)}
+    blocks = first + len(of_prescribed)
+    return Layout(
+        mechanism, movable, blocks, of_point, of_vector, of_body, of_auxiliary, of_prescribed
+    )

@@ -76,12 +76,12 @@ class Linearised:
         rolls = {
             joint.name
             for joint in self.model.mechanism.joints
-            if joint.kind in ('gear', 'rack', 'no_slip')
+            if joint.kind in ('gear', 'rolling', 'rack', 'no_slip')
         }
         if self.model.layout.dimension == 3:
             rolls.clear()
         names = self.model.row_names
-        first = len(names) - self.model.system.rows.B.size  # in the kernel's order
+        first = len(names) - self.model.system.rows.velocity  # in the kernel's order
         places = self.model.row.tolist()
         kept = [n for n, name in enumerate(names) if places[n] < first or name in rolls]
         s = np.linalg.svd(self.jacobian[kept], compute_uv=False)
@@ -143,6 +143,8 @@ def moving(model: Model, direction: Floats) -> list[str]:
     """Points and vectors that move in a direction (n,), by name, those that move most."""
     D = model.layout.dimension
     speed = np.linalg.norm(direction.reshape(-1, D), axis=1)
-    names = {b: n for n, b in {**model.layout.of_vector, **model.layout.of_point}.items()}
+    layout = model.layout
+    known = {**layout.of_auxiliary, **layout.of_vector, **layout.of_point}
+    names = {b: n for n, b in known.items()}
     order = np.argsort(-speed, kind='stable')
     return [names[int(block)] for block in order if speed[block] > 0.1 * speed.max()]

@@ -18,13 +18,13 @@ from functools import cached_property
 import numpy as np
 from numba import njit
 
-from alf_ros import rows
 from alf_ros.arrays import Floats, Integers
 from alf_ros.coordinates import Coordinate, measured
 from alf_ros.effects.contract import Packed
 from alf_ros.form import Form, constant
 from alf_ros.layout import Layout
 from alf_ros.mechanism import GROUND, Numbers
+from alf_ros.row import Row, linear
 
 LENGTH, ANGLE, DISTANCE, PLACE = 0, 1, 2, 3
 _HEAD, _WORDS = 2, 5
@@ -54,12 +54,12 @@ class Measures:
 
     def __init__(self, layout: Layout) -> None:
         self._layout = layout
-        self._rows: list[rows.Row] = []
+        self._rows: list[Row] = []
         self._words: list[tuple[int, int, int, int]] = []
         self._numbers: list[Floats] = []
 
     @cached_property
-    def _measured(self) -> tuple[dict[str, Coordinate], list[rows.Row], list[rows.Row]]:
+    def _measured(self) -> tuple[dict[str, Coordinate], list[Row], list[Row]]:
         coordinates, angles, lengths = measured(self._layout)
         return {each.name: each for each in coordinates}, angles, lengths
 
@@ -90,10 +90,10 @@ class Measures:
         parts = [row for form in (where, *arms) for row in self._components(form)]
         self._add(PLACE, parts)
 
-    def _components(self, form: Form) -> list[rows.Row]:
-        return [rows.linear('', e, form) for e in np.eye(self._layout.dimension)]
+    def _components(self, form: Form) -> list[Row]:
+        return [linear('', e, form) for e in np.eye(self._layout.dimension)]
 
-    def _add(self, kind: int, parts: Sequence[rows.Row], near: int = 0, less: int = -1) -> None:
+    def _add(self, kind: int, parts: Sequence[Row], near: int = 0, less: int = -1) -> None:
         self._words.append((kind, near, less, len(self._rows)))
         self._rows += parts
         self._numbers.append(np.zeros(0))
@@ -148,7 +148,7 @@ class Measures:
         return Packed(whole, np.concatenate([*params, *self._numbers]))
 
 
-def _value(row: rows.Row, q: Floats) -> float:
+def _value(row: Row, q: Floats) -> float:
     total = row.c
     for block, b in row.b.items():
         terms = row.terms.get(block, {}).items()

@@ -7,6 +7,9 @@ counter-clockwise about +z (REP-103).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+
+from alf_ros.signal import Signal, cosine, rate, sine
 
 GROUND = 'ground'
 
@@ -68,13 +71,16 @@ class Frame:
 class Joint:
     """A joint between `parent` and `child` (bodies, or 'ground').
 
-    kind: in the plane 'revolute', 'slider', 'prismatic', 'weld', 'gear', 'rack', 'blade',
-    'no_slip'; in space
-    'spherical', 'revolute', 'universal', 'cylindrical', 'prismatic', 'planar', 'weld', 'distance',
-    'perpendicular', 'no_slip'. `frames` are those of the joint on parent and child. What the two
-    share is named `point` and `vector` (the axis): it needs no constraint. `value` is what the
-    kind needs besides: 'distance': m; 'no_slip', 'rack', 'gear': radius of the child, m. A gear
-    has that of its parent too (`of_parent`, m); the smaller of an internal pair is negative.
+    kind: in the plane 'revolute', 'slider', 'prismatic', 'weld', 'gear', 'rolling', 'rack',
+    'blade', 'no_slip'; in space 'spherical', 'revolute', 'universal', 'cylindrical', 'prismatic',
+    'planar', 'weld', 'distance', 'perpendicular', 'no_slip', 'disk'. `frames` are those of the
+    joint on parent and child. What the two share is named `point` and `vector` (the axis): it
+    needs no constraint. `value` is what the kind needs besides: of a 'distance' m; of what rolls
+    the radius of the child, m. A gear has that of its parent too (`of_parent`, m); the smaller of
+    an internal pair is negative. `motion`, if it has any, is a function of time: of a 'blade' the
+    angle by which it is turned on its body (rad), of 'no_slip' and 'disk' the velocity of what
+    they roll on: along each axis of the parent's frame (m/s), in space then its spin about the
+    normal through the frame's origin (rad/s).
     """
 
     name: str
@@ -86,6 +92,33 @@ class Joint:
     vector: str | None = None
     value: float = 0.0
     of_parent: float = 0.0
+    motion: tuple[Signal, ...] = ()
+
+
+@dataclass(frozen=True)
+class Drive:
+    """What is prescribed as a function of time (rheonomic), and what that takes is an effort.
+
+    kind: 'angle' (rad) or 'length' (m) of a joint coordinate, 'distance' (m) between two points,
+    'point' (m), the place of one. `of`: the name of the coordinate, or of the points. `motion` has
+    one function, of a point one for each axis, None where it is free. `from_ground`: the angle is
+    measured from axes that do not move.
+    """
+
+    name: str
+    kind: str
+    of: tuple[str, ...]
+    motion: tuple[Signal | None, ...]
+    from_ground: bool = False
+
+
+@dataclass(frozen=True)
+class Prescribed:
+    """A block that moves as functions of time: m, or a unit vector in the frame of a joint."""
+
+    name: str
+    components: tuple[Signal | None, ...]
+    is_direction: bool
 
 
 @dataclass(frozen=True)
@@ -98,8 +131,42 @@ class Mechanism:
     joints: tuple[Joint, ...]
     vectors: tuple[Vector, ...] = ()
     dimension: int = 2
+    drives: tuple[Drive, ...] = ()
+
+    @cached_property
+    def prescribed(self) -> tuple[Prescribed, ...]:
+        """What moves as a function of time: for the drives, then for joints, by their names."""
+        found = [_of_drive(drive) for drive in self.drives]
+        for joint in self.joints:
+            if joint.motion and joint.kind == 'blade':
+                found.append(_turning(joint.name, joint.motion[0]))
+            elif joint.motion:
+                found.append(Prescribed(joint.name, tuple(map(rate, joint.motion)), False))
+        return tuple(found)
+
+    @cached_property
+    def auxiliary(self) -> tuple[str, ...]:
+        """Blocks without mass that rows need besides (`auxiliary`)."""
+        names = [d.name for d in self.drives if d.kind == 'angle' and not d.from_ground]
+        for joint in self.joints:
+            if joint.kind == 'disk':
+                names += [f'{joint.name}_down', f'{joint.name}_arm']
+            elif joint.kind == 'blade' and joint.motion:
+                names.append(joint.name)
+        return tuple(names)
 
     @property
     def blocks(self) -> tuple[Point | Vector, ...]:
         """What the natural coordinates are made of: points, then vectors."""
         return (*self.points, *self.vectors)
+
+
+def _of_drive(drive: Drive) -> Prescribed:
+    if drive.kind == 'angle':
+        assert drive.motion[0] is not None
+        return _turning(drive.name, drive.motion[0])
+    return Prescribed(drive.name, drive.motion, False)
+
+
+def _turning(name: str, angle: Signal) -> Prescribed:
+    return Prescribed(name, (cosine(angle), sine(angle)), True)

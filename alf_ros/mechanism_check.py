@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 
 from alf_ros.document import Entry
+from alf_ros.driving import drive_rows
 from alf_ros.layout import cut
 from alf_ros.mechanism import GROUND, Joint, Mechanism
 from alf_ros.rows import joint_rows, rigidity
@@ -83,6 +84,8 @@ def _check_row_names(mechanism: Mechanism, entries: Mapping[str, Entry]) -> None
     rows += [(f'{vector.name}_unit', vector.name) for vector in mechanism.vectors]
     for joint in mechanism.joints:
         rows += [(row.name, joint.name) for row in joint_rows(joint, layout)]
+    for drive in mechanism.drives:
+        rows += [(row.name, drive.name) for row in drive_rows(drive, layout)]
     owners: dict[str, str] = {}
     for row, owner in rows:
         if row in owners:

@@ -7,14 +7,16 @@ mechanism_check.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 from alf_ros import repetition
 from alf_ros.document import Entry
 from alf_ros.expression import reserved
-from alf_ros.mechanism import GROUND, Body, Joint, Mechanism, Point, Vector
+from alf_ros.mechanism import GROUND, Body, Drive, Joint, Mechanism, Point, Vector
 from alf_ros.mechanism_bodies import BodyReader
 from alf_ros.mechanism_check import check
+from alf_ros.mechanism_drives import DriveReader
 from alf_ros.mechanism_joints import JointReader, unit
 from alf_ros.mechanism_orient import orient
 from alf_ros.repetition import Item
@@ -30,8 +32,8 @@ KEYS = (
     'vectors',
     'bodies',
     'joints',
+    'drives',
 )
-LATER = ('drives', 'constraints')
 WORLD = 'world'
 
 
@@ -59,16 +61,23 @@ class _Parts:
         self.entries[name] = entry
 
 
+class Found(NamedTuple):
+    """A mechanism, the values of its parameters, and what was read without references to files."""
+
+    mechanism: Mechanism
+    values: dict[str, float]
+    root: Entry
+    drives: Entry | None
+
+
 def read_mechanism(
-    root: Entry, name: str, overrides: Mapping[str, Entry]
-) -> tuple[Mechanism, dict[str, float]]:
-    """The mechanism and the values of its parameters, of which `overrides` replaces some.
+    root: Entry, name: str, overrides: Mapping[str, Entry], drives: Entry | None = None
+) -> Found:
+    """The mechanism in `root`, of whose parameters `overrides` replaces some; with the `drives` of
+    a scene besides its own.
 
     `name` is used if the file gives none. Raises InputError.
     """
-    for key in LATER:
-        if key in root.mapping():
-            raise root.mapping()[key].error(f'{key} are not supported in this version')
     fields = root.mapping(KEYS, ('alf', 'points', 'bodies'))
     if fields['alf'].integer({}) != VERSION:
         raise fields['alf'].error('unknown version of the format', expected=str(VERSION))
@@ -93,8 +102,10 @@ def read_mechanism(
         raise fields['bodies'].error('a mechanism needs a body')
     joints: list[Joint] = []
     if 'joints' in fields:
-        reader = JointReader(parts.points, parts.vectors, parts.bodies, bodies.poses, dimension)
-        for item, joint in reader.read(fields['joints'], values):
+        joint_reader = JointReader(
+            parts.points, parts.vectors, parts.bodies, bodies.poses, dimension
+        )
+        for item, joint in joint_reader.read(fields['joints'], values):
             parts.declare(item)
             joints.append(joint)
     if spatial:
@@ -107,8 +118,18 @@ def read_mechanism(
         tuple(parts.vectors.values()),
         dimension,
     )
+    if 'drives' in fields or drives is not None:
+        reader = DriveReader(mechanism)
+        found: list[Drive] = []
+        for section in (fields.get('drives'), drives):
+            for item, drive in reader.read(section, values) if section is not None else ():
+                parts.declare(item)
+                found.append(drive)
+        mechanism = replace(mechanism, drives=tuple(found))
+        root = reader.tables.without_files(root)
+        drives = drives and reader.tables.without_files(drives)
     check(mechanism, parts.entries)
-    return mechanism, values
+    return Found(mechanism, values, root, drives)
 
 
 def read_parameters(section: Entry | None, overrides: Mapping[str, Entry]) -> dict[str, float]:

@@ -1,4 +1,5 @@
-"""The joints `gear` and `rack` of a planar mechanism file: pitch lines that roll on each other."""
+"""The joints `gear`, `rolling` and `rack` of a planar mechanism file: lines that roll on each
+other."""
 
 from __future__ import annotations
 
@@ -34,7 +35,8 @@ def gear(reader: JointReader, item: Item, parent: str, child: str) -> Joint:
         raise fields['radii'].error(message)
     axes = np.eye(2)
     frames = reader.frame(parent, centres[0], axes), reader.frame(child, centres[1], axes)
-    return Joint(item.name, 'gear', parent, child, frames, value=r, of_parent=R)
+    kind = fields['type'].text()  # 'rolling': the distance of the centres is held too
+    return Joint(item.name, kind, parent, child, frames, value=r, of_parent=R)
 
 
 def rack(reader: JointReader, item: Item, parent: str, child: str) -> Joint:

@@ -17,6 +17,7 @@ from alf_ros.document import Entry
 from alf_ros.mechanism import GROUND, Body, Frame, Joint, Numbers, Point, Vector
 from alf_ros.mechanism_bodies import Pose
 from alf_ros.repetition import Item
+from alf_ros.signal import Signal, signal
 
 # what each type needs besides `between`, for each dimension
 PLANAR = {
@@ -25,6 +26,7 @@ PLANAR = {
     'prismatic': ('at', 'axis'),
     'weld': ('at',),
     'gear': ('centres', 'radii'),
+    'rolling': ('centres', 'radii'),
     'rack': ('at', 'on', 'radius'),
     'blade': ('at', 'axis'),
     'no_slip': ('at', 'on', 'radius'),
@@ -40,9 +42,15 @@ SPATIAL = {
     'perpendicular': ('axes',),
     'distance': ('points',),
     'no_slip': ('at', 'on', 'radius'),
+    'disk': ('at', 'axle', 'on', 'radius'),
 }
-OPTIONAL = {'distance': ('length',), 'gear': ('internal',)}
-ROLLING = ('blade', 'no_slip')  # of a body on the ground
+OPTIONAL = {
+    'distance': ('length',),
+    'gear': ('internal',),
+    'rolling': ('internal',),
+    'blade': ('angle',),
+}
+ROLLING = ('blade', 'no_slip', 'disk')  # of a body on the ground
 
 
 class JointReader:
@@ -88,7 +96,7 @@ class JointReader:
         if kind in ROLLING and parent != GROUND:
             message = f'{kind} is between the ground and a body'
             raise fields['between'].error(message, value=parent, expected=f'[ground, {child}]')
-        if kind == 'gear':
+        if kind in ('gear', 'rolling'):
             return mechanism_gears.gear(self, item, parent, child)
         if kind == 'rack':
             return mechanism_gears.rack(self, item, parent, child)
@@ -100,7 +108,7 @@ class JointReader:
             frames = self.at(parent, place, _frame(z)), self.at(child, place, _frame(other))
             return Joint(item.name, kind, parent, child, frames)
         point = self.point(fields['at'], item)
-        if kind == 'no_slip':
+        if kind in ('no_slip', 'disk'):
             return self.wheel(item, child, point)
         vector = None
         if kind == 'universal':
@@ -123,7 +131,9 @@ class JointReader:
             raise fields['at'].error(f'neither {parent} nor {child} carries it', value=point)
         frames = self.frame(parent, point, axes), self.frame(child, point, axes)
         sharing = shared and kind in ('revolute', 'spherical', 'universal', 'weld')
-        return Joint(item.name, kind, parent, child, frames, point if sharing else None, vector)
+        motion = (fields['angle'].motion(item.names),) if 'angle' in fields else ()
+        on = point if sharing else None
+        return Joint(item.name, kind, parent, child, frames, on, vector, motion=motion)
 
     def slider(self, item: Item, kind: str) -> Joint:
         """A point of a body on a line of the ground; a body need not be named if there is one."""
@@ -146,17 +156,44 @@ class JointReader:
         return Joint(item.name, kind, GROUND, child, frames)
 
     def wheel(self, item: Item, child: str, point: str) -> Joint:
-        """A wheel (in space also a ball) that rolls on a line or plane of the ground."""
+        """A wheel, in space also a ball or disk, that rolls on a line or plane of the ground."""
         self.check_on(item.fields['at'], point, child)
         key = 'direction' if self.dimension == 2 else 'normal'
-        on = item.fields['on'].mapping(('through', key), ('through', key))
+        moving = ('speed',) if self.dimension == 2 else ('velocity', 'spin')
+        kind = item.fields['type'].text()
+        allowed = (key, 'through', *(moving if kind != 'rack' else ()))
+        on = item.fields['on'].mapping(allowed, ('through', key))
         through = on['through'].vector(self.dimension, item.names)
         along, _ = self.direction(on[key], item)
         radius = item.fields['radius'].number(item.names)
         if not radius > 0.0:
             raise item.fields['radius'].error('not a radius', expected='m, more than zero')
-        frames = self.at(GROUND, through, _frame(along)), self.frame(child, point, _frame(along))
-        return Joint(item.name, 'no_slip', GROUND, child, frames, value=radius)
+        axes = _frame(along)
+        own = axes
+        if kind == 'disk':
+            axle, _ = self.direction(item.fields['axle'], item)
+            if np.linalg.norm(np.cross(axle, along)) < 1e-6:
+                raise item.fields['axle'].error('the disk lies flat: no point of it is lowest')
+            own = _frame(axle)
+        frames = self.at(GROUND, through, axes), self.frame(child, point, own)
+        motion = self.surface(on, axes, item)
+        return Joint(item.name, kind, GROUND, child, frames, value=radius, motion=motion)
+
+    def surface(self, on: Mapping[str, Entry], axes: Floats, item: Item) -> tuple[Signal, ...]:
+        """How what a wheel rolls on moves; nothing if it does not."""
+        if 'speed' in on:
+            return (on['speed'].motion(item.names),)
+        if 'velocity' not in on and 'spin' not in on:
+            return ()
+        velocity = [signal(0.0)] * 3
+        if 'velocity' in on:
+            velocity = [each.motion(item.names) for each in on['velocity'].sequence(3)]
+        x, y = (
+            sum((float(a) * v for a, v in zip(axis, velocity, strict=True)), signal(0.0))
+            for axis in axes[:2]
+        )
+        spin = on['spin'].motion(item.names) if 'spin' in on else signal(0.0)
+        return x, y, spin
 
     def distance(self, item: Item, parent: str, child: str) -> Joint:
         """A massless bar between a point of the parent and one of the child."""

@@ -80,7 +80,7 @@ class _Picture:
         rims = [
             place + sign * abs(radius)
             for joint in self.model.mechanism.joints
-            if joint.kind in ('no_slip', 'rack', 'gear')
+            if joint.kind in ('no_slip', 'disk', 'rack', 'gear', 'rolling')
             for place, radius in zip(
                 self.places_of(joint)[::-1], (joint.value, joint.of_parent), strict=True
             )
@@ -115,10 +115,7 @@ class _Picture:
 
     def value(self, f: Form) -> Floats:
         """Of a form at this position."""
-        total = np.array(f.constant)
-        for block, C in f.parts.items():
-            total = total + C @ self.q[block]
-        return total
+        return f.value(self.q)
 
     # --------------------------------------------------------------------------------------- parts
 
@@ -236,7 +233,7 @@ class _Picture:
             line = np.array([there, at])
             self.canvas.line(line, color=INK, linewidth=1.2, linestyle='--', zorder=5)
             self.canvas.line(line, color=INK, linestyle='', marker='o', markersize=5, zorder=8)
-        elif kind == 'gear':
+        elif kind in ('gear', 'rolling'):
             self._pitch_circle(at, joint.value)
             self._pitch_circle(there, joint.of_parent)
         elif kind == 'rack':
@@ -244,7 +241,7 @@ class _Picture:
             low = at - joint.value * axes[1]
             line = np.array([low - 1.5 * joint.value * along, low + 1.5 * joint.value * along])
             self.canvas.line(line, color=INK, linewidth=1.0, linestyle='-.', zorder=5)
-        elif kind == 'no_slip':
+        elif kind in ('no_slip', 'disk'):
             self._wheel(joint, at, axes)
 
     def _pitch_circle(self, at: Floats, radius: float) -> None:
@@ -255,18 +252,24 @@ class _Picture:
     def _wheel(self, joint: Joint, at: Floats, axes: list[Floats]) -> None:
         """A circle of its radius, and the ground under it."""
         R, x, up = joint.value, axes[0], axes[-1]
+        y = up
         if self.layout.dimension == 3:  # it rolls across its axle
-            across = np.asarray(np.cross(self._axle(joint), up), dtype=float)
+            axle = self._axle(joint)
+            across = np.asarray(np.cross(axle, up), dtype=float)
             size = float(np.linalg.norm(across))
             x = across / size if size > 1e-6 else x
+            if joint.kind == 'disk':
+                y = np.asarray(np.cross(x, axle), dtype=float)
         angle = np.linspace(0.0, 2.0 * np.pi, 61)[:, None]
-        rim = at + R * (np.cos(angle) * x + np.sin(angle) * up)
+        rim = at + R * (np.cos(angle) * x + np.sin(angle) * y)
         self.canvas.line(rim, color=INK, linewidth=1.5, zorder=5)
-        low = at - R * up
+        low = at - R * y
         self._hatched(low - 1.5 * R * x, low + 1.5 * R * x, -up)
 
     def _axle(self, joint: Joint) -> Floats:
-        """The axis about which a wheel has most inertia, in the world."""
+        """That of a disk; else the axis about which a wheel has most inertia, in the world."""
+        if joint.kind == 'disk':
+            return self.value(self.layout.direction(joint.child, joint.frames[1].axes[2]))
         J = np.array(self.layout.body[joint.child].inertia)
         axis = np.linalg.eigh(J)[1][:, 2]
         return self.value(self.layout.direction(joint.child, tuple(axis)))

@@ -8,17 +8,20 @@ from functools import cached_property
 
 import numpy as np
 
-from alf_ros import kernel
+from alf_ros import auxiliary, kernel
 from alf_ros import layout as layouts
 from alf_ros.arrays import Floats, Integers, Unit
 from alf_ros.coordinates import Coordinate, measured
+from alf_ros.driving import drive_rows
 from alf_ros.errors import AssemblyError
 from alf_ros.kernel import Rows, System, Work
 from alf_ros.layout import Layout
 from alf_ros.mass import mass_of
 from alf_ros.mechanism import Mechanism, Point, Vector
 from alf_ros.pattern import elimination_order, pattern_of
-from alf_ros.rows import Row, joint_rows, rigidity, rows_of, unit_rows
+from alf_ros.prescribed import prescribed
+from alf_ros.row import Row
+from alf_ros.rows import joint_rows, rigidity, rows_of, unit_rows
 
 _CLOSE = 5e-4  # distance to a singular position below which a stage is interpolated, at σ = 0.5
 
@@ -36,7 +39,7 @@ class Model:
     coordinates: tuple[Coordinate, ...]
     point_names: tuple[str, ...]  # movable points, then fixed ones, each in the order of the file
     point_block: Integers  # (points,) block of each named point
-    coordinate_block: Integers  # (movable,) blocks of movable points, then of movable vectors
+    coordinate_block: Integers  # (movable,) blocks of movable points, vectors, auxiliary ones
     row_names: tuple[str, ...]
     row: Integers  # (rows,) place in the kernel of each named row
 
@@ -84,10 +87,11 @@ class Model:
 
 
 def constraints(mechanism: Mechanism, layout: Layout) -> list[Row]:
-    """All rows: bodies in the order of the file, unit vectors, joints in the order of the file."""
+    """All rows: bodies in the order of the file, unit vectors, joints, drives."""
     rows = [row for body in mechanism.bodies for row in rigidity(body, layout)]
     rows += unit_rows(layout)
-    return rows + [row for joint in mechanism.joints for row in joint_rows(joint, layout)]
+    rows += [row for joint in mechanism.joints for row in joint_rows(joint, layout)]
+    return rows + [row for drive in mechanism.drives for row in drive_rows(drive, layout)]
 
 
 def compile_model(mechanism: Mechanism, penalty: float) -> Model:
@@ -104,7 +108,8 @@ def compile_model(mechanism: Mechanism, penalty: float) -> Model:
     drawn = {layout.of_point[point.name]: np.array(point.at) for point in mechanism.points}
     for vector in mechanism.vectors:
         drawn[layout.of_vector[vector.name]] = layout.length * np.array(vector.along)
-    q = np.concatenate([drawn[block] for block in range(layout.blocks)])
+    nowhere = np.zeros(layout.dimension)
+    q = np.concatenate([drawn.get(block, nowhere) for block in range(layout.blocks)])
 
     rows = constraints(mechanism, layout)
     arrays, kernel_order = rows_of(rows, layout)
@@ -113,6 +118,7 @@ def compile_model(mechanism: Mechanism, penalty: float) -> Model:
         mass=mass,
         rows=arrays,
         pattern=pattern_of(layout, mass, arrays),
+        prescribed=prescribed(layout),
         angles=rows_of(angles, layout)[0],
         size=layout.length,
         mean=float(mass.diagonal.mean()),
@@ -120,6 +126,12 @@ def compile_model(mechanism: Mechanism, penalty: float) -> Model:
         ordinary=1.0,
         close=0.0,
     )
+    unused = np.zeros_like(q)
+    kernel.prescribe(system, 0.0, q, unused, unused)
+    if not np.isfinite(q).all():
+        raise AssemblyError('a motion has no value at t = 0', key='drives')
+    for name, n in layout.of_auxiliary.items():
+        q.reshape(-1, layout.dimension)[n] = auxiliary.place(name, layout, q)
     block = {**layout.of_point, **layout.of_vector}
     points = sorted(mechanism.points, key=lambda point: point.fixed)
     model = Model(
@@ -134,6 +146,7 @@ def compile_model(mechanism: Mechanism, penalty: float) -> Model:
         point_block=np.array([layout.of_point[point.name] for point in points]),
         coordinate_block=np.array(
             [block[item.name] for item in mechanism.blocks if not item.fixed]
+            + list(layout.of_auxiliary.values())
         ),
         row_names=tuple(row.name for row in rows),
         row=np.argsort(kernel_order),
@@ -147,12 +160,13 @@ def _ordered(mechanism: Mechanism) -> Layout:
     items: list[tuple[int, Point | Vector]] = [(0, point) for point in mechanism.points]
     items += [(1, vector) for vector in mechanism.vectors]
     movable = [(kind, item.name) for kind, item in items if not item.fixed]
+    movable += [(2, name) for name in mechanism.auxiliary]
     fixed = [(kind, item.name) for kind, item in items if item.fixed]
     if not movable:
         raise AssemblyError('nothing moves: every point is fixed', key='points')
 
     def layout(place: Sequence[int]) -> Layout:
-        at: tuple[dict[str, int], dict[str, int]] = ({}, {})
+        at: tuple[dict[str, int], ...] = ({}, {}, {})
         for (kind, name), block in zip(movable, place, strict=True):
             at[kind][name] = block
         for block, (kind, name) in enumerate(fixed, len(movable)):
@@ -169,7 +183,7 @@ def hold(model: Model, extra: Sequence[Row], velocities: bool) -> tuple[System, 
     Returns the names of its rows in the kernel's order too, and where the additional ones stand.
     """
     own = model.system.rows
-    if not extra and (velocities or not own.B.size):
+    if not extra and (velocities or not own.velocity):
         order = np.argsort(model.row).tolist()
         return model.system, [model.row_names[n] for n in order], slice(0, 0)
     rows = [*constraints(model.mechanism, model.layout), *extra]
@@ -179,7 +193,7 @@ def hold(model: Model, extra: Sequence[Row], velocities: bool) -> tuple[System, 
     mass = model.system.mass
     system = replace(model.system, rows=arrays, pattern=pattern_of(model.layout, mass, arrays))
     system = replace(system, rows=_scaled(system, model.q, model.layout, model.penalty))
-    end = len(order) - arrays.B.size
+    end = len(order) - arrays.velocity
     return system, [rows[n].name for n in order], slice(end - len(extra), end)
 
 

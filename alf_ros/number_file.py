@@ -1,16 +1,57 @@
-"""Tables of numbers in CSV files: commas between columns, lines with # and one title skipped."""
+"""Tables of numbers, in place or in CSV files: commas between columns, lines with # and one title
+skipped."""
 
 from __future__ import annotations
 
 import csv
+import dataclasses
 import math
+from collections.abc import Mapping
 from pathlib import Path
 
-from alf_ros.document import LARGEST
+from alf_ros.document import LARGEST, Entry
 from alf_ros.errors import InputError
+from alf_ros.serialise import entry as as_entry
+
+Table = tuple[tuple[float, ...], ...]
 
 
-def read(path: Path) -> tuple[tuple[float, ...], ...]:
+class Tables:
+    """Reads tables, and remembers what came from files, which are relative to that which names
+    them."""
+
+    def __init__(self) -> None:
+        self._from_file: dict[int, Entry] = {}
+
+    def table(self, entry: Entry, numbers: Mapping[str, float]) -> Table:
+        """The rows of a list of lists, or of the file it names. Raises InputError."""
+        if isinstance(entry.value, str):
+            folder = Path(entry.file).parent if entry.file is not None else Path()
+            rows = read(folder / entry.text())
+            self._from_file[id(entry)] = as_entry(rows)
+            return rows
+        rows = tuple(
+            tuple(item.number(numbers) for item in row.sequence()) for row in entry.sequence()
+        )
+        if any(len(row) != len(rows[0]) for row in rows):
+            raise entry.error('not a table', expected='rows of equal length')
+        return rows
+
+    def without_files(self, entry: Entry) -> Entry:
+        """The entry, what came from files written out."""
+        value = entry.value
+        if id(entry) in self._from_file:
+            return self._from_file[id(entry)]
+        if isinstance(value, dict):
+            fields = {key: self.without_files(item) for key, item in value.items()}
+            return dataclasses.replace(entry, value=fields)
+        if isinstance(value, tuple):
+            items = tuple(self.without_files(item) for item in value)
+            return dataclasses.replace(entry, value=items)
+        return entry
+
+
+def read(path: Path) -> Table:
     """The rows of a file, all of the same length. Raises InputError."""
     file = str(path)
     if not path.is_file():

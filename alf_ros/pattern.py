@@ -12,7 +12,8 @@ from scipy.sparse.linalg import splu
 from alf_ros.kernel import Mass, Pattern, Rows
 from alf_ros.layout import TURN, Layout
 from alf_ros.mass import mass_of
-from alf_ros.rows import Row, indices
+from alf_ros.row import Row
+from alf_ros.rows import indices
 
 
 def elimination_order(layout: Layout, rows: Sequence[Row]) -> list[int]:

@@ -21,7 +21,8 @@ from alf_ros.kernel import Work
 from alf_ros.mass import mass_of
 from alf_ros.mechanism import GROUND, Joint
 from alf_ros.model import Model, constraints
-from alf_ros.rows import Row, joint_rows, rows_of
+from alf_ros.row import Row
+from alf_ros.rows import joint_rows, rows_of
 
 _LOST = 1e-3  # part of a reaction that is left open from which on it is flagged
 
@@ -189,6 +190,8 @@ def _sources(model: Model, cut: layout.Layout) -> Integers:
         (cut.of_point, model.layout.of_point),
         (cut.of_vector, model.layout.of_vector),
         (cut.of_body, model.layout.of_body),
+        (cut.of_auxiliary, model.layout.of_auxiliary),
+        (cut.of_prescribed, model.layout.of_prescribed),
     ):
         for name in copies:
             source[np.array(copies[name])] = blocks[name]

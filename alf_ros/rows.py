@@ -1,93 +1,23 @@
 """The constraints of a mechanism, one row each: rigid bodies, joints, and rows of velocities.
 
-A row is kept as what it is made of until it goes into the kernel's arrays (`rows_of`): a distance
-of two blocks, or a quadratic form Σ ½ q_iᵀ T_ij q_j + Σ b_i·q_i + c. Rows that bind velocities
-only (38) have N_i = Σ T_ij q_j + b_i.
+A row is kept as what it is made of (`row`) until it goes into the kernel's arrays (`rows_of`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from alf_ros import form, rolling
-from alf_ros.arrays import Floats, Indices
+from alf_ros import auxiliary, form, rolling
+from alf_ros.arrays import Indices
+from alf_ros.disk import disk_rows
 from alf_ros.form import Form
 from alf_ros.kernel import Rows
 from alf_ros.layout import Layout
 from alf_ros.mechanism import Body, Joint
-
-Terms = dict[int, dict[int, Floats]]
-
-
-@dataclass(frozen=True, eq=False)
-class Row:
-    """One constraint row. A distance row has `length` (m) and two blocks, `ends`."""
-
-    name: str
-    b: dict[int, Floats] = field(default_factory=dict)  # by block: (D,)
-    terms: Terms = field(default_factory=dict)  # by block, block: (D, D)
-    c: float = 0.0
-    ends: tuple[int, int] = (0, 0)
-    length: float | None = None
-    velocity: bool = False
-
-    @property
-    def blocks(self) -> list[int]:
-        """All blocks whose coordinates the row binds, ascending."""
-        return sorted(self.ends) if self.length is not None else sorted(self.b)
-
-
-# ------------------------------------------------------------------------------ kinds of rows
-
-
-def distance(name: str, i: int, j: int, length: float) -> Row:
-    """½(|q_i - q_j|² - length²) = 0."""
-    return Row(name, ends=(min(i, j), max(i, j)), length=length)
-
-
-def linear(name: str, along: Floats, f: Form, offset: float = 0.0) -> Row:
-    """along · f = offset."""
-    b = {block: C.T @ along for block, C in f.parts.items()}
-    return Row(name, _kept(b), c=float(along @ f.constant) - offset)
-
-
-def product(name: str, f: Form, g: Form, offset: float = 0.0) -> Row:
-    """f · g = offset."""
-    b: dict[int, Floats] = {}
-    terms: Terms = {}
-    for first, second in ((f, g), (g, f)):
-        for i, C in first.parts.items():
-            b[i] = b.get(i, 0.0) + C.T @ second.constant
-            for j, G in second.parts.items():
-                row = terms.setdefault(i, {})
-                row[j] = row.get(j, 0.0) + C.T @ G
-    terms = {i: {j: T for j, T in row.items() if np.any(T)} for i, row in terms.items()}
-    b = {i: v for i, v in b.items() if np.any(v) or terms.get(i)}
-    return Row(name, b, terms, float(f.constant @ g.constant) - offset)
-
-
-def motion(name: str, *pairs: tuple[Form, Form]) -> Row:
-    """Σ ġ-products of the pairs: Σ f(q) · d/dt g(q) = 0, a row of velocities."""
-    b: dict[int, Floats] = {}
-    terms: Terms = {}
-    for f, g in pairs:
-        for i, C in g.parts.items():
-            b[i] = b.get(i, 0.0) + C.T @ f.constant
-            for j, F in f.parts.items():
-                row = terms.setdefault(i, {})
-                row[j] = row.get(j, 0.0) + C.T @ F
-    return Row(name, b, terms, velocity=True)
-
-
-def _kept(b: dict[int, Floats]) -> dict[int, Floats]:
-    return {block: value for block, value in b.items() if np.any(value)}
-
-
-# ------------------------------------------------------------------------------ of a mechanism
+from alf_ros.row import Row, distance, linear, motion, product, scaled
 
 
 def unit_rows(layout: Layout) -> Iterator[Row]:
@@ -97,17 +27,7 @@ def unit_rows(layout: Layout) -> Iterator[Row]:
         block = layout.of_vector[vector.name]
         if not vector.fixed and block in carrying:
             v = form.of_block(block, layout.dimension)
-            yield _times(0.5, product(f'{vector.name}_unit', v, v, layout.length**2))
-
-
-def _times(factor: float, row: Row) -> Row:
-    """A multiple of a row; half of a square has the vector itself as gradient, as a distance."""
-    return replace(
-        row,
-        b={i: factor * b for i, b in row.b.items()},
-        terms={i: {j: factor * T for j, T in t.items()} for i, t in row.terms.items()},
-        c=factor * row.c,
-    )
+            yield scaled(0.5, product(f'{vector.name}_unit', v, v, layout.length**2))
 
 
 def rigidity(body: Body, layout: Layout) -> Iterator[Row]:
@@ -130,7 +50,7 @@ def rigidity(body: Body, layout: Layout) -> Iterator[Row]:
             if min(basis.first, end) < layout.movable:
                 yield distance(name, basis.first, end, length)
             else:
-                yield _times(0.5 / length, product(name, d, d, length**2))  # so it is in m
+                yield scaled(0.5 / length, product(name, d, d, length**2))  # so it is in m
         for other, e in before:
             name = f'{body.name}_{named[other]}_{named[end]}'
             yield product(name, e, d, float(local[end] @ local[other]))
@@ -181,13 +101,21 @@ def joint_rows(joint: Joint, layout: Layout) -> list[Row]:
         if kind in ('prismatic', 'weld'):
             add('turn', axis(0, 1), axis(1, 0))
         if kind == 'blade':
-            rows.append(motion(joint.name, (axis(1, 1), layout.place(joint.child, tip.origin))))
+            across = axis(1, 1)
+            if joint.motion:
+                across, turning = auxiliary.turned(joint.name, axis(1, 0), across, layout)
+                rows += turning
+            rows.append(motion(joint.name, (across, layout.place(joint.child, tip.origin))))
         if kind == 'no_slip':
             add('touch', axis(0, 1), gap, joint.value)
         if kind in ('no_slip', 'rack'):
-            rows.append(motion(joint.name, *rolling.on_a_line(joint, layout)))
-        if kind == 'gear':
-            rows.append(motion(joint.name, *rolling.of_gears(joint, layout)))
+            rows.append(rolling.on_a_line(joint, layout))
+        if kind == 'rolling':
+            apart = joint.of_parent + joint.value
+            touch = product(f'{joint.name}_touch', gap, gap, apart**2)
+            rows.append(scaled(0.5 / abs(apart), touch))  # so it is in m
+        if kind in ('gear', 'rolling'):
+            rows.append(rolling.of_gears(joint, layout))
         return rows
     if kind in ('spherical', 'revolute', 'universal', 'weld'):
         coincide()
@@ -205,10 +133,11 @@ def joint_rows(joint: Joint, layout: Layout) -> list[Row]:
     if kind in ('planar', 'no_slip'):
         add('touch', axis(0, 2), gap, joint.value)
     if kind == 'no_slip':
-        for name, pairs in rolling.on_a_plane(joint, layout):
-            rows.append(motion(f'{joint.name}_{name}', *pairs))
+        rows += rolling.on_a_plane(joint, layout)
+    if kind == 'disk':
+        rows += disk_rows(joint, layout)
     if kind == 'distance':
-        rows.append(_times(0.5, product(joint.name, gap, gap, joint.value**2)))
+        rows.append(scaled(0.5, product(joint.name, gap, gap, joint.value**2)))
     return rows
 
 
@@ -251,7 +180,6 @@ def rows_of(rows: Sequence[Row], layout: Layout) -> tuple[Rows, list[int]]:
         term_block=indices(term_block),
         term=np.array(term, dtype=float).reshape(-1, D * D).ravel(),
         c=np.array([rows[n].c for n in place], dtype=float),
-        B=np.zeros(len(velocity)),
         alpha=np.zeros(len(order)),
         scale=np.zeros(len(order)),
     )

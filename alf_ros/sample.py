@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from alf_ros import kernel
 from alf_ros.applied import Applied, Inputs
 from alf_ros.arrays import Floats
+from alf_ros.driving import effort
 from alf_ros.efforts import unit_motion
 from alf_ros.errors import StepError
 from alf_ros.kernel import Rows, Work
@@ -290,7 +291,7 @@ class Sample:
     @cached_property
     def joint_efforts(self) -> Floats:
         """(joint coordinates,) what acts on the free axis, N m or N: inputs held, motors, springs,
-        stops, friction; not the reaction."""
+        stops, friction, drives; not the reaction."""
         inputs = self._applied.inputs.efforts
         efforts = np.array([inputs.get(n, 0.0) for n in self.model.coordinate_names])
         if any(effect.coordinates for effect in self._applied.effects):
@@ -302,7 +303,25 @@ class Sample:
                     forces = on_joints[coordinate.name]
                     kernel.applied_forces(forces, self.t, q, qd, self._near, Q)
                     efforts[n] += Q @ unit_motion(coordinate, reactions.cut, q)
+        for drive in self.model.mechanism.drives:
+            if drive.kind in ('angle', 'length'):
+                n = self.model.coordinate_names.index(drive.of[0])
+                efforts[n] += self.drive_efforts[drive.name][0]
         return _read_only(efforts)
+
+    @cached_property
+    def drive_efforts(self) -> Mapping[str, Floats]:
+        """What each drive exerts: (1,) N m or N along its coordinate, (D,) N on its point."""
+        model, work = self.model, self._accelerated
+        layout, rows = model.layout, model.system.rows
+        pull = np.zeros(work.q.size)
+        kernel.add_transposed(model.unit, rows, work.g, work.g2, work.y, pull)
+        places, pulls = work.q.reshape(-1, layout.dimension), pull.reshape(-1, layout.dimension)
+        of = layout.of_prescribed
+        return {
+            drive.name: _read_only(effort(drive, places[of[drive.name]], pulls[of[drive.name]]))
+            for drive in model.mechanism.drives
+        }
 
     @property
     def joints(self) -> Mapping[str, JointState]:
@@ -326,6 +345,7 @@ class Sample:
         work.q[:] = self._state.q
         work.qd[:] = self._state.qd
         work.near[:] = self._near
+        kernel.prescribe(self.model.system, self.t, work.q, work.qd, work.qdd)
         if not kernel.linearise(self.model.unit, self.model.system, work, work.q):
             raise StepError('the leading matrix is not positive definite', 'see step()', self.t)
         return work
@@ -360,7 +380,7 @@ class Sample:
     def phi_dot(self) -> Floats:
         """(rows,) Φ_q q̇; of rows that bind velocities only, N q̇ + B."""
         model, work, rate = self.model, self._linearised, np.zeros(len(self.model.row_names))
-        kernel.constraint_rate(model.unit, model.system.rows, work.g, work.g2, work.qd, rate)
+        kernel.times_jacobian(model.unit, model.system.rows, work.g, work.g2, work.qd, rate)
         return _read_only(rate[model.row])
 
     @cached_property

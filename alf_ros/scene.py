@@ -128,7 +128,16 @@ def scene_from_text(
 def _read_scene(
     root: Entry, name: str, folder: Path, parameters: Mapping[str, float] | None
 ) -> Scene:
-    keys = 'name', 'description', 'mechanism', 'parameters', 'effects', 'initial', 'solver'
+    keys = (
+        'name',
+        'description',
+        'mechanism',
+        'parameters',
+        'drives',
+        'effects',
+        'initial',
+        'solver',
+    )
     fields = root.mapping(keys, ('mechanism',))
     nothing = as_entry({})
     if 'name' in fields:
@@ -136,23 +145,26 @@ def _read_scene(
     given = fields.get('parameters', nothing).mapping()
     given |= {key: as_entry(v, path=f'parameters.{key}') for key, v in (parameters or {}).items()}
     source, mechanism_name = _mechanism(fields['mechanism'], name, folder)
-    mechanism, values = read_mechanism(source, mechanism_name, given)
+    found = read_mechanism(source, mechanism_name, given, fields.get('drives'))
+    mechanism, values = found.mechanism, found.values
 
     positions, velocities = _initial(fields.get('initial', nothing), mechanism, values)
     solver = _solver(fields.get('solver', nothing), values)
-    found, section = read_effects(fields.get('effects', nothing), mechanism, values, folder)
+    effects, section = read_effects(fields.get('effects', nothing), mechanism, values, folder)
 
     whole: dict[str, object] = {
         **fields,
         'name': name,
-        'mechanism': _with(source, mechanism.name, given),
+        'mechanism': _with(found.root, mechanism.name, given),
     }
+    if found.drives is not None:
+        whole['drives'] = found.drives
     whole['solver'] = {k: v for k, v in dataclasses.asdict(solver).items() if v is not None}
     if 'effects' in fields:
         whole['effects'] = section
     whole.pop('parameters', None)
     text = serialise(as_entry({key: whole[key] for key in keys if key in whole}))
-    return Scene(name, mechanism, found, positions, velocities, solver, text, root.file)
+    return Scene(name, mechanism, effects, positions, velocities, solver, text, root.file)
 
 
 def _with(source: Entry, name: str, given: Mapping[str, Entry]) -> dict[str, object]:

@@ -15,12 +15,13 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from alf_ros import effects, layout, number_file
+from alf_ros import effects, layout
 from alf_ros.coordinates import measured
 from alf_ros.document import Entry
 from alf_ros.effects import Effect
 from alf_ros.errors import InputError
 from alf_ros.mechanism import GROUND, Mechanism
+from alf_ros.number_file import Tables
 from alf_ros.serialise import entry as as_entry
 
 Names = Mapping[str, Collection[str]]
@@ -43,7 +44,7 @@ def read_effects(
         'body or point': [*bodies, *points],
         'pair': [*bodies, *points, GROUND],
     }
-    reader = _Reader(known, numbers, mechanism.dimension, folder)
+    reader = _Reader(known, numbers, mechanism.dimension)
     found: list[Effect] = []
     whole: dict[str, Entry] = {}
     for key, entry in section.mapping().items():
@@ -56,7 +57,7 @@ def read_effects(
             except ValueError as error:
                 raise instance.error(str(error)) from None
             found.append(effect)
-        whole[kind] = reader.without_files(entry)
+        whole[kind] = reader.tables.without_files(entry)
     return tuple(found), as_entry(whole)
 
 
@@ -85,14 +86,11 @@ def _instances(kind: str, entry: Entry, multiple: bool) -> list[tuple[str, Entry
 
 
 class _Reader:
-    """Reads parameters, and remembers what came from files."""
+    """Reads parameters."""
 
-    def __init__(
-        self, known: Names, numbers: Mapping[str, float], dimension: int, folder: Path
-    ) -> None:
+    def __init__(self, known: Names, numbers: Mapping[str, float], dimension: int) -> None:
         self._known, self._numbers = known, numbers
-        self._dimension, self._folder = dimension, folder
-        self._from_file: dict[int, Entry] = {}
+        self._dimension, self.tables = dimension, Tables()
 
     def parameters(self, entry: Entry, parameters: Any) -> dict[str, object]:
         """The fields of an effect's `Parameters`."""
@@ -127,7 +125,7 @@ class _Reader:
         if kind == 'places':
             return tuple(self._place(item) for item in entry.sequence(2))
         if kind == 'table' or (kind == 'signal' and self._is_table(entry)):
-            return self._table(entry)
+            return self.tables.table(entry, numbers)
         if kind == 'signal':
             return entry.number(numbers)
         return entry.text(self._known.get(kind, about.get('choices')))
@@ -142,29 +140,3 @@ class _Reader:
     @staticmethod
     def _is_table(entry: Entry) -> bool:
         return not isinstance(entry.value, str) or entry.value.endswith('.csv')
-
-    def _table(self, entry: Entry) -> tuple[tuple[float, ...], ...]:
-        if isinstance(entry.value, str):
-            rows = number_file.read(self._folder / entry.text())
-            self._from_file[id(entry)] = as_entry(rows)
-            return rows
-        rows = tuple(
-            tuple(item.number(self._numbers) for item in row.sequence())
-            for row in entry.sequence()
-        )
-        if any(len(row) != len(rows[0]) for row in rows):
-            raise entry.error('not a table', expected='rows of equal length')
-        return rows
-
-    def without_files(self, entry: Entry) -> Entry:
-        """The entry, what came from files written out."""
-        value = entry.value
-        if id(entry) in self._from_file:
-            return self._from_file[id(entry)]
-        if isinstance(value, dict):
-            fields = {key: self.without_files(item) for key, item in value.items()}
-            return dataclasses.replace(entry, value=fields)
-        if isinstance(value, tuple):
-            items = tuple(self.without_files(item) for item in value)
-            return dataclasses.replace(entry, value=items)
-        return entry

@@ -39,7 +39,8 @@ _FAILURES = {
     ),
     kernel.NOT_CLOSED: (
         'the loops cannot be closed within the step',
-        'take a smaller step, or smaller forces: the mechanism moves too far in one',
+        'take a smaller step or smaller forces: the mechanism moves too far in one, or a drive '
+        'goes where the loops do not reach',
     ),
 }
 

@@ -8,7 +8,7 @@ faults: they are told, because other programs stumble over them and because forc
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -55,7 +55,9 @@ def examine(scene: Scene) -> Soundness:
 
     Raises AssemblyError if nothing moves or has mass, or if it is too large for dense matrices.
     """
-    model = compile_model(scene.mechanism, scene.solver.penalty)
+    # what it could do is asked of it free, so that a walk can take the place of its drives
+    mechanism = replace(scene.mechanism, drives=())
+    model = compile_model(mechanism, scene.solver.penalty)
     if model.n > LARGEST:
         raise AssemblyError(f'{model.n} coordinates, too many to look at: {LARGEST} at most')
     drawn = Linearised(model, model.q)
@@ -69,6 +71,7 @@ def examine(scene: Scene) -> Soundness:
     usual = _ordinary(at)
     walk = sweep(usual)
     answers = [_closing(at), *_size(at), _mobility(at, usual), _redundant(usual)]
+    answers += _drives(scene, usual.model.n - usual.rank)
     answers += [_reactions(usual), _mass(at), _start(at, usual), _on_the_way(usual, walk)]
     return Soundness(model, at.q, tuple(answers), walk)
 
@@ -107,7 +110,7 @@ def _closing(at: Linearised) -> Answer:
 
 def _size(at: Linearised) -> Iterator[Answer]:
     model = at.model
-    velocity = model.system.rows.B.size
+    velocity = model.system.rows.velocity
     rows = f'{_count(len(model.row_names), "constraint row")}, rank {at.rank}'
     if velocity:
         rows += f'; {velocity} of velocities'
@@ -126,6 +129,26 @@ def _mobility(at: Linearised, usual: Linearised) -> Answer:
     if places != freedoms:
         text += f' of velocity, {places} of position'
     return Answer(OK, 'mobility', text)
+
+
+def _drives(scene: Scene, freedoms: int) -> Iterator[Answer]:
+    """Whether each motion that is prescribed takes a freedom, of which there are so many."""
+    drives = scene.mechanism.drives
+    if not drives:
+        return
+    motions = sum(motion is not None for drive in drives for motion in drive.motion)
+    model = compile_model(scene.mechanism, scene.solver.penalty)
+    try:
+        at = _ordinary(Linearised(model, assembly.close(model, scene.positions)))
+    except AssemblyError as error:
+        yield Answer(BAD, 'drives', str(error.message))
+        return
+    left = model.n - at.rank
+    text = f'{_count(motions, "motion")} for {_count(freedoms, "freedom")}'
+    if freedoms - left < motions:
+        yield Answer(BAD, 'drives', f'{text}: they take {freedoms - left} only, and jam elsewhere')
+    else:
+        yield Answer(OK, 'drives', f'{text}; {left or "none"} left free')
 
 
 def _redundant(usual: Linearised) -> Answer:

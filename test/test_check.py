@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
+from alf_ros import Simulation, load_scene
 from alf_ros import __main__ as program
-from alf_ros import load_scene
 from alf_ros.check import load, table
 from alf_ros.linearised import Linearised
 from alf_ros.resources import folder
@@ -92,6 +92,25 @@ def test_a_structure_cannot_move() -> None:
     drawn = 1.0, 10.0**0.5, 5.0**0.5
     found = examine(scene_from_text(four_bar(drawn, more=f'{tie}|{joints}')))
     assert answers(found)['mobility'] == (BAD, 'none: it is a structure and cannot move')
+
+
+def test_drives_take_freedoms() -> None:
+    bars = four_bar((1.0, 3.0, 2.0))
+    assert 'drives' not in answers(examine(scene_from_text(bars)))
+    one = bars + '  drives:\n    one: {joint: pin, angle: pi/2 + t}\n'
+    assert answers(examine(scene_from_text(one)))['drives'] == (
+        OK,
+        '1 motion for 1 freedom; none left free',
+    )
+    start = Simulation(scene_from_text(one)).sample().joints['foot'].position
+    two = one + f'    two: {{joint: foot, angle: {start} + t}}\n'
+    assert answers(examine(scene_from_text(two)))['drives'] == (
+        BAD,
+        '2 motions for 1 freedom: they take 1 only, and jam elsewhere',
+    )
+    far = bars + '  drives:\n    one: {joint: pin, angle: -pi/2}\n'
+    verdict, text = answers(examine(scene_from_text(far)))['drives']
+    assert verdict == BAD and 'cannot be closed' in text or 'more than a right angle' in text
 
 
 def test_a_free_direction_without_mass() -> None:

@@ -12,7 +12,6 @@ from alf_ros import Scene, Simulation, formulations, kernel, load_scene, referen
 from alf_ros.effects import contract
 from alf_ros.errors import AlfError, InputError, StepError
 from alf_ros.formulations import Formulation
-from alf_ros.integrator import method
 from alf_ros.kernel import Phase
 from alf_ros.model import Model
 
@@ -233,51 +232,6 @@ def test_forces_are_those_of_the_time_of_the_stage(name: str) -> None:
     sample = sim.sample()
     assert sample.q == pytest.approx([1.0 - math.cos(2.0), 0.0], abs=1e-9)
     assert sample.qd == pytest.approx([math.sin(2.0), 0.0], abs=1e-9)
-
-
-def test_rows_that_bind_velocities_only() -> None:
-    """The slider-crank on a guide that rises at 0.2 m/s, as N q̇ + B = 0 (38)."""
-    ends = {}
-    for name in ('alf2', *formulations.NAMES):
-        sim = Simulation(load_scene('slider_crank'))
-        rows = replace(sim.model.system.rows, c=np.zeros(0), B=np.array([-0.2]))
-        model = replace(sim.model, system=replace(sim.model.system, rows=rows))
-        _, phi_q, _, _ = dense(sim)
-        A, B = (2 * model.layout.of_point[name] for name in 'AB')
-        q, qd = sim.state.q, np.zeros(model.q.size)
-        qd[B : B + 2] = -4.0, 0.2
-        lengths = phi_q[np.abs(phi_q[:, A]) > 0.0]
-        qd[A : A + 2] = np.linalg.solve(lengths[:, A : A + 2], -lengths @ qd[: model.n])
-        solver = replace(sim.solver, formulation=name)
-        phase = Phase(q, qd, np.zeros(2, dtype=np.int64), np.ones(1))
-        run = sim._applied.assembled, sim._work, phase
-        if name == 'independent':
-            with pytest.raises(InputError, match='bind velocities only'):
-                Formulation(model, solver, q)
-            continue
-        if name == 'alf2':
-            kernel.advance(
-                model.unit,
-                model.system,
-                run[0],
-                method(solver),
-                *run[1:],
-                None,
-                0.0,
-                0,
-                200,
-                1e-3,
-            )
-        else:
-            formulation = Formulation(model, solver, q)
-            result, taken, _ = formulation.advance(
-                *run, formulation.start(q, qd), 0.0, 0, 200, 1e-3
-            )
-            assert (result, taken) == (kernel.OK, 200)
-        assert phase.q[B + 1] == pytest.approx(0.04, abs=1e-7), name
-        ends[name] = phase.q
-    for name, q in ends.items():
-        assert q == pytest.approx(ends['alf2'], abs=1e-6), name
 
 
 # ------------------------------------------------------------------------------- where they fail

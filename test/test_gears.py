@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from alf_ros import Simulation
+from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.scene import scene_from_text
 
@@ -116,3 +118,49 @@ initial: {velocities: {A: [0, 2], C: [-0.4, ~]}}
         assert turned == pytest.approx(-rolled / 0.2, abs=1e-10)
         assert sample.energy == pytest.approx(first.energy, abs=1e-10)
     assert np.abs(rolled) > 0.05
+
+
+CYLINDER = """
+mechanism:
+  alf: 1
+  parameters: {R: 0.5, r: 0.1, start: 1.4, apart: R + r}
+  points:
+    O: {at: [0, 0], fixed: true}
+    C: {at: [apart*cos(start), apart*sin(start)]}
+    S: {at: [apart*cos(start) + r, apart*sin(start)]}
+  bodies:
+    disk: {points: [C, S], mass: 2, inertia: {about_com: r**2}, com: [0, 0]}
+  joints:
+    contact: {type: rolling, between: [ground, disk], centres: [O, C], radii: [R, r]}
+effects: {gravity: {acceleration: [0, -9.81]}}
+"""
+
+
+@pytest.mark.parametrize('inside', [False, True])
+def test_a_cylinder_rolls_on_a_fixed_one(inside: bool) -> None:
+    """φ̈ = -(2/3) g cos φ / (R ± r), and the normal force balances weight and the path."""
+    text = CYLINDER
+    if inside:
+        text = text.replace('R + r', 'R - r').replace('start: 1.4', 'start: -0.4')
+        text = text.replace('radii: [R, r]', 'radii: [R, r], internal: true')
+    sim = Simulation(scene_from_text(text), integrator='dop853', step=5e-3)
+    apart, start = (0.4, -0.4) if inside else (0.6, 1.4)
+
+    def rates(t: float, y: Floats) -> list[float]:
+        return [y[1], -2.0 / 3.0 * 9.81 * np.cos(y[0]) / apart]
+
+    wanted = solve_ivp(
+        rates, (0, 0.6), [start, 0.0], 'DOP853', rtol=1e-13, atol=1e-13, dense_output=True
+    )
+    energy = sim.sample().energy
+    for sample in sim.run(0.6, at=[0.2, 0.4, 0.6]):
+        angle, rate = wanted.sol(sample.t)
+        along = np.array([np.cos(angle), np.sin(angle)])
+        assert sample.points['C'] == pytest.approx(apart * along, abs=1e-10)
+        # it turns as the arc it has rolled along says
+        turned = (angle - start) * apart / (-0.1 if inside else 0.1)
+        assert sample.body_poses[0, 2] == pytest.approx(turned, abs=1e-9)
+        force = sample.reactions['contact'].force
+        normal = 2.0 * (9.81 * np.sin(angle) - apart * rate**2)
+        assert force @ along == pytest.approx(normal, abs=1e-7)
+        assert sample.energy == pytest.approx(energy, abs=1e-10)

@@ -76,7 +76,12 @@ MISTAKES = {
     'wrong version': ('alf: 1', 'alf: 2', 'alf', "unknown version.*got '2'; expected 1"),
     'spatial': ('planar', 'spatial', 'O: {', 'a list of 2 given; expected a list of 3'),
     'space': ('planar', 'plane', 'space', "got 'plane'; did you mean 'planar'"),
-    'drives': ('  points:', '  drives: []\n  points:', 'drives', 'drives are not supported'),
+    'drives': (
+        '  points:',
+        '  drives: []\n  points:',
+        'drives',
+        'a list of 0 given; expected a map',
+    ),
     'vectors': ('  points:', '  vectors: {}\n  points:', 'vectors', 'vectors are for space'),
     'other key of a joint': ('C}\n    guide', 'C, point: C}\n    guide', 'hook', 'unknown key'),
     # values

@@ -88,6 +88,11 @@ PLANAR_CASES = {
         2,
         pinned=True,
     ),
+    'rolling': Case(
+        '{type: rolling, between: [ground, two], centres: [O, A2], '
+        'radii: ["0.6*hypot(0.9, 0.3)", "0.4*hypot(0.9, 0.3)"]}',
+        1,
+    ),
     'rack': Case(
         '{type: rack, between: [one, two], at: A, radius: 0.4, '
         'on: {through: [0, 0.1], direction: [1, 0]}}',
@@ -112,13 +117,18 @@ SPATIAL_CASES = {
     ),
     'distance': Case('{type: distance, between: [one, two], points: [A, B]}', 5),
     'no_slip': Case(f'{{type: no_slip, between: [ground, two], at: B, radius: 0.4, {FLOOR}}}', 3),
+    'disk': Case(
+        '{type: disk, between: [ground, two], at: B, radius: 0.4, axle: [1, 0.2, 0.4], '
+        f'{FLOOR}}}',
+        3,
+    ),
 }
 CASES = [(2, kind) for kind in PLANAR_CASES] + [(3, kind) for kind in SPATIAL_CASES]
 
 
 def scene_of(dimension: int, kind: str) -> Scene:
     case = (PLANAR_CASES if dimension == 2 else SPATIAL_CASES)[kind]
-    apart = kind in ('perpendicular', 'distance', 'slider', 'blade', 'no_slip')
+    apart = kind in ('perpendicular', 'distance', 'slider', 'blade', 'no_slip', 'disk')
     there = '0.8, 0.9, 0.6' if apart else '1, 0.5, 0.3'
     if dimension == 2:
         there = '0.8, 0.9' if apart else '1, 0.5'
@@ -152,7 +162,7 @@ def test_jacobian(dimension: int, kind: str) -> None:
     random = np.random.default_rng(3)
     rows, unit = model.system.rows, model.unit
     m = rows.alpha.size
-    positions = m - rows.B.size
+    positions = m - rows.velocity
     for _ in range(5):
         q, v = random.standard_normal((2, model.q.size))
         phi, gradient, rate = np.zeros((2, m)), np.zeros(m), np.zeros((2, m))
@@ -217,6 +227,11 @@ def test_freedoms(dimension: int, kind: str) -> None:
     case = (PLANAR_CASES if dimension == 2 else SPATIAL_CASES)[kind]
     model = simulation(dimension, kind).model
     motions = [carried(model, 'two', twist) for twist in twists(dimension)]
+    for block in model.layout.of_auxiliary.values():
+        for axis in range(dimension):
+            motion = np.zeros((model.layout.blocks, dimension))
+            motion[block, axis] = 1.0
+            motions.append(motion)
     system, names, _ = hold(model, [], velocities=True)
     rows = system.rows
     g, g2 = np.zeros(rows.i.size * dimension), np.zeros(rows.b.size)
@@ -349,6 +364,7 @@ MEANING = {
     (2, 'weld'): lambda gap, axes, joint: [*gap, axes[1, 0]],
     (2, 'no_slip'): lambda gap, axes, joint: [gap[1] - joint.value],
     (2, 'gear'): lambda gap, axes, joint: [np.linalg.norm(gap) - joint.value - joint.of_parent],
+    (2, 'rolling'): lambda gap, axes, joint: [np.linalg.norm(gap) - joint.value - joint.of_parent],
     (2, 'rack'): lambda gap, axes, joint: [gap[1] - joint.value],
     (2, 'blade'): lambda gap, axes, joint: [],
     (3, 'spherical'): lambda gap, axes, joint: [*gap],
@@ -361,6 +377,7 @@ MEANING = {
     (3, 'perpendicular'): lambda gap, axes, joint: [axes[2, 2]],
     (3, 'distance'): lambda gap, axes, joint: [np.linalg.norm(gap) - joint.value],
     (3, 'no_slip'): lambda gap, axes, joint: [gap[2] - joint.value],
+    (3, 'disk'): lambda gap, axes, joint: [gap[2] - joint.value * np.hypot(*axes[:2, 2])],
 }
 
 

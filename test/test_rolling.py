@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from alf_ros import Simulation
+from alf_ros import Simulation, load_scene
 from alf_ros.scene import Scene, scene_from_text
 
 TIMES = [0.1 * k for k in range(51)]
@@ -180,3 +180,37 @@ def test_wheel_rolls_down_in_the_plane() -> None:
     assert sample.body_poses[0, 2] == pytest.approx(-acceleration * 4.0, abs=1e-9)
     push = [2.0 * (acceleration - 1.0), 2.0 * 9.81]
     assert sample.reactions['rim'].force == pytest.approx(push, abs=1e-8)
+
+
+def test_a_leaning_coin_goes_round(method: tuple[str, float]) -> None:
+    """Steadily: Ω² = m g R tan α / (m R ρ + A sin α + C ρ / R)."""
+    integrator, step = method
+    samples = run(load_scene('coin'), integrator, min(step, 5e-3) / 4)
+    energy_is_kept(samples)
+    R, around, lean = 0.0129, 0.05, np.radians(20.0)
+    inertia = R * around + R**2 * np.sin(lean) / 4 + R * around / 2
+    turn = np.sqrt(9.81 * R * np.tan(lean) / inertia)
+    for sample in samples:
+        angle = turn * sample.t
+        outward = np.array([np.sin(-angle), np.cos(-angle)])
+        wanted = [*(around * outward - [0.0, around]), R * np.cos(lean)]
+        assert sample.points['C'] == pytest.approx(wanted, abs=1e-9)
+        # inwards for the path of the centre, upwards for the weight
+        inwards = -0.0085 * turn**2 * around * outward
+        wanted_force = [*inwards, 0.0085 * 9.81]
+        assert sample.reactions['rim'].force == pytest.approx(wanted_force, abs=1e-7)
+
+
+def test_a_falling_coin_keeps_its_energy() -> None:
+    """Started upright and slow it wobbles; contact and no slip hold all the way."""
+    scene = load_scene('coin', parameters={'lean': 0.4, 'around': 0.01})
+    sim = Simulation(scene, integrator='dop853', step=5e-4)
+    sim.apply_wrench('coin', force=[0.0, 1e-2, 0.0])
+    sim.step(100)
+    sim.clear_inputs()
+    samples = list(sim.run(1.0, every=40))
+    assert np.ptp([sample.points['C'][2] for sample in samples]) > 1e-3
+    energies = [sample.energy for sample in samples]
+    assert np.ptp(energies) < 1e-9 * energies[0]
+    assert max(np.abs(sample.phi).max() for sample in samples) < 1e-14
+    assert max(np.abs(sample.phi_dot).max() for sample in samples) < 1e-12

@@ -15,18 +15,13 @@ import numpy as np
 from alf_ros.arrays import Floats, Unit
 from alf_ros.formulations.runge_kutta import runge_kutta
 from alf_ros.formulations.storage import Settings, Storage, allocate
-from alf_ros.kernel.constraints import (
-    add_transposed,
-    constraint_rate,
-    convective,
-    jacobian_rate,
-    violation,
-)
+from alf_ros.kernel.constraints import add_transposed, times_jacobian, violation
 from alf_ros.kernel.data import NOT_POSITIVE, OK, SOLVED, TWO, Forces, Method, Phase, System, Work
 from alf_ros.kernel.factor import linearise, solve
 from alf_ros.kernel.forces import applied_forces
 from alf_ros.kernel.jit import compiled, inner
 from alf_ros.kernel.mass import add_mass_times
+from alf_ros.kernel.prescribed import bias
 from alf_ros.kernel.vectors import copy, zero
 from alf_ros.model import Model
 
@@ -61,14 +56,14 @@ def rates(
     if not linearise(unit, system, work, work.q):
         return NOT_POSITIVE, 0
     violation(unit, rows, work.q, phi)
-    constraint_rate(unit, rows, work.g, work.g2, work.qd, phi_d)
-    jacobian_rate(unit, rows, work.qd, work.g2d)
-    convective(unit, rows, work.g2d, work.qd, c)
+    times_jacobian(unit, rows, work.g, work.g2, work.qd, phi_d)
+    bias(unit, system, work, c)
     for r in range(c.size):
         c[r] = -rows.alpha[r] * (c[r] + 2.0 * omega * mu * phi_d[r] + omega * omega * phi[r])
     applied_forces(forces, t, work.q, work.qd, work.near, work.Q)
     copy(work.Q, storage.f)  # M q̈_0 = Q
-    zero(work.qdd)
+    for i in range(n):
+        work.qdd[i] = 0.0
     count = 0
     for _ in range(np.int64(storage.iterations)):
         count += 1

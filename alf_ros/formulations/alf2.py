@@ -22,7 +22,6 @@ from alf_ros.formulations.runge_kutta import runge_kutta
 from alf_ros.formulations.storage import Settings, Storage, allocate
 from alf_ros.kernel.constraints import (
     add_transposed,
-    constraint_rate,
     jacobian,
     jacobian_rate,
     times_jacobian,
@@ -33,6 +32,7 @@ from alf_ros.kernel.factor import linearise, solve
 from alf_ros.kernel.forces import applied_forces
 from alf_ros.kernel.jit import compiled, inner
 from alf_ros.kernel.mass import add_mass_times
+from alf_ros.kernel.prescribed import prescribe
 from alf_ros.kernel.vectors import copy, zero
 from alf_ros.model import Model
 
@@ -73,8 +73,10 @@ def rates(
     if not linearise(unit, system, work, work.q):
         return NOT_POSITIVE, 0
     violation(unit, rows, work.q, phi)
+    for i in range(n):
+        work.qd[i] = 0.0
+    times_jacobian(unit, rows, work.g, work.g2, work.qd, c)  # Φ_t
     zero(work.qd)
-    constraint_rate(unit, rows, work.g, work.g2, work.qd, c)  # Φ_t
     for r in range(m):
         c[r] += 2.0 * omega * mu * phi[r] + omega * omega * y[two_n + r]
     zero(sigma)
@@ -98,6 +100,7 @@ def rates(
             break
         zero(storage.f)
         add_mass_times(unit, system.mass, 1.0, work.qd, storage.f)
+    prescribe(system, t, work.q, work.qd, work.qdd)
     # Φ̇_q: that of a distance row is the difference of the velocities
     jacobian(unit, rows, work.qd, storage.gd, storage.g2d)
     jacobian_rate(unit, rows, work.qd, storage.g2d)

@@ -13,10 +13,11 @@ from alf_ros.arrays import Floats, Unit
 from alf_ros.formulations import alf1, saddle
 from alf_ros.formulations.runge_kutta import runge_kutta
 from alf_ros.formulations.storage import SINGULAR, Settings, Storage, allocate
-from alf_ros.kernel.constraints import constraint_rate, convective, jacobian_rate, violation
+from alf_ros.kernel.constraints import times_jacobian, violation
 from alf_ros.kernel.data import OK, TWO, Forces, Method, Phase, System, Work
 from alf_ros.kernel.forces import applied_forces
 from alf_ros.kernel.jit import compiled, inner
+from alf_ros.kernel.prescribed import bias
 from alf_ros.model import Model
 
 start = alf1.start
@@ -47,9 +48,8 @@ def rates(
     if not saddle.factorise(unit, system, work, storage):
         return SINGULAR, 0
     violation(unit, rows, work.q, phi)
-    constraint_rate(unit, rows, work.g, work.g2, work.qd, phi_d)
-    jacobian_rate(unit, rows, work.qd, work.g2d)
-    convective(unit, rows, work.g2d, work.qd, c)
+    times_jacobian(unit, rows, work.g, work.g2, work.qd, phi_d)
+    bias(unit, system, work, c)
     for r in range(c.size):
         c[r] = -c[r] - 2.0 * omega * mu * phi_d[r] - omega * omega * phi[r]
     applied_forces(forces, t, work.q, work.qd, work.near, work.Q)

@@ -22,12 +22,13 @@ from alf_ros.errors import InputError
 from alf_ros.formulations import dense
 from alf_ros.formulations.runge_kutta import runge_kutta
 from alf_ros.formulations.storage import FOLDED, SINGULAR, Settings, Storage, allocate
-from alf_ros.kernel.constraints import convective, jacobian, jacobian_rate, times_jacobian
+from alf_ros.kernel.constraints import jacobian, times_jacobian
 from alf_ros.kernel.data import OK, Forces, Method, Phase, System, Work
 from alf_ros.kernel.forces import applied_forces
 from alf_ros.kernel.jit import compiled, inner
 from alf_ros.kernel.manifold import opening
 from alf_ros.kernel.mass import add_mass_times
+from alf_ros.kernel.prescribed import bias
 from alf_ros.kernel.vectors import zero
 from alf_ros.model import Model
 from alf_ros.model import allocate as workspace
@@ -60,11 +61,11 @@ def prepare(model: Model, settings: Settings, q: Floats) -> Storage:
     """Allocate what a run from q (all blocks D) writes, and choose its independent coordinates.
 
     Raises InputError for constraints of velocities: they leave more coordinates independent than
-    velocities.
+    velocities. And for drives, whose velocities are no longer those of the independent ones alone.
     """
-    if model.system.rows.B.size:
+    if model.system.rows.velocity or model.mechanism.prescribed:
         raise InputError(
-            'constraints that bind velocities only do not reduce the coordinates',
+            'only for constraints of positions that do not depend on time',
             key='formulation',
             value='independent',
         )
@@ -141,7 +142,7 @@ def rates(
     """ẏ = (q̇, z̈); returns (result, iterations)."""
     n, d = storage.order.size, storage.kept.size
     f = n - d
-    rows, y, R, MR, order = system.rows, storage.y, storage.R, storage.MR, storage.order
+    y, R, MR, order = storage.y, storage.R, storage.MR, storage.order
     at = stage * (n + f)
     for i in range(n):
         work.q[i] = y[i]
@@ -160,9 +161,8 @@ def rates(
         work.qd[i] = 0.0
         for j in range(f):
             work.qd[i] += R[i * f + j] * y[n + j]
-    jacobian_rate(unit, rows, work.qd, work.g2d)
-    convective(unit, rows, work.g2d, work.qd, storage.c)
     zero(work.qdd)
+    bias(unit, system, work, storage.c)
     _solve(system, storage, storage.c, work.qdd)  # Ṙ ż
     applied_forces(forces, t, work.q, work.qd, work.near, work.Q)
     add_mass_times(unit, system.mass, -1.0, work.qdd, work.Q)

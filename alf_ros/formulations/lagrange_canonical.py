@@ -14,12 +14,16 @@ from alf_ros.arrays import Floats, Unit
 from alf_ros.formulations import baumgarte, saddle
 from alf_ros.formulations.runge_kutta import runge_kutta
 from alf_ros.formulations.storage import SINGULAR, Storage
-from alf_ros.kernel.constraints import add_transposed, constraint_rate, jacobian, jacobian_rate
+from alf_ros.kernel.constraints import (
+    add_transposed,
+    jacobian,
+    jacobian_rate,
+    times_jacobian,
+)
 from alf_ros.kernel.data import OK, TWO, Forces, Method, Phase, System, Work
 from alf_ros.kernel.forces import applied_forces
 from alf_ros.kernel.jit import compiled, inner
 from alf_ros.kernel.mass import add_mass_times
-from alf_ros.kernel.vectors import zero
 from alf_ros.model import Model
 
 prepare = baumgarte.prepare
@@ -52,8 +56,9 @@ def rates(
         return SINGULAR, 0
     for i in range(n):
         work.p[i] = y[n + i]
-    zero(work.qd)
-    constraint_rate(unit, rows, work.g, work.g2, work.qd, c)  # Φ_t
+    for i in range(n):
+        work.qd[i] = 0.0
+    times_jacobian(unit, rows, work.g, work.g2, work.qd, c)  # Φ_t
     for r in range(c.size):
         c[r] = -c[r]
     saddle.solve(system, storage, work.p, c, work.qd, sigma)  # eq. (12)

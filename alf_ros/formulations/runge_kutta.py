@@ -12,6 +12,7 @@ from alf_ros.formulations.storage import FOLDED, OPENED, Storage
 from alf_ros.kernel.data import NOT_FINITE, OK, ONE, Forces, Method, Phase, System, Work
 from alf_ros.kernel.jit import expanded, inner
 from alf_ros.kernel.manifold import opening
+from alf_ros.kernel.prescribed import prescribe
 from alf_ros.kernel.step import accept, mark
 from alf_ros.kernel.vectors import copy
 
@@ -49,6 +50,7 @@ def runge_kutta(
     copy(phase.qd, work.qd)
     for i in range(N):
         ys[i] = y[i]
+    prescribe(system, t0 + first * h, work.q, work.qd, work.qdd)
     result, most = rates(unit, system, forces, work, storage, t0 + first * h, start)
     if result != OK:
         return result, 0, most
@@ -64,6 +66,7 @@ def runge_kutta(
             # the rates at the end are those of the first stage of the next step
             to = start if end else s
             ts = t0 + (first + taken + 1) * h if end else t + method.c[s] * h
+            prescribe(system, ts, work.q, work.qd, work.qdd)
             result, count = rates(unit, system, forces, work, storage, ts, to)
             work.evaluations[0] += 1
             most = max(most, count)

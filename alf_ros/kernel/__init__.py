@@ -7,7 +7,6 @@ what differs from the print. `data` says what passes between the files.
 from alf_ros.kernel.adaptive import advance_adaptively
 from alf_ros.kernel.constraints import (
     add_transposed,
-    constraint_rate,
     convective,
     jacobian,
     jacobian_rate,
@@ -26,6 +25,7 @@ from alf_ros.kernel.data import (
     Method,
     Pattern,
     Phase,
+    Prescribed,
     Rows,
     System,
     Watch,
@@ -35,6 +35,7 @@ from alf_ros.kernel.factor import linearise, solve
 from alf_ros.kernel.forces import applied_forces, potential_energy
 from alf_ros.kernel.iteration import accelerate, augmented
 from alf_ros.kernel.mass import add_mass_times
+from alf_ros.kernel.prescribed import prescribe
 from alf_ros.kernel.step import advance
 from alf_ros.kernel.trace import mass_trace
 from alf_ros.kernel.turns import nearby
@@ -51,6 +52,7 @@ __all__ = [
     'Method',
     'Pattern',
     'Phase',
+    'Prescribed',
     'Rows',
     'System',
     'Watch',
@@ -62,7 +64,6 @@ __all__ = [
     'advance_adaptively',
     'applied_forces',
     'augmented',
-    'constraint_rate',
     'convective',
     'jacobian',
     'jacobian_rate',
@@ -70,6 +71,7 @@ __all__ = [
     'mass_trace',
     'nearby',
     'potential_energy',
+    'prescribe',
     'solve',
     'times_jacobian',
     'violation',

@@ -71,7 +71,7 @@ def violation(unit: Unit, rows: Rows, q: Floats, phi: Floats) -> None:
 
 @compiled
 def times_jacobian(unit: Unit, rows: Rows, g: Floats, g2: Floats, v: Floats, out: Floats) -> None:
-    """out = Φ_q v."""
+    """out = Φ_q v; of v = q̇ it is Φ̇, and N q̇ + B (38)."""
     D = np.uint64(len(unit))
     m1 = rows.i.size
     for r in range(m1):
@@ -87,17 +87,6 @@ def times_jacobian(unit: Unit, rows: Rows, g: Floats, g2: Floats, v: Floats, out
             for a in range(D):
                 s += g2[e * D + a] * v[i + a]
         out[m1 + r] = s
-
-
-@compiled
-def constraint_rate(
-    unit: Unit, rows: Rows, g: Floats, g2: Floats, qd: Floats, out: Floats
-) -> None:
-    """out = Φ̇ = Φ_q q̇, and N q̇ + B (38)."""
-    times_jacobian(unit, rows, g, g2, qd, out)
-    velocity = out.size - rows.B.size
-    for r in range(rows.B.size):
-        out[velocity + r] += rows.B[r]
 
 
 @compiled

@@ -1,9 +1,9 @@
 """What the kernel reads and writes.
 
 Conventions. Vectors are flat, block i at [i D, (i + 1) D); D, 2 or 3, is the length of the tuple
-`unit` and so a constant when compiled. Movable blocks come first, in elimination order; fixed
-blocks follow, with positions but no velocity. Rows: distance rows between movable blocks, distance
-rows with a fixed end, quadratic rows.
+`unit` and so a constant when compiled. Movable blocks come first, in elimination order; fixed and
+prescribed blocks, for which A has no columns, follow. Rows: distance rows between movable blocks,
+distance rows with a fixed end, quadratic rows.
 """
 
 from __future__ import annotations
@@ -42,8 +42,9 @@ class Mass(Struct):
 class Rows(Struct):
     """Φ(q): distance rows ½(|q_i - q_j|² - L²), then quadratic ones Σ ½(g + b)·q + c.
 
-    Behind them the rows that bind velocities only, N(q) q̇ + B = 0 (38): their entries are those of
-    N, and they have no Φ. Wherever velocities are meant, N stands below Φ_q.
+    Behind them the rows that bind velocities only, N(q, t) q̇ + B(q, t) = 0 (38): their entries are
+    those of N, and they have no Φ. Wherever velocities are meant, N stands below Φ_q. Entries of
+    prescribed blocks are what t does: Φ_t and B are their part of Φ_q q̇ and N q̇.
     """
 
     constant = True
@@ -60,9 +61,13 @@ class Rows(Struct):
     term_block: Indices  # (terms,)
     term: Floats  # (terms D D,)
     c: Floats  # (quadratic rows,)
-    B: Floats  # (velocity rows,) m/s, or as N says
     alpha: Floats  # (rows,) penalty α of each row
     scale: Floats  # (rows,) 1 / |Φ_q,r| as drawn: scale Φ is a distance in metres
+
+    @property
+    def velocity(self) -> int:
+        """How many rows bind velocities only."""
+        return int(self.alpha.size - self.i.size - self.c.size)
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +86,16 @@ class Pattern(Struct):
 
 
 @dataclass(frozen=True, eq=False)
+class Prescribed(Struct):
+    """What moves as a function of time: a program, and the compiled function that runs it."""
+
+    program: Addresses  # (1,) address of run(), or (0,) where nothing is prescribed
+    slots: Integers  # (…,) its instructions
+    params: Floats  # (…,) its numbers
+    registers: Floats  # (instructions 3,) what it writes on the way
+
+
+@dataclass(frozen=True, eq=False)
 class System(Struct):
     """A mechanism."""
 
@@ -89,6 +104,7 @@ class System(Struct):
     mass: Mass
     rows: Rows
     pattern: Pattern
+    prescribed: Prescribed
     angles: Rows  # x, y of each angle whose turns are counted: it is atan2(y, x)
     size: float  # m, largest extent of the drawing
     mean: float  # kg, of the diagonal of M

@@ -16,7 +16,7 @@ from alf_ros.kernel.vectors import zero
 from alf_ros.structs import VectorType
 
 
-def _call(context: Any, builder: Any, sig: Any, args: Any, returns: Any) -> Any:
+def call(context: Any, builder: Any, sig: Any, args: Any, returns: Any) -> Any:
     """Call a C function of a known signature at an address that is data."""
     values = []
     for kind, value in zip(sig.args[1:], args[1:], strict=True):
@@ -47,7 +47,7 @@ def _force(
     Q: Any,
 ) -> Any:
     def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        _call(context, builder, sig, args, ir.VoidType())
+        call(context, builder, sig, args, ir.VoidType())
         return context.get_dummy_value()
 
     return types.void(at, t, q, qd, near, slots, i, params, j, Q), code
@@ -58,7 +58,7 @@ def _potential(
     typing: Any, at: Any, t: Any, q: Any, near: Any, slots: Any, i: Any, params: Any, j: Any
 ) -> Any:
     def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return _call(context, builder, sig, args, ir.DoubleType())
+        return call(context, builder, sig, args, ir.DoubleType())
 
     return types.float64(at, t, q, near, slots, i, params, j), code
 

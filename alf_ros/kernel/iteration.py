@@ -5,18 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Floats, Unit
-from alf_ros.kernel.constraints import (
-    add_transposed,
-    constraint_rate,
-    convective,
-    jacobian_rate,
-    times_jacobian,
-)
+from alf_ros.kernel.constraints import add_transposed, times_jacobian
 from alf_ros.kernel.data import EPS, SOLVED, Forces, Rows, System, Work
 from alf_ros.kernel.factor import solve
 from alf_ros.kernel.forces import applied_forces
 from alf_ros.kernel.jit import compiled, expanded, inner
 from alf_ros.kernel.mass import add_mass_times, subtract_mass_times
+from alf_ros.kernel.prescribed import bias
 from alf_ros.kernel.vectors import largest, zero
 
 _PATIENCE = 1e-3  # ratio from which on conjugate gradients take over
@@ -230,7 +225,7 @@ def velocities(
     `exactly` where Φ_q is that of the factor. Returns the iterations, and about the least singular
     value σ; infinite where it is too large to matter, and not `exactly` 0 where it does matter.
     """
-    constraint_rate(unit, system.rows, work.g, work.g2, work.qd, work.r2)
+    times_jacobian(unit, system.rows, work.g, work.g2, work.qd, work.r2)
     for r in range(work.r2.size):
         work.r2[r] = -work.r2[r]
         work.y[r] = 0.0
@@ -277,15 +272,15 @@ def accelerate(
     """
     applied_forces(forces, t, work.q, work.qd, work.near, work.Q)
     unforced(unit, system, work)
-    zero(work.qdd)
+    for i in range(work.p.size):  # what is prescribed stands behind
+        work.qdd[i] = 0.0
     return _solved(unit, system, work, work.Q, work.qdd, iterations, exactly)
 
 
 @inner
 def unforced(unit: Unit, system: System, work: Work) -> None:
-    """r2 = -Φ̇_q q̇ and y = 0: where a solve for accelerations begins."""
-    jacobian_rate(unit, system.rows, work.qd, work.g2d)
-    convective(unit, system.rows, work.g2d, work.qd, work.r2)
+    """r2 = -Φ̇_q q̇ - Φ_q,s s̈ and y = 0: where a solve for accelerations begins."""
+    bias(unit, system, work, work.r2)
     for r in range(work.r2.size):
         work.r2[r] = -work.r2[r]
         work.y[r] = 0.0

@@ -7,6 +7,7 @@ from alf_ros.kernel.data import OK, Forces, System, Work
 from alf_ros.kernel.iteration import momentum_rate, velocities
 from alf_ros.kernel.jit import expanded, inner
 from alf_ros.kernel.manifold import place
+from alf_ros.kernel.prescribed import prescribe
 from alf_ros.kernel.vectors import copy, largest, zero
 
 _ROOM = 4.0  # how often what a stage is moved onto Φ = 0 must go into that distance
@@ -61,6 +62,7 @@ def stage_between(
     work: Work,
     t: float,
     along: Floats,
+    moving: bool,
     radius: float,
     close: float,
     spacing: float,
@@ -70,8 +72,10 @@ def stage_between(
 
     The motion is smooth through the position, only its equations are not: what they give at
     ±1, ±2, ±3, ±4 times `spacing` (m) along a direction of the branch is interpolated, to eighth
-    order. `base`, `momenta`: the stage. Where one of them is not clear, all are taken three times
-    as far away, at most three times. From a standstill that knows no direction the stage stays.
+    order. `base`, `momenta`: the stage. Where `along` is its velocity (`moving`), what is
+    prescribed is where it will be when the mechanism is there. Where one of the places is not
+    clear, all are taken three times as far away, at most three times. From a standstill that
+    knows no direction the stage stays.
     """
     n = work.p.size
     speed = largest(along, n)
@@ -86,8 +90,9 @@ def stage_between(
             if k == 0:
                 continue
             weight = _WEIGHTS[abs(k) - 1]
+            away = k * spacing / speed
+            prescribe(system, t + away if moving else t, work.q, work.qd, work.qdd)
             for a in range(n):
-                away = k * spacing / speed
                 work.target[a] = work.base[a] + away * along[a]
                 # a guess off Φ = 0 by less: there the rows are turned by that over the distance
                 work.q[a] = work.target[a] + 0.5 * away * away * work.bend[a]

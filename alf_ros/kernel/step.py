@@ -24,6 +24,7 @@ from alf_ros.kernel.iteration import augmented, momentum_rate, unforced, velocit
 from alf_ros.kernel.jit import compiled, expanded, inner
 from alf_ros.kernel.manifold import project
 from alf_ros.kernel.mass import add_mass_times
+from alf_ros.kernel.prescribed import prescribe
 from alf_ros.kernel.stage import SPACING, stage, stage_between
 from alf_ros.kernel.turns import count_turns, nearby
 from alf_ros.kernel.vectors import copy, largest, zero
@@ -51,6 +52,7 @@ def step(
     q, qd, kq, kp = phase.q, phase.qd, work.kq, work.kp
     stages, iterations = method.b.size, np.int64(method.iterations)
     copy(qd, work.qd)
+    prescribe(system, t, work.q, work.qd, work.qdd)
     unforced(unit, system, work)
     zero(work.bend)
     zero(work.p)
@@ -77,6 +79,8 @@ def step(
         copy(work.p, work.momenta)
         if s == stages:
             break
+        ts = t + method.c[s] * h
+        prescribe(system, ts, work.q, work.qd, work.qdd)
         copy(work.q, work.base)
         copy(work.q, work.target)
         # how far the stage is behind the path, in h² of its curvature
@@ -85,7 +89,6 @@ def step(
             lag -= method.a[s * stages + m] * method.c[m]
         for i in range(n):
             work.q[i] += h * h * lag * work.bend[i]
-        ts = t + method.c[s] * h
         if s == 0:
             work.evaluations[0] += 1
             count, sigma = momentum_rate(unit, system, forces, work, ts, iterations, True)
@@ -107,14 +110,24 @@ def step(
             spacing = max(20.0 * moved, SPACING * system.close * radius)
             # along the branch, which the velocity tells unless it is too close for that; from
             # rest it is left along the acceleration
-            along = work.pull
+            along, moving = work.pull, False
             if fastest * fastest > 1e-6 * hardest * system.size:
-                along = qd
+                along, moving = qd, True
                 if x > _BLIND:
                     copy(work.qd, work.along)
                     along = work.along
             count = stage_between(
-                unit, system, forces, work, ts, along, radius, close, spacing, iterations
+                unit,
+                system,
+                forces,
+                work,
+                ts,
+                along,
+                moving,
+                radius,
+                close,
+                spacing,
+                iterations,
             )
             if s == 0:
                 copy(qd, work.qd)
@@ -124,6 +137,7 @@ def step(
         for i in range(n):
             kq[s * n + i] = work.qd[i]
             kp[s * n + i] = work.p[i]
+    prescribe(system, t + h, work.q, work.qd, work.qdd)
     result = project(unit, system, work)
     if result == OK:
         copy(work.momenta, work.p)

@@ -1,0 +1,68 @@
+"""Drives: constraints that depend on time.
+
+What moves as a function of time is a block of its own, s(t), so that every row stays a quadratic
+form: of a length x(q) - s, of an angle w·d with w the direction that d must stay normal to.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from alf_ros import form
+from alf_ros.arrays import Floats
+from alf_ros.auxiliary import turned
+from alf_ros.coordinates import angle_axes, coordinate_of, length_row
+from alf_ros.layout import Layout
+from alf_ros.mechanism import Drive
+from alf_ros.row import Row, linear, plus, product, scaled
+
+
+def drive_rows(drive: Drive, layout: Layout) -> Iterator[Row]:
+    """What keeps a coordinate, a distance or a point where its drive has it."""
+    D, name = layout.dimension, drive.name
+    s = form.of_block(layout.of_prescribed[name], D)
+    x = np.eye(D)[0]
+    if drive.kind == 'angle':
+        X, Y, d = angle_axes(coordinate_of(drive.of[0], layout), layout)
+        w, rows = turned(name, X, Y, layout)
+        yield from rows
+        yield product(name, w, d)
+    elif drive.kind == 'length':
+        coordinate = coordinate_of(drive.of[0], layout)
+        yield plus(name, length_row(coordinate.joint, layout), linear(name, -x, s))
+    elif drive.kind == 'distance':
+        first, last = (form.of_block(layout.of_point[point], D) for point in drive.of)
+        gap, length = last - first, s.times(np.outer(x, x))
+        squares = product(name, gap, gap), scaled(-1.0, product(name, length, length))
+        yield scaled(0.5, plus(name, *squares))
+    else:
+        gap = form.of_block(layout.of_point[drive.of[0]], D) - s
+        for axis, along, motion in zip('xyz', np.eye(D), drive.motion, strict=False):
+            if motion is not None:
+                yield linear(f'{name}_{axis}', along, gap)
+
+
+def effort(drive: Drive, s: Floats, pull: Floats) -> Floats:
+    """What a drive exerts along its coordinate (1,), N m or N, or on its point (D,), N.
+
+    s (D,): its block; pull (D,): Φ_q,sᵀ λ there. Its power is the effort times the speed, for
+    Φ_q q̇ = -Φ_q,s ṡ.
+    """
+    if drive.kind == 'angle':
+        return np.array([s[0] * pull[1] - s[1] * pull[0]])
+    return pull if drive.kind == 'point' else pull[:1]
+
+
+def is_aligned(drive: Drive, layout: Layout, q: Floats) -> bool:
+    """Whether an angle is where its drive has it, not half a turn away: the rows allow both.
+
+    q (blocks D, m), closed.
+    """
+    if drive.kind != 'angle':
+        return True
+    places = q.reshape(-1, layout.dimension)
+    X, Y, d = angle_axes(coordinate_of(drive.of[0], layout), layout)
+    c, s = places[layout.of_prescribed[drive.name]][:2]
+    return bool((c * X.value(places) + s * Y.value(places)) @ d.value(places) > 0.0)

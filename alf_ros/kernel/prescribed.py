@@ -1,0 +1,66 @@
+"""Blocks that move as functions of time: what makes constraints rheonomic.
+
+They stand among the fixed blocks, so that Φ_q has entries for them: with s(t) their coordinates,
+Φ_t = Φ_q,s ṡ is a part of Φ_q q̇, and what Φ̈ has besides Φ̇_q q̇ is Φ_q,s s̈.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+from alf_ros.arrays import Floats, Unit
+from alf_ros.kernel.constraints import convective, jacobian_rate
+from alf_ros.kernel.data import ONE, System, Work
+from alf_ros.kernel.forces import call
+from alf_ros.kernel.jit import compiled, inner
+
+
+@intrinsic
+def _run(
+    typing: Any,
+    at: Any,
+    t: Any,
+    slots: Any,
+    params: Any,
+    registers: Any,
+    q: Any,
+    qd: Any,
+    qdd: Any,
+) -> Any:
+    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        call(context, builder, sig, args, ir.VoidType())
+        return context.get_dummy_value()
+
+    return types.void(at, t, slots, params, registers, q, qd, qdd), code
+
+
+@compiled
+def prescribe(system: System, t: float, q: Floats, qd: Floats, qdd: Floats) -> None:
+    """Put the prescribed blocks where they are at t (s), with their velocity and acceleration."""
+    given = system.prescribed
+    for n in range(given.program.size):  # none or one
+        _run(given.program[n], t, given.slots, given.params, given.registers, q, qd, qdd)
+
+
+@compiled
+def bias(unit: Unit, system: System, work: Work, out: Floats) -> None:
+    """out = Φ̈ less what the accelerations of movable blocks add: Φ̇_q q̇ + Φ_q,s s̈."""
+    rows = system.rows
+    jacobian_rate(unit, rows, work.qd, work.g2d)
+    convective(unit, rows, work.g2d, work.qd, out)
+    if system.prescribed.program.size > 0:
+        _accelerated(unit, system, work.g2, work.qdd, out)
+
+
+@inner
+def _accelerated(unit: Unit, system: System, g2: Floats, qdd: Floats, out: Floats) -> None:
+    rows, D = system.rows, len(unit)
+    m1 = rows.i.size
+    for r in range(rows.movable.size):
+        for e in range(rows.movable[r], rows.first[r + ONE]):
+            for a in range(D):
+                out[m1 + r] += g2[e * D + a] * qdd[rows.block[e] * D + a]

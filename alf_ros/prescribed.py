@@ -1,0 +1,29 @@
+"""What moves as a function of time, as the kernel wants it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from alf_ros.kernel import Prescribed
+from alf_ros.layout import Layout
+from alf_ros.signal import signal
+
+
+def prescribed(layout: Layout) -> Prescribed:
+    """The prescribed blocks of a mechanism; where there are none, nothing is compiled for them."""
+    items = layout.mechanism.prescribed
+    if not items:
+        nothing = np.zeros(0, dtype=np.int64)
+        return Prescribed(np.zeros(0, dtype=np.uint64), nothing, np.zeros(0), np.zeros(0))
+    from alf_ros import signal_machine
+
+    outputs = {}
+    for item in items:
+        unit = layout.length if item.is_direction else 1.0  # directions are blocks as long as that
+        for axis, component in enumerate(item.components):
+            if component is not None:
+                place = layout.of_prescribed[item.name] * layout.dimension + axis
+                outputs[place] = signal(unit * component)
+    slots, params = signal_machine.program(outputs)
+    address = np.array([signal_machine.run.address], dtype=np.uint64)
+    return Prescribed(address, slots, params, np.zeros(3 * int(slots[0])))
