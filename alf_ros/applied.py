@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from alf_ros import effects as registry
 from alf_ros.arrays import Addresses, Floats, Integers
+from alf_ros.bearings import bearings
 from alf_ros.effects.contract import Effect
 from alf_ros.errors import InputError
-from alf_ros.kernel import Forces
+from alf_ros.kernel import Effects, Forces
 from alf_ros.layout import Layout
 from alf_ros.mechanism import GROUND
 from alf_ros.model import Model
+from alf_ros.reactions import Reactions
 
 
 @dataclass(frozen=True)
@@ -43,78 +46,137 @@ class Inputs:
 NO_INPUTS = Inputs({}, {})
 
 
+class Part(NamedTuple):
+    """Some of what acts, packed: effects, and which of all loads (`Applied.loads`) are theirs."""
+
+    effects: Effects
+    loads: list[int]
+
+
 class Applied:
     """Effects and inputs, packed once for each layout that asks. It never changes."""
 
-    def __init__(self, model: Model, effects: Sequence[Effect], inputs: Inputs) -> None:
+    def __init__(
+        self,
+        model: Model,
+        effects: Sequence[Effect],
+        inputs: Inputs,
+        reactions: Callable[[], Reactions],
+    ) -> None:
         """Raises InputError if an effect does not fit the mechanism."""
         self.inputs = inputs
-        self._model = model
+        self._model, self._reactions = model, reactions
         self.effects = tuple(effects)
-        self._elsewhere: tuple[Layout, Forces] | None = None
-        self._on_joints: dict[str, Forces] | None = None
         self._from_outside = [*_wrench_effects(inputs), *_effort_effects(inputs)]
+        self._elsewhere: tuple[Layout, Effects] | None = None
+        self._on_joints: dict[str, Part] | None = None
 
     @cached_property
     def assembled(self) -> Forces:
         """For the step: bodies share their points."""
-        return self._pack(self._model.layout)
+        joints = {each.name: each.joint for each in self._model.coordinates}
+        loaded = [_loaded(effect) for effect in self._rubbing]
+        return Forces(
+            effects=self._pack(self._model.layout, self.effects, self._from_outside),
+            bearings=bearings(
+                self._reactions,
+                [None if name is None else joints[name] for name in loaded],
+                lambda: self.on(self._reactions().cut),
+            ),
+        )
 
     @cached_property
-    def each(self) -> dict[str, Forces]:
-        """The effects of the scene, one by one."""
-        one_by_one = (Applied(self._model, [effect], NO_INPUTS) for effect in self.effects)
-        labels = (effect.label for effect in self.effects)
-        return {label: one.assembled for label, one in zip(labels, one_by_one, strict=True)}
+    def _rubbing(self) -> list[Effect]:
+        """The effect that each load is for."""
+        return _with_loads(self.effects)
 
-    def on(self, layout: Layout) -> Forces:
-        """For another layout: that of the reactions, with each body alone."""
+    @property
+    def loads(self) -> Floats:
+        """N, of each effect with friction: what was found by the last solve for accelerations."""
+        return self.assembled.bearings.loads.copy()
+
+    @cached_property
+    def each(self) -> dict[str, Part]:
+        """The effects of the scene, one by one."""
+        layout = self._model.layout
+        return {effect.label: self._part(layout, [effect]) for effect in self.effects}
+
+    def on(self, layout: Layout) -> Effects:
+        """All of it for another layout: that of the reactions, with each body alone."""
         if self._elsewhere is None or self._elsewhere[0] is not layout:
-            self._elsewhere = layout, self._pack(layout)
+            self._elsewhere = layout, self._pack(layout, self.effects, self._from_outside)
         return self._elsewhere[1]
 
-    def on_joints(self, layout: Layout) -> dict[str, Forces]:
+    def on_joints(self, layout: Layout) -> dict[str, Part]:
         """For another layout, what the effects of the scene exert on each joint coordinate."""
         if self._on_joints is None:
             groups: dict[str, list[Effect]] = {}
             for effect in self.effects:
                 for joint in effect.coordinates:
                     groups.setdefault(joint, []).append(effect)
-            self._on_joints = {
-                joint: Applied(self._model, group, NO_INPUTS).on(layout)
-                for joint, group in groups.items()
-            }
+            self._on_joints = {joint: self._part(layout, group) for joint, group in groups.items()}
         return self._on_joints
 
-    def _pack(self, layout: Layout) -> Forces:
-        kinds: dict[tuple[str, bool], list[Effect]] = {}
-        for effect in self.effects:
-            kinds.setdefault((effect.kind, False), []).append(effect)
-        for effect in self._from_outside:
-            kinds.setdefault((effect.kind, True), []).append(effect)
-        force: list[int] = []
-        potential: list[int] = []
+    def _part(self, layout: Layout, effects: Sequence[Effect]) -> Part:
+        loads = [self._rubbing.index(effect) for effect in _with_loads(effects)]
+        return Part(self._pack(layout, effects, ()), loads if self.loads.size else [])
+
+    def _pack(
+        self, layout: Layout, effects: Sequence[Effect], from_outside: Sequence[Effect]
+    ) -> Effects:
+        groups = [(kind, True, of_kind) for kind, of_kind in _by_kind(effects)]
+        groups += [(kind, False, of_kind) for kind, of_kind in _by_kind(from_outside)]
+        addresses: dict[str, list[int]] = {'force': [], 'potential': [], 'friction': []}
         slots: list[Integers] = []
         params: list[Floats] = []
-        for (kind, _), instances in kinds.items():
+        loads_at: list[int] = []
+        loads = 0
+        for kind, may_rub, instances in groups:
             module = registry.load(kind)
             try:
                 packed = module.pack(instances, layout)
             except ValueError as error:
                 names = ', '.join(effect.name for effect in instances)
                 raise InputError(str(error), key=f'{kind} ({names})') from None
-            force.append(module.force.address)
-            potential.append(module.potential.address if hasattr(module, 'potential') else 0)
+            rubs = may_rub and any(map(_loaded, instances))
+            for name, found in addresses.items():
+                used = hasattr(module, name) and (name != 'friction' or rubs)
+                found.append(getattr(module, name).address if used else 0)
             slots.append(packed.slots)
             params.append(packed.params)
-        return Forces(
-            force=np.array(force, dtype=np.uint64),
-            potential=np.array(potential, dtype=np.uint64),
+            loads_at.append(loads)
+            loads += len(instances) if rubs else 0
+        return Effects(
+            **{name: np.array(found, dtype=np.uint64) for name, found in addresses.items()},
             slots=np.concatenate([np.zeros(0, dtype=np.int64), *slots]),
             params=np.concatenate([np.zeros(0), *params]),
             slots_at=_starts(slots),
             params_at=_starts(params),
+            loads_at=np.array(loads_at, dtype=np.uint64),
         )
+
+
+def _by_kind(effects: Sequence[Effect]) -> list[tuple[str, list[Effect]]]:
+    """As they are packed: all of a kind together."""
+    kinds: dict[str, list[Effect]] = {}
+    for effect in effects:
+        kinds.setdefault(effect.kind, []).append(effect)
+    return list(kinds.items())
+
+
+def _with_loads(effects: Sequence[Effect]) -> list[Effect]:
+    """All instances of the kinds of which one at least depends on a reaction, as packed."""
+    kinds = (of_kind for _, of_kind in _by_kind(effects) if any(map(_loaded, of_kind)))
+    return [effect for of_kind in kinds for effect in of_kind]
+
+
+def _loaded(effect: Effect) -> str | None:
+    """The joint coordinate whose reaction an effect depends on."""
+    module = registry.load(effect.kind)
+    if not hasattr(module, 'loaded'):
+        return None
+    name: str | None = module.loaded(effect.parameters)
+    return name
 
 
 def _starts(parts: Sequence[Floats] | Sequence[Integers]) -> Addresses:

@@ -100,9 +100,3 @@ def pattern_of(layout: Layout, mass: Mass, rows: Rows) -> Pattern:
             dtype=np.uint32,
         ).reshape(-1, 4),
     )
-
-
-_NONE = np.zeros(0, dtype=np.uint32)
-NO_PATTERN = Pattern(
-    _NONE, _NONE, _NONE, np.zeros(0), np.zeros(0), _NONE, np.zeros((0, 4), dtype=np.uint32)
-)

@@ -38,8 +38,8 @@ class Reactions:
         rows = constraints(mechanism, self.cut)
         self.rows, order = rows_of(rows, self.cut)
         place = dict(zip(model.row_names, model.row.tolist(), strict=True))
-        self._source_row = np.array([place[rows[n].name] for n in order], dtype=np.int64)
-        self._source = _sources(model, self.cut)
+        self.source_row = np.array([place[rows[n].name] for n in order], dtype=np.int64)
+        self.source = _sources(model, self.cut)
         self._shared_points = self._sums(mechanism.joints, 'point')
         self._shared_vectors = self._sums(mechanism.joints, 'vector')
         self._entries = [_Entries(self.cut, joint, place) for joint in mechanism.joints]
@@ -64,11 +64,32 @@ class Reactions:
                     signs.append(sign)
         return sparse.csr_matrix((signs, (i, j)), shape=(len(joints), self.cut.blocks))
 
+    def shared(self, joint: Joint) -> list[tuple[int, float]]:
+        """Cut blocks, each with its sign, that sum to the force of the parent on the child at the
+        point they share; none if they share none."""
+        row = self._shared_points[[self.model.mechanism.joints.index(joint)]].tocoo()
+        return list(zip(row.col.tolist(), row.data.tolist(), strict=True))
+
+    def own_entries(self, joint: Joint) -> list[tuple[int, int]]:
+        """Entries of the cut rows whose gradients times -λ are forces of the joint on the child,
+        each with the row of the model that it belongs to."""
+        own = self._entries[self.model.mechanism.joints.index(joint)]
+        of_model = self.source_row.tolist()
+        found = []
+        held = self.rows.i.size
+        for row, block, is_point in zip(own.rows, own.blocks, own.is_point, strict=True):
+            if is_point:
+                n = of_model.index(row) - held
+                entries = range(self.rows.first[n], self.rows.first[n + 1])
+                here = next(e for e in entries if self.rows.block[e] == block)
+                found.append((here, int(row)))
+        return found
+
     # ------------------------------------------------------------------------------ of an instant
 
     def on_cut_blocks(self, blocks: Floats) -> Floats:
         """(blocks D,) of the model -> (cut blocks D,)."""
-        return blocks.reshape(-1, self.cut.dimension)[self._source].ravel()
+        return blocks.reshape(-1, self.cut.dimension)[self.source].ravel()
 
     def of(self, q: Floats, qdd: Floats, lam: Floats, Q: Floats) -> tuple[Floats, Floats]:
         """(joints, D) forces, N, and (joints, 1 or 3) torques, N m, about the joint, on the child.
@@ -79,7 +100,7 @@ class Reactions:
         needed = -Q
         g, g2 = self._jacobian(q)
         kernel.add_mass_times(unit, self.mass, 1.0, qdd, needed)
-        kernel.add_transposed(unit, self.rows, g, g2, lam[self._source_row], needed)
+        kernel.add_transposed(unit, self.rows, g, g2, lam[self.source_row], needed)
         f, places = needed.reshape(-1, D), q.reshape(-1, D)
         force = self._shared_points @ f
         torque = self._shared_vectors @ _moment(places, f)
@@ -104,7 +125,7 @@ class Reactions:
         D, places = self.cut.dimension, q.reshape(-1, self.cut.dimension)
         unit, (g, g2) = self.model.unit, self._jacobian(q)
         flags = np.zeros(len(self._entries), dtype=bool)
-        w_cut = np.zeros(self._source_row.size)
+        w_cut = np.zeros(self.source_row.size)
         for n, entries in enumerate(self._entries):
             points = self._shared_points[[n]].toarray()[0]
             vectors = self._shared_vectors[[n]].toarray()[0]
@@ -113,7 +134,7 @@ class Reactions:
                 v = np.outer(points, move) + vectors[:, None] * _turned(turn, places)
                 kernel.times_jacobian(unit, self.rows, g, g2, v.ravel(), w_cut)
                 w = np.zeros(work.y.size)
-                w[self._source_row] = w_cut
+                w[self.source_row] = w_cut
                 each = entries.is_point[:, None] * move + _turned(turn, arms)
                 np.subtract.at(w, entries.rows, (gradients * each).sum(axis=1))
                 flags[n] |= self._lost(w, work) > _LOST

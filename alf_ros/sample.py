@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from alf_ros import kernel
-from alf_ros.applied import Applied, Inputs
+from alf_ros.applied import Applied, Inputs, Part
 from alf_ros.arrays import Floats
 from alf_ros.driving import effort
 from alf_ros.efforts import unit_motion
@@ -155,7 +155,7 @@ class Sample:
     @cached_property
     def qdd(self) -> Floats:
         """Their accelerations (n,), m/s^2."""
-        return self._by_coordinate(self._accelerated.qdd)
+        return self._by_coordinate(self._accelerated[0].qdd)
 
     @cached_property
     def _positions(self) -> Floats:
@@ -198,8 +198,8 @@ class Sample:
         momenta = np.zeros(model.n)
         kernel.add_mass_times(model.unit, model.system.mass, 1.0, state.qd, momenta)
         kinetic = 0.5 * float(momenta @ state.qd[: model.n])
-        forces = self._applied.assembled
-        return kinetic + kernel.potential_energy(forces, self.t, state.q, self._near)
+        effects = self._applied.assembled.effects
+        return kinetic + kernel.potential_energy(effects, self.t, state.q, self._near)
 
     @cached_property
     def powers(self) -> Mapping[str, float]:
@@ -209,10 +209,22 @@ class Sample:
         """
         state, Q = self._state, np.zeros(self._state.q.size)
         powers = {}
-        for label, forces in self._applied.each.items():
-            kernel.applied_forces(forces, self.t, state.q, state.qd, self._near, Q)
+        for label, part in self._applied.each.items():
+            self._act(part, state.q, state.qd, Q)
             powers[label] = float(Q @ state.qd)
         return powers
+
+    def _act(self, part: Part, q: Floats, qd: Floats, Q: Floats) -> None:
+        """Q of some of what acts, friction with the loads of now."""
+        kernel.applied_forces(part.effects, self.t, q, qd, self._near, Q)
+        if part.loads:
+            loads = self._loads[part.loads]
+            kernel.add_friction(part.effects, self.t, q, qd, self._near, loads, Q)
+
+    @cached_property
+    def _loads(self) -> Floats:
+        """N, of each effect with friction that depends on reactions."""
+        return self._accelerated[1]
 
     # ----------------------------------------------------------------------------------- bodies
 
@@ -300,8 +312,7 @@ class Sample:
             Q, on_joints = np.zeros(q.size), self._applied.on_joints(reactions.cut)
             for n, coordinate in enumerate(self.model.coordinates):
                 if coordinate.name in on_joints:
-                    forces = on_joints[coordinate.name]
-                    kernel.applied_forces(forces, self.t, q, qd, self._near, Q)
+                    self._act(on_joints[coordinate.name], q, qd, Q)
                     efforts[n] += Q @ unit_motion(coordinate, reactions.cut, q)
         for drive in self.model.mechanism.drives:
             if drive.kind in ('angle', 'length'):
@@ -312,7 +323,7 @@ class Sample:
     @cached_property
     def drive_efforts(self) -> Mapping[str, Floats]:
         """What each drive exerts: (1,) N m or N along its coordinate, (D,) N on its point."""
-        model, work = self.model, self._accelerated
+        model, work = self.model, self._accelerated[0]
         layout, rows = model.layout, model.system.rows
         pull = np.zeros(work.q.size)
         kernel.add_transposed(model.unit, rows, work.g, work.g2, work.y, pull)
@@ -351,9 +362,10 @@ class Sample:
         return work
 
     @cached_property
-    def _accelerated(self) -> Work:
+    def _accelerated(self) -> tuple[Work, Floats]:
+        """q̈ and λ, and the loads of friction."""
         work = self._linearised
-        kernel.accelerate(
+        count, _ = kernel.accelerate(
             self.model.unit,
             self.model.system,
             self._applied.assembled,
@@ -362,7 +374,9 @@ class Sample:
             self._solver.iterations,
             True,
         )
-        return work
+        if count < 0:
+            raise StepError('friction finds no balance with the reactions', 'see step()', self.t)
+        return work, self._applied.loads
 
     @property
     def _scale(self) -> Floats:
@@ -386,7 +400,7 @@ class Sample:
     @cached_property
     def lam(self) -> Floats:
         """(rows,) multipliers λ from a cold solve: M q̈ + Φ_qᵀ λ = Q."""
-        return _read_only(self._accelerated.y[self.model.row])
+        return _read_only(self._accelerated[0].y[self.model.row])
 
     @property
     def multipliers(self) -> Mapping[str, float]:
@@ -397,10 +411,13 @@ class Sample:
 
     @cached_property
     def _wrenches(self) -> tuple[Floats, Floats]:
-        cut, accelerated = self._reactions(), self._accelerated
+        cut, (accelerated, loads) = self._reactions(), self._accelerated
         q, qd = cut.on_cut_blocks(self._state.q), cut.on_cut_blocks(self._state.qd)
         Q = np.zeros(q.size)
-        kernel.applied_forces(self._applied.on(cut.cut), self.t, q, qd, self._near, Q)
+        effects = self._applied.on(cut.cut)
+        kernel.applied_forces(effects, self.t, q, qd, self._near, Q)
+        if loads.size:
+            kernel.add_friction(effects, self.t, q, qd, self._near, loads, Q)
         return cut.of(q, cut.on_cut_blocks(accelerated.qdd), accelerated.y, Q)
 
     @property

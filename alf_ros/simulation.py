@@ -37,6 +37,10 @@ _FAILURES = {
         'no step is small enough for the tolerance',
         'ask for a larger tolerance, or look for a force that jumps',
     ),
+    kernel.JAMMED: (
+        'friction finds no balance with the reactions it depends on: the mechanism jams',
+        'take smaller coefficients, a larger slip speed, or give the load as a number',
+    ),
     kernel.NOT_CLOSED: (
         'the loops cannot be closed within the step',
         'take a smaller step or smaller forces: the mechanism moves too far in one, or a drive '
@@ -111,7 +115,7 @@ class Simulation:
             raise AssemblyError(error.message, file=scene.file, key=error.key) from None
         self._dependent_rows, self._ordinary, sigma = assembly.ordinary(self.model, q)
         self.model = self.model.accustomed(sigma)
-        self._applied = Applied(self.model, scene.effects, NO_INPUTS)
+        self._applied = Applied(self.model, scene.effects, NO_INPUTS, lambda: self._reactions)
         turns = np.zeros(self.model.system.angles.c.size // 2, dtype=np.int64)
         self._phase = Phase(q.copy(), qd.copy(), turns.copy(), np.array([self.h]))
         self._formulation: Formulation | None = None
@@ -312,7 +316,8 @@ class Simulation:
 
     def _hold(self, inputs: Inputs) -> None:
         if inputs != self._applied.inputs:
-            self._applied = Applied(self.model, self.scene.effects, inputs)
+            effects = self.scene.effects
+            self._applied = Applied(self.model, effects, inputs, lambda: self._reactions)
 
     # ---------------------------------------------------------------------------------- samples
 

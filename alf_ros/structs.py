@@ -18,7 +18,7 @@ import operator
 from dataclasses import dataclass, fields
 from functools import cache
 from pathlib import Path
-from typing import Any, ClassVar, get_args, get_type_hints
+from typing import Any, ClassVar, TypeVar, get_args, get_type_hints
 
 import numpy as np
 from llvmlite import ir
@@ -57,6 +57,8 @@ def _stamp(package: str) -> str:
         digest.update(file.read_bytes())
     return digest.hexdigest()[:8]
 
+
+S = TypeVar('S', bound='Struct')
 
 _SCALARS = {np.uint64: types.uint64, float: types.float64}
 _word = ir.IntType(64)
@@ -109,6 +111,19 @@ class Struct:
             ('_numba_type_', kind),  # where numba looks for the type of an argument
         ):
             object.__setattr__(self, name, value)
+
+    @classmethod
+    def empty(cls: type[S]) -> S:
+        """One without any numbers; what is a number is zero."""
+        values: list[Any] = []
+        for hint in (get_type_hints(cls)[field.name] for field in fields(cls)):
+            if hint in _SCALARS:
+                values.append(hint(0))
+            elif isinstance(hint, type) and issubclass(hint, Struct):
+                values.append(hint.empty())
+            else:
+                values.append(np.zeros(0, dtype=get_args(get_args(hint)[1])[0]))
+        return cls(*values)
 
     @classmethod
     def _numba_type(cls) -> StructType:

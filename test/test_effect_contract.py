@@ -74,7 +74,7 @@ def simulation(kind: str, which: str, **options: Any) -> Simulation:
 def applied(sim: Simulation, q, qd):  # type: ignore[no-untyped-def]
     Q = np.zeros(q.size)
     near = sim.sample()._near
-    kernel.applied_forces(sim._applied.assembled, sim.t, q, qd, near, Q)
+    kernel.applied_forces(sim._applied.assembled.effects, sim.t, q, qd, near, Q)
     return Q
 
 
@@ -98,7 +98,7 @@ def test_compiled_is_what_is_written(
     sim.step(130)
     sample, (q, qd) = sim.sample(), (sim.state.q, sim.state.qd)
     compiled = applied(sim, q, qd)
-    energy = kernel.potential_energy(sim._applied.assembled, sim.t, q, sample._near)
+    energy = kernel.potential_energy(sim._applied.assembled.effects, sim.t, q, sample._near)
     module = effects.load(kind)
     packed = module.pack(list(sim.scene.effects), sim.model.layout)
     shared = [importlib.import_module(f'alf_ros.{name}') for name in ('measure', 'table')]
@@ -122,7 +122,7 @@ def test_force_is_the_gradient_of_the_potential(kind: str, which: str) -> None:
     q, near = sim.state.q, sim.sample()._near
     Q = applied(sim, q, np.zeros(q.size))
     directions = np.random.default_rng(1).normal(size=(5, q.size))
-    forces = sim._applied.assembled
+    forces = sim._applied.assembled.effects
     for d in directions:
         h = 1e-6
         ahead, behind = (kernel.potential_energy(forces, sim.t, q + s * d, near) for s in (h, -h))
@@ -218,7 +218,7 @@ def test_reactions_balance_each_body(kind: str, which: str) -> None:
     Q = np.zeros(q.size)
     kernel.applied_forces(sample._applied.on(cut), sim.t, q, qd, sample._near, Q)
     q, Q = q.reshape(-1, D), Q.reshape(-1, D)
-    qdd = reactions.on_cut_blocks(sample._accelerated.qdd).reshape(-1, D)
+    qdd = reactions.on_cut_blocks(sample._accelerated[0].qdd).reshape(-1, D)
     largest = 0.0
     for body in layout.bodies:
         blocks = list(cut.of_body[body.name])

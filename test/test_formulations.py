@@ -146,7 +146,7 @@ def dense(sim: Simulation) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarr
     curving, Q = np.zeros(m), np.zeros(state.q.size)
     kernel.jacobian_rate(unit, rows, state.qd, work.g2d)
     kernel.convective(unit, rows, work.g2d, state.qd, curving)
-    kernel.applied_forces(sim._applied.assembled, sim.t, state.q, state.qd, np.zeros(8), Q)
+    kernel.applied_forces(sim._applied.assembled.effects, sim.t, state.q, state.qd, np.zeros(8), Q)
     return M, phi_q, curving, Q[: model.n]
 
 
@@ -219,13 +219,16 @@ def test_forces_are_those_of_the_time_of_the_stage(name: str) -> None:
     source = {'alf': 1, 'points': {'P': {'at': [0, 0]}}, 'bodies': body}
     sim = Simulation(load_scene({'mechanism': source}), formulation=name, step=0.01)
     none, nothing = sim._applied.assembled, np.zeros(1, dtype=np.uint64)
-    forces = replace(
-        none,
+    effects = replace(
+        none.effects,
         force=np.array([turning.address], dtype=np.uint64),
         potential=nothing,
+        friction=nothing,
         slots_at=nothing,
         params_at=nothing,
+        loads_at=nothing,
     )
+    forces = replace(none, effects=effects)
     sim._applied.__dict__['assembled'] = forces
     sim.step(50)
     sim.step(150)

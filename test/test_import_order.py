@@ -17,6 +17,7 @@ ROOMS = {
     'kernel': [
         'kernel',
         'kernel.adaptive',
+        'kernel.bearings',
         'kernel.constraints',
         'kernel.data',
         'kernel.factor',
@@ -93,6 +94,7 @@ ROOMS = {
     'simulation': [
         'simulation',
         'applied',
+        'bearings',
         'efforts',
         'integrator',
         'passes',

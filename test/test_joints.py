@@ -323,7 +323,7 @@ def test_reaction(dimension: int, kind: str) -> None:
         sim.model.layout,
         state.q.reshape(shape),
         state.qd.reshape(shape),
-        sample._accelerated.qdd.reshape(shape),
+        sample._accelerated[0].qdd.reshape(shape),
     )
     gravity = np.array([1.0, -9.81] if dimension == 2 else [1.0, 0.5, -9.81])
     assert sample.diagnostics.redundant == 0

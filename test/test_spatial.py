@@ -121,7 +121,7 @@ def newton_euler(sim: Simulation, sample: Sample) -> dict[str, Floats]:
     """
     layout, state = sim.model.layout, sim.state
     q = state.q.reshape(-1, layout.dimension)
-    qdd = sample._accelerated.qdd.reshape(-1, layout.dimension)
+    qdd = sample._accelerated[0].qdd.reshape(-1, layout.dimension)
     gravity = np.array([0.5, -1.0, -9.81])
     needs = {}
     for body in layout.bodies:

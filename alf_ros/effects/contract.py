@@ -16,6 +16,11 @@
     state.
 `potential(t, q, near, slots, params)` (optional)
     compiled by `@potential`; the energy stored, J.
+`friction(t, q, qd, near, loads, slots, params, Q)` and `loaded(parameters)` (optional)
+    compiled by `@friction`: adds what depends on the reactions of joints, which it changes itself.
+    `loads` holds the size of one reaction (N) for each instance, that of the joint or joint
+    coordinate that `loaded` names; where it says None, zero. The kernel finds the loads and
+    reactions that agree.
 
 The kernel calls both through their addresses: naming another set of effects compiles nothing but
 the effects that are new. The arguments are pointers, so nothing is checked and nothing is
@@ -64,6 +69,9 @@ _numbers, _integers = Pointer(types.float64), Pointer(types.int64)
 FORCE = types.void(
     types.float64, _numbers, _numbers, _numbers, _integers, _numbers, _numbers
 )  # t, q, qd, near, slots, params, Q
+FRICTION = types.void(
+    types.float64, _numbers, _numbers, _numbers, _numbers, _integers, _numbers, _numbers
+)  # t, q, qd, near, loads, slots, params, Q
 POTENTIAL = types.float64(types.float64, _numbers, _numbers, _integers, _numbers)
 _options: dict[str, Any] = {'cache': True, 'error_model': 'numpy'}
 
@@ -106,6 +114,11 @@ def force(function: Callable[..., None]) -> Any:
 def potential(function: Callable[..., float]) -> Any:
     """Compile `potential(t, q, near, slots, params)`; cached beside its file."""
     return cfunc(POTENTIAL, **_options)(function)
+
+
+def friction(function: Callable[..., None]) -> Any:
+    """Compile `friction(t, q, qd, near, loads, slots, params, Q)`; cached beside its file."""
+    return cfunc(FRICTION, **_options)(function)
 
 
 def not_negative(parameters: Any, *names: str) -> None:

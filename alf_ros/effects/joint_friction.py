@@ -1,10 +1,10 @@
-"""Friction on a coordinate x of a joint: viscous, and dry under a given normal load.
+"""Friction on a coordinate x of a joint: viscous, and dry under the load of its reaction.
 
 The effort is -(b ẋ + μ(ẋ) N r ẋ / √(ẋ² + ε²)) with μ(ẋ) = μ_d + (μ_s - μ_d) exp(-(ẋ / ẋ_s)²):
-Stribeck's curve from μ_s at rest to μ_d. N (N) is the load of the bearing (preload), r (m) the
-radius at which it rubs; of a length r is 1. Below ε dry friction is a steep viscous one: it holds
-a load only while creeping. Armstrong-Hélouvry, Dupont & Canudas de Wit, Automatica 30 (1994),
-1083.
+Stribeck's curve from μ_s at rest to μ_d. N (N) is the force in the joint, which friction changes
+in turn, or a given load; r (m) the radius at which it rubs; of a length r is 1. Below ε dry
+friction is a steep viscous one: it holds a load only while creeping. Armstrong-Hélouvry, Dupont &
+Canudas de Wit, Automatica 30 (1994), 1083.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from math import exp, sqrt
 from alf_ros.arrays import Floats, Integers
 from alf_ros.effects import contract
 from alf_ros.layout import Layout
-from alf_ros.measure import Measures, numbers_of, push, scalar
+from alf_ros.measure import Measures, numbers_of, push, scalar, shared
 
 MULTIPLE = True
 
@@ -35,8 +35,13 @@ class Parameters:
         default=None,
         metadata={'kind': 'number', 'unit': '1', 'doc': 'coefficient μ_s at rest; μ_d if absent'},
     )
-    load: float = field(
-        default=0.0, metadata={'kind': 'number', 'unit': 'N', 'doc': 'normal load N'}
+    load: float | None = field(
+        default=None,
+        metadata={
+            'kind': 'number',
+            'unit': 'N',
+            'doc': 'normal load N; the force in the joint if absent',
+        },
     )
     radius: float = field(
         default=1.0, metadata={'kind': 'number', 'unit': 'm', 'doc': 'radius r of an angle'}
@@ -61,8 +66,14 @@ class Parameters:
             raise ValueError('static must not be less than dynamic')
 
 
+def loaded(parameters: Parameters) -> str | None:
+    """The coordinate whose reaction an instance depends on."""
+    rubs = parameters.dynamic > 0.0 or (parameters.static or 0.0) > 0.0
+    return parameters.joint if rubs and parameters.load is None else None
+
+
 def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
-    """Numbers of each: b, μ_d N r, (μ_s - μ_d) N r, ẋ_s, ε.
+    """Numbers of each: b, μ_d r, (μ_s - μ_d) r, ẋ_s, ε, N if it is given.
 
     Raises ValueError for a joint without coordinate, and for a radius of a length.
     """
@@ -72,10 +83,18 @@ def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
         measures.add_coordinate(p.joint)
         if p.radius != 1.0 and not measures.is_angle(p.joint):
             raise ValueError(f'{p.joint!r} is a length: no radius')
-        scale, static = p.load * p.radius, p.dynamic if p.static is None else p.static
-        dry = [p.dynamic * scale, (static - p.dynamic) * scale]
-        measures.give([p.viscous, *dry, p.stribeck, p.slip])
+        static = p.dynamic if p.static is None else p.static
+        dry = [p.dynamic * p.radius, (static - p.dynamic) * p.radius]
+        measures.give([p.viscous, *dry, p.stribeck, p.slip, p.load or 0.0])
     return measures.packed()
+
+
+@shared
+def _dry(params: Floats, at: int, xd: float) -> float:
+    """μ(ẋ) r / √(ẋ² + ε²)."""
+    ratio = xd / params[at + 3]
+    mu_r = params[at + 1] + params[at + 2] * exp(-ratio * ratio)
+    return mu_r / sqrt(xd * xd + params[at + 4] * params[at + 4])
 
 
 @contract.force
@@ -91,7 +110,23 @@ def force(
     for n in range(slots[1]):
         at = numbers_of(slots, n)
         _, xd = scalar(q, qd, near, slots, params, n)
-        ratio = xd / params[at + 3]
-        dry = params[at + 1] + params[at + 2] * exp(-ratio * ratio)
-        dry /= sqrt(xd * xd + params[at + 4] * params[at + 4])
+        dry = params[at + 5] * _dry(params, at, xd)
         push(q, slots, params, n, -(params[at] + dry) * xd, Q)
+
+
+@contract.friction
+def friction(
+    t: float,
+    q: Floats,
+    qd: Floats,
+    near: Floats,
+    loads: Floats,
+    slots: Integers,
+    params: Floats,
+    Q: Floats,
+) -> None:
+    for n in range(slots[1]):
+        if loads[n] > 0.0:
+            at = numbers_of(slots, n)
+            _, xd = scalar(q, qd, near, slots, params, n)
+            push(q, slots, params, n, -loads[n] * _dry(params, at, xd) * xd, Q)

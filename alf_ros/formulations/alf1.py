@@ -60,7 +60,7 @@ def rates(
     bias(unit, system, work, c)
     for r in range(c.size):
         c[r] = -rows.alpha[r] * (c[r] + 2.0 * omega * mu * phi_d[r] + omega * omega * phi[r])
-    applied_forces(forces, t, work.q, work.qd, work.near, work.Q)
+    applied_forces(forces.effects, t, work.q, work.qd, work.near, work.Q)
     copy(work.Q, storage.f)  # M q̈_0 = Q
     for i in range(n):
         work.qdd[i] = 0.0

@@ -52,7 +52,7 @@ def rates(
     bias(unit, system, work, c)
     for r in range(c.size):
         c[r] = -c[r] - 2.0 * omega * mu * phi_d[r] - omega * omega * phi[r]
-    applied_forces(forces, t, work.q, work.qd, work.near, work.Q)
+    applied_forces(forces.effects, t, work.q, work.qd, work.near, work.Q)
     saddle.solve(system, storage, work.Q, c, work.qdd, storage.sigma)  # eq. (4)
     for i in range(n):
         storage.k[at + i], storage.k[at + n + i] = work.qd[i], work.qdd[i]

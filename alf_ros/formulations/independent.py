@@ -164,7 +164,7 @@ def rates(
     zero(work.qdd)
     bias(unit, system, work, storage.c)
     _solve(system, storage, storage.c, work.qdd)  # Ṙ ż
-    applied_forces(forces, t, work.q, work.qd, work.near, work.Q)
+    applied_forces(forces.effects, t, work.q, work.qd, work.near, work.Q)
     add_mass_times(unit, system.mass, -1.0, work.qdd, work.Q)
     for j in range(f):
         zero(work.delta)

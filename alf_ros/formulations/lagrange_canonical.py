@@ -65,7 +65,7 @@ def rates(
     # Φ̇_q: that of a distance row is the difference of the velocities
     jacobian(unit, rows, work.qd, storage.gd, storage.g2d)
     jacobian_rate(unit, rows, work.qd, storage.g2d)
-    applied_forces(forces, t, work.q, work.qd, work.near, work.Q)
+    applied_forces(forces.effects, t, work.q, work.qd, work.near, work.Q)
     add_transposed(unit, rows, storage.gd, storage.g2d, sigma, work.Q)  # ṗ
     for i in range(n):
         storage.k[at + i], storage.k[at + n + i] = work.qd[i], work.Q[i]

@@ -15,11 +15,14 @@ from alf_ros.kernel.constraints import (
 )
 from alf_ros.kernel.data import (
     COLLAPSED,
+    JAMMED,
     NOT_CLOSED,
     NOT_FINITE,
     NOT_POSITIVE,
     OK,
     SOLVED,
+    Bearings,
+    Effects,
     Forces,
     Mass,
     Method,
@@ -32,7 +35,7 @@ from alf_ros.kernel.data import (
     Work,
 )
 from alf_ros.kernel.factor import linearise, solve
-from alf_ros.kernel.forces import applied_forces, potential_energy
+from alf_ros.kernel.forces import add_friction, applied_forces, potential_energy
 from alf_ros.kernel.iteration import accelerate, augmented
 from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.prescribed import prescribe
@@ -42,11 +45,14 @@ from alf_ros.kernel.turns import nearby
 
 __all__ = [
     'COLLAPSED',
+    'JAMMED',
     'NOT_CLOSED',
     'NOT_FINITE',
     'NOT_POSITIVE',
     'OK',
     'SOLVED',
+    'Bearings',
+    'Effects',
     'Forces',
     'Mass',
     'Method',
@@ -58,6 +64,7 @@ __all__ = [
     'Watch',
     'Work',
     'accelerate',
+    'add_friction',
     'add_mass_times',
     'add_transposed',
     'advance',

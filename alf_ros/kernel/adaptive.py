@@ -88,7 +88,10 @@ def _error(
     """
     n, stages = work.p.size, method.b.size
     work.evaluations[0] += 1
-    momentum_rate(unit, system, forces, work, t, np.int64(method.iterations), True)
+    iterations = np.int64(method.iterations)
+    count, _sigma = momentum_rate(unit, system, forces, work, t, iterations, True)
+    if count < 0:
+        return np.inf
     for i in range(n):
         work.kq[stages * n + i] = work.qd[i]
         work.kp[stages * n + i] = work.p[i]

@@ -15,7 +15,7 @@ import numpy as np
 from alf_ros.arrays import Addresses, Floats, Indices, Integers
 from alf_ros.structs import Struct
 
-OK, NOT_POSITIVE, NOT_FINITE, NOT_CLOSED, COLLAPSED = 0, 1, 2, 3, 4
+OK, NOT_POSITIVE, NOT_FINITE, NOT_CLOSED, COLLAPSED, JAMMED = 0, 1, 2, 3, 4, 5
 
 SOLVED = 1e-12  # relative change at which a solve is finished
 EPS = float(np.finfo(np.float64).eps)
@@ -114,17 +114,66 @@ class System(Struct):
 
 
 @dataclass(frozen=True, eq=False)
-class Forces(Struct):
+class Effects(Struct):
     """The effects of a scene: addresses of compiled functions and the packed data of each."""
 
     constant = True
 
     force: Addresses  # (effects,) address of force()
     potential: Addresses  # (effects,) address of potential(), 0 where there is none
+    friction: Addresses  # (effects,) address of friction(), 0 where there is none
     slots: Integers  # (…,) all effects in a row
     params: Floats  # (…,)
     slots_at: Addresses  # (effects,) where an effect's slots begin
     params_at: Addresses  # (effects,)
+    loads_at: Addresses  # (effects,) where its loads begin, of one that has friction()
+
+
+@dataclass(frozen=True, eq=False)
+class Bearings(Struct):
+    """What it takes to know the reactions that friction depends on: the cut mechanism, where each
+    body has blocks of its own, and what sums to the reaction of each loaded joint.
+    """
+
+    settle: Addresses  # (1,) address of settle(), or (0,) where no effect has friction()
+    mass: Mass  # cut
+    rows: Rows  # cut
+    effects: Effects  # cut
+    source: Indices  # (cut blocks,) the block that each is a copy of
+    source_row: Indices  # (cut rows,) the row that each is a copy of
+    first: Indices  # (loads + 1,) shared blocks of a load: first[n] .. first[n + 1]
+    block: Indices  # (…,) cut block whose force is summed
+    sign: Floats  # (…,)
+    first_entry: Indices  # (loads + 1,) entries of the joint's own rows, likewise
+    entry: Indices  # (…,) of the cut rows
+    entry_row: Indices  # (…,) row of each, in the assembled mechanism
+    g: Floats  # (cut distance rows D,)
+    g2: Floats  # (cut entries D,)
+    q: Floats  # (cut blocks D,)
+    qd: Floats  # (cut blocks D,)
+    qdd: Floats  # (cut blocks D,)
+    Q: Floats  # (cut blocks D,) of what does not depend on loads
+    needed: Floats  # (cut blocks D,) what each block needs from the joints
+    y: Floats  # (cut rows,) λ
+    given: Floats  # (all blocks D,) Q of what does not depend on loads
+    loads: Floats  # (loads,) N, at which friction and reactions agree
+    passes: Integers  # (2,) how many solves that took, and the iterations of the longest
+    trial: Floats  # (loads,) N, and what reactions they led to
+    answer: Floats  # (loads,)
+    past_trial: Floats  # (memory, loads) differences of those of the last passes
+    past_gap: Floats  # (memory, loads) and of answer - trial
+    gram: Floats  # (memory, memory)
+    mix: Floats  # (memory,)
+
+
+@dataclass(frozen=True, eq=False)
+class Forces(Struct):
+    """All that acts: effects, and the bearings of those that rub."""
+
+    constant = True
+
+    effects: Effects
+    bearings: Bearings
 
 
 @dataclass(frozen=True, eq=False)

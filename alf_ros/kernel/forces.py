@@ -10,7 +10,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 from alf_ros.arrays import Floats
-from alf_ros.kernel.data import Forces
+from alf_ros.kernel.data import Effects
 from alf_ros.kernel.jit import compiled
 from alf_ros.kernel.vectors import zero
 from alf_ros.structs import VectorType
@@ -63,41 +63,87 @@ def _potential(
     return types.float64(at, t, q, near, slots, i, params, j), code
 
 
+@intrinsic
+def _friction(
+    typing: Any,
+    at: Any,
+    t: Any,
+    q: Any,
+    qd: Any,
+    near: Any,
+    loads: Any,
+    n: Any,
+    slots: Any,
+    i: Any,
+    params: Any,
+    j: Any,
+    Q: Any,
+) -> Any:
+    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        call(context, builder, sig, args, ir.VoidType())
+        return context.get_dummy_value()
+
+    return types.void(at, t, q, qd, near, loads, n, slots, i, params, j, Q), code
+
+
 @compiled
 def applied_forces(
-    forces: Forces, t: float, q: Floats, qd: Floats, near: Floats, Q: Floats
+    effects: Effects, t: float, q: Floats, qd: Floats, near: Floats, Q: Floats
 ) -> None:
     """Q(q, q̇, t): the sum of the effects the scene names; each adds its own."""
     zero(Q)
-    for e in range(forces.force.size):
+    for e in range(effects.force.size):
         _force(
-            forces.force[e],
+            effects.force[e],
             t,
             q,
             qd,
             near,
-            forces.slots,
-            forces.slots_at[e],
-            forces.params,
-            forces.params_at[e],
+            effects.slots,
+            effects.slots_at[e],
+            effects.params,
+            effects.params_at[e],
             Q,
         )
 
 
 @compiled
-def potential_energy(forces: Forces, t: float, q: Floats, near: Floats) -> float:
+def add_friction(
+    effects: Effects, t: float, q: Floats, qd: Floats, near: Floats, loads: Floats, Q: Floats
+) -> None:
+    """Q += what depends on the loads (N) of joints."""
+    for e in range(effects.friction.size):
+        if effects.friction[e] != 0:
+            _friction(
+                effects.friction[e],
+                t,
+                q,
+                qd,
+                near,
+                loads,
+                effects.loads_at[e],
+                effects.slots,
+                effects.slots_at[e],
+                effects.params,
+                effects.params_at[e],
+                Q,
+            )
+
+
+@compiled
+def potential_energy(effects: Effects, t: float, q: Floats, near: Floats) -> float:
     """Potential energy of all effects that store some, J."""
     energy = 0.0
-    for e in range(forces.force.size):
-        if forces.potential[e] != 0:
+    for e in range(effects.force.size):
+        if effects.potential[e] != 0:
             energy += _potential(
-                forces.potential[e],
+                effects.potential[e],
                 t,
                 q,
                 near,
-                forces.slots,
-                forces.slots_at[e],
-                forces.params,
-                forces.params_at[e],
+                effects.slots,
+                effects.slots_at[e],
+                effects.params,
+                effects.params_at[e],
             )
     return energy

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
 
 from alf_ros.arrays import Floats, Unit
 from alf_ros.kernel.constraints import add_transposed, times_jacobian
@@ -229,11 +234,11 @@ def velocities(
     for r in range(work.r2.size):
         work.r2[r] = -work.r2[r]
         work.y[r] = 0.0
-    return _solved(unit, system, work, work.p, work.qd, iterations, exactly)
+    return solved(unit, system, work, work.p, work.qd, iterations, exactly)
 
 
-@expanded
-def _solved(
+@inner
+def solved(
     unit: Unit,
     system: System,
     work: Work,
@@ -256,6 +261,26 @@ def _solved(
     return count + _ROUNDS, sigma
 
 
+@intrinsic
+def _settle(
+    typing: Any,
+    at: Any,
+    system: Any,
+    forces: Any,
+    work: Any,
+    t: Any,
+    iterations: Any,
+    exactly: Any,
+) -> Any:
+    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        whole = ir.IntType(64)
+        values = [*args[1:5], args[5], builder.zext(args[6], whole)]
+        function = ir.FunctionType(ir.DoubleType(), [value.type for value in values])
+        return builder.call(builder.inttoptr(args[0], function.as_pointer()), values)
+
+    return types.float64(at, system, forces, work, t, types.int64, exactly), code
+
+
 @compiled
 def accelerate(
     unit: Unit,
@@ -268,13 +293,19 @@ def accelerate(
 ) -> tuple[int, float]:
     """q̈ and λ (in y) at the stage in `work` from its factor, from a cold start (24)-(27).
 
-    `exactly` and what is returned: as for `velocities`.
+    `exactly` and what is returned: as for `velocities`. Where friction depends on reactions, and
+    no loads are found that agree with it, -1 iterations.
     """
-    applied_forces(forces, t, work.q, work.qd, work.near, work.Q)
+    applied_forces(forces.effects, t, work.q, work.qd, work.near, work.Q)
     unforced(unit, system, work)
     for i in range(work.p.size):  # what is prescribed stands behind
         work.qdd[i] = 0.0
-    return _solved(unit, system, work, work.Q, work.qdd, iterations, exactly)
+    if forces.bearings.settle.size > 0:
+        sigma = _settle(
+            forces.bearings.settle[0], system, forces, work, t, np.int64(iterations), exactly
+        )
+        return forces.bearings.passes[1], sigma
+    return solved(unit, system, work, work.Q, work.qdd, iterations, exactly)
 
 
 @inner

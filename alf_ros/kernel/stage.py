@@ -29,9 +29,10 @@ def stage(
 ) -> tuple[int, float, bool]:
     """q̇ and ṗ' of a stage from q and p' in `work`.
 
-    Returns iterations (0: no factor), about the distance x to a singular position (its least
-    singular value over the ordinary one), and whether it is clear of it: x is above `close`.
-    `radius` (m): of the path, which is what distances from a position are relative to.
+    Returns iterations (0: no factor, -1: friction jams), about the distance x to a singular
+    position (its least singular value over the ordinary one), and whether it is clear of it: x is
+    above `close`. `radius` (m): of the path, which is what distances from a position are relative
+    to.
     """
     n = work.p.size
     wholly = neighbour
@@ -43,6 +44,8 @@ def stage(
         if sigma > 0.0 or wholly:
             copy(work.p, work.given)
             more, same = momentum_rate(unit, system, forces, work, t, iterations, wholly)
+            if more < 0:
+                return more, 0.0, False
             if same > 0.0 or wholly:
                 break
             copy(work.given, work.p)
@@ -100,8 +103,8 @@ def stage_between(
             count, _x, clear = stage(
                 unit, system, forces, work, t, radius, close, True, iterations
             )
-            if count == 0:
-                return 0
+            if count <= 0:
+                return count
             most = max(most, count)
             good = good and clear
             for a in range(n):

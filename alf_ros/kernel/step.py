@@ -7,6 +7,7 @@ import numpy as np
 from alf_ros.arrays import Unit
 from alf_ros.kernel.constraints import violation
 from alf_ros.kernel.data import (
+    JAMMED,
     NOT_CLOSED,
     NOT_FINITE,
     NOT_POSITIVE,
@@ -131,8 +132,8 @@ def step(
             )
             if s == 0:
                 copy(qd, work.qd)
-        if count == 0:
-            return NOT_CLOSED, most
+        if count <= 0:
+            return JAMMED if count < 0 else NOT_CLOSED, most
         most = max(most, count)
         for i in range(n):
             kq[s * n + i] = work.qd[i]

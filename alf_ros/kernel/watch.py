@@ -27,7 +27,7 @@ def note(
     )
     zero(work.p)
     add_mass_times(unit, system.mass, 0.5, work.qd, work.p)
-    energy = potential_energy(forces, t, work.q, work.near)
+    energy = potential_energy(forces.effects, t, work.q, work.near)
     for i in range(work.p.size):
         energy += work.p[i] * work.qd[i]
     watch.energy[taken] = energy

@@ -1,0 +1,77 @@
+"""What the kernel needs to know the reactions that friction depends on, where there is any."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from alf_ros.kernel import Bearings, Effects
+from alf_ros.mechanism import Joint
+from alf_ros.reactions import Reactions
+from alf_ros.rows import indices
+
+
+def bearings(
+    reactions: Callable[[], Reactions],
+    joints: Sequence[Joint | None],
+    effects: Callable[[], Effects],
+) -> Bearings:
+    """Bearings of these joints, one for each load; None for a load that is always zero.
+
+    `effects` packs what acts on the cut mechanism. Nothing is made, or compiled, if no joint is
+    loaded.
+    """
+    if not any(joint is not None for joint in joints):
+        return Bearings.empty()
+    from alf_ros.kernel import bearings as compiled
+
+    cut = reactions()
+    first, block, sign = [0], [], []
+    first_entry, entry, entry_row = [0], [], []
+    for joint in joints:
+        if joint is not None:
+            for n, weight in cut.shared(joint):
+                block.append(n)
+                sign.append(weight)
+            for n, row in cut.own_entries(joint):
+                entry.append(n)
+                entry_row.append(row)
+        first.append(len(block))
+        first_entry.append(len(entry))
+    D, loads, rows = cut.cut.dimension, len(joints), cut.rows
+    whole, memory = cut.cut.blocks * D, min(loads, compiled.MEMORY)
+    sizes = {
+        'g': rows.i.size * D,
+        'g2': rows.b.size,
+        'q': whole,
+        'qd': whole,
+        'qdd': whole,
+        'Q': whole,
+        'needed': whole,
+        'y': rows.alpha.size,
+        'given': cut.model.q.size,
+        'loads': loads,
+        'trial': loads,
+        'answer': loads,
+        'past_trial': memory * loads,
+        'past_gap': memory * loads,
+        'gram': memory * memory,
+        'mix': memory,
+    }
+    return Bearings(
+        settle=np.array([compiled.settle(D).address], dtype=np.uint64),
+        mass=cut.mass,
+        rows=rows,
+        effects=effects(),
+        source=indices(cut.source),
+        source_row=indices(cut.source_row),
+        first=indices(first),
+        block=indices(block),
+        sign=np.array(sign, dtype=float),
+        first_entry=indices(first_entry),
+        entry=indices(entry),
+        entry_row=indices(entry_row),
+        passes=np.zeros(2, dtype=np.int64),
+        **{name: np.zeros(size) for name, size in sizes.items()},
+    )
