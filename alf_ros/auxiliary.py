@@ -1,5 +1,5 @@
-"""Blocks without mass that help rows to stay quadratic: directions turned over time, and where a
-disk that leans touches its plane.
+"""Blocks that belong to no body: of rotors, and such without mass that help rows to stay
+quadratic: directions turned over time, and where a disk that leans touches its plane.
 """
 
 from __future__ import annotations
@@ -40,6 +40,8 @@ def turned(name: str, X: Form, Y: Form, layout: Layout) -> tuple[Form, list[Row]
 def place(name: str, layout: Layout, q: Floats) -> Floats:
     """Where an auxiliary block is, at q (blocks D, m), as its rows will have it."""
     places = q.reshape(-1, layout.dimension)
+    if any(rotor.name == name for rotor in layout.mechanism.rotors):
+        return np.zeros(layout.dimension)  # only its velocity counts
     joints = {joint.name: joint for joint in layout.mechanism.joints}
     owner, _, what = name.rpartition('_')
     if owner in joints and what in ('down', 'arm'):

@@ -43,8 +43,8 @@ class Layout:
 
     `of_point` and `of_vector` give the block of a point or vector on its own (in the cut layout,
     that of the first body that has it), `of_body` those of each body: points, then vectors.
-    `of_prescribed` are the blocks that move as functions of time, `of_auxiliary` those without
-    mass that rows need besides (`auxiliary`).
+    `of_prescribed` are the blocks that move as functions of time, `of_auxiliary` those that
+    belong to no body otherwise (`auxiliary`).
     """
 
     mechanism: Mechanism

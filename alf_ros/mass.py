@@ -10,9 +10,11 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Floats
+from alf_ros.coordinates import coordinate_of
 from alf_ros.kernel import Mass
 from alf_ros.layout import Layout
 from alf_ros.mechanism import Body
+from alf_ros.rotor import unit_of
 from alf_ros.rows import indices
 
 _NOTHING = 1e-15  # of the largest of a body
@@ -32,6 +34,9 @@ def mass_of(layout: Layout) -> Mass:
                 pair = pairs.setdefault((max(i, j), min(i, j)), [0.0, 0.0])
                 pair[0] += matrix[a, b]
                 pair[1] += skew if j > i else -skew
+    for rotor in layout.mechanism.rotors:
+        unit = unit_of(coordinate_of(rotor.of, layout), layout)
+        diagonal[layout.of_auxiliary[rotor.name]] = rotor.inertia / unit**2
     kept = {
         pair: value for pair, value in pairs.items() if pair[0] < layout.movable and any(value)
     }

@@ -113,6 +113,16 @@ class Drive:
 
 
 @dataclass(frozen=True)
+class Rotor:
+    """What turns or slides as the joint coordinate `of` does, geared to it; its inertia as seen
+    from there: kg m^2, or kg."""
+
+    name: str
+    of: str
+    inertia: float
+
+
+@dataclass(frozen=True)
 class Prescribed:
     """A block that moves as functions of time: m, or a unit vector in the frame of a joint."""
 
@@ -132,6 +142,7 @@ class Mechanism:
     vectors: tuple[Vector, ...] = ()
     dimension: int = 2
     drives: tuple[Drive, ...] = ()
+    rotors: tuple[Rotor, ...] = ()
 
     @cached_property
     def prescribed(self) -> tuple[Prescribed, ...]:
@@ -146,8 +157,9 @@ class Mechanism:
 
     @cached_property
     def auxiliary(self) -> tuple[str, ...]:
-        """Blocks without mass that rows need besides (`auxiliary`)."""
-        names = [d.name for d in self.drives if d.kind == 'angle' and not d.from_ground]
+        """Blocks that belong to no body: of rotors, and what rows need besides (`auxiliary`)."""
+        names = [rotor.name for rotor in self.rotors]
+        names += [d.name for d in self.drives if d.kind == 'angle' and not d.from_ground]
         for joint in self.joints:
             if joint.kind == 'disk':
                 names += [f'{joint.name}_down', f'{joint.name}_arm']

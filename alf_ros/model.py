@@ -20,6 +20,7 @@ from alf_ros.mass import mass_of
 from alf_ros.mechanism import Mechanism, Point, Vector
 from alf_ros.pattern import elimination_order, pattern_of
 from alf_ros.prescribed import prescribed
+from alf_ros.rotor import rotor_rows
 from alf_ros.row import Row
 from alf_ros.rows import joint_rows, rigidity, rows_of, unit_rows
 
@@ -87,11 +88,12 @@ class Model:
 
 
 def constraints(mechanism: Mechanism, layout: Layout) -> list[Row]:
-    """All rows: bodies in the order of the file, unit vectors, joints, drives."""
+    """All rows: bodies in the order of the file, unit vectors, joints, drives, rotors."""
     rows = [row for body in mechanism.bodies for row in rigidity(body, layout)]
     rows += unit_rows(layout)
     rows += [row for joint in mechanism.joints for row in joint_rows(joint, layout)]
-    return rows + [row for drive in mechanism.drives for row in drive_rows(drive, layout)]
+    rows += [row for drive in mechanism.drives for row in drive_rows(drive, layout)]
+    return rows + [row for rotor in mechanism.rotors for row in rotor_rows(rotor, layout)]
 
 
 def compile_model(mechanism: Mechanism, penalty: float) -> Model:

@@ -24,7 +24,7 @@ from alf_ros.errors import InputError
 from alf_ros.mechanism import Mechanism, Point, Vector
 from alf_ros.mechanism_file import read_mechanism
 from alf_ros.repetition import title
-from alf_ros.scene_effects import read_effects
+from alf_ros.scene_effects import read_effects, with_rotors
 from alf_ros.serialise import entry as as_entry
 from alf_ros.serialise import serialise
 
@@ -151,6 +151,7 @@ def _read_scene(
     positions, velocities = _initial(fields.get('initial', nothing), mechanism, values)
     solver = _solver(fields.get('solver', nothing), values)
     effects, section = read_effects(fields.get('effects', nothing), mechanism, values, folder)
+    mechanism = with_rotors(mechanism, effects)
 
     whole: dict[str, object] = {
         **fields,

@@ -10,7 +10,7 @@ vector; 'places', two of them; 'table', a list of lists of numbers, or the name 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -20,8 +20,9 @@ from alf_ros.coordinates import measured
 from alf_ros.document import Entry
 from alf_ros.effects import Effect
 from alf_ros.errors import InputError
-from alf_ros.mechanism import GROUND, Mechanism
+from alf_ros.mechanism import GROUND, Mechanism, Rotor
 from alf_ros.number_file import Tables
+from alf_ros.rotor import rotor_rows
 from alf_ros.serialise import entry as as_entry
 
 Names = Mapping[str, Collection[str]]
@@ -140,3 +141,24 @@ class _Reader:
     @staticmethod
     def _is_table(entry: Entry) -> bool:
         return not isinstance(entry.value, str) or entry.value.endswith('.csv')
+
+
+def with_rotors(mechanism: Mechanism, effects: Sequence[Effect]) -> Mechanism:
+    """The mechanism with the rotors of those effects that have an `armature`.
+
+    Raises InputError where none can be geared to the joint.
+    """
+    rotors = []
+    for effect in effects:
+        inertia = getattr(effect.parameters, 'armature', None)
+        if inertia is not None:
+            rotors.append(Rotor(f'{effect.label}_rotor', effect.parameters.joint, inertia))
+    if not rotors:
+        return mechanism
+    whole = dataclasses.replace(mechanism, rotors=tuple(rotors))
+    for rotor in rotors:
+        try:
+            list(rotor_rows(rotor, layout.cut(whole)))
+        except ValueError as error:
+            raise InputError(str(error), key=f'effects.{rotor.name.rpartition("_")[0]}') from None
+    return whole

@@ -75,6 +75,82 @@ def test_motor_between_two_bodies_turns_both() -> None:
     assert two - 0.5 * math.pi == pytest.approx(0.5 * 0.3 / 0.25, abs=1e-12)
 
 
+@pytest.mark.parametrize('mechanism', [ROTOR, ROTOR_IN_SPACE])
+def test_armature_is_inertia_of_the_joint(mechanism: str) -> None:
+    """(J + I) ω̇ = e, and its energy counts."""
+    sim = simulate(mechanism, 'motor: {joint: pin, effort: 0.3, armature: 0.7}')
+    sim.step(1000)
+    sample = sim.sample()
+    omega = 0.3 / (J + 0.7)
+    assert sample.joints['pin'].velocity == pytest.approx(omega, abs=1e-12)
+    assert sample.energy == pytest.approx(0.5 * (J + 0.7) * omega**2, abs=1e-12)
+    assert sample.diagnostics.redundant == 0
+
+
+def test_armature_between_two_bodies() -> None:
+    """I ẍ is what the effort has left for the bodies: ẍ = (e - I ẍ) (1 / J₁ + 1 / J₂)."""
+    sim = simulate(TWO_ROTORS, 'motor: {joint: pin, effort: 0.3, armature: 0.2}')
+    sim.step(1000)
+    sample = sim.sample()
+    both = 1 / 0.5 + 1 / 0.25
+    acceleration = 0.3 * both / (1 + 0.2 * both)
+    left = 0.3 - 0.2 * acceleration
+    one, two = (sample.body_poses[n, 2] for n in (0, 1))
+    assert one == pytest.approx(-0.5 * left / 0.5, abs=1e-12)
+    assert two - 0.5 * math.pi == pytest.approx(0.5 * left / 0.25, abs=1e-12)
+    assert sample.joints['pin'].effort == pytest.approx(0.3)
+    assert sample.reactions['pin'].torque == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize('space', [False, True])
+def test_armature_of_a_length(space: bool) -> None:
+    """A carriage that a spindle drives: its rotor weighs as so many kilograms more."""
+    zero = ', 0' if space else ''
+    text = f"""
+mechanism:
+  alf: 1
+  space: {'spatial' if space else 'planar'}
+  points: {{A: {{at: [0, 0{zero}]}}, B: {{at: [1, 0{zero}]}}}}
+  bodies: {{block: {{points: [A, B], mass: 2.0, inertia: {{about_com: J}}, com: [0, 0{zero}]}}}}
+  joints: {{guide: {{type: prismatic, between: [ground, block], at: A, axis: [3, 4{zero}]}}}}
+effects:
+  motor: {{joint: guide, effort: 6.0, armature: 4.0}}
+"""
+    sim = Simulation(scene_from_text(text.replace('J', '[1, 1, 1]' if space else '1')))
+    sim.step(1000)
+    assert sim.sample().joints['guide'].position == pytest.approx(0.5, abs=1e-12)
+
+
+def test_no_armature_on_a_joint_of_two_angles() -> None:
+    with pytest.raises(InputError, match='one of two angles'):
+        load_scene(
+            {
+                'mechanism': {
+                    'alf': 1,
+                    'space': 'spatial',
+                    'points': {'O': {'at': [0, 0, 0], 'fixed': True}, 'A': {'at': [1, 0, 0]}},
+                    'bodies': {
+                        'arm': {
+                            'points': ['O', 'A'],
+                            'mass': 1,
+                            'inertia': {'about_com': [1, 1, 1]},
+                            'com': [0.5, 0, 0],
+                        }
+                    },
+                    'joints': {
+                        'cross': {
+                            'type': 'universal',
+                            'between': ['ground', 'arm'],
+                            'at': 'O',
+                            'axes': [[0, 0, 1], [0, 1, 0]],
+                        }
+                    },
+                },
+                'effects': {'motor': {'joint': 'cross_first', 'effort': 1, 'armature': 1}},
+            }
+        )
+
+
 def test_terminal_velocity() -> None:
     """m v̇ = m g - c v²: v = v_t tanh (g t / v_t); and with b alone, against the wind."""
     m, g, c, b, w = 2.0, 9.81, 0.5, 3.0, 4.0

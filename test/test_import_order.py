@@ -50,6 +50,7 @@ ROOMS = {
         'rank',
         'reactions',
         'rolling',
+        'rotor',
         'row',
         'rows',
         'signal_machine',

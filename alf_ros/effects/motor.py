@@ -3,8 +3,8 @@
 It drives with e(t) + k_p (x*(t) - x) + k_v (ẋ* - ẋ): an effort (no gain), a speed (k_v) or a
 position (k_p, and k_v to damp), where ẋ* is the slope of x* unless given. The result stays between
 -L (1 + ẋ/ẋ₀) and L (1 - ẋ/ẋ₀), L the effort at standstill and ẋ₀ the speed without load: the
-line of a direct-current motor between its extreme voltages. The inertia of the rotor is no force
-but mass: that of a body.
+line of a direct-current motor between its extreme voltages. The inertia of its rotor is no force
+but mass: it joins the mechanism (`rotor`).
 """
 
 from __future__ import annotations
@@ -60,8 +60,17 @@ class Parameters:
         },
     )
 
+    armature: float | None = field(
+        default=None,
+        metadata={
+            'kind': 'number',
+            'unit': 'kg m² or kg',
+            'doc': 'inertia of the rotor as seen from the joint: times the gear ratio squared',
+        },
+    )
+
     def __post_init__(self) -> None:
-        contract.not_negative(self, 'position_gain', 'velocity_gain', 'limit')
+        contract.not_negative(self, 'position_gain', 'velocity_gain', 'limit', 'armature')
         contract.positive(self, 'free_speed')
         if (self.position is None) != (self.position_gain == 0.0):
             raise ValueError('position and position_gain go together')
