@@ -49,6 +49,7 @@ setup(
         (f'share/{NAME}/rviz', glob('rviz/*.rviz')),
         (f'share/{NAME}/config', glob('config/*.yaml')),
         (f'share/{NAME}/config/security', glob('config/security/*.xml')),
+        (f'share/{NAME}/config/schema', glob('config/schema/*.json')),
         (f'share/{NAME}/config/mechanisms', glob('config/mechanisms/*.yaml')),
         (f'share/{NAME}/config/scenes', glob('config/scenes/*.yaml')),
     ],

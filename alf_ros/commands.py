@@ -11,4 +11,5 @@ COMMANDS = {
     'hard_cases': 'alf_ros.hard_cases',
     'figures': 'alf_ros.figures',
     'effects': 'alf_ros.effects_command',
+    'schema': 'alf_ros.schema_command',
 }

@@ -14,6 +14,9 @@ from alf_ros.document import Entry
 from alf_ros.mechanism import Body, Numbers, Point, Vector
 from alf_ros.repetition import Item
 
+KEYS = ('points', 'mass', 'inertia', 'com', 'length')  # the first two are required
+IN_SPACE = ('vectors',)
+INERTIAS = ('rod', 'point')  # besides `about_com`
 _COINCIDENT = 1e-12  # of the largest coordinate: closer points give no direction
 _SHORTEST = 1e-100  # m: the square of less would vanish
 _PARALLEL = 1e-6  # sine of the angle below which directions count as parallel
@@ -45,10 +48,8 @@ class BodyReader:
         self.poses: dict[str, Pose] = {}
 
     def read(self, section: Entry, names: Mapping[str, float]) -> Iterator[tuple[Item, Body]]:
-        keys = ['points', 'mass', 'inertia', 'com', 'length']
-        if self.dimension == 3:
-            keys.append('vectors')
-        for item in repetition.repeated(section, keys, ('points', 'mass'), names):
+        keys = KEYS if self.dimension == 2 else KEYS + IN_SPACE
+        for item in repetition.repeated(section, repetition.keys(keys, KEYS[:2]), names):
             yield item, self.body(item)
 
     def body(self, item: Item) -> Body:
@@ -163,7 +164,7 @@ class BodyReader:
             if inertia < 0.0:
                 raise about.error('negative inertia', expected='kg m^2, zero or more')
             return 'about_com', inertia
-        if entry.value not in ('rod', 'point'):
+        if entry.value not in INERTIAS:
             raise entry.error('unknown inertia', expected='rod, point or {about_com: J}')
         length = local[1][0] if entry.value == 'rod' and len(local) > 1 else 0.0
         return str(entry.value), self.rod(mass * length * length / 12.0)

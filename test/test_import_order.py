@@ -80,6 +80,8 @@ ROOMS = {
         'number_file',
         'repetition',
         'scene_effects',
+        'schema',
+        'schema_command',
         'serialise',
     ],
     'simulation': [
