@@ -15,10 +15,10 @@ from typing import Any
 
 import yaml
 
-from alf_ros.errors import InputError
+from alf_ros.errors import InputError, shortened
 from alf_ros.expression import ExpressionError, evaluate
 
-LARGEST = 1e100
+LARGEST, SMALLEST = 1e40, 1e-60  # so that what is made of several neither over- nor underflows
 DEEPEST = 40
 MOST_NODES = 1_000_000  # aliases of aliases would otherwise grow without bound
 
@@ -107,7 +107,7 @@ class Entry:
         raise self.wrong('true or false')
 
     def number(self, names: Mapping[str, float]) -> float:
-        """The value of a number or an expression of `names`; no product of three can overflow."""
+        """The value of a number or an expression of `names`, and of a usable size."""
         if not isinstance(self.value, str) or self.is_null:
             raise self.wrong('a number or an expression')
         try:
@@ -116,10 +116,14 @@ class Entry:
             if error.name is None:
                 raise self.error(str(error), expected='a number or an expression') from None
             raise self.error(
-                f'{error} in {self.value!r}', value=error.name, choices=error.choices
+                f'{error} in {shortened(repr(self.value))}',
+                value=error.name,
+                choices=error.choices,
             ) from None
         if abs(value) > LARGEST:
             raise self.error('too large', expected=f'{LARGEST:g} at most')
+        if 0.0 < abs(value) < SMALLEST:
+            raise self.error('too small', expected=f'0, or {SMALLEST:g} at least')
         return value
 
     def integer(self, names: Mapping[str, float]) -> int:

@@ -6,7 +6,7 @@ import csv
 import math
 from pathlib import Path
 
-from alf_ros.document import LARGEST
+from alf_ros.document import LARGEST, SMALLEST
 from alf_ros.errors import InputError
 
 
@@ -46,4 +46,4 @@ def _number(cell: str) -> float:
         value = float(cell)
     except ValueError:
         return math.nan
-    return value if abs(value) <= LARGEST else math.nan
+    return value if value == 0.0 or SMALLEST <= abs(value) <= LARGEST else math.nan

@@ -48,7 +48,7 @@ _SUFFIXES = ('.yaml', '.yml')
 CHOICES = {'integrator': INTEGRATORS, 'formulation': FORMULATIONS}
 NUMBERS = {  # smallest, largest, whole, what is expected
     'step': (1e-12, 1e6, False, 's, from 1e-12 to 1e6'),
-    'penalty': (1e-100, 1e100, False, 'a number greater than zero'),
+    'penalty': (document.SMALLEST, document.LARGEST, False, 'a number from 1e-60 to 1e40'),
     'iterations': (1, 1000, True, 'a whole number from 1 to 1000'),
     'tolerance': (0.0, 1.0, False, 'a number from 0 to 1'),
 }

@@ -37,6 +37,10 @@ _FAILURES = {
         'no step is small enough for the tolerance',
         'ask for a larger tolerance, or look for a force that jumps',
     ),
+    kernel.TOO_MANY: (
+        'the tolerance takes more than 20000 steps within one',
+        'take a smaller step, or soften the stiffest force',
+    ),
     kernel.NOT_CLOSED: (
         'the loops cannot be closed within the step',
         'take a smaller step, or smaller forces: the mechanism moves too far in one',

@@ -141,8 +141,8 @@ MISTAKES = {
     'coincident': ('[L, L]', '[0, L]', 'plate', "first two points of 'plate'.*same place"),
     'length': ('mass: 2.0', 'mass: 2.0, length: 1', 'plate', 'for bodies of two points'),
     'zero length': ('inertia: rod', 'inertia: rod, length: 0', 'crank', 'more than zero'),
-    'huge': ('[L, L]', '[1e200, L]', 'B:', "at.0.: too large, got '1e200'; expected 1e.100"),
-    'tiny': ('[0, L]}', '[0, 1e-200]}', 'crank', "first two points of 'crank'.*same place"),
+    'huge': ('[L, L]', '[1e200, L]', 'B:', "at.0.: too large, got '1e200'; expected 1e.40"),
+    'tiny': ('[0, L]}', '[0, 1e-200]}', 'A: {', "too small, got '1e-200'; expected 0, or 1e-60"),
     'immovable': ('at: [0, L]', 'at: [0, L], fixed: true', 'crank', 'fixed at O and A'),
     'no body': (
         'crank: {points',

@@ -21,6 +21,7 @@ from alf_ros.kernel.data import (
     NOT_POSITIVE,
     OK,
     SOLVED,
+    TOO_MANY,
     Forces,
     Mass,
     Method,
@@ -41,6 +42,7 @@ from alf_ros.kernel.turns import nearby
 
 __all__ = [
     'COLLAPSED',
+    'TOO_MANY',
     'NOT_CLOSED',
     'NOT_FINITE',
     'NOT_POSITIVE',

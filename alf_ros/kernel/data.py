@@ -15,7 +15,7 @@ import numpy as np
 from alf_ros.arrays import Addresses, Floats, Indices, Integers
 from alf_ros.structs import Struct
 
-OK, NOT_POSITIVE, NOT_FINITE, NOT_CLOSED, COLLAPSED = 0, 1, 2, 3, 4
+OK, NOT_POSITIVE, NOT_FINITE, NOT_CLOSED, COLLAPSED, TOO_MANY = 0, 1, 2, 3, 4, 5
 
 SOLVED = 1e-12  # relative change at which a solve is finished
 EPS = float(np.finfo(np.float64).eps)
