@@ -57,6 +57,10 @@ setup(
     entry_points={'console_scripts': SCRIPTS},
     python_requires='>=3.10',
     install_requires=['numpy', 'scipy', 'numba', 'PyYAML'],
-    extras_require={'record': ['mcap', 'zstandard'], 'plot': ['matplotlib']},
+    extras_require={
+        'record': ['mcap', 'zstandard'],
+        'plot': ['matplotlib'],
+        'import': ['urdf-parser-py', 'mujoco'],
+    },
     zip_safe=False,
 )
