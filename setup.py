@@ -49,6 +49,7 @@ setup(
         (f'share/{NAME}/rviz', glob('rviz/*.rviz')),
         (f'share/{NAME}/config', glob('config/*.yaml')),
         (f'share/{NAME}/config/security', glob('config/security/*.xml')),
+        (f'share/{NAME}/config/schema', glob('config/schema/*.json')),
         (f'share/{NAME}/config/mechanisms', glob('config/mechanisms/*.yaml')),
         (f'share/{NAME}/config/scenes', glob('config/scenes/*.yaml')),
     ],
@@ -56,6 +57,10 @@ setup(
     entry_points={'console_scripts': SCRIPTS},
     python_requires='>=3.10',
     install_requires=['numpy', 'scipy', 'numba', 'PyYAML'],
-    extras_require={'record': ['mcap', 'zstandard'], 'plot': ['matplotlib']},
+    extras_require={
+        'record': ['mcap', 'zstandard'],
+        'plot': ['matplotlib'],
+        'import': ['urdf-parser-py', 'mujoco'],
+    },
     zip_safe=False,
 )

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import NoReturn
 
 from alf_ros import document, mechanism_plot, resources
+from alf_ros.assignment import assignment
 from alf_ros.errors import InputError
-from alf_ros.expression import ExpressionError, evaluate
 from alf_ros.scene import Scene, load_scene
 from alf_ros.soundness import Soundness, examine
 
@@ -59,15 +59,6 @@ def table(found: Soundness, name: str) -> str:
     return '\n'.join([*lines, '', 'sound' if found.sound else 'NOT SOUND'])
 
 
-def _parameter(text: str) -> tuple[str, float]:
-    name, given, value = text.partition('=')
-    try:
-        return name, evaluate(value if given else '', {})
-    except ExpressionError as error:
-        message = f'not a parameter: {error}'
-        raise InputError(message, key='--set', value=text, expected='NAME=NUMBER') from None
-
-
 def main(argv: Sequence[str] | None = None) -> int:
     """Check one mechanism; returns 0 if it is sound, 1 if not. Raises InputError."""
     parser = _Parser(
@@ -87,7 +78,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         '--folder', default='check', metavar='DIR', help='for the picture (default: check)'
     )
     options = parser.parse_args(argv)
-    scene = load(options.scene, dict(map(_parameter, options.set)))
+    scene = load(options.scene, dict(map(assignment, options.set)))
     found = examine(scene)
     print(table(found, scene.name))
     folder = Path(options.folder).expanduser()

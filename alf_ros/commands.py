@@ -11,4 +11,7 @@ COMMANDS = {
     'hard_cases': 'alf_ros.hard_cases',
     'figures': 'alf_ros.figures',
     'effects': 'alf_ros.effects_command',
+    'schema': 'alf_ros.schema_command',
+    'import': 'alf_ros.import_command',
+    'export': 'alf_ros.export_command',
 }

@@ -15,13 +15,13 @@ from typing import Any, TypeVar
 
 import yaml
 
-from alf_ros.errors import InputError
+from alf_ros.errors import InputError, shortened
 from alf_ros.expression import ExpressionError, evaluate, motion
 from alf_ros.signal import Signal
 
 T = TypeVar('T')
 
-LARGEST = 1e100
+LARGEST, SMALLEST = 1e40, 1e-60  # so that what is made of several neither over- nor underflows
 DEEPEST = 40
 MOST_NODES = 1_000_000  # aliases of aliases would otherwise grow without bound
 
@@ -110,10 +110,12 @@ class Entry:
         raise self.wrong('true or false')
 
     def number(self, names: Mapping[str, float]) -> float:
-        """The value of a number or an expression of `names`; no product of three can overflow."""
+        """The value of a number or an expression of `names`, and of a usable size."""
         value = self._evaluated(evaluate, names)
         if abs(value) > LARGEST:
             raise self.error('too large', expected=f'{LARGEST:g} at most')
+        if 0.0 < abs(value) < SMALLEST:
+            raise self.error('too small', expected=f'0, or {SMALLEST:g} at least')
         return value
 
     def _evaluated(
@@ -127,7 +129,9 @@ class Entry:
             if error.name is None:
                 raise self.error(str(error), expected='a number or an expression') from None
             raise self.error(
-                f'{error} in {self.value!r}', value=error.name, choices=error.choices
+                f'{error} in {shortened(repr(self.value))}',
+                value=error.name,
+                choices=error.choices,
             ) from None
 
     def motion(self, names: Mapping[str, float]) -> Signal:

@@ -36,9 +36,9 @@ class InputError(AlfError):
         where = file or ''
         if line is not None:
             where += f':{line}' if where else f'line {line}'
-        text = ': '.join(part for part in (where, key or '', message) if part)
+        text = ': '.join(part for part in (where, shortened(key or ''), message) if part)
         if value is not None:
-            text += f', got {_shortened(repr(value))}'
+            text += f', got {shortened(repr(value))}'
         if expected:
             text += f'; expected {expected}'
         if choices is not None:
@@ -53,7 +53,7 @@ class InputError(AlfError):
         super().__init__(' '.join(text.split()))
 
 
-def _shortened(shown: str) -> str:
+def shortened(shown: str) -> str:
     """At most 80 characters; of a path the end, which says more."""
     if len(shown) <= 80:
         return shown

@@ -18,6 +18,7 @@ from functools import lru_cache
 from typing import Any
 
 from alf_ros import signal
+from alf_ros.errors import shortened
 from alf_ros.signal import NotSmooth, Signal
 
 LONGEST = 1000
@@ -170,7 +171,7 @@ def _function(node: ast.expr, depth: int) -> Evaluator:
             return lambda names: binary(left(names), right(names))
         case ast.Call(func=ast.Name(id=name), args=inputs, keywords=[]):
             if name not in FUNCTIONS:
-                raise ExpressionError(f'unknown function {name!r}', name, FUNCTIONS)
+                raise ExpressionError(f'unknown function {shortened(repr(name))}', name, FUNCTIONS)
             call, arguments = FUNCTIONS[name], [_function(i, depth - 1) for i in inputs]
             return lambda names: _called(name, call, [argument(names) for argument in arguments])
     raise ExpressionError('not arithmetic')
@@ -192,6 +193,8 @@ def _constant_or_parameter(name: str) -> Evaluator:
     def look_up(names: Mapping[str, float]) -> float:
         if name in names:
             return names[name]
-        raise ExpressionError(f'unknown name {name!r}', name, (*names, *CONSTANTS, *FUNCTIONS))
+        raise ExpressionError(
+            f'unknown name {shortened(repr(name))}', name, (*names, *CONSTANTS, *FUNCTIONS)
+        )
 
     return look_up

@@ -14,8 +14,13 @@ from alf_ros.document import Entry
 from alf_ros.mechanism import Body, Numbers, Point, Vector
 from alf_ros.repetition import Item
 
-_COINCIDENT = 1e-12  # of the largest coordinate: closer points give no direction
+KEYS = ('points', 'mass', 'inertia', 'com', 'length')  # the first two are required
+IN_SPACE = ('vectors',)
+INERTIAS = ('rod', 'point')  # besides `about_com`
+_COINCIDENT = 1e-12  # of their largest coordinate: closer points give no direction
+_LOST = 1e-15  # of all coordinates: what is shorter is lost in the rounding when loops are closed
 _SHORTEST = 1e-100  # m: the square of less would vanish
+_ROUNDING = 1e-12  # of the largest moment
 _PARALLEL = 1e-6  # sine of the angle below which directions count as parallel
 
 
@@ -43,12 +48,11 @@ class BodyReader:
     ) -> None:
         self.points, self.vectors, self.dimension = points, vectors, dimension
         self.poses: dict[str, Pose] = {}
+        self.size = max((abs(x) for point in points.values() for x in point.at), default=0.0)
 
     def read(self, section: Entry, names: Mapping[str, float]) -> Iterator[tuple[Item, Body]]:
-        keys = ['points', 'mass', 'inertia', 'com', 'length']
-        if self.dimension == 3:
-            keys.append('vectors')
-        for item in repetition.repeated(section, keys, ('points', 'mass'), names):
+        keys = KEYS if self.dimension == 2 else KEYS + IN_SPACE
+        for item in repetition.repeated(section, repetition.keys(keys, KEYS[:2]), names):
             yield item, self.body(item)
 
     def body(self, item: Item) -> Body:
@@ -91,14 +95,14 @@ class BodyReader:
             axes = np.array([[x, y], [-y, x]])
         else:
             to = [place - drawn[0] for place in drawn[1:]]
-            axes = _axes([*to[:1], *along, *to[1:]])
+            axes = frame_axes([*to[:1], *along, *to[1:]])
         pose = self.poses[item.name] = Pose(drawn[0], axes)
         zero = (0.0,) * self.dimension
         if 'length' in item.fields:
             if len(points) != 2:
                 raise item.fields['length'].error('a length is for bodies of two points')
             span = item.fields['length'].number(item.names)
-            if span < _SHORTEST:
+            if span <= max(_LOST * self.size, _SHORTEST):
                 raise item.fields['length'].error('not a length', expected='m, more than zero')
         second = ((span, *zero[1:]),) if len(points) > 1 else ()
         further = tuple(pose.place(_numbers(place)) for place in drawn[2:])
@@ -109,7 +113,8 @@ class BodyReader:
         if len(drawn) == 1:
             return 0.0
         span = math.hypot(*(drawn[1] - drawn[0]))
-        if span <= max(_COINCIDENT * float(np.abs(drawn[:2]).max()), _SHORTEST):
+        own = _COINCIDENT * float(np.abs(drawn[:2]).max())
+        if span <= max(own, _LOST * self.size, _SHORTEST):
             raise item.fields['points'].error(
                 f'the first two points of {item.name!r} are drawn at the same place'
             )
@@ -163,7 +168,7 @@ class BodyReader:
             if inertia < 0.0:
                 raise about.error('negative inertia', expected='kg m^2, zero or more')
             return 'about_com', inertia
-        if entry.value not in ('rod', 'point'):
+        if entry.value not in INERTIAS:
             raise entry.error('unknown inertia', expected='rod, point or {about_com: J}')
         length = local[1][0] if entry.value == 'rod' and len(local) > 1 else 0.0
         return str(entry.value), self.rod(mass * length * length / 12.0)
@@ -191,13 +196,14 @@ def _tensor(entry: Entry, names: Mapping[str, float]) -> tuple[Numbers, ...]:
     if not np.array_equal(J, J.T):
         raise entry.error('not symmetric', expected=expected)
     moments = np.linalg.eigvalsh(J)
-    if moments[0] < 0.0 or moments[0] + moments[1] < moments[2] * (1.0 - 1e-9):
+    # a slender rod has a moment of zero: of what is turned, rounding is left
+    if moments[0] < -_ROUNDING * moments[2] or moments[0] + moments[1] < moments[2] * (1.0 - 1e-9):
         message = 'no body has such an inertia: each principal moment is at most the sum of others'
         raise entry.error(message, value=[float(f'{moment:.6g}') for moment in moments])
     return tuple(_numbers(row) for row in J)
 
 
-def _axes(directions: list[Floats]) -> Floats:
+def frame_axes(directions: list[Floats]) -> Floats:
     """Right-handed axes (3, 3): x along the first, y in the plane of the next."""
     axes: list[Floats] = []
     for d in [*directions, *np.eye(3)]:

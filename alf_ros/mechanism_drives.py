@@ -32,19 +32,13 @@ class DriveReader:
         self.points = {point.name: point for point in mechanism.points}
 
     def read(self, section: Entry, names: Mapping[str, float]) -> Iterator[tuple[Item, Drive]]:
-        for item in repetition.repeated(section, KEYS, (), names):
-            what = [key for key in OF if key in item.fields]
-            if len(what) != 1:
-                expected = 'one of joint, point and points'
-                raise item.entry.error('what does it drive?', expected=expected)
-            item.entry.mapping(('for', what[0], *OF[what[0]]))
-            how = [key for key in OF[what[0]] if key in item.fields]
-            if len(how) != 1:
-                raise item.entry.error('no motion', expected=' or '.join(OF[what[0]]))
+        for item in repetition.repeated(section, _fields, names):
+            what = next(key for key in OF if key in item.fields)
+            how = next(key for key in OF[what] if key in item.fields)
             read = {'joint': self.of_joint, 'point': self.of_point, 'points': self.of_points}
-            drive = read[what[0]](item, how[0])
+            drive = read[what](item, how)
             if drive.of in self.driven:
-                raise item.fields[what[0]].error('driven twice', value=' '.join(drive.of))
+                raise item.fields[what].error('driven twice', value=' '.join(drive.of))
             self.driven.add(drive.of)
             yield item, drive
 
@@ -101,6 +95,18 @@ class DriveReader:
             each = entry.sequence(count)
             return tuple(None if one.is_null else one.motion(item.names) for one in each)
         return (entry.motion(item.names),)
+
+
+def _fields(entry: Entry) -> dict[str, Entry]:
+    """The keys of a drive: what it drives says which motion there is."""
+    fields = entry.mapping(('for', *KEYS))
+    what = [key for key in OF if key in fields]
+    if len(what) != 1:
+        raise entry.error('what does it drive?', expected='one of joint, point and points')
+    fields = entry.mapping(('for', what[0], *OF[what[0]]))
+    if sum(key in fields for key in OF[what[0]]) != 1:
+        raise entry.error('no motion', expected=' or '.join(OF[what[0]]))
+    return fields
 
 
 def _from_ground(coordinate: Coordinate) -> bool:

@@ -34,6 +34,10 @@ KEYS = (
     'joints',
     'drives',
 )
+REQUIRED = ('alf', 'points', 'bodies')
+SPACES = ('planar', 'spatial')
+POINT = ('at', 'fixed')  # the first is required
+VECTOR = ('along', 'fixed')  # likewise
 WORLD = 'world'
 
 
@@ -78,10 +82,10 @@ def read_mechanism(
 
     `name` is used if the file gives none. Raises InputError.
     """
-    fields = root.mapping(KEYS, ('alf', 'points', 'bodies'))
+    fields = root.mapping(KEYS, REQUIRED)
     if fields['alf'].integer({}) != VERSION:
         raise fields['alf'].error('unknown version of the format', expected=str(VERSION))
-    spatial = 'space' in fields and fields['space'].text(('planar', 'spatial')) == 'spatial'
+    spatial = 'space' in fields and fields['space'].text(SPACES) == 'spatial'
     dimension = 3 if spatial else 2
     if 'vectors' in fields and not spatial:
         raise fields['vectors'].error('vectors are for space: spatial')
@@ -149,14 +153,14 @@ def read_parameters(section: Entry | None, overrides: Mapping[str, Entry]) -> di
 def _points(
     section: Entry, values: Mapping[str, float], parts: _Parts, dimension: int
 ) -> Iterator[Point]:
-    for item in repetition.repeated(section, ('at', 'fixed'), ('at',), values):
+    for item in repetition.repeated(section, repetition.keys(POINT, POINT[:1]), values):
         parts.declare(item)
         at = item.fields['at'].vector(dimension, item.names)
         yield Point(item.name, at, _fixed(item))
 
 
 def _vectors(section: Entry, values: Mapping[str, float], parts: _Parts) -> Iterator[Vector]:
-    for item in repetition.repeated(section, ('along', 'fixed'), ('along',), values):
+    for item in repetition.repeated(section, repetition.keys(VECTOR, VECTOR[:1]), values):
         parts.declare(item)
         along = unit(item.fields['along'], 3, item.names)
         yield Vector(item.name, tuple(map(float, along)), _fixed(item))

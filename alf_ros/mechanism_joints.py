@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from itertools import chain
 
 import numpy as np
 
@@ -50,6 +51,9 @@ OPTIONAL = {
     'rolling': ('internal',),
     'blade': ('angle',),
 }
+LINE, PLANE = ('through', 'direction'), ('through', 'normal')  # what `on` is, by dimension
+MOVING_LINE, MOVING_PLANE = ('speed',), ('velocity', 'spin')  # where it moves
+FREE_OF_BETWEEN = ('slider',)  # of which the body need not be named
 ROLLING = ('blade', 'no_slip', 'disk')  # of a body on the ground
 
 
@@ -73,21 +77,27 @@ class JointReader:
                 self.carriers[point].append(body.name)
 
     def read(self, section: Entry, names: Mapping[str, float]) -> Iterator[tuple[Item, Joint]]:
-        types = PLANAR if self.dimension == 2 else SPATIAL
-        other = SPATIAL if self.dimension == 2 else PLANAR
-        keys = {'type', 'between', *sum((*types.values(), *OPTIONAL.values()), ())}
-        for item in repetition.repeated(section, keys, ('type',), names):
+        for item in repetition.repeated(section, self.fields, names):
             kind = item.fields['type'].text()
-            if kind in other and kind not in types:
-                where = 'space' if self.dimension == 2 else 'the plane'
-                raise item.fields['type'].error(f'a joint of {where}', choices=types)
-            item.fields['type'].text(types)
-            needed = types[kind]
-            between = () if kind == 'slider' else ('between',)
-            allowed = ('for', 'type', 'between', *needed, *OPTIONAL.get(kind, ()))
-            item.entry.mapping(allowed, (*between, *needed))
             read = self.slider if kind == 'slider' else self.joint
             yield item, read(item, kind)
+
+    def fields(self, entry: Entry) -> dict[str, Entry]:
+        """The keys of a joint, which depend on its type."""
+        types = PLANAR if self.dimension == 2 else SPATIAL
+        other = SPATIAL if self.dimension == 2 else PLANAR
+        if 'type' not in entry.mapping():
+            keys = chain(('for', 'type', 'between'), *types.values(), *OPTIONAL.values())
+            entry.mapping(tuple(dict.fromkeys(keys)), ('type',))
+        each = entry.mapping()['type']
+        kind = each.text()
+        if kind in other and kind not in types:
+            where = 'space' if self.dimension == 2 else 'the plane'
+            raise each.error(f'a joint of {where}', choices=types)
+        needed = types[each.text(types)]
+        allowed = ('for', 'type', 'between', *needed, *OPTIONAL.get(kind, ()))
+        between = () if kind in FREE_OF_BETWEEN else ('between',)
+        return entry.mapping(allowed, (*between, *needed))
 
     def joint(self, item: Item, kind: str) -> Joint:
         """Any joint whose bodies are named."""
@@ -149,7 +159,7 @@ class JointReader:
             self.check_on(fields['point'], point, child)
         else:
             child = self.only_carrier(point, item)
-        line = fields['on'].mapping(('through', 'direction'), ('through', 'direction'))
+        line = fields['on'].mapping(LINE, LINE)
         through = line['through'].vector(2, item.names)
         along, _ = self.direction(line['direction'], item)
         frames = self.at(GROUND, through, _frame(along)), self.frame(child, point, np.eye(2))
@@ -158,13 +168,12 @@ class JointReader:
     def wheel(self, item: Item, child: str, point: str) -> Joint:
         """A wheel, in space also a ball or disk, that rolls on a line or plane of the ground."""
         self.check_on(item.fields['at'], point, child)
-        key = 'direction' if self.dimension == 2 else 'normal'
-        moving = ('speed',) if self.dimension == 2 else ('velocity', 'spin')
+        keys = LINE if self.dimension == 2 else PLANE
+        moving = MOVING_LINE if self.dimension == 2 else MOVING_PLANE
         kind = item.fields['type'].text()
-        allowed = (key, 'through', *(moving if kind != 'rack' else ()))
-        on = item.fields['on'].mapping(allowed, ('through', key))
+        on = item.fields['on'].mapping((*keys, *(moving if kind != 'rack' else ())), keys)
         through = on['through'].vector(self.dimension, item.names)
-        along, _ = self.direction(on[key], item)
+        along, _ = self.direction(on[keys[1]], item)
         radius = item.fields['radius'].number(item.names)
         if not radius > 0.0:
             raise item.fields['radius'].error('not a radius', expected='m, more than zero')

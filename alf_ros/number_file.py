@@ -9,7 +9,7 @@ import math
 from collections.abc import Mapping
 from pathlib import Path
 
-from alf_ros.document import LARGEST, Entry
+from alf_ros.document import LARGEST, SMALLEST, Entry
 from alf_ros.errors import InputError
 from alf_ros.serialise import entry as as_entry
 
@@ -87,4 +87,4 @@ def _number(cell: str) -> float:
         value = float(cell)
     except ValueError:
         return math.nan
-    return value if abs(value) <= LARGEST else math.nan
+    return value if value == 0.0 or SMALLEST <= abs(value) <= LARGEST else math.nan

@@ -116,7 +116,7 @@ class Outputs:
     def look(self, ns: int) -> None:
         """To be called now and then: who subscribes to robot_description late gets it as well."""
         scene = self._undescribed
-        if scene is not None and self.description.wanted and scene.mechanism.dimension == 2:
+        if scene is not None and self.description.wanted:
             text = urdf(scene.mechanism, self.display.frame_prefix)
             self.description.send(serialize_message(String(data=text)), ns)
             self._undescribed = None

@@ -96,7 +96,7 @@ def solver_specs(solver: Solver) -> list[Spec]:
             'solver.penalty',
             solver.penalty,
             'Penalty, without dimension',
-            (1e-100, 1e100),
+            (1e-60, 1e40),
             fixed=False,
         ),
         Spec(

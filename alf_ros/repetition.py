@@ -8,15 +8,15 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 
 from alf_ros.document import Entry
 from alf_ros.expression import ExpressionError, evaluate, reserved
 
 MOST = 1_000_000
-_TITLE = re.compile(r'[A-Za-z0-9_.-]{1,100}')
+TITLE = re.compile(r'[A-Za-z0-9_.-]{1,100}')
 NAME = re.compile(r'[A-Za-z][A-Za-z0-9_]{0,99}')
 
 
@@ -31,15 +31,22 @@ class Item:
 
 
 def repeated(
-    section: Entry, allowed: Iterable[str], required: Iterable[str], names: Mapping[str, float]
+    section: Entry, checked: Callable[[Entry], dict[str, Entry]], names: Mapping[str, float]
 ) -> Iterator[Item]:
-    """All items of a section whose entries may be repeated, in order."""
-    keys, needed = ('for', *allowed), tuple(required)
+    """All items of a section whose entries may be repeated, in order.
+
+    `checked` gives the fields of an entry, among which `for` may be; see `keys`.
+    """
     for key, entry in section.mapping().items():
-        fields = entry.mapping(keys, needed)
+        fields = checked(entry)
         loop = fields.pop('for', None)
         for scope in (names,) if loop is None else _scopes(loop, names):
             yield Item(_filled(key, entry, scope), entry, fields, scope)
+
+
+def keys(allowed: Iterable[str], required: Iterable[str]) -> Callable[[Entry], dict[str, Entry]]:
+    """A check of entries that have these keys, whatever they say."""
+    return partial(Entry.mapping, allowed=('for', *allowed), required=tuple(required))
 
 
 def name(entry: Entry, names: Mapping[str, float]) -> str:
@@ -49,7 +56,7 @@ def name(entry: Entry, names: Mapping[str, float]) -> str:
 
 def title(entry: Entry) -> str:
     """The name of a scene or a mechanism, which may become part of a file name."""
-    if not _TITLE.fullmatch(entry.text()):
+    if not TITLE.fullmatch(entry.text()):
         raise entry.error('not a name', expected='letters, digits, _, . and - only, 100 at most')
     return entry.text()
 

@@ -40,11 +40,24 @@ FORMULATIONS = (
     'independent',
 )
 
+KEYS = (
+    'name',
+    'description',
+    'mechanism',
+    'parameters',
+    'drives',
+    'effects',
+    'initial',
+    'solver',
+)
+REQUIRED = ('mechanism',)
+INITIAL = ('positions', 'velocities')
+
 _SUFFIXES = ('.yaml', '.yml')
-_CHOICES = {'integrator': INTEGRATORS, 'formulation': FORMULATIONS}
-_NUMBERS = {  # smallest, largest, whole, what is expected
+CHOICES = {'integrator': INTEGRATORS, 'formulation': FORMULATIONS}
+NUMBERS = {  # smallest, largest, whole, what is expected
     'step': (1e-12, 1e6, False, 's, from 1e-12 to 1e6'),
-    'penalty': (1e-100, 1e100, False, 'a number greater than zero'),
+    'penalty': (document.SMALLEST, document.LARGEST, False, 'a number from 1e-60 to 1e40'),
     'iterations': (1, 1000, True, 'a whole number from 1 to 1000'),
     'tolerance': (0.0, 1.0, False, 'a number from 0 to 1'),
 }
@@ -128,17 +141,7 @@ def scene_from_text(
 def _read_scene(
     root: Entry, name: str, folder: Path, parameters: Mapping[str, float] | None
 ) -> Scene:
-    keys = (
-        'name',
-        'description',
-        'mechanism',
-        'parameters',
-        'drives',
-        'effects',
-        'initial',
-        'solver',
-    )
-    fields = root.mapping(keys, ('mechanism',))
+    fields = root.mapping(KEYS, REQUIRED)
     nothing = as_entry({})
     if 'name' in fields:
         name = title(fields['name'])
@@ -164,7 +167,7 @@ def _read_scene(
     if 'effects' in fields:
         whole['effects'] = section
     whole.pop('parameters', None)
-    text = serialise(as_entry({key: whole[key] for key in keys if key in whole}))
+    text = serialise(as_entry({key: whole[key] for key in KEYS if key in whole}))
     return Scene(name, mechanism, effects, positions, velocities, solver, text, root.file)
 
 
@@ -222,7 +225,7 @@ def _initial(
     section: Entry, mechanism: Mechanism, names: Mapping[str, float]
 ) -> tuple[dict[str, Components], dict[str, Components]]:
     known = {item.name: item for item in mechanism.blocks}
-    parts = section.mapping(('positions', 'velocities'))
+    parts = section.mapping(INITIAL)
     found: dict[str, dict[str, Components]] = {'positions': {}, 'velocities': {}}
     for which, part in parts.items():
         for name, entry in part.mapping().items():
@@ -244,11 +247,11 @@ def _kind(item: Point | Vector) -> str:
 
 def _solver(section: Entry, names: Mapping[str, float]) -> Solver:
     settings: dict[str, Any] = {}
-    for key, entry in section.mapping((*_NUMBERS, *_CHOICES)).items():
-        if key in _CHOICES:
+    for key, entry in section.mapping((*NUMBERS, *CHOICES)).items():
+        if key in CHOICES:
             settings[key] = entry.text()
         else:
-            settings[key] = entry.integer(names) if _NUMBERS[key][2] else entry.number(names)
+            settings[key] = entry.integer(names) if NUMBERS[key][2] else entry.number(names)
         fault = _setting_fault(key, settings[key])
         if fault:
             raise entry.error(**fault)
@@ -257,11 +260,11 @@ def _solver(section: Entry, names: Mapping[str, float]) -> Solver:
 
 def _setting_fault(name: str, value: object) -> dict[str, Any] | None:
     """What is wrong with one setting of the solver, as keywords of an InputError."""
-    if name in _CHOICES:
-        if value in _CHOICES[name]:
+    if name in CHOICES:
+        if value in CHOICES[name]:
             return None
-        return {'message': f'unknown {name}', 'choices': _CHOICES[name]}
-    low, high, whole, expected = _NUMBERS[name]
+        return {'message': f'unknown {name}', 'choices': CHOICES[name]}
+    low, high, whole, expected = NUMBERS[name]
     kind = Integral if whole else Real
     if isinstance(value, kind) and not isinstance(value, bool) and low <= float(value) <= high:
         return None

@@ -41,6 +41,10 @@ _FAILURES = {
         'friction finds no balance with the reactions it depends on: the mechanism jams',
         'take smaller coefficients, a larger slip speed, or give the load as a number',
     ),
+    kernel.TOO_MANY: (
+        'the tolerance takes more than 20000 steps within one',
+        'take a smaller step, or soften the stiffest force',
+    ),
     kernel.NOT_CLOSED: (
         'the loops cannot be closed within the step',
         'take a smaller step or smaller forces: the mechanism moves too far in one, or a drive '

@@ -29,3 +29,8 @@ _LOGS = tempfile.TemporaryDirectory(prefix='alf_ros-test-')
 os.environ['ROS_DOMAIN_ID'] = str(_DOMAIN)
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 os.environ['ROS_LOG_DIR'] = _LOGS.name
+
+
+def pytest_addoption(parser):
+    """How many scene files with mistakes test_mutants.py tries."""
+    parser.addoption('--mutants', type=int, default=300, metavar='N')

@@ -53,6 +53,7 @@ def check_prefix(prefix):
     assert (prefix / 'share/alf_ros/package.xml').is_file()
     assert (prefix / 'share/alf_ros/launch/simulate.launch.py').is_file()
     assert {path.name for path in (prefix / 'share/alf_ros/config/scenes').iterdir()} == SCENES
+    assert (prefix / 'share/alf_ros/config/schema/scene.json').is_file()
     for name in COMMANDS:
         assert os.access(prefix / 'lib/alf_ros' / name, os.X_OK)
 

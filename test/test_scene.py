@@ -230,7 +230,7 @@ def test_centre_of_mass_by_default() -> None:
     }
 
 
-@pytest.mark.parametrize('size', [1e-200, 1.0, 1e99])
+@pytest.mark.parametrize('size', [1e-59, 1.0, 1e39])
 def test_direction_is_normalised(size: float) -> None:
     scene = _scene(
         'rod: {points: [A, B], mass: 1, inertia: rod}',

@@ -16,12 +16,13 @@ from alf_ros import effect_file
 from alf_ros.effects.contract import Effect
 from alf_ros.errors import InputError
 
-__all__ = ['Effect', 'full_name', 'kinds', 'load', 'short_name']
+__all__ = ['Effect', 'full_name', 'kinds', 'load', 'own', 'short_name']
 
 _GROUP = 'alf_ros.effects'
 
 
-def _own() -> tuple[str, ...]:
+def own() -> tuple[str, ...]:
+    """Names of the effects in this folder, none of them imported."""
     names = (module.name for module in pkgutil.iter_modules(__path__))
     return tuple(sorted(name for name in names if name != 'contract'))
 
@@ -32,7 +33,7 @@ def _registered() -> dict[str, EntryPoint]:
 
 def kinds() -> tuple[str, ...]:
     """Names of all effects that need no path, none of them imported."""
-    return tuple(dict.fromkeys((*_own(), *sorted(_registered()))))
+    return tuple(dict.fromkeys((*own(), *sorted(_registered()))))
 
 
 def full_name(name: str, folder: Path) -> str:
@@ -59,7 +60,7 @@ def load(kind: str) -> ModuleType:
     """
     if effect_file.is_file_name(kind):
         return effect_file.load(kind)
-    if kind in _own():
+    if kind in own():
         return importlib.import_module(f'{__name__}.{kind}')
     point = _registered()[kind]
     try:

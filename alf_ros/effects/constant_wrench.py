@@ -41,7 +41,11 @@ class Parameters:
     )
     frame: str = field(
         default='world',
-        metadata={'kind': 'text', 'doc': "frame of force and torque: 'world' or 'body'"},
+        metadata={
+            'kind': 'text',
+            'choices': ('world', 'body'),
+            'doc': "frame of force and torque: 'world' or 'body'",
+        },
     )
 
     def __post_init__(self) -> None:

@@ -21,6 +21,7 @@ from alf_ros.kernel.data import (
     NOT_POSITIVE,
     OK,
     SOLVED,
+    TOO_MANY,
     Bearings,
     Effects,
     Forces,
@@ -46,6 +47,7 @@ from alf_ros.kernel.turns import nearby
 __all__ = [
     'COLLAPSED',
     'JAMMED',
+    'TOO_MANY',
     'NOT_CLOSED',
     'NOT_FINITE',
     'NOT_POSITIVE',

@@ -10,6 +10,7 @@ from alf_ros.kernel.data import (
     NOT_POSITIVE,
     OK,
     ONE,
+    TOO_MANY,
     Forces,
     Method,
     Phase,
@@ -26,6 +27,7 @@ from alf_ros.kernel.vectors import copy, largest, zero
 from alf_ros.kernel.watch import note
 
 _SHARE = 0.05  # of the tolerance for one step: errors add up along a motion
+_MOST = 20_000  # steps between two grid points: more is stiff, and would look like a hang
 _FLOOR = 0.1  # part of the speed that the forces would give it along its size
 
 
@@ -128,7 +130,12 @@ def advance_adaptively(
         t = t0 + (first + taken) * h
         done = 0.0
         result = OK
+        tried = 0
         while done < h:
+            tried += 1
+            if tried > _MOST:
+                result = TOO_MANY
+                break
             left = h - done
             last = pace[0] > 0.999999 * left
             dt = pace[0]

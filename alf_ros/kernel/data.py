@@ -15,7 +15,7 @@ import numpy as np
 from alf_ros.arrays import Addresses, Floats, Indices, Integers
 from alf_ros.structs import Struct
 
-OK, NOT_POSITIVE, NOT_FINITE, NOT_CLOSED, COLLAPSED, JAMMED = 0, 1, 2, 3, 4, 5
+OK, NOT_POSITIVE, NOT_FINITE, NOT_CLOSED, COLLAPSED, JAMMED, TOO_MANY = range(7)
 
 SOLVED = 1e-12  # relative change at which a solve is finished
 EPS = float(np.finfo(np.float64).eps)
