@@ -58,7 +58,7 @@ effects:
     true: {joint: pin, dynamic: 0.1, radius: 0.01}
   ground_contact: {on: bar, at: D1, radius: 0.1, through: [0, -2], stiffness: 1e5, friction: 0.3}
   motor:
-    {joint: pin, position: [[0, 0], [1, 5]], position_gain: 9, limit: 3, free_speed: 30, armature: 1}
+    {joint: pin, position: [[0, 0], [1, 5]], position_gain: 9, limit: 3, armature: 1}
   drag: {on: bob, linear: 0.05, quadratic: 0.1, wind: [3, 0]}
   user_table: {joint: rail, table: [[0, 0], [1, 2], [2, 0]], interpolation: cubic}
 initial:
