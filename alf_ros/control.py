@@ -70,7 +70,8 @@ class Control:
         due = self._left if self.paused else self._pacer.due(now)
         self.inputs.apply()
         for _ in range(due):
-            self.run.tick()
+            # The last of some steps is looked at: it is shown as well.
+            self.run.tick(whole=self.paused and self._left == 1)
             if self.paused:
                 self._left -= 1
             else:

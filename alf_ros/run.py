@@ -103,8 +103,9 @@ class Run:
         solver = dataclasses.asdict(self.simulation.solver)
         return {'solver': solver, 'steps_per_tick': self.setup.steps}
 
-    def tick(self) -> None:
-        """Make one tick's steps, fewer at the end of the run, and send what came out."""
+    def tick(self, whole: bool = False) -> None:
+        """Make one tick's steps, fewer at the end of the run, and send what came out; `whole` also
+        what is not shown at every tick."""
         steps = self.setup.steps
         if self._last_step:
             steps = min(steps, self._last_step - self.simulation.step_index)
@@ -114,7 +115,7 @@ class Run:
             self.failure = error
         else:
             self.failure = None
-            self.send()
+            self.send(whole=whole)
 
     def send(self, record: bool = True, whole: bool = False) -> None:
         """Publish and log the present state; `whole` also what is not shown at every tick."""

@@ -109,7 +109,7 @@ def fill(ros: dict[str, str] | None) -> None:
     else:
         install('2/4 ROS 2 as wheels', 'ros')
     install('3/4 recording and plotting', 'record')
-    install('4/4 tests', 'test')
+    install('4/4 Foxglove and tests', 'view', 'test')
     # Importable from any folder; without isolation, so that nothing is downloaded for it.
     editable = ['--no-deps', '--no-build-isolation', '--quiet', '--editable', str(ROOT)]
     step('alf_ros itself', str(PYTHON), '-m', 'pip', 'install', *editable)

@@ -138,6 +138,11 @@ ROOMS = {
         'settings',
         'simulator',
         'status',
+        'view',
+        'view_commands',
+        'view_node',
+        'view_server',
+        'foxglove_bridge',
     ],
     'entry': ['__init__', '__main__'],
 }
