@@ -37,7 +37,7 @@ class Run:
         self.initial_energy = 0.0
         self.closest = math.inf  # to a singular position, since somebody set it back
         self._outputs, self._duration, self._folder = outputs, duration, log_folder
-        self._ahead = 0  # ns by which stamps are ahead of the simulated time
+        self.ahead = 0  # ns by which stamps are ahead of the simulated time
 
     @property
     def simulation(self) -> Simulation:
@@ -47,7 +47,7 @@ class Run:
     @property
     def stamp(self) -> int:
         """Stamp (ns) of the present state: never zero, which means "no time yet" in ROS."""
-        return stamp_ns(self.simulation.t, self._ahead)
+        return stamp_ns(self.simulation.t, self.ahead)
 
     @property
     def over(self) -> bool:
@@ -64,20 +64,20 @@ class Run:
         With `keep_time` the stamps go on a tick after the last, whatever the time of the state is;
         otherwise they are its time. Raises InputError if there can be no log.
         """
-        later = self._ahead + round((self.simulation.t + self.setup.tick) * 1e9)
+        later = self.ahead + round((self.simulation.t + self.setup.tick) * 1e9)
         self.close()
         if state is None:
             self.simulation.reset()
         else:
             self.simulation.restore(state)
-        self._ahead = later - round(self.simulation.t * 1e9) if keep_time else 0
+        self.ahead = later - round(self.simulation.t * 1e9) if keep_time else 0
         self.failure = None
         scene = self.setup.scene
         about: dict[str, Any] = {
             'scene': scene.name,
             'scene_sha256': scene.hash,
             **self._settings(),
-            'stamps_ahead_ns': self._ahead,
+            'stamps_ahead_ns': self.ahead,
             'versions': versions(),
         }
         if state is not None:

@@ -103,7 +103,13 @@ class Simulator(Node):
         run = Run(setup, self._outputs, values['duration'], folder)
         self._pacer = Pacer(setup.tick, values['real_time_factor'])
         # The alarm looks the report up when it comes: that needs the control, which needs this.
-        inputs = Inputs(self, setup.simulation, run.note, lambda: self._reporting.diagnose())
+        inputs = Inputs(
+            self,
+            setup.simulation,
+            run.note,
+            lambda: self._reporting.diagnose(),
+            lambda: run.ahead,
+        )
         inputs.frame_prefix = values['frame_prefix']
         saved = SavedStates(Path(values['state.folder']) if values['state.folder'] else None)
         self._control = Control(

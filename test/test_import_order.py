@@ -49,6 +49,7 @@ ROOMS = {
     'effects': [
         'effects',
         'affine',
+        'curve',
         'effect_file',
         'measure',
         'table',
@@ -138,6 +139,7 @@ ROOMS = {
         'settings',
         'simulator',
         'status',
+        'trajectories',
         'view',
         'view_commands',
         'view_node',

@@ -95,7 +95,7 @@ def test_quality_of_service_is_the_documented_one_or_that_asked_for(found):
 
 def test_commands(found):
     _, subscribers, *_ = found
-    documented = {pattern(resolved(names[0])): kind for names, kind in table('Commands')[:3]}
+    documented = {pattern(resolved(names[0])): kind for names, kind in table('Commands')[:4]}
     for name, kinds in subscribers.items():
         if name != '/parameter_events':  # rclpy's own, on some distributions
             (wanted,) = {kind for key, kind in documented.items() if re.fullmatch(key, name)}
@@ -128,7 +128,7 @@ def test_parameters(found):
 def test_reasons_of_refusals():
     from alf_ros.command_messages import REASONS
 
-    documented = {name for names, _ in table('Commands')[3:] for name in names}
+    documented = {name for names, _ in table('Commands')[4:] for name in names}
     assert set(REASONS) <= documented
 
 
