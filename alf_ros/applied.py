@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -16,7 +15,6 @@ from alf_ros.effects.contract import Effect, Packed
 from alf_ros.errors import InputError
 from alf_ros.kernel import Forces
 from alf_ros.layout import Layout
-from alf_ros.mechanism import GROUND
 from alf_ros.model import Model
 
 
@@ -64,6 +62,18 @@ class _Part:
     packed: Packed
 
 
+class _Held:
+    """An effect from outside, packed once for each layout that asks, whatever else is held."""
+
+    def __init__(self, what: Wrench | float | Curve, effect: Effect) -> None:
+        self.what = what
+        self._effect = effect
+        self._parts: list[tuple[Layout, list[_Part]]] = []
+
+    def parts(self, layout: Layout) -> list[_Part]:
+        return _once(self._parts, (self._effect,), layout)
+
+
 class _Scene:
     """The effects of a scene, packed once for each layout that asks, whatever is held."""
 
@@ -74,11 +84,7 @@ class _Scene:
         self._on_joints: dict[str, Forces] | None = None
 
     def parts(self, layout: Layout) -> list[_Part]:
-        for known, parts in self._parts:
-            if known is layout:
-                return parts
-        self._parts.append((layout, _parts(self.effects, layout)))
-        return self._parts[-1][1]
+        return _once(self._parts, self.effects, layout)
 
     @cached_property
     def each(self) -> dict[str, Forces]:
@@ -121,7 +127,13 @@ class Applied:
         else:
             self._scene = _Scene(model, [_aimed(each, inputs.targets) for each in effects])
         self._elsewhere: tuple[Layout, Forces] | None = None
-        self._from_outside = [*_wrench_effects(inputs), *_effort_effects(inputs)]
+        known = before._held if before is not None else {}
+        wanted = {('wrench', name): wrench for name, wrench in inputs.wrenches.items()}
+        efforts = {('effort', joint): effort for joint, effort in inputs.efforts.items()}
+        self._held: dict[tuple[str, str], _Held] = {
+            key: known[key] if key in known and known[key].what == what else _held(key[1], what)
+            for key, what in {**wanted, **efforts}.items()
+        }
 
     def holding(self, inputs: Inputs) -> Applied:
         """The same effects with other inputs."""
@@ -153,7 +165,9 @@ class Applied:
         return self._scene.on_joints(layout)
 
     def _pack(self, layout: Layout) -> Forces:
-        parts = [*self._scene.parts(layout), *_parts(self._from_outside, layout)]
+        parts = list(self._scene.parts(layout))
+        for held in self._held.values():
+            parts += held.parts(layout)
         slots = [part.packed.slots for part in parts]
         params = [part.packed.params for part in parts]
         return Forces(
@@ -164,6 +178,17 @@ class Applied:
             slots_at=_starts(slots),
             params_at=_starts(params),
         )
+
+
+def _once(
+    packed: list[tuple[Layout, list[_Part]]], effects: Sequence[Effect], layout: Layout
+) -> list[_Part]:
+    """The parts of effects on a layout, kept in `packed`: two layouts, or three, ever ask."""
+    for known, parts in packed:
+        if known is layout:
+            return parts
+    packed.append((layout, _parts(effects, layout)))
+    return packed[-1][1]
 
 
 def _parts(effects: Sequence[Effect], layout: Layout) -> list[_Part]:
@@ -189,28 +214,14 @@ def _starts(parts: Sequence[Floats] | Sequence[Integers]) -> Addresses:
     return np.cumsum([0, *sizes], dtype=np.uint64)[:-1]
 
 
-def _wrench_effects(inputs: Inputs) -> list[Effect]:
-    if not inputs.wrenches:
-        return []
-    constant_wrench = registry.load('constant_wrench')
-    return [
-        Effect(
-            'constant_wrench',
-            name,
-            constant_wrench.Parameters(name, wrench.force, wrench.torque, wrench.at, wrench.frame),
-        )
-        for name, wrench in inputs.wrenches.items()
-    ]
-
-
-def _effort_effects(inputs: Inputs) -> list[Effect]:
-    """Constant efforts, and those over time as motors without a controller."""
-    return [_effort_effect(joint, effort) for joint, effort in inputs.efforts.items()]
-
-
-def _effort_effect(joint: str, effort: float | Curve) -> Effect:
-    kind = 'motor' if isinstance(effort, Curve) else 'joint_effort'
-    return Effect(kind, joint, registry.load(kind).Parameters(joint=joint, effort=effort))
+def _held(name: str, what: Wrench | float | Curve) -> _Held:
+    """What is held on a body, point or joint, as an effect; an effort over time is a motor without
+    a controller."""
+    kind = 'motor' if isinstance(what, Curve) else 'joint_effort'
+    if isinstance(what, Wrench):
+        kind, given = 'constant_wrench', (name, what.force, what.torque, what.at, what.frame)
+        return _Held(what, Effect(kind, name, registry.load(kind).Parameters(*given)))
+    return _Held(what, Effect(kind, name, registry.load(kind).Parameters(joint=name, effort=what)))
 
 
 def _aimed(effect: Effect, targets: Mapping[str, Target]) -> Effect:
@@ -223,69 +234,3 @@ def _aimed(effect: Effect, targets: Mapping[str, Target]) -> Effect:
     elif target.velocity is not None and given.velocity_gain:
         given = replace(given, velocity=target.velocity)
     return replace(effect, parameters=given)
-
-
-def follows(effects: Sequence[Effect], joint: str) -> tuple[bool, bool]:
-    """Whether a motor on this joint coordinate follows positions, and velocities."""
-    motors = [e.parameters for e in effects if e.kind == 'motor' and e.parameters.joint == joint]
-    return any(p.position_gain for p in motors), any(p.velocity_gain for p in motors)
-
-
-def checked_target(model: Model, effects: Sequence[Effect], joint: str, target: Target) -> Target:
-    """The target, if a motor on that joint can follow it. Raises InputError otherwise."""
-    names = model.coordinate_names
-    if joint not in names:
-        raise InputError('unknown joint', key='target', value=joint, choices=names)
-    for wanted, found, gain in zip(
-        (target.position, target.velocity),
-        follows(effects, joint),
-        ('position_gain', 'velocity_gain'),
-        strict=True,
-    ):
-        if isinstance(wanted, float) and not math.isfinite(wanted):
-            raise InputError('not a target', key=joint, value=wanted, expected='a finite number')
-        if wanted is not None and not found:
-            raise InputError(f'no motor with a {gain} on it', key=joint)
-    return target
-
-
-def checked_wrench(model: Model, name: str, wrench: Wrench) -> Wrench:
-    """The wrench, if it can act on that body or point. Raises InputError otherwise."""
-    layout = model.layout
-    choices = [*model.body_names, *(p.name for p in model.mechanism.points if not p.fixed)]
-    if name not in choices:
-        raise InputError('unknown body or point', key='wrench', value=name, choices=choices)
-    D = layout.dimension
-    torque = wrench.torque if isinstance(wrench.torque, tuple) else (wrench.torque,)
-    numbers = [*wrench.force, *torque]
-    sizes = (D, 1 if D == 2 else 3)
-    torque_fits = len(torque) == sizes[1] or not any(torque)
-    if len(wrench.force) != D or not torque_fits or not all(map(math.isfinite, numbers)):
-        expected = 'a finite torque' if D == 2 else '3 finite torques'
-        message = f'{D} finite forces and {expected}'
-        raise InputError('not a wrench', key=name, value=numbers, expected=message)
-    if wrench.frame not in ('world', 'body'):
-        raise InputError('unknown frame', key=name, value=wrench.frame, choices=('world', 'body'))
-    if not layout.turns(name) and (any(torque) or wrench.frame == 'body'):
-        raise InputError('has no orientation: no torque on it, and no frame of its own', key=name)
-    if wrench.at is not None:
-        points = layout.body[name].points if name in layout.body else ()
-        if wrench.at not in points:
-            raise InputError('not a point of this body', key=name, value=wrench.at, choices=points)
-    return wrench
-
-
-def checked_effort(model: Model, joint: str, effort: float | Curve) -> float | Curve:
-    """The effort, if that joint coordinate can take one. Raises InputError otherwise."""
-    names = model.coordinate_names
-    if joint not in names:
-        raise InputError('unknown joint', key='effort', value=joint, choices=names)
-    if not isinstance(effort, Curve) and not math.isfinite(effort):
-        raise InputError('not an effort', key=joint, value=effort, expected='a finite number')
-    coordinate = model.coordinates[names.index(joint)]
-    if coordinate.joint.kind == 'universal':
-        raise InputError('has two free axes: no effort on them', key=joint)
-    for name in (coordinate.joint.child, coordinate.joint.parent):
-        if coordinate.is_angle and name != GROUND and not model.layout.turns(name):
-            raise InputError(f'{name!r} has no orientation: no torque on it', key=joint)
-    return effort if isinstance(effort, Curve) else float(effort)

@@ -19,10 +19,10 @@ from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
-from alf_ros.applied import follows
 from alf_ros.command_messages import REASONS, Refused, read_joints, read_wrench
 from alf_ros.curve import Curve
 from alf_ros.errors import InputError
+from alf_ros.input_checks import follows
 from alf_ros.trajectories import Trajectory, read_trajectory
 
 if TYPE_CHECKING:

@@ -12,20 +12,12 @@ from typing import Any
 import numpy as np
 
 from alf_ros import assembly, kernel
-from alf_ros.applied import (
-    NO_INPUTS,
-    Applied,
-    Inputs,
-    Target,
-    Wrench,
-    checked_effort,
-    checked_target,
-    checked_wrench,
-)
+from alf_ros.applied import NO_INPUTS, Applied, Inputs, Target, Wrench
 from alf_ros.arrays import Floats, Integers
 from alf_ros.curve import Curve
 from alf_ros.errors import AssemblyError, InputError, StepError
 from alf_ros.formulations import Formulation
+from alf_ros.input_checks import checked_effort, checked_target, checked_wrench
 from alf_ros.integrator import method
 from alf_ros.kernel import Phase, Watch
 from alf_ros.model import allocate, compile_model

@@ -86,6 +86,7 @@ ROOMS = {
     'simulation': [
         'simulation',
         'applied',
+        'input_checks',
         'efforts',
         'integrator',
         'passes',
