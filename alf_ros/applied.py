@@ -17,6 +17,9 @@ from alf_ros.kernel import Forces
 from alf_ros.layout import Layout
 from alf_ros.model import Model
 
+# The effects that inputs are packed as.
+FROM_OUTSIDE = ('constant_wrench', 'joint_effort', 'motor')
+
 
 @dataclass(frozen=True)
 class Wrench:

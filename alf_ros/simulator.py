@@ -121,6 +121,12 @@ class Simulator(Node):
         self._warm_up(setup.simulation)
 
     def _warm_up(self, simulation: Simulation) -> None:
+        """Use what ticks, reports and commands will use, compiled code above all."""
+        from alf_ros import effects
+        from alf_ros.applied import FROM_OUTSIDE
+
+        for kind in FROM_OUTSIDE:
+            effects.load(kind)
         self._outputs.prepare(simulation.model)
         try:
             self._outputs.warm_up(simulation.sample())
