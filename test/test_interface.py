@@ -3,13 +3,16 @@
 import os
 import re
 import subprocess
+import urllib.request
 from fnmatch import fnmatchcase
 from xml.etree import ElementTree
 
 import pytest
 from rcl_interfaces.srv import ListParameters
+from rclpy.node import NodeNameNonExistentError
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from ros_node import ROOT, Peer, SimulatorProcess
+from test_view import ViewProcess
 
 from alf_ros import load_scene
 
@@ -28,9 +31,9 @@ def table(section, column=1):
     return [(re.findall(r'`([^`]+)`', row[0]), row[column].strip()) for row in rows]
 
 
-def resolved(name):
+def resolved(name, node='simulator'):
     if name.startswith('~/'):
-        return f'/simulator{name[1:]}'
+        return f'/{node}{name[1:]}'
     return name if name.startswith('/') else f'/{name}'
 
 
@@ -132,24 +135,53 @@ def test_reasons_of_refusals():
     assert set(REASONS) <= documented
 
 
-def test_the_security_policy_lets_the_node_do_what_it_does_and_no_more(found):
-    publishers, subscribers, services, *_ = found
+def rules(enclave, node):
+    """What a policy allows a node, by kind of name and access."""
     policy = ElementTree.parse(ROOT / 'config/security/simulator.policy.xml')
-    profile = policy.find("enclaves/enclave[@path='/alf_ros/simulator']/profiles/profile")
-    assert (profile.get('ns'), profile.get('node')) == ('/', 'simulator')
+    profiles = policy.findall(f"enclaves/enclave[@path='/alf_ros/{enclave}']/profiles/profile")
+    (profile,) = [found for found in profiles if found.get('node') == node]
+    assert profile.get('ns') == '/'
 
     def unused(names, kind, access):
         """Rules that none of the names needs; every name must have one."""
         groups = [group for group in profile.findall(kind) if group.get(access) == 'ALLOW']
-        rules = {resolved(item.text) for group in groups for item in group}
+        allowed = {resolved(item.text, node) for group in groups for item in group}
         for name in names:
-            assert any(fnmatchcase(name, rule) for rule in rules), f'{access} {name}'
-        return {rule for rule in rules if not any(fnmatchcase(name, rule) for name in names)}
+            assert any(fnmatchcase(name, rule) for rule in allowed), f'{access} {name}'
+        return {rule for rule in allowed if not any(fnmatchcase(name, rule) for name in names)}
 
+    return unused
+
+
+def test_the_security_policy_lets_the_node_do_what_it_does_and_no_more(found):
+    publishers, subscribers, services, *_ = found
+    unused = rules('simulator', 'simulator')
     # tf needs tf2_msgs; rclpy reads parameter events on some distributions only
     assert unused(publishers, 'topics', 'publish') <= {'/tf'}
     assert unused(subscribers, 'topics', 'subscribe') <= {'/parameter_events'}
     assert unused(services, 'services', 'reply') == set()
+
+
+def test_the_security_policy_lets_the_view_do_what_it_does_and_no_more():
+    peer, unused = Peer(), rules('view', 'view')
+    with ViewProcess() as view, urllib.request.urlopen(f'{view.url}events'):
+
+        def of_view(what):
+            try:
+                ask = getattr(peer.node, f'get_{what}_names_and_types_by_node')
+                return dict(ask('view', '/'))
+            except NodeNameNonExistentError:
+                return {}
+
+        # the last of each that it makes
+        peer.until(lambda: '/diagnostics' in of_view('subscriber'), 'its subscriptions')
+        peer.until(lambda: '/joint_commands' in of_view('publisher'), 'its publishers')
+        peer.until(lambda: '/simulator/set_parameters' in of_view('client'), 'its clients')
+        subscribers = of_view('subscriber')
+        assert unused(subscribers, 'topics', 'subscribe') <= {'/parameter_events'}
+        assert unused(of_view('publisher'), 'topics', 'publish') == set()
+        assert unused(of_view('client'), 'services', 'request') == set()
+    peer.close()
 
 
 @pytest.mark.parametrize(('given', 'found'), [({}, 'LOCALHOST'), ({RANGE: 'SUBNET'}, 'SUBNET')])
