@@ -36,6 +36,8 @@ class Run:
         self.failure: StepError | None = None
         self.initial_energy = 0.0
         self.closest = math.inf  # to a singular position, since somebody set it back
+        # This run, counted since the start of the node, and the step where it began.
+        self.number = self.first_step = 0
         self._outputs, self._duration, self._folder = outputs, duration, log_folder
         self.ahead = 0  # ns by which stamps are ahead of the simulated time
 
@@ -72,6 +74,8 @@ class Run:
             self.simulation.restore(state)
         self.ahead = later - round(self.simulation.t * 1e9) if keep_time else 0
         self.failure = None
+        self.number += 1
+        self.first_step = self.simulation.step_index
         scene = self.setup.scene
         about: dict[str, Any] = {
             'scene': scene.name,

@@ -117,6 +117,14 @@ class Simulator(Node):
         )
         self._reporting = Reporting(self, self._control, self._pacer, self._outputs, self._status)
         Services(self, self._control)
+        try:
+            from alf_ros.simulation_services import SimulationServices
+        except ModuleNotFoundError as error:
+            # Only a ROS 2 installation has simulation_interfaces.
+            if (error.name or '').partition('.')[0] != 'simulation_interfaces':
+                raise
+        else:
+            self._standard = SimulationServices(self, self._control)
         self._playing_first = not values['start_paused']
         self._warm_up(setup.simulation)
 

@@ -22,7 +22,7 @@ PYTHON = VENV / 'bin' / 'python'
 STAMP = VENV / 'alf_ros-setup.json'
 REQUIREMENTS = ROOT / 'requirements'
 SUPPORTED = ((3, 10), (3, 13))
-ESSENTIAL = 'import numba, scipy, yaml, mcap, rclpy, sensor_msgs.msg'
+ESSENTIAL = 'import numba, scipy, yaml, mcap, rclpy, sensor_msgs.msg, trajectory_msgs.msg'
 
 
 def base_python() -> str:

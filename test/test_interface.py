@@ -1,5 +1,6 @@
 """doc/ros_interface.md and config/security against a running node: neither more nor less."""
 
+import importlib.util
 import os
 import re
 import subprocess
@@ -79,7 +80,8 @@ def test_topics(found):
         import tf2_msgs.msg  # noqa: F401
     except ImportError:
         del documented['/tf']
-    assert publishers == {name: [kind] for name, kind in documented.items()}
+    own = {name: kinds for name, kinds in publishers.items() if '/_action/' not in name}
+    assert own == {name: [kind] for name, kind in documented.items()}
 
 
 def test_quality_of_service_is_the_documented_one_or_that_asked_for(found):
@@ -113,8 +115,15 @@ def test_commands(found):
 def test_services(found):
     _, _, services, *_ = found
     documented = {resolved(name): kind for names, kind in table('Services') for name in names}
-    assert set(services) == set(documented)
-    for name, kinds in services.items():
+    own = {name: kinds for name, kinds in services.items() if '/_action/' not in name}
+    if importlib.util.find_spec('simulation_interfaces') is None:
+        documented = {k: v for k, v in documented.items() if 'simulation_interfaces' not in v}
+        assert own == services
+    else:
+        actions = {name.partition('/_action/')[0] for name in services.keys() - own.keys()}
+        assert actions == {'/simulator/simulate_steps'} and '`~/simulate_steps`' in DOC
+    assert set(own) == set(documented)
+    for name, kinds in own.items():
         assert kinds[0].startswith(documented[name].rstrip('…'))
 
 
@@ -136,7 +145,7 @@ def test_reasons_of_refusals():
 
 
 def rules(enclave, node):
-    """What a policy allows a node, by kind of name and access."""
+    """The profile of a node, and what tells which of its rules names do not need."""
     policy = ElementTree.parse(ROOT / 'config/security/simulator.policy.xml')
     profiles = policy.findall(f"enclaves/enclave[@path='/alf_ros/{enclave}']/profiles/profile")
     (profile,) = [found for found in profiles if found.get('node') == node]
@@ -150,20 +159,31 @@ def rules(enclave, node):
             assert any(fnmatchcase(name, rule) for rule in allowed), f'{access} {name}'
         return {rule for rule in allowed if not any(fnmatchcase(name, rule) for name in names)}
 
-    return unused
+    return profile, unused
 
 
 def test_the_security_policy_lets_the_node_do_what_it_does_and_no_more(found):
     publishers, subscribers, services, *_ = found
-    unused = rules('simulator', 'simulator')
+    profile, unused = rules('simulator', 'simulator')
+
+    def topics(names):
+        """Without those that make up an action."""
+        return [name for name in names if '/_action/' not in name]
+
     # tf needs tf2_msgs; rclpy reads parameter events on some distributions only
-    assert unused(publishers, 'topics', 'publish') <= {'/tf'}
+    assert unused(topics(publishers), 'topics', 'publish') <= {'/tf'}
     assert unused(subscribers, 'topics', 'subscribe') <= {'/parameter_events'}
-    assert unused(services, 'services', 'reply') == set()
+    # what needs simulation_interfaces
+    standard = {resolved(n) for names, kind in table('Services') for n in names if 'sim' in kind}
+    assert unused(topics(services), 'services', 'reply') <= standard
+    (action,) = profile.findall('actions')
+    assert [(action.get('execute'), item.text) for item in action] == [
+        ('ALLOW', '~/simulate_steps')
+    ]
 
 
 def test_the_security_policy_lets_the_view_do_what_it_does_and_no_more():
-    peer, unused = Peer(), rules('view', 'view')
+    peer, (_, unused) = Peer(), rules('view', 'view')
     with ViewProcess() as view, urllib.request.urlopen(f'{view.url}events'):
 
         def of_view(what):
