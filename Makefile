@@ -11,10 +11,11 @@ ifeq ($(ROS_DISTRO),humble)
 export ROS_LOCALHOST_ONLY ?= 1
 endif
 
-.PHONY: help setup run test clean
+.PHONY: help setup run view test clean
 
 help:
 	@echo 'make run [SCENE=slider_crank] [DURATION=seconds] [ARGS=...]   simulate, publish, record (Ctrl-C ends it)'
+	@echo 'make view [ARGS=...]   show what runs in a web browser, at http://localhost:8080'
 	@echo 'make setup [PYTHON=python3.12]   only prepare .venv (run and test do it themselves)'
 	@echo 'make test    linters, type checks and all tests'
 	@echo 'make clean   remove caches and build products; .venv/ and logs/ stay'
@@ -25,6 +26,9 @@ setup:
 # Without characters that need a shell make starts Python itself: signals reach it, Ctrl-C ends quietly.
 run: setup
 	@$(BIN)/python -m alf_ros simulator --scene '$(SCENE)' $(if $(DURATION),--duration '$(DURATION)') $(ARGS)
+
+view: setup
+	@$(BIN)/python -m alf_ros view $(ARGS)
 
 # Every check runs and every failure counts; pytest stays last, so that its summary ends the output.
 # Plugins are named: a sourced ROS 2 brings some that do not fit this pytest.

@@ -41,13 +41,14 @@ setup(
     maintainer_email=XML.find('maintainer').get('email'),
     license=XML.findtext('license'),
     packages=find_packages(include=[NAME, f'{NAME}.*']),
-    package_data={NAME: ['py.typed']},
+    package_data={NAME: ['py.typed', 'page/*']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
         (f'share/{NAME}/launch', glob('launch/*.launch.py')),
         (f'share/{NAME}/rviz', glob('rviz/*.rviz')),
         (f'share/{NAME}/config', glob('config/*.yaml')),
+        (f'share/{NAME}/config/foxglove', glob('config/foxglove/*.json')),
         (f'share/{NAME}/config/security', glob('config/security/*.xml')),
         (f'share/{NAME}/config/schema', glob('config/schema/*.json')),
         (f'share/{NAME}/config/mechanisms', glob('config/mechanisms/*.yaml')),
@@ -61,6 +62,7 @@ setup(
         'record': ['mcap', 'zstandard'],
         'plot': ['matplotlib'],
         'import': ['urdf-parser-py', 'mujoco'],
+        'view': ['foxglove-sdk'],
     },
     zip_safe=False,
 )

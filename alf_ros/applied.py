@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -13,13 +12,16 @@ import numpy as np
 from alf_ros import effects as registry
 from alf_ros.arrays import Addresses, Floats, Integers
 from alf_ros.bearings import bearings
-from alf_ros.effects.contract import Effect
+from alf_ros.curve import Curve
+from alf_ros.effects.contract import Effect, Packed
 from alf_ros.errors import InputError
-from alf_ros.kernel import Effects, Forces
+from alf_ros.kernel import Bearings, Effects, Forces
 from alf_ros.layout import Layout
-from alf_ros.mechanism import GROUND
 from alf_ros.model import Model
 from alf_ros.reactions import Reactions
+
+# The effects that inputs are packed as.
+FROM_OUTSIDE = ('constant_wrench', 'joint_effort', 'motor')
 
 
 @dataclass(frozen=True)
@@ -36,11 +38,22 @@ class Wrench:
 
 
 @dataclass(frozen=True)
+class Target:
+    """What the motor on a joint is to follow, in place of what the scene says: x* (rad or m), and
+    ẋ* (rad/s or m/s) if not the slope of x*."""
+
+    position: float | Curve | None = None
+    velocity: float | None = None
+
+
+@dataclass(frozen=True)
 class Inputs:
-    """All that is held from outside: wrenches by body or point, efforts (N m or N) by joint."""
+    """All that is held from outside: wrenches by body or point, efforts (N m or N) and targets of
+    motors by joint."""
 
     wrenches: Mapping[str, Wrench]
-    efforts: Mapping[str, float]
+    efforts: Mapping[str, float | Curve]
+    targets: Mapping[str, Target] = field(default_factory=dict)
 
 
 NO_INPUTS = Inputs({}, {})
@@ -53,62 +66,62 @@ class Part(NamedTuple):
     loads: list[int]
 
 
-class Applied:
-    """Effects and inputs, packed once for each layout that asks. It never changes."""
+@dataclass(frozen=True)
+class _Kind:
+    """An effect's functions (addresses; 0: none), its instances packed, and those of them that
+    have a load: none, or all."""
+
+    force: int
+    potential: int
+    friction: int
+    packed: Packed
+    rubbing: Sequence[Effect]
+
+
+class _Held:
+    """An effect from outside, packed once for each layout that asks, whatever else is held."""
+
+    def __init__(self, what: Wrench | float | Curve, effect: Effect) -> None:
+        self.what = what
+        self._effect = effect
+        self._kinds: list[tuple[Layout, list[_Kind]]] = []
+
+    def kinds(self, layout: Layout) -> list[_Kind]:
+        return _once(self._kinds, (self._effect,), layout)
+
+
+class _Scene:
+    """The effects of a scene, packed once for each layout that asks, whatever is held."""
 
     def __init__(
-        self,
-        model: Model,
-        effects: Sequence[Effect],
-        inputs: Inputs,
-        reactions: Callable[[], Reactions],
+        self, model: Model, effects: Sequence[Effect], reactions: Callable[[], Reactions]
     ) -> None:
-        """Raises InputError if an effect does not fit the mechanism."""
-        self.inputs = inputs
-        self._model, self._reactions = model, reactions
         self.effects = tuple(effects)
-        self._from_outside = [*_wrench_effects(inputs), *_effort_effects(inputs)]
-        self._elsewhere: tuple[Layout, Effects] | None = None
+        self._model, self.reactions = model, reactions
+        self._kinds: list[tuple[Layout, list[_Kind]]] = []
         self._on_joints: dict[str, Part] | None = None
 
-    @cached_property
-    def assembled(self) -> Forces:
-        """For the step: bodies share their points."""
-        joints = {each.name: each.joint for each in self._model.coordinates}
-        loaded = [_loaded(effect) for effect in self._rubbing]
-        return Forces(
-            effects=self._pack(self._model.layout, self.effects, self._from_outside),
-            bearings=bearings(
-                self._reactions,
-                [None if name is None else joints[name] for name in loaded],
-                lambda: self.on(self._reactions().cut),
-            ),
-        )
+    def kinds(self, layout: Layout) -> list[_Kind]:
+        return _once(self._kinds, self.effects, layout)
 
     @cached_property
     def _rubbing(self) -> list[Effect]:
         """The effect that each load is for."""
-        return _with_loads(self.effects)
+        return [each for kind in self.kinds(self._model.layout) for each in kind.rubbing]
 
-    @property
-    def loads(self) -> Floats:
-        """N, of each effect with friction: what was found by the last solve for accelerations."""
-        return self.assembled.bearings.loads.copy()
+    @cached_property
+    def bearings(self) -> Bearings:
+        """What tells the loads, without what acts on the cut mechanism."""
+        joints = {each.name: each.joint for each in self._model.coordinates}
+        loaded = (_loaded(effect) for effect in self._rubbing)
+        return bearings(self.reactions, [None if n is None else joints[n] for n in loaded])
 
     @cached_property
     def each(self) -> dict[str, Part]:
-        """The effects of the scene, one by one."""
         layout = self._model.layout
         return {effect.label: self._part(layout, [effect]) for effect in self.effects}
 
-    def on(self, layout: Layout) -> Effects:
-        """All of it for another layout: that of the reactions, with each body alone."""
-        if self._elsewhere is None or self._elsewhere[0] is not layout:
-            self._elsewhere = layout, self._pack(layout, self.effects, self._from_outside)
-        return self._elsewhere[1]
-
     def on_joints(self, layout: Layout) -> dict[str, Part]:
-        """For another layout, what the effects of the scene exert on each joint coordinate."""
         if self._on_joints is None:
             groups: dict[str, list[Effect]] = {}
             for effect in self.effects:
@@ -118,64 +131,140 @@ class Applied:
         return self._on_joints
 
     def _part(self, layout: Layout, effects: Sequence[Effect]) -> Part:
-        loads = [self._rubbing.index(effect) for effect in _with_loads(effects)]
-        return Part(self._pack(layout, effects, ()), loads if self.loads.size else [])
-
-    def _pack(
-        self, layout: Layout, effects: Sequence[Effect], from_outside: Sequence[Effect]
-    ) -> Effects:
-        groups = [(kind, True, of_kind) for kind, of_kind in _by_kind(effects)]
-        groups += [(kind, False, of_kind) for kind, of_kind in _by_kind(from_outside)]
-        addresses: dict[str, list[int]] = {'force': [], 'potential': [], 'friction': []}
-        slots: list[Integers] = []
-        params: list[Floats] = []
-        loads_at: list[int] = []
-        loads = 0
-        for kind, may_rub, instances in groups:
-            module = registry.load(kind)
-            try:
-                packed = module.pack(instances, layout)
-            except ValueError as error:
-                names = ', '.join(effect.name for effect in instances)
-                raise InputError(str(error), key=f'{kind} ({names})') from None
-            rubs = may_rub and any(map(_loaded, instances))
-            for name, found in addresses.items():
-                used = hasattr(module, name) and (name != 'friction' or rubs)
-                found.append(getattr(module, name).address if used else 0)
-            slots.append(packed.slots)
-            params.append(packed.params)
-            loads_at.append(loads)
-            loads += len(instances) if rubs else 0
-        return Effects(
-            **{name: np.array(found, dtype=np.uint64) for name, found in addresses.items()},
-            slots=np.concatenate([np.zeros(0, dtype=np.int64), *slots]),
-            params=np.concatenate([np.zeros(0), *params]),
-            slots_at=_starts(slots),
-            params_at=_starts(params),
-            loads_at=np.array(loads_at, dtype=np.uint64),
-        )
+        kinds = _kinds(effects, layout)
+        rubbing = [each for kind in kinds for each in kind.rubbing]
+        return Part(_listed(kinds), [self._rubbing.index(each) for each in rubbing])
 
 
-def _by_kind(effects: Sequence[Effect]) -> list[tuple[str, list[Effect]]]:
-    """As they are packed: all of a kind together."""
-    kinds: dict[str, list[Effect]] = {}
+class Applied:
+    """Effects and inputs, packed once for each layout that asks. It never changes."""
+
+    def __init__(
+        self,
+        model: Model,
+        effects: Sequence[Effect],
+        inputs: Inputs,
+        reactions: Callable[[], Reactions],
+        before: Applied | None = None,
+    ) -> None:
+        """`before`, of the same effects: what it packed and still holds is used again.
+
+        Raises InputError if an effect does not fit the mechanism.
+        """
+        self.inputs = inputs
+        self._model, self._given, self._reactions = model, effects, reactions
+        self._scene: _Scene
+        if before is not None and before.inputs.targets == inputs.targets:
+            self._scene = before._scene
+        else:
+            aimed = [_aimed(each, inputs.targets) for each in effects]
+            self._scene = _Scene(model, aimed, reactions)
+        self._elsewhere: tuple[Layout, Effects] | None = None
+        known = before._held if before is not None else {}
+        wanted = {('wrench', name): wrench for name, wrench in inputs.wrenches.items()}
+        efforts = {('effort', joint): effort for joint, effort in inputs.efforts.items()}
+        self._held: dict[tuple[str, str], _Held] = {
+            key: known[key] if key in known and known[key].what == what else _held(key[1], what)
+            for key, what in {**wanted, **efforts}.items()
+        }
+
+    def holding(self, inputs: Inputs) -> Applied:
+        """The same effects with other inputs."""
+        return Applied(self._model, self._given, inputs, self._reactions, self)
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """The effects of the scene, as they act."""
+        return self._scene.effects
+
+    @cached_property
+    def assembled(self) -> Forces:
+        """For the step: bodies share their points."""
+        rub = self._scene.bearings
+        if rub.settle.size:
+            rub = replace(rub, effects=self.on(self._reactions().cut))
+        return Forces(effects=self._pack(self._model.layout), bearings=rub)
+
+    @property
+    def loads(self) -> Floats:
+        """N, of each effect with friction: what was found by the last solve for accelerations."""
+        return self._scene.bearings.loads.copy()
+
+    @property
+    def each(self) -> dict[str, Part]:
+        """The effects of the scene, one by one."""
+        return self._scene.each
+
+    def on(self, layout: Layout) -> Effects:
+        """All of it for another layout: that of the reactions, with each body alone."""
+        if self._elsewhere is None or self._elsewhere[0] is not layout:
+            self._elsewhere = layout, self._pack(layout)
+        return self._elsewhere[1]
+
+    def on_joints(self, layout: Layout) -> dict[str, Part]:
+        """For another layout, what the effects of the scene exert on each joint coordinate."""
+        return self._scene.on_joints(layout)
+
+    def _pack(self, layout: Layout) -> Effects:
+        kinds = list(self._scene.kinds(layout))
+        for held in self._held.values():
+            kinds += held.kinds(layout)
+        return _listed(kinds)
+
+
+def _listed(kinds: Sequence[_Kind]) -> Effects:
+    """As the kernel wants them."""
+    slots = [kind.packed.slots for kind in kinds]
+    params = [kind.packed.params for kind in kinds]
+    loads = np.cumsum([0, *(len(kind.rubbing) for kind in kinds)], dtype=np.uint64)
+    return Effects(
+        force=np.array([kind.force for kind in kinds], dtype=np.uint64),
+        potential=np.array([kind.potential for kind in kinds], dtype=np.uint64),
+        friction=np.array([kind.friction for kind in kinds], dtype=np.uint64),
+        slots=np.concatenate([np.zeros(0, dtype=np.int64), *slots]),
+        params=np.concatenate([np.zeros(0), *params]),
+        slots_at=_starts(slots),
+        params_at=_starts(params),
+        loads_at=loads[:-1].copy(),
+    )
+
+
+def _once(
+    packed: list[tuple[Layout, list[_Kind]]], effects: Sequence[Effect], layout: Layout
+) -> list[_Kind]:
+    """The kinds of effects on a layout, kept in `packed`: two layouts, or three, ever ask."""
+    for known, kinds in packed:
+        if known is layout:
+            return kinds
+    packed.append((layout, _kinds(effects, layout)))
+    return packed[-1][1]
+
+
+def _kinds(effects: Sequence[Effect], layout: Layout) -> list[_Kind]:
+    """Raises InputError if an effect does not fit the mechanism."""
+    by_kind: dict[str, list[Effect]] = {}
     for effect in effects:
-        kinds.setdefault(effect.kind, []).append(effect)
-    return list(kinds.items())
-
-
-def _with_loads(effects: Sequence[Effect]) -> list[Effect]:
-    """All instances of the kinds of which one at least depends on a reaction, as packed."""
-    kinds = (of_kind for _, of_kind in _by_kind(effects) if any(map(_loaded, of_kind)))
-    return [effect for of_kind in kinds for effect in of_kind]
+        by_kind.setdefault(effect.kind, []).append(effect)
+    kinds = []
+    for kind, instances in by_kind.items():
+        module = registry.load(kind)
+        try:
+            packed = module.pack(instances, layout)
+        except ValueError as error:
+            names = ', '.join(effect.name for effect in instances)
+            raise InputError(str(error), key=f'{kind} ({names})') from None
+        potential = module.potential.address if hasattr(module, 'potential') else 0
+        rubs = any(_loaded(effect) is not None for effect in instances)
+        friction = module.friction.address if rubs else 0
+        rubbing = instances if rubs else ()
+        kinds.append(_Kind(module.force.address, potential, friction, packed, rubbing))
+    return kinds
 
 
 def _loaded(effect: Effect) -> str | None:
     """The joint coordinate whose reaction an effect depends on."""
     module = registry.load(effect.kind)
-    if not hasattr(module, 'loaded'):
-        return None
-    name: str | None = module.loaded(effect.parameters)
+    name: str | None = module.loaded(effect.parameters) if hasattr(module, 'loaded') else None
     return name
 
 
@@ -184,67 +273,23 @@ def _starts(parts: Sequence[Floats] | Sequence[Integers]) -> Addresses:
     return np.cumsum([0, *sizes], dtype=np.uint64)[:-1]
 
 
-def _wrench_effects(inputs: Inputs) -> list[Effect]:
-    if not inputs.wrenches:
-        return []
-    constant_wrench = registry.load('constant_wrench')
-    return [
-        Effect(
-            'constant_wrench',
-            name,
-            constant_wrench.Parameters(name, wrench.force, wrench.torque, wrench.at, wrench.frame),
-        )
-        for name, wrench in inputs.wrenches.items()
-    ]
+def _held(name: str, what: Wrench | float | Curve) -> _Held:
+    """What is held on a body, point or joint, as an effect; an effort over time is a motor without
+    a controller."""
+    kind = 'motor' if isinstance(what, Curve) else 'joint_effort'
+    if isinstance(what, Wrench):
+        kind, given = 'constant_wrench', (name, what.force, what.torque, what.at, what.frame)
+        return _Held(what, Effect(kind, name, registry.load(kind).Parameters(*given)))
+    return _Held(what, Effect(kind, name, registry.load(kind).Parameters(joint=name, effort=what)))
 
 
-def _effort_effects(inputs: Inputs) -> list[Effect]:
-    if not inputs.efforts:
-        return []
-    joint_effort = registry.load('joint_effort')
-    return [
-        Effect('joint_effort', name, joint_effort.Parameters(name, effort))
-        for name, effort in inputs.efforts.items()
-    ]
-
-
-def checked_wrench(model: Model, name: str, wrench: Wrench) -> Wrench:
-    """The wrench, if it can act on that body or point. Raises InputError otherwise."""
-    layout = model.layout
-    choices = [*model.body_names, *(p.name for p in model.mechanism.points if not p.fixed)]
-    if name not in choices:
-        raise InputError('unknown body or point', key='wrench', value=name, choices=choices)
-    D = layout.dimension
-    torque = wrench.torque if isinstance(wrench.torque, tuple) else (wrench.torque,)
-    numbers = [*wrench.force, *torque]
-    sizes = (D, 1 if D == 2 else 3)
-    torque_fits = len(torque) == sizes[1] or not any(torque)
-    if len(wrench.force) != D or not torque_fits or not all(map(math.isfinite, numbers)):
-        expected = 'a finite torque' if D == 2 else '3 finite torques'
-        message = f'{D} finite forces and {expected}'
-        raise InputError('not a wrench', key=name, value=numbers, expected=message)
-    if wrench.frame not in ('world', 'body'):
-        raise InputError('unknown frame', key=name, value=wrench.frame, choices=('world', 'body'))
-    if not layout.turns(name) and (any(torque) or wrench.frame == 'body'):
-        raise InputError('has no orientation: no torque on it, and no frame of its own', key=name)
-    if wrench.at is not None:
-        points = layout.body[name].points if name in layout.body else ()
-        if wrench.at not in points:
-            raise InputError('not a point of this body', key=name, value=wrench.at, choices=points)
-    return wrench
-
-
-def checked_effort(model: Model, joint: str, effort: float) -> float:
-    """The effort, if that joint coordinate can take one. Raises InputError otherwise."""
-    names = model.coordinate_names
-    if joint not in names:
-        raise InputError('unknown joint', key='effort', value=joint, choices=names)
-    if not math.isfinite(effort):
-        raise InputError('not an effort', key=joint, value=effort, expected='a finite number')
-    coordinate = model.coordinates[names.index(joint)]
-    if coordinate.joint.kind == 'universal':
-        raise InputError('has two free axes: no effort on them', key=joint)
-    for name in (coordinate.joint.child, coordinate.joint.parent):
-        if coordinate.is_angle and name != GROUND and not model.layout.turns(name):
-            raise InputError(f'{name!r} has no orientation: no torque on it', key=joint)
-    return float(effort)
+def _aimed(effect: Effect, targets: Mapping[str, Target]) -> Effect:
+    """The effect, with its target if it is a motor that has one."""
+    if effect.kind != 'motor' or effect.parameters.joint not in targets:
+        return effect
+    target, given = targets[effect.parameters.joint], effect.parameters
+    if target.position is not None and given.position_gain:
+        given = replace(given, position=target.position, velocity=target.velocity)
+    elif target.velocity is not None and given.velocity_gain:
+        given = replace(given, velocity=target.velocity)
+    return replace(effect, parameters=given)

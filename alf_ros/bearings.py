@@ -15,12 +15,10 @@ from alf_ros.rows import indices
 def bearings(
     reactions: Callable[[], Reactions],
     joints: Sequence[Joint | None],
-    effects: Callable[[], Effects],
 ) -> Bearings:
     """Bearings of these joints, one for each load; None for a load that is always zero.
 
-    `effects` packs what acts on the cut mechanism. Nothing is made, or compiled, if no joint is
-    loaded.
+    What acts on the cut mechanism is left open. If no joint is loaded nothing is compiled.
     """
     if not any(joint is not None for joint in joints):
         return Bearings.empty()
@@ -63,7 +61,7 @@ def bearings(
         settle=np.array([compiled.settle(D).address], dtype=np.uint64),
         mass=cut.mass,
         rows=rows,
-        effects=effects(),
+        effects=Effects.empty(),
         source=indices(cut.source),
         source_row=indices(cut.source_row),
         first=indices(first),

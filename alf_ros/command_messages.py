@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Mapping, Sequence
 from difflib import get_close_matches
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
@@ -22,9 +22,16 @@ REASONS = (
     'no_orientation',
     'wrong_length',
     'repeated_name',
-    'no_effort',
+    'no_value',
+    'not_controlled',
+    'wrong_time',
+    'moving_end',
     'wrong_type',
 )
+
+
+# By joint: whether a motor controls its position, and its velocity.
+Controlled = Mapping[str, tuple[bool, bool]]
 
 
 class Refused(Exception):
@@ -72,24 +79,48 @@ def read_wrench(
     }
 
 
-def read_efforts(message: JointState, joints: Collection[str]) -> dict[str, float]:
-    """Effort (N m or N) by joint, for those of `joints` that the message names. Raises Refused.
-
-    Positions and velocities beside efforts are not looked at: nothing here follows them.
-    """
-    names, efforts = message.name, message.effort
-    if not efforts:
-        raise Refused('no_effort', 'joint_commands without effort: only efforts are followed')
-    if len(names) != len(efforts):
-        raise Refused('wrong_length', f'joint_commands: {len(names)} names {len(efforts)} efforts')
+def check_names(topic: str, names: Sequence[str], joints: Collection[str]) -> None:
+    """Raises Refused if one is unknown or stands there twice."""
     for name in names:
         if name not in joints:
             raise Refused('unknown_name', f'unknown joint {_hint(name, tuple(joints))}')
     if len(set(names)) != len(names):
-        raise Refused('repeated_name', 'joint_commands names a joint twice')
-    if not all(map(math.isfinite, efforts)):
-        raise Refused('not_finite', 'joint_commands: an effort must be finite')
-    return dict(zip(names, efforts, strict=True))
+        raise Refused('repeated_name', f'{topic} names a joint twice')
+
+
+def read_joints(
+    message: JointState, joints: Collection[str], controlled: Controlled
+) -> dict[str, dict[str, float]]:
+    """What is commanded, by joint: `effort` (N m or N), `position` (rad or m), `velocity`.
+
+    NaN is no command, as ros2_control has it. A position or velocity that no motor controls is
+    refused, unless the joint has an effort: whoever sends a whole joint state means that.
+    Raises Refused.
+    """
+    given = {'effort': message.effort, 'position': message.position, 'velocity': message.velocity}
+    given = {field: values for field, values in given.items() if values}
+    if not given:
+        raise Refused('no_value', 'joint_commands without effort, position and velocity')
+    for field, values in given.items():
+        if len(values) != len(message.name):
+            text = f'{len(message.name)} names, {len(values)} values of {field}'
+            raise Refused('wrong_length', f'joint_commands: {text}')
+        if any(map(math.isinf, values)):
+            raise Refused('not_finite', f'joint_commands: {field} must be finite')
+    check_names('joint_commands', message.name, joints)
+    commands = {}
+    for n, name in enumerate(message.name):
+        command = {field: v[n] for field, v in given.items() if not math.isnan(v[n])}
+        for field, followed in zip(('position', 'velocity'), controlled[name], strict=True):
+            if field in command and not followed:
+                if 'effort' not in command:
+                    raise Refused('not_controlled', f'no motor controls the {field} of {name!r}')
+                del command[field]
+        if command:
+            commands[name] = command
+    if not commands:
+        raise Refused('not_finite', 'joint_commands: not one finite number')
+    return commands
 
 
 @lru_cache(maxsize=64)

@@ -7,6 +7,7 @@ and `ros2 run alf_ros <name>`: setup.py reads this table too, so nothing may be 
 
 COMMANDS = {
     'simulator': 'alf_ros.node',
+    'view': 'alf_ros.view',
     'check': 'alf_ros.check',
     'hard_cases': 'alf_ros.hard_cases',
     'figures': 'alf_ros.figures',

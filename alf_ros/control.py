@@ -48,6 +48,7 @@ class Control:
         self._pacer, self._saved = pacer, saved
         self._report, self._pace, self._end = report, pace, end
         self._asked = self._left = self._dropped = 0
+        self._each: Callable[[int], None] | None = None
         self._stepped: Future[None] = Future()
         self._stepped.set_result(None)
 
@@ -70,9 +71,12 @@ class Control:
         due = self._left if self.paused else self._pacer.due(now)
         self.inputs.apply()
         for _ in range(due):
-            self.run.tick()
+            # The last of some steps is looked at: it is shown as well.
+            self.run.tick(whole=self.paused and self._left == 1)
             if self.paused:
                 self._left -= 1
+                if self._each is not None and not self.run.failure:
+                    self._each(self._asked - self._left)
             else:
                 self._pacer.done()
             if self.run.failure:
@@ -104,8 +108,8 @@ class Control:
         self._finish_steps()
         return 'paused'
 
-    async def step(self, count: int) -> str:
-        """Make `count` ticks and return when they are published.
+    async def step(self, count: int, each: Callable[[int], None] | None = None) -> str:
+        """Make `count` ticks and return when they are published; `each` gets the number made.
 
         Raises WrongState unless paused, StepError for a step that fails.
         """
@@ -114,6 +118,7 @@ class Control:
         if self.stepping:
             raise WrongState(f'stepping: {self._left} of {self._asked} still to be made')
         self._asked = self._left = count
+        self._dropped, self._each = 0, each
         self._stepped = Future()
         self.advance(time.monotonic())
         if self.stepping:
@@ -125,6 +130,11 @@ class Control:
         if self._dropped and not self.run.over:
             raise WrongState(f'stopped after {made} of {self._asked}, at {self.run}')
         return str(self.run)
+
+    def quit(self) -> str:
+        """End the node, with its log closed."""
+        self._end()
+        return 'ending'
 
     def reset(self, keep_time: bool) -> str:
         """The initial state, nothing held; with `keep_time` stamps go on, else they start again.

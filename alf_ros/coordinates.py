@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -37,8 +38,21 @@ class Coordinate:
     less: int = -1
 
 
-def measured(layout: Layout) -> tuple[list[Coordinate], list[Row], list[Row]]:
-    """The coordinates of all joints, the rows x, y of each angle, and the row of each length."""
+Measured = tuple[tuple[Coordinate, ...], tuple[Row, ...], tuple[Row, ...]]
+_MEASURED: WeakKeyDictionary[Layout, Measured] = WeakKeyDictionary()
+
+
+def measured(layout: Layout) -> Measured:
+    """The coordinates of all joints, the rows x, y of each angle, and the row of each length.
+
+    Made once for a layout: each command to a joint asks for them.
+    """
+    if layout not in _MEASURED:
+        _MEASURED[layout] = _measured(layout)
+    return _MEASURED[layout]
+
+
+def _measured(layout: Layout) -> Measured:
     angles: list[Row] = []
     lengths: list[Row] = []
     coordinates: list[Coordinate] = []
@@ -64,7 +78,7 @@ def measured(layout: Layout) -> tuple[list[Coordinate], list[Row], list[Row]]:
             name = f'{joint.name}_length' if several else joint.name
             coordinates.append(Coordinate(name, joint, False, len(lengths)))
             lengths.append(length_row(joint, layout))
-    return coordinates, angles, lengths
+    return tuple(coordinates), tuple(angles), tuple(lengths)
 
 
 def _count(joint: Joint, planar: bool) -> int:

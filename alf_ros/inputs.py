@@ -1,4 +1,4 @@
-"""Commands from ROS: wrenches on bodies and points, efforts in joints.
+"""Commands from ROS: wrenches on bodies and points; efforts, targets and trajectories of joints.
 
 A command is taken whole or refused whole. It acts from the next tick on, the last one of several,
 and is held until replaced, or becomes zero when it was not renewed for the timeout. What acts goes
@@ -10,16 +10,20 @@ from __future__ import annotations
 import math
 import re
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from geometry_msgs.msg import WrenchStamped
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory
 
-from alf_ros.command_messages import REASONS, Refused, read_efforts, read_wrench
+from alf_ros.command_messages import REASONS, Refused, read_joints, read_wrench
+from alf_ros.curve import Curve
 from alf_ros.errors import InputError
+from alf_ros.input_checks import follows
+from alf_ros.trajectories import Trajectory, read_trajectory
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -44,11 +48,16 @@ class Inputs:
     """Subscribes, applies to `simulation`, and counts.
 
     `journal` gets a mapping for every change of what is applied; `alarm` is called on the first
-    trouble after a quiet time.
+    trouble after a quiet time; `ahead` says by how much (ns) stamps are ahead of simulated time.
     """
 
     def __init__(
-        self, node: Node, simulation: Simulation, journal: Journal, alarm: Callable[[], None]
+        self,
+        node: Node,
+        simulation: Simulation,
+        journal: Journal,
+        alarm: Callable[[], None],
+        ahead: Callable[[], int],
     ) -> None:
         self.timeout = 0.0
         self.frame_prefix = ''
@@ -58,11 +67,14 @@ class Inputs:
         self.last_trouble = ''
         self._trouble_time = -math.inf
         self._held: dict[tuple[str, str], float] = {}  # (kind, name) -> renewed at, s
-        self._waiting: dict[tuple[str, tuple[str, ...]], dict[str, Any]] = {}
-        self._node, self._journal, self._alarm = node, journal, alarm
+        self._waiting: dict[tuple[str, tuple[str, ...]], Any] = {}
+        self._node, self._journal, self._alarm, self._ahead = node, journal, alarm, ahead
         self._prefix = f'{node.get_fully_qualified_name()}/wrench/'
         self._subscriptions: list[Subscription] = []
-        node.create_subscription(JointState, 'joint_commands', self._on_efforts, _QUEUE)
+        node.create_subscription(JointState, 'joint_commands', self._on_joints, _QUEUE)
+        node.create_subscription(
+            JointTrajectory, '~/joint_trajectory', self._on_trajectory, _QUEUE
+        )
         self.load(simulation)
 
     def load(self, simulation: Simulation) -> None:
@@ -92,13 +104,15 @@ class Inputs:
     def use(self, simulation: Simulation) -> None:
         """Apply commands to this simulation of the same mechanism from now on."""
         self._simulation = simulation
+        names, effects = simulation.model.coordinate_names, simulation.scene.effects
+        self._controlled = {name: follows(effects, name) for name in names}
 
     def hold(self, inputs: HeldInputs) -> None:
         """What a restored state holds counts as commanded now."""
         self.clear()
         now = time.monotonic()
-        self._held = {('wrench', name): now for name in inputs.wrenches}
-        self._held.update({('effort', name): now for name in inputs.efforts})
+        kinds = {'wrench': inputs.wrenches, 'effort': inputs.efforts, 'target': inputs.targets}
+        self._held = {(kind, name): now for kind, held in kinds.items() for name in held}
 
     @property
     def held(self) -> int:
@@ -130,16 +144,29 @@ class Inputs:
         if self.timeout <= 0.0 or not self._held:
             return
         for (kind, name), renewed in list(self._held.items()):
-            if now - renewed > self.timeout:
-                del self._held[kind, name]
-                if kind == 'wrench':
-                    force = (0.0,) * self._simulation.model.layout.dimension
-                    zero = {'name': name, 'force': force, 'torque': 0.0, 'frame': 'world'}
-                    self._apply_wrench(zero, cause='timeout')
-                else:
-                    self._apply_efforts({name: 0.0}, cause='timeout')
-                self.timed_out += 1
-                self._trouble(f'{kind} of {name} not renewed for {self.timeout:g} s: now zero')
+            if now - renewed <= self.timeout:
+                continue
+            if self._lasts(kind, name):
+                self._held[kind, name] = now
+                continue
+            del self._held[kind, name]
+            if kind == 'wrench':
+                force = (0.0,) * self._simulation.model.layout.dimension
+                zero = {'name': name, 'force': force, 'torque': 0.0, 'frame': 'world'}
+                self._apply_wrench(zero, cause='timeout')
+            else:
+                field = 'effort' if kind == 'effort' else 'velocity'
+                self._apply_joints({name: {field: 0.0}}, cause='timeout')
+            self.timed_out += 1
+            self._trouble(f'{kind} of {name} not renewed for {self.timeout:g} s: now zero')
+
+    def _lasts(self, kind: str, name: str) -> bool:
+        """Whether it needs no renewal: a position, or a trajectory that is under way."""
+        inputs = self._simulation.state.inputs
+        if kind == 'target':
+            return inputs.targets[name].position is not None
+        effort = inputs.efforts[name] if kind == 'effort' else None
+        return isinstance(effort, Curve) and self._simulation.t < effort.end
 
     def clear(self) -> None:
         """Forget what is held, and what came for it: the simulation was reset."""
@@ -162,29 +189,30 @@ class Inputs:
         )
 
     def _on_wrench(self, message: WrenchStamped, name: str) -> None:
-        try:
-            wrench = read_wrench(
-                message,
-                name,
-                self._bodies,
-                self._points,
-                self.frame_prefix,
-                self._simulation.model.layout.dimension,
-            )
-        except Refused as refused:
-            self._refuse(refused)
-        else:
+        known, prefix = (self._bodies, self._points), self.frame_prefix
+        dimension = self._simulation.model.layout.dimension
+        with self._refusing():
+            wrench = read_wrench(message, name, *known, prefix, dimension)
             self._take('wrench', (name,), wrench)
 
-    def _on_efforts(self, message: JointState) -> None:
+    def _on_joints(self, message: JointState) -> None:
+        with self._refusing():
+            commands = read_joints(message, self._joints, self._controlled)
+            self._take('joints', tuple(commands), commands)
+
+    def _on_trajectory(self, message: JointTrajectory) -> None:
+        with self._refusing():
+            trajectory = read_trajectory(message, self._joints, self._controlled)
+            self._take('trajectory', tuple(message.joint_names), trajectory)
+
+    @contextmanager
+    def _refusing(self) -> Iterator[None]:
         try:
-            efforts = read_efforts(message, self._joints)
+            yield
         except Refused as refused:
             self._refuse(refused)
-        else:
-            self._take('effort', tuple(efforts), efforts)
 
-    def _take(self, kind: str, names: tuple[str, ...], command: dict[str, Any]) -> None:
+    def _take(self, kind: str, names: tuple[str, ...], command: Any) -> None:
         """Keep it for the next tick, in place of one for the same names that still waits."""
         self._waiting.pop((kind, names), None)
         self._waiting[kind, names] = command
@@ -195,30 +223,57 @@ class Inputs:
         if not self._waiting:
             return
         waiting, self._waiting = self._waiting, {}
-        now = time.monotonic()
-        for (kind, names), command in waiting.items():
+        applies: dict[str, Callable[[Any], None]] = {
+            'wrench': self._apply_wrench,
+            'joints': self._apply_joints,
+            'trajectory': self._apply_trajectory,
+        }
+        for (kind, _), command in waiting.items():
             try:
-                if kind == 'wrench':
-                    self._apply_wrench(command)
-                else:
-                    self._apply_efforts(command)
+                applies[kind](command)
             except Refused as refused:
                 self.accepted -= 1
                 self._refuse(refused)
-            else:
-                self._held.update({(kind, name): now for name in names})
 
     def _apply_wrench(self, wrench: dict[str, Any], cause: str = 'command') -> None:
         with self._whole():
             self._simulation.apply_wrench(**wrench)
-        self._journal({'kind': 'wrench', 'cause': cause, **wrench})
+        self._note('wrench', wrench, cause)
 
-    def _apply_efforts(self, efforts: dict[str, float], cause: str = 'command') -> None:
+    def _apply_joints(
+        self, commands: Mapping[str, Mapping[str, Any]], cause: str = 'command'
+    ) -> None:
+        efforts = {name: said['effort'] for name, said in commands.items() if 'effort' in said}
+        wanted = ('position', 'velocity')
+        targets = {
+            name: {key: said.get(key) for key in wanted}
+            for name, said in commands.items()
+            if said.keys() & set(wanted)
+        }
         with self._whole():
-            for joint, effort in efforts.items():
-                self._simulation.apply_effort(joint, effort)
-        for joint, effort in efforts.items():
-            self._journal({'kind': 'effort', 'cause': cause, 'name': joint, 'effort': effort})
+            for name, effort in efforts.items():
+                self._simulation.apply_effort(name, effort)
+            for name, target in targets.items():
+                self._simulation.apply_target(name, **target)
+        for name, effort in efforts.items():
+            self._note('effort', {'name': name, 'effort': effort}, cause)
+        for name, target in targets.items():
+            self._note('target', {'name': name, **target}, cause)
+
+    def _apply_trajectory(self, trajectory: Trajectory) -> None:
+        positions, efforts = trajectory.curves(self._simulation.sample(), self._ahead())
+        commands: dict[str, dict[str, Curve]] = {}
+        for field, curves in (('position', positions), ('effort', efforts)):
+            for name, curve in curves.items():
+                commands.setdefault(name, {})[field] = curve
+        self._apply_joints(commands, cause='trajectory')
+
+    def _note(self, kind: str, what: Mapping[str, Any], cause: str) -> None:
+        """It acts from the next step on."""
+        told = {k: v.pieces if isinstance(v, Curve) else v for k, v in what.items()}
+        self._journal({'kind': kind, 'cause': cause, **told})
+        if cause != 'timeout':
+            self._held[kind, what['name']] = time.monotonic()
 
     @contextmanager
     def _whole(self) -> Iterator[None]:

@@ -37,7 +37,7 @@ class Basis:
     inverse: Floats
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Layout:
     """Blocks of a mechanism: `movable` of them first, `blocks` in all.
 

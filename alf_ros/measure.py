@@ -59,7 +59,9 @@ class Measures:
         self._numbers: list[Floats] = []
 
     @cached_property
-    def _measured(self) -> tuple[dict[str, Coordinate], list[Row], list[Row]]:
+    def _measured(
+        self,
+    ) -> tuple[dict[str, Coordinate], tuple[Row, ...], tuple[Row, ...]]:
         coordinates, angles, lengths = measured(self._layout)
         return {each.name: each for each in coordinates}, angles, lengths
 
@@ -76,7 +78,7 @@ class Measures:
         is_angle, (coordinates, angles, lengths) = self.is_angle(name), self._measured
         n, less = coordinates[name].place, coordinates[name].less
         if is_angle:
-            both = angles[2 * n : 2 * n + 2] + (angles[2 * less :][:2] if less >= 0 else [])
+            both = [*angles[2 * n : 2 * n + 2], *(angles[2 * less :][:2] if less >= 0 else ())]
             self._add(ANGLE, both, n, less)
         else:
             self._add(LENGTH, [lengths[n]])

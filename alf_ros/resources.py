@@ -34,6 +34,12 @@ def folder(kind: str) -> list[Path]:
     return list(dict.fromkeys(path for path in folders if path.is_dir()))
 
 
+def library(kind: str) -> dict[str, Path]:
+    """Return what can be named, by name: the YAML files of `kind`; the first folder wins."""
+    folders = reversed(folder(kind))
+    return {path.stem: path for each in folders for path in sorted(each.glob('*.yaml'))}
+
+
 @lru_cache(maxsize=1)
 def version() -> str:
     """Return the version of the package, as package.xml states it.

@@ -36,8 +36,10 @@ class Run:
         self.failure: StepError | None = None
         self.initial_energy = 0.0
         self.closest = math.inf  # to a singular position, since somebody set it back
+        # This run, counted since the start of the node, and the step where it began.
+        self.number = self.first_step = 0
         self._outputs, self._duration, self._folder = outputs, duration, log_folder
-        self._ahead = 0  # ns by which stamps are ahead of the simulated time
+        self.ahead = 0  # ns by which stamps are ahead of the simulated time
 
     @property
     def simulation(self) -> Simulation:
@@ -47,7 +49,7 @@ class Run:
     @property
     def stamp(self) -> int:
         """Stamp (ns) of the present state: never zero, which means "no time yet" in ROS."""
-        return stamp_ns(self.simulation.t, self._ahead)
+        return stamp_ns(self.simulation.t, self.ahead)
 
     @property
     def over(self) -> bool:
@@ -64,20 +66,22 @@ class Run:
         With `keep_time` the stamps go on a tick after the last, whatever the time of the state is;
         otherwise they are its time. Raises InputError if there can be no log.
         """
-        later = self._ahead + round((self.simulation.t + self.setup.tick) * 1e9)
+        later = self.ahead + round((self.simulation.t + self.setup.tick) * 1e9)
         self.close()
         if state is None:
             self.simulation.reset()
         else:
             self.simulation.restore(state)
-        self._ahead = later - round(self.simulation.t * 1e9) if keep_time else 0
+        self.ahead = later - round(self.simulation.t * 1e9) if keep_time else 0
         self.failure = None
+        self.number += 1
+        self.first_step = self.simulation.step_index
         scene = self.setup.scene
         about: dict[str, Any] = {
             'scene': scene.name,
             'scene_sha256': scene.hash,
             **self._settings(),
-            'stamps_ahead_ns': self._ahead,
+            'stamps_ahead_ns': self.ahead,
             'versions': versions(),
         }
         if state is not None:
@@ -103,8 +107,9 @@ class Run:
         solver = dataclasses.asdict(self.simulation.solver)
         return {'solver': solver, 'steps_per_tick': self.setup.steps}
 
-    def tick(self) -> None:
-        """Make one tick's steps, fewer at the end of the run, and send what came out."""
+    def tick(self, whole: bool = False) -> None:
+        """Make one tick's steps, fewer at the end of the run, and send what came out; `whole` also
+        what is not shown at every tick."""
         steps = self.setup.steps
         if self._last_step:
             steps = min(steps, self._last_step - self.simulation.step_index)
@@ -114,7 +119,7 @@ class Run:
             self.failure = error
         else:
             self.failure = None
-            self.send()
+            self.send(whole=whole)
 
     def send(self, record: bool = True, whole: bool = False) -> None:
         """Publish and log the present state; `whole` also what is not shown at every tick."""

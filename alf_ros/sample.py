@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from alf_ros import kernel
 from alf_ros.applied import Applied, Inputs, Part
 from alf_ros.arrays import Floats
+from alf_ros.curve import Curve
 from alf_ros.driving import effort
 from alf_ros.efforts import unit_motion
 from alf_ros.errors import StepError
@@ -305,7 +306,8 @@ class Sample:
         """(joint coordinates,) what acts on the free axis, N m or N: inputs held, motors, springs,
         stops, friction, drives; not the reaction."""
         inputs = self._applied.inputs.efforts
-        efforts = np.array([inputs.get(n, 0.0) for n in self.model.coordinate_names])
+        held = (inputs.get(name, 0.0) for name in self.model.coordinate_names)
+        efforts = np.array([e.at(self.t)[0] if isinstance(e, Curve) else e for e in held])
         if any(effect.coordinates for effect in self._applied.effects):
             reactions, state = self._reactions(), self._state
             q, qd = reactions.on_cut_blocks(state.q), reactions.on_cut_blocks(state.qd)

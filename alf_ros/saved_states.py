@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from alf_ros.applied import Inputs, Wrench
+from alf_ros.applied import Inputs, Target, Wrench
+from alf_ros.curve import Curve
 from alf_ros.errors import InputError
 from alf_ros.scene import Scene
 from alf_ros.simulation import Simulation, State
@@ -25,7 +26,27 @@ def as_data(state: State) -> dict[str, Any]:
     inputs = fields.pop('inputs')
     data = {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in fields.items()}
     wrenches = {name: dataclasses.asdict(wrench) for name, wrench in inputs.wrenches.items()}
-    return {**data, 'inputs': {'wrenches': wrenches, 'efforts': dict(inputs.efforts)}}
+    held = {
+        'wrenches': wrenches,
+        'efforts': {name: _plain(effort) for name, effort in inputs.efforts.items()},
+        'targets': {
+            name: {'position': _plain(target.position), 'velocity': target.velocity}
+            for name, target in inputs.targets.items()
+        },
+    }
+    return {**data, 'inputs': held}
+
+
+def _plain(value: float | Curve | None) -> Any:
+    return value.pieces if isinstance(value, Curve) else value
+
+
+def read_curve(value: Any) -> Any:
+    """What `as_data` and the journal write of a number, a curve or nothing.
+
+    Raises ValueError if it is no curve.
+    """
+    return Curve(tuple(map(tuple, value))) if isinstance(value, (list, tuple)) else value
 
 
 def from_data(data: dict[str, Any], like: State) -> State:
@@ -42,7 +63,13 @@ def from_data(data: dict[str, Any], like: State) -> State:
         held: dict[str, Any] = dict(wrench)
         held.update({key: tuple(value) for key, value in held.items() if type(value) is list})
         wrenches[name] = Wrench(**held)
-    return State(**fields, inputs=Inputs(wrenches, dict(data['inputs']['efforts'])))
+    efforts = {name: read_curve(effort) for name, effort in data['inputs']['efforts'].items()}
+    # A state of an earlier version knows no targets.
+    targets = {
+        name: Target(read_curve(target['position']), target['velocity'])
+        for name, target in data['inputs'].get('targets', {}).items()
+    }
+    return State(**fields, inputs=Inputs(wrenches, efforts, targets))
 
 
 def _like(value: Any, present: Any) -> Any:

@@ -124,7 +124,7 @@ def load_scene(
     known = str(source)
     path = _path(known)
     if path is None:
-        scenes = _library('scenes')
+        scenes = resources.library('scenes')
         if known not in scenes:
             raise _no_scene(known, scenes)
         path = scenes[known]
@@ -186,7 +186,7 @@ def _mechanism(entry: Entry, name: str, folder: Path) -> tuple[Entry, str]:
     text = entry.text()
     path = _path(text)
     if path is None:
-        known = _library('mechanisms')
+        known = resources.library('mechanisms')
         if text not in known:
             raise entry.error('no mechanism of this name', choices=known)
         path = known[text]
@@ -209,16 +209,10 @@ def _stem(path: Path) -> str:
 
 
 def _no_scene(name: str, scenes: Collection[str]) -> InputError:
-    if name in _library('mechanisms'):
+    if name in resources.library('mechanisms'):
         message = f'a mechanism, not a scene; write a scene file with "mechanism: {name}"'
         return InputError(message, key='scene', value=name)
     return InputError('no scene of this name', key='scene', value=name, choices=scenes)
-
-
-def _library(kind: str) -> dict[str, Path]:
-    """What can be named, by name; the first folder wins."""
-    folders = reversed(resources.folder(kind))
-    return {path.stem: path for folder in folders for path in sorted(folder.glob('*.yaml'))}
 
 
 def _initial(

@@ -12,10 +12,12 @@ from typing import Any
 import numpy as np
 
 from alf_ros import assembly, kernel
-from alf_ros.applied import NO_INPUTS, Applied, Inputs, Wrench, checked_effort, checked_wrench
+from alf_ros.applied import NO_INPUTS, Applied, Inputs, Target, Wrench
 from alf_ros.arrays import Floats, Integers
+from alf_ros.curve import Curve
 from alf_ros.errors import AssemblyError, InputError, StepError
 from alf_ros.formulations import Formulation
+from alf_ros.input_checks import checked_effort, checked_target, checked_wrench
 from alf_ros.integrator import method
 from alf_ros.kernel import Phase, Watch
 from alf_ros.model import allocate, compile_model
@@ -302,17 +304,31 @@ class Simulation:
         wrench = Wrench(zero if force is None else tuple(map(float, force)), moment, at, frame)
         checked_wrench(self.model, name, wrench)
         inputs = self._applied.inputs
-        self._hold(Inputs({**inputs.wrenches, name: wrench}, inputs.efforts))
+        self._hold(replace(inputs, wrenches={**inputs.wrenches, name: wrench}))
 
-    def apply_effort(self, joint: str, effort: float) -> None:
+    def apply_effort(self, joint: str, effort: float | Curve) -> None:
         """Hold an effort (N m, or N on a slider) on a joint: on the child, and back on the parent.
 
-        Raises InputError, and changes nothing, for an unknown joint or a number that is not
-        finite.
+        A curve is an effort over the simulated time. Raises InputError, and changes nothing, for
+        an unknown joint or a number that is not finite.
         """
         effort = checked_effort(self.model, joint, effort)
         inputs = self._applied.inputs
-        self._hold(Inputs(inputs.wrenches, {**inputs.efforts, joint: effort}))
+        self._hold(replace(inputs, efforts={**inputs.efforts, joint: effort}))
+
+    def apply_target(
+        self, joint: str, position: float | Curve | None = None, velocity: float | None = None
+    ) -> None:
+        """Give the motor on a joint another x* (rad or m, or a curve over the simulated time) and
+        ẋ* (rad/s or m/s; the slope of x* if absent), in place of the ones before.
+
+        Raises InputError, and changes nothing, for an unknown joint, one on which no motor of the
+        scene controls that, or a number that is not finite.
+        """
+        target = Target(position, velocity)
+        checked_target(self.model, self.scene.effects, joint, target)
+        inputs = self._applied.inputs
+        self._hold(replace(inputs, targets={**inputs.targets, joint: target}))
 
     def clear_inputs(self) -> None:
         """Hold nothing any more."""
@@ -320,8 +336,7 @@ class Simulation:
 
     def _hold(self, inputs: Inputs) -> None:
         if inputs != self._applied.inputs:
-            effects = self.scene.effects
-            self._applied = Applied(self.model, effects, inputs, lambda: self._reactions)
+            self._applied = self._applied.holding(inputs)
 
     # ---------------------------------------------------------------------------------- samples
 

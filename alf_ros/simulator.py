@@ -103,7 +103,13 @@ class Simulator(Node):
         run = Run(setup, self._outputs, values['duration'], folder)
         self._pacer = Pacer(setup.tick, values['real_time_factor'])
         # The alarm looks the report up when it comes: that needs the control, which needs this.
-        inputs = Inputs(self, setup.simulation, run.note, lambda: self._reporting.diagnose())
+        inputs = Inputs(
+            self,
+            setup.simulation,
+            run.note,
+            lambda: self._reporting.diagnose(),
+            lambda: run.ahead,
+        )
         inputs.frame_prefix = values['frame_prefix']
         saved = SavedStates(Path(values['state.folder']) if values['state.folder'] else None)
         self._control = Control(
@@ -111,10 +117,24 @@ class Simulator(Node):
         )
         self._reporting = Reporting(self, self._control, self._pacer, self._outputs, self._status)
         Services(self, self._control)
+        try:
+            from alf_ros.simulation_services import SimulationServices
+        except ModuleNotFoundError as error:
+            # Only a ROS 2 installation has simulation_interfaces.
+            if (error.name or '').partition('.')[0] != 'simulation_interfaces':
+                raise
+        else:
+            self._standard = SimulationServices(self, self._control)
         self._playing_first = not values['start_paused']
         self._warm_up(setup.simulation)
 
     def _warm_up(self, simulation: Simulation) -> None:
+        """Use what ticks, reports and commands will use, compiled code above all."""
+        from alf_ros import effects
+        from alf_ros.applied import FROM_OUTSIDE
+
+        for kind in FROM_OUTSIDE:
+            effects.load(kind)
         self._outputs.prepare(simulation.model)
         try:
             self._outputs.warm_up(simulation.sample())

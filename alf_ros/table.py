@@ -1,7 +1,8 @@
-"""Functions given by points: piecewise linear, or cubic (C², natural ends), packed for effects.
+"""Functions given by points or curves, packed for effects: piecewise polynomials.
 
-params: [pieces, x of the points …, (x₀, c₀, c₁, c₂, c₃, ∫) per piece]: in a piece
-f = Σ c_i (x - x₀)^i, and ∫ is the integral of f from the first point to x₀.
+Through points they are linear, or cubic (C², natural ends).
+params: [pieces, x of the points …, (x₀, c₀ … c₅, ∫) per piece]: in a piece f = Σ c_i (x - x₀)^i,
+and ∫ is the integral of f from the first point to x₀.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from alf_ros.arrays import Floats
+from alf_ros.curve import Curve
 from alf_ros.measure import shared
 
 Points = Sequence[Sequence[float]]
@@ -40,9 +42,9 @@ def pieces(points: Points, column: int = 1, cubic: bool = False, hold: bool = Fa
     h = np.diff(x)
     areas = h * (c[:, 0] + h * (c[:, 1] / 2.0 + h * (c[:, 2] / 3.0 + h * c[:, 3] / 4.0)))
     sums = np.concatenate([[0.0], np.cumsum(areas)])
-    inner = np.column_stack([x[:-1], c, sums[:-1]])
-    first = [x[0], f[0], slopes[0], 0.0, 0.0, 0.0]
-    last = [x[-1], f[-1], slopes[1], 0.0, 0.0, sums[-1]]
+    inner = np.column_stack([x[:-1], c, np.zeros((x.size - 1, 2)), sums[:-1]])
+    first = [x[0], f[0], slopes[0], 0.0, 0.0, 0.0, 0.0, 0.0]
+    last = [x[-1], f[-1], slopes[1], 0.0, 0.0, 0.0, 0.0, sums[-1]]
     return np.concatenate([[x.size], x, first, inner.ravel(), last])
 
 
@@ -55,8 +57,15 @@ def law(factor: float | None, points: Points | None) -> Floats:
     return pieces(points)
 
 
-def signal(value: float | Points) -> Floats:
-    """A function of time: a number, or points (t, f), linear between, held beyond."""
+def signal(value: float | Points | Curve) -> Floats:
+    """A function of time: a number, a curve, or points (t, f), linear between, held beyond.
+
+    The integral of a curve is nobody's business: it is not there.
+    """
+    if isinstance(value, Curve):
+        inner = np.column_stack([value.pieces, np.zeros(len(value.pieces))])
+        first = [*inner[0, :2], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+        return np.concatenate([[len(inner)], inner[:, 0], first, inner.ravel()])
     points = [(0.0, value)] if isinstance(value, (int, float)) else value
     if len(points[0]) != 2:
         raise ValueError('a table of a function of time has two columns')
@@ -73,7 +82,7 @@ def _piece(params: Floats, at: int, x: float) -> int:
             low = middle + 1
         else:
             high = middle
-    return at + 1 + points + 6 * low
+    return at + 1 + points + 8 * low
 
 
 @shared
@@ -81,7 +90,8 @@ def interpolate(params: Floats, at: int, x: float) -> float:
     """f(x) of the table at params[at]."""
     p = _piece(params, at, x)
     d = x - params[p]
-    return params[p + 1] + d * (params[p + 2] + d * (params[p + 3] + d * params[p + 4]))
+    upper = params[p + 4] + d * (params[p + 5] + d * params[p + 6])
+    return params[p + 1] + d * (params[p + 2] + d * (params[p + 3] + d * upper))
 
 
 @shared
@@ -89,13 +99,14 @@ def slope(params: Floats, at: int, x: float) -> float:
     """df/dx."""
     p = _piece(params, at, x)
     d = x - params[p]
-    return params[p + 2] + d * (2.0 * params[p + 3] + d * 3.0 * params[p + 4])
+    upper = 3.0 * params[p + 4] + d * (4.0 * params[p + 5] + d * 5.0 * params[p + 6])
+    return params[p + 2] + d * (2.0 * params[p + 3] + d * upper)
 
 
 @shared
 def integral(params: Floats, at: int, x: float) -> float:
-    """∫ f from the first point of the table to x."""
+    """∫ f from the first point of the table to x; of points, so at most cubic."""
     p = _piece(params, at, x)
     d = x - params[p]
     inner = params[p + 2] / 2.0 + d * (params[p + 3] / 3.0 + d * params[p + 4] / 4.0)
-    return params[p + 5] + d * (params[p + 1] + d * inner)
+    return params[p + 7] + d * (params[p + 1] + d * inner)

@@ -73,6 +73,10 @@ class Listener:
         self._executor = SingleThreadedExecutor(context=self.context)
         self._executor.add_node(self.node)
         self.count = 0
+        self.listen()
+
+    def listen(self) -> None:
+        """Subscribe to joint_states."""
         self.node.create_subscription(JointState, 'joint_states', self._heard, 1000, raw=True)
 
     def __enter__(self) -> Listener:

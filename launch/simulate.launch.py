@@ -50,19 +50,29 @@ def simulator(context):
 
 
 def generate_launch_description():
-    """Describe the launch: the simulator, and RViz if asked for."""
+    """Describe the launch: the simulator, and what shows it if asked for."""
     declared = [
         DeclareLaunchArgument(name, default_value=default, description=text)
         for name, (_, _, default, text) in ARGUMENTS.items()
     ]
-    declared.append(
-        DeclareLaunchArgument('view', default_value='false', description='show it in RViz')
+    shown = [
+        DeclareLaunchArgument(name, default_value='false', description=text)
+        for name, text in (
+            ('view', 'show it in a web browser, at http://localhost:8080'),
+            ('rviz', 'show it in RViz'),
+        )
+    ]
+    view = Node(
+        package='alf_ros',
+        executable='view',
+        output='screen',
+        condition=IfCondition(LaunchConfiguration('view')),
     )
     config = PathJoinSubstitution([FindPackageShare('alf_ros'), 'rviz', 'simulator.rviz'])
     rviz = Node(
         package='rviz2',
         executable='rviz2',
         arguments=['-d', config],
-        condition=IfCondition(LaunchConfiguration('view')),
+        condition=IfCondition(LaunchConfiguration('rviz')),
     )
-    return LaunchDescription([*declared, OpaqueFunction(function=simulator), rviz])
+    return LaunchDescription([*declared, *shown, OpaqueFunction(function=simulator), view, rviz])

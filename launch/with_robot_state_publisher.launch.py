@@ -1,6 +1,6 @@
 """The simulator and a robot_state_publisher with its URDF: a tf tree and a RobotModel in RViz.
 
-`ros2 launch alf_ros with_robot_state_publisher.launch.py scene:=four_bar view:=true` takes the
+`ros2 launch alf_ros with_robot_state_publisher.launch.py scene:=four_bar rviz:=true` takes the
 arguments of simulate.launch.py.
 """
 

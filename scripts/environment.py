@@ -22,7 +22,7 @@ PYTHON = VENV / 'bin' / 'python'
 STAMP = VENV / 'alf_ros-setup.json'
 REQUIREMENTS = ROOT / 'requirements'
 SUPPORTED = ((3, 10), (3, 13))
-ESSENTIAL = 'import numba, scipy, yaml, mcap, rclpy, sensor_msgs.msg'
+ESSENTIAL = 'import numba, scipy, yaml, mcap, rclpy, sensor_msgs.msg, trajectory_msgs.msg'
 
 
 def base_python() -> str:
@@ -109,7 +109,7 @@ def fill(ros: dict[str, str] | None) -> None:
     else:
         install('2/4 ROS 2 as wheels', 'ros')
     install('3/4 recording and plotting', 'record')
-    install('4/4 import of other formats, tests', 'import', 'test')
+    install('4/4 import, Foxglove, tests', 'import', 'view', 'test')
     # Importable from any folder; without isolation, so that nothing is downloaded for it.
     editable = ['--no-deps', '--no-build-isolation', '--quiet', '--editable', str(ROOT)]
     step('alf_ros itself', str(PYTHON), '-m', 'pip', 'install', *editable)

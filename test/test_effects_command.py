@@ -80,7 +80,7 @@ def test_an_effect_without_which_nothing_runs() -> None:
         'mechanism:\n  alf: 1\n  points: {P: {at: [0, 0]}}\n'
         '  bodies: {mass: {points: [P], mass: 1.0, inertia: point}}\n'
         'effects:\n  drag: {on: P, quadratic: 1}\n  constant_wrench:\n'
-        '    left: {on: P, force: [-1e90, 0]}\n    right: {on: P, force: [1e90, 0]}\n'
+        '    left: {on: P, force: [-1e39, 0]}\n    right: {on: P, force: [1e39, 0]}\n'
     )
     found = price_list(scene, 0.01)
     changes = {price.effect: price.change for price in found.prices}

@@ -1,15 +1,19 @@
 """doc/ros_interface.md and config/security against a running node: neither more nor less."""
 
+import importlib.util
 import os
 import re
 import subprocess
+import urllib.request
 from fnmatch import fnmatchcase
 from xml.etree import ElementTree
 
 import pytest
 from rcl_interfaces.srv import ListParameters
+from rclpy.node import NodeNameNonExistentError
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from ros_node import ROOT, Peer, SimulatorProcess
+from test_view import ViewProcess
 
 from alf_ros import load_scene
 
@@ -28,9 +32,9 @@ def table(section, column=1):
     return [(re.findall(r'`([^`]+)`', row[0]), row[column].strip()) for row in rows]
 
 
-def resolved(name):
+def resolved(name, node='simulator'):
     if name.startswith('~/'):
-        return f'/simulator{name[1:]}'
+        return f'/{node}{name[1:]}'
     return name if name.startswith('/') else f'/{name}'
 
 
@@ -76,7 +80,8 @@ def test_topics(found):
         import tf2_msgs.msg  # noqa: F401
     except ImportError:
         del documented['/tf']
-    assert publishers == {name: [kind] for name, kind in documented.items()}
+    own = {name: kinds for name, kinds in publishers.items() if '/_action/' not in name}
+    assert own == {name: [kind] for name, kind in documented.items()}
 
 
 def test_quality_of_service_is_the_documented_one_or_that_asked_for(found):
@@ -95,7 +100,7 @@ def test_quality_of_service_is_the_documented_one_or_that_asked_for(found):
 
 def test_commands(found):
     _, subscribers, *_ = found
-    documented = {pattern(resolved(names[0])): kind for names, kind in table('Commands')[:3]}
+    documented = {pattern(resolved(names[0])): kind for names, kind in table('Commands')[:4]}
     for name, kinds in subscribers.items():
         if name != '/parameter_events':  # rclpy's own, on some distributions
             (wanted,) = {kind for key, kind in documented.items() if re.fullmatch(key, name)}
@@ -110,8 +115,15 @@ def test_commands(found):
 def test_services(found):
     _, _, services, *_ = found
     documented = {resolved(name): kind for names, kind in table('Services') for name in names}
-    assert set(services) == set(documented)
-    for name, kinds in services.items():
+    own = {name: kinds for name, kinds in services.items() if '/_action/' not in name}
+    if importlib.util.find_spec('simulation_interfaces') is None:
+        documented = {k: v for k, v in documented.items() if 'simulation_interfaces' not in v}
+        assert own == services
+    else:
+        actions = {name.partition('/_action/')[0] for name in services.keys() - own.keys()}
+        assert actions == {'/simulator/simulate_steps'} and '`~/simulate_steps`' in DOC
+    assert set(own) == set(documented)
+    for name, kinds in own.items():
         assert kinds[0].startswith(documented[name].rstrip('…'))
 
 
@@ -128,28 +140,68 @@ def test_parameters(found):
 def test_reasons_of_refusals():
     from alf_ros.command_messages import REASONS
 
-    documented = {name for names, _ in table('Commands')[3:] for name in names}
+    documented = {name for names, _ in table('Commands')[4:] for name in names}
     assert set(REASONS) <= documented
 
 
-def test_the_security_policy_lets_the_node_do_what_it_does_and_no_more(found):
-    publishers, subscribers, services, *_ = found
+def rules(enclave, node):
+    """The profile of a node, and what tells which of its rules names do not need."""
     policy = ElementTree.parse(ROOT / 'config/security/simulator.policy.xml')
-    profile = policy.find("enclaves/enclave[@path='/alf_ros/simulator']/profiles/profile")
-    assert (profile.get('ns'), profile.get('node')) == ('/', 'simulator')
+    profiles = policy.findall(f"enclaves/enclave[@path='/alf_ros/{enclave}']/profiles/profile")
+    (profile,) = [found for found in profiles if found.get('node') == node]
+    assert profile.get('ns') == '/'
 
     def unused(names, kind, access):
         """Rules that none of the names needs; every name must have one."""
         groups = [group for group in profile.findall(kind) if group.get(access) == 'ALLOW']
-        rules = {resolved(item.text) for group in groups for item in group}
+        allowed = {resolved(item.text, node) for group in groups for item in group}
         for name in names:
-            assert any(fnmatchcase(name, rule) for rule in rules), f'{access} {name}'
-        return {rule for rule in rules if not any(fnmatchcase(name, rule) for name in names)}
+            assert any(fnmatchcase(name, rule) for rule in allowed), f'{access} {name}'
+        return {rule for rule in allowed if not any(fnmatchcase(name, rule) for name in names)}
+
+    return profile, unused
+
+
+def test_the_security_policy_lets_the_node_do_what_it_does_and_no_more(found):
+    publishers, subscribers, services, *_ = found
+    profile, unused = rules('simulator', 'simulator')
+
+    def topics(names):
+        """Without those that make up an action."""
+        return [name for name in names if '/_action/' not in name]
 
     # tf needs tf2_msgs; rclpy reads parameter events on some distributions only
-    assert unused(publishers, 'topics', 'publish') <= {'/tf'}
+    assert unused(topics(publishers), 'topics', 'publish') <= {'/tf'}
     assert unused(subscribers, 'topics', 'subscribe') <= {'/parameter_events'}
-    assert unused(services, 'services', 'reply') == set()
+    # what needs simulation_interfaces
+    standard = {resolved(n) for names, kind in table('Services') for n in names if 'sim' in kind}
+    assert unused(topics(services), 'services', 'reply') <= standard
+    (action,) = profile.findall('actions')
+    assert [(action.get('execute'), item.text) for item in action] == [
+        ('ALLOW', '~/simulate_steps')
+    ]
+
+
+def test_the_security_policy_lets_the_view_do_what_it_does_and_no_more():
+    peer, (_, unused) = Peer(), rules('view', 'view')
+    with ViewProcess() as view, urllib.request.urlopen(f'{view.url}events'):
+
+        def of_view(what):
+            try:
+                ask = getattr(peer.node, f'get_{what}_names_and_types_by_node')
+                return dict(ask('view', '/'))
+            except NodeNameNonExistentError:
+                return {}
+
+        # the last of each that it makes
+        peer.until(lambda: '/diagnostics' in of_view('subscriber'), 'its subscriptions')
+        peer.until(lambda: '/joint_commands' in of_view('publisher'), 'its publishers')
+        peer.until(lambda: '/simulator/set_parameters' in of_view('client'), 'its clients')
+        subscribers = of_view('subscriber')
+        assert unused(subscribers, 'topics', 'subscribe') <= {'/parameter_events'}
+        assert unused(of_view('publisher'), 'topics', 'publish') == set()
+        assert unused(of_view('client'), 'services', 'request') == set()
+    peer.close()
 
 
 @pytest.mark.parametrize(('given', 'found'), [({}, 'LOCALHOST'), ({RANGE: 'SUBNET'}, 'SUBNET')])

@@ -56,6 +56,9 @@ def launch(tmp_path):
         executable = prefix / 'lib' / package / program
         executable.write_text(SIMULATOR if package == 'alf_ros' else KEEP)
         executable.chmod(0o755)
+    view = prefix / 'lib/alf_ros/view'
+    view.write_text(KEEP)
+    view.chmod(0o755)
     for name in ('launch', 'config', 'rviz', 'package.xml'):
         (prefix / 'share/alf_ros' / name).symlink_to(ROOT / name)
 
@@ -98,13 +101,15 @@ def test_simulate(launch, tmp_path):
     assert stamps == [1] + [10_000_000 * k for k in range(1, 51)]
 
 
-def test_simulate_without_a_log_and_with_a_view(launch, tmp_path):
-    done = launch('simulate.launch.py', 'record:=false', 'duration:=0.1', 'view:=true')
+def test_simulate_without_a_log_and_shown(launch, tmp_path):
+    shown = 'view:=true', 'rviz:=true'
+    done = launch('simulate.launch.py', 'record:=false', 'duration:=0.1', *shown)
     assert done.returncode == 0, done.stderr
     assert not list(tmp_path.glob('logs/*'))
     arguments, _ = kept(tmp_path, 'rviz2')
     config = Path(arguments[arguments.index('-d') + 1])
     assert config.samefile(ROOT / 'rviz/simulator.rviz')
+    kept(tmp_path, 'view')
 
 
 @pytest.mark.parametrize('wrong', ['rate:=often', 'record:=perhaps', 'scene:=four_baar'])

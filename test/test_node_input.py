@@ -9,6 +9,7 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
 from alf_ros import Simulation
+from alf_ros.saved_states import read_curve
 from alf_ros.scene import scene_from_text
 
 
@@ -33,8 +34,11 @@ def repeat(log):
             if entry['kind'] == 'wrench':
                 keys = ('name', 'force', 'torque', 'frame')
                 simulation.apply_wrench(**{key: entry[key] for key in keys})
+            elif entry['kind'] == 'target':
+                position = read_curve(entry['position'])
+                simulation.apply_target(entry['name'], position, entry['velocity'])
             else:
-                simulation.apply_effort(entry['name'], entry['effort'])
+                simulation.apply_effort(entry['name'], read_curve(entry['effort']))
         simulation.step(step - simulation.step_index)
         found[stamp] = list(simulation.sample().joint_positions)
     return found

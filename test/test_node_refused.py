@@ -52,8 +52,16 @@ REFUSED_EFFORTS = {
         'wrong_length',
         '2 names',
     ),
-    'positions alone': (JointState(name=['knee'], position=[1.0]), 'no_effort', 'without effort'),
-    'velocities alone': (JointState(name=['knee'], velocity=[1.0]), 'no_effort', 'without effort'),
+    'positions alone': (
+        JointState(name=['knee'], position=[1.0]),
+        'not_controlled',
+        'no motor controls the position',
+    ),
+    'velocities alone': (
+        JointState(name=['knee'], velocity=[1.0]),
+        'not_controlled',
+        'no motor controls the velocity',
+    ),
     'a joint twice': (
         JointState(name=['knee', 'knee'], effort=[1.0, 2.0]),
         'repeated_name',

@@ -188,6 +188,10 @@ def fill(message, fields):
             setattr(message, name, value)
 
 
+def test_the_view():
+    assert made('make view')[1:] == ['-m', 'alf_ros', 'view']
+
+
 def test_library_without_ros(folder):
     """api.py prints what README.md says, digit for digit."""
     output, promised = program(folder, 'api.py')
@@ -217,4 +221,4 @@ def test_everything_named_exists():
     assert len(links) > 5
     assert [link for link in links if not (ROOT / link).exists()] == []
     commands = [text.strip() for kind, text in BLOCKS if kind == 'sh']
-    assert commands == ['make run', 'make run SCENE=ellipse.yaml DURATION=2']
+    assert commands == ['make run', 'make view', 'make run SCENE=ellipse.yaml DURATION=2']

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
+from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from types import ModuleType
@@ -21,6 +22,7 @@ __all__ = ['Effect', 'full_name', 'kinds', 'load', 'own', 'short_name']
 _GROUP = 'alf_ros.effects'
 
 
+@cache
 def own() -> tuple[str, ...]:
     """Names of the effects in this folder, none of them imported."""
     names = (module.name for module in pkgutil.iter_modules(__path__))

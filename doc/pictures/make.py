@@ -1,7 +1,7 @@
-"""Draw the pictures of README.md from runs of alf_ros: `.venv/bin/python doc/pictures/make.py`.
+"""Draw the pictures of README.md and doc/: `.venv/bin/python doc/pictures/make.py`.
 
 passes.png: two mechanisms going through a singular position, and how far a run of 10 s is from the
-exact solution (test/data) at a dozen steps.
+exact solution (test/data) at a dozen steps. frames.png: what a wrench command means.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from matplotlib.patches import Polygon
 from matplotlib.ticker import FixedLocator, NullFormatter, StrMethodFormatter
 
 from alf_ros import Sample, Simulation, load_scene
+from alf_ros.arrays import Floats
 
 HERE = Path(__file__).resolve().parent
 DATA = HERE.parents[1] / 'test' / 'data'
@@ -145,6 +146,57 @@ def passes() -> None:
     figure.savefig(HERE / 'passes.png', dpi=150)
 
 
+def arrow(axes: Axes, tail: Floats, vector: Floats, colour: str, width: float = 2.2) -> None:
+    """An arrow from `tail`."""
+    style = {'arrowstyle': '-|>', 'color': colour, 'linewidth': width, 'shrinkA': 0, 'shrinkB': 0}
+    axes.annotate('', tail + vector, tail, arrowprops={**style, 'mutation_scale': 13})
+
+
+def cross(axes: Axes, at: Floats, turn: Floats, name: str, colour: str) -> None:
+    """The axes of a frame."""
+    for vector, label in zip(turn.T, 'xy', strict=True):
+        arrow(axes, at, 0.38 * vector, colour, 1.4)
+        axes.annotate(label, at + 0.47 * vector, color=colour, ha='center', va='center')
+    axes.annotate(name, at - 0.14 * turn.sum(axis=1), color=colour, ha='center', va='center')
+
+
+def frames() -> None:
+    """Draw frames.png: a plate, and a force of (1, 0.5) N in each of the three cases."""
+    figure, panels = plt.subplots(1, 3, figsize=(11.5, 3.3), layout='constrained')
+    turn = np.array([[np.cos(0.55), -np.sin(0.55)], [np.sin(0.55), np.cos(0.55)]])
+    corners = turn @ np.array([[0.0, 2.0, 0.6], [0.0, 0.0, 1.6]]) + [[1.3], [0.0]]
+    centre, force = corners.mean(axis=1), np.array([0.9, 0.45])
+    cases = (
+        ('~/wrench/plate, frame_id world', centre, force, True),
+        ('~/wrench/plate, frame_id plate', centre, turn @ force, True),
+        ('~/wrench/C, frame_id world', corners[:, 2], force, False),
+    )
+    for axes, (title, at, vector, torque) in zip(panels, cases, strict=True):
+        axes.add_patch(Polygon(corners.T, facecolor=GRID, edgecolor=PALE, linewidth=1.5))
+        cross(axes, np.array([0.0, 0.0]), np.eye(2), 'world', INK)
+        cross(axes, corners[:, 0], turn, 'plate', TEAL)
+        axes.plot(*centre, 'o', color=INK, markersize=4)
+        axes.plot(*corners, 'o', color='white', markeredgecolor=INK, markersize=6)
+        beside = ([-0.17, 0.02], [0.17, 0.0], [0.0, 0.16])
+        for name, corner, offset in zip('ABC', corners.T, beside, strict=True):
+            axes.annotate(name, corner + offset, ha='center', va='center', color=INK)
+        arrow(axes, at, vector, ORANGE, 2.8)
+        axes.annotate(
+            'force', at + vector, xytext=(4, 2), textcoords='offset points', color=ORANGE
+        )
+        if torque:
+            angles = np.linspace(-0.6, 3.4, 40)
+            arc = centre[:, None] + 0.2 * np.array([np.cos(angles), np.sin(angles)])
+            axes.plot(*arc[:, :-3], color=BLUE, linewidth=2.0)
+            arrow(axes, arc[:, -4], arc[:, -1] - arc[:, -4], BLUE, 2.0)
+            axes.annotate('torque', centre + [-0.02, -0.4], color=BLUE, ha='center')
+        axes.set_title(title, family='DejaVu Sans Mono', fontsize=10)
+        axes.set(xlim=(-0.35, 3.5), ylim=(-0.35, 2.45), aspect='equal')
+        axes.axis('off')
+    figure.savefig(HERE / 'frames.png', dpi=110)
+
+
 if __name__ == '__main__':
     with plt.rc_context(STYLE):
         passes()
+        frames()
