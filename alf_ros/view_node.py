@@ -118,8 +118,13 @@ class ViewNode(Node):
             self._state = 'playing'  # the next report knows better
 
     def _on_scene(self, message: String) -> None:
-        """A run begins: another simulator, another scene, or this one from its start."""
-        self._scene = yaml.safe_load(message.data)
+        """A run begins: another simulator, another scene, or this one from its start.
+
+        Unless only numbers of its effects are others: then the run goes on.
+        """
+        before, self._scene = self._scene, yaml.safe_load(message.data)
+        if before != self._scene and _without_effects(before) == _without_effects(self._scene):
+            return
         self._runs += 1
         self._heard.clear()
         self._joints, self._reacting = [], []
@@ -172,6 +177,10 @@ class ViewNode(Node):
         for status in found:
             values = {value.key: value.value for value in status.values}
             self._state = values.get('state', self._state)
+
+
+def _without_effects(scene: Json) -> Json:
+    return {key: value for key, value in scene.items() if key != 'effects'}
 
 
 def _seconds(header: Any) -> float:

@@ -49,7 +49,7 @@ def test_trajectories(started, peer):
     publisher.publish(first)
     peer.until(lambda: stands_at(1.3), 'the end of the first')
     # the newest counts: this one turns back under way
-    publisher.publish(message(point(0.6, [1.9], [0.0]), names=['crank_pin']))
+    publisher.publish(message(point(3.0, [1.9], [0.0]), names=['crank_pin']))
     peer.until(lambda: heard[-1].position[crank] > 1.35, 'the second under way')
     publisher.publish(message(point(0.5, [0.7], [0.0]), names=['crank_pin']))
     peer.until(lambda: stands_at(0.7), 'the end of the third')

@@ -10,6 +10,8 @@ import threading
 
 import pytest
 from browser import CHROMIUM, Browser
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
 from ros_node import LIMIT, ROOT, START_LIMIT, Diagnostics, Peer, SimulatorProcess
 from sensor_msgs.msg import JointState
 
@@ -214,9 +216,9 @@ def test_the_page_shows_the_simulator_and_commands_it(tmp_path, peer):
         page.click('#pause')
         state('paused')
         peer.until(lambda: found.value('solver', 'state') == 'paused', 'a pause')
-        count = len(heard)
-        peer.until(lambda: len(heard) > count + 1, 'the state said again')
-        before = ticks()
+        before = round(500 * float(found.value('solver', 'simulated_time_s')))
+        peer.until(lambda: ticks() == before, 'all that came before')
+        page.until(f"document.getElementById('time').textContent === '{before / 500:.3f} s'")
         page.run("document.getElementById('ticks').value = 25")
         page.click('#step')
         peer.until(lambda: ticks() == before + 25, '25 ticks')
@@ -229,6 +231,16 @@ def test_the_page_shows_the_simulator_and_commands_it(tmp_path, peer):
         effort = float(page.run("document.querySelectorAll('.joint input')[1].value"))
         assert effort > 1.0
         peer.until(lambda: list(heard[-1].effort) == [0.0, effort, 0.0], 'the effort')
+        # another number of an effect is no new run
+        run, energy = page.run('about.run'), page.run('picture.energy')
+        gravity = Parameter('effects.gravity.acceleration', value=[0.0, -1.62])
+        request = {'parameters': [gravity.to_parameter_msg()]}
+        assert (
+            peer.call(SetParameters, '/simulator/set_parameters', **request).results[0].successful
+        )
+        page.until(f'picture.energy !== {energy}')
+        assert page.run('about.run') == run
+        assert float(page.run("document.querySelectorAll('.joint input')[1].value")) == effort
         page.click('#zero')
         peer.until(lambda: list(heard[-1].effort) == [0.0, 0.0, 0.0], 'no effort')
 

@@ -171,7 +171,11 @@ function onPicture(found) {
   const first = !picture;
   picture = found;
   const last = record.at(-1);
-  if (last && found.t < last.t) { record = []; trail = []; }
+  if (last && found.t < last.t) {
+    forget();
+    listJoints();
+    picture = found;
+  }
   if (found.t !== undefined && found.t !== record.at(-1)?.t) {
     record.push({t: found.t, energy: found.energy, error: found.violation?.[0]});
     while (record[0].t < found.t - WINDOW) record.shift();
