@@ -34,6 +34,7 @@ class Output:
     def __init__(self, node: Node, name: str, message_type: type, qos: QoSProfile) -> None:
         self.mode = 'auto'
         self.recorder: Recorder | None = None
+        self.essential = False  # to repeat the run
         self.type = message_type
         # rclpy writes overrides into the profile it is given.
         self.qos = copy.copy(qos)
@@ -63,7 +64,7 @@ class Output:
         if self.published:
             self._publisher.publish(data)
         if record and self.recorder is not None:
-            self.recorder.write(self.topic, self.type, self.qos, ns, data)
+            self.recorder.write(self.topic, self.type, self.qos, ns, data, self.essential)
 
 
 class Outputs:
@@ -91,9 +92,15 @@ class Outputs:
         }
         self._recorded = [output for name, output in self.optional.items() if name in recorded]
         self._recorded += [self.journal, self.scene]
+        self.journal.essential = self.scene.essential = True
         self._shown = {topic.name for topic in TOPICS if topic.shown}
         self._ticks = 0
         self._undescribed: Scene | None = None
+
+    @property
+    def topics(self) -> dict[str, str]:
+        """Where each topic of samples is after remapping, by the name a user writes."""
+        return {name: output.topic for name, output in self.samples.items()}
 
     def prepare(self, model: Model) -> None:
         """Make the messages for a mechanism."""

@@ -29,7 +29,14 @@ MODES = {'auto': 'auto', 'on': 'on', 'off': 'off', True: 'on', False: 'off'}
 OFFERED = (*(topic.name for topic in TOPICS), '/diagnostics', 'robot_description')
 TOPIC_NAMES = OFFERED if TF in OFFERED else (*OFFERED, TF)
 _DEFAULT_MODE = {TF: 'off'}
-RECORDED = ['joint_states', '~/reactions', '~/constraints', '~/energy', '/diagnostics']
+RECORDED = [
+    'joint_states',
+    '~/reactions',
+    '~/constraints',
+    '~/state',
+    '~/energy',
+    '/diagnostics',
+]
 # A saved state's name is a file's name.
 _STATE_NAME = re.compile(r'[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}')
 # Numbers of effects are parameters up to this many: declaring one takes a tenth of a millisecond.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
 from pathlib import Path
 from typing import Any
@@ -11,10 +10,11 @@ from typing import Any
 from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 
+from alf_ros import provenance
 from alf_ros.errors import StepError
+from alf_ros.logs import journal
 from alf_ros.messages import stamp_ns
 from alf_ros.outputs import Outputs
-from alf_ros.provenance import versions
 from alf_ros.recorder import Recorder
 from alf_ros.saved_states import as_data
 from alf_ros.settings import Setup
@@ -37,6 +37,7 @@ class Run:
         self.initial_energy = 0.0
         self.closest = math.inf  # to a singular position, since somebody set it back
         self._outputs, self._duration, self._folder = outputs, duration, log_folder
+        self._chain = ''  # digest of the journal so far
         self._ahead = 0  # ns by which stamps are ahead of the simulated time
 
     @property
@@ -72,20 +73,15 @@ class Run:
             self.simulation.restore(state)
         self._ahead = later - round(self.simulation.t * 1e9) if keep_time else 0
         self.failure = None
-        scene = self.setup.scene
-        about: dict[str, Any] = {
-            'scene': scene.name,
-            'scene_sha256': scene.hash,
-            **self._settings(),
-            'stamps_ahead_ns': self._ahead,
-            'versions': versions(),
-        }
+        scene, solver = self.setup.scene, self.simulation.solver
+        topics = self._outputs.topics
+        about = provenance.start(scene, solver, self.setup.steps, self._ahead, topics)
         if state is not None:
             about['state'] = as_data(state)
         if self._folder is not None:
-            info = {k: v if isinstance(v, str) else json.dumps(v) for k, v in about.items()}
-            info['scene_text'] = scene.text
+            info = provenance.record(about, scene)
             self.recorder = Recorder(self._folder, scene.name, info)
+        self._chain = ''
         self._outputs.record(self.recorder)
         self._outputs.describe(scene, self.stamp)
         self.note({'kind': 'start', **about})
@@ -130,7 +126,7 @@ class Run:
         """Write to the journal what acts from the step that follows the steps made so far."""
         if self._outputs.journal.wanted:
             step, t = self.simulation.step_index, self.simulation.t
-            text = json.dumps({'step': step, 't': t, **entry})
+            text, self._chain = journal.chained({'step': step, 't': t, **entry}, self._chain)
             self._outputs.journal.send(serialize_message(String(data=text)), self.stamp)
 
     def close(self) -> None:
