@@ -10,5 +10,6 @@ COMMANDS = {
     'check': 'alf_ros.check',
     'hard_cases': 'alf_ros.hard_cases',
     'figures': 'alf_ros.figures',
+    'verify': 'alf_ros.logs.verify',
     'effects': 'alf_ros.effects_command',
 }

@@ -13,12 +13,12 @@ from std_msgs.msg import String
 from alf_ros import provenance
 from alf_ros.display import Display
 from alf_ros.logs import journal
-from alf_ros.messages import stamp_ns
 from alf_ros.readings import READINGS
 from alf_ros.recorder import Recorder, Split
 from alf_ros.saved_states import as_data
 from alf_ros.settings import Setup
 from alf_ros.simulation import State
+from alf_ros.stamps import stamp_ns
 from alf_ros.topics import LATCHED, RELIABLE, TOPICS
 
 RECORDED = tuple(reading.name for reading in READINGS.values())

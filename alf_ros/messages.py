@@ -35,14 +35,6 @@ _STAMP = struct.Struct('<iI')
 Write = Callable[['Sample', int], bytes]
 
 
-def stamp_ns(t: float, ahead: int = 0) -> int:
-    """Stamp (ns) of the simulated time `t` (s), to the nearest nanosecond, and `ahead` (ns) more.
-
-    A stamp of zero means "no time yet" in ROS, so the initial state at t = 0 is stamped 1 ns.
-    """
-    return max(1, round(t * 1e9) + ahead)
-
-
 def to_time(ns: int) -> Time:
     """The stamp as a message."""
     seconds, nanoseconds = divmod(ns, 1_000_000_000)

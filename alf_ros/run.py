@@ -13,12 +13,12 @@ from std_msgs.msg import String
 from alf_ros import provenance
 from alf_ros.errors import StepError
 from alf_ros.logs import journal
-from alf_ros.messages import stamp_ns
 from alf_ros.outputs import Outputs
 from alf_ros.recorder import Recorder
 from alf_ros.saved_states import as_data
 from alf_ros.settings import Setup
 from alf_ros.simulation import Simulation, State
+from alf_ros.stamps import stamp_ns
 
 
 class Run:

@@ -13,7 +13,7 @@ PACKAGE = ROOT / 'alf_ros'
 
 # Every module of the package, room by room: each imports from its own room and from earlier ones.
 ROOMS = {
-    'errors': ['errors', 'arrays', 'commands', 'resources', 'structs'],
+    'errors': ['errors', 'arrays', 'commands', 'resources', 'stamps', 'structs'],
     'kernel': [
         'kernel',
         'kernel.adaptive',
@@ -126,13 +126,17 @@ ROOMS = {
     ],
     'logs': [
         'logs',
+        'logs.arguments',
         'logs.cdr',
+        'logs.comparison',
         'logs.container',
         'logs.export',
         'logs.journal',
         'logs.log',
         'logs.progress',
+        'logs.rerun',
         'logs.series',
+        'logs.verify',
     ],
     'messages': ['messages', 'display', 'markers', 'topics', 'transforms', 'urdf'],
     'recorder': ['recorder', 'bag', 'log_file', 'log_run'],

@@ -12,16 +12,14 @@ import pytest
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Twist, Vector3, Wrench
-from mcap.reader import make_reader
+from log_files import make, read_by_others, rewritten
 from mcap.writer import CompressionType, Writer
-from mcap_ros2.reader import read_ros2_messages
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import Imu, JointState, MultiDOFJointState
 from std_msgs.msg import Empty, Float64, Header, String
 
-from alf_ros import Simulation, bag, load_scene, settings
+from alf_ros import Simulation, bag, load_scene
 from alf_ros.errors import InputError
-from alf_ros.log_run import LogRun
 from alf_ros.logs import container, export, journal, load
 from alf_ros.logs.cdr import Decoder
 
@@ -48,25 +46,6 @@ def force(t, q, qd, near, slots, params, Q):
 """
 
 
-def make(folder, scene, ticks=TICKS, push_at=100, **keywords):
-    """A log of a scene with one push, and its simulation at the end."""
-    setup = settings.made(load_scene(scene), {})
-    run = LogRun(folder, setup, **keywords)
-    simulation = setup.simulation
-    run.send()
-    for tick in range(1, ticks + 1):
-        if tick == push_at:
-            body = simulation.model.body_names[-1]
-            force = [1.0 / 3.0] + [0.0] * (simulation.model.layout.dimension - 1)
-            simulation.apply_wrench(body, force)
-            wrench = {'name': body, 'force': force, 'torque': 0.0, 'frame': 'world'}
-            run.note({'kind': 'wrench', 'cause': 'command', **wrench})
-        simulation.step(setup.steps)
-        run.send()
-    run.close()
-    return run.recorder.path, simulation
-
-
 @pytest.fixture(scope='module')
 def made(tmp_path_factory):
     return make(tmp_path_factory.mktemp('logs'), 'slider_crank')
@@ -75,13 +54,6 @@ def made(tmp_path_factory):
 @pytest.fixture(scope='module')
 def path(made):
     return made[0]
-
-
-def read_by_others(path):
-    found = {}
-    for message in read_ros2_messages(str(path)):
-        found.setdefault(message.channel.topic, []).append((message.log_time_ns, message.ros_msg))
-    return found
 
 
 def check_series(log, others):
@@ -162,30 +134,6 @@ def test_pieces_are_the_whole_in_the_order_written(tmp_path):
         assert {series.topic for series in piece} == {'/joint_states', '/simulator/energy'}
     stamps = [t for piece in pieces for s in piece if s.topic == '/joint_states' for t in s.stamp]
     assert stamps == log.read('joint_states').stamp.tolist()
-
-
-def rewritten(path, folder, compression=CompressionType.ZSTD, chunking=True, change=None):
-    """The log written by another writer; `change(topic, data)` may change or drop (None) data."""
-    target = folder / 'rewritten_0.mcap'
-    with open(path, 'rb') as source, open(target, 'wb') as stream:
-        reader = make_reader(source)
-        writer = Writer(stream, compression=compression, use_chunking=chunking, chunk_size=50_000)
-        writer.start('ros2', 'test')
-        for record in reader.iter_metadata():
-            writer.add_metadata(record.name, record.metadata)
-        channels = {}
-        for schema, channel, message in reader.iter_messages(log_time_order=False):
-            if channel.id not in channels:
-                id_ = writer.register_schema(schema.name, schema.encoding, schema.data)
-                channels[channel.id] = writer.register_channel(
-                    channel.topic, channel.message_encoding, id_, channel.metadata
-                )
-            data = change(channel.topic, message.data) if change else message.data
-            if data is not None:
-                stamps = message.log_time, data, message.publish_time, message.sequence
-                writer.add_message(channels[channel.id], *stamps)
-        writer.finish()
-    return target
 
 
 @pytest.mark.parametrize('compression', ['NONE', 'LZ4', 'ZSTD'])

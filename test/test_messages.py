@@ -13,7 +13,8 @@ from sensor_msgs.msg import JointState
 from alf_ros import Simulation, diagnostics, load_scene, state_vector
 from alf_ros.display import Display
 from alf_ros.errors import StepError
-from alf_ros.messages import stamp_ns, to_time
+from alf_ros.messages import to_time
+from alf_ros.stamps import stamp_ns
 from alf_ros.topics import TOPICS
 
 HANGING_ROD = {

@@ -13,6 +13,7 @@ from typing import Any
 
 _LENGTH = 16
 SEAL = 'seal'
+UNREADABLE = 'unreadable'
 
 
 def chained(entry: dict[str, Any], seal: str) -> tuple[str, str]:
@@ -24,12 +25,29 @@ def chained(entry: dict[str, Any], seal: str) -> tuple[str, str]:
     return json.dumps({**entry, SEAL: own}), own
 
 
+def read(text: str) -> dict[str, Any]:
+    """An entry from its text; of the kind 'unreadable' if it is none."""
+    try:
+        entry = json.loads(text)
+        if isinstance(entry, dict) and isinstance(entry['step'], int) and 'kind' in entry:
+            return entry
+    except (ValueError, KeyError):
+        pass
+    return {'step': -1, 'kind': UNREADABLE, 'text': text, SEAL: ''}
+
+
 def fault(entry: dict[str, Any], seal: str) -> str:
     """What is wrong with an entry behind the one with `seal`; '' if nothing, or if it is of a
     journal without seals."""
     if SEAL not in entry or entry[SEAL] == _seal(entry, seal):
         return ''
     return 'changed after it was written, or one before it is missing'
+
+
+def told(entry: dict[str, Any]) -> str:
+    """An entry in a few words."""
+    names = f' {entry["name"]}' if 'name' in entry else ''
+    return f'step {entry["step"]}, {entry["kind"]}{names}'
 
 
 def _seal(entry: dict[str, Any], seal: str) -> str:

@@ -19,7 +19,7 @@ import numpy as np
 from alf_ros import effect_file
 from alf_ros.arrays import Floats, Integers
 from alf_ros.errors import InputError
-from alf_ros.logs import container, progress
+from alf_ros.logs import container, journal, progress
 from alf_ros.logs.container import Contents
 from alf_ros.logs.series import ChannelReader, Series, joined
 from alf_ros.scene import Scene, scene_from_text
@@ -130,7 +130,7 @@ class Log:
                 numbers[topic] = max(numbers.get(topic, 0), number)
                 if topic == where:
                     for series in ChannelReader(channel).series(block, rows):
-                        found.inputs += [_entry(message, self.path) for message in series.messages]
+                        found.inputs += [journal.read(message['data']) for message in series.messages]
         for topic, number in numbers.items():
             if number > found.counts[topic]:
                 found.lost[topic] = number - found.counts[topic]
@@ -244,9 +244,3 @@ def _number(path: Path) -> tuple[str, int]:
     match = _PART.fullmatch(path.name)
     return (match[1], int(match[2] or 0)) if match else (path.name, 0)
 
-
-def _entry(message: dict[str, Any], path: Path) -> dict[str, Any]:
-    try:
-        return dict(json.loads(message['data']))
-    except (TypeError, ValueError):
-        raise InputError('an entry of the journal is not JSON', file=str(path)) from None

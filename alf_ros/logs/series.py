@@ -18,6 +18,7 @@ from alf_ros.logs.container import Block, Bytes, Channel
 _STAMP = slice(4, 12)  # of a header, which is the first field where there is one
 _JOINT_STATE = 'sensor_msgs/msg/JointState'
 _WRENCHES = 'sensor_msgs/msg/MultiDOFJointState'
+COMPONENTS = tuple(f'{what}.{axis}' for what in ('force', 'torque') for axis in 'xyz')
 _NUMBER = 'std_msgs/msg/Float64'
 NUMERIC = (_JOINT_STATE, _WRENCHES, _NUMBER)
 
@@ -52,14 +53,12 @@ class Series:
             for k, name in enumerate(self.names or ('',)):
                 label = f'{key}.{name}' if self.names else key
                 if values.ndim == 3:
-                    for c, component in enumerate(_COMPONENTS):
+                    for c, component in enumerate(COMPONENTS):
                         found[f'{label}.{component}'] = values[:, k, c]
                 else:
                     found[label] = values[:, k]
         return found
 
-
-_COMPONENTS = tuple(f'{what}.{axis}' for what in ('force', 'torque') for axis in 'xyz')
 
 
 def joined(pieces: Sequence[Series]) -> Series:
