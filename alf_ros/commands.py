@@ -11,5 +11,6 @@ COMMANDS = {
     'hard_cases': 'alf_ros.hard_cases',
     'figures': 'alf_ros.figures',
     'verify': 'alf_ros.logs.verify',
+    'recover': 'alf_ros.recover',
     'effects': 'alf_ros.effects_command',
 }

@@ -105,7 +105,9 @@ def _joint_state(names: tuple[str, ...], reading: Reading) -> Write | None:
     count = len(names)
 
     def make(marks: list[float]) -> JointState:
-        arrays = {key: [mark] * count for key, mark in zip(reading.fields, marks, strict=True)}
+        # rosbags cannot read a last array that is empty
+        arrays = {'effort': [0.0] * count}
+        arrays |= {key: [mark] * count for key, mark in zip(reading.fields, marks, strict=True)}
         return JointState(header=Header(stamp=STAMP), name=list(names), **arrays)
 
     template = Template(make, [count] * len(reading.fields))

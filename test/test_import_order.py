@@ -139,7 +139,7 @@ ROOMS = {
         'logs.verify',
     ],
     'messages': ['messages', 'display', 'markers', 'topics', 'transforms', 'urdf'],
-    'recorder': ['recorder', 'bag', 'log_file', 'log_run'],
+    'recorder': ['recorder', 'bag', 'log_file', 'log_run', 'recover'],
     'node': [
         'node',
         'command_messages',

@@ -148,7 +148,7 @@ def test_numbers_find_their_place_whatever_the_names(length):
     assert (wrench.force.z, wrench.torque.x, wrench.torque.y, wrench.torque.z) == (0, 0, 0, 0)
 
 
-@pytest.mark.parametrize('scene', ['slider_crank', 'stewart_platform', 'rolling_disk'])
+@pytest.mark.parametrize('scene', ['slider_crank', 'stewart_platform', 'delta_robot'])
 @pytest.mark.parametrize('formulation', ['alf2', 'alf1'])
 def test_the_message_of_a_state_is_that_state(scene, formulation):
     simulation = Simulation(load_scene(scene), formulation=formulation)

@@ -43,8 +43,8 @@ class Channel:
 
 @dataclass
 class Contents:
-    """What a file says of itself, as far as it was read: `damage` is where it ends before its end,
-    '' if it does not."""
+    """What a file says of itself, as far as it was read: `damage` is the first place that cannot
+    be read, '' if there is none."""
 
     channels: dict[int, Channel] = field(default_factory=dict)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
@@ -76,12 +76,13 @@ class Block:
 def blocks(path: Path, contents: Contents) -> Iterator[Block]:
     """Every whole chunk of a file; `contents` grows as they are read.
 
-    A file that is cut off ends at its last whole chunk, and so does one with a wrong checksum:
-    what comes behind cannot be told from noise. Raises InputError if it is no MCAP file at all.
+    A file that is cut off ends at its last whole chunk; chunks with a wrong checksum are passed
+    over. Raises InputError if it is no MCAP file at all.
     """
     schemas: dict[int, tuple[str, str]] = {}
     with _opened(path) as stream:
-        if stream.read(len(MAGIC)) != MAGIC:
+        head = stream.read(len(MAGIC))
+        if head != MAGIC[: len(head)]:
             raise InputError('not an MCAP file', file=str(path))
         while True:
             at = stream.tell()
@@ -90,7 +91,7 @@ def blocks(path: Path, contents: Contents) -> Iterator[Block]:
                 if code == DATA_END:
                     stream.seek(max(0, path.stat().st_size - len(MAGIC)))
                     if stream.read() != MAGIC:
-                        raise _Damaged('index cut off')
+                        raise _Damaged('index cut off', ends=True)
                     return
                 if code == CHUNK:
                     yield _block(_unpacked(content, path), contents, schemas, stream.tell())
@@ -100,12 +101,17 @@ def blocks(path: Path, contents: Contents) -> Iterator[Block]:
                 else:
                     _note(code, content, contents, schemas)
             except _Damaged as damaged:
-                contents.damage = f'{damaged} at byte {at}'
-                return
+                contents.damage = contents.damage or f'{damaged} at byte {at}'
+                if damaged.ends:
+                    return
 
 
 class _Damaged(Exception):
-    """From here on the file cannot be read."""
+    """What cannot be read: a record, or, where the file `ends` with it, all that is left."""
+
+    def __init__(self, what: str, ends: bool = False) -> None:
+        super().__init__(what)
+        self.ends = ends
 
 
 def _opened(path: Path) -> BinaryIO:
@@ -118,13 +124,13 @@ def _opened(path: Path) -> BinaryIO:
 def _record(stream: BinaryIO) -> tuple[int, bytes]:
     head = stream.read(9)
     if len(head) < 9:
-        raise _Damaged('cut off')
+        raise _Damaged('cut off', ends=True)
     code, length = struct.unpack('<BQ', head)
     if length > _LONGEST:
-        raise _Damaged('broken')
+        raise _Damaged('broken', ends=True)
     content = stream.read(length)
     if len(content) < length:
-        raise _Damaged('cut off')
+        raise _Damaged('cut off', ends=True)
     return code, content
 
 

@@ -73,7 +73,8 @@ class Log:
             raise InputError(
                 'not a log of this simulator', file=str(self.path), expected='a record alf_ros'
             )
-        told = dict(contents.metadata['alf_ros'])
+        self.record = contents.metadata['alf_ros']
+        told = dict(self.record)
         self.scene_text = told.pop('scene_text')
         self.info: dict[str, Any] = {
             key: text if key in _TEXTS else json.loads(text) for key, text in told.items()
@@ -144,7 +145,7 @@ class Log:
 
     @property
     def damage(self) -> str:
-        """Where the log ends before its end, such as after a kill; '' if it was closed."""
+        """Where the log cannot be read, such as its end after a kill; '' if it is whole."""
         return self.survey.damage
 
     # ------------------------------------------------------------------------------------- content
@@ -208,8 +209,13 @@ class Log:
 
     def time(self, stamp: Integers) -> Floats:
         """Simulated time (s) of stamps (ns), to the nanosecond."""
-        ns = stamp - self.ahead
+        ns = np.asarray(stamp) - self.ahead
         return np.where(ns == 1, 0, ns) * 1e-9
+
+    @property
+    def end(self) -> float:
+        """Simulated time of the last message, s."""
+        return float(self.time(np.array(self.survey.last)))
 
     @property
     def states(self) -> States:
