@@ -173,6 +173,27 @@ def node_specs(rate: float) -> list[Spec]:
         Spec('record.folder', 'logs', 'Folder in which each run makes a folder for its log'),
         Spec('record.topics', RECORDED, f'Recorded topics, of {", ".join(TOPIC_NAMES)}'),
         Spec(
+            'record.max_size',
+            0,
+            'Bytes after which a log goes on in another file, bytes; 0: never',
+            (0, 10**15),
+        ),
+        Spec(
+            'record.max_duration',
+            0.0,
+            'Simulated seconds after which a log goes on in another file, s; 0: never',
+            (0.0, 1e9),
+        ),
+        *(
+            Spec(
+                f'record.rate.{name.rpartition("/")[2]}',
+                0.0,
+                f'Messages of {name} in the log per simulated second, Hz; 0: all',
+                (0.0, 1e5),
+            )
+            for name in dict.fromkeys((*(topic.name for topic in TOPICS), TF))
+        ),
+        Spec(
             'display_rate',
             30.0,
             'Messages per simulated second on ~/markers and tf, Hz, at most `rate`',

@@ -14,7 +14,7 @@ from alf_ros import provenance
 from alf_ros.errors import StepError
 from alf_ros.logs import journal
 from alf_ros.outputs import Outputs
-from alf_ros.recorder import Recorder
+from alf_ros.recorder import Recorder, Split
 from alf_ros.saved_states import as_data
 from alf_ros.settings import Setup
 from alf_ros.simulation import Simulation, State
@@ -29,14 +29,20 @@ class Run:
     """
 
     def __init__(
-        self, setup: Setup, outputs: Outputs, duration: float, log_folder: Path | None
+        self,
+        setup: Setup,
+        outputs: Outputs,
+        duration: float,
+        log_folder: Path | None,
+        split: Split | None = None,
     ) -> None:
         self.setup = setup
         self.recorder: Recorder | None = None
         self.failure: StepError | None = None
         self.initial_energy = 0.0
         self.closest = math.inf  # to a singular position, since somebody set it back
-        self._outputs, self._duration, self._folder = outputs, duration, log_folder
+        self._outputs, self._duration = outputs, duration
+        self._folder, self._split = log_folder, split
         self._chain = ''  # digest of the journal so far
         self._ahead = 0  # ns by which stamps are ahead of the simulated time
 
@@ -80,7 +86,7 @@ class Run:
             about['state'] = as_data(state)
         if self._folder is not None:
             info = provenance.record(about, scene)
-            self.recorder = Recorder(self._folder, scene.name, info)
+            self.recorder = Recorder(self._folder, scene.name, info, split=self._split)
         self._chain = ''
         self._outputs.record(self.recorder)
         self._outputs.describe(scene, self.stamp)
@@ -128,6 +134,10 @@ class Run:
             step, t = self.simulation.step_index, self.simulation.t
             text, self._chain = journal.chained({'step': step, 't': t, **entry}, self._chain)
             self._outputs.journal.send(serialize_message(String(data=text)), self.stamp)
+
+    def lose_log(self) -> None:
+        """Go on without a log that can no longer be written; `recorder` still says why."""
+        self._outputs.record(None)
 
     def close(self) -> None:
         """End the log."""

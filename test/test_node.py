@@ -322,7 +322,7 @@ def test_the_parameter_file_lists_every_parameter_with_its_default(tmp_path):
     path = ROOT / 'config/simulator.yaml'
     text = path.read_text('utf-8')
     given = yaml.safe_load(text)['simulator']['ros__parameters']
-    for group in ('record', 'publish', 'state'):
+    for group in ('record', 'record.rate', 'publish', 'state'):
         given |= {f'{group}.{key}': value for key, value in given.pop(group).items()}
     solver = load_scene('slider_crank').solver
     specs = [parameters.SCENE, *parameters.node_specs(default_rate(solver.step))]
