@@ -139,7 +139,8 @@ class Recorder:
                 self._file.abandon()
 
     def _write_files(self) -> None:
-        chunk_end = time.monotonic() + CHUNK_PERIOD
+        # The first chunk is closed at once: a log says what was run, however soon it is killed.
+        chunk_end = time.monotonic()
         while not self._closing.wait(LOOK_PERIOD):
             self._drain()
             if time.monotonic() >= chunk_end:

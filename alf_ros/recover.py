@@ -80,6 +80,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     finally:
         bar.close()
     count = sum(file.count for file in made)
-    print(f'{folder}: {count} messages, to t = {log.end:.9g} s')
+    end = f', to t = {log.end:.9g} s' if count else ''
+    print(f'{folder}: {count} messages{end}')
     print(f'lost: {log.damage}' if log.damage else 'nothing was lost: the log was closed')
     return 0

@@ -52,6 +52,7 @@ def test_a_run_of_given_duration_ends_by_itself_with_all_of_it_in_the_log(tmp_pa
         '/joint_states',
         '/simulator/reactions',
         '/simulator/constraints',
+        '/simulator/state',
         '/simulator/energy',
         '/simulator/scene',
         '/simulator/inputs',
@@ -60,7 +61,7 @@ def test_a_run_of_given_duration_ends_by_itself_with_all_of_it_in_the_log(tmp_pa
     stamps = [t for t, _ in log['/joint_states']]
     # 500 Hz by default; the state at t = 0 is stamped 1 ns because zero is no time
     assert stamps == [1] + [2_000_000 * k for k in range(1, 251)]
-    for topic in ('reactions', 'constraints', 'energy'):
+    for topic in ('reactions', 'constraints', 'state', 'energy'):
         assert [t for t, _ in log[f'/simulator/{topic}']] == stamps
     simulation = Simulation(load_scene('slider_crank'))
     for (_, joints), (_, energy), (_, rows), (_, wrenches) in zip(

@@ -116,7 +116,7 @@ class Log:
 
     def surveyed(self, report: progress.Report) -> Survey:
         """The survey, made now; `report` hears how far it is."""
-        found = Survey(first=2**63)
+        found, first = Survey(), 2**63
         numbers: dict[str, int] = {}
         where = self.topic(_INPUTS)
         for block, contents in self._blocks(found, report):
@@ -125,7 +125,7 @@ class Log:
                 topic = channel.topic
                 found.types[topic] = channel.type
                 found.counts[topic] = found.counts.get(topic, 0) + rows.size
-                found.first = min(found.first, int(block.stamp[rows].min()))
+                first = min(first, int(block.stamp[rows].min()))
                 found.last = max(found.last, int(block.stamp[rows].max()))
                 number = int(block.sequence[rows[-1]])
                 numbers[topic] = max(numbers.get(topic, 0), number)
@@ -135,6 +135,7 @@ class Log:
         for topic, number in numbers.items():
             if number > found.counts[topic]:
                 found.lost[topic] = number - found.counts[topic]
+        found.first = min(first, found.last)
         self.__dict__['survey'] = found
         return found
 
