@@ -90,6 +90,24 @@ def complete(model: Model, q: Floats, given: Given) -> Floats:
     return x
 
 
+def brought_back(model: Model, q: Floats, qd: Floats) -> tuple[Floats, Floats]:
+    """Positions and velocities (blocks D, m, m/s) near these that satisfy the constraints.
+
+    Along M: the velocities are those after an impulse of the constraints, M q̇ + Φ_qᵀ y = p with
+    p = M q̇ of the ones given. Raises AssemblyError with the constraints that stay open.
+    """
+    q = close(model, {}, q)
+    system, work, p = model.system, allocate(model, model.system, 1), np.zeros(model.n)
+    work.q[:] = q
+    _linearised(model, system, work)
+    kernel.add_mass_times(model.unit, system.mass, 1.0, qd, p)
+    work.r2[:] = 0.0
+    work.r2[work.r2.size - system.rows.B.size :] = -system.rows.B
+    x = np.zeros_like(model.q)
+    kernel.augmented(model.unit, system, work, p, x, 100, 1e-15, 1.0)
+    return q, x
+
+
 def ordinary(model: Model, q: Floats) -> tuple[int, Floats, float]:
     """What is ordinary near q: how many rows depend on the others, a place, and its distance σ.
 

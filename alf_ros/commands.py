@@ -12,5 +12,6 @@ COMMANDS = {
     'figures': 'alf_ros.figures',
     'verify': 'alf_ros.logs.verify',
     'recover': 'alf_ros.recover',
+    'fork': 'alf_ros.fork',
     'effects': 'alf_ros.effects_command',
 }

@@ -32,7 +32,7 @@ def full_names(node: str = '/simulator') -> dict[str, str]:
 
 class LogRun:
     """Writes the run of `setup` into a new log below `folder`; `about` is added to what it says of
-    itself. Nothing is dropped: `send` waits for the disk when it has to.
+    itself; `name`: of its folder. Nothing is dropped: `send` waits for the disk when it has to.
 
     Raises InputError if the log cannot be made.
     """
@@ -48,6 +48,7 @@ class LogRun:
         recorded: Collection[str] = RECORDED,
         about: Mapping[str, Any] | None = None,
         split: Split | None = None,
+        name: str = '',
     ) -> None:
         names = dict(topics or full_names())
         self._topics = [topic for topic in TOPICS if topic.name in recorded]
@@ -63,7 +64,7 @@ class LogRun:
             simulation.restore(state)
             said['state'] = as_data(state)
         record = provenance.record(said, setup.scene)
-        self.recorder = Recorder(folder, setup.scene.name, record, split=split)
+        self.recorder = Recorder(folder, setup.scene.name, record, split=split, name=name)
         self.use(setup)
         self.note({'kind': 'start', **said})
 

@@ -48,6 +48,7 @@ class Recorder:
     `info` (str -> str) says what is needed to repeat the run; it becomes the Metadata record
     `alf_ros` of each file and rosbag2's `custom_data`. `queue_size` (bytes) bounds what waits to
     be written: what comes on top is dropped and counted, so that `write` never waits for the disk.
+    `name` is that of the folder made in `folder`, in place of scene and time.
 
     Raises `InputError` when the folder cannot be made or written.
     """
@@ -59,6 +60,7 @@ class Recorder:
         info: dict[str, str],
         queue_size: int = QUEUE_SIZE,
         split: Split | None = None,
+        name: str = '',
     ) -> None:
         self.info = info
         self.queue_size = queue_size
@@ -67,7 +69,7 @@ class Recorder:
         self.error = ''
         self._split = split or Split()
         try:
-            self.folder = _new_folder(folder, scene)
+            self.folder = _named_folder(folder, name) if name else _new_folder(folder, scene)
             self._file = self._begin(0)
         except OSError as error:
             raise InputError(
@@ -166,6 +168,12 @@ class Recorder:
             self._file.add(topic, kind, qos, stamp, data, number)
             self.written += 1
             self._bytes_out += len(data)
+
+
+def _named_folder(parent: Path, name: str) -> Path:
+    folder = parent / name
+    folder.mkdir(parents=True)
+    return folder
 
 
 def _new_folder(parent: Path, scene: str) -> Path:

@@ -208,7 +208,7 @@ class Log:
             raise InputError('not in this log', key='topic', value=full, choices=choices)
         return joined(found)
 
-    def time(self, stamp: Integers) -> Floats:
+    def time(self, stamp: Integers | int) -> Floats:
         """Simulated time (s) of stamps (ns), to the nanosecond."""
         ns = np.asarray(stamp) - self.ahead
         return np.where(ns == 1, 0, ns) * 1e-9
@@ -216,7 +216,7 @@ class Log:
     @property
     def end(self) -> float:
         """Simulated time of the last message, s."""
-        return float(self.time(np.array(self.survey.last)))
+        return float(self.time(self.survey.last))
 
     @property
     def states(self) -> States:
