@@ -13,5 +13,6 @@ COMMANDS = {
     'verify': 'alf_ros.logs.verify',
     'recover': 'alf_ros.recover',
     'fork': 'alf_ros.fork',
+    'replay': 'alf_ros.replay',
     'effects': 'alf_ros.effects_command',
 }

@@ -9,7 +9,7 @@ from typing import Any
 
 from alf_ros import assembly, scene_changes, state_vector
 from alf_ros.errors import AssemblyError, InputError, StepError
-from alf_ros.log_run import LogRun
+from alf_ros.log_run import LogRun, ticks
 from alf_ros.logs import load
 from alf_ros.logs.arguments import add_trust, of_log
 from alf_ros.logs.log import Log
@@ -20,7 +20,6 @@ from alf_ros.readings import READINGS
 from alf_ros.settings import Setup, on_grid, steps_per_tick
 from alf_ros.simulation import Simulation, State
 
-_PLACE = ('step', 't', 'seal')  # of an entry, in its own journal
 _OPEN = 1e-9  # of the size: constraints that a changed mechanism leaves open further are closed
 
 
@@ -72,7 +71,8 @@ def fork(
     )
     try:
         run.send()
-        _go_on(run, rerun, _kept(resumed.rest, rerun, changed), end, report)
+        for t in ticks(run, rerun, _kept(resumed.rest, rerun, changed), end):
+            report((t - start) / max(end - start, t - start))
     finally:
         run.close()
     return run.recorder.folder
@@ -120,35 +120,6 @@ def _kept(rest: list[dict[str, Any]], rerun: Rerun, changed: set[str]) -> list[d
             entry['steps_per_tick'] = steps_per_tick(1.0 / tick, entry['solver']['step'])
         kept.append(entry)
     return kept
-
-
-def _go_on(
-    run: LogRun, rerun: Rerun, entries: list[dict[str, Any]], end: float, report: Report
-) -> None:
-    """Ticks up to `end` (s), each entry of the journal at its time."""
-    start = rerun.simulation.t
-
-    def due(t: float) -> bool:
-        return bool(entries) and entries[0]['t'] < t - 0.5 * rerun.simulation.h
-
-    def act() -> None:
-        entry = entries.pop(0)
-        rerun.act({**entry, 'step': round(entry['t'] / rerun.simulation.h)})
-        if entry['kind'] == 'settings':
-            run.use(Setup(rerun.scene, rerun.simulation, rerun.steps_per_tick))
-        run.note({key: value for key, value in entry.items() if key not in _PLACE})
-
-    while True:
-        while due(rerun.simulation.t + rerun.simulation.h):  # what acts from this instant on
-            act()
-        tick = min(rerun.simulation.t + run.setup.tick, end)
-        if tick < rerun.simulation.t + 0.5 * rerun.simulation.h:
-            return
-        while due(tick):
-            act()
-        rerun.go_to(round(tick / rerun.simulation.h))
-        run.send()
-        report((rerun.simulation.t - start) / (end - start))
 
 
 def main(argv: Sequence[str] | None = None) -> int:

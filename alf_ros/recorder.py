@@ -101,13 +101,13 @@ class Recorder:
     def write(
         self,
         topic: str,
-        message_type: type,
+        kind: type,
         qos: QoSProfile,
-        stamp_ns: int,
+        stamp: int,
         data: bytes,
         essential: bool = False,
     ) -> None:
-        """Queue one serialised message; `stamp_ns` becomes its log time and publish time.
+        """Queue one serialised message; `stamp` (ns) becomes its log time and publish time.
 
         What is `essential` to repeat the run may fill the queue to twice its size. The sequence
         number in the log counts what is dropped too: a gap shows how many are missing where.
@@ -118,7 +118,7 @@ class Recorder:
             self.dropped += 1
             return
         self._bytes_in += len(data)
-        self._queue.append((topic, message_type, qos, stamp_ns, data, number))
+        self._queue.append((topic, kind, qos, stamp, data, number))
 
     def close(self) -> None:
         """Write what is queued, the summary and metadata.yaml. Further calls do nothing."""

@@ -73,8 +73,11 @@ class Block:
         return self.data[self.start[k] : self.end[k]].tobytes()
 
 
-def blocks(path: Path, contents: Contents) -> Iterator[Block]:
+def blocks(path: Path, contents: Contents, begin: int = 0) -> Iterator[Block]:
     """Every whole chunk of a file; `contents` grows as they are read.
+
+    `begin`: the byte at which a chunk begins, to leave out those before; `contents` must know
+    their channels.
 
     A file that is cut off ends at its last whole chunk; chunks with a wrong checksum are passed
     over. Raises InputError if it is no MCAP file at all.
@@ -84,6 +87,7 @@ def blocks(path: Path, contents: Contents) -> Iterator[Block]:
         head = stream.read(len(MAGIC))
         if head != MAGIC[: len(head)]:
             raise InputError('not an MCAP file', file=str(path))
+        stream.seek(max(begin, len(head)))
         while True:
             at = stream.tell()
             try:
