@@ -202,6 +202,24 @@ def test_any_bit_of_the_journal_is_found(pushed, tmp_path):
         assert re.search(rf'step (-1|\d+), .*|{place["of"]}', result.faults[0])
 
 
+def test_a_damaged_record_is_one_line_or_a_fault(pushed, tmp_path, capsys):
+    """Metadata records have no checksum: whatever is changed in them is told, or changes nothing
+    that a re-run uses."""
+    whole = rewritten(pushed, tmp_path).read_bytes()
+    start = whole.index(b'alf_ros', 30)
+    end = whole.index(b'rosbag2', start) - 20
+    spoilt, chance, codes = tmp_path / 'spoilt.mcap', random.Random(1), []
+    for _ in range(30):
+        data = bytearray(whole)
+        data[chance.randrange(start, end)] ^= 1 << chance.randrange(8)
+        spoilt.write_bytes(data)
+        codes.append(main(['verify', str(spoilt)]))
+        said = capsys.readouterr()
+        assert 'Traceback' not in said.err
+        assert (codes[-1] == 2) == (len(said.err.strip().splitlines()) == 1)
+    assert {1, 2} <= set(codes) and codes.count(0) == 0
+
+
 def test_a_missing_input_is_found(pushed, tmp_path):
     edit = Retold(lambda k, entry: None if k == 4 else entry)
     result = compare(load(rewritten(pushed, tmp_path, change=edit)))

@@ -144,6 +144,8 @@ def _unpacked(content: bytes, path: Path) -> bytes:
         _, _, size, crc = struct.unpack_from('<QQQI', content)
         compression, at = _text(content, 28)
         (length,) = struct.unpack_from('<Q', content, at)
+        if size > _LONGEST:
+            raise _Damaged('broken chunk')
         packed = content[at + 8 : at + 8 + length]
         data = _decompressed(compression, packed, size, path)
     except (struct.error, UnicodeDecodeError, IndexError):

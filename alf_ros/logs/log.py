@@ -27,6 +27,7 @@ from alf_ros.scene import Scene, scene_from_text
 _PART = re.compile(r'(.*?)(?:_(\d+))?\.mcap')
 _INPUTS = '~/inputs'
 _TEXTS = ('scene', 'scene_sha256')
+_NEEDED = (*_TEXTS, 'solver', 'steps_per_tick', 'stamps_ahead_ns', 'versions')
 
 
 @dataclass(frozen=True)
@@ -75,10 +76,17 @@ class Log:
             )
         self.record = contents.metadata['alf_ros']
         told = dict(self.record)
-        self.scene_text = told.pop('scene_text')
-        self.info: dict[str, Any] = {
-            key: text if key in _TEXTS else json.loads(text) for key, text in told.items()
-        }
+        try:
+            self.scene_text = told.pop('scene_text')
+            self.info: dict[str, Any] = {
+                key: text if key in _TEXTS else json.loads(text) for key, text in told.items()
+            }
+            missing = [key for key in _NEEDED if key not in self.info]
+        except (KeyError, ValueError):
+            missing = ['it cannot be read']
+        if missing:
+            text = f'its record alf_ros is damaged: {", ".join(missing)}'
+            raise InputError(text, file=str(self.path))
 
     # ------------------------------------------------------------------------- what it says itself
 

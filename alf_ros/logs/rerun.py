@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import asdict
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,6 +13,7 @@ from alf_ros.errors import InputError
 from alf_ros.logs.log import Log
 from alf_ros.logs.series import Series
 from alf_ros.saved_states import from_data
+from alf_ros.scene import Solver
 from alf_ros.settings import on_grid
 from alf_ros.simulation import Simulation, State
 from alf_ros.stamps import stamp_ns
@@ -37,10 +39,15 @@ class Rerun:
     """`simulation` begins where the log begins. Raises InputError for a log that cannot be run."""
 
     def __init__(self, log: Log, trust: bool = False) -> None:
-        self._ahead = log.ahead
+        try:
+            self._ahead = log.ahead
+            self.steps_per_tick = int(log.info['steps_per_tick'])
+            solver = Solver(**log.info['solver'])
+        except (TypeError, ValueError) as error:
+            text = f'its settings are not those of this version: {error}'
+            raise InputError(text, file=str(log.path)) from None
         self.scene = log.scene(trust)
-        self.simulation = Simulation(self.scene, **log.info['solver'])
-        self.steps_per_tick = int(log.info['steps_per_tick'])
+        self.simulation = Simulation(self.scene, **asdict(solver))
         if 'state' in log.info:
             self.simulation.restore(read_state(log, self.simulation))
 
