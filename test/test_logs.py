@@ -355,6 +355,8 @@ sys.meta_path.insert(0, Block())
 from alf_ros.logs import load, export
 log = load(sys.argv[1])
 assert len(log.states.t) == 401 and len(log.inputs) == 2
+from alf_ros.logs.comparison import compare
+assert compare(log).equal
 for wanted in (lambda: export.frame(log, 'energy'), lambda: export.to_parquet(log, None)):
     try:
         wanted()
