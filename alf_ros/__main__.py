@@ -16,7 +16,7 @@ from alf_ros.resources import version
 
 def summary(module: str) -> str:
     """Return the first line of a module's docstring without importing it (that may take rclpy)."""
-    source = Path(__file__).with_name(module.partition('.')[2].replace('.', '/') + '.py')
+    source = Path(__file__).parent / (module.partition('.')[2].replace('.', '/') + '.py')
     docstring = ast.get_docstring(ast.parse(source.read_text(encoding='utf-8')))
     return (docstring or '').partition('\n')[0]
 

@@ -100,6 +100,25 @@ def complete(model: Model, q: Floats, given: Given) -> Floats:
     return x
 
 
+def brought_back(model: Model, q: Floats, qd: Floats, t: float) -> tuple[Floats, Floats]:
+    """Positions and velocities (blocks D, m, m/s) near these that satisfy the constraints at t (s).
+
+    Along M: the velocities are those after an impulse of the constraints, M q̇ + Φ_qᵀ y = p with
+    p = M q̇ of the ones given. Raises AssemblyError with the constraints that stay open.
+    """
+    system, work, p = model.system, allocate(model, model.system, 1), np.zeros(model.n)
+    work.q[:] = q
+    kernel.prescribe(system, t, work.q, work.qd, work.qdd)
+    work.q[:] = q = close(model, {}, work.q)
+    _linearised(model, system, work)
+    kernel.add_mass_times(model.unit, system.mass, 1.0, qd, p)
+    x = np.array(work.qd)
+    kernel.times_jacobian(model.unit, system.rows, work.g, work.g2, x, work.r2)
+    work.r2[:] = -work.r2
+    kernel.augmented(model.unit, system, work, p, x, 100, 1e-15, 1.0)
+    return q, x
+
+
 def ordinary(model: Model, q: Floats) -> tuple[int, Floats, float]:
     """What is ordinary near q: how many rows depend on the others, a place, and its distance σ.
 

@@ -8,7 +8,8 @@ from __future__ import annotations
 import importlib
 import json
 import os
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,6 +20,8 @@ from alf_ros.errors import AlfError
 
 if TYPE_CHECKING:
     from rclpy.qos import QoSProfile
+
+    from alf_ros.log_file import LogFile
 
 # Version 8 is the last one with QoS policies as integers, and what rosbag2 assumes for a bare file
 # whose `rosbag2` record was lost, as after a kill.
@@ -117,25 +120,34 @@ class Channel:
     topic: str
     type: str
     qos: str
+    type_hash: str
     count: int = 0
 
 
+@dataclass(frozen=True)
+class File:
+    """A file of a log: first and last stamp (ns), number of messages."""
+
+    name: str
+    start: int
+    end: int
+    count: int
+
+
 def metadata(
-    file: str, channels: list[Channel], start: int, end: int, info: dict[str, str]
+    files: Sequence[File], channels: Iterable[Channel], info: Mapping[str, str]
 ) -> dict[str, Any]:
-    """What rosbag2 keeps about a log of one file; `start` and `end` are stamps (ns)."""
-
-    def span() -> dict[str, Any]:
-        return {
-            'starting_time': {'nanoseconds_since_epoch': start},
-            'duration': {'nanoseconds': end - start},
-            'message_count': sum(channel.count for channel in channels),
-        }
-
+    """What rosbag2 keeps about a log of these files; `channels` of all of them."""
+    topics: dict[str, Channel] = {}
+    for channel in channels:
+        before = topics[channel.topic].count if channel.topic in topics else 0
+        topics[channel.topic] = replace(channel, count=before + channel.count)
+    filled = [file for file in files if file.count] or files[:1]
+    start, end = min(file.start for file in filled), max(file.end for file in filled)
     return {
         'version': METADATA_VERSION,
         'storage_identifier': 'mcap',
-        **span(),
+        **_span(start, end, sum(file.count for file in files)),
         'topics_with_message_count': [
             {
                 'topic_metadata': {
@@ -143,16 +155,35 @@ def metadata(
                     'type': channel.type,
                     'serialization_format': 'cdr',
                     'offered_qos_profiles': channel.qos,
-                    'type_description_hash': type_hash(channel.type),
+                    'type_description_hash': channel.type_hash,
                 },
                 'message_count': channel.count,
             }
-            for channel in channels
+            for channel in topics.values()
         ],
         'compression_format': '',
         'compression_mode': '',
-        'relative_file_paths': [file],
-        'files': [{'path': file, **span()}],
-        'custom_data': info,
+        'relative_file_paths': [file.name for file in files],
+        'files': [
+            {'path': file.name, **_span(file.start, file.end, file.count)} for file in files
+        ],
+        'custom_data': dict(info),
         'ros_distro': os.environ.get('ROS_DISTRO', 'unknown'),
     }
+
+
+def _span(start: int, end: int, count: int) -> dict[str, Any]:
+    return {
+        'starting_time': {'nanoseconds_since_epoch': start},
+        'duration': {'nanoseconds': end - start},
+        'message_count': count,
+    }
+
+
+def write_metadata(folder: Path, files: Sequence[LogFile], info: Mapping[str, str]) -> None:
+    """Write metadata.yaml beside the files of a log."""
+    channels = [channel for file in files for channel in file.channels.values()]
+    about = metadata([file.summary() for file in files], channels, info)
+    document = {'rosbag2_bagfile_information': about}
+    text = yaml.safe_dump(document, sort_keys=False, allow_unicode=True)
+    (folder / 'metadata.yaml').write_text(text, 'utf-8')

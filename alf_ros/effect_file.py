@@ -6,10 +6,13 @@ so that what is logged says which text was run, and another is refused.
 
 from __future__ import annotations
 
+import atexit
 import dataclasses
 import hashlib
 import re
+import shutil
 import sys
+import tempfile
 from pathlib import Path
 from types import ModuleType
 
@@ -20,6 +23,7 @@ from alf_ros.errors import InputError
 
 _NAME = re.compile(r'(?P<path>.*\.py)(#sha256=(?P<digest>[0-9a-f]{64}))?')
 _loaded: dict[str, ModuleType] = {}
+_provided: dict[str, Path] = {}  # digest -> copy of a file that need not be there any more
 
 
 def is_file_name(name: str) -> bool:
@@ -45,6 +49,8 @@ def full_name(name: str, folder: Path) -> str:
     Raises InputError if there is none, or if its digest is not the one in the name.
     """
     path, wanted = _split(name)
+    if wanted in _provided:
+        return name
     file = (folder / Path(path).expanduser()).resolve()
     if not file.is_file():
         raise InputError('no such file of an effect', value=str(file))
@@ -54,10 +60,40 @@ def full_name(name: str, folder: Path) -> str:
     return f'{file}#sha256={digest}'
 
 
+def is_there(name: str) -> bool:
+    """Whether the file of a full name is still there, and still the same."""
+    try:
+        return bool(full_name(name, Path()))
+    except InputError:
+        return False
+
+
+def source(name: str) -> str:
+    """The text of the file of a full name, as it was run."""
+    path, digest = _split(name)
+    return _provided.get(digest or '', Path(path)).read_bytes().decode()
+
+
+def provide(name: str, text: str) -> None:
+    """From now on this text stands for the file of a full name: for a log, which brings its own.
+
+    It is code, and runs when a scene names it. Raises InputError if its digest is another.
+    """
+    path, digest = _split(name)
+    if hashlib.sha256(text.encode()).hexdigest() != digest:
+        raise InputError('not the text of this effect', value=path)
+    # numba compiles for its cache only what is in a file
+    folder = tempfile.mkdtemp(prefix='alf_ros_effect_')
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    _provided[digest] = Path(folder) / Path(path).name
+    _provided[digest].write_bytes(text.encode())
+
+
 def load(name: str) -> ModuleType:
     """The module of a full name. Raises InputError, with the line, if it cannot be used."""
     if name not in _loaded:
         path, digest = _split(full_name(name, Path()))
+        path = str(_provided.get(digest or '', path))
         text = Path(path).read_bytes()
         # Not through the import system: its cache knows the time of a file to the second only.
         module = ModuleType(f'alf_ros_effect_{digest}')

@@ -19,10 +19,11 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, MultiDOFJointState
 from std_msgs.msg import Float64, Header
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+from alf_ros import readings, state_vector
 
+if TYPE_CHECKING:
     from alf_ros.model import Model
+    from alf_ros.readings import Reading
     from alf_ros.sample import Sample
 
 WORLD = 'world'
@@ -32,14 +33,6 @@ STAMP = Time(sec=0x5EED5EED, nanosec=0x1EAF1EAF)
 _STAMP = struct.Struct('<iI')
 
 Write = Callable[['Sample', int], bytes]
-
-
-def stamp_ns(t: float, ahead: int = 0) -> int:
-    """Stamp (ns) of the simulated time `t` (s), to the nearest nanosecond, and `ahead` (ns) more.
-
-    A stamp of zero means "no time yet" in ROS, so the initial state at t = 0 is stamped 1 ns.
-    """
-    return max(1, round(t * 1e9) + ahead)
 
 
 def to_time(ns: int) -> Time:
@@ -82,36 +75,46 @@ def joint_states(model: Model) -> Write | None:
     """`joint_states`: all joints, passive ones too; angle (rad) or travel (m), its rate, and what
     acts on the free axis (N m or N): drive, spring, friction and command, not the reaction."""
 
-    def values(sample: Sample) -> tuple[NDArray[np.float64], ...]:
-        return sample.joint_positions, sample.joint_velocities, sample.joint_efforts
-
-    return _joint_state(model.coordinate_names, values)
+    return _joint_state(model.coordinate_names, readings.JOINT_STATES)
 
 
 def constraints(model: Model) -> Write | None:
     """`~/constraints`: per row, position = violation, velocity = its rate, effort = multiplier."""
-    return _joint_state(model.row_names, lambda sample: (sample.phi, sample.phi_dot, sample.lam))
+    return _joint_state(model.row_names, readings.CONSTRAINTS)
 
 
-def _joint_state(
-    names: tuple[str, ...], values: Callable[[Sample], tuple[NDArray[np.float64], ...]]
-) -> Write | None:
+def state(model: Model) -> Write:
+    """`~/state`: position = all numbers of the state (`state_vector`), velocity = their rates."""
+    writers: dict[int, Write] = {}
+
+    def write(sample: Sample, ns: int) -> bytes:
+        # Another formulation, set while the run goes on, may carry more.
+        carried = sample.state.carried.size
+        if carried not in writers:
+            made = _joint_state(state_vector.names(model, carried), readings.STATE)
+            assert made is not None  # there is always the step
+            writers[carried] = made
+        return writers[carried](sample, ns)
+
+    return write
+
+
+def _joint_state(names: tuple[str, ...], reading: Reading) -> Write | None:
     if not names:
         return None
     count = len(names)
 
     def make(marks: list[float]) -> JointState:
-        position, velocity, effort = ([mark] * count for mark in marks)
-        header = Header(stamp=STAMP)
-        return JointState(
-            header=header, name=list(names), position=position, velocity=velocity, effort=effort
-        )
+        # rosbags cannot read a last array that is empty
+        arrays = {'effort': [0.0] * count}
+        arrays |= {key: [mark] * count for key, mark in zip(reading.fields, marks, strict=True)}
+        return JointState(header=Header(stamp=STAMP), name=list(names), **arrays)
 
-    template = Template(make, [count] * 3)
+    template = Template(make, [count] * len(reading.fields))
 
     def write(sample: Sample, ns: int) -> bytes:
         template.stamp(ns)
-        for block, value in zip(template.blocks, values(sample), strict=True):
+        for block, value in zip(template.blocks, reading.values(sample), strict=True):
             block[:] = value
         return template.bytes()
 
@@ -133,13 +136,11 @@ def reactions(model: Model) -> Write | None:
         return message
 
     template = Template(make, [6 * count])
-    wrenches, D = template.blocks[0].reshape(count, 6), model.layout.dimension
-    wrenches[:] = 0.0
+    wrenches = template.blocks[0].reshape(count, 6)
 
     def write(sample: Sample, ns: int) -> bytes:
         template.stamp(ns)
-        wrenches[:, :D] = sample.reaction_forces
-        wrenches[:, 3 if D == 3 else 5 :] = sample.reaction_torques
+        (wrenches[:],) = readings.REACTIONS.values(sample)
         return template.bytes()
 
     return write
@@ -150,7 +151,7 @@ def energy(model: Model) -> Write:
     template = Template(lambda marks: Float64(data=marks[0]), [1])
 
     def write(sample: Sample, ns: int) -> bytes:
-        template.blocks[0][0] = sample.energy
+        (template.blocks[0][:],) = readings.ENERGY.values(sample)
         return template.bytes()
 
     return write

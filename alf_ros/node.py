@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import gc
 import signal
 import sys
 from collections.abc import Sequence
@@ -16,12 +15,8 @@ from rclpy.utilities import remove_ros_args
 
 from alf_ros.errors import InputError
 from alf_ros.simulator import Simulator, Stop
+from alf_ros.spinning import spin
 from alf_ros.status import Status
-
-try:
-    from rclpy.experimental.events_executor import EventsExecutor as Executor
-except ImportError:
-    from rclpy.executors import SingleThreadedExecutor as Executor
 
 # The writer thread may hold the interpreter that long (s) before a tick gets it; Python's 5 ms are
 # several ticks.
@@ -76,20 +71,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         stop.gentle = True
         node.begin()
         try:
-            _spin(node)
+            spin(node)
         finally:
             node.close()
     finally:
         rclpy.try_shutdown()
     return 0
-
-
-def _spin(node: Simulator) -> None:
-    executor = Executor()
-    executor.add_node(node)
-    # What was made at the start stays: the collector need not look at it again and again.
-    gc.collect()
-    gc.freeze()
-    while not node.finished.done():
-        # spin() of the events executor hangs when it is to end; this does not.
-        executor.spin_until_future_complete(node.finished, timeout_sec=1.0)

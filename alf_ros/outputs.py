@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Collection
+import math
+from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -34,6 +35,9 @@ class Output:
     def __init__(self, node: Node, name: str, message_type: type, qos: QoSProfile) -> None:
         self.mode = 'auto'
         self.recorder: Recorder | None = None
+        self.essential = False  # to repeat the run
+        self.rate = 0.0  # of messages in the log, Hz; 0: all
+        self._recorded = -1  # period of the last message in the log
         self.type = message_type
         # rclpy writes overrides into the profile it is given.
         self.qos = copy.copy(qos)
@@ -58,12 +62,28 @@ class Output:
         """Whether a message now would go anywhere."""
         return self.recorder is not None or self.published
 
+    def wanted_at(self, ns: int) -> bool:
+        """Whether a message of this stamp would go anywhere: a log may want only some."""
+        return self.published or (self.recorder is not None and self._due(ns))
+
+    def record(self, recorder: Recorder | None) -> None:
+        """From now on log to `recorder`."""
+        self.recorder, self._recorded = recorder, -1
+
+    def _due(self, ns: int) -> bool:
+        """Whether the log wants a message of this stamp: the first of each period of `rate`."""
+        return not self.rate or self._period(ns) != self._recorded
+
+    def _period(self, ns: int) -> int:
+        return math.floor(ns * 1e-9 * self.rate + 1e-6)
+
     def send(self, data: bytes, ns: int, record: bool = True) -> None:
         """The same bytes go to the subscribers and, at stamp `ns`, to the log."""
         if self.published:
             self._publisher.publish(data)
-        if record and self.recorder is not None:
-            self.recorder.write(self.topic, self.type, self.qos, ns, data)
+        if record and self.recorder is not None and self._due(ns):
+            self._recorded = self._period(ns)
+            self.recorder.write(self.topic, self.type, self.qos, ns, data, self.essential)
 
 
 class Outputs:
@@ -71,10 +91,16 @@ class Outputs:
 
     `optional`: those that parameters switch, by name; `journal` and `scene` are in every log, for
     without them no run could be repeated. What is only shown is sent at every `shown_every`th
-    tick. `display`: how it is shown.
+    tick. `rates` (Hz, by key): of messages in the log. `display`: how it is shown.
     """
 
-    def __init__(self, node: Node, recorded: Collection[str], display: Display) -> None:
+    def __init__(
+        self,
+        node: Node,
+        recorded: Collection[str],
+        rates: Mapping[str, float],
+        display: Display,
+    ) -> None:
         self.display, self.shown_every = display, 1
         self.samples = {
             topic.name: Output(node, topic.name, topic.type, topic.qos) for topic in TOPICS
@@ -91,9 +117,17 @@ class Outputs:
         }
         self._recorded = [output for name, output in self.optional.items() if name in recorded]
         self._recorded += [self.journal, self.scene]
+        for topic in TOPICS:
+            self.samples[topic.name].rate = rates[topic.key]
+        self.journal.essential = self.scene.essential = True
         self._shown = {topic.name for topic in TOPICS if topic.shown}
         self._ticks = 0
         self._undescribed: Scene | None = None
+
+    @property
+    def topics(self) -> dict[str, str]:
+        """Where each topic of samples is after remapping, by the name a user writes."""
+        return {name: output.topic for name, output in self.samples.items()}
 
     def prepare(self, model: Model) -> None:
         """Make the messages for a mechanism."""
@@ -124,7 +158,7 @@ class Outputs:
     def record(self, recorder: Recorder | None) -> None:
         """From now on log to `recorder`."""
         for output in self._recorded:
-            output.recorder = recorder
+            output.record(recorder)
 
     def send(self, sample: Sample, ns: int, record: bool = True, whole: bool = False) -> None:
         """Publish and log what is wanted of `sample`, all with the stamp `ns`; `whole` also what
@@ -133,5 +167,5 @@ class Outputs:
         shown = whole or self._ticks % self.shown_every == 0
         for name, write in self._write.items():
             output = self.samples[name]
-            if (shown or name not in self._shown) and output.wanted:
+            if (shown or name not in self._shown) and output.wanted_at(ns):
                 output.send(write(sample, ns), ns, record)

@@ -29,7 +29,14 @@ MODES = {'auto': 'auto', 'on': 'on', 'off': 'off', True: 'on', False: 'off'}
 OFFERED = (*(topic.name for topic in TOPICS), '/diagnostics', 'robot_description')
 TOPIC_NAMES = OFFERED if TF in OFFERED else (*OFFERED, TF)
 _DEFAULT_MODE = {TF: 'off'}
-RECORDED = ['joint_states', '~/reactions', '~/constraints', '~/energy', '/diagnostics']
+RECORDED = [
+    'joint_states',
+    '~/reactions',
+    '~/constraints',
+    '~/state',
+    '~/energy',
+    '/diagnostics',
+]
 # A saved state's name is a file's name.
 _STATE_NAME = re.compile(r'[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}')
 # Numbers of effects are parameters up to this many: declaring one takes a tenth of a millisecond.
@@ -165,6 +172,27 @@ def node_specs(rate: float) -> list[Spec]:
         Spec('record.enabled', True, 'Record an MCAP log'),
         Spec('record.folder', 'logs', 'Folder in which each run makes a folder for its log'),
         Spec('record.topics', RECORDED, f'Recorded topics, of {", ".join(TOPIC_NAMES)}'),
+        Spec(
+            'record.max_size',
+            0,
+            'Bytes after which a log goes on in another file, bytes; 0: never',
+            (0, 10**15),
+        ),
+        Spec(
+            'record.max_duration',
+            0.0,
+            'Simulated seconds after which a log goes on in another file, s; 0: never',
+            (0.0, 1e9),
+        ),
+        *(
+            Spec(
+                f'record.rate.{name.rpartition("/")[2]}',
+                0.0,
+                f'Messages of {name} in the log per simulated second, Hz; 0: all',
+                (0.0, 1e5),
+            )
+            for name in dict.fromkeys((*(topic.name for topic in TOPICS), TF))
+        ),
         Spec(
             'display_rate',
             30.0,

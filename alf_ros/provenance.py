@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
+import json
 import platform
+from collections.abc import Mapping
+from dataclasses import asdict
 from importlib import metadata
+from typing import Any
 
+from llvmlite import binding
+
+from alf_ros import effect_file, effects
 from alf_ros.resources import version
+from alf_ros.scene import Scene, Solver
 
 _PACKAGES = ('numpy', 'numba', 'llvmlite', 'scipy', 'rclpy')
 
@@ -18,7 +26,45 @@ def versions() -> dict[str, str]:
             found[package] = metadata.version(package)
         except metadata.PackageNotFoundError:
             found[package] = 'unknown'
-    return {**found, 'cpu': _cpu(), 'platform': platform.platform()}
+    return {**found, **_compiler(), 'cpu': _cpu(), 'platform': platform.platform()}
+
+
+def start(
+    scene: Scene, solver: Solver, steps: int, ahead: int, topics: Mapping[str, str]
+) -> dict[str, Any]:
+    """What a log says of a run besides the scene's text: `steps` solver steps in a tick, stamps
+    `ahead` (ns) of the simulated time, where `topics` are, by the names users write."""
+    return {
+        'scene': scene.name,
+        'scene_sha256': scene.hash,
+        'solver': asdict(solver),
+        'steps_per_tick': steps,
+        'stamps_ahead_ns': ahead,
+        'topics': dict(topics),
+        **_of_effects(scene),
+        'versions': versions(),
+    }
+
+
+def record(about: Mapping[str, Any], scene: Scene) -> dict[str, str]:
+    """The same as texts, with the scene's: the Metadata record of a log."""
+    texts = {k: v if isinstance(v, str) else json.dumps(v) for k, v in about.items()}
+    return {**texts, 'scene_text': scene.text}
+
+
+def _of_effects(scene: Scene) -> dict[str, Any]:
+    """What the text of a scene does not say: `files`, the texts of effects that are files
+    (by full name), and `effects`, where those of other packages come from (by kind)."""
+    kinds = dict.fromkeys(effect.kind for effect in scene.effects)
+    files = {kind: effect_file.source(kind) for kind in kinds if effect_file.is_file_name(kind)}
+    origins = {kind: effects.origin(kind) for kind in kinds}
+    return {'files': files, 'effects': {kind: said for kind, said in origins.items() if said}}
+
+
+def _compiler() -> dict[str, str]:
+    """LLVM, and the processor as it knows it: what instructions the compiled code may have."""
+    llvm = '.'.join(map(str, binding.llvm_version_info))
+    return {'llvm': llvm, 'llvm_cpu': binding.get_host_cpu_name()}
 
 
 def _cpu() -> str:

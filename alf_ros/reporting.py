@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from alf_ros.control import Control
     from alf_ros.outputs import Outputs
     from alf_ros.pacing import Pacer
+    from alf_ros.recorder import Recorder
 
 # Diagnostics come every fourth time.
 LOOKS_PER_DIAGNOSIS = 4
@@ -31,6 +32,8 @@ class Reporting:
         self, node: Node, control: Control, pacer: Pacer, outputs: Outputs, status: Status
     ) -> None:
         # Several simulators on one machine share the topic: the namespace tells them apart.
+        self._logger = node.get_logger()
+        self._lost: Recorder | None = None  # whose error was said
         self._name = node.get_fully_qualified_name().lstrip('/')
         self._control, self._pacer, self._outputs = control, pacer, outputs
         self._status = status
@@ -44,6 +47,11 @@ class Reporting:
         self._outputs.look(self._control.run.stamp)
         run = self._control.run
         recorder = run.recorder
+        if recorder is not None and recorder.error and recorder is not self._lost:
+            self._lost = recorder
+            run.lose_log()
+            text = f'recording has stopped, the simulation goes on: {recorder.error}'
+            self._logger.error(text)
         alarms = (
             self._control.inputs.troubled,
             self._pacer.lost > self._before.lost,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
 from pathlib import Path
 from typing import Any
@@ -11,14 +10,15 @@ from typing import Any
 from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 
+from alf_ros import provenance
 from alf_ros.errors import StepError
-from alf_ros.messages import stamp_ns
+from alf_ros.logs import journal
 from alf_ros.outputs import Outputs
-from alf_ros.provenance import versions
-from alf_ros.recorder import Recorder
+from alf_ros.recorder import Recorder, Split
 from alf_ros.saved_states import as_data
 from alf_ros.settings import Setup
 from alf_ros.simulation import Simulation, State
+from alf_ros.stamps import stamp_ns
 
 
 class Run:
@@ -29,7 +29,12 @@ class Run:
     """
 
     def __init__(
-        self, setup: Setup, outputs: Outputs, duration: float, log_folder: Path | None
+        self,
+        setup: Setup,
+        outputs: Outputs,
+        duration: float,
+        log_folder: Path | None,
+        split: Split | None = None,
     ) -> None:
         self.setup = setup
         self.recorder: Recorder | None = None
@@ -38,8 +43,10 @@ class Run:
         self.closest = math.inf  # to a singular position, since somebody set it back
         # This run, counted since the start of the node, and the step where it began.
         self.number = self.first_step = 0
-        self._outputs, self._duration, self._folder = outputs, duration, log_folder
         self.ahead = 0  # ns by which stamps are ahead of the simulated time
+        self._outputs, self._duration = outputs, duration
+        self._folder, self._split = log_folder, split
+        self._chain = ''  # digest of the journal so far
 
     @property
     def simulation(self) -> Simulation:
@@ -76,20 +83,15 @@ class Run:
         self.failure = None
         self.number += 1
         self.first_step = self.simulation.step_index
-        scene = self.setup.scene
-        about: dict[str, Any] = {
-            'scene': scene.name,
-            'scene_sha256': scene.hash,
-            **self._settings(),
-            'stamps_ahead_ns': self.ahead,
-            'versions': versions(),
-        }
+        scene, solver = self.setup.scene, self.simulation.solver
+        topics = self._outputs.topics
+        about = provenance.start(scene, solver, self.setup.steps, self.ahead, topics)
         if state is not None:
             about['state'] = as_data(state)
         if self._folder is not None:
-            info = {k: v if isinstance(v, str) else json.dumps(v) for k, v in about.items()}
-            info['scene_text'] = scene.text
-            self.recorder = Recorder(self._folder, scene.name, info)
+            info = provenance.record(about, scene)
+            self.recorder = Recorder(self._folder, scene.name, info, split=self._split)
+        self._chain = ''
         self._outputs.record(self.recorder)
         self._outputs.describe(scene, self.stamp)
         self.note({'kind': 'start', **about})
@@ -135,8 +137,12 @@ class Run:
         """Write to the journal what acts from the step that follows the steps made so far."""
         if self._outputs.journal.wanted:
             step, t = self.simulation.step_index, self.simulation.t
-            text = json.dumps({'step': step, 't': t, **entry})
+            text, self._chain = journal.chained({'step': step, 't': t, **entry}, self._chain)
             self._outputs.journal.send(serialize_message(String(data=text)), self.stamp)
+
+    def lose_log(self) -> None:
+        """Go on without a log that can no longer be written; `recorder` still says why."""
+        self._outputs.record(None)
 
     def close(self) -> None:
         """End the log."""

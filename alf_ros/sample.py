@@ -143,6 +143,11 @@ class Sample:
 
     # ----------------------------------------------------------------------------------- motion
 
+    @property
+    def state(self) -> State:
+        """The state it is a sample of."""
+        return self._state
+
     @cached_property
     def q(self) -> Floats:
         """Natural coordinates (n,): movable points in the order of the file, m, then vectors."""

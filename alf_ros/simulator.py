@@ -18,6 +18,7 @@ from alf_ros.display import Display
 from alf_ros.errors import AlfError, InputError, StepError
 from alf_ros.outputs import Outputs
 from alf_ros.pacing import SHORTEST_BEAT, Pacer
+from alf_ros.recorder import Split
 from alf_ros.services import Services
 from alf_ros.status import LOOK_PERIOD, Status
 
@@ -71,7 +72,8 @@ class Simulator(Node):
         rate = settings.default_rate(solver['solver.step'])
         values = parameters.declare(self, parameters.node_specs(rate))
         display = Display(values['frame_prefix'])
-        self._outputs = Outputs(self, values['record.topics'], display)
+        rates = _below('record.rate', values)
+        self._outputs = Outputs(self, values['record.topics'], rates, display)
         parameters.check_names(self)
 
         status.enabled = values['status_line']
@@ -100,7 +102,8 @@ class Simulator(Node):
         from alf_ros.saved_states import SavedStates
 
         folder = Path(values['record.folder']) if values['record.enabled'] else None
-        run = Run(setup, self._outputs, values['duration'], folder)
+        split = Split(values['record.max_size'], values['record.max_duration'])
+        run = Run(setup, self._outputs, values['duration'], folder, split)
         self._pacer = Pacer(setup.tick, values['real_time_factor'])
         # The alarm looks the report up when it comes: that needs the control, which needs this.
         inputs = Inputs(

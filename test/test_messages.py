@@ -1,6 +1,7 @@
 """Messages say what the sample says: values against mechanics, stamps, what a reader gets back."""
 
 import copy
+import dataclasses
 import math
 
 import numpy as np
@@ -9,10 +10,11 @@ from builtin_interfaces.msg import Time
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
-from alf_ros import Simulation, diagnostics, load_scene
+from alf_ros import Simulation, diagnostics, load_scene, state_vector
 from alf_ros.display import Display
 from alf_ros.errors import StepError
-from alf_ros.messages import stamp_ns, to_time
+from alf_ros.messages import to_time
+from alf_ros.stamps import stamp_ns
 from alf_ros.topics import TOPICS
 
 HANGING_ROD = {
@@ -146,13 +148,31 @@ def test_numbers_find_their_place_whatever_the_names(length):
     assert (wrench.force.z, wrench.torque.x, wrench.torque.y, wrench.torque.z) == (0, 0, 0, 0)
 
 
+@pytest.mark.parametrize('scene', ['slider_crank', 'stewart_platform', 'delta_robot'])
+@pytest.mark.parametrize('formulation', ['alf2', 'alf1'])
+def test_the_message_of_a_state_is_that_state(scene, formulation):
+    simulation = Simulation(load_scene(scene), formulation=formulation)
+    initial = simulation.state
+    simulation.step(50)
+    state, message = simulation.state, messages(simulation)['state']
+    numbers, rates = np.array(message.position), np.array(message.velocity)
+    assert len(set(message.name)) == len(message.name) == numbers.size
+    read = state_vector.state(simulation.model, initial, numbers, rates, state.inputs)
+    for field in dataclasses.fields(state):
+        there, here = getattr(state, field.name), getattr(read, field.name)
+        assert np.array_equal(there, here) if isinstance(there, np.ndarray) else there == here
+    with pytest.raises(ValueError, match='no state of this mechanism'):
+        state_vector.state(simulation.model, initial, numbers[1:], rates[1:], state.inputs)
+
+
 def test_what_has_no_joints_says_nothing_of_joints():
     bob = {'bob': {'points': ['A'], 'mass': 1, 'inertia': 'point'}}
     mechanism = {'alf': 1, 'space': 'planar', 'points': {'A': {'at': [0, 0]}}, 'bodies': bob}
     model = Simulation(load_scene({'mechanism': mechanism})).model
     made = [topic.name for topic in TOPICS if topic.make(model, Display()) is not None]
     # and tf where tf2_msgs is installed
-    assert made[:3] == ['~/energy', 'clock', '~/markers'] and made[3:] in ([], ['tf'])
+    assert made[:4] == ['~/state', '~/energy', 'clock', '~/markers']
+    assert made[4:] in ([], ['tf'])
 
 
 def test_diagnostics_have_fixed_keys_with_units(slider_crank):

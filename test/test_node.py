@@ -52,6 +52,7 @@ def test_a_run_of_given_duration_ends_by_itself_with_all_of_it_in_the_log(tmp_pa
         '/joint_states',
         '/simulator/reactions',
         '/simulator/constraints',
+        '/simulator/state',
         '/simulator/energy',
         '/simulator/scene',
         '/simulator/inputs',
@@ -60,7 +61,7 @@ def test_a_run_of_given_duration_ends_by_itself_with_all_of_it_in_the_log(tmp_pa
     stamps = [t for t, _ in log['/joint_states']]
     # 500 Hz by default; the state at t = 0 is stamped 1 ns because zero is no time
     assert stamps == [1] + [2_000_000 * k for k in range(1, 251)]
-    for topic in ('reactions', 'constraints', 'energy'):
+    for topic in ('reactions', 'constraints', 'state', 'energy'):
         assert [t for t, _ in log[f'/simulator/{topic}']] == stamps
     simulation = Simulation(load_scene('slider_crank'))
     for (_, joints), (_, energy), (_, rows), (_, wrenches) in zip(
@@ -322,7 +323,7 @@ def test_the_parameter_file_lists_every_parameter_with_its_default(tmp_path):
     path = ROOT / 'config/simulator.yaml'
     text = path.read_text('utf-8')
     given = yaml.safe_load(text)['simulator']['ros__parameters']
-    for group in ('record', 'publish', 'state'):
+    for group in ('record', 'record.rate', 'publish', 'state'):
         given |= {f'{group}.{key}': value for key, value in given.pop(group).items()}
     solver = load_scene('slider_crank').solver
     specs = [parameters.SCENE, *parameters.node_specs(default_rate(solver.step))]

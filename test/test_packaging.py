@@ -29,10 +29,14 @@ load_scene('slider_crank')
 @pytest.fixture
 def sources(tmp_path):
     """A copy of the source tree without what was made from it."""
-    made = ('.*', 'build', 'install', 'log', 'logs', '__pycache__', '*.egg-info')
-    return Path(
-        shutil.copytree(ROOT, tmp_path / 'src' / 'alf_ros', ignore=shutil.ignore_patterns(*made))
-    )
+    everywhere = shutil.ignore_patterns('.*', '__pycache__', '*.egg-info')
+    above = shutil.ignore_patterns('build', 'install', 'log', 'logs')
+
+    def made(folder, names):
+        found = everywhere(folder, names)
+        return found | above(folder, names) if Path(folder) == ROOT else found
+
+    return Path(shutil.copytree(ROOT, tmp_path / 'src' / 'alf_ros', ignore=made))
 
 
 def run(*command, cwd, **changes):

@@ -2,10 +2,12 @@
 
 import json
 import os
+import random
 import shutil
 import subprocess
 import sys
 import textwrap
+import time
 from pathlib import Path
 
 import pytest
@@ -135,17 +137,26 @@ const value = {
       decoders.set(channel.id, new MessageReader(parse(schema, { ros2: true })));
     }
     const read = decoders.get(channel.id).readMessage(message.data);
-    const seen = [channel.topic, Number(message.logTime), value[channel.topic](read)];
+    const of = value[channel.topic] || (() => null);
+    const seen = [channel.topic, Number(message.logTime), of(read)];
     console.log(JSON.stringify(seen));
   }
 })();
 """
 
 
-@pytest.mark.skipif(not (shutil.which('node') and shutil.which('npm')), reason='no node and npm')
+NODE = shutil.which('node') and shutil.which('npm')
+PACKAGES = (
+    '@mcap/core@2',
+    '@mcap/support@1',
+    '@foxglove/rosmsg@5',
+    '@foxglove/rosmsg2-serialization@3',
+)
+
+
+@pytest.mark.skipif(not NODE, reason='no node and npm')
 def test_the_readers_of_foxglove_read_every_message(log, tmp_path):
-    packages = '@mcap/core@2 @mcap/support@1 @foxglove/rosmsg@5 @foxglove/rosmsg2-serialization@3'
-    install = ['npm', 'install', '--silent', '--no-audit', '--no-fund', *packages.split()]
+    install = ['npm', 'install', '--silent', '--no-audit', '--no-fund', *PACKAGES]
     subprocess.run(install, cwd=tmp_path, check=True, timeout=120)
     (tmp_path / 'read.js').write_text(JAVASCRIPT)
     node = ['node', 'read.js', str(log)]
@@ -219,10 +230,52 @@ def test_what_does_not_fit_the_queue_is_dropped_and_counted(tmp_path):
     recorder = Recorder(tmp_path, 'scene', {}, queue_size=50_000)
     for k in range(1, 20_001):
         recorder.write('/text', String, RELIABLE, k, data)
+    while recorder.waiting:
+        time.sleep(0.01)
+    recorder.write('/text', String, RELIABLE, 20_001, data)
     recorder.close()
     assert recorder.dropped > 0 and recorder.written > 0
-    assert recorder.written + recorder.dropped == 20_000
+    assert recorder.written + recorder.dropped == 20_001
     assert len(list(read_ros2_messages(str(recorder.path)))) == recorder.written
+    # said in the log as well: by a record, and by gaps in the numbers
+    with open(recorder.path, 'rb') as stream:
+        told = {record.name: record.metadata for record in make_reader(stream).iter_metadata()}
+        stream.seek(0)
+        numbers = [message.sequence for *_, message in make_reader(stream).iter_messages()]
+    assert told['alf_ros_dropped'] == {'messages': str(recorder.dropped)}
+    assert numbers == sorted(set(numbers))
+    assert (numbers[-1], numbers[-1] - len(numbers)) == (20_001, recorder.dropped)
+
+
+def test_what_a_run_needs_has_room_when_the_rest_has_none(tmp_path):
+    data = serialize_message(String(data='x' * 1000))
+    recorder = Recorder(tmp_path, 'scene', {}, queue_size=50_000)
+    for k in range(1, 2001):
+        recorder.write('/text', String, RELIABLE, k, data)
+        if k % 50 == 0:
+            recorder.write('/journal', String, RELIABLE, k, data, essential=True)
+    recorder.close()
+    topics = [message.channel.topic for message in read_ros2_messages(str(recorder.path))]
+    assert recorder.dropped > 0 and topics.count('/journal') == 40
+
+
+def test_writing_never_waits_for_the_disk(tmp_path):
+    """A pipe that nobody reads stands for a disk that hangs."""
+    recorder = Recorder(tmp_path, 'scene', {}, queue_size=50_000)
+    reading, writing = os.pipe()
+    stream = recorder._file._stream
+    os.dup2(writing, stream._file)
+    os.close(writing)
+    stream.path = Path(f'/proc/self/fd/{stream._file}')
+    data = serialize_message(String(data=random.Random(1).randbytes(500).hex()))
+    for k in range(1, 20_001):
+        recorder.write('/text', String, RELIABLE, k, data)
+        if k % 200 == 0:
+            time.sleep(0.005)
+    assert recorder.dropped > 10_000 and not recorder.error
+    os.close(reading)  # the disk breaks: that is an error, and the end
+    recorder.close()
+    assert 'Broken pipe' in recorder.error
 
 
 def test_a_log_that_cannot_be_made_is_one_clear_error(tmp_path):

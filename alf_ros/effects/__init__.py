@@ -6,6 +6,7 @@ point of the group `alf_ros.effects`, a module), or a file of its own (`my_effec
 
 from __future__ import annotations
 
+import hashlib
 import importlib
 import pkgutil
 from functools import cache
@@ -17,7 +18,7 @@ from alf_ros import effect_file
 from alf_ros.effects.contract import Effect
 from alf_ros.errors import InputError
 
-__all__ = ['Effect', 'full_name', 'kinds', 'load', 'own', 'short_name']
+__all__ = ['Effect', 'full_name', 'kinds', 'load', 'origin', 'own', 'short_name']
 
 _GROUP = 'alf_ros.effects'
 
@@ -53,6 +54,19 @@ def full_name(name: str, folder: Path) -> str:
 def short_name(kind: str) -> str:
     """What an effect is called where there is one of it: of a file, its name."""
     return effect_file.stem(kind) if effect_file.is_file_name(kind) else kind
+
+
+def origin(kind: str) -> str:
+    """Package, version and digest of an effect of another package; '' of one of ours or a file.
+
+    Raises KeyError if there is none.
+    """
+    if effect_file.is_file_name(kind) or kind in own():
+        return ''
+    point = _registered()[kind]
+    package = f'{point.dist.name} {point.dist.version} ' if point.dist else ''
+    digest = hashlib.sha256(Path(load(kind).__file__ or '').read_bytes()).hexdigest()
+    return f'{package}sha256={digest}'
 
 
 def load(kind: str) -> ModuleType:

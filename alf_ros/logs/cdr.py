@@ -1,0 +1,145 @@
+"""ROS messages from their bytes and the definition in the log: no ROS needed.
+
+CDR as ROS 2 writes it (XCDR1, little endian): every number lies at a multiple of its own size,
+counted from behind the four bytes of the header.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+from alf_ros.errors import InputError
+
+_PRIMITIVE = {
+    'bool': '?',
+    'byte': 'B',
+    'char': 'B',
+    'int8': 'b',
+    'uint8': 'B',
+    'int16': 'h',
+    'uint16': 'H',
+    'int32': 'i',
+    'uint32': 'I',
+    'int64': 'q',
+    'uint64': 'Q',
+    'float32': 'f',
+    'float64': 'd',
+}
+_FIELD = re.compile(
+    r'(?P<type>[\w/]+)(<=\d+)?(?P<array>\[(?P<size>\d*|<=\d+)\])?\s+(?P<name>[a-z]\w*)\b(?!\s*=)'
+)
+_HEADER = 4
+
+
+class _Field(NamedTuple):
+    name: str
+    type: str
+    array: bool
+    size: int  # of an array of fixed size, else -1
+
+
+Types = dict[str, tuple[_Field, ...]]
+
+
+class Decoder:
+    """Reads messages of one type. `definition` is the text of the type and of all it is made of.
+
+    Raises InputError if that is no definition of ROS.
+    """
+
+    def __init__(self, type_name: str, definition: str) -> None:
+        self._types = _types(type_name, definition)
+        self._root = _short(type_name)
+        if any(
+            field.type not in _PRIMITIVE and field.type not in (*self._types, 'string')
+            for fields in self._types.values()
+            for field in fields
+        ):
+            raise InputError('not a complete definition', value=type_name)
+
+    def read(self, data: bytes) -> dict[str, Any]:
+        """The message as a dictionary of numbers, texts, lists and dictionaries."""
+        return self.read_with_places(data)[0]
+
+    def read_with_places(self, data: bytes) -> tuple[dict[str, Any], list[int]]:
+        """The message, and where in `data` each of its float64 lies, in order."""
+        if len(data) < _HEADER or data[1] != 1:
+            raise InputError('not little-endian CDR', value=self._root)
+        reader = _Reader(data)
+        try:
+            return self._message(self._root, reader), reader.places
+        except (struct.error, UnicodeDecodeError):
+            raise InputError('a message shorter than its type', value=self._root) from None
+
+    def _message(self, name: str, reader: _Reader) -> dict[str, Any]:
+        fields = self._types[name]
+        if not fields:
+            reader.number('B')  # a type without fields has one byte
+        return {field.name: self._field(field, reader) for field in fields}
+
+    def _field(self, field: _Field, reader: _Reader) -> Any:
+        if not field.array:
+            return self._one(field.type, reader)
+        count = field.size if field.size >= 0 else reader.number('I')
+        return [self._one(field.type, reader) for _ in range(count)]
+
+    def _one(self, kind: str, reader: _Reader) -> Any:
+        if kind == 'string':
+            return reader.text()
+        if kind in _PRIMITIVE:
+            return reader.number(_PRIMITIVE[kind])
+        return self._message(kind, reader)
+
+
+class _Reader:
+    """A place in the bytes of a message."""
+
+    def __init__(self, data: bytes) -> None:
+        self._data, self._at = data, _HEADER
+        self.places: list[int] = []
+
+    def number(self, code: str) -> Any:
+        size = struct.calcsize(code)
+        self._at += -(self._at - _HEADER) % size
+        (value,) = struct.unpack_from('<' + code, self._data, self._at)
+        if code == 'd':
+            self.places.append(self._at)
+        self._at += size
+        return value
+
+    def text(self) -> str:
+        length = self.number('I')
+        raw = self._data[self._at : self._at + length]
+        if len(raw) < length:
+            raise struct.error
+        self._at += length
+        return raw[:-1].decode()
+
+
+@lru_cache(maxsize=64)
+def _types(root: str, definition: str) -> Types:
+    """Fields of every type in a definition, by short name such as std_msgs/Header."""
+    own, found = _short(root), {}
+    parts = re.split(r'^=+\s*\nMSG: (\S+)[ \t]*$', definition, flags=re.MULTILINE)
+    for name, text in zip([own, *parts[1::2]], parts[::2], strict=True):
+        package = name.partition('/')[0]
+        lines = (line.partition('#')[0].strip() for line in text.splitlines())
+        matches = (_FIELD.match(line) for line in lines)
+        found[_short(name)] = tuple(_field(match, package) for match in matches if match)
+    return found
+
+
+def _field(match: re.Match[str], package: str) -> _Field:
+    kind = match['type']
+    if kind not in _PRIMITIVE and kind != 'string':
+        kind = _short(kind if '/' in kind else f'{package}/{kind}')
+        kind = 'std_msgs/Header' if kind.endswith('/Header') else kind
+    size = match['size']
+    return _Field(match['name'], kind, bool(match['array']), int(size) if size and size.isdigit() else -1)
+
+
+def _short(name: str) -> str:
+    return name.replace('/msg/', '/')

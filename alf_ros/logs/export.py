@@ -1,0 +1,123 @@
+"""A log as tables: pandas, CSV, Parquet. One table for each topic of numbers, SI, `t` in s.
+
+pandas and pyarrow are imported where they are asked for; CSV needs neither.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from alf_ros.arrays import Floats, Integers
+from alf_ros.errors import InputError
+from alf_ros.logs import progress
+from alf_ros.logs.log import Log
+from alf_ros.logs.series import NUMERIC, Series
+
+if TYPE_CHECKING:
+    import pandas
+
+
+def table(log: Log, series: Series) -> dict[str, Floats | Integers]:
+    """The columns of a series by label, stamp (ns) and t (s) before them."""
+    return {'stamp': series.stamp, 't': log.time(series.stamp), **series.labelled()}
+
+
+def frame(log: Log, topic: str) -> pandas.DataFrame:
+    """A topic as a pandas DataFrame with the index t (s). Raises InputError without pandas."""
+    try:
+        import pandas
+    except ImportError:
+        raise InputError('DataFrames need pandas: pip install pandas') from None
+    return pandas.DataFrame(table(log, log.read(topic))).set_index('t')
+
+
+def to_csv(log: Log, folder: Path, report: progress.Report = progress.silent) -> list[Path]:
+    """`<topic>.csv` of every topic of numbers, and inputs.jsonl; numbers read back exactly.
+
+    Raises InputError if the folder cannot be written.
+    """
+    writers: dict[str, Any] = {}
+    streams = []
+    paths = [_inputs(log, folder)]
+    try:
+        for series, path in _numeric(log, folder, '.csv', report):
+            columns = table(log, series)
+            if series.topic not in writers:
+                stream = open(path, 'w', newline='', encoding='utf-8')
+                streams.append(stream)
+                writers[series.topic] = csv.writer(stream)
+                writers[series.topic].writerow(columns)
+                paths.append(path)
+            writers[series.topic].writerows(zip(*(c.tolist() for c in columns.values())))
+    except OSError as error:
+        raise InputError(f'cannot be written: {error.strerror}', file=str(folder)) from None
+    finally:
+        for stream in streams:
+            stream.close()
+    return paths
+
+
+def to_parquet(log: Log, folder: Path, report: progress.Report = progress.silent) -> list[Path]:
+    """`<topic>.parquet` of every topic of numbers, and inputs.jsonl.
+
+    Raises InputError without pyarrow, or if the folder cannot be written.
+    """
+    try:
+        import pyarrow
+        import pyarrow.parquet
+    except ImportError:
+        raise InputError('Parquet needs pyarrow: pip install pyarrow') from None
+    writers: dict[str, Any] = {}
+    paths = [_inputs(log, folder)]
+    try:
+        for series, path in _numeric(log, folder, '.parquet', report):
+            columns = {key: np.ascontiguousarray(c) for key, c in table(log, series).items()}
+            made = pyarrow.table(columns)
+            if series.topic not in writers:
+                writers[series.topic] = pyarrow.parquet.ParquetWriter(path, made.schema)
+                paths.append(path)
+            writers[series.topic].write_table(made)
+    except OSError as error:
+        raise InputError(f'cannot be written: {error}', file=str(folder)) from None
+    finally:
+        for writer in writers.values():
+            writer.close()
+    return paths
+
+
+def _inputs(log: Log, folder: Path) -> Path:
+    path = folder / 'inputs.jsonl'
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        path.write_text(''.join(f'{json.dumps(entry)}\n' for entry in log.inputs), 'utf-8')
+    except OSError as error:
+        raise InputError(f'cannot be written: {error.strerror}', file=str(folder)) from None
+    return path
+
+
+def _numeric(
+    log: Log, folder: Path, suffix: str, report: progress.Report
+) -> Iterator[tuple[Series, Path]]:
+    """Series of numbers and the file of each; a topic whose names change gets another file."""
+    seen: dict[str, list[tuple[str, ...]]] = {}
+    for piece in log.pieces(report=report):
+        for series in piece:
+            if series.type not in NUMERIC:
+                continue
+            known = seen.setdefault(series.topic, [])
+            if series.names not in known:
+                known.append(series.names)
+            number = known.index(series.names)
+            stem = series.topic.strip('/').replace('/', '_') + (f'_{number}' if number else '')
+            topic = f'{series.topic}#{number}' if number else series.topic
+            yield _renamed(series, topic), folder / f'{stem}{suffix}'
+
+
+def _renamed(series: Series, topic: str) -> Series:
+    return series if series.topic == topic else Series(**{**vars(series), 'topic': topic})

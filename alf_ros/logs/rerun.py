@@ -1,0 +1,114 @@
+"""A run made again from its log: the same scene, the same inputs at the same steps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import asdict
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from alf_ros.effect_values import with_effect_values
+from alf_ros.errors import InputError
+from alf_ros.logs.log import Log
+from alf_ros.logs.series import Series
+from alf_ros.saved_states import from_data, read_curve
+from alf_ros.scene import Solver
+from alf_ros.settings import on_grid
+from alf_ros.simulation import Simulation, State
+from alf_ros.stamps import stamp_ns
+
+
+class Event(NamedTuple):
+    """Message `row` of a series."""
+
+    series: Series
+    row: int
+
+
+def in_order(piece: list[Series]) -> Iterator[Event]:
+    """The messages of all series of a piece in the order in which they were written."""
+    places = np.concatenate([series.place for series in piece])
+    which = np.repeat(np.arange(len(piece)), [len(series) for series in piece])
+    rows = np.concatenate([np.arange(len(series)) for series in piece])
+    for k in np.argsort(places, kind='stable').tolist():
+        yield Event(piece[which[k]], int(rows[k]))
+
+
+class Rerun:
+    """`simulation` begins where the log begins. Raises InputError for a log that cannot be run."""
+
+    def __init__(self, log: Log, trust: bool = False) -> None:
+        try:
+            self._ahead = log.ahead
+            self.steps_per_tick = int(log.info['steps_per_tick'])
+            solver = Solver(**log.info['solver'])
+        except (TypeError, ValueError) as error:
+            text = f'its settings are not those of this version: {error}'
+            raise InputError(text, file=str(log.path)) from None
+        self.scene = log.scene(trust)
+        self.simulation = Simulation(self.scene, **asdict(solver))
+        if 'state' in log.info:
+            self.simulation.restore(read_state(log, self.simulation))
+
+    def step_of(self, stamp: int) -> int:
+        """The step of a stamp (ns)."""
+        ns = stamp - self._ahead
+        return 0 if ns == 1 else round(ns * 1e-9 / self.simulation.h)
+
+    def step_before(self, entry: dict[str, Any]) -> int:
+        """The step at which an entry of the journal acts; settings count in their own steps."""
+        if entry['kind'] == 'settings':
+            return round(entry['t'] / self.simulation.h)
+        return int(entry['step'])
+
+    @property
+    def stamp(self) -> int:
+        """The stamp (ns) of the present state."""
+        return stamp_ns(self.simulation.t, self._ahead)
+
+    def go_to(self, step: int) -> None:
+        """Make the steps up to this one. Raises StepError, and InputError if it lies behind."""
+        missing = step - self.simulation.step_index
+        if missing < 0:
+            raise InputError(
+                f'step {step} comes after step {self.simulation.step_index}', key='journal'
+            )
+        if missing:
+            self.simulation.step(missing)
+
+    def act(self, entry: dict[str, Any]) -> None:
+        """Let an entry of the journal act, at its step. Raises InputError, StepError."""
+        self.go_to(self.step_before(entry))
+        kind = entry['kind']
+        if kind == 'wrench':
+            names = ('name', 'force', 'torque', 'frame')
+            self.simulation.apply_wrench(**{name: entry[name] for name in names})
+        elif kind == 'effort':
+            self.simulation.apply_effort(entry['name'], read_curve(entry['effort']))
+        elif kind == 'target':
+            position = read_curve(entry['position'])
+            self.simulation.apply_target(entry['name'], position, entry['velocity'])
+        elif kind == 'settings':
+            self._change(entry)
+        elif kind != 'start':
+            raise InputError('unknown kind of entry in the journal', value=kind)
+
+    def _change(self, entry: dict[str, Any]) -> None:
+        before = self.simulation
+        self.steps_per_tick = int(entry['steps_per_tick'])
+        solver = {key: getattr(before.solver, key) for key in entry['solver']}
+        if entry['solver'] == solver and not entry['effects']:
+            return
+        self.scene = with_effect_values(self.scene, entry['effects'])
+        self.simulation = Simulation(self.scene, **entry['solver'])
+        self.simulation.restore(on_grid(before.state, before.h, self.simulation.h))
+
+
+def read_state(log: Log, simulation: Simulation) -> State:
+    """The state that a log begins with."""
+    try:
+        return from_data(log.info['state'], simulation.state)
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f'its first state is not one of its scene: {error}', file=str(log.path)) from None
+

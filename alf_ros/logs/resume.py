@@ -1,0 +1,75 @@
+"""A log's run at one of its instants, ready to go on: state, inputs held, and what is to come."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from alf_ros import state_vector
+from alf_ros.errors import InputError
+from alf_ros.logs.log import Log
+from alf_ros.logs.rerun import Event, Rerun, in_order
+from alf_ros.readings import READINGS
+
+_CLOSE = 1e-9  # s: stamps are whole nanoseconds
+
+
+@dataclass
+class Resumed:
+    """`rerun` stands at the last logged instant up to the time asked for; `rest` are the entries
+    of the journal that act from there on."""
+
+    rerun: Rerun
+    rest: list[dict[str, Any]]
+
+
+def resume(log: Log, at: float, trust: bool = False) -> Resumed:
+    """Go to the last logged instant up to `at` (s): from its state, or through all steps before if
+    the log has no states. Raises InputError if `at` is not within the log, StepError."""
+    rerun = Rerun(log, trust)
+    source = _source(log)
+    has_states = source == log.topic('~/state')
+    latest: Event | None = None
+    waiting: list[dict[str, Any]] = []
+    entries, beyond = iter(log.inputs), False
+    for piece in log.pieces([source, '~/inputs']):
+        for event in in_order(piece):
+            if event.series.topic != source:
+                entry = next(entries)
+                if entry['kind'] != 'start':
+                    waiting.append(entry)
+            elif not beyond:
+                beyond = float(log.time(event.series.stamp[event.row])) > at + _CLOSE
+                if not beyond:
+                    for entry in waiting:
+                        _restore(rerun, latest, has_states)
+                        rerun.act(entry)
+                    waiting, latest = [], event
+    first, last = log.time(log.survey.first), log.end
+    if latest is None or at > last + _CLOSE:
+        expected = f'from {first:.9g} to {last:.9g} s'
+        raise InputError('not within the log', key='--at', value=at, expected=expected)
+    _restore(rerun, latest, has_states)
+    rerun.go_to(rerun.step_of(int(latest.series.stamp[latest.row])))
+    return Resumed(rerun, waiting)
+
+
+def _source(log: Log) -> str:
+    """The topic whose instants are those of the log: the states, or another of every tick."""
+    topics = [log.topic(reading.name) for reading in READINGS.values()]
+    found = [topic for topic in topics if topic in log.survey.counts]
+    if not found:
+        raise InputError('the log has no states, nor what follows from them', file=str(log.path))
+    return max(found, key=lambda topic: (topic == topics[0], log.survey.counts[topic]))
+
+
+def _restore(rerun: Rerun, event: Event | None, has_states: bool) -> None:
+    if event is None or not has_states:
+        return
+    simulation, series, row = rerun.simulation, event.series, event.row
+    before = simulation.state
+    numbers, rates = (series.columns[key][row] for key in ('position', 'velocity'))
+    if int(numbers[-1]) <= before.step:
+        return  # entries of one step act in turn
+    state = state_vector.state(simulation.model, before, numbers, rates, before.inputs)
+    simulation.restore(state)

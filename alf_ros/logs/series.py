@@ -1,0 +1,181 @@
+"""Messages of one topic as columns: one array for each field, in place of ten million messages."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+from alf_ros.arrays import Floats, Integers
+from alf_ros.errors import InputError
+from alf_ros.logs.cdr import Decoder
+from alf_ros.logs.container import Block, Bytes, Channel
+
+_STAMP = slice(4, 12)  # of a header, which is the first field where there is one
+_JOINT_STATE = 'sensor_msgs/msg/JointState'
+_WRENCHES = 'sensor_msgs/msg/MultiDOFJointState'
+COMPONENTS = tuple(f'{what}.{axis}' for what in ('force', 'torque') for axis in 'xyz')
+_NUMBER = 'std_msgs/msg/Float64'
+NUMERIC = (_JOINT_STATE, _WRENCHES, _NUMBER)
+
+
+@dataclass(frozen=True)
+class Series:
+    """N messages of `topic` in the order of the log.
+
+    stamp (N,) ns; `names` (k,) of what the numbers are; `columns`: 'position', 'velocity',
+    'effort' (N, k), 'wrench' (N, k, 6: force N, torque N m), 'data' (N, 1), those that the type
+    has; `messages` are dictionaries, of types that hold something else than numbers; `place` (N,)
+    orders the messages of all topics of one piece.
+    """
+
+    topic: str
+    type: str
+    stamp: Integers
+    sequence: Integers
+    place: Integers
+    names: tuple[str, ...] = ()
+    columns: dict[str, Floats] = field(default_factory=dict)
+    messages: tuple[dict[str, Any], ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.stamp)
+
+    def labelled(self) -> dict[str, Floats]:
+        """The columns one by one (N,), named as a table names them: 'position.knee',
+        'wrench.knee.force.x', 'data'."""
+        found = {}
+        for key, values in self.columns.items():
+            for k, name in enumerate(self.names or ('',)):
+                label = f'{key}.{name}' if self.names else key
+                if values.ndim == 3:
+                    for c, component in enumerate(COMPONENTS):
+                        found[f'{label}.{component}'] = values[:, k, c]
+                else:
+                    found[label] = values[:, k]
+        return found
+
+
+
+def joined(pieces: Sequence[Series]) -> Series:
+    """Pieces of one topic as one. Raises InputError if their names differ."""
+    first = pieces[0]
+    for piece in pieces:
+        if piece.names != first.names:
+            text = f'what it holds changes at {piece.stamp[0]} ns: read its pieces one by one'
+            raise InputError(text, key=first.topic)
+    return Series(
+        first.topic,
+        first.type,
+        np.concatenate([piece.stamp for piece in pieces]),
+        np.concatenate([piece.sequence for piece in pieces]),
+        np.concatenate([piece.place for piece in pieces]),
+        first.names,
+        {key: np.concatenate([p.columns[key] for p in pieces]) for key in first.columns},
+        tuple(message for piece in pieces for message in piece.messages),
+    )
+
+
+class _Layout:
+    """Where the numbers lie in messages like this one, and what else is in all of them."""
+
+    def __init__(self, kind: str, decoder: Decoder, data: bytes) -> None:
+        message, places = decoder.read_with_places(data)
+        self.size = len(data)
+        self.numbers = (np.array(places, np.int64)[:, None] + np.arange(8)).ravel()
+        fixed = np.ones(self.size, bool)
+        fixed[self.numbers] = False
+        if kind != _NUMBER:
+            fixed[_STAMP] = False
+        self._fixed = np.flatnonzero(fixed)
+        self._wanted = np.frombuffer(data, np.uint8)[self._fixed]
+        self.names, self.shapes = _shapes(kind, message)
+
+    def fits(self, rows: Bytes) -> NDArray[np.bool_]:
+        """Which of these messages (N, size) differ in numbers and stamp only."""
+        return np.asarray((rows[:, self._fixed] == self._wanted).all(axis=1))
+
+    def columns(self, rows: Bytes) -> dict[str, Floats]:
+        """The numbers of messages (N, size)."""
+        numbers = np.ascontiguousarray(rows[:, self.numbers]).view('<f8')
+        found, at = {}, 0
+        for key, shape in self.shapes.items():
+            count = int(np.prod(shape))
+            found[key] = numbers[:, at : at + count].reshape(-1, *shape)
+            at += count
+        return found
+
+
+def _shapes(
+    kind: str, message: dict[str, Any]
+) -> tuple[tuple[str, ...], dict[str, tuple[int, ...]]]:
+    """Names, and the shape of each field that holds numbers, in their order."""
+    if kind == _NUMBER:
+        return (), {'data': (1,)}
+    if kind == _JOINT_STATE:
+        fields = ('position', 'velocity', 'effort')
+        return tuple(message['name']), {
+            key: (len(message[key]),) for key in fields if message[key]
+        }
+    if message['transforms'] or message['twist']:
+        raise InputError('transforms and twists are not read', value=kind)
+    return tuple(message['joint_names']), {'wrench': (len(message['wrench']), 6)}
+
+
+class ChannelReader:
+    """Messages of one channel to series."""
+
+    def __init__(self, channel: Channel) -> None:
+        self._channel = channel
+        self._decoder = Decoder(channel.type, channel.definition)
+        self._layout: _Layout | None = None
+
+    def series(self, block: Block, rows: Integers) -> Iterator[Series]:
+        """These messages of a chunk, in series of equal names: nearly always one."""
+        if self._channel.type not in NUMERIC:
+            messages = tuple(self._decoder.read(block.message(k)) for k in rows)
+            yield self._made(block, rows, messages=messages)
+            return
+        while rows.size:
+            layout = self._layout
+            if layout is not None:
+                sizes = block.end[rows] - block.start[rows]
+                count = _leading(sizes == layout.size)
+                if count:
+                    window = sliding_window_view(block.data, layout.size)
+                    bytes_ = window[block.start[rows[:count]]]
+                    count = _leading(layout.fits(bytes_))
+                if count:
+                    columns = layout.columns(bytes_[:count])
+                    yield self._made(block, rows[:count], layout.names, columns)
+                    rows = rows[count:]
+                    continue
+            self._layout = _Layout(self._channel.type, self._decoder, block.message(rows[0]))
+
+    def _made(
+        self,
+        block: Block,
+        rows: Integers,
+        names: tuple[str, ...] = (),
+        columns: dict[str, Floats] | None = None,
+        messages: tuple[dict[str, Any], ...] = (),
+    ) -> Series:
+        return Series(
+            self._channel.topic,
+            self._channel.type,
+            block.stamp[rows],
+            block.sequence[rows],
+            block.start[rows],
+            names,
+            columns or {},
+            messages,
+        )
+
+
+def _leading(true: NDArray[np.bool_]) -> int:
+    """How many are true before the first that is not."""
+    return int(true.size if true.all() else true.argmin())

@@ -1,0 +1,32 @@
+"""Spinning a node until it says that it has finished."""
+
+from __future__ import annotations
+
+import gc
+from typing import TYPE_CHECKING, Protocol
+
+try:
+    from rclpy.experimental.events_executor import EventsExecutor as Executor
+except ImportError:
+    from rclpy.executors import SingleThreadedExecutor as Executor
+
+if TYPE_CHECKING:
+    from rclpy.task import Future
+
+
+class Finite(Protocol):
+    """A node that ends by itself."""
+
+    finished: Future[None]
+
+
+def spin(node: Finite) -> None:
+    """Call the callbacks of a node until its `finished` is done."""
+    executor = Executor()
+    executor.add_node(node)
+    # What was made at the start stays: the collector need not look at it again and again.
+    gc.collect()
+    gc.freeze()
+    while not node.finished.done():
+        # spin() of the events executor hangs when it is to end; this does not.
+        executor.spin_until_future_complete(node.finished, timeout_sec=1.0)
