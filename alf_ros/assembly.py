@@ -101,7 +101,7 @@ def complete(model: Model, q: Floats, given: Given) -> Floats:
 
 
 def brought_back(model: Model, q: Floats, qd: Floats, t: float) -> tuple[Floats, Floats]:
-    """Positions and velocities (blocks D, m, m/s) near these that satisfy the constraints at t (s).
+    """Positions and velocities (blocks D, m, m/s) near these that satisfy the constraints at t.
 
     Along M: the velocities are those after an impulse of the constraints, M q̇ + Φ_qᵀ y = p with
     p = M q̇ of the ones given. Raises AssemblyError with the constraints that stay open.

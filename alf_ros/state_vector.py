@@ -1,8 +1,9 @@
 """A state as one list of named numbers with rates, as a log keeps it, and back, bit for bit.
 
 In the order of the scene's file: the natural coordinates of movable points, vectors and auxiliary
-blocks (m; vectors in the length of the drawing, as the kernel has them) with their velocities; then, with zero rates,
-the turns of each counted angle, the pace (s), what other formulations carry, and the step index.
+blocks (m; vectors in the length of the drawing, as the kernel has them) with their velocities;
+then, with zero rates, the turns of each counted angle, the pace (s), what other formulations carry,
+and the step index.
 """
 
 from __future__ import annotations

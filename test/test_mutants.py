@@ -10,20 +10,22 @@ Each file goes to a process of its own kind, so that one that hangs or crashes i
 from __future__ import annotations
 
 import multiprocessing
+import re
 from collections import Counter
 from collections.abc import Iterator
 
 import jsonschema
 import pytest
 from hypothesis import HealthCheck, Phase, given, seed, settings
-from mutants import SOURCES, mutants
+from mutants import PLANE, SOURCES, SPACE, mutants
 from verdict import RAN, REFUSED, STOPPED, serve
 from yaml_core import data
 
 from alf_ros import document, effects, schema
+from alf_ros.scene import FORMULATIONS
 
 SCHEMA = schema.scene_schema(effects.own())
-PATIENCE = 30.0  # s; the longest take a few
+PATIENCE = 120.0  # s; the longest take a few on an idle machine
 
 
 class Judge:
@@ -64,8 +66,12 @@ class Judge:
 @pytest.fixture(scope='module')
 def judge() -> Iterator[Judge]:
     one = Judge()
-    for text in SOURCES:  # compiles what they need
+    for text in SOURCES:  # compiles what they need, and below what mutants may choose
         assert one(text, patience=600.0) == (RAN, '')
+    for text in (PLANE, SPACE):
+        for kind in FORMULATIONS:
+            chosen = re.sub('integrator: .*}', f'integrator: rk4, formulation: {kind}}}', text)
+            assert one(chosen, patience=600.0)[0] in (RAN, REFUSED, STOPPED)
     one.found.clear()
     yield one
     one.close()

@@ -247,3 +247,22 @@ def test_samples_keep_their_instant_and_are_read_only() -> None:
     assert early.joints['crank_pin'].effort == 0.0
     with pytest.raises(ValueError, match='read-only'):
         early.q[0] = 0.0
+
+
+def test_what_is_too_stiff_for_an_adaptive_step_says_so_and_keeps_the_state() -> None:
+    """Instead of going on for hours."""
+    source = {
+        'mechanism': 'double_pendulum',
+        'effects': {
+            'gravity': {'acceleration': [0, -9.81]},
+            'torsion_spring': {'joint': 'elbow', 'stiffness': 1e9},
+        },
+        'initial': {'velocities': {'A': [0, 1], 'B': [-1, 1]}},
+    }
+    simulation = Simulation(load_scene(source), integrator='dop853_adaptive', step=1e3)
+    before = simulation.sample().q
+    with pytest.raises(StepError, match='more than 20000 steps within one; take a smaller step'):
+        simulation.step(1)
+    assert np.array_equal(simulation.sample().q, before)
+    short = Simulation(load_scene(source), integrator='dop853_adaptive', step=1e-2)
+    short.step(1)
