@@ -143,6 +143,16 @@ def ordinary(model: Model, q: Floats) -> tuple[int, Floats, float]:
     return len(model.row_names) - rank, place, _softness(model, work, place, rank)
 
 
+def within(model: Model, q: Floats, dependent_rows: int) -> bool:
+    """Whether q (blocks D, m) is a singular position, as near as stages are not trusted there."""
+    work = allocate(model, model.system, 1)
+    if not kernel.linearise(model.unit, model.system, work, q):
+        return False
+    missing = len(model.row_names) - dependent_rows - effective_rank(model, work)
+    sigma = distance(missing, model.penalty)
+    return bool(sigma < model.system.close * model.system.ordinary)
+
+
 def _softness(model: Model, work: Work, q: Floats, rank: int) -> float:
     """The distance σ at an ordinary place, with the smallest penalty that can tell it.
 

@@ -17,14 +17,15 @@ from alf_ros.scene import Solver
 
 
 class Tableau(NamedTuple):
-    """Butcher's a (s, s), b (s,), c (s,), the order, and for an adaptive method the weights of its
-    embedded errors (2, s + 1), the last for the end of the step."""
+    """Butcher's a (s, s), b (s,), c (s,), the order, for an adaptive method the weights of its
+    embedded errors (2, s), and whether it errs less with q̇ as the stages carry it."""
 
     a: Floats
     b: Floats
     c: Floats
     order: int
     embedded: Floats = np.zeros(0)
+    carried: bool = False
 
 
 def _rk4() -> Tableau:
@@ -36,16 +37,17 @@ def _rk4() -> Tableau:
 
 # Dormand & Prince of order 8 (Hairer, Nørsett & Wanner 1993, II.5 and II.10), as SciPy has it
 _A, _B, _C = (np.ascontiguousarray(part) for part in (DOP853.A, DOP853.B, DOP853.C))
-_DOP853 = Tableau(_A, _B, _C, 8)
+_DOP853 = Tableau(_A, _B, _C, 8, carried=True)
 
 TABLEAUX = {
     'rk4': _rk4(),
     'dop853': _DOP853,
-    'dop853_adaptive': _DOP853._replace(embedded=np.array([DOP853.E5, DOP853.E3])),
+    'dop853_adaptive': _DOP853._replace(embedded=np.array([DOP853.E5[:-1], DOP853.E3[:-1]])),
 }
 
 
 def method(solver: Solver) -> Method:
     """What the kernel has to know of a scene's solver section."""
-    a, b, c, _, embedded = TABLEAUX[solver.integrator]
-    return Method(a, b, c, embedded, np.uint64(solver.iterations), solver.tolerance)
+    a, b, c, _, embedded, carried = TABLEAUX[solver.integrator]
+    iterations = np.uint64(solver.iterations)
+    return Method(a, b, c, embedded, np.uint64(carried), iterations, solver.tolerance)

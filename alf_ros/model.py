@@ -245,7 +245,6 @@ def allocate(model: Model, system: System, stages: int) -> Work:
         'qd': whole,
         'qdd': whole,
         'p': n,
-        'given': n,
         'Q': whole,
         'delta': whole,
         'r2': m,
@@ -253,12 +252,11 @@ def allocate(model: Model, system: System, stages: int) -> Work:
         'z': m,
         'w': m,
         'shift': whole,
-        'kq': (stages + 1) * n,
-        'kp': (stages + 1) * n,
+        'kq': stages * n,
+        'kv': stages * n,
         'base': whole,
-        'momenta': n,
+        'sum': n,
         'sum_q': n,
-        'sum_p': n,
         'bend': whole,
         'pull': whole,
         'along': whole,
@@ -271,6 +269,7 @@ def allocate(model: Model, system: System, stages: int) -> Work:
     }
     return Work(
         evaluations=np.zeros(1, dtype=np.int64),
+        rounded=np.zeros(1, dtype=np.int64),
         good_turns=np.zeros(angles // 2, dtype=np.int64),
         **{name: np.zeros(size) for name, size in sizes.items()},
     )

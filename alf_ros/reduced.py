@@ -37,18 +37,18 @@ def integrate(
     exact: Floats,
     tolerance: float,
     size: float,
-    floor: float,
+    slowest: float,
 ) -> Cost | None:
     """From θ (rad), θ̇ (rad/s) at times[0] through all `times` (s), each a point of the grid.
 
     exact: q (times, n) to compare with, m. size (m): that of the mechanism, to which the tolerance
-    is relative; floor (m/s): what a slower speed counts as, as in the kernel. None if it takes
+    is relative; slowest (m/s): what a slower speed counts as, as in the kernel. None if it takes
     more than MOST evaluations: rounding is then above the tolerance.
     """
     a, b, embedded = _METHOD.a, _METHOD.b, _METHOD.embedded
     assert embedded is not None  # that of an adaptive method
     stages = b.size
-    k = np.zeros((stages + 1, 2))
+    k = np.zeros((stages, 2))
     theta, rate = start
     y = np.array([theta, alone.inertia(theta)[0] * rate])
     error = float(np.abs(alone.position(theta) - exact[0]).max())
@@ -60,23 +60,25 @@ def integrate(
             if evaluations > MOST:
                 return None
             left = times[n] - t
-            last = pace > 0.999999 * left
-            dt = left if last else min(pace, 0.5 * left) if pace > 0.5 * left else pace
+            speed = abs(k[0, 0]) * np.abs(alone.tangent(y[0])).max()
+            parts = max(1, math.ceil(0.999999 * left / pace))
+            dt = left / parts
             for s in range(1, stages):
                 k[s] = _rates(alone, y + dt * (a[s, :s] @ k[:s]))
-            new = y + dt * (b @ k[:stages])
-            k[stages] = _rates(alone, new)
-            evaluations += stages
+            new = y + dt * (b @ k)
+            evaluations += stages - 1
             e5, e3 = (
-                _relative(alone, y, new, k, dt * (weights @ k), dt, size, floor)
+                _relative(alone, new[0], dt * (weights @ k), size, max(slowest, speed))
                 / (SHARE * tolerance)
                 for weights in embedded
             )
             wrong = e5 * e5 / math.sqrt(e5 * e5 + 0.01 * e3 * e3) if e5 > 0.0 else 0.0
-            factor = min(5.0, max(0.2, 0.9 * wrong**-0.125)) if wrong > 0.0 else 5.0
+            factor = 0.5
+            if math.isfinite(wrong):
+                factor = min(5.0, max(0.2, 0.8 * wrong**-0.125)) if wrong > 0.0 else 5.0
             if wrong <= 1.0:
-                t = times[n] if last else t + dt
-                y, k[0] = new, k[stages].copy()
+                t = times[n] if parts == 1 else t + dt
+                y, k[0], evaluations = new, _rates(alone, new), evaluations + 1
                 pace = max(pace, factor * dt) if dt < pace else factor * dt
             else:
                 pace = factor * dt
@@ -107,22 +109,8 @@ def _rates(alone: OneFreedom, y: Floats) -> tuple[float, float]:
     return rate, inertia * alone.acceleration(y[0], rate) + slope * rate * rate
 
 
-def _relative(
-    alone: OneFreedom,
-    y: Floats,
-    new: Floats,
-    k: Floats,
-    error: Floats,
-    h: float,
-    size: float,
-    floor: float,
-) -> float:
+def _relative(alone: OneFreedom, theta: float, error: Floats, size: float, speed: float) -> float:
     """`error` of θ as a displacement relative to the size, of P as a velocity to the speed."""
-    reach = np.abs(alone.tangent(new[0])).max()
-    inertia, slope = alone.inertia(new[0])
-    rate = k[-1, 0]
-    acceleration = (k[-1, 1] - slope * rate * rate) / inertia
-    tangent = np.abs(alone.tangent(y[0])).max()
-    speed = max(tangent * abs(k[0, 0]), reach * max(abs(rate), h * abs(acceleration)))
-    velocity = reach * abs(error[1]) / inertia
-    return float(max(reach * abs(error[0]) / size, velocity / max(speed, floor)))
+    reach = np.abs(alone.tangent(theta)).max()
+    velocity = error[1] / alone.inertia(theta)[0]
+    return float(reach * max(abs(error[0]) / size, abs(velocity) / speed))

@@ -121,6 +121,7 @@ class Simulation:
             raise AssemblyError(error.message, file=scene.file, key=error.key) from None
         self._dependent_rows, self._ordinary, sigma = assembly.ordinary(self.model, q)
         self.model = self.model.accustomed(sigma)
+        self._within = assembly.within(self.model, q, self._dependent_rows) and bool(qd.any())
         self._applied = Applied(self.model, scene.effects, NO_INPUTS, lambda: self._reactions)
         turns = np.zeros(self.model.system.angles.c.size // 2, dtype=np.int64)
         self._phase = Phase(q.copy(), qd.copy(), turns.copy(), np.array([self.h]))
@@ -154,8 +155,16 @@ class Simulation:
 
     @property
     def evaluations(self) -> int:
-        """Stages evaluated so far: what a run costs, whatever the machine."""
+        """Stages evaluated so far, each with its q̈: what a run costs, whatever the machine."""
         return int(self._work.evaluations[0])
+
+    @property
+    def rounded_steps(self) -> int:
+        """Steps taken so far although rounding kept their error above the tolerance.
+
+        A shorter one would be no better. More than a few say that the tolerance asks too much.
+        """
+        return int(self._work.rounded[0])
 
     def step(self, n: int = 1) -> None:
         """Take n steps in one compiled call that releases the GIL.
@@ -219,8 +228,9 @@ class Simulation:
         advance = kernel.advance_adaptively if self._method.embedded.size else kernel.advance
         model, forces = self.model, self._applied.assembled
         system, method, work = model.system, self._method, self._work
+        within = self._within and first == 0 and start == 0.0
         result, taken, self._iterations = advance(
-            model.unit, system, forces, method, work, phase, watch, start, first, n, h
+            model.unit, system, forces, method, work, phase, watch, start, first, n, h, within
         )
         return result, taken
 
@@ -274,6 +284,8 @@ class Simulation:
         self._step = state.step
         phase.q[:], phase.qd[:], phase.turns[:] = state.q, state.qd, state.turns
         phase.pace[0], self._carried[:] = state.pace, state.carried
+        # a state may come from a log, which holds what moves freely
+        kernel.prescribe(self.model.system, self.t, phase.q, phase.qd, np.zeros_like(phase.q))
         if self._watcher is not None:
             self._watcher.restart()
         self._hold(state.inputs)

@@ -39,7 +39,7 @@ class StartingState:
         model = Simulation(self.motion.scene()).model
         weight = max(body.mass for body in model.mechanism.bodies) * exact.GRAVITY
         # as the kernel has it, for forces that are weights of two rods at a point
-        floor = 0.1 * math.sqrt(model.size * weight / model.mass_scale)
+        slowest = math.sqrt(model.size * weight / model.mass_scale)
         costs = (
             reduced.integrate(
                 self.alone,
@@ -48,7 +48,7 @@ class StartingState:
                 self.motion.exact(),
                 float(tolerance),
                 model.size,
-                floor,
+                slowest,
             )
             for tolerance in _TOLERANCES
         )

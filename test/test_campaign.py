@@ -28,13 +28,15 @@ def test_no_run_fails_and_each_is_within_its_bound(results: list[list[Result]]) 
 
 def test_the_error_falls_with_the_tolerance(results: list[list[Result]]) -> None:
     medians = [statistics.median(r.position for r in row) for row in results]
-    for name in (slice(0, 3), slice(3, 6)):
+    for name in (slice(0, 4), slice(4, 8)):
         assert all(b < 0.1 * a for a, b in zip(medians[name], medians[name][1:], strict=False))
 
 
 def test_it_costs_what_the_one_freedom_costs(results: list[list[Result]]) -> None:
-    for row in results:
-        assert statistics.median(r.ratio for r in row) <= campaign.MOST
+    rows = campaign.rows(quick=True)
+    for row, done in zip(rows, results, strict=True):
+        assert row.ratio is not None
+        assert statistics.median(r.ratio for r in done) <= row.ratio
 
 
 @pytest.mark.parametrize('name', MECHANISMS)
@@ -56,9 +58,9 @@ def test_thirty_starts_of_every_kind(name: str) -> None:
 
 def test_the_full_campaign_has_every_promised_run() -> None:
     rows = list(campaign.rows(quick=False))
-    assert [len(row.runs) for row in rows] == [90] * 16
+    assert [len(row.runs) for row in rows] == [90] * 20
     assert {run.penalty for row in rows for run in row.runs} == {1e7, 1e9, 1e11}
-    assert min(run.tolerance for row in rows for run in row.runs) == pytest.approx(1e-10)
+    assert min(run.tolerance for row in rows for run in row.runs) == pytest.approx(1e-12)
     assert 'campaign' in hard_cases.CASES
 
 
@@ -77,7 +79,9 @@ def test_inertia_is_that_of_the_energy(alone: exact.OneFreedom) -> None:
 def test_the_one_freedom_alone_follows_its_tolerance(name: str) -> None:
     start = starting_states(name)[3]
     costs = start.costs
-    assert all(a.evaluations <= b.evaluations for a, b in zip(costs, costs[1:], strict=False))
+    # from 1e-3 and a decade apart: between neighbours a rejected step more or less decides
+    pairs = zip(costs[4:], costs[6:], strict=False)
+    assert all(a.evaluations <= b.evaluations for a, b in pairs)
     assert costs[4].position < 1e-4 and costs[-1].position < 1e-11
     order = math.log(costs[4].position / costs[-3].position) / math.log(
         costs[-3].evaluations / costs[4].evaluations

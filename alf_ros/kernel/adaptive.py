@@ -9,7 +9,6 @@ from alf_ros.kernel.data import (
     COLLAPSED,
     NOT_POSITIVE,
     OK,
-    ONE,
     TOO_MANY,
     Forces,
     Method,
@@ -19,7 +18,7 @@ from alf_ros.kernel.data import (
     Work,
 )
 from alf_ros.kernel.factor import linearise
-from alf_ros.kernel.iteration import augmented, momentum_rate
+from alf_ros.kernel.iteration import augmented
 from alf_ros.kernel.jit import compiled, inner
 from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.step import accept, begin, step
@@ -27,49 +26,40 @@ from alf_ros.kernel.vectors import copy, largest, zero
 from alf_ros.kernel.watch import note
 
 _SHARE = 0.05  # of the tolerance for one step: errors add up along a motion
+_SMALL = 0.05  # part of the usual step
+_ROUNDING = 1e-10  # relative error of a step that rounding may bring
 _MOST = 20_000  # steps between two grid points: more is stiff, and would look like a hang
-_FLOOR = 0.1  # part of the speed that the forces would give it along its size
 
 
 @inner
 def _error_norm(
-    unit: Unit, system: System, method: Method, work: Work, phase: Phase, which: int, h: float
+    unit: Unit, system: System, method: Method, work: Work, which: int, h: float, speed: float
 ) -> float:
-    """Embedded error `which` of q and p'.
+    """Embedded error `which` of q, relative to the size, and of q̇, relative to the speed.
 
-    It is relative to the size for q, and to the speed for p': what is much slower than the forces
-    would make it counts as a tenth of that, or rounding would be too large an error. Only the part
-    along the free directions counts, by the factor of the end of the step: what is across is
-    removed by the projection, and is where a singular position is felt first.
+    Only the part along the free directions counts, by the factor of the end of the step: what is
+    across is removed by the projection, and is where a singular position is felt first.
     """
-    n = work.p.size
-    weights = method.b.size + ONE
+    n, stages = work.p.size, method.b.size
     worst = 0.0
     for part in range(2):
-        k = work.kq if part == 0 else work.kp
-        zero(work.sum_q)
-        for s in range(weights):
-            weight = method.embedded[which * weights + s]
+        k = work.kq if part == 0 else work.kv
+        scale = system.size if part == 0 else speed
+        zero(work.sum)
+        for s in range(stages):
+            weight = method.embedded[which * stages + s]
             if weight != 0.0:
                 for i in range(n):
-                    work.sum_q[i] += h * weight * k[s * n + i]
-        if part == 0:
-            zero(work.momenta)
-            add_mass_times(unit, system.mass, 1.0, work.sum_q, work.momenta)
-            scale = system.size
-        else:
-            pull = largest(work.Q, n) / system.mean
-            scale = _FLOOR * np.sqrt(system.size * pull)
-            for i in range(n):
-                work.momenta[i] = work.sum_q[i]
-                scale = max(scale, max(abs(phase.qd[i]), abs(work.qd[i])), h * abs(work.qdd[i]))
+                    work.sum[i] += h * weight * k[s * n + i]
+        zero(work.p)
+        add_mass_times(unit, system.mass, 1.0, work.sum, work.p)
         zero(work.r2)
         zero(work.y)
-        zero(work.bend)
-        augmented(unit, system, work, work.momenta, work.bend, 3, 1e-3, 1.0)
-        for i in range(n):
-            if abs(work.bend[i]) > worst * scale:
-                worst = abs(work.bend[i]) / scale
+        zero(work.along)
+        augmented(unit, system, work, work.p, work.along, 3, 1e-3, 1.0)
+        wrong = largest(work.along, n)
+        if wrong > worst * scale:  # nothing is, at rest where nothing pulls
+            worst = wrong / scale
     return worst
 
 
@@ -77,30 +67,23 @@ def _error_norm(
 def _error(
     unit: Unit,
     system: System,
-    forces: Forces,
     method: Method,
     work: Work,
     phase: Phase,
-    t: float,
     h: float,
-) -> float:
-    """Error of the step that ended at t in `work`, in parts of what is allowed.
+    share: float,
+) -> tuple[float, float]:
+    """Relative error of the step of h that ended in `work`, in parts of `share`; a small step, s.
 
     Both embedded errors as Hairer, Nørsett & Wanner (1993), II.10, join them for DOP853.
     """
-    n, stages = work.p.size, method.b.size
-    work.evaluations[0] += 1
-    iterations = np.int64(method.iterations)
-    count, _sigma = momentum_rate(unit, system, forces, work, t, iterations, True)
-    if count < 0:
-        return np.inf
-    for i in range(n):
-        work.kq[stages * n + i] = work.qd[i]
-        work.kp[stages * n + i] = work.p[i]
-    allowed = _SHARE * method.tolerance
-    e5 = _error_norm(unit, system, method, work, phase, 0, h) / allowed
-    e3 = _error_norm(unit, system, method, work, phase, 1, h) / allowed
-    return e5 * e5 / np.sqrt(e5 * e5 + 0.01 * e3 * e3) if e5 > 0.0 else 0.0
+    n = work.p.size
+    pull = largest(work.Q, n) / system.mean
+    speed = max(largest(phase.qd, n), largest(work.qd, n), np.sqrt(system.size * pull))
+    e5 = _error_norm(unit, system, method, work, 0, h, speed) / share
+    e3 = _error_norm(unit, system, method, work, 1, h, speed) / share
+    error = e5 * e5 / np.sqrt(e5 * e5 + 0.01 * e3 * e3) if e5 > 0.0 else 0.0
+    return error, _SMALL * method.tolerance ** (1.0 / 8.0) * system.size / speed
 
 
 @compiled
@@ -116,52 +99,65 @@ def advance_adaptively(
     first: int,
     steps: int,
     h: float,
+    within: bool,
 ) -> tuple[int, int, int]:
     """Like `advance`, each h in as many steps as the tolerance of the method takes."""
-    pace = phase.pace
+    pace, share = phase.pace, _SHARE * method.tolerance
     good_pace = pace[0]
     copy(phase.q, work.good_q)
     copy(phase.qd, work.good_qd)
     copy(phase.turns, work.good_turns)
-    most = 0
+    most, begun, sigma = 0, False, 0.0 if within else np.inf
+    tries, worst, longest = 0, np.inf, h  # from here, error and length of the first
     if not begin(unit, system, work, phase):
         return NOT_POSITIVE, 0, most
     for taken in range(steps):
-        t = t0 + (first + taken) * h
+        t, end = t0 + (first + taken) * h, t0 + (first + taken + 1) * h
         done = 0.0
-        result = OK
-        tried = 0
+        result, noisy, tried = OK, False, 0
         while done < h:
             tried += 1
             if tried > _MOST:
                 result = TOO_MANY
                 break
             left = h - done
-            last = pace[0] > 0.999999 * left
-            dt = pace[0]
-            if last:
-                dt = left
-            elif dt > 0.5 * left:  # no crumb before the grid point
-                dt = 0.5 * left
-            result, count = step(unit, system, forces, method, work, phase, t + done, dt)
+            parts = max(1.0, np.ceil(0.999999 * left / pace[0]))  # no crumb at the grid point
+            dt = left / parts
+            to = end if parts == 1.0 else t + done + dt
+            result, count = step(
+                unit, system, forces, method, work, phase, t + done, to, dt, sigma, begun
+            )
             most = max(most, count)
-            error = np.inf
+            error, least, factor = np.inf, 0.0, 0.5
             if result == OK:
-                error = _error(unit, system, forces, method, work, phase, t + done + dt, dt)
-            factor = 0.5
+                error, least = _error(unit, system, method, work, phase, dt, share)
             if np.isfinite(error):
-                factor = min(5.0, max(0.2, 0.9 * error ** (-1.0 / 8.0))) if error > 0.0 else 5.0
-            if error <= 1.0:
+                factor = min(5.0, max(0.2, 0.8 * error ** (-1.0 / 8.0))) if error > 0.0 else 5.0
+            # rounding does not fall with the step: then a shorter one is no better
+            stays = tries > 1 and error > worst * (dt / longest) ** 1.5
+            rounding = error > 1.0 and error * share < _ROUNDING and (stays or noisy)
+            if error <= 1.0 or rounding:
                 accept(unit, system, work, phase)
-                done = h if last else done + dt
+                done = h if parts == 1.0 else done + dt
                 pace[0] = max(pace[0], factor * dt) if dt < pace[0] else factor * dt
+                if rounding:
+                    work.rounded[0] += 1
+                    noisy = True
+                if noisy:
+                    pace[0] = max(pace[0], least)
+                begun, sigma, tries = False, np.inf, 0
             else:
+                if tries == 0:
+                    worst, longest = error, dt
+                begun = result == OK
+                tries += 1
                 pace[0] = factor * dt
                 if pace[0] < 1e-9 * h:
                     result = result if result != OK else COLLAPSED
                     break
-                copy(phase.q, work.q)
-                linearise(unit, system, work, work.q)
+                if not begun:
+                    copy(phase.q, work.q)
+                    linearise(unit, system, work, work.q)
         if done < h:
             copy(work.good_q, phase.q)
             copy(work.good_qd, phase.qd)
@@ -173,5 +169,5 @@ def advance_adaptively(
         copy(phase.turns, work.good_turns)
         good_pace = pace[0]
         if watch is not None:  # known when it is compiled: who does not watch does without
-            note(unit, system, forces, work, watch, taken, t + h)
+            note(unit, system, forces, work, watch, taken, end)
     return OK, steps, most

@@ -185,7 +185,8 @@ class Method(Struct):
     a: Floats  # (stages, stages)
     b: Floats  # (stages,)
     c: Floats  # (stages,)
-    embedded: Floats  # (2, stages + 1) weights of the embedded errors of order 5 and 3, or (0,)
+    embedded: Floats  # (2, stages) weights of the embedded errors of order 5 and 3, or (0,)
+    carried: np.uint64  # 1: positions from q̇ as the stages carry it; 0: as Φ_q allows it there
     iterations: np.uint64  # at most, in one solve
     tolerance: float  # relative error of a step, of an adaptive method
 
@@ -214,7 +215,8 @@ class Watch(Struct):
 class Work(Struct):
     """What else the kernel writes: allocated once by the caller."""
 
-    evaluations: Integers  # (1,) stages evaluated so far
+    evaluations: Integers  # (1,) stages evaluated so far: how often q̈ was
+    rounded: Integers  # (1,) steps taken although rounding kept their error above the tolerance
     diagonal: Floats  # (movable D D,) factor: unit lower triangles, reciprocal pivots between
     off: Floats  # (blocks D D,) factor
     column: Floats  # (longest column D D,) one column before division by the pivots
@@ -227,7 +229,6 @@ class Work(Struct):
     qd: Floats  # (all blocks D,)
     qdd: Floats  # (all blocks D,)
     p: Floats  # (movable D,) momenta p'
-    given: Floats  # (movable D,) those of the stage, while p is put to other use
     Q: Floats  # (all blocks D,)
     delta: Floats  # (all blocks D,) right-hand side, then solution
     r2: Floats  # (rows,)
@@ -235,16 +236,15 @@ class Work(Struct):
     z: Floats  # (rows,) direction of a conjugate gradient
     w: Floats  # (rows,) Φ_q A⁻¹ Φ_qᵀ z
     shift: Floats  # (all blocks D,) of the stage onto Φ = 0
-    kq: Floats  # ((stages + 1) movable D,) q̇ of the stages and of the end
-    kp: Floats  # ((stages + 1) movable D,) ṗ' of the stages and of the end
+    kq: Floats  # (stages movable D,) q̇ of the stages
+    kv: Floats  # (stages movable D,) q̈ of the stages
     pull: Floats  # (all blocks D,) q̈ where the step began
     along: Floats  # (all blocks D,) direction of the branch at a singular position
     bend: Floats  # (all blocks D,) q̈ of the unforced mechanism: the curvature of its path
     target: Floats  # (all blocks D,) a stage as the method has it, before it is put on Φ = 0
     base: Floats  # (all blocks D,) that stage again, while places around it are tried
-    momenta: Floats  # (movable D,) its p'
-    sum_q: Floats  # (movable D,) what is interpolated from those places: q̇
-    sum_p: Floats  # (movable D,) and ṗ'
+    sum: Floats  # (movable D,) what is interpolated from those places, and other sums: q̈
+    sum_q: Floats  # (movable D,) and q̇
     good_q: Floats  # (all blocks D,) the last point of the grid that an adaptive method reached
     good_qd: Floats  # (all blocks D,)
     good_turns: Integers  # (angles,)

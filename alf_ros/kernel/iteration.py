@@ -15,11 +15,11 @@ from alf_ros.kernel.data import EPS, SOLVED, Forces, Rows, System, Work
 from alf_ros.kernel.factor import solve
 from alf_ros.kernel.forces import applied_forces
 from alf_ros.kernel.jit import compiled, expanded, inner
-from alf_ros.kernel.mass import add_mass_times, subtract_mass_times
+from alf_ros.kernel.mass import subtract_mass_times
 from alf_ros.kernel.prescribed import bias
 from alf_ros.kernel.vectors import largest, zero
 
-_PATIENCE = 1e-3  # ratio from which on conjugate gradients take over
+_PATIENCE = 1e-4  # ratio from which on a stage is placed wholly, and conjugate gradients take over
 _MODES = 40  # of those, at most
 _ROUNDS = 2  # after them, to take away the rounding they bring
 _NOISE = 8.0 * EPS  # part of x by which rows are off by rounding
@@ -315,25 +315,3 @@ def unforced(unit: Unit, system: System, work: Work) -> None:
     for r in range(work.r2.size):
         work.r2[r] = -work.r2[r]
         work.y[r] = 0.0
-
-
-@expanded
-def momentum_rate(
-    unit: Unit,
-    system: System,
-    forces: Forces,
-    work: Work,
-    t: float,
-    iterations: int,
-    exactly: bool,
-) -> tuple[int, float]:
-    """ṗ' = M q̈ at the stage in `work`, into p; returns what `accelerate` does.
-
-    ṗ' = Q - Φ_qᵀ λ + Φ̇_qᵀ σ' (35) with λ fed forward, and Q - Φ_qᵀ λ = M q̈. What σ' is left is
-    error of the integration over the distance to the singular position: the gauge is reset at
-    every stage, and the last term is dropped.
-    """
-    count, sigma = accelerate(unit, system, forces, work, t, iterations, exactly)
-    zero(work.p)
-    add_mass_times(unit, system.mass, 1.0, work.qdd, work.p)
-    return count, sigma

@@ -1,14 +1,14 @@
-"""What an explicit method asks of a stage: q̇ and ṗ' from q and p', also at singular positions."""
+"""What an explicit method asks of a stage: q̇ and q̈ from q and p', also at singular positions."""
 
 from __future__ import annotations
 
 from alf_ros.arrays import Floats, Unit
 from alf_ros.kernel.data import OK, Forces, System, Work
-from alf_ros.kernel.iteration import momentum_rate, velocities
+from alf_ros.kernel.iteration import accelerate, velocities
 from alf_ros.kernel.jit import expanded, inner
 from alf_ros.kernel.manifold import place
 from alf_ros.kernel.prescribed import prescribe
-from alf_ros.kernel.vectors import copy, largest, zero
+from alf_ros.kernel.vectors import largest, zero
 
 _ROOM = 4.0  # how often what a stage is moved onto Φ = 0 must go into that distance
 SPACING = 6.0  # of the places around a position, in parts of what is too close
@@ -27,7 +27,7 @@ def stage(
     neighbour: bool,
     iterations: int,
 ) -> tuple[int, float, bool]:
-    """q̇ and ṗ' of a stage from q and p' in `work`.
+    """q̇ and q̈ of a stage from q and p' in `work`.
 
     Returns iterations (0: no factor, -1: friction jams), about the distance x to a singular
     position (its least singular value over the ordinary one), and whether it is clear of it: x is
@@ -42,13 +42,11 @@ def stage(
             return 0, 0.0, False
         count, sigma = velocities(unit, system, work, iterations, wholly)
         if sigma > 0.0 or wholly:
-            copy(work.p, work.given)
-            more, same = momentum_rate(unit, system, forces, work, t, iterations, wholly)
+            more, same = accelerate(unit, system, forces, work, t, iterations, wholly)
             if more < 0:
                 return more, 0.0, False
             if same > 0.0 or wholly:
                 break
-            copy(work.given, work.p)
         wholly = True
     sigma, moved = min(sigma, same), 0.0
     for i in range(n):
@@ -71,11 +69,11 @@ def stage_between(
     spacing: float,
     iterations: int,
 ) -> int:
-    """q̇ and ṗ' of a stage at a singular position, from four places on either side of it.
+    """q̇ and q̈ of a stage at a singular position, from four places on either side of it.
 
     The motion is smooth through the position, only its equations are not: what they give at
     ±1, ±2, ±3, ±4 times `spacing` (m) along a direction of the branch is interpolated, to eighth
-    order. `base`, `momenta`: the stage. Where `along` is its velocity (`moving`), what is
+    order. `base`, `p`: the stage. Where `along` is its velocity (`moving`), what is
     prescribed is where it will be when the mechanism is there. Where one of the places is not
     clear, all are taken three times as far away, at most three times. From a standstill that
     knows no direction the stage stays.
@@ -86,8 +84,8 @@ def stage_between(
         return 1
     most = 0
     for _ in range(4):
+        zero(work.sum)
         zero(work.sum_q)
-        zero(work.sum_p)
         good = True
         for k in range(-4, 5):
             if k == 0:
@@ -99,7 +97,6 @@ def stage_between(
                 work.target[a] = work.base[a] + away * along[a]
                 # a guess off Φ = 0 by less: there the rows are turned by that over the distance
                 work.q[a] = work.target[a] + 0.5 * away * away * work.bend[a]
-                work.p[a] = work.momenta[a]
             count, _x, clear = stage(
                 unit, system, forces, work, t, radius, close, True, iterations
             )
@@ -109,11 +106,11 @@ def stage_between(
             good = good and clear
             for a in range(n):
                 work.sum_q[a] += weight * work.qd[a]
-                work.sum_p[a] += weight * work.p[a]
+                work.sum[a] += weight * work.qdd[a]
         if good:
             break
         spacing *= 3.0
     for a in range(n):
         work.qd[a] = work.sum_q[a]
-        work.p[a] = work.sum_p[a]
+        work.qdd[a] = work.sum[a]
     return most

@@ -21,7 +21,7 @@ from alf_ros.kernel.data import (
     Work,
 )
 from alf_ros.kernel.factor import linearise
-from alf_ros.kernel.iteration import augmented, momentum_rate, unforced, velocities
+from alf_ros.kernel.iteration import accelerate, augmented, unforced, velocities
 from alf_ros.kernel.jit import compiled, expanded, inner
 from alf_ros.kernel.manifold import project
 from alf_ros.kernel.mass import add_mass_times
@@ -43,64 +43,75 @@ def step(
     work: Work,
     phase: Phase,
     t: float,
+    end: float,
     h: float,
+    sigma: float,
+    begun: bool,
 ) -> tuple[int, int]:
-    """One step from q, q̇ of `phase`, whose Φ_q and factor stand in `work`.
+    """One step of h (s) from q, q̇ of `phase`, whose Φ_q and factor stand in `work`, at t to `end`.
 
-    Leaves the new q, q̇ in `work`, with Φ_q and factor. Returns (result, most iterations).
+    `begun`: stage 0 stands in `work`, of a step that was too long; Φ_q and factor need not then.
+    `sigma`: 0 in a singular position that may not be felt, else infinite. Leaves the
+    new q, q̇ in `work`, with Φ_q and factor. Returns (result, most iterations).
     """
     n = work.p.size
-    q, qd, kq, kp = phase.q, phase.qd, work.kq, work.kp
+    q, qd, kq, kv = phase.q, phase.qd, work.kq, work.kv
     stages, iterations = method.b.size, np.int64(method.iterations)
+    most, first = 1, ONE
     copy(qd, work.qd)
-    prescribe(system, t, work.q, work.qd, work.qdd)
-    unforced(unit, system, work)
-    zero(work.bend)
-    zero(work.p)
-    most, _ratio = augmented(unit, system, work, work.p, work.bend, iterations, 1e-3, 1.0)
-    fastest, hardest = largest(qd, n), 0.0
+    if not begun:
+        first -= ONE
+        work.evaluations[0] += 1
+        prescribe(system, t, work.q, work.qd, work.qdd)
+        most, felt = accelerate(unit, system, forces, work, t, iterations, True)
+        if most < 0:
+            return JAMMED, 1
+        sigma = min(sigma, felt)
+        copy(work.qdd, work.pull)
+        unforced(unit, system, work)
+        zero(work.bend)
+        zero(work.p)
+        augmented(unit, system, work, work.p, work.bend, iterations, 1e-3, 1.0)
+    fastest, hardest, bend = largest(qd, n), largest(work.pull, n), largest(work.bend, n)
     radius, close = system.size, system.close
-    bend = largest(work.bend, n)
     if fastest * fastest < radius * bend:
         radius = fastest * fastest / bend
-    for s in range(stages + ONE):
+    # rounding is felt as v² / x³: what is slow may be closer
+    if fastest * fastest < radius * hardest:
+        close *= (fastest * fastest / (radius * hardest)) ** (1.0 / 3.0)
+    for s in range(first, stages + ONE):
         for i in range(n):
             work.q[i] = 0.0
-            work.p[i] = 0.0
+            work.qd[i] = 0.0
         for m in range(s):
             weight = method.a[s * stages + m] if s < stages else method.b[m]
             if weight != 0.0:
                 for i in range(n):
                     work.q[i] += weight * kq[m * n + i]
-                    work.p[i] += weight * kp[m * n + i]
+                    work.qd[i] += weight * kv[m * n + i]
         for i in range(n):
             work.q[i] = q[i] + h * work.q[i]
-            work.p[i] *= h
-        add_mass_times(unit, system.mass, 1.0, qd, work.p)
-        copy(work.p, work.momenta)
+            work.qd[i] = qd[i] + h * work.qd[i]
+        zero(work.p)
+        add_mass_times(unit, system.mass, 1.0, work.qd, work.p)
         if s == stages:
             break
+        for i in range(n):
+            kq[s * n + i] = work.qd[i]
         ts = t + method.c[s] * h
         prescribe(system, ts, work.q, work.qd, work.qdd)
         copy(work.q, work.base)
-        copy(work.q, work.target)
-        # how far the stage is behind the path, in h² of its curvature
-        lag = 0.5 * method.c[s] * method.c[s]
-        for m in range(s):
-            lag -= method.a[s * stages + m] * method.c[m]
-        for i in range(n):
-            work.q[i] += h * h * lag * work.bend[i]
         if s == 0:
-            work.evaluations[0] += 1
-            count, sigma = momentum_rate(unit, system, forces, work, ts, iterations, True)
-            copy(work.qdd, work.pull)
-            hardest = largest(work.qdd, n)
-            # rounding is felt as v² / x³: what is slow may be closer
-            if fastest * fastest < radius * hardest:
-                close *= (fastest * fastest / (radius * hardest)) ** (1.0 / 3.0)
-            x = sigma / system.ordinary
+            count, x = 1, sigma / system.ordinary
             clear = x > close
         else:
+            copy(work.q, work.target)
+            # how far the stage is behind the path, in h² of its curvature
+            lag = 0.5 * method.c[s] * method.c[s]
+            for m in range(s):
+                lag -= method.a[s * stages + m] * method.c[m]
+            for i in range(n):
+                work.q[i] += h * h * lag * work.bend[i]
             count, x, clear = stage(
                 unit, system, forces, work, ts, radius, close, False, iterations
             )
@@ -130,18 +141,16 @@ def step(
                 spacing,
                 iterations,
             )
-            if s == 0:
-                copy(qd, work.qd)
         if count <= 0:
             return JAMMED if count < 0 else NOT_CLOSED, most
         most = max(most, count)
         for i in range(n):
-            kq[s * n + i] = work.qd[i]
-            kp[s * n + i] = work.p[i]
-    prescribe(system, t + h, work.q, work.qd, work.qdd)
+            kv[s * n + i] = work.qdd[i]
+            if s > 0 and method.carried == 0:
+                kq[s * n + i] = work.qd[i]
+    prescribe(system, end, work.q, work.qd, work.qdd)
     result = project(unit, system, work)
     if result == OK:
-        copy(work.momenta, work.p)
         count, _sigma = velocities(unit, system, work, iterations, True)
         most = max(most, count)
         check = 0.0
@@ -191,22 +200,25 @@ def advance(
     first: int,
     steps: int,
     h: float,
+    within: bool,
 ) -> tuple[int, int, int]:
     """Take `steps` steps of h from step number `first`; returns (result, taken, most iterations).
 
     `phase` is the state, in and out; on failure it holds the last good step. `watch` has room for
-    all steps.
+    all steps. `within` says that `phase` is a singular position, which exactly there is not felt:
+    nothing asks for the direction that a row has lost.
     """
-    most = 0
+    most, sigma = 0, 0.0 if within else np.inf
     if not begin(unit, system, work, phase):
         return NOT_POSITIVE, 0, most
     for taken in range(steps):
-        t = t0 + (first + taken) * h
-        result, count = step(unit, system, forces, method, work, phase, t, h)
+        t, end = t0 + (first + taken) * h, t0 + (first + taken + 1) * h
+        result, count = step(unit, system, forces, method, work, phase, t, end, h, sigma, False)
         most = max(most, count)
         if result != OK:
             return result, taken, most
+        sigma = np.inf
         accept(unit, system, work, phase)
         if watch is not None:  # known when it is compiled: who does not watch does without
-            note(unit, system, forces, work, watch, taken, t + h)
+            note(unit, system, forces, work, watch, taken, end)
     return OK, steps, most
