@@ -15,7 +15,7 @@ from alf_ros.arrays import Floats
 from alf_ros.auxiliary import turned
 from alf_ros.coordinates import angle_axes, coordinate_of, length_row
 from alf_ros.layout import Layout
-from alf_ros.mechanism import Drive
+from alf_ros.mechanism import Drive, Mechanism
 from alf_ros.row import Row, linear, plus, product, scaled
 
 
@@ -42,6 +42,16 @@ def drive_rows(drive: Drive, layout: Layout) -> Iterator[Row]:
         for axis, along, motion in zip('xyz', np.eye(D), drive.motion, strict=False):
             if motion is not None:
                 yield linear(f'{name}_{axis}', along, gap)
+
+
+def motion_names(mechanism: Mechanism) -> tuple[str, ...]:
+    """One for each function of time: the name of the drive, of a point with its axis."""
+    names = []
+    for drive in mechanism.drives:
+        axes = [f'_{axis}' for axis in 'xyz'] if drive.kind == 'point' else ['']
+        moving = zip(axes, drive.motion, strict=False)
+        names += [drive.name + axis for axis, motion in moving if motion is not None]
+    return tuple(names)
 
 
 def effort(drive: Drive, s: Floats, pull: Floats) -> Floats:

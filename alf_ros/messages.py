@@ -19,7 +19,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, MultiDOFJointState
 from std_msgs.msg import Float64, Header
 
-from alf_ros import readings, state_vector
+from alf_ros import driving, readings, state_vector
 
 if TYPE_CHECKING:
     from alf_ros.model import Model
@@ -81,6 +81,11 @@ def joint_states(model: Model) -> Write | None:
 def constraints(model: Model) -> Write | None:
     """`~/constraints`: per row, position = violation, velocity = its rate, effort = multiplier."""
     return _joint_state(model.row_names, readings.CONSTRAINTS)
+
+
+def drives(model: Model) -> Write | None:
+    """`~/drives`: of each motion prescribed, position, velocity and the effort it takes."""
+    return _joint_state(driving.motion_names(model.mechanism), readings.DRIVES)
 
 
 def state(model: Model) -> Write:

@@ -33,6 +33,7 @@ RECORDED = [
     'joint_states',
     '~/reactions',
     '~/constraints',
+    '~/drives',
     '~/state',
     '~/energy',
     '/diagnostics',

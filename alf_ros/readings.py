@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from alf_ros import state_vector
+from alf_ros import driving, state_vector
 from alf_ros.arrays import Floats
 from alf_ros.sample import Sample
 
@@ -56,6 +56,12 @@ CONSTRAINTS = Reading(
     lambda sample: sample.model.row_names,
     lambda sample: (sample.phi, sample.phi_dot, sample.lam),
 )
+DRIVES = Reading(
+    '~/drives',
+    _JOINT_STATE,
+    lambda sample: driving.motion_names(sample.model.mechanism),
+    lambda sample: sample.drives,
+)
 ENERGY = Reading(
     '~/energy', ('data',), lambda sample: ('energy',), lambda sample: (np.array([sample.energy]),)
 )
@@ -66,5 +72,6 @@ STATE = Reading(
     lambda sample: state_vector.values(sample.model, sample.state),
 )
 READINGS = {
-    reading.key: reading for reading in (STATE, JOINT_STATES, REACTIONS, CONSTRAINTS, ENERGY)
+    reading.key: reading
+    for reading in (STATE, JOINT_STATES, REACTIONS, CONSTRAINTS, DRIVES, ENERGY)
 }

@@ -341,6 +341,25 @@ class Sample:
             for drive in model.mechanism.drives
         }
 
+    @cached_property
+    def drives(self) -> tuple[Floats, Floats, Floats]:
+        """(motions,) position (rad or m), velocity and effort (N m or N) of each function of time
+        that a drive prescribes, in the order of `driving.motion_names`."""
+        layout, state = self.model.layout, self._state
+        rows: list[tuple[float, float, float]] = []
+        for drive in self.model.mechanism.drives:
+            efforts = self.drive_efforts[drive.name]
+            if drive.kind == 'angle':
+                joint = self.joints[drive.of[0]]
+                rows.append((joint.position, joint.velocity, efforts[0]))
+                continue
+            block = layout.of_prescribed[drive.name]
+            s, sd = (x.reshape(-1, layout.dimension)[block] for x in (state.q, state.qd))
+            moving = zip(s, sd, efforts, drive.motion, strict=False)
+            rows += [(x, v, e) for x, v, e, motion in moving if motion is not None]
+        position, velocity, efforts = np.array(rows, dtype=float).reshape(-1, 3).T
+        return _read_only(position), _read_only(velocity), _read_only(efforts)
+
     @property
     def joints(self) -> Mapping[str, JointState]:
         """Position, velocity and effort of each joint coordinate; of a joint that has one, by the

@@ -66,6 +66,7 @@ TOPICS = (
     Topic('joint_states', JointState, RELIABLE, _plain(messages.joint_states)),
     Topic('~/reactions', MultiDOFJointState, RELIABLE, _plain(messages.reactions)),
     Topic('~/constraints', JointState, RELIABLE, _plain(messages.constraints)),
+    Topic('~/drives', JointState, RELIABLE, _plain(messages.drives)),
     Topic('~/state', JointState, RELIABLE, _plain(messages.state)),
     Topic('~/energy', Float64, RELIABLE, _plain(messages.energy)),
     Topic('clock', Clock, BEST_EFFORT, _plain(messages.clock)),

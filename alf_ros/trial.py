@@ -114,9 +114,9 @@ def observed_order(results: Iterable[Result]) -> float:
     """Slope of log error over log step; NaN where the errors do not lie along one.
 
     That is: fewer than four steps, less than two decades, or a correlation below 0.9. Only errors
-    that are above rounding (1e-10 m) and small (below 1 cm) count.
+    that are above what rounding makes of a passage (1e-9 m) and small (below 1 cm) count.
     """
-    points = [(r.run.h, r.position) for r in results if 1e-10 < r.position < 1e-2]
+    points = [(r.run.h, r.position) for r in results if 1e-9 < r.position < 1e-2]
     if len({h for h, _ in points}) < 4:
         return math.nan
     steps, errors = np.log(np.array(points)).T

@@ -33,12 +33,11 @@ HANGING_ROD = {
 def messages(simulation):
     """Every topic of the present state, as ROS reads the bytes."""
     sample = simulation.sample()
+    made = [(topic, topic.make(simulation.model, Display())) for topic in TOPICS]
     return {
-        topic.key: deserialize_message(
-            topic.make(simulation.model, Display())(sample, stamp_ns(sample.t)), topic.type
-        )
-        for topic in TOPICS
-        if topic.name != 'tf'
+        topic.key: deserialize_message(write(sample, stamp_ns(sample.t)), topic.type)
+        for topic, write in made
+        if write is not None and topic.name != 'tf'
     }
 
 
@@ -225,3 +224,25 @@ def test_a_singular_position_is_a_warning_and_passing_near_one_too():
         was, near = near, sample.diagnostics.distance_if_known < diagnostics.NEAR_SINGULAR
         passes += near and not was
     assert passes == 11
+
+
+def test_drives_give_what_they_prescribe_and_the_effort_it_takes():
+    mechanism = {**HANGING_ROD['mechanism'], 'points': {'O': {'at': [0, 0]}, 'A': {'at': [0, -2]}}}
+    mechanism['joints'] = {}
+    mechanism['drives'] = {
+        'pivot': {'point': 'O', 'at': [None, '0.3*t']},
+    }
+    simulation = Simulation(load_scene({**HANGING_ROD, 'mechanism': mechanism}))
+    simulation.step(100)
+    sample, message = simulation.sample(), messages(simulation)['drives']
+    assert list(message.name) == ['pivot_y']
+    assert list(message.position) == pytest.approx([0.03])
+    assert list(message.velocity) == pytest.approx([0.3])
+    assert list(message.effort) == pytest.approx([3 * 9.81])  # it hangs, and goes up steadily
+    simulation = Simulation(load_scene('wiper'))
+    simulation.step(100)
+    sample, message = simulation.sample(), messages(simulation)['drives']
+    joint = sample.joints['motor_shaft']
+    assert list(message.name) == ['motor']
+    assert (message.position[0], message.velocity[0]) == (joint.position, joint.velocity)
+    assert message.effort[0] == sample.drive_efforts['motor'][0] != 0.0

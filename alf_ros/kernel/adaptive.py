@@ -26,8 +26,8 @@ from alf_ros.kernel.vectors import copy, largest, zero
 from alf_ros.kernel.watch import note
 
 _SHARE = 0.05  # of the tolerance for one step: errors add up along a motion
-_SMALL = 0.05  # part of the usual step
-_ROUNDING = 1e-10  # relative error of a step that rounding may bring
+_ROUNDING = 1e-10  # relative error of a step that may be rounding; ten times more if it stays
+_MARGIN = 4.0  # as rounding is different in every step
 _MOST = 20_000  # steps between two grid points: more is stiff, and would look like a hang
 
 
@@ -72,8 +72,8 @@ def _error(
     phase: Phase,
     h: float,
     share: float,
-) -> tuple[float, float]:
-    """Relative error of the step of h that ended in `work`, in parts of `share`; a small step, s.
+) -> float:
+    """Relative error of the step of h that ended in `work`, in parts of `share`.
 
     Both embedded errors as Hairer, Nørsett & Wanner (1993), II.10, join them for DOP853.
     """
@@ -82,8 +82,7 @@ def _error(
     speed = max(largest(phase.qd, n), largest(work.qd, n), np.sqrt(system.size * pull))
     e5 = _error_norm(unit, system, method, work, 0, h, speed) / share
     e3 = _error_norm(unit, system, method, work, 1, h, speed) / share
-    error = e5 * e5 / np.sqrt(e5 * e5 + 0.01 * e3 * e3) if e5 > 0.0 else 0.0
-    return error, _SMALL * method.tolerance ** (1.0 / 8.0) * system.size / speed
+    return e5 * e5 / np.sqrt(e5 * e5 + 0.01 * e3 * e3) if e5 > 0.0 else 0.0
 
 
 @compiled
@@ -108,13 +107,14 @@ def advance_adaptively(
     copy(phase.qd, work.good_qd)
     copy(phase.turns, work.good_turns)
     most, begun, sigma = 0, False, 0.0 if within else np.inf
-    tries, worst, longest = 0, np.inf, h  # from here, error and length of the first
+    tries, before, longer = 0, np.inf, h  # from here; error and length of the last
     if not begin(unit, system, work, phase):
         return NOT_POSITIVE, 0, most
     for taken in range(steps):
         t, end = t0 + (first + taken) * h, t0 + (first + taken + 1) * h
         done = 0.0
-        result, noisy, tried = OK, False, 0
+        result, tried = OK, 0
+        floor = 1.0  # what rounding leaves of the error, whatever the step
         while done < h:
             tried += 1
             if tried > _MOST:
@@ -128,27 +128,26 @@ def advance_adaptively(
                 unit, system, forces, method, work, phase, t + done, to, dt, sigma, begun
             )
             most = max(most, count)
-            error, least, factor = np.inf, 0.0, 0.5
+            error, factor = np.inf, 0.5
             if result == OK:
-                error, least = _error(unit, system, method, work, phase, dt, share)
+                error = _error(unit, system, method, work, phase, dt, share)
             if np.isfinite(error):
-                factor = min(5.0, max(0.2, 0.8 * error ** (-1.0 / 8.0))) if error > 0.0 else 5.0
-            # rounding does not fall with the step: then a shorter one is no better
-            stays = tries > 1 and error > worst * (dt / longest) ** 1.5
-            rounding = error > 1.0 and error * share < _ROUNDING and (stays or noisy)
-            if error <= 1.0 or rounding:
+                part = error / floor
+                factor = min(5.0, max(0.2, 0.8 * part ** (-1.0 / 8.0))) if part > 0.0 else 5.0
+            # the error of a method falls as h⁸, that of rounding as h: then a shorter step is no
+            # better
+            stays = tries > 0 and error > before * (dt / longer) ** 1.5
+            likely = _ROUNDING if tries < 2 else 10.0 * _ROUNDING
+            if stays and error > floor and error * share < likely:
+                floor, factor = _MARGIN * error, 1.0
+            if error <= floor:
                 accept(unit, system, work, phase)
                 done = h if parts == 1.0 else done + dt
                 pace[0] = max(pace[0], factor * dt) if dt < pace[0] else factor * dt
-                if rounding:
-                    work.rounded[0] += 1
-                    noisy = True
-                if noisy:
-                    pace[0] = max(pace[0], least)
+                work.rounded[0] += error > 1.0
                 begun, sigma, tries = False, np.inf, 0
             else:
-                if tries == 0:
-                    worst, longest = error, dt
+                before, longer = error, dt
                 begun = result == OK
                 tries += 1
                 pace[0] = factor * dt

@@ -13,6 +13,7 @@ from alf_ros.kernel.jit import expanded, inner
 from alf_ros.kernel.vectors import zero
 
 _ROOM = 4.0  # times the gap: σ below which a mode may be made by it
+_CLOSED = 0.6  # rounding units: what a position is off by turns its rows beside a singular one
 _FURTHEST = 0.1  # part of the distance to a singular position that a correction may go across
 
 
@@ -73,7 +74,7 @@ def project(unit: Unit, system: System, work: Work) -> int:
     fresh = False
     for _ in range(50):
         gap = opening(unit, system.rows, work.q, work.r2)
-        closed = gap <= 4.0 * EPS * size
+        closed = gap <= _CLOSED * EPS * size
         if closed or (fresh and gap > 0.5 * before and gap <= 1e-10 * size):
             return OK if linearise(unit, system, work, work.q) else NOT_CLOSED
         if fresh or gap > 0.1 * before:

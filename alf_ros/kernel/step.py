@@ -79,6 +79,7 @@ def step(
     # rounding is felt as v² / x³: what is slow may be closer
     if fastest * fastest < radius * hardest:
         close *= (fastest * fastest / (radius * hardest)) ** (1.0 / 3.0)
+    x = np.inf  # where the last stage was about to be singular this one is likely to be
     for s in range(first, stages + ONE):
         for i in range(n):
             work.q[i] = 0.0
@@ -113,7 +114,7 @@ def step(
             for i in range(n):
                 work.q[i] += h * h * lag * work.bend[i]
             count, x, clear = stage(
-                unit, system, forces, work, ts, radius, close, False, iterations
+                unit, system, forces, work, ts, radius, close, x < np.inf, iterations
             )
         if not clear and count > 0:
             moved = 0.0
@@ -146,7 +147,7 @@ def step(
         most = max(most, count)
         for i in range(n):
             kv[s * n + i] = work.qdd[i]
-            if s > 0 and method.carried == 0:
+            if s > 0 and (method.carried == 0 or x < _BLIND):
                 kq[s * n + i] = work.qd[i]
     prescribe(system, end, work.q, work.qd, work.qdd)
     result = project(unit, system, work)
