@@ -21,6 +21,7 @@ from alf_ros.analysis.account import account
 from alf_ros.analysis.analyze import main
 from alf_ros.analysis.gathered import Label, gather
 from alf_ros.analysis.motion import mechanism, motion
+from alf_ros.analysis.orders import MOST_HELD, MOST_TEXTS, Orders
 from alf_ros.analysis.page import page
 from alf_ros.analysis.trace import Frames, Trace
 from alf_ros.errors import InputError
@@ -72,6 +73,27 @@ def test_frames_are_evenly_spaced():
         frames.add(part, part[:, None])
     assert frames.stride == 128 and np.array_equal(frames.t, t[::128])
     assert np.array_equal(frames.values[:, 0], frames.t)
+
+
+def test_a_flood_of_commands_takes_bounded_memory():
+    orders, n, names = Orders(), 100_000, ['crank', 'coupler', 'A']
+    entries = [
+        {'step': k, 'kind': 'wrench', 'name': names[k % 3], 'force': [float(k), 0.0]}
+        for k in range(n)
+    ]
+    messages = [{'data': json.dumps(entry)} for entry in entries]
+    t = np.arange(n) * 1e-3
+    for part in np.array_split(np.arange(n), 10):
+        orders.add(t[part], [messages[k] for k in part])
+    assert orders.count == n
+    assert len(orders.held) <= MOST_HELD and len(orders.texts) <= MOST_TEXTS
+    for name in names:  # what is held is the last command, or one just before it
+        trace = orders.traces['wrench', name]
+        assert trace.high.max() >= n - 3
+        held = [each for each in orders.held if each.name == name]
+        assert held[-1].force[0] >= n - 3
+        times = np.array([each.t for each in held])
+        assert np.diff(times).max() < 0.1
 
 
 # ----------------------------------------------------------------------------------- what it finds

@@ -65,7 +65,9 @@ class Orders:
         self.held.append(new)
         if len(self.held) <= MOST_HELD:
             return
-        spacing = 2.0 * (self.held[-1].t - self.held[0].t) / MOST_HELD
+        # Half of them, so that this is done once in a while.
+        names = len({each.name for each in self.held})
+        spacing = 2.0 * names * (self.held[-1].t - self.held[0].t) / MOST_HELD
         last = {(each.name, math.floor(each.t / (spacing or 1.0))): each for each in self.held}
         self.held = sorted(last.values(), key=lambda each: each.t)
 
