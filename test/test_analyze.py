@@ -17,10 +17,12 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
 from alf_ros import Simulation, load_scene
+from alf_ros.analysis import gathered
 from alf_ros.analysis.account import account
 from alf_ros.analysis.analyze import main
 from alf_ros.analysis.gathered import Label, gather
 from alf_ros.analysis.motion import mechanism, motion
+from alf_ros.analysis.nearness import distances
 from alf_ros.analysis.orders import MOST_HELD, MOST_TEXTS, Orders
 from alf_ros.analysis.page import page
 from alf_ros.analysis.trace import Frames, Trace
@@ -157,6 +159,31 @@ def test_passes_are_found_where_a_watched_run_finds_them(recorded):
     marked = [t for t, _, through in found.motion.passes if through]
     assert np.allclose(marked, expected, atol=1e-5)
     assert sum('pass through' in text for _, _, text in found.texts) == 2
+
+
+def test_distances_are_those_of_samples(planar):
+    log = load(planar)
+    again = Simulation(load_scene('slider_crank'))
+    expected = []
+    for _ in range(5):
+        expected.append(again.sample().diagnostics.distance)
+        again.step(30)
+    states = log.states
+    found = distances(mechanism(log), states.t[:75:15], states.q[:75:15])
+    assert np.allclose(found, expected, rtol=1e-9)
+
+
+def test_of_too_many_states_only_the_diagnostics_tell_passes(recorded, monkeypatch):
+    monkeypatch.setattr(gathered, 'MOST_STATES', 500)
+    found = account(load(recorded))
+    simulation = Simulation(load_scene('slider_crank'), watch=True)
+    simulation.step(2000)
+    assert found.motion.stride == 4 and found.motion.passes is None
+    for each in simulation.passes:
+        assert any(begin < each.t <= end for begin, end in found.passes)
+    assert all(end - begin < 1.5 for begin, end in found.passes)
+    assert any('diagnostics' in note for note in found.notes)
+    assert 'diagnostics: least' in page([found])
 
 
 def test_diagnostics_become_levels_and_curves(recorded):

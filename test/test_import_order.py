@@ -156,6 +156,7 @@ ROOMS = {
         'analysis.analyze',
         'analysis.gathered',
         'analysis.motion',
+        'analysis.nearness',
         'analysis.orders',
         'analysis.page',
         'analysis.panels',

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 from alf_ros.analysis.gathered import Gathered, gather
 from alf_ros.analysis.motion import Motion, mechanism, motion
+from alf_ros.analysis.nearness import reported
 from alf_ros.errors import AlfError
 from alf_ros.logs import progress
 from alf_ros.logs.log import Log
@@ -28,6 +29,18 @@ class Account:
     notes: list[str]
     faults: list[str] = field(default_factory=list)
     texts: list[Text] = field(default_factory=list)
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether passes are known from every state of the log."""
+        return self.motion is not None and self.motion.passes is not None
+
+    @property
+    def passes(self) -> list[tuple[float, float]]:
+        """(from, to) s, equal where the time of a pass is known."""
+        if self.motion is not None and self.motion.passes is not None:
+            return [(t, t) for t, _, _ in self.motion.passes]
+        return reported(self.found.reports)
 
 
 def account(log: Log, report: progress.Report = progress.silent) -> Account:
@@ -91,9 +104,8 @@ def _notes(made: Account, why: str) -> list[str]:
     elif made.motion.stride > 1:
         spacing = made.motion.t[1] - made.motion.t[0]
         notes.append(f'animation: every {made.motion.stride}th state, {spacing:.3g} s apart')
-    if made.motion is not None and not made.motion.whole:
-        spacing = made.motion.distance[0][1] - made.motion.distance[0][0]
-        notes.append(f'singular positions: looked for every {spacing:.3g} s, some may be missed')
+    if not made.is_exact:
+        notes.append('singular positions: as far as the diagnostics tell, to the second')
     if found.orders.stride > 1:
         notes.append(f'commands: every {found.orders.stride}th of {found.orders.count} is listed')
     return notes
@@ -101,7 +113,7 @@ def _notes(made: Account, why: str) -> list[str]:
 
 def _texts(made: Account) -> list[Text]:
     texts = [(t, 0, text) for t, text in made.found.orders.texts] + made.found.reports.texts
-    for t, sigma, through in made.motion.passes if made.motion else []:
+    for t, sigma, through in (made.motion and made.motion.passes) or []:
         what = 'pass through a singular position' if through else 'close to a singular position'
         texts.append((t, 1, f'{what}, distance {sigma:.2g}'))
     return sorted(texts)

@@ -18,8 +18,8 @@ from alf_ros.logs.series import NUMERIC, Series
 
 # A plot has at most so many rows, fewer where there are many signals: the page stays small.
 MOST_ROWS, LEAST_ROWS, NUMBERS = 4096, 512, 400_000
-# So many numbers of a topic are kept as frames for the animation.
-FRAME_NUMBERS, MOST_FRAMES, LEAST_FRAMES = 2_000_000, 40_000, 500
+# So many numbers of states and of reactions are kept, of so many instants.
+FRAME_NUMBERS, MOST_STATES, MOST_REACTIONS, LEAST = 4_000_000, 200_000, 40_000, 500
 PARTS = ('size', 'x', 'y', 'z')
 
 
@@ -111,11 +111,15 @@ def _plot(found: Gathered, labels: Iterable[Label], t: Floats, values: Floats) -
 
 
 def _keep(
-    frames: dict[tuple[str, ...], Frames], series: Series, t: Floats, values: Floats
+    frames: dict[tuple[str, ...], Frames],
+    series: Series,
+    t: Floats,
+    values: Floats,
+    most: int,
 ) -> None:
     if series.names not in frames:
-        most = FRAME_NUMBERS // max(1, values[0].size)
-        frames[series.names] = Frames(max(LEAST_FRAMES, min(MOST_FRAMES, most)))
+        some = FRAME_NUMBERS // max(1, values[0].size)
+        frames[series.names] = Frames(max(LEAST, min(most, some)))
     frames[series.names].add(t, values)
 
 
@@ -131,7 +135,7 @@ def _reactions(found: Gathered, series: Series, t: Floats) -> None:
         values = np.concatenate([sizes, vectors], axis=2).reshape(len(t), -1)
         labels = (Label(panel, name, part) for name in series.names for part in PARTS)
         _plot(found, labels, t, values)
-    _keep(found.reactions, series, t, wrenches[..., :3])
+    _keep(found.reactions, series, t, wrenches[..., :3], MOST_REACTIONS)
 
 
 def _constraints(found: Gathered, series: Series, t: Floats) -> None:
@@ -143,7 +147,7 @@ def _constraints(found: Gathered, series: Series, t: Floats) -> None:
 
 
 def _states(found: Gathered, series: Series, t: Floats) -> None:
-    _keep(found.states, series, t, series.columns['position'])
+    _keep(found.states, series, t, series.columns['position'], MOST_STATES)
 
 
 def _energy(found: Gathered, series: Series, t: Floats) -> None:

@@ -7,28 +7,25 @@ no code that came with it.
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from alf_ros import document, state_vector
-from alf_ros.analysis.gathered import Gathered
-from alf_ros.analysis.trace import Frames
+from alf_ros.analysis.gathered import MOST_ROWS, Gathered
+from alf_ros.analysis.nearness import distances, passes
+from alf_ros.analysis.trace import Frames, Trace
 from alf_ros.arrays import Floats
 from alf_ros.display import held_forces, in_space, segments, standard_scale
 from alf_ros.errors import AlfError, InputError
 from alf_ros.logs import progress
 from alf_ros.logs.log import Log
-from alf_ros.passes import zero
-from alf_ros.sample import Sample
 from alf_ros.scene import KEYS, REQUIRED, Solver, scene_from_text
 from alf_ros.serialise import entry, serialise
 from alf_ros.simulation import Simulation
 
-# Distances to singular positions are computed at no more instants than these; what is as near as
-# this at the nearest of them, and turns back, is marked too.
-MOST_DISTANCES, NEAR = 20_000, 1e-2
-_LOOKED_AT = 0.5
+# Of more states than these the page has every second, third … one.
+MOST_FRAMES = 40_000
 
 
 @dataclass
@@ -38,8 +35,8 @@ class Motion:
     t (k,) s; places (k, points, 3) m; `links` and `pins`: numbers of points, two for each line,
     one for each joint; `scale` m/N of arrows. `forces` of the reactions: (t (k,), numbers of
     points, (k, n, 3) N). `applied` (k, m, 6): place and force of each wrench held, NaN where none
-    is. `distance` (t, σ); `passes` (t, σ there, whether through). `angles`: the joint coordinates
-    that are angles.
+    is. `distance`: σ of all states gathered; `passes` (t, σ there, whether through): None if not
+    every state of the log was. `angles`: the joint coordinates that are angles.
     """
 
     spatial: bool
@@ -51,14 +48,9 @@ class Motion:
     places: Floats
     forces: list[tuple[Floats, list[int], Floats]]
     applied: Floats
-    distance: tuple[Floats, Floats]
-    passes: list[tuple[float, float, bool]] = field(default_factory=list)
-    angles: frozenset[str] = frozenset()
-
-    @property
-    def whole(self) -> bool:
-        """Whether the distance was computed at every state of the log."""
-        return self.stride == 1 and len(self.distance[0]) == len(self.t)
+    distance: Trace
+    passes: list[tuple[float, float, bool]] | None
+    angles: frozenset[str]
 
 
 def mechanism(log: Log) -> Simulation:
@@ -89,27 +81,28 @@ def motion(
     columns = [[names.index(name) for name in wanted] for names in states]
     parts = zip(columns, states.values(), strict=True)
     coordinates = np.concatenate([each.values[:, places] for places, each in parts])
-    film = _Film(simulation, found)
-    every = -(-len(t) // MOST_DISTANCES)
-    for k, instant in enumerate(t.tolist()):
-        film.take(instant, coordinates[k], k % every == 0)
-        report(k / len(t))
+    stride = max(each.stride for each in states.values())
+    near = Trace(1, MOST_ROWS)
+    sigma = distances(simulation, t, coordinates, report)
+    near.add(t, sigma[:, None])
+    film, every = _Film(simulation, found), -(-len(t) // MOST_FRAMES)
+    for k in range(0, len(t), every):
+        film.take(float(t[k]), coordinates[k])
     drawn = model.mechanism
     points = model.point_names
     pins = {joint.name: points.index(joint.point) for joint in drawn.joints if joint.point}
-    sigma = np.array(film.sigma)
     return Motion(
         spatial=drawn.dimension == 3,
         links=[points.index(end) for body in drawn.bodies for end in segments(body)],
         pins=list(pins.values()),
         scale=standard_scale(drawn),
-        stride=max(each.stride for each in states.values()),
-        t=t,
+        stride=stride * every,
+        t=t[::every],
         places=np.array(film.places),
         forces=[_forces(each, names, pins) for names, each in found.reactions.items()],
         applied=film.held(),
-        distance=(t[::every], sigma),
-        passes=passes(t[::every], sigma),
+        distance=near,
+        passes=passes(t, sigma) if stride == 1 else None,
         angles=frozenset(each.name for each in model.coordinates if each.is_angle),
     )
 
@@ -129,10 +122,9 @@ class _Film:
         self._orders = deque(found.orders.held)
         self._start = simulation.state
         self.places: list[Floats] = []
-        self.sigma: list[float] = []
         self._held: list[Floats] = []
 
-    def take(self, t: float, coordinates: Floats, with_distance: bool) -> None:
+    def take(self, t: float, coordinates: Floats) -> None:
         """Go to a time (s) and coordinates in the order of the log."""
         simulation, model = self._simulation, self._simulation.model
         self._hold(t)
@@ -143,8 +135,6 @@ class _Film:
         sample = simulation.sample()
         points = np.array([sample.points[name] for name in model.point_names])
         self.places.append(in_space(points))
-        if with_distance:
-            self.sigma.append(_distance(sample))
         held = np.hstack(held_forces(sample)) if sample.inputs.wrenches else np.zeros((0, 6))
         self._held.append(held)
 
@@ -163,23 +153,3 @@ class _Film:
         for row, some in zip(found, self._held, strict=True):
             row[: len(some)] = some
         return found
-
-
-def _distance(sample: Sample) -> float:
-    try:
-        return sample.diagnostics.distance
-    except AlfError:  # where A cannot be factored
-        return float('nan')
-
-
-def passes(t: Floats, sigma: Floats) -> list[tuple[float, float, bool]]:
-    """(t, σ at the nearest instant, whether it is a pass): minima of the distance that are passes
-    through a singular position, or come nearer to one than NEAR and turn back."""
-    found = []
-    for k in np.flatnonzero((sigma[1:-1] < sigma[:-2]) & (sigma[1:-1] <= sigma[2:])) + 1:
-        if sigma[k] >= _LOOKED_AT:
-            continue
-        at = zero(t[k - 1 : k + 2], sigma[k - 1 : k + 2])
-        if at is not None or sigma[k] < NEAR:
-            found.append((float(t[k]) if at is None else at, float(sigma[k]), at is not None))
-    return found

@@ -67,20 +67,16 @@ def _array(values: Floats) -> Json:
 def _log(account: Account) -> Json:
     found, first = account.found, account.first
     traces = [_trace(each.labels, each.trace, account) for each in found.signals.values()]
-    whole = account.motion is not None and account.motion.whole
     for (panel, name), trace in found.reports.numbers.items():
-        if panel == 'distance' and whole:
+        if panel == 'distance' and account.is_exact:
             continue  # better known from the states
         traces.append(_trace([Label(panel, name)], trace, account))
     for (kind, name), trace in found.orders.traces.items():
         if kind in ORDERED:
             traces.append(_trace([Label(ORDERED[kind], name)], trace, account))
     motion = account.motion
-    if motion is not None and len(motion.distance[0]):
-        label = Label('distance', 'of the states')
-        t, sigma = motion.distance
-        curve = _curve(label, sigma, sigma, account)
-        traces.append({'t': _array(t - first), 'group': 1, 'curves': [curve]})
+    if motion is not None and account.is_exact:
+        traces.append(_trace([Label('distance', 'of the states')], motion.distance, account))
     return {
         'name': account.name,
         'about': account.about,
@@ -98,7 +94,7 @@ def _log(account: Account) -> Json:
             {'label': ' '.join(key).strip(), 't': _array(trace.t - first)}
             for key, trace in found.orders.traces.items()
         ],
-        'passes': [] if motion is None else motion.passes,
+        'passes': account.passes,
         'motion': None if motion is None else _motion(motion, first),
     }
 

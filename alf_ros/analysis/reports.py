@@ -14,13 +14,14 @@ from alf_ros.arrays import Floats
 
 _ROWS = 2048
 _MOST_TEXTS = 500
+CLOSEST = 'distance', 'diagnostics: least since the last'
 # (task, key) -> (panel, name)
 PLOTTED = {
     ('solver', 'iterations'): ('iterations', 'iterations'),
     ('solver', 'step_cost_s'): ('cost', 'step'),
     ('timing', 'lateness_p50_s'): ('cost', 'lateness of a tick, median'),
     ('timing', 'lateness_p99_s'): ('cost', 'lateness of a tick, 99 %'),
-    ('constraints', 'distance_to_singular'): ('distance', 'diagnostics: least since the last'),
+    ('constraints', 'distance_to_singular'): CLOSEST,
 }
 _ENERGY = ('energy_j', 'initial_energy_j', 'change_j')
 _JOULE = '_j'

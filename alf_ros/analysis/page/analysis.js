@@ -165,7 +165,7 @@ class Timeline {
       pen.rect(MARGIN.left, 0, width - MARGIN.left - MARGIN.right + 1, height);
       pen.clip();
       if (row.kind === 'level') this.drawLevels(pen, row, y, width);
-      if (row.kind === 'passes') this.drawMarks(pen, row.passes.map(([t]) => t), y, width, colors.warn);
+      if (row.kind === 'passes') this.drawPasses(pen, row.passes, y, width);
       if (row.kind === 'orders') this.drawMarks(pen, row.t, y, width, colors.applied);
       pen.restore();
       pen.font = '11px system-ui, sans-serif';
@@ -191,6 +191,14 @@ class Timeline {
       pen.fillStyle = [colors.good, colors.warn, colors.bad][Math.min(2, at(high, k))];
       const x = xOf(t[k], width);
       pen.fillRect(x, y, Math.max(1, xOf(until, width) - x + 0.5), 8);
+    }
+  }
+
+  drawPasses(pen, passes, y, width) {
+    pen.fillStyle = colors.warn;
+    for (const [from, to] of passes) {
+      const x = xOf(from, width);
+      if (to >= view.from && from <= view.to) pen.fillRect(x - 1, y, Math.max(2, xOf(to, width) - x), 9);
     }
   }
 

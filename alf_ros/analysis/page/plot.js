@@ -112,19 +112,20 @@ function drawTimeAxis(pen, width, height) {
   pen.stroke();
 }
 
-// Passes through singular positions, of all logs, as thin lines behind the curves.
+// Passes through singular positions, of all logs, as thin lines behind the curves, if their times
+// are known and there is room.
 function drawPasses(pen, width, height) {
+  const times = data.logs.flatMap((log) => log.passes.filter(([from, to]) => from === to).map(([t]) => t))
+    .filter((t) => t >= view.from && t <= view.to);
+  if (times.length > width / 8) return;
   pen.strokeStyle = colors.warn;
   pen.lineWidth = 1;
   pen.globalAlpha = 0.5;
   pen.setLineDash([2, 3]);
   pen.beginPath();
-  for (const log of data.logs) {
-    for (const [t] of log.passes) {
-      if (t < view.from || t > view.to) continue;
-      pen.moveTo(xOf(t, width), MARGIN.top);
-      pen.lineTo(xOf(t, width), height - MARGIN.bottom);
-    }
+  for (const t of times) {
+    pen.moveTo(xOf(t, width), MARGIN.top);
+    pen.lineTo(xOf(t, width), height - MARGIN.bottom);
   }
   pen.stroke();
   pen.setLineDash([]);
