@@ -41,7 +41,7 @@ setup(
     maintainer_email=XML.find('maintainer').get('email'),
     license=XML.findtext('license'),
     packages=find_packages(include=[NAME, f'{NAME}.*']),
-    package_data={NAME: ['py.typed', 'page/*']},
+    package_data={NAME: ['py.typed', 'page/*', 'analysis/page/*']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),

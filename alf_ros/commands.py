@@ -11,6 +11,7 @@ COMMANDS = {
     'check': 'alf_ros.check',
     'hard_cases': 'alf_ros.hard_cases',
     'figures': 'alf_ros.figures',
+    'analyze': 'alf_ros.analysis.analyze',
     'verify': 'alf_ros.logs.verify',
     'recover': 'alf_ros.recover',
     'fork': 'alf_ros.fork',

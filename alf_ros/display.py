@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -10,7 +11,7 @@ import numpy as np
 from alf_ros.arrays import Floats
 
 if TYPE_CHECKING:
-    from alf_ros.mechanism import Mechanism
+    from alf_ros.mechanism import Body, Mechanism
     from alf_ros.sample import Sample
 
 # An arrow is three segments: shaft and two barbs.
@@ -39,6 +40,15 @@ def standard_scale(mechanism: Mechanism) -> float:
     """m/N: the weight of the whole mechanism is a quarter of its size."""
     weight = 9.81 * sum(body.mass for body in mechanism.bodies)
     return _WEIGHT_LENGTH * size(mechanism) / (weight or 1.0)
+
+
+def segments(body: Body) -> Iterator[str]:
+    """Ends of the lines that show a body: from point to point, and back to the first of three."""
+    points = body.points
+    for a, b in zip(points, points[1:], strict=False):
+        yield from (a, b)
+    if len(points) > 2:
+        yield from (points[-1], points[0])
 
 
 def in_space(places: Floats) -> Floats:

@@ -7,7 +7,6 @@ is one list of points, so that a large mechanism stays one message of four marke
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,13 +21,13 @@ from alf_ros.display import (
     arrows,
     held_forces,
     in_space,
+    segments,
     size,
     standard_scale,
 )
 from alf_ros.messages import STAMP, WORLD, Template, Write
 
 if TYPE_CHECKING:
-    from alf_ros.mechanism import Body
     from alf_ros.model import Model
     from alf_ros.sample import Sample
 
@@ -46,7 +45,7 @@ def markers(model: Model, display: Display) -> Write:
     """The writer of `~/markers`; arrows are drawn to `display.force_scale`."""
     mechanism = model.mechanism
     width, standard = _WIDTH * size(mechanism), standard_scale(mechanism)
-    ends = [name for body in mechanism.bodies for name in _segments(body)]
+    ends = [name for body in mechanism.bodies for name in segments(body)]
     pins = [joint.point for joint in mechanism.joints if joint.point is not None]
     # A joint without a point of its own has its arrow nowhere.
     known = np.array([joint.point is not None for joint in mechanism.joints], dtype=bool)
@@ -81,15 +80,6 @@ def markers(model: Model, display: Display) -> Write:
         return filled.bytes()
 
     return write
-
-
-def _segments(body: Body) -> Iterator[str]:
-    """Ends of the lines that show a body: from point to point, and back to the first of three."""
-    points = body.points
-    for a, b in zip(points, points[1:], strict=False):
-        yield from (a, b)
-    if len(points) > 2:
-        yield from (points[-1], points[0])
 
 
 def _places(sample: Sample, names: list[str]) -> Floats:

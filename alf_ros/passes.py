@@ -98,10 +98,10 @@ class Watcher:
         found = []
         for k in range(1, t.size - 1):
             if sigma[k] < _NEAR and sigma[k - 1] > sigma[k] <= sigma[k + 1]:
-                zero = _zero(t[k - 1 : k + 2], sigma[k - 1 : k + 2])
-                if zero is not None:
+                found_at = zero(t[k - 1 : k + 2], sigma[k - 1 : k + 2])
+                if found_at is not None:
                     around = float(energy[k - 1]), float(energy[k + 1])
-                    found.append((k - kept, Pass(zero, float(sigma[k]), (), *around)))
+                    found.append((k - kept, Pass(found_at, float(sigma[k]), (), *around)))
         self._t, self._sigma, self._energy = t[-2:], sigma[-2:], energy[-2:]
         return found
 
@@ -111,7 +111,7 @@ def copy(phase: Phase) -> Phase:
     return Phase(phase.q.copy(), phase.qd.copy(), phase.turns.copy(), phase.pace.copy())
 
 
-def _zero(t: Floats, sigma: Floats) -> float | None:
+def zero(t: Floats, sigma: Floats) -> float | None:
     """Where the signed distance is zero, by a parabola through three steps, if it is anywhere."""
     found, least = None, _BENT
     for sign in (-1.0, 1.0):

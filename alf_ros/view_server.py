@@ -21,6 +21,8 @@ HOST = '127.0.0.1'
 PAGE = Path(__file__).with_name('page')
 FILES = {
     '/': ('index.html', 'text/html; charset=utf-8'),
+    '/look.css': ('look.css', 'text/css; charset=utf-8'),
+    '/stage.js': ('stage.js', 'text/javascript; charset=utf-8'),
     '/view.js': ('view.js', 'text/javascript; charset=utf-8'),
 }
 POLICY = (

@@ -49,6 +49,7 @@ class Browser:
         os.close(ours[0])
         os.close(theirs[1])
         self._rest, self._count, self.complaints = b'', 0, []
+        self._url = url
         self._session = None
         (page,) = (
             target['targetId']
@@ -106,7 +107,8 @@ class Browser:
         return answer['result']
 
     def _hear(self, event):
-        """Remember what goes wrong in the page, and every request that leaves this machine."""
+        """Remember what goes wrong in the page, and every request for anything but the page that
+        is not to this machine."""
         parameters = event.get('params', {})
         if event.get('method') == 'Runtime.exceptionThrown':
             self.complaints.append(parameters['exceptionDetails'])
@@ -114,7 +116,7 @@ class Browser:
             self.complaints.append(parameters['entry'])
         elif event.get('method') == 'Network.requestWillBeSent':
             url = parameters['request']['url']
-            if not url.startswith(('http://localhost:', 'data:')):
+            if url != self._url and not url.startswith(('http://localhost:', 'data:')):
                 self.complaints.append(url)
 
     def run(self, script):

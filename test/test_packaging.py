@@ -62,6 +62,12 @@ def check_prefix(prefix):
         assert os.access(prefix / 'lib/alf_ros' / name, os.X_OK)
 
 
+def check_pages(package):
+    """What `view` and `analyze` show in a browser."""
+    for page in ('page/index.html', 'page/stage.js', 'analysis/page/analysis.html'):
+        assert (package / page).is_file()
+
+
 @pytest.mark.parametrize('flags', [[], ['--symlink-install']], ids=['copied', 'symlinked'])
 def test_colcon(sources, tmp_path, flags):
     run(sys.executable, '-m', 'colcon', 'build', *flags, cwd=tmp_path)
@@ -75,6 +81,7 @@ def test_colcon(sources, tmp_path, flags):
         run('bash', '-c', sourced, '-', sys.executable, '-c', REPORT, cwd=tmp_path)
     )
     assert Path(module).is_relative_to(tmp_path)
+    check_pages(Path(module).parent)
     assert Path(scenes[0]).is_relative_to(sources if flags else prefix)
     assert version == VERSION
 
@@ -97,6 +104,7 @@ def test_pip(sources, tmp_path):
         assert 'usage:' in run(command, '--help', cwd=tmp_path, PATH=path)
     module, *scenes, version = json.loads(run(python, '-c', REPORT, cwd=tmp_path))
     assert Path(module).is_relative_to(site)
+    check_pages(Path(module).parent)
     assert scenes[0] == str(prefix / 'share/alf_ros/config/scenes')
     assert version == VERSION
 

@@ -173,15 +173,19 @@ class Log:
         return private if name.startswith('~/') else f'/{name}'
 
     def pieces(
-        self, topics: Collection[str] = (), report: progress.Report = progress.silent
+        self,
+        topics: Collection[str] = (),
+        report: progress.Report = progress.silent,
+        found: Survey | None = None,
     ) -> Iterator[list[Series]]:
         """The log chunk by chunk: a list of series each time, in the order of the log.
 
-        `topics`: only these. A topic may come in several series of one piece.
+        `topics`: only these. A topic may come in several series of one piece. `found` is told the
+        damage, for who has no other need of a survey.
         """
         wanted = {self.topic(name) for name in topics}
         readers: dict[tuple[int, str], ChannelReader] = {}
-        for block, contents in self._blocks(Survey(), report):
+        for block, contents in self._blocks(found or Survey(), report):
             piece: list[Series] = []
             for id_ in np.unique(block.channel).tolist():
                 channel = contents.channels[id_]

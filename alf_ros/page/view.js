@@ -4,14 +4,12 @@
 const $ = (id) => document.getElementById(id);
 const WINDOW = 20;  // simulated seconds in a plot
 const TRAIL = 90, BOXES = 300;  // pictures
-const colors = {};
 let about = {joints: [], reacting: [], reports: [], scenes: [], run: -1, state: 'connecting'};
 let picture = null;
 let record = [];  // {t, energy, error}
 let trail = [];  // positions of all joints
-let boxes = [];  // [low, high] of each picture
-let box = null;  // of the last of them together: what travels far is followed
-let camera = {};
+let boxes = [];  // [low, high] of each picture; the last of them together are shown: what travels far is followed
+const stage = new Stage($('stage'), () => draw());
 
 // ------------------------------------------------------------------------------------- commands
 
@@ -108,13 +106,6 @@ function showJoints() {
   });
 }
 
-function shown(x) {
-  if (x === undefined || x === null) return '–';
-  const size = Math.abs(x);
-  if (!size) return '0';
-  return size < 1e-3 || size >= 1e5 ? x.toExponential(2) : x.toPrecision(4);
-}
-
 function showReports() {
   const reports = about.reports.map(([task, level, message]) => {
     const span = document.createElement('span');
@@ -137,10 +128,9 @@ function forget() {
   record = [];
   trail = [];
   boxes = [];
-  box = null;
+  stage.box = null;
   picture = null;
-  camera = about.spatial ? {yaw: -0.9, pitch: 0.45} : {yaw: 0, pitch: Math.PI / 2};
-  Object.assign(camera, {zoom: 1, x: 0, y: 0});
+  stage.reset(about.spatial);
   for (const name in efforts) delete efforts[name];
 }
 
@@ -191,8 +181,8 @@ function onPicture(found) {
 
 // The reactions say how large efforts are here: forces times lengths.
 function suggestRange() {
-  if (!picture.force || !box) return;
-  const most = Math.max(...picture.force.map(Math.abs)) * size() || 1;
+  if (!picture.force || !stage.box) return;
+  const most = Math.max(...picture.force.map(Math.abs)) * stage.size || 1;
   const power = 10 ** Math.floor(Math.log10(most));
   $('range').value = power * [1, 2, 5, 10].find((n) => n * power >= 0.99 * most);
   $('range').dataset.run = about.run;
@@ -218,191 +208,28 @@ function enclose(places) {
   boxes.push([low, high]);
   if (boxes.length > BOXES) boxes.shift();
   const extreme = (end, pick) => [0, 1, 2].map((k) => pick(...boxes.map((each) => each[end][k])));
-  box = [extreme(0, Math.min), extreme(1, Math.max)];
-}
-
-const size = () => Math.hypot(...box[1].map((high, k) => high - box[0][k])) || 1;
-
-function sheet(id) {
-  const canvas = $(id), scale = devicePixelRatio || 1;
-  const [width, height] = [canvas.clientWidth, canvas.clientHeight];
-  if (canvas.width !== Math.round(width * scale)) canvas.width = Math.round(width * scale);
-  if (canvas.height !== Math.round(height * scale)) canvas.height = Math.round(height * scale);
-  const pen = canvas.getContext('2d');
-  pen.setTransform(scale, 0, 0, scale, 0, 0);
-  pen.clearRect(0, 0, width, height);
-  pen.font = '12px system-ui, sans-serif';
-  return {pen, width, height};
-}
-
-// World (m) to screen: [x, y, depth]; depth grows towards the eye.
-function projector(width, height) {
-  const {yaw, pitch, zoom, x, y} = camera;
-  const [cy, sy, cp, sp] = [Math.cos(yaw), Math.sin(yaw), Math.cos(pitch), Math.sin(pitch)];
-  const middle = box[0].map((low, k) => (low + box[1][k]) / 2);
-  const turn = (px, py, pz) => {
-    const along = -sy * px + cy * py;
-    return [cy * px + sy * py, sp * along + cp * pz, -cp * along + sp * pz];
-  };
-  // Room for every corner of the box, so that turning changes nothing in size while playing.
-  const spans = [0, 0];
-  for (let corner = 0; corner < 8; corner++) {
-    const place = turn(...middle.map((m, k) => box[corner >> k & 1][k] - m));
-    for (const k of [0, 1]) spans[k] = Math.max(spans[k], Math.abs(place[k]));
-  }
-  const floor = 0.1 * size();
-  const fit = Math.min(width / Math.max(spans[0], floor), height / Math.max(spans[1], floor));
-  const scale = 0.36 * zoom * fit;
-  const project = (px, py, pz) => {
-    const [u, v, depth] = turn(px - middle[0], py - middle[1], pz - middle[2]);
-    return [width / 2 + x + scale * u, height / 2 + y - scale * v, depth];
-  };
-  return {project, scale};
-}
-
-function niceStep(least) {
-  const power = 10 ** Math.floor(Math.log10(least));
-  return power * [1, 2, 5, 10].find((n) => n * power >= least);
-}
-
-function drawGrid(pen, project, scale, width) {
-  const step = niceStep(60 / scale);
-  const floor = about.spatial ? box[0][2] : 0;
-  const reach = about.spatial ? 0.5 * size() : Math.max(size(), 1.5 * width / scale);
-  const ends = [0, 1].map((k) => {
-    const middle = (box[0][k] + box[1][k]) / 2;
-    return [Math.floor((middle - reach) / step), Math.ceil((middle + reach) / step)];
-  });
-  pen.strokeStyle = colors.grid;
-  pen.lineWidth = 1;
-  pen.beginPath();
-  for (let k = 0; k < 2; k++) {
-    for (let n = ends[k][0]; n <= ends[k][1]; n++) {
-      for (const end of ends[1 - k]) {
-        const place = k ? [end * step, n * step] : [n * step, end * step];
-        const [u, v] = project(...place, floor);
-        if (end === ends[1 - k][0]) pen.moveTo(u, v); else pen.lineTo(u, v);
-      }
-    }
-  }
-  pen.stroke();
-  return step;
+  stage.box = [extreme(0, Math.min), extreme(1, Math.max)];
 }
 
 function drawStage() {
-  const {pen, width, height} = sheet('stage');
-  if (!picture?.links || !box) {
+  const known = stage.begin();
+  if (!known || !picture?.links) {
+    const {pen, width, height} = stage;
     pen.fillStyle = colors.faint;
     pen.textAlign = 'center';
     pen.fillText(about.state === 'away' ? `waiting for ${about.simulator} …` : '', width / 2, height / 2);
     return;
   }
-  const {project, scale} = projector(width, height);
-  const step = drawGrid(pen, project, scale, width);
-  drawScale(pen, step, scale, width, height);
-  if ($('trails').checked) drawTrails(pen, project);
-  drawLinks(pen, project);
-  if ($('reactions').checked) drawArrows(pen, project, picture.reactions, colors.reaction);
-  drawArrows(pen, project, picture.applied, colors.applied);
-}
-
-function drawScale(pen, step, scale, width, height) {
-  const [right, low] = [width - 16, height - 14];
-  pen.strokeStyle = pen.fillStyle = colors.faint;
-  pen.textAlign = 'right';
-  pen.fillText(`${Number(step.toPrecision(1))} m`, right, low - 6);
-  pen.lineWidth = 2;
-  pen.beginPath();
-  pen.moveTo(right - step * scale, low);
-  pen.lineTo(right, low);
-  pen.stroke();
-}
-
-function triples(list) {
-  const found = [];
-  for (let n = 0; n + 2 < (list?.length ?? 0); n += 3) found.push(list.slice(n, n + 3));
-  return found;
-}
-
-function drawTrails(pen, project) {
-  pen.strokeStyle = colors.link;
-  pen.lineWidth = 1;
-  pen.globalAlpha = 0.35;
-  pen.beginPath();
-  for (let n = 0; n + 2 < (trail[0]?.length ?? 0); n += 3) {
-    trail.forEach((places, k) => {
-      const [u, v] = project(...places.slice(n, n + 3));
-      if (k) pen.lineTo(u, v); else pen.moveTo(u, v);
-    });
-  }
-  pen.stroke();
-  pen.globalAlpha = 1;
-}
-
-// What is farther away first, and a little paler.
-function drawLinks(pen, project) {
-  const ends = triples(picture.links).map((place) => project(...place));
-  const parts = [];
-  for (let n = 0; n + 1 < ends.length; n += 2) {
-    parts.push({depth: (ends[n][2] + ends[n + 1][2]) / 2, line: [ends[n], ends[n + 1]]});
-  }
-  for (const place of triples(picture.joints)) {
-    const at = project(...place);
-    parts.push({depth: at[2] + 1e-3 * size(), at});
-  }
-  parts.sort((one, other) => one.depth - other.depth);
-  pen.lineCap = 'round';
-  pen.strokeStyle = colors.link;
-  pen.fillStyle = colors.joint;
-  for (const {depth, line, at} of parts) {
-    pen.globalAlpha = about.spatial ? 0.78 + 0.22 * Math.tanh(4 * depth / size()) : 1;
-    pen.lineWidth = at ? 2.5 : 6;
-    pen.beginPath();
-    if (at) {
-      pen.arc(at[0], at[1], 5.5, 0, 2 * Math.PI);
-      pen.fill();
-    } else {
-      pen.moveTo(line[0][0], line[0][1]);
-      pen.lineTo(line[1][0], line[1][1]);
-    }
-    pen.stroke();
-  }
-  pen.globalAlpha = 1;
-}
-
-// Tails and tips in turn. Near singular positions forces have no limit: arrows have.
-function drawArrows(pen, project, list, color) {
-  const factor = 10 ** Number($('scale').value), longest = size();
-  const places = triples(list);
-  pen.strokeStyle = pen.fillStyle = color;
-  pen.lineWidth = 2;
-  for (let n = 0; n + 1 < places.length; n += 2) {
-    const [tail, tip] = [places[n], places[n + 1]];
-    const vector = tip.map((x, k) => factor * (x - tail[k]));
-    const length = Math.hypot(...vector);
-    if (!(length > 0)) continue;
-    const part = Math.min(1, longest / length);
-    const [from, to] = [project(...tail), project(...tail.map((x, k) => x + part * vector[k]))];
-    const angle = Math.atan2(to[1] - from[1], to[0] - from[0]);
-    const drawn = Math.hypot(to[0] - from[0], to[1] - from[1]);
-    if (drawn < 2) continue;
-    const head = Math.min(11, 0.5 * drawn);
-    const barb = (turn) => [to[0] - head * Math.cos(angle + turn), to[1] - head * Math.sin(angle + turn)];
-    pen.beginPath();
-    pen.moveTo(from[0], from[1]);
-    pen.lineTo(to[0] - 0.7 * head * Math.cos(angle), to[1] - 0.7 * head * Math.sin(angle));
-    pen.stroke();
-    pen.beginPath();
-    pen.moveTo(to[0], to[1]);
-    pen.lineTo(...barb(0.4));
-    pen.lineTo(...barb(-0.4));
-    pen.fill();
-  }
+  const factor = 10 ** Number($('scale').value);
+  if ($('trails').checked) stage.drawTrails(trail);
+  stage.drawLinks(picture.links, picture.joints);
+  if ($('reactions').checked) stage.drawArrows(picture.reactions, colors.reaction, factor);
+  stage.drawArrows(picture.applied, colors.applied, factor);
 }
 
 // `value` of an entry is drawn, on a height of at least `least`; `now` and `span` put it in words.
 function drawPlot(id, {title, color, value, least, now, span}) {
-  const {pen, width, height} = sheet(id);
+  const {pen, width, height} = sheet($(id));
   const found = record.filter((entry) => Number.isFinite(value(entry)));
   pen.fillStyle = colors.faint;
   pen.textAlign = 'left';
@@ -465,37 +292,14 @@ function draw() {
   });
 }
 
-function readColors() {
-  const style = getComputedStyle(document.documentElement);
-  for (const name of ['ink', 'faint', 'line', 'link', 'joint', 'reaction', 'applied', 'energy', 'error', 'grid']) {
-    colors[name] = style.getPropertyValue(`--${name}`);
-  }
+function onColors() {
+  readColors();
   draw();
 }
 
-// -------------------------------------------------------------------------------- hand and wheel
-
-$('stage').onpointerdown = (event) => event.target.setPointerCapture(event.pointerId);
-$('stage').onpointermove = (event) => {
-  if (!event.buttons) return;
-  if (about.spatial && !event.shiftKey && event.buttons === 1) {
-    camera.yaw -= 0.008 * event.movementX;
-    camera.pitch = Math.max(-1.55, Math.min(1.55, camera.pitch + 0.008 * event.movementY));
-  } else {
-    camera.x += event.movementX;
-    camera.y += event.movementY;
-  }
-  draw();
-};
-$('stage').onwheel = (event) => {
-  event.preventDefault();
-  camera.zoom = Math.max(0.05, Math.min(100, camera.zoom * Math.exp(-0.0012 * event.deltaY)));
-  draw();
-};
-$('stage').ondblclick = () => { Object.assign(camera, {zoom: 1, x: 0, y: 0}); draw(); };
 for (const id of ['reactions', 'trails', 'scale']) $(id).oninput = draw;
-matchMedia('(prefers-color-scheme: dark)').onchange = readColors;
+matchMedia('(prefers-color-scheme: dark)').onchange = onColors;
 onresize = draw;
 forget();
-readColors();
+onColors();
 connect();

@@ -1,0 +1,229 @@
+'use strict';
+// The mechanism on a canvas, seen with a camera that hand and wheel move. No library.
+
+const colors = {};
+
+function readColors() {
+  const style = getComputedStyle(document.documentElement);
+  for (const name of ['ink', 'faint', 'line', 'link', 'joint', 'reaction', 'applied', 'energy', 'error', 'grid', 'sheet', 'back', 'bad', 'warn', 'good']) {
+    colors[name] = style.getPropertyValue(`--${name}`).trim();
+  }
+}
+
+function sheet(canvas) {
+  const scale = devicePixelRatio || 1;
+  const [width, height] = [canvas.clientWidth, canvas.clientHeight];
+  if (canvas.width !== Math.round(width * scale)) canvas.width = Math.round(width * scale);
+  if (canvas.height !== Math.round(height * scale)) canvas.height = Math.round(height * scale);
+  const pen = canvas.getContext('2d');
+  pen.setTransform(scale, 0, 0, scale, 0, 0);
+  pen.clearRect(0, 0, width, height);
+  pen.font = '12px system-ui, sans-serif';
+  return {pen, width, height};
+}
+
+function shown(x) {
+  if (x === undefined || x === null || Number.isNaN(x)) return '–';
+  const size = Math.abs(x);
+  if (!size) return '0';
+  return size < 1e-3 || size >= 1e5 ? x.toExponential(2) : x.toPrecision(4);
+}
+
+function niceStep(least) {
+  const power = 10 ** Math.floor(Math.log10(least));
+  return power * [1, 2, 5, 10].find((n) => n * power >= least);
+}
+
+function triples(list) {
+  const found = [];
+  for (let n = 0; n + 2 < (list?.length ?? 0); n += 3) found.push(list.slice(n, n + 3));
+  return found;
+}
+
+class Stage {
+  // `changed` is called when hand or wheel moved the camera.
+  constructor(canvas, changed) {
+    this.canvas = canvas;
+    this.box = null;  // [low, high] of what is shown, m
+    this.reset(false);
+    canvas.onpointerdown = (event) => canvas.setPointerCapture(event.pointerId);
+    canvas.onpointermove = (event) => {
+      if (!event.buttons) return;
+      const camera = this.camera;
+      if (this.spatial && !event.shiftKey && event.buttons === 1) {
+        camera.yaw -= 0.008 * event.movementX;
+        camera.pitch = Math.max(-1.55, Math.min(1.55, camera.pitch + 0.008 * event.movementY));
+      } else {
+        camera.x += event.movementX;
+        camera.y += event.movementY;
+      }
+      changed();
+    };
+    canvas.onwheel = (event) => {
+      event.preventDefault();
+      const zoom = this.camera.zoom * Math.exp(-0.0012 * event.deltaY);
+      this.camera.zoom = Math.max(0.05, Math.min(100, zoom));
+      changed();
+    };
+    canvas.ondblclick = () => { Object.assign(this.camera, {zoom: 1, x: 0, y: 0}); changed(); };
+  }
+
+  reset(spatial) {
+    this.spatial = spatial;
+    this.camera = spatial ? {yaw: -0.9, pitch: 0.45} : {yaw: 0, pitch: Math.PI / 2};
+    Object.assign(this.camera, {zoom: 1, x: 0, y: 0});
+  }
+
+  get size() {
+    return Math.hypot(...this.box[1].map((high, k) => high - this.box[0][k])) || 1;
+  }
+
+  // Clear the canvas, and draw the ground and the scale; what is drawn next lies on them.
+  begin() {
+    Object.assign(this, sheet(this.canvas));
+    if (!this.box) return false;
+    this.aim();
+    this.drawScale(this.drawGrid());
+    return true;
+  }
+
+  // `project`: world (m) to screen: [x, y, depth]; depth grows towards the eye.
+  aim() {
+    const {width, height, box} = this;
+    const {yaw, pitch, zoom, x, y} = this.camera;
+    const [cy, sy, cp, sp] = [Math.cos(yaw), Math.sin(yaw), Math.cos(pitch), Math.sin(pitch)];
+    const middle = box[0].map((low, k) => (low + box[1][k]) / 2);
+    const turn = (px, py, pz) => {
+      const along = -sy * px + cy * py;
+      return [cy * px + sy * py, sp * along + cp * pz, -cp * along + sp * pz];
+    };
+    // Room for every corner of the box, so that turning changes nothing in size while playing.
+    const spans = [0, 0];
+    for (let corner = 0; corner < 8; corner++) {
+      const place = turn(...middle.map((m, k) => box[corner >> k & 1][k] - m));
+      for (const k of [0, 1]) spans[k] = Math.max(spans[k], Math.abs(place[k]));
+    }
+    const floor = 0.1 * this.size;
+    const fit = Math.min(width / Math.max(spans[0], floor), height / Math.max(spans[1], floor));
+    const scale = this.scale = 0.36 * zoom * fit;
+    this.project = (px, py, pz) => {
+      const [u, v, depth] = turn(px - middle[0], py - middle[1], pz - middle[2]);
+      return [width / 2 + x + scale * u, height / 2 + y - scale * v, depth];
+    };
+  }
+
+  drawGrid() {
+    const {pen, project, scale, box, spatial} = this;
+    const step = niceStep(60 / scale);
+    const floor = spatial ? box[0][2] : 0;
+    const reach = spatial ? 0.5 * this.size : Math.max(this.size, 1.5 * this.width / scale);
+    const ends = [0, 1].map((k) => {
+      const middle = (box[0][k] + box[1][k]) / 2;
+      return [Math.floor((middle - reach) / step), Math.ceil((middle + reach) / step)];
+    });
+    pen.strokeStyle = colors.grid;
+    pen.lineWidth = 1;
+    pen.beginPath();
+    for (let k = 0; k < 2; k++) {
+      for (let n = ends[k][0]; n <= ends[k][1]; n++) {
+        for (const end of ends[1 - k]) {
+          const place = k ? [end * step, n * step] : [n * step, end * step];
+          const [u, v] = project(...place, floor);
+          if (end === ends[1 - k][0]) pen.moveTo(u, v); else pen.lineTo(u, v);
+        }
+      }
+    }
+    pen.stroke();
+    return step;
+  }
+
+  drawScale(step) {
+    const {pen} = this, [right, low] = [this.width - 16, this.height - 14];
+    pen.strokeStyle = pen.fillStyle = colors.faint;
+    pen.textAlign = 'right';
+    pen.fillText(`${Number(step.toPrecision(1))} m`, right, low - 6);
+    pen.lineWidth = 2;
+    pen.beginPath();
+    pen.moveTo(right - step * this.scale, low);
+    pen.lineTo(right, low);
+    pen.stroke();
+  }
+
+  // `trail`: pictures in turn, each the places of the same points.
+  drawTrails(trail, color = colors.link) {
+    const {pen} = this;
+    pen.strokeStyle = color;
+    pen.lineWidth = 1;
+    pen.globalAlpha = 0.35;
+    pen.beginPath();
+    for (let n = 0; n + 2 < (trail[0]?.length ?? 0); n += 3) {
+      trail.forEach((places, k) => {
+        const [u, v] = this.project(...places.slice(n, n + 3));
+        if (k) pen.lineTo(u, v); else pen.moveTo(u, v);
+      });
+    }
+    pen.stroke();
+    pen.globalAlpha = 1;
+  }
+
+  // Ends of lines in turn, and joints. What is farther away first, and a little paler.
+  drawLinks(links, joints, color = colors.link) {
+    const {pen, spatial, size} = this;
+    const ends = triples(links).map((place) => this.project(...place));
+    const parts = [];
+    for (let n = 0; n + 1 < ends.length; n += 2) {
+      parts.push({depth: (ends[n][2] + ends[n + 1][2]) / 2, line: [ends[n], ends[n + 1]]});
+    }
+    for (const place of triples(joints)) {
+      const at = this.project(...place);
+      parts.push({depth: at[2] + 1e-3 * size, at});
+    }
+    parts.sort((one, other) => one.depth - other.depth);
+    pen.lineCap = 'round';
+    pen.strokeStyle = color;
+    pen.fillStyle = colors.joint;
+    for (const {depth, line, at} of parts) {
+      pen.globalAlpha = spatial ? 0.78 + 0.22 * Math.tanh(4 * depth / size) : 1;
+      pen.lineWidth = at ? 2.5 : 6;
+      pen.beginPath();
+      if (at) {
+        pen.arc(at[0], at[1], 5.5, 0, 2 * Math.PI);
+        pen.fill();
+      } else {
+        pen.moveTo(line[0][0], line[0][1]);
+        pen.lineTo(line[1][0], line[1][1]);
+      }
+      pen.stroke();
+    }
+    pen.globalAlpha = 1;
+  }
+
+  // Tails and tips in turn. Near singular positions forces have no limit: arrows have.
+  drawArrows(list, color, factor) {
+    const {pen} = this, places = triples(list);
+    pen.strokeStyle = pen.fillStyle = color;
+    pen.lineWidth = 2;
+    for (let n = 0; n + 1 < places.length; n += 2) {
+      const [tail, tip] = [places[n], places[n + 1]];
+      const vector = tip.map((x, k) => factor * (x - tail[k]));
+      const length = Math.hypot(...vector);
+      if (!(length > 0)) continue;
+      const part = Math.min(1, this.size / length);
+      const [from, to] = [tail, tail.map((x, k) => x + part * vector[k])].map((place) => this.project(...place));
+      const angle = Math.atan2(to[1] - from[1], to[0] - from[0]);
+      const drawn = Math.hypot(to[0] - from[0], to[1] - from[1]);
+      if (drawn < 2) continue;
+      const head = Math.min(11, 0.5 * drawn);
+      const barb = (turn) => [to[0] - head * Math.cos(angle + turn), to[1] - head * Math.sin(angle + turn)];
+      pen.beginPath();
+      pen.moveTo(from[0], from[1]);
+      pen.lineTo(to[0] - 0.7 * head * Math.cos(angle), to[1] - 0.7 * head * Math.sin(angle));
+      pen.stroke();
+      pen.beginPath();
+      pen.moveTo(to[0], to[1]);
+      pen.lineTo(...barb(0.4));
+      pen.lineTo(...barb(-0.4));
+      pen.fill();
+    }
+  }
+}
