@@ -107,6 +107,7 @@ ROOMS = {
     ],
     'simulation': [
         'simulation',
+        'accuracy',
         'applied',
         'bearings',
         'input_checks',
