@@ -10,6 +10,7 @@ COMMANDS = {
     'view': 'alf_ros.view',
     'check': 'alf_ros.check',
     'hard_cases': 'alf_ros.hard_cases',
+    'work_precision': 'alf_ros.work_precision',
     'figures': 'alf_ros.figures',
     'analyze': 'alf_ros.analysis.analyze',
     'verify': 'alf_ros.logs.verify',

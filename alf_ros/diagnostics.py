@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from alf_ros.pacing import Pacer
     from alf_ros.recorder import Recorder
     from alf_ros.sample import Sample
+    from alf_ros.simulation import Simulation
 
 CONSTRAINTS = (
     'position_violation_m',
@@ -46,17 +47,29 @@ class Report:
     values: Mapping[str, object]
 
 
-def solver(sample: Sample, state: str, failure: StepError | None) -> Report:
-    """Steps made, iterations and cost; after a failed step its reason and the remedy."""
+def solver(simulation: Simulation, state: str, failure: StepError | None) -> Report:
+    """Steps made, iterations and cost; after a failed step its reason and the remedy.
+
+    WARN for an accuracy that was asked for and cannot be met.
+    """
+    sample, settings, budget = simulation.sample(), simulation.solver, simulation.accuracy
     values = {
         'state': state,
         'simulated_time_s': sample.t,
         'step_index': sample.step,
         'iterations': sample.diagnostics.iterations,
         'step_cost_s': sample.diagnostics.step_cost,
+        'integrator': settings.integrator,
+        'tolerance': settings.tolerance,
+        'accuracy_asked_m': settings.accuracy or 'no',
+        'accuracy_estimate_m': budget.estimate if budget else 'unknown',
+        'accuracy_horizon_s': budget.horizon if budget else 'unknown',
         'reason': failure.reason if failure else '',
         'remedy': failure.remedy if failure else '',
     }
+    if not failure and budget and not budget.met:
+        message = f'accuracy of {budget.asked:g} m not met: {budget.estimate:.2g} m at best'
+        return Report('solver', WARN, message, values)
     return Report('solver', ERROR if failure else OK, str(failure) if failure else state, values)
 
 

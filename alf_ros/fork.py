@@ -17,6 +17,7 @@ from alf_ros.logs.progress import Progress, Report, silent
 from alf_ros.logs.rerun import Rerun
 from alf_ros.logs.resume import resume
 from alf_ros.readings import READINGS
+from alf_ros.scene import PICKED, joined
 from alf_ros.settings import Setup, on_grid, steps_per_tick
 from alf_ros.simulation import Simulation, State
 
@@ -82,8 +83,10 @@ def _change(rerun: Rerun, changes: Mapping[str, str], changed: set[str]) -> Stat
     """Let `rerun` go on with changes; returns the state in which the changed mechanism begins."""
     before = rerun.simulation
     scene = scene_changes.with_changes(rerun.scene, changes)
-    solver = {**dataclasses.asdict(before.solver)}
-    solver.update({key: getattr(scene.solver, key) for key in changed})
+    own = {key: getattr(scene.solver, key) for key in changed}
+    solver = dataclasses.asdict(before.solver)
+    if own:
+        solver = joined(solver, own)
     after = Simulation(scene, **solver)
     numbers, rates = state_vector.values(before.model, before.state)
     names = [
@@ -111,6 +114,8 @@ def _change(rerun: Rerun, changes: Mapping[str, str], changed: set[str]) -> Stat
 def _kept(rest: list[dict[str, Any]], rerun: Rerun, changed: set[str]) -> list[dict[str, Any]]:
     """Settings to come do not take back what the fork has changed."""
     solver = dataclasses.asdict(rerun.simulation.solver)
+    if not changed.isdisjoint(('accuracy', *PICKED)):
+        changed = changed.union(('accuracy', *PICKED))
     own = {key: solver[key] for key in changed}
     kept = []
     for entry in rest:

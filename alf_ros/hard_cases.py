@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 import csv
 import math
-import os
 import platform
 import statistics
 import sys
@@ -24,6 +23,7 @@ import numpy as np
 from alf_ros import campaign, error_plot, reference_motion
 from alf_ros.errors import InputError
 from alf_ros.integrator import TABLEAUX
+from alf_ros.progress_bar import ProgressBar
 from alf_ros.reference_motion import Motion
 from alf_ros.trial import Result, Row, Run, execute, observed_order
 
@@ -194,25 +194,6 @@ def _line(row: Row, results: Sequence[Result]) -> str:
     )
 
 
-class _Bar:
-    """How far it is, in one line of a terminal; nothing where stderr is none."""
-
-    def __init__(self, total: int) -> None:
-        self._total, self._done, self._shown = total, 0, sys.stderr.isatty()
-
-    def show(self, what: str) -> None:
-        if self._shown:
-            full = 30 * self._done // self._total
-            bar = '#' * full + '.' * (30 - full)
-            text = f'\r\x1b[K[{bar}] {self._done}/{self._total}  {what}'
-            print(text[: os.get_terminal_size(2).columns], end='', file=sys.stderr, flush=True)
-        self._done += 1
-
-    def clear(self) -> None:
-        if self._shown:
-            print('\r\x1b[K', end='', file=sys.stderr, flush=True)
-
-
 def about() -> str:
     """The machine and the versions, one comment line."""
     cpu = platform.processor() or platform.machine()
@@ -231,7 +212,7 @@ def _run_all(rows: Sequence[Row], stream: TextIO) -> list[list[Result]]:
     print(about(), file=stream)
     writer = csv.writer(stream, lineterminator='\n')
     writer.writerow(COLUMNS)
-    bar = _Bar(sum(len(row.runs) for row in rows))
+    bar = ProgressBar(sum(len(row.runs) for row in rows))
     print(HEADER, flush=True)
     done = []
     for row in rows:

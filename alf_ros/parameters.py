@@ -88,15 +88,17 @@ SCENE = Spec(
 
 
 def solver_specs(solver: Solver) -> list[Spec]:
-    """`solver.*`: defaults are what the scene says, limits those of `Solver`."""
+    """`solver.*` and `accuracy`: defaults are what the scene says, limits those of `Solver`."""
     return [
-        Spec('solver.step', solver.step, 'Solver step, s', (1e-12, 1e6), fixed=False),
         Spec(
-            'solver.integrator',
-            solver.integrator,
-            'Integrator, such as rk4 or dop853',
+            'accuracy',
+            solver.accuracy or 0.0,
+            'Position error, m, for which integrator and tolerance are picked; 0: as they are',
+            (0.0, 1e6),
             fixed=False,
         ),
+        Spec('solver.step', solver.step, 'Solver step, s', (1e-12, 1e6), fixed=False),
+        Spec('solver.integrator', solver.integrator, 'Such as rk4 or dop853', fixed=False),
         Spec(
             'solver.formulation', solver.formulation, 'Equations solved, such as alf2', fixed=False
         ),

@@ -80,7 +80,7 @@ class Reporting:
             return
         sample, ns = run.simulation.sample(), run.stamp
         reports = [
-            diagnostics.solver(sample, self._control.state, run.failure),
+            diagnostics.solver(run.simulation, self._control.state, run.failure),
             diagnostics.constraints(sample, run.closest),
             diagnostics.energy(sample, run.initial_energy),
             diagnostics.timing(self._pacer, self._control.paused, self._before),

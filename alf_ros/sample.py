@@ -433,6 +433,15 @@ class Sample:
         """λ of each constraint row by name."""
         return _ByName(self.model.row_names, lambda n: float(self.lam[n]))
 
+    @property
+    def constraint_forces(self) -> Floats:
+        """(n,) Φ_qᵀ λ, N on each coordinate in the order of `q`: unlike λ it is unique where rows
+        depend on each other."""
+        model, work = self.model, self._accelerated[0]
+        pull = np.zeros_like(work.q)
+        kernel.add_transposed(model.unit, model.system.rows, work.g, work.g2, work.y, pull)
+        return self._by_coordinate(pull)
+
     # -------------------------------------------------------------------------------- reactions
 
     @cached_property

@@ -54,12 +54,14 @@ REQUIRED = ('mechanism',)
 INITIAL = ('positions', 'velocities')
 
 _SUFFIXES = ('.yaml', '.yml')
+PICKED = ('integrator', 'tolerance')  # by an accuracy
 CHOICES = {'integrator': INTEGRATORS, 'formulation': FORMULATIONS}
 NUMBERS = {  # smallest, largest, whole, what is expected
     'step': (1e-12, 1e6, False, 's, from 1e-12 to 1e6'),
     'penalty': (document.SMALLEST, document.LARGEST, False, 'a number from 1e-60 to 1e40'),
     'iterations': (1, 1000, True, 'a whole number from 1 to 1000'),
     'tolerance': (0.0, 1.0, False, 'a number from 0 to 1'),
+    'accuracy': (1e-60, 1e6, False, 'm, from 1e-60 to 1e6'),
 }
 
 Components = tuple[float | None, ...]
@@ -71,7 +73,8 @@ class Solver:
 
     step: h (s). penalty: α relative to the scale of the masses, without dimension. The iterations
     of a solve stop after `iterations`. tolerance: relative error of a step that an adaptive
-    integrator allows; it takes as many as that needs in each `step`. Raises InputError.
+    integrator allows; it takes as many as that needs in each `step`. accuracy: a position error
+    (m) for which a simulation picks integrator and tolerance. Raises InputError.
     """
 
     step: float = 1e-3
@@ -80,12 +83,23 @@ class Solver:
     penalty: float = 1e8
     iterations: int = 10
     tolerance: float = 1e-8
+    accuracy: float | None = None
 
     def __post_init__(self) -> None:
         for name, value in dataclasses.asdict(self).items():
-            fault = _setting_fault(name, value)
+            fault = None if value is None else _setting_fault(name, value)
             if fault:
                 raise InputError(key=name, value=value, **fault)
+
+
+def joined(settings: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings of a solver with changes: an accuracy picks again, and what it picks ends it."""
+    found = {**settings, **changes}
+    if 'accuracy' not in changes and not changes.keys().isdisjoint((*PICKED, 'formulation')):
+        found.pop('accuracy', None)
+    elif found.get('accuracy') is not None:
+        found = {k: v for k, v in found.items() if k not in PICKED or k in changes}
+    return found
 
 
 @dataclass(frozen=True)
@@ -163,7 +177,10 @@ def _read_scene(
     }
     if found.drives is not None:
         whole['drives'] = found.drives
-    whole['solver'] = {k: v for k, v in dataclasses.asdict(solver).items() if v is not None}
+    settings = dataclasses.asdict(solver)
+    if solver.accuracy is None:
+        del settings['accuracy']
+    whole['solver'] = joined(settings, {})
     if 'effects' in fields:
         whole['effects'] = section
     whole.pop('parameters', None)
@@ -241,7 +258,8 @@ def _kind(item: Point | Vector) -> str:
 
 def _solver(section: Entry, names: Mapping[str, float]) -> Solver:
     settings: dict[str, Any] = {}
-    for key, entry in section.mapping((*NUMBERS, *CHOICES)).items():
+    entries = section.mapping((*NUMBERS, *CHOICES))
+    for key, entry in entries.items():
         if key in CHOICES:
             settings[key] = entry.text()
         else:
@@ -249,6 +267,11 @@ def _solver(section: Entry, names: Mapping[str, float]) -> Solver:
         fault = _setting_fault(key, settings[key])
         if fault:
             raise entry.error(**fault)
+    for key in PICKED if 'accuracy' in settings else ():
+        if key in settings:
+            raise entries[key].error('accuracy picks it', expected='one or the other')
+    if 'accuracy' in settings and settings.get('formulation', 'alf2') != 'alf2':
+        raise entries['accuracy'].error('only alf2 keeps to one')
     return Solver(**settings)
 
 

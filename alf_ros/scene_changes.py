@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from alf_ros import document, effects
 from alf_ros.document import Entry
 from alf_ros.errors import InputError
-from alf_ros.scene import Scene, load_scene
+from alf_ros.scene import PICKED, Scene, load_scene
 
 _PARTS = ('bodies', 'joints', 'points', 'vectors', 'parameters')
 
@@ -37,7 +37,8 @@ def with_changes(scene: Scene, changes: Mapping[str, str]) -> Scene:
     root = document.parse(scene.text, '<scene>')
     for name, text in changes.items():
         value = document.parse(f'value: {text}', f'--set {name}').mapping()['value']
-        root = _replaced(root, _place(root, name), value, name)
+        place = _place(root, name)
+        root = _replaced(_without_rivals(root, place), place, value, name)
     return dataclasses.replace(load_scene(root.mapping()), file=scene.file)
 
 
@@ -67,6 +68,17 @@ def _place(root: Entry, name: str) -> tuple[str, ...]:
         ways = ' or '.join('.'.join((*place, *rest)) for place in found)
         raise InputError('several things of this name', key='--set', value=first, expected=ways)
     return (*found[0], *rest)
+
+
+def _without_rivals(root: Entry, place: tuple[str, ...]) -> Entry:
+    """The scene without what an accuracy that is set would pick, or the other way round."""
+    rivals = {'accuracy': PICKED, **dict.fromkeys(PICKED, ('accuracy',))}
+    if place[0] != 'solver' or place[-1] not in rivals or 'solver' not in root.mapping():
+        return root
+    section = root.mapping()['solver']
+    kept = {k: v for k, v in section.mapping().items() if k not in rivals[place[-1]]}
+    solver = dataclasses.replace(section, value=kept)
+    return dataclasses.replace(root, value={**root.mapping(), 'solver': solver})
 
 
 def _replaced(node: Entry, place: Sequence[str], value: Entry, name: str) -> Entry:

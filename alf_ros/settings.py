@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
 from alf_ros.effect_values import with_effect_values
 from alf_ros.errors import InputError, StepError
-from alf_ros.scene import Scene, load_scene
+from alf_ros.scene import PICKED, Scene, Solver, joined, load_scene
 from alf_ros.simulation import Simulation, State
 
 # Shortest tick (s) chosen by default: at 500 Hz a small mechanism, recorded and published, takes a
@@ -66,6 +66,20 @@ def made(scene: Scene, solver: Mapping[str, Any], rate: float | None = None) -> 
     return Setup(scene, simulation, steps)
 
 
+def chosen(solver: Mapping[str, Any], accuracy: float, said: Collection[str]) -> dict[str, Any]:
+    """What to give to a simulation: `solver`, of which an `accuracy` (m; 0: none) picks what
+    nobody `said`. What it picked before, as a dump of parameters says it, stays."""
+    if not accuracy:
+        return dict(solver)
+    kept = {k: v for k, v in solver.items() if k not in PICKED or k in said}
+    return {**kept, 'accuracy': accuracy}
+
+
+def asked(before: Solver, accuracy: float) -> dict[str, Any]:
+    """The change of a solver that asks for an accuracy (m); 0 goes on with what was picked."""
+    return {'accuracy': accuracy} if accuracy else {k: getattr(before, k) for k in PICKED}
+
+
 def loaded(name: str, solver: Mapping[str, Any], rate: float | None = None) -> Setup:
     """The setup of another scene. Raises InputError, AssemblyError."""
     return made(load_scene(name), solver, rate)
@@ -81,7 +95,7 @@ def changed(
     if not solver and not effects:
         return dataclasses.replace(setup, steps=steps_per_tick(rate, setup.simulation.h))
     scene, before = with_effect_values(setup.scene, effects), setup.simulation
-    simulation = Simulation(scene, **{**dataclasses.asdict(before.solver), **solver})
+    simulation = Simulation(scene, **joined(dataclasses.asdict(before.solver), solver))
     steps = steps_per_tick(rate, simulation.h)
     simulation.restore(on_grid(before.state, before.h, simulation.h))
     with suppress(StepError):

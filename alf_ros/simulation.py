@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import copy
 import math
 import time
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from alf_ros import assembly, kernel
+from alf_ros.accuracy import Budget, pick
 from alf_ros.applied import NO_INPUTS, Applied, Inputs, Target, Wrench
 from alf_ros.arrays import Floats, Integers
 from alf_ros.curve import Curve
@@ -24,7 +26,7 @@ from alf_ros.model import allocate, compile_model
 from alf_ros.passes import Pass, Watcher
 from alf_ros.reactions import Reactions
 from alf_ros.sample import Sample
-from alf_ros.scene import Scene
+from alf_ros.scene import PICKED, Scene, Solver, joined
 
 # the motion does not depend on it; a smaller one takes more iterations to the same
 LEAST_PENALTY = 1e6
@@ -79,9 +81,11 @@ class Simulation:
     Keywords override the scene's solver section: `step` (s), `integrator`, `formulation`,
     `penalty` (α without dimension; alf2 takes 1e6 at least), `iterations` (at most, per solve),
     `tolerance` (relative error of a step, for an adaptive integrator, whose `step` is the grid it
-    keeps). With `watch` the passes through singular positions are found, for about the cost of one
-    stage more a step. Raises InputError for an unknown keyword, AssemblyError if the mechanism
-    cannot be closed or the initial velocities contradict each other.
+    keeps), `accuracy` (m, in place of integrator and tolerance: they are picked by trying; the
+    attribute `solver` says which, `accuracy` how well). With `watch` the passes through singular
+    positions are found, for about the cost of one stage more a step. Raises InputError for an
+    unknown keyword, AssemblyError if the mechanism cannot be closed or the initial velocities
+    contradict each other.
     """
 
     def __init__(
@@ -94,6 +98,7 @@ class Simulation:
         penalty: float | None = None,
         iterations: int | None = None,
         tolerance: float | None = None,
+        accuracy: float | None = None,
         watch: bool = False,
     ) -> None:
         given: dict[str, Any] = {
@@ -103,11 +108,12 @@ class Simulation:
             'penalty': penalty,
             'iterations': iterations,
             'tolerance': tolerance,
+            'accuracy': accuracy,
         }
         self.scene = scene
-        self.solver = replace(
-            scene.solver, **{key: value for key, value in given.items() if value is not None}
-        )
+        self.accuracy: Budget | None = None
+        self._to_pick = False
+        self.solver = self._asked({k: v for k, v in given.items() if v is not None})
         penalty = self.solver.penalty
         if self.solver.formulation == 'alf2':
             penalty = max(penalty, LEAST_PENALTY)
@@ -131,10 +137,47 @@ class Simulation:
             self._formulation = Formulation(self.model, self.solver, q)
             self._carried = self._formulation.start(q, qd)
         self._initial = State(0, q, qd, turns, self.h, self._carried.copy(), NO_INPUTS)
-        self._watcher = self._watching() if watch else None
+        self._watcher: Watcher | None = None
         self._iterations = 0
         self._step_cost = math.nan
+        if self._to_pick:
+            self.accuracy = pick(self.solver, self._trial)
+            self._use(self.accuracy.solver)
+        self._watcher = self._watching() if watch else None
         self.restore(self._initial)
+
+    def _asked(self, given: Mapping[str, Any]) -> Solver:
+        """The scene's solver section with what was given."""
+        settings = joined(asdict(self.scene.solver), given)
+        solver = Solver(**settings)
+        picked = [key for key in PICKED if key in settings]
+        if solver.accuracy is None or len(picked) == len(PICKED):  # both: as a log says
+            return solver
+        if picked or solver.formulation != 'alf2':
+            key = picked[0] if picked else 'formulation'
+            raise InputError(
+                'an accuracy picks integrator and tolerance, of alf2',
+                key=key,
+                value=settings[key],
+                expected='one or the other',
+            )
+        self._to_pick = True
+        return solver
+
+    def _use(self, solver: Solver) -> None:
+        """Take other settings, of alf2, from the start; nothing is assembled again."""
+        self.solver, self._method = solver, method(solver)
+        self._work = allocate(self.model, self.model.system, self._method.b.size)
+        self._initial = start = replace(self._initial, pace=self.h)
+        pace = np.array([self.h])
+        self._phase = Phase(start.q.copy(), start.qd.copy(), start.turns.copy(), pace)
+        self.restore(start)
+
+    def _trial(self, solver: Solver) -> Simulation:
+        """The same simulation with other settings, to try them."""
+        other = copy.copy(self)
+        other._use(solver)
+        return other
 
     # ------------------------------------------------------------------------------------- time
 

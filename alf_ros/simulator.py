@@ -81,10 +81,11 @@ class Simulator(Node):
         with status.say_if_slow('compiling, the first time only ...', 2.0):
             given = {spec.name: spec.default for spec in parameters.effect_specs(drawn)}
             changed = {name: value for name, value in effects.items() if value != given[name]}
-            setup = settings.made(
-                with_effect_values(drawn, changed), _below('solver', solver), values['rate']
-            )
+            own, said = _below('solver', solver), _below('solver', self._parameter_overrides)
+            chosen = settings.chosen(own, solver['accuracy'], said)
+            setup = settings.made(with_effect_values(drawn, changed), chosen, values['rate'])
             self._assemble(setup, values)
+        self._show_solver(setup)
         self._on_parameters([self.get_parameter(key) for key in values])
         self.add_on_set_parameters_callback(self._judge)
         self.add_post_set_parameters_callback(self._on_parameters)
@@ -224,8 +225,12 @@ class Simulator(Node):
         """What the run will be with these parameters, or None if it stays as it is."""
         solver = _below('solver', values)
         if 'scene' in values:
+            solver |= {'accuracy': values['accuracy']} if values.get('accuracy') else {}
             with self._status.say_if_slow(f'loading {values["scene"]} ...', 2.0):
                 return self._settings.loaded(values['scene'], solver, values.get('rate')), values
+        if 'accuracy' in values:
+            before = self._control.run.setup.simulation.solver
+            solver |= self._settings.asked(before, values['accuracy'])
         effects = {k: v for k, v in values.items() if k.startswith('effects.')}
         if not solver and not effects and 'rate' not in values:
             return None
@@ -242,6 +247,7 @@ class Simulator(Node):
                 self._load(setup)
             else:
                 self._control.change(setup, values)
+                self._show_solver(setup)
         self._thin_out()
         modes = {parameters.mode_of(name): name for name in self._outputs.optional}
         for parameter in changed:
@@ -256,6 +262,15 @@ class Simulator(Node):
                 self._pacer.set_factor(parameter.value)
                 self._pace()
 
+    def _show_solver(self, setup: Setup) -> None:
+        """The parameters say what runs: an accuracy picks some of them, and they can end it."""
+        before, self._loading = self._loading, True
+        try:
+            specs = parameters.solver_specs(setup.simulation.solver)
+            self.set_parameters([Parameter(spec.name, value=spec.default) for spec in specs])
+        finally:
+            self._loading = before
+
     def _thin_out(self) -> None:
         rate, wanted = (self.get_parameter(name).value for name in ('rate', 'display_rate'))
         self._outputs.shown_every = max(1, round(rate / wanted))
@@ -267,8 +282,7 @@ class Simulator(Node):
             for name in self.get_parameters_by_prefix('effects'):
                 self.undeclare_parameter(f'effects.{name}')
             parameters.declare(self, parameters.effect_specs(setup.scene), override=False)
-            solver = parameters.solver_specs(setup.simulation.solver)
-            self.set_parameters([Parameter(spec.name, value=spec.default) for spec in solver])
+            self._show_solver(setup)
             self.set_parameters([Parameter('rate', value=1.0 / setup.tick)])
         finally:
             self._loading = False

@@ -9,12 +9,14 @@ from rcl_interfaces.srv import (
     SetParametersAtomically,
 )
 from rclpy.parameter import Parameter, parameter_value_to_python
-from ros_node import Peer, SimulatorProcess, journal, read_log
+from ros_node import Diagnostics, Peer, SimulatorProcess, journal, read_log
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
 from alf_ros import Simulation
 from alf_ros.effect_values import with_effect_values
+from alf_ros.logs import load
+from alf_ros.logs.comparison import compare
 from alf_ros.scene import scene_from_text
 
 SCENE = """
@@ -229,3 +231,44 @@ def test_pause_is_not_needed_for_a_change(tmp_path, peer):
         ('settings', {'effects.gravity.acceleration': [0.0, 0.0]}),
         ('settings', {}),
     ]
+
+
+def test_an_accuracy_picks_says_what_and_repeats(peer, tmp_path):
+    health = Diagnostics(peer)
+
+    def told(key, value):
+        peer.until(lambda: health.value('solver', key) == value, f'{key} {value}')
+
+    parameters = {'accuracy': 1e-9, 'start_paused': 'true', 'publish.diagnostics': 'on'}
+    with SimulatorProcess(tmp_path, **parameters).wait_running() as node:
+        dump = dumped(peer)
+        assert (dump['accuracy'], dump['solver.integrator']) == (1e-9, 'dop853')
+        told('accuracy_asked_m', '1e-09')
+        assert float(health.value('solver', 'accuracy_estimate_m')) < 1e-9
+        assert health.value('solver', 'accuracy_horizon_s') == '10.0'
+        assert peer.call(Trigger, '/simulator/step').success
+        assert change(peer, {'accuracy': 1e-15}) == ''
+        told('accuracy_asked_m', '1e-15')
+        assert 'not met' in health.status('solver')[1]
+        assert peer.call(Trigger, '/simulator/step').success
+        assert change(peer, {'accuracy': 1e-6}) == ''
+        assert dumped(peer)['solver.integrator'] == 'rk4'
+        assert 'an accuracy picks' in change(peer, {'accuracy': 1e-7, 'solver.tolerance': 1e-3})
+        assert change(peer, {'solver.integrator': 'dop853'}) == ''
+        assert dumped(peer)['accuracy'] == 0.0  # given up
+        assert peer.call(Trigger, '/simulator/step').success
+        assert change(peer, {'accuracy': 1e-6}) == ''
+        assert change(peer, {'accuracy': 0.0}) == ''
+        assert dumped(peer)['solver.integrator'] == 'rk4'  # as it was
+        assert node.stop() == 0, node.output
+    log = load(node.logs[0])
+    assert log.info['solver']['accuracy'] == 1e-9 and log.info['solver']['integrator'] == 'dop853'
+    kept = [entry['solver']['accuracy'] for entry in log.inputs if entry['kind'] == 'settings']
+    assert kept == [1e-15, 1e-6, None, 1e-6, None]
+    assert compare(log).equal
+    # what the dump of the beginning says runs the same, picked before
+    given = {key: dump[key] for key in ('accuracy', 'solver.integrator', 'solver.tolerance')}
+    again = SimulatorProcess(tmp_path / 'again', '--duration', '0.01', **given)
+    with again as node:
+        assert node.wait() == 0, node.output
+    assert load(node.logs[0]).info['solver'] == log.info['solver']
