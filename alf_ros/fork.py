@@ -84,11 +84,10 @@ def _change(rerun: Rerun, changes: Mapping[str, str], changed: set[str]) -> Stat
     scene = scene_changes.with_changes(rerun.scene, changes)
     solver = {**dataclasses.asdict(before.solver)}
     solver.update({key: getattr(scene.solver, key) for key in changed})
-    after = Simulation(scene, **solver)
+    after = Simulation(scene, **solver, ledger=before.ledger)
     numbers, rates = state_vector.values(before.model, before.state)
     names = [
-        state_vector.names(simulation.model, simulation.state.carried.size)
-        for simulation in (before, after)
+        state_vector.names(simulation.model, simulation.state) for simulation in (before, after)
     ]
     if names[0] != names[1]:
         raise InputError('the state of the log is none of the changed scene', key='--set')

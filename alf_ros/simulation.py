@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -20,6 +20,7 @@ from alf_ros.formulations import Formulation
 from alf_ros.input_checks import checked_effort, checked_target, checked_wrench
 from alf_ros.integrator import method
 from alf_ros.kernel import Phase, Watch
+from alf_ros.ledger import DRIVES, INPUTS, accounts
 from alf_ros.model import allocate, compile_model
 from alf_ros.passes import Pass, Watcher
 from alf_ros.reactions import Reactions
@@ -61,7 +62,7 @@ class State:
 
     q (m), qd (m/s): all blocks in the kernel's order; turns: of each angle; pace: the step an
     adaptive integrator would like to take next, s; carried: what a formulation other than alf2
-    integrates.
+    integrates; works (J): of each account, if a ledger is kept.
     """
 
     step: int
@@ -71,6 +72,7 @@ class State:
     pace: float
     carried: Floats
     inputs: Inputs
+    works: Mapping[str, float] = field(default_factory=dict)
 
 
 class Simulation:
@@ -80,8 +82,9 @@ class Simulation:
     `penalty` (α without dimension; alf2 takes 1e6 at least), `iterations` (at most, per solve),
     `tolerance` (relative error of a step, for an adaptive integrator, whose `step` is the grid it
     keeps). With `watch` the passes through singular positions are found, for about the cost of one
-    stage more a step. Raises InputError for an unknown keyword, AssemblyError if the mechanism
-    cannot be closed or the initial velocities contradict each other.
+    stage more a step. With `ledger` the work of each effect is integrated (`Sample.works`), for
+    about the cost of the effects. Raises InputError for an unknown keyword, AssemblyError if the
+    mechanism cannot be closed or the initial velocities contradict each other.
     """
 
     def __init__(
@@ -95,6 +98,7 @@ class Simulation:
         iterations: int | None = None,
         tolerance: float | None = None,
         watch: bool = False,
+        ledger: bool = False,
     ) -> None:
         given: dict[str, Any] = {
             'step': step,
@@ -122,15 +126,27 @@ class Simulation:
         self._dependent_rows, self._ordinary, sigma = assembly.ordinary(self.model, q)
         self.model = self.model.accustomed(sigma)
         self._within = assembly.within(self.model, q, self._dependent_rows) and bool(qd.any())
-        self._applied = Applied(self.model, scene.effects, NO_INPUTS, lambda: self._reactions)
+        self.ledger = ledger
+        # of `Sample.works`, by name
+        self.accounts = self._named_accounts() if ledger else ()
+        self._applied = Applied(
+            self.model,
+            scene.effects,
+            NO_INPUTS,
+            lambda: self._reactions,
+            self._method.b if ledger else None,
+        )
         turns = np.zeros(self.model.system.angles.c.size // 2, dtype=np.int64)
-        self._phase = Phase(q.copy(), qd.copy(), turns.copy(), np.array([self.h]))
+        works = np.zeros(len(self.accounts))
+        self._phase = Phase(q.copy(), qd.copy(), turns.copy(), np.array([self.h]), works)
         self._formulation: Formulation | None = None
         self._carried: Floats = np.zeros(0)
         if self.solver.formulation != 'alf2':
             self._formulation = Formulation(self.model, self.solver, q)
             self._carried = self._formulation.start(q, qd)
-        self._initial = State(0, q, qd, turns, self.h, self._carried.copy(), NO_INPUTS)
+        self._initial = State(
+            0, q, qd, turns, self.h, self._carried.copy(), NO_INPUTS, self._works(works)
+        )
         self._watcher = self._watching() if watch else None
         self._iterations = 0
         self._step_cost = math.nan
@@ -152,6 +168,11 @@ class Simulation:
     def t(self) -> float:
         """Simulated time, s: step_index times h, so that no rounding adds up."""
         return self._step * self.solver.step
+
+    @property
+    def stages(self) -> int:
+        """Stages of a step of the method."""
+        return int(self._method.b.size)
 
     @property
     def evaluations(self) -> int:
@@ -190,6 +211,20 @@ class Simulation:
                 value=self.solver.formulation,
             )
         return Watcher(self.model, self._dependent_rows, self._ordinary, self.h)
+
+    def _named_accounts(self) -> tuple[str, ...]:
+        if self.solver.formulation != 'alf2':
+            raise InputError(
+                'only alf2 keeps a ledger', key='formulation', value=self.solver.formulation
+            )
+        labels = [effect.label for effect in self.scene.effects]
+        for label in labels:
+            if labels.count(label) > 1 or label in (INPUTS, DRIVES):
+                raise InputError('two accounts of this name in the ledger', value=label)
+        return accounts(labels)
+
+    def _works(self, works: Floats) -> dict[str, float]:
+        return dict(zip(self.accounts, works.tolist(), strict=True))
 
     @property
     def passes(self) -> tuple[Pass, ...]:
@@ -276,14 +311,19 @@ class Simulation:
             float(phase.pace[0]),
             self._carried.copy(),
             self._applied.inputs,
+            self._works(phase.works),
         )
 
     def restore(self, state: State) -> None:
-        """Go on from a state of this scene. The run repeats bit for bit."""
+        """Go on from a state of this scene. The run repeats bit for bit.
+
+        Works that the state does not know begin at zero.
+        """
         phase = self._phase
         self._step = state.step
         phase.q[:], phase.qd[:], phase.turns[:] = state.q, state.qd, state.turns
         phase.pace[0], self._carried[:] = state.pace, state.carried
+        phase.works[:] = [state.works.get(name, 0.0) for name in self.accounts]
         # a state may come from a log, which holds what moves freely
         kernel.prescribe(self.model.system, self.t, phase.q, phase.qd, np.zeros_like(phase.q))
         if self._watcher is not None:
@@ -358,11 +398,12 @@ class Simulation:
 
     def _sample_between(self, t: float) -> Sample:
         state = self.state
-        phase = Phase(state.q, state.qd, state.turns, np.array([state.pace]))
+        works = self._phase.works.copy()
+        phase = Phase(state.q, state.qd, state.turns, np.array([state.pace]), works)
         result, _ = self._advance(phase, state.carried, 0, 1, t - self.t, self.t)
         if result != kernel.OK:
             raise StepError(*self._failure(result), self.t)
-        return self._sample(t, state)
+        return self._sample(t, replace(state, works=self._works(works)))
 
     def _sample(self, t: float, state: State) -> Sample:
         return Sample(
