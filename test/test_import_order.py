@@ -127,6 +127,7 @@ ROOMS = {
         'formulations.saddle',
         'formulations.storage',
         'sample',
+        'stiffness',
         'exact',
         'reference_motion',
         'trial',
