@@ -15,8 +15,9 @@ from alf_ros.bearings import bearings
 from alf_ros.curve import Curve
 from alf_ros.effects.contract import Effect, Packed
 from alf_ros.errors import InputError
-from alf_ros.kernel import Bearings, Effects, Forces
+from alf_ros.kernel import Bearings, Effects, Forces, Ledger
 from alf_ros.layout import Layout
+from alf_ros.ledger import INPUTS, ledger
 from alf_ros.model import Model
 from alf_ros.reactions import Reactions
 
@@ -145,14 +146,17 @@ class Applied:
         effects: Sequence[Effect],
         inputs: Inputs,
         reactions: Callable[[], Reactions],
+        weights: Floats | None = None,
         before: Applied | None = None,
     ) -> None:
-        """`before`, of the same effects: what it packed and still holds is used again.
+        """`before`, of the same effects: what it packed and still holds is used again. `weights`
+        (stages,) of the method: a ledger is kept.
 
         Raises InputError if an effect does not fit the mechanism.
         """
         self.inputs = inputs
         self._model, self._given, self._reactions = model, effects, reactions
+        self._weights = weights
         self._scene: _Scene
         if before is not None and before.inputs.targets == inputs.targets:
             self._scene = before._scene
@@ -170,7 +174,7 @@ class Applied:
 
     def holding(self, inputs: Inputs) -> Applied:
         """The same effects with other inputs."""
-        return Applied(self._model, self._given, inputs, self._reactions, self)
+        return Applied(self._model, self._given, inputs, self._reactions, self._weights, self)
 
     @property
     def effects(self) -> tuple[Effect, ...]:
@@ -183,7 +187,16 @@ class Applied:
         rub = self._scene.bearings
         if rub.settle.size:
             rub = replace(rub, effects=self.on(self._reactions().cut))
-        return Forces(effects=self._pack(self._model.layout), bearings=rub)
+        return Forces(self._pack(self._model.layout), rub, self._ledger)
+
+    @property
+    def _ledger(self) -> Ledger:
+        if self._weights is None:
+            return Ledger.empty()
+        layout = self._model.layout
+        parts = list(self.each.items())
+        parts += [(INPUTS, Part(_listed(held.kinds(layout)), [])) for held in self._held.values()]
+        return ledger(self._model, self._weights, parts)
 
     @property
     def loads(self) -> Floats:

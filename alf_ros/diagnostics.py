@@ -112,6 +112,20 @@ def energy(sample: Sample, initial: float) -> Report:
     return Report('energy', OK, f'{sample.energy:.6g} J', values)
 
 
+def balance(sample: Sample) -> float:
+    """Kinetic energy less all works, J: it stays as it is. 0 without a ledger."""
+    works = sample.state.works.values()
+    return sample.kinetic_energy - sum(works) if works else 0.0
+
+
+def work(sample: Sample, initial: float) -> Report:
+    """Work of each effect, of inputs and drives since the start, and what is missing to the
+    change of kinetic energy: the error of the steps."""
+    lost = balance(sample) - initial
+    values = {f'{name}_j': work for name, work in sample.works.items()}
+    return Report('work', OK, f'{lost:.1e} J not accounted for', {**values, 'missing_j': lost})
+
+
 @dataclass(frozen=True)
 class Pace:
     """What a pacer had counted at some time: ticks, overruns, real time lost (s)."""

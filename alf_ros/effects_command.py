@@ -16,8 +16,20 @@ from alf_ros.errors import InputError
 from alf_ros.hard_cases import about
 from alf_ros.price import PriceList, price_list
 from alf_ros.scene import load_scene
+from alf_ros.stiffness import Mode
 
-_COLUMNS = ('effect', 'added_us', 'removed_us', 'position_change_m', 'work_J')
+_COLUMNS = (
+    'effect',
+    'added_us',
+    'removed_us',
+    'position_change_m',
+    'work_J',
+    'rate_per_s',
+    'rk4_step_s',
+    'dop853_step_s',
+)
+_METHODS = ('rk4', 'dop853')
+_HEAD_OF_RATES = f'{"rate, 1/s":>12}{"rk4, s":>12}{"dop853, s":>12}'
 
 
 def listing() -> str:
@@ -49,18 +61,35 @@ def table(found: PriceList) -> str:
     """A price list as text."""
     width = max([len(price.effect) for price in found.prices] + [10]) + 2
     head = f'{"effect":{width}}{"added, µs":>11}{"removed, µs":>13}'
-    lines = [f'{head}{"change, m":>12}{"work, J":>12}']
+    lines = [f'{head}{"change, m":>12}{"work, J":>12}{_HEAD_OF_RATES}']
     for price in found.prices:
         change = 'no run' if price.change == math.inf else f'{price.change:.2e}'
         lines.append(
             f'{price.effect:{width}}{price.added:11.3f}{price.removed:13.3f}{change:>12}'
-            f'{price.work:12.4g}'
+            f'{price.work:12.4g}{_rates(price.mode)}'
         )
+    lines.append(f'{"(all)":{width}}{"":48}{_rates(found.mode)}')
     lines.append(
         f'a step takes {found.bare:.3f} µs without effects, {found.whole:.3f} µs with all of '
         f'them; a difference below {max(found.resolution, 1e-3):.3f} µs says nothing'
     )
+    lines.append(
+        'rk4, dop853: the longest step with which an effect alone leaves the method stable'
+    )
     return '\n'.join(lines)
+
+
+def _rates(mode: Mode) -> str:
+    steps = (mode.step(method) for method in _METHODS)
+    return f'{mode.rate:12.3g}' + ''.join(f'{_short(step):>12}' for step in steps)
+
+
+def _short(step: float) -> str:
+    return 'any' if step == math.inf else f'{step:.2e}'
+
+
+def _exact(mode: Mode) -> list[str]:
+    return [f'{x:.6e}' for x in (mode.rate, *(mode.step(method) for method in _METHODS))]
 
 
 def _write(path: Path, found: PriceList) -> None:
@@ -68,11 +97,12 @@ def _write(path: Path, found: PriceList) -> None:
         print(about(), file=stream)
         writer = csv.writer(stream, lineterminator='\n')
         writer.writerow(_COLUMNS)
-        writer.writerow(['(none)', f'{found.bare:.4f}', '', '', ''])
-        writer.writerow(['(all)', f'{found.whole:.4f}', '', '', ''])
+        writer.writerow(['(none)', f'{found.bare:.4f}', *[''] * 6])
+        writer.writerow(['(all)', f'{found.whole:.4f}', '', '', '', *_exact(found.mode)])
         for price in found.prices:
             numbers = (f'{price.added:.4f}', f'{price.removed:.4f}')
-            writer.writerow([price.effect, *numbers, f'{price.change:.6e}', f'{price.work:.6e}'])
+            made = (f'{price.change:.6e}', f'{price.work:.6e}')
+            writer.writerow([price.effect, *numbers, *made, *_exact(price.mode)])
 
 
 class _Parser(argparse.ArgumentParser):

@@ -87,11 +87,10 @@ def _change(rerun: Rerun, changes: Mapping[str, str], changed: set[str]) -> Stat
     solver = dataclasses.asdict(before.solver)
     if own:
         solver = joined(solver, own)
-    after = Simulation(scene, **solver)
+    after = Simulation(scene, **solver, ledger=before.ledger)
     numbers, rates = state_vector.values(before.model, before.state)
     names = [
-        state_vector.names(simulation.model, simulation.state.carried.size)
-        for simulation in (before, after)
+        state_vector.names(simulation.model, simulation.state) for simulation in (before, after)
     ]
     if names[0] != names[1]:
         raise InputError('the state of the log is none of the changed scene', key='--set')

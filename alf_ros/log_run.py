@@ -84,8 +84,8 @@ class RunWriter:
     def use(self, setup: Setup) -> None:
         """Go on with another setup, at the same state."""
         self.setup = setup
-        model = setup.simulation.model
-        made = ((topic, topic.make(model, Display())) for topic in self._topics)
+        simulation = setup.simulation
+        made = ((topic, topic.make(simulation, Display())) for topic in self._topics)
         self._writers = [(topic, write) for topic, write in made if write is not None]
         self._write_text(self._scene, setup.scene.text)
 
@@ -135,7 +135,7 @@ class LogRun(RunWriter):
     ) -> None:
         names = dict(topics or full_names())
         simulation = setup.simulation
-        said = provenance.start(setup.scene, simulation.solver, setup.steps, ahead, names)
+        said = provenance.start(setup, ahead, names)
         said.update(about or {})
         if state is not None:
             simulation.restore(state)

@@ -90,16 +90,16 @@ def drives(model: Model) -> Write | None:
 
 def state(model: Model) -> Write:
     """`~/state`: position = all numbers of the state (`state_vector`), velocity = their rates."""
-    writers: dict[int, Write] = {}
+    writers: dict[tuple[object, ...], Write] = {}
 
     def write(sample: Sample, ns: int) -> bytes:
         # Another formulation, set while the run goes on, may carry more.
-        carried = sample.state.carried.size
-        if carried not in writers:
-            made = _joint_state(state_vector.names(model, carried), readings.STATE)
+        key = (sample.state.carried.size, *sample.state.works)
+        if key not in writers:
+            made = _joint_state(state_vector.names(model, sample.state), readings.STATE)
             assert made is not None  # there is always the step
-            writers[carried] = made
-        return writers[carried](sample, ns)
+            writers[key] = made
+        return writers[key](sample, ns)
 
     return write
 
@@ -160,6 +160,11 @@ def energy(model: Model) -> Write:
         return template.bytes()
 
     return write
+
+
+def work(accounts: tuple[str, ...]) -> Write | None:
+    """`~/work`: position = what each effect has given to the motion since the start (J)."""
+    return _joint_state(accounts, readings.WORK)
 
 
 def clock(model: Model) -> Write:

@@ -21,10 +21,10 @@ if TYPE_CHECKING:
     from rclpy.qos import QoSProfile
 
     from alf_ros.display import Display
-    from alf_ros.model import Model
     from alf_ros.recorder import Recorder
     from alf_ros.sample import Sample
     from alf_ros.scene import Scene
+    from alf_ros.simulation import Simulation
 
 
 class Output:
@@ -129,10 +129,20 @@ class Outputs:
         """Where each topic of samples is after remapping, by the name a user writes."""
         return {name: output.topic for name, output in self.samples.items()}
 
-    def prepare(self, model: Model) -> None:
-        """Make the messages for a mechanism."""
-        writers = {topic.name: topic.make(model, self.display) for topic in TOPICS}
+    def prepare(self, simulation: Simulation) -> None:
+        """Make the messages for a simulation."""
+        writers = {topic.name: topic.make(simulation, self.display) for topic in TOPICS}
         self._write = {name: write for name, write in writers.items() if write is not None}
+
+    def switched(self) -> dict[str, list[str]]:
+        """Topics that have something to say: what is `on` (recorded, or always published), what
+        waits until somebody is `subscribed`, what is `off`."""
+        said: dict[str, list[str]] = {'on': [], 'subscribed': [], 'off': []}
+        for name, output in self.optional.items():
+            if name not in self.samples or name in self._write:
+                on = output.recorder is not None or output.mode == 'on'
+                said['on' if on else 'off' if output.mode == 'off' else 'subscribed'].append(name)
+        return said
 
     def warm_up(self, sample: Sample) -> None:
         """Write every message once, so that no tick has to wait for a compiler."""

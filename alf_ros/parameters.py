@@ -36,6 +36,7 @@ RECORDED = [
     '~/drives',
     '~/state',
     '~/energy',
+    '~/work',
     '/diagnostics',
 ]
 # A saved state's name is a file's name.
@@ -167,6 +168,7 @@ def node_specs(rate: float) -> list[Spec]:
             (0.0, 3600.0),
             fixed=False,
         ),
+        Spec('ledger', False, 'Keep account of the work of each effect: ~/work, diagnostics'),
         Spec('start_paused', False, 'Start paused: ~/pause false plays, ~/step makes ticks'),
         Spec('duration', 0.0, 'Simulated seconds to run; 0 runs until stopped', (0.0, 1e9)),
         Spec('status_line', True, 'Print a live status line (plain lines if not on a terminal)'),

@@ -108,7 +108,8 @@ class Watcher:
 
 def copy(phase: Phase) -> Phase:
     """The same in arrays of its own."""
-    return Phase(phase.q.copy(), phase.qd.copy(), phase.turns.copy(), phase.pace.copy())
+    turns, pace, works = phase.turns.copy(), phase.pace.copy(), phase.works.copy()
+    return Phase(phase.q.copy(), phase.qd.copy(), turns, pace, works)
 
 
 def zero(t: Floats, sigma: Floats) -> float | None:

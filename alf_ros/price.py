@@ -15,8 +15,10 @@ from alf_ros.effects import Effect
 from alf_ros.errors import StepError
 from alf_ros.scene import Scene
 from alf_ros.simulation import Simulation
+from alf_ros.stiffness import Mode, stiffest
 
 _ROUNDS = 30  # the quickest of so many counts: on a busy machine the others measure its neighbours
+_INSTANTS = 100  # of the run, at which stiffness is looked at
 _CALL = 2e-3  # s, roughly, that one measurement takes
 
 
@@ -25,7 +27,8 @@ class Price:
     """Of one effect: `added` alone to nothing, and `removed` from all (µs per step).
 
     change: largest distance (m) of a point from where it would be without the effect; inf if the
-    run comes to no end without it. work: what it gave to the motion in the run, J.
+    run comes to no end without it. work: what it gave to the motion in the run, J. mode: the
+    fastest that it alone gave to the free motion.
     """
 
     effect: str
@@ -33,17 +36,19 @@ class Price:
     removed: float
     change: float
     work: float
+    mode: Mode
 
 
 @dataclass(frozen=True)
 class PriceList:
-    """Prices, the cost of a step (µs) without and with all effects, and how far the same
-    measurement differs from itself (µs)."""
+    """Prices, the cost of a step (µs) without and with all effects, how far the same
+    measurement differs from itself (µs), and the fastest mode of all effects together."""
 
     prices: tuple[Price, ...]
     bare: float
     whole: float
     resolution: float
+    mode: Mode
 
 
 def price_list(scene: Scene, duration: float) -> PriceList:
@@ -55,6 +60,7 @@ def price_list(scene: Scene, duration: float) -> PriceList:
     sims = [Simulation(replace(scene, effects=tuple(chosen))) for chosen in sets]
     bare, whole, again, *others = _costs(sims)
     path, work = _path(sims[1], duration), _work(sims[1], duration)
+    modes, fastest = _modes(sims[1], duration)
     prices = []
     for n, effect in enumerate(effects):
         change = math.inf
@@ -64,8 +70,15 @@ def price_list(scene: Scene, duration: float) -> PriceList:
         except StepError:
             pass  # nothing else held the mechanism back
         added, removed = others[2 * n] - bare, min(whole, again) - others[2 * n + 1]
-        prices.append(Price(effect.label, added, removed, change, work[effect.label]))
-    return PriceList(tuple(prices), bare, min(whole, again), abs(whole - again))
+        label = effect.label
+        prices.append(Price(label, added, removed, change, work[label], modes[label]))
+    return PriceList(tuple(prices), bare, min(whole, again), abs(whole - again), fastest)
+
+
+def _modes(sim: Simulation, duration: float) -> tuple[dict[str, Mode], Mode]:
+    sim.reset()
+    every = max(1, math.ceil(duration / sim.h / _INSTANTS))
+    return stiffest(sim.run(duration, every=every))
 
 
 def _costs(sims: Sequence[Simulation]) -> list[float]:

@@ -7,13 +7,16 @@ import platform
 from collections.abc import Mapping
 from dataclasses import asdict
 from importlib import metadata
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from llvmlite import binding
 
 from alf_ros import effect_file, effects
 from alf_ros.resources import version
-from alf_ros.scene import Scene, Solver
+from alf_ros.scene import Scene
+
+if TYPE_CHECKING:
+    from alf_ros.settings import Setup
 
 _PACKAGES = ('numpy', 'numba', 'llvmlite', 'scipy', 'rclpy')
 
@@ -29,16 +32,16 @@ def versions() -> dict[str, str]:
     return {**found, **_compiler(), 'cpu': _cpu(), 'platform': platform.platform()}
 
 
-def start(
-    scene: Scene, solver: Solver, steps: int, ahead: int, topics: Mapping[str, str]
-) -> dict[str, Any]:
-    """What a log says of a run besides the scene's text: `steps` solver steps in a tick, stamps
-    `ahead` (ns) of the simulated time, where `topics` are, by the names users write."""
+def start(setup: Setup, ahead: int, topics: Mapping[str, str]) -> dict[str, Any]:
+    """What a log says of a run besides the scene's text: stamps are `ahead` (ns) of the simulated
+    time; where `topics` are, by the names users write."""
+    scene, simulation = setup.scene, setup.simulation
     return {
         'scene': scene.name,
         'scene_sha256': scene.hash,
-        'solver': asdict(solver),
-        'steps_per_tick': steps,
+        'solver': asdict(simulation.solver),
+        'ledger': simulation.ledger,
+        'steps_per_tick': setup.steps,
         'stamps_ahead_ns': ahead,
         'topics': dict(topics),
         **_of_effects(scene),

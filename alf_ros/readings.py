@@ -68,10 +68,16 @@ ENERGY = Reading(
 STATE = Reading(
     '~/state',
     ('position', 'velocity'),
-    lambda sample: state_vector.names(sample.model, sample.state.carried.size),
+    lambda sample: state_vector.names(sample.model, sample.state),
     lambda sample: state_vector.values(sample.model, sample.state),
+)
+WORK = Reading(
+    '~/work',
+    ('position',),
+    lambda sample: tuple(sample.works),
+    lambda sample: (np.array([*sample.works.values()]),),
 )
 READINGS = {
     reading.key: reading
-    for reading in (STATE, JOINT_STATES, REACTIONS, CONSTRAINTS, DRIVES, ENERGY)
+    for reading in (STATE, JOINT_STATES, REACTIONS, CONSTRAINTS, DRIVES, ENERGY, WORK)
 }

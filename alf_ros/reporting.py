@@ -83,6 +83,7 @@ class Reporting:
             diagnostics.solver(run.simulation, self._control.state, run.failure),
             diagnostics.constraints(sample, run.closest),
             diagnostics.energy(sample, run.initial_energy),
+            *([diagnostics.work(sample, run.balance)] if run.simulation.ledger else []),
             diagnostics.timing(self._pacer, self._control.paused, self._before),
             diagnostics.commands(self._control.inputs),
             diagnostics.record(run.recorder),

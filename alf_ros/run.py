@@ -10,7 +10,7 @@ from typing import Any
 from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 
-from alf_ros import provenance
+from alf_ros import diagnostics, provenance
 from alf_ros.errors import StepError
 from alf_ros.logs import journal
 from alf_ros.outputs import Outputs
@@ -40,6 +40,7 @@ class Run:
         self.recorder: Recorder | None = None
         self.failure: StepError | None = None
         self.initial_energy = 0.0
+        self.balance = 0.0  # J, kinetic energy less all works, where the run began
         self.closest = math.inf  # to a singular position, since somebody set it back
         # This run, counted since the start of the node, and the step where it began.
         self.number = self.first_step = 0
@@ -83,9 +84,8 @@ class Run:
         self.failure = None
         self.number += 1
         self.first_step = self.simulation.step_index
-        scene, solver = self.setup.scene, self.simulation.solver
-        topics = self._outputs.topics
-        about = provenance.start(scene, solver, self.setup.steps, self.ahead, topics)
+        scene = self.setup.scene
+        about = provenance.start(self.setup, self.ahead, self._outputs.topics)
         if state is not None:
             about['state'] = as_data(state)
         if self._folder is not None:
@@ -95,7 +95,9 @@ class Run:
         self._outputs.record(self.recorder)
         self._outputs.describe(scene, self.stamp)
         self.note({'kind': 'start', **about})
-        self.initial_energy = self.simulation.sample().energy
+        sample = self.simulation.sample()
+        self.initial_energy = sample.energy
+        self.balance = diagnostics.balance(sample)
         self.send(whole=True)
 
     def change(self, setup: Setup, effects: dict[str, Any]) -> None:

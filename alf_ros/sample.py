@@ -17,7 +17,7 @@ from alf_ros.arrays import Floats
 from alf_ros.curve import Curve
 from alf_ros.driving import effort
 from alf_ros.efforts import unit_motion
-from alf_ros.errors import StepError
+from alf_ros.errors import InputError, StepError
 from alf_ros.kernel import Rows, Work
 from alf_ros.model import Model, allocate
 from alf_ros.orientation import orientation
@@ -200,12 +200,39 @@ class Sample:
     @cached_property
     def energy(self) -> float:
         """Total mechanical energy, J: kinetic, and the potential of the effects that have one."""
-        model, state = self.model, self._state
-        momenta = np.zeros(model.n)
-        kernel.add_mass_times(model.unit, model.system.mass, 1.0, state.qd, momenta)
-        kinetic = 0.5 * float(momenta @ state.qd[: model.n])
         effects = self._applied.assembled.effects
-        return kinetic + kernel.potential_energy(effects, self.t, state.q, self._near)
+        stored = kernel.potential_energy(effects, self.t, self._state.q, self._near)
+        return self.kinetic_energy + stored
+
+    @cached_property
+    def kinetic_energy(self) -> float:
+        """½ q̇ᵀ M q̇, J."""
+        model, qd = self.model, self._state.qd
+        momenta = np.zeros(model.n)
+        kernel.add_mass_times(model.unit, model.system.mass, 1.0, qd, momenta)
+        return 0.5 * float(momenta @ qd[: model.n])
+
+    @cached_property
+    def stored(self) -> Mapping[str, float]:
+        """Potential energy of each effect of the scene, J; 0 for what stores none."""
+        return {
+            label: kernel.potential_energy(part.effects, self.t, self._state.q, self._near)
+            for label, part in self._applied.each.items()
+        }
+
+    @property
+    def works(self) -> Mapping[str, float]:
+        """What each effect has given to the motion since the start, J, named as in `powers`; of
+        all that is held from outside 'inputs', of drives and belts 'drives'.
+
+        Together they are the change of kinetic energy. An effect has taken from the mechanism for
+        good what its work lacks of the fall of what it stores. Raises InputError without a ledger.
+        """
+        if not self._state.works:
+            raise InputError(
+                'no ledger is kept', key='works', expected='Simulation(…, ledger=True)'
+            )
+        return self._state.works
 
     @cached_property
     def powers(self) -> Mapping[str, float]:

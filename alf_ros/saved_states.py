@@ -56,7 +56,7 @@ def from_data(data: dict[str, Any], like: State) -> State:
     """
     fields: dict[str, Any] = {}
     for field in dataclasses.fields(like):
-        if field.name != 'inputs':
+        if field.name not in ('inputs', 'works'):
             fields[field.name] = _like(data[field.name], getattr(like, field.name))
     wrenches = {}
     for name, wrench in data['inputs']['wrenches'].items():
@@ -64,12 +64,13 @@ def from_data(data: dict[str, Any], like: State) -> State:
         held.update({key: tuple(value) for key, value in held.items() if type(value) is list})
         wrenches[name] = Wrench(**held)
     efforts = {name: read_curve(effort) for name, effort in data['inputs']['efforts'].items()}
-    # A state of an earlier version knows no targets.
+    # A state of an earlier version knows no targets and no works.
     targets = {
         name: Target(read_curve(target['position']), target['velocity'])
         for name, target in data['inputs'].get('targets', {}).items()
     }
-    return State(**fields, inputs=Inputs(wrenches, efforts, targets))
+    works = {name: float(work) for name, work in data.get('works', {}).items()}
+    return State(**fields, inputs=Inputs(wrenches, efforts, targets), works=works)
 
 
 def _like(value: Any, present: Any) -> Any:

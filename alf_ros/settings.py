@@ -54,12 +54,14 @@ def steps_per_tick(rate: float, step: float) -> int:
     return whole
 
 
-def made(scene: Scene, solver: Mapping[str, Any], rate: float | None = None) -> Setup:
+def made(
+    scene: Scene, solver: Mapping[str, Any], rate: float | None = None, ledger: bool = False
+) -> Setup:
     """The setup of a scene: `solver` and `rate` (Hz) replace what it says itself.
 
     Raises InputError, AssemblyError.
     """
-    simulation = Simulation(scene, **solver)
+    simulation = Simulation(scene, **solver, ledger=ledger)
     steps = steps_per_tick(rate or default_rate(simulation.h), simulation.h)
     with suppress(StepError):  # the first tick will say so, with the log open
         simulation.step(0)  # compiles and packs: what cannot act shows here and not in a tick
@@ -80,9 +82,11 @@ def asked(before: Solver, accuracy: float) -> dict[str, Any]:
     return {'accuracy': accuracy} if accuracy else {k: getattr(before, k) for k in PICKED}
 
 
-def loaded(name: str, solver: Mapping[str, Any], rate: float | None = None) -> Setup:
+def loaded(
+    name: str, solver: Mapping[str, Any], rate: float | None = None, ledger: bool = False
+) -> Setup:
     """The setup of another scene. Raises InputError, AssemblyError."""
-    return made(load_scene(name), solver, rate)
+    return made(load_scene(name), solver, rate, ledger)
 
 
 def changed(
@@ -95,7 +99,8 @@ def changed(
     if not solver and not effects:
         return dataclasses.replace(setup, steps=steps_per_tick(rate, setup.simulation.h))
     scene, before = with_effect_values(setup.scene, effects), setup.simulation
-    simulation = Simulation(scene, **joined(dataclasses.asdict(before.solver), solver))
+    given = joined(dataclasses.asdict(before.solver), solver)
+    simulation = Simulation(scene, **given, ledger=before.ledger)
     steps = steps_per_tick(rate, simulation.h)
     simulation.restore(on_grid(before.state, before.h, simulation.h))
     with suppress(StepError):

@@ -6,7 +6,7 @@ import copy
 import math
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -22,6 +22,7 @@ from alf_ros.formulations import Formulation
 from alf_ros.input_checks import checked_effort, checked_target, checked_wrench
 from alf_ros.integrator import method
 from alf_ros.kernel import Phase, Watch
+from alf_ros.ledger import DRIVES, INPUTS, accounts
 from alf_ros.model import allocate, compile_model
 from alf_ros.passes import Pass, Watcher
 from alf_ros.reactions import Reactions
@@ -63,7 +64,7 @@ class State:
 
     q (m), qd (m/s): all blocks in the kernel's order; turns: of each angle; pace: the step an
     adaptive integrator would like to take next, s; carried: what a formulation other than alf2
-    integrates.
+    integrates; works (J): of each account, if a ledger is kept.
     """
 
     step: int
@@ -73,6 +74,7 @@ class State:
     pace: float
     carried: Floats
     inputs: Inputs
+    works: Mapping[str, float] = field(default_factory=dict)
 
 
 class Simulation:
@@ -83,9 +85,10 @@ class Simulation:
     `tolerance` (relative error of a step, for an adaptive integrator, whose `step` is the grid it
     keeps), `accuracy` (m, in place of integrator and tolerance: they are picked by trying; the
     attribute `solver` says which, `accuracy` how well). With `watch` the passes through singular
-    positions are found, for about the cost of one stage more a step. Raises InputError for an
-    unknown keyword, AssemblyError if the mechanism cannot be closed or the initial velocities
-    contradict each other.
+    positions are found, for about the cost of one stage more a step. With `ledger` the work of
+    each effect is integrated (`Sample.works`), for about the cost of the effects. Raises
+    InputError for an unknown keyword, AssemblyError if the mechanism cannot be closed or the
+    initial velocities contradict each other.
     """
 
     def __init__(
@@ -100,6 +103,7 @@ class Simulation:
         tolerance: float | None = None,
         accuracy: float | None = None,
         watch: bool = False,
+        ledger: bool = False,
     ) -> None:
         given: dict[str, Any] = {
             'step': step,
@@ -128,15 +132,21 @@ class Simulation:
         self._dependent_rows, self._ordinary, sigma = assembly.ordinary(self.model, q)
         self.model = self.model.accustomed(sigma)
         self._within = assembly.within(self.model, q, self._dependent_rows) and bool(qd.any())
-        self._applied = Applied(self.model, scene.effects, NO_INPUTS, lambda: self._reactions)
+        self.ledger = ledger
+        # of `Sample.works`, by name
+        self.accounts = self._named_accounts() if ledger else ()
+        self._applied = self._packed()
         turns = np.zeros(self.model.system.angles.c.size // 2, dtype=np.int64)
-        self._phase = Phase(q.copy(), qd.copy(), turns.copy(), np.array([self.h]))
+        works = np.zeros(len(self.accounts))
+        self._phase = Phase(q.copy(), qd.copy(), turns.copy(), np.array([self.h]), works)
         self._formulation: Formulation | None = None
         self._carried: Floats = np.zeros(0)
         if self.solver.formulation != 'alf2':
             self._formulation = Formulation(self.model, self.solver, q)
             self._carried = self._formulation.start(q, qd)
-        self._initial = State(0, q, qd, turns, self.h, self._carried.copy(), NO_INPUTS)
+        self._initial = State(
+            0, q, qd, turns, self.h, self._carried.copy(), NO_INPUTS, self._works(works)
+        )
         self._watcher: Watcher | None = None
         self._iterations = 0
         self._step_cost = math.nan
@@ -164,13 +174,21 @@ class Simulation:
         self._to_pick = True
         return solver
 
+    def _packed(self) -> Applied:
+        """What acts when nothing is held; a ledger has the weights of the method."""
+        weights = self._method.b if self.ledger else None
+        effects = self.scene.effects
+        return Applied(self.model, effects, NO_INPUTS, lambda: self._reactions, weights)
+
     def _use(self, solver: Solver) -> None:
         """Take other settings, of alf2, from the start; nothing is assembled again."""
         self.solver, self._method = solver, method(solver)
         self._work = allocate(self.model, self.model.system, self._method.b.size)
         self._initial = start = replace(self._initial, pace=self.h)
         pace = np.array([self.h])
-        self._phase = Phase(start.q.copy(), start.qd.copy(), start.turns.copy(), pace)
+        works = np.zeros(len(self.accounts))
+        self._phase = Phase(start.q.copy(), start.qd.copy(), start.turns.copy(), pace, works)
+        self._applied = self._packed()
         self.restore(start)
 
     def _trial(self, solver: Solver) -> Simulation:
@@ -195,6 +213,11 @@ class Simulation:
     def t(self) -> float:
         """Simulated time, s: step_index times h, so that no rounding adds up."""
         return self._step * self.solver.step
+
+    @property
+    def stages(self) -> int:
+        """Stages of a step of the method."""
+        return int(self._method.b.size)
 
     @property
     def evaluations(self) -> int:
@@ -233,6 +256,20 @@ class Simulation:
                 value=self.solver.formulation,
             )
         return Watcher(self.model, self._dependent_rows, self._ordinary, self.h)
+
+    def _named_accounts(self) -> tuple[str, ...]:
+        if self.solver.formulation != 'alf2':
+            raise InputError(
+                'only alf2 keeps a ledger', key='formulation', value=self.solver.formulation
+            )
+        labels = [effect.label for effect in self.scene.effects]
+        for label in labels:
+            if labels.count(label) > 1 or label in (INPUTS, DRIVES):
+                raise InputError('two accounts of this name in the ledger', value=label)
+        return accounts(labels)
+
+    def _works(self, works: Floats) -> dict[str, float]:
+        return dict(zip(self.accounts, works.tolist(), strict=True))
 
     @property
     def passes(self) -> tuple[Pass, ...]:
@@ -319,14 +356,19 @@ class Simulation:
             float(phase.pace[0]),
             self._carried.copy(),
             self._applied.inputs,
+            self._works(phase.works),
         )
 
     def restore(self, state: State) -> None:
-        """Go on from a state of this scene. The run repeats bit for bit."""
+        """Go on from a state of this scene. The run repeats bit for bit.
+
+        Works that the state does not know begin at zero.
+        """
         phase = self._phase
         self._step = state.step
         phase.q[:], phase.qd[:], phase.turns[:] = state.q, state.qd, state.turns
         phase.pace[0], self._carried[:] = state.pace, state.carried
+        phase.works[:] = [state.works.get(name, 0.0) for name in self.accounts]
         # a state may come from a log, which holds what moves freely
         kernel.prescribe(self.model.system, self.t, phase.q, phase.qd, np.zeros_like(phase.q))
         if self._watcher is not None:
@@ -401,11 +443,12 @@ class Simulation:
 
     def _sample_between(self, t: float) -> Sample:
         state = self.state
-        phase = Phase(state.q, state.qd, state.turns, np.array([state.pace]))
+        works = self._phase.works.copy()
+        phase = Phase(state.q, state.qd, state.turns, np.array([state.pace]), works)
         result, _ = self._advance(phase, state.carried, 0, 1, t - self.t, self.t)
         if result != kernel.OK:
             raise StepError(*self._failure(result), self.t)
-        return self._sample(t, state)
+        return self._sample(t, replace(state, works=self._works(works)))
 
     def _sample(self, t: float, state: State) -> Sample:
         return Sample(

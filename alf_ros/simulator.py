@@ -13,7 +13,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.task import Future
 
-from alf_ros import parameters
+from alf_ros import parameters, startup
 from alf_ros.display import Display
 from alf_ros.errors import AlfError, InputError, StepError
 from alf_ros.outputs import Outputs
@@ -83,7 +83,8 @@ class Simulator(Node):
             changed = {name: value for name, value in effects.items() if value != given[name]}
             own, said = _below('solver', solver), _below('solver', self._parameter_overrides)
             chosen = settings.chosen(own, solver['accuracy'], said)
-            setup = settings.made(with_effect_values(drawn, changed), chosen, values['rate'])
+            scene = with_effect_values(drawn, changed)
+            setup = settings.made(scene, chosen, values['rate'], values['ledger'])
             self._assemble(setup, values)
         self._show_solver(setup)
         self._on_parameters([self.get_parameter(key) for key in values])
@@ -139,7 +140,7 @@ class Simulator(Node):
 
         for kind in FROM_OUTSIDE:
             effects.load(kind)
-        self._outputs.prepare(simulation.model)
+        self._outputs.prepare(simulation)
         try:
             self._outputs.warm_up(simulation.sample())
             self._reporting.warm_up()
@@ -164,8 +165,13 @@ class Simulator(Node):
         simulation, recorder = control.run.simulation, control.run.recorder
         state = 'paused' if control.paused else f'real-time factor {self._pacer.factor:g}'
         log = f'log {recorder.path}' if recorder else 'no log'
+        self._say_what_is_on()
         step, tick = simulation.h, self._pacer.tick
         self._status.say(f'running: step {step:g} s, tick {tick:g} s, {state}; {log}')
+
+    def _say_what_is_on(self) -> None:
+        for line in startup.lines(self._control.run.simulation, self._outputs.switched()):
+            self._status.say(line)
 
     def close(self) -> None:
         """End the log, with a last report in it."""
@@ -227,7 +233,8 @@ class Simulator(Node):
         if 'scene' in values:
             solver |= {'accuracy': values['accuracy']} if values.get('accuracy') else {}
             with self._status.say_if_slow(f'loading {values["scene"]} ...', 2.0):
-                return self._settings.loaded(values['scene'], solver, values.get('rate')), values
+                ledger, rate = self.get_parameter('ledger').value, values.get('rate')
+                return self._settings.loaded(values['scene'], solver, rate, ledger), values
         if 'accuracy' in values:
             before = self._control.run.setup.simulation.solver
             solver |= self._settings.asked(before, values['accuracy'])
@@ -292,6 +299,7 @@ class Simulator(Node):
         except InputError as error:
             self.get_logger().error(f'no log: {error}')
         self._status.say(f'scene {setup.scene.name}: loaded, paused')
+        self._say_what_is_on()
 
 
 def _below(prefix: str, values: dict[str, Any]) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 In the order of the scene's file: the natural coordinates of movable points, vectors and auxiliary
 blocks (m; vectors in the length of the drawing, as the kernel has them) with their velocities;
 then, with zero rates, the turns of each counted angle, the pace (s), what other formulations
-carry, and the step index.
+carry, the works of a ledger (J), and the step index.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from alf_ros.simulation import State
 
 
-def names(model: Model, carried: int = 0) -> tuple[str, ...]:
-    """Of all numbers; `carried` is how many a formulation other than alf2 integrates."""
+def names(model: Model, state: State) -> tuple[str, ...]:
+    """Of all numbers of a state."""
     axes = 'xyz'[: model.layout.dimension]
     blocks = [block.name for block in model.mechanism.blocks if not block.fixed]
     blocks += model.layout.of_auxiliary
@@ -30,7 +30,8 @@ def names(model: Model, carried: int = 0) -> tuple[str, ...]:
         *(f'{name}.{axis}' for name in blocks for axis in axes),
         *(f'turns[{k}]' for k in range(model.system.angles.c.size // 2)),
         'pace',
-        *(f'carried[{k}]' for k in range(carried)),
+        *(f'carried[{k}]' for k in range(state.carried.size)),
+        *(f'works[{name}]' for name in state.works),
         'step',
     )
 
@@ -39,7 +40,8 @@ def values(model: Model, state: State) -> tuple[Floats, Floats]:
     """Numbers and rates, each as long as `names`."""
     D = model.layout.dimension
     q, qd = (x.reshape(-1, D)[model.coordinate_block].ravel() for x in (state.q, state.qd))
-    rest = (state.turns, [state.pace], state.carried, [state.step])
+    works = list(state.works.values())
+    rest = (state.turns, [state.pace], state.carried, works, [state.step])
     numbers = np.concatenate([q, *(np.asarray(part, dtype=float) for part in rest)])
     rates = np.zeros_like(numbers)
     rates[: qd.size] = qd
@@ -52,7 +54,8 @@ def state(model: Model, like: State, numbers: Floats, rates: Floats, inputs: Inp
     Raises ValueError if there are not as many as that simulation has.
     """
     n, turns, D = model.n, like.turns.size, model.layout.dimension
-    if numbers.size != n + turns + 1 + like.carried.size + 1:
+    carried, works = n + turns + 1, n + turns + 1 + like.carried.size
+    if numbers.size != works + len(like.works) + 1:
         raise ValueError(f'{numbers.size} numbers are no state of this mechanism')
     q, qd = like.q.copy(), like.qd.copy()
     q.reshape(-1, D)[model.coordinate_block] = numbers[:n].reshape(-1, D)
@@ -64,6 +67,7 @@ def state(model: Model, like: State, numbers: Floats, rates: Floats, inputs: Inp
         qd=qd,
         turns=numbers[n : n + turns].astype(np.int64),
         pace=float(numbers[n + turns]),
-        carried=np.array(numbers[n + turns + 1 : -1]),
+        carried=np.array(numbers[carried:works]),
         inputs=inputs,
+        works=dict(zip(like.works, numbers[works:-1].tolist(), strict=True)),
     )

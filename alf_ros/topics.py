@@ -25,6 +25,7 @@ except ImportError:  # not among the wheels: only a ROS 2 installation brings it
 
 if TYPE_CHECKING:
     from alf_ros.model import Model
+    from alf_ros.simulation import Simulation
 
 # Reliable publishers match both reliable and best-effort readers.
 RELIABLE = QoSProfile(depth=10)
@@ -33,14 +34,14 @@ BEST_EFFORT = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
-Make = Callable[['Model', Display], 'Write | None']
+Make = Callable[['Simulation', Display], 'Write | None']
 
 
 @dataclass(frozen=True)
 class Topic:
-    """A topic of the simulator; `name` is what a user writes, `make(model, display)` gives its
-    writer, or None if there is nothing to say: a free body has no joints. What is only `shown` is
-    not published at every tick. `mode`: whether it is published if nobody says so."""
+    """A topic of the simulator; `name` is what a user writes, `make(simulation, display)` gives
+    its writer, or None if there is nothing to say: a free body has no joints. What is only `shown`
+    is not published at every tick. `mode`: whether it is published if nobody says so."""
 
     name: str
     type: type
@@ -56,7 +57,15 @@ class Topic:
 
 
 def _plain(make: Callable[[Model], Write | None]) -> Make:
-    return lambda model, display: make(model)
+    return lambda simulation, display: make(simulation.model)
+
+
+def _shown(make: Callable[[Model, Display], Write | None]) -> Make:
+    return lambda simulation, display: make(simulation.model, display)
+
+
+def _work(simulation: Simulation, display: Display) -> Write | None:
+    return messages.work(simulation.accounts)
 
 
 # tf and clock are relative, so that simulators in namespaces of their own each have their own. tf
@@ -69,7 +78,12 @@ TOPICS = (
     Topic('~/drives', JointState, RELIABLE, _plain(messages.drives)),
     Topic('~/state', JointState, RELIABLE, _plain(messages.state)),
     Topic('~/energy', Float64, RELIABLE, _plain(messages.energy)),
+    Topic('~/work', JointState, RELIABLE, _work),
     Topic('clock', Clock, BEST_EFFORT, _plain(messages.clock)),
-    Topic('~/markers', MarkerArray, RELIABLE, markers, shown=True),
-    *([Topic(TF, TFMessage, RELIABLE, transforms, shown=True, mode='off')] if TFMessage else []),
+    Topic('~/markers', MarkerArray, RELIABLE, _shown(markers), shown=True),
+    *(
+        [Topic(TF, TFMessage, RELIABLE, _shown(transforms), shown=True, mode='off')]
+        if TFMessage
+        else []
+    ),
 )

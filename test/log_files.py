@@ -15,9 +15,9 @@ from alf_ros.logs import journal
 JOURNAL = '/simulator/inputs'
 
 
-def make(folder, scene, ticks=400, push_at=100, **keywords):
+def make(folder, scene, ticks=400, push_at=100, ledger=False, **keywords):
     """A log of a scene with one push, and its simulation at the end."""
-    setup = settings.made(load_scene(scene), {})
+    setup = settings.made(load_scene(scene), {}, ledger=ledger)
     run = LogRun(folder, setup, **keywords)
     simulation = setup.simulation
     run.send()

@@ -55,6 +55,10 @@ def test_prices_of_a_scene(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     assert 0.0 < float(rows['(none)']['added_us']) < float(rows['(all)']['added_us'])
     assert float(rows['joint_friction']['added_us']) > 0.0
     assert float(rows['joint_friction']['work_J']) < -0.1
+    assert float(rows['drag.nothing']['rate_per_s']) == 0.0
+    rate = float(rows['joint_friction']['rate_per_s'])
+    assert 0.01 < rate <= float(rows['(all)']['rate_per_s'])
+    assert float(rows['joint_friction']['rk4_step_s']) == pytest.approx(2.785 / rate, rel=1e-3)
     assert (folder / 'priced.png').read_bytes()[:4] == b'\x89PNG'
 
 

@@ -401,7 +401,7 @@ def test_omega_and_mu_close_what_stands_open(name: str, left: float) -> None:
     q[0] += 1e-3
     solver = replace(sim.solver, formulation=name)
     formulation = Formulation(sim.model, solver, q, omega=5.0, mu=1.0)
-    phase = Phase(q, qd, turns, np.zeros(1))
+    phase = Phase(q, qd, turns, np.zeros(1), np.zeros(0))
     y = formulation.start(q, qd)
 
     def opening() -> np.ndarray:

@@ -33,7 +33,7 @@ HANGING_ROD = {
 def messages(simulation):
     """Every topic of the present state, as ROS reads the bytes."""
     sample = simulation.sample()
-    made = [(topic, topic.make(simulation.model, Display())) for topic in TOPICS]
+    made = [(topic, topic.make(simulation, Display())) for topic in TOPICS]
     return {
         topic.key: deserialize_message(write(sample, stamp_ns(sample.t)), topic.type)
         for topic, write in made
@@ -118,7 +118,7 @@ def test_energy_is_that_of_the_rods_at_the_start():
 
 def test_messages_are_written_anew_each_time_and_stay_as_they_were():
     simulation = Simulation(load_scene('slider_crank'))
-    write = TOPICS[0].make(simulation.model, Display())
+    write = TOPICS[0].make(simulation, Display())
     first = write(simulation.sample(), 1)
     kept = bytes(bytearray(first))
     simulation.step(100)
@@ -164,11 +164,29 @@ def test_the_message_of_a_state_is_that_state(scene, formulation):
         state_vector.state(simulation.model, initial, numbers[1:], rates[1:], state.inputs)
 
 
+def test_work_names_accounts():
+    simulation = Simulation(load_scene(HANGING_ROD), ledger=True)
+    simulation.apply_effort('pin', 3.0)
+    simulation.step(50)
+    message, sample = messages(simulation)['work'], simulation.sample()
+    turned = sample.joints['pin'].position + math.pi / 2.0
+    assert list(message.name) == ['gravity', 'inputs', 'drives']
+    assert list(message.position) == list(sample.works.values())
+    assert message.position[1] == pytest.approx(3.0 * turned, rel=1e-6)
+    names = list(messages(simulation)['state'].name)
+    assert names[-4:] == ['works[gravity]', 'works[inputs]', 'works[drives]', 'step']
+    report = diagnostics.work(sample, 0.0)
+    assert list(report.values) == ['gravity_j', 'inputs_j', 'drives_j', 'missing_j']
+    assert abs(report.values['missing_j']) < 1e-9
+    plain = Simulation(load_scene(HANGING_ROD))
+    assert 'work' not in messages(plain) and diagnostics.balance(plain.sample()) == 0.0
+
+
 def test_what_has_no_joints_says_nothing_of_joints():
     bob = {'bob': {'points': ['A'], 'mass': 1, 'inertia': 'point'}}
     mechanism = {'alf': 1, 'space': 'planar', 'points': {'A': {'at': [0, 0]}}, 'bodies': bob}
-    model = Simulation(load_scene({'mechanism': mechanism})).model
-    made = [topic.name for topic in TOPICS if topic.make(model, Display()) is not None]
+    free = Simulation(load_scene({'mechanism': mechanism}))
+    made = [topic.name for topic in TOPICS if topic.make(free, Display()) is not None]
     # and tf where tf2_msgs is installed
     assert made[:4] == ['~/state', '~/energy', 'clock', '~/markers']
     assert made[4:] in ([], ['tf'])

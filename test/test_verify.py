@@ -23,6 +23,7 @@ from std_srvs.srv import Trigger
 
 from alf_ros import load_scene, settings
 from alf_ros.__main__ import main
+from alf_ros.fork import fork
 from alf_ros.log_run import LogRun
 from alf_ros.logs import load
 from alf_ros.logs.comparison import compare
@@ -138,6 +139,39 @@ def test_settings_resets_timeouts_and_restored_states_come_out_again(peer, tmp_p
     for log in logs:
         result = compare(log)
         assert result.equal and result.compared > 100, (result.first, result.faults)
+
+
+def test_works_come_out_again_also_in_a_fork(tmp_path, capsys):
+    path, simulation = make(tmp_path, 'slider_crank', ledger=True)
+    log = load(path)
+    work = log.read('~/work')
+    assert dict(zip(work.names, work.columns['position'][-1], strict=True)) == (
+        simulation.state.works
+    )
+    assert simulation.state.works['inputs'] != 0.0
+    assert main(['verify', str(path)]) == 0, capsys.readouterr().out
+    forked = fork(log, 0.5, {}, tmp_path, 'forked')
+    again = load(forked).read('~/work').columns['position']
+    assert again.tobytes() == work.columns['position'][-len(again) :].tobytes()
+    assert 0 < len(again) < len(work)
+    assert main(['verify', str(forked)]) == 0, capsys.readouterr().out
+    spoilt = rewritten(path, tmp_path, change=last_bit_of('/simulator/work'))
+    capsys.readouterr()
+    assert main(['verify', str(spoilt)]) == 1
+    assert 'work.position.drives' in capsys.readouterr().out
+
+
+def last_bit_of(topic):
+    """Of the last position of every message."""
+
+    def change(name, data):
+        if name != topic:
+            return data
+        message = deserialize_message(data, JointState)
+        message.position[-1] = np.nextafter(message.position[-1], 1.0)
+        return serialize_message(message)
+
+    return change
 
 
 @pytest.fixture(scope='module')

@@ -73,7 +73,7 @@ def motion(
 ) -> Motion | None:
     """The frames of what was gathered; None if there are no states of this mechanism."""
     model = simulation.model
-    wanted = state_vector.names(model)[: model.n]
+    wanted = state_vector.names(model, simulation.state)[: model.n]
     states = {names: each for names, each in found.states.items() if set(wanted) <= set(names)}
     if not states:
         return None

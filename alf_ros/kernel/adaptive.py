@@ -22,6 +22,7 @@ from alf_ros.kernel.iteration import augmented
 from alf_ros.kernel.jit import compiled, inner
 from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.step import accept, begin, step
+from alf_ros.kernel.tally import tally
 from alf_ros.kernel.vectors import copy, largest, zero
 from alf_ros.kernel.watch import note
 
@@ -106,6 +107,7 @@ def advance_adaptively(
     copy(phase.q, work.good_q)
     copy(phase.qd, work.good_qd)
     copy(phase.turns, work.good_turns)
+    copy(phase.works, forces.ledger.good)
     most, begun, sigma = 0, False, 0.0 if within else np.inf
     tries, before, longer = 0, np.inf, h  # from here; error and length of the last
     if not begin(unit, system, work, phase):
@@ -141,6 +143,7 @@ def advance_adaptively(
             if stays and error > floor and error * share < likely:
                 floor, factor = _MARGIN * error, 1.0
             if error <= floor:
+                tally(forces.ledger.tally, system, forces, work, phase, t, method.b.size, dt, True)
                 accept(unit, system, work, phase)
                 done = h if parts == 1.0 else done + dt
                 pace[0] = max(pace[0], factor * dt) if dt < pace[0] else factor * dt
@@ -161,11 +164,13 @@ def advance_adaptively(
             copy(work.good_q, phase.q)
             copy(work.good_qd, phase.qd)
             copy(work.good_turns, phase.turns)
+            copy(forces.ledger.good, phase.works)
             pace[0] = good_pace
             return result, taken, most
         copy(phase.q, work.good_q)
         copy(phase.qd, work.good_qd)
         copy(phase.turns, work.good_turns)
+        copy(phase.works, forces.ledger.good)
         good_pace = pace[0]
         if watch is not None:  # known when it is compiled: who does not watch does without
             note(unit, system, forces, work, watch, taken, end)

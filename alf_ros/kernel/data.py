@@ -167,13 +167,29 @@ class Bearings(Struct):
 
 
 @dataclass(frozen=True, eq=False)
+class Ledger(Struct):
+    """What it takes to keep account of the work of each effect."""
+
+    tally: Addresses  # (1,) address of tally(), or (0,) where nobody asks for it
+    effects: Effects  # one by one
+    account: Indices  # (effects,) to which each of them goes
+    weights: Floats  # (stages,) of the method
+    rates: (
+        Floats  # (stages, accounts) W, in a step; the last account is that of what is prescribed
+    )
+    Q: Floats  # (all blocks D,) of one effect
+    good: Floats  # (accounts,) works at the last point of the grid that an adaptive method reached
+
+
+@dataclass(frozen=True, eq=False)
 class Forces(Struct):
-    """All that acts: effects, and the bearings of those that rub."""
+    """All that acts: effects, the bearings of those that rub, and the account of their work."""
 
     constant = True
 
     effects: Effects
     bearings: Bearings
+    ledger: Ledger
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,6 +215,7 @@ class Phase(Struct):
     qd: Floats  # (all blocks D,) m/s
     turns: Integers  # (angles,) passages of (x, y) over the negative x axis
     pace: Floats  # (1,) the step an adaptive method would like to take next, s
+    works: Floats  # (accounts,) J, done so far; none without a ledger
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ from numba.extending import intrinsic
 
 from alf_ros.arrays import Floats
 from alf_ros.kernel.data import Effects
-from alf_ros.kernel.jit import compiled
+from alf_ros.kernel.jit import compiled, expanded
 from alf_ros.kernel.vectors import zero
 from alf_ros.structs import VectorType
 
@@ -86,6 +86,53 @@ def _friction(
     return types.void(at, t, q, qd, near, loads, n, slots, i, params, j, Q), code
 
 
+@expanded
+def add_one(
+    effects: Effects, e: int, t: float, q: Floats, qd: Floats, near: Floats, Q: Floats
+) -> None:
+    """Q += what effect number e exerts without loads."""
+    _force(
+        effects.force[e],
+        t,
+        q,
+        qd,
+        near,
+        effects.slots,
+        effects.slots_at[e],
+        effects.params,
+        effects.params_at[e],
+        Q,
+    )
+
+
+@expanded
+def add_one_friction(
+    effects: Effects,
+    e: int,
+    t: float,
+    q: Floats,
+    qd: Floats,
+    near: Floats,
+    loads: Floats,
+    Q: Floats,
+) -> None:
+    """Q += what of it depends on the loads (N) of joints."""
+    _friction(
+        effects.friction[e],
+        t,
+        q,
+        qd,
+        near,
+        loads,
+        effects.loads_at[e],
+        effects.slots,
+        effects.slots_at[e],
+        effects.params,
+        effects.params_at[e],
+        Q,
+    )
+
+
 @compiled
 def applied_forces(
     effects: Effects, t: float, q: Floats, qd: Floats, near: Floats, Q: Floats
@@ -93,18 +140,7 @@ def applied_forces(
     """Q(q, q̇, t): the sum of the effects the scene names; each adds its own."""
     zero(Q)
     for e in range(effects.force.size):
-        _force(
-            effects.force[e],
-            t,
-            q,
-            qd,
-            near,
-            effects.slots,
-            effects.slots_at[e],
-            effects.params,
-            effects.params_at[e],
-            Q,
-        )
+        add_one(effects, e, t, q, qd, near, Q)
 
 
 @compiled
@@ -114,20 +150,7 @@ def add_friction(
     """Q += what depends on the loads (N) of joints."""
     for e in range(effects.friction.size):
         if effects.friction[e] != 0:
-            _friction(
-                effects.friction[e],
-                t,
-                q,
-                qd,
-                near,
-                loads,
-                effects.loads_at[e],
-                effects.slots,
-                effects.slots_at[e],
-                effects.params,
-                effects.params_at[e],
-                Q,
-            )
+            add_one_friction(effects, e, t, q, qd, near, loads, Q)
 
 
 @compiled

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from alf_ros.arrays import Floats, Unit
-from alf_ros.kernel.data import OK, Forces, System, Work
+from alf_ros.kernel.data import OK, Forces, Phase, System, Work
 from alf_ros.kernel.iteration import accelerate, velocities
 from alf_ros.kernel.jit import expanded, inner
 from alf_ros.kernel.manifold import place
 from alf_ros.kernel.prescribed import prescribe
+from alf_ros.kernel.tally import tally
 from alf_ros.kernel.vectors import largest, zero
 
 _ROOM = 4.0  # how often what a stage is moved onto Φ = 0 must go into that distance
@@ -61,7 +62,9 @@ def stage_between(
     system: System,
     forces: Forces,
     work: Work,
+    phase: Phase,
     t: float,
+    s: int,
     along: Floats,
     moving: bool,
     radius: float,
@@ -69,7 +72,7 @@ def stage_between(
     spacing: float,
     iterations: int,
 ) -> int:
-    """q̇ and q̈ of a stage at a singular position, from four places on either side of it.
+    """q̇ and q̈ of stage s at a singular position, from four places on either side of it.
 
     The motion is smooth through the position, only its equations are not: what they give at
     ±1, ±2, ±3, ±4 times `spacing` (m) along a direction of the branch is interpolated, to eighth
@@ -104,6 +107,7 @@ def stage_between(
                 return count
             most = max(most, count)
             good = good and clear
+            tally(forces.ledger.tally, system, forces, work, phase, t, s, weight, k > -4)
             for a in range(n):
                 work.sum_q[a] += weight * work.qd[a]
                 work.sum[a] += weight * work.qdd[a]

@@ -27,6 +27,7 @@ from alf_ros.kernel.manifold import project
 from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.prescribed import prescribe
 from alf_ros.kernel.stage import SPACING, stage, stage_between
+from alf_ros.kernel.tally import tally
 from alf_ros.kernel.turns import count_turns, nearby
 from alf_ros.kernel.vectors import copy, largest, zero
 from alf_ros.kernel.watch import note
@@ -67,6 +68,7 @@ def step(
         if most < 0:
             return JAMMED, 1
         sigma = min(sigma, felt)
+        tally(forces.ledger.tally, system, forces, work, phase, t, first, 1.0, False)
         copy(work.qdd, work.pull)
         unforced(unit, system, work)
         zero(work.bend)
@@ -116,6 +118,7 @@ def step(
             count, x, clear = stage(
                 unit, system, forces, work, ts, radius, close, x < np.inf, iterations
             )
+            tally(forces.ledger.tally, system, forces, work, phase, ts, s, 1.0, False)
         if not clear and count > 0:
             moved = 0.0
             for i in range(n):
@@ -134,7 +137,9 @@ def step(
                 system,
                 forces,
                 work,
+                phase,
                 ts,
+                s,
                 along,
                 moving,
                 radius,
@@ -219,6 +224,7 @@ def advance(
         if result != OK:
             return result, taken, most
         sigma = np.inf
+        tally(forces.ledger.tally, system, forces, work, phase, t, method.b.size, h, True)
         accept(unit, system, work, phase)
         if watch is not None:  # known when it is compiled: who does not watch does without
             note(unit, system, forces, work, watch, taken, end)

@@ -47,7 +47,8 @@ class Rerun:
             text = f'its settings are not those of this version: {error}'
             raise InputError(text, file=str(log.path)) from None
         self.scene = log.scene(trust)
-        self.simulation = Simulation(self.scene, **asdict(solver))
+        ledger = bool(log.info.get('ledger', False))  # earlier versions had none
+        self.simulation = Simulation(self.scene, **asdict(solver), ledger=ledger)
         if 'state' in log.info:
             self.simulation.restore(read_state(log, self.simulation))
 
@@ -101,7 +102,7 @@ class Rerun:
         if entry['solver'] == solver and not entry['effects']:
             return
         self.scene = with_effect_values(self.scene, entry['effects'])
-        self.simulation = Simulation(self.scene, **entry['solver'])
+        self.simulation = Simulation(self.scene, **entry['solver'], ledger=before.ledger)
         self.simulation.restore(on_grid(before.state, before.h, self.simulation.h))
 
 

@@ -1,0 +1,42 @@
+"""The call of the ledger, where there is one: its code is reached through an address."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+
+@intrinsic
+def tally(
+    typing: Any,
+    ledger: Any,
+    system: Any,
+    forces: Any,
+    work: Any,
+    phase: Any,
+    t: Any,
+    s: Any,
+    weight: Any,
+    more: Any,
+) -> Any:
+    """Note the power of each effect at stage s, as it stands in `work`, `weight` times; `more`:
+    besides what is noted there. Past the last stage: the step, `weight` (s) long, counts.
+
+    ledger: `Ledger.tally`. Without an address in it nothing is done; to ask for it here, and not
+    in code of its own, saves a second of compiling.
+    """
+
+    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        at = cgutils.create_struct_proxy(sig.args[0])(context, builder, value=args[0])
+        with builder.if_then(builder.icmp_unsigned('!=', at.size, at.size.type(0))):
+            values = [*args[1:8], builder.zext(args[8], ir.IntType(64))]
+            kind = ir.FunctionType(ir.VoidType(), [value.type for value in values])
+            builder.call(builder.inttoptr(builder.load(at.data), kind.as_pointer()), values)
+        return context.get_dummy_value()
+
+    number = types.float64
+    return types.void(ledger, system, forces, work, phase, t, types.uint64, number, more), code
