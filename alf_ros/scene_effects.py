@@ -151,7 +151,7 @@ def with_rotors(mechanism: Mechanism, effects: Sequence[Effect]) -> Mechanism:
     rotors = []
     for effect in effects:
         inertia = getattr(effect.parameters, 'armature', None)
-        if inertia is not None:
+        if inertia:  # of none, nothing: not even in the last digit
             rotors.append(Rotor(f'{effect.label}_rotor', effect.parameters.joint, inertia))
     if not rotors:
         return mechanism

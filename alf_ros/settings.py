@@ -101,6 +101,9 @@ def changed(
     scene, before = with_effect_values(setup.scene, effects), setup.simulation
     given = joined(dataclasses.asdict(before.solver), solver)
     simulation = Simulation(scene, **given, ledger=before.ledger)
+    if simulation.model.layout.of_auxiliary != before.model.layout.of_auxiliary:
+        text = 'a rotor begins or ends with its armature: the scene has to be loaded anew'
+        raise InputError(text, key=next(name for name in effects if name.endswith('armature')))
     steps = steps_per_tick(rate, simulation.h)
     simulation.restore(on_grid(before.state, before.h, simulation.h))
     with suppress(StepError):

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import ctypes
 import importlib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from numba import types
 from numba.core.registry import CPUDispatcher
 
-from alf_ros import InputError, Simulation, document, effects, kernel, load_scene
+from alf_ros import InputError, Simulation, document, effects, kernel, load_scene, settings
 from alf_ros.scene import scene_from_text
 
 PLANAR = """
@@ -61,20 +63,22 @@ initial: {velocities: {A: [~, 1.5, ~], B: [~, ~, 0.2], C: [~, ~, 2], E: [~, ~, 0
 """
 # by kind: `planar` and `spatial` do everything that it can do, `without` has no strength
 EXAMPLES = document.read(Path(__file__).parent / 'data/effect_examples.yaml').mapping()
-CASES = [(kind, which) for kind in EXAMPLES for which in ('planar', 'spatial')]
+LOADED = [('joint_friction', f'{which}_loaded') for which in ('planar', 'spatial')]
+CASES = [(kind, which) for kind in EXAMPLES for which in ('planar', 'spatial')] + LOADED
 CONSERVATIVE = ('gravity', 'spring', 'torsion_spring', 'joint_stop', 'ground_contact')
 
 
 def simulation(kind: str, which: str, **options: Any) -> Simulation:
-    fields = document.parse(SPATIAL if which == 'spatial' else PLANAR, None).mapping()
+    fields = document.parse(SPATIAL if which.startswith('spatial') else PLANAR, None).mapping()
     chosen = {kind: EXAMPLES[kind].mapping()[which]}
     return Simulation(load_scene({**fields, 'effects': chosen}), **options)
 
 
 def applied(sim: Simulation, q, qd):  # type: ignore[no-untyped-def]
     Q = np.zeros(q.size)
-    near = sim.sample()._near
-    kernel.applied_forces(sim._applied.assembled.effects, sim.t, q, qd, near, Q)
+    near, all_effects = sim.sample()._near, sim._applied.assembled.effects
+    kernel.applied_forces(all_effects, sim.t, q, qd, near, Q)
+    kernel.add_friction(all_effects, sim.t, q, qd, near, sim.sample()._loads, Q)
     return Q
 
 
@@ -105,6 +109,9 @@ def test_compiled_is_what_is_written(
     as_python(monkeypatch, module, *shared)
     near, data, python = sample._near, (packed.slots, packed.params), np.zeros(q.size)
     module.force.__wrapped__(sim.t, q, qd, near, *data, python)
+    if (kind, which) in LOADED:
+        assert sample._loads[:2].min() > 0.5
+        module.friction.__wrapped__(sim.t, q, qd, near, sample._loads, *data, python)
     # products and sums may be fused, and powers taken by other libraries: the last bits may differ
     size = np.abs(compiled).max()
     assert size > 0.1
@@ -155,10 +162,10 @@ def test_power_is_the_rate_of_energy(kind: str, which: str) -> None:
         assert expected < -1e-3
 
 
-@pytest.mark.parametrize('which', ['planar', 'spatial'])
-@pytest.mark.parametrize(
-    'kind', ['joint_effort', 'torsion_spring', 'joint_stop', 'joint_friction', 'motor']
-)
+ON_JOINTS = ('joint_effort', 'torsion_spring', 'joint_stop', 'joint_friction', 'motor')
+
+
+@pytest.mark.parametrize('kind, which', [case for case in CASES if case[0] in ON_JOINTS])
 def test_efforts_of_joints_are_what_effects_exert(kind: str, which: str) -> None:
     """With the velocities of the joints they make the whole power."""
     sim = simulation(kind, which)
@@ -170,6 +177,42 @@ def test_efforts_of_joints_are_what_effects_exert(kind: str, which: str) -> None
     assert sum(sample.powers.values()) == pytest.approx(power, rel=1e-10)
 
 
+class InPython:
+    """A function of an effect that the compiled step calls back in Python."""
+
+    def __init__(self, compiled: Any) -> None:
+        numbers, integers = ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_int64)
+        kinds = {types.float64: ctypes.c_double, types.void: None}
+        signature = compiled._sig
+        of = [
+            kinds.get(arg) or (integers if arg.dtype == types.int64 else numbers)
+            for arg in signature.args
+        ]
+        self._kept = ctypes.CFUNCTYPE(kinds[signature.return_type], *of)(compiled.__wrapped__)
+        self.address = ctypes.cast(self._kept, ctypes.c_void_p).value
+
+
+@pytest.mark.parametrize('kind, which', CASES)
+def test_a_run_in_python_is_the_compiled_run(
+    kind: str, which: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The same steps, all functions of the effect as the Python that is written."""
+    compiled = simulation(kind, which)
+    compiled.step(60)
+    module = effects.load(kind)
+    for name in ('force', 'potential', 'friction'):
+        if hasattr(module, name):
+            monkeypatch.setattr(module, name, InPython(getattr(module, name)))
+    shared = [importlib.import_module(f'alf_ros.{name}') for name in ('measure', 'table')]
+    as_python(monkeypatch, module, *shared)
+    python = simulation(kind, which)
+    python.step(60)
+    assert python.state.q == pytest.approx(compiled.state.q, rel=1e-12, abs=1e-12)
+    assert python.state.qd == pytest.approx(compiled.state.qd, rel=1e-11, abs=1e-11)
+    assert python.sample().energy == pytest.approx(compiled.sample().energy, rel=1e-11)
+    assert python.sample().powers == pytest.approx(compiled.sample().powers, rel=1e-9, abs=1e-9)
+
+
 @pytest.mark.parametrize('kind', EXAMPLES)
 def test_zero_strength_is_absence(kind: str) -> None:
     absent, zero = Simulation(scene_from_text(PLANAR)), simulation(kind, 'without')
@@ -177,6 +220,21 @@ def test_zero_strength_is_absence(kind: str) -> None:
         sim.apply_effort('shoulder', 1.0)
         sim.step(200)
     assert absent.state.q.tobytes() == zero.state.q.tobytes()
+
+
+def test_a_rotor_without_inertia_is_none() -> None:
+    motor = 'motor: {joint: elbow, effort: 2.0%s}'
+    sims = []
+    for armature in ('', ', armature: 0', ', armature: 0.5'):
+        sims.append(Simulation(scene_from_text(f'{PLANAR}effects: {{{motor % armature}}}\n')))
+        sims[-1].step(200)
+    absent, zero, heavy = sims
+    assert absent.state.q.tobytes() == zero.state.q.tobytes()
+    assert absent.sample().points['B'] != pytest.approx(heavy.sample().points['B'], abs=1e-3)
+    setup = settings.Setup(zero.scene, zero, 2)
+    with pytest.raises(InputError, match='effects.motor.armature: a rotor begins or ends'):
+        settings.changed(setup, {}, {'effects.motor.armature': 0.5}, 500.0)
+    assert settings.changed(setup, {}, {'effects.motor.effort': 1.0}, 500.0).simulation.t == zero.t
 
 
 def needed(layout, body, q, qdd):  # type: ignore[no-untyped-def]
@@ -217,6 +275,7 @@ def test_reactions_balance_each_body(kind: str, which: str) -> None:
     q, qd = reactions.on_cut_blocks(sim.state.q), reactions.on_cut_blocks(sim.state.qd)
     Q = np.zeros(q.size)
     kernel.applied_forces(sample._applied.on(cut), sim.t, q, qd, sample._near, Q)
+    kernel.add_friction(sample._applied.on(cut), sim.t, q, qd, sample._near, sample._loads, Q)
     q, Q = q.reshape(-1, D), Q.reshape(-1, D)
     qdd = reactions.on_cut_blocks(sample._accelerated[0].qdd).reshape(-1, D)
     largest = 0.0

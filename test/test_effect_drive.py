@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from effect_scenes import MASS, ROTOR, ROTOR_IN_SPACE, TWO_ROTORS, simulate
+from effect_scenes import DISC, MASS, ROTOR, ROTOR_IN_SPACE, TWO_ROTORS, simulate
 from scipy.interpolate import CubicSpline
 
 from alf_ros import InputError, Simulation, load_scene
@@ -64,6 +64,32 @@ def test_motor_follows_a_ramp_with_its_slope() -> None:
     for sample in sim.run(2.0, every=200):
         angle = 3.0 * sample.t - 3.0 * sample.t * math.exp(-4.0 * sample.t)
         assert sample.joints['pin'].position == pytest.approx(angle, abs=1e-10)
+
+
+def test_constant_wrench_on_a_point_and_on_a_body_that_spins() -> None:
+    """A parabola; and a thrust that turns with its body: v = F / (m ω) (sin ω t, 1 - cos ω t)."""
+    sim = simulate(MASS, 'constant_wrench: {on: P, force: [3, -1]}', 'P: [0.2, 0]')
+    sim.step(1000)
+    assert sim.sample().points['P'] == pytest.approx([1.0 + 0.2 + 0.75, -0.25], abs=1e-12)
+    m, force, spin = 2.0, 3.0, 5.0
+    thrust = f'constant_wrench: {{on: disc, force: [{force}, 0], frame: body}}'
+    sim = simulate(DISC, thrust, f'C: [0, 0], R: [~, {spin}]')
+    for sample in sim.run(2.0, every=250):
+        turn = spin * sample.t
+        wanted = force / (m * spin) * np.array([math.sin(turn), 1.0 - math.cos(turn)])
+        assert sample.velocities['C'] == pytest.approx(wanted, abs=1e-10)
+    sim = simulate(DISC, 'constant_wrench: {on: disc, torque: 0.03}')
+    sim.step(1000)
+    assert sim.sample().body_poses[0, 2] == pytest.approx(0.5 * 0.03 / 0.01, abs=1e-10)
+
+
+@pytest.mark.parametrize('mechanism', [ROTOR, ROTOR_IN_SPACE])
+def test_effort_on_a_joint(mechanism: str) -> None:
+    """J ω̇ = e."""
+    sim = simulate(mechanism, 'joint_effort: {joint: pin, effort: 0.3}')
+    sim.step(1000)
+    assert sim.sample().joints['pin'].velocity == pytest.approx(0.3 / J, abs=1e-12)
+    assert sim.sample().joints['pin'].position == pytest.approx(0.5 * 0.3 / J, abs=1e-12)
 
 
 def test_motor_between_two_bodies_turns_both() -> None:

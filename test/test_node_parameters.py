@@ -139,6 +139,7 @@ def test_every_parameter_is_described_and_every_number_has_a_range(changed):
             assert descriptor.integer_range
     read_only = {d.name for d in ours if d.read_only}
     assert {name for name in read_only if not name.startswith('record.rate.')} == {
+        'ledger',
         'start_paused',
         'duration',
         'status_line',
