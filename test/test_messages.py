@@ -195,7 +195,7 @@ def test_what_has_no_joints_says_nothing_of_joints():
 def test_diagnostics_have_fixed_keys_with_units(slider_crank):
     sample = slider_crank.sample()
     reports = [
-        diagnostics.solver(sample, 'playing', None),
+        diagnostics.solver(slider_crank, 'playing', None),
         diagnostics.constraints(sample),
         diagnostics.energy(sample, 13.0),
         diagnostics.record(None),
@@ -213,7 +213,9 @@ def test_diagnostics_have_fixed_keys_with_units(slider_crank):
     assert keys['simulator: energy'] == ['energy_j', 'initial_energy_j', 'change_j']
     assert {status.hardware_id for status in message.status} == {'slider_crank'}
     assert all(status.level == diagnostics.OK for status in message.status)
-    failed = diagnostics.solver(sample, 'failed', StepError('bent', 'take a smaller step', 1.0))
+    failed = diagnostics.solver(
+        slider_crank, 'failed', StepError('bent', 'take a smaller step', 1.0)
+    )
     assert failed.level == diagnostics.ERROR and 'smaller step' in failed.message
     assert list(failed.values) == keys['simulator: solver']
 
