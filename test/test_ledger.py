@@ -205,7 +205,7 @@ def test_slider_crank_driven_through_its_singular_position(method: dict[str, Any
         f'effects: {{gravity: {{acceleration: [0, -{G}]}}}}\n'
     )
     sim = Simulation(scene_from_text(text), ledger=True, **method)
-    # two rods of 1 m and 1 kg, at a steady speed; V = g sin. What a drive exerts is as exact as λ is
+    # two rods of 1 m and 1 kg, at a steady speed; V = g sin. What a drive exerts is as exact as λ
     # beside a singular position, and the adaptive steps are chosen for the motion alone
     for sample in sim.run(3.0, at=np.linspace(0.1, 3.0, 30)):
         angle = math.pi / 4 + 2.0 * sample.t
