@@ -126,7 +126,7 @@ def draw(path: Path) -> None:
     figure = Figure(figsize=(12.0, 9.0), layout='constrained')
     FigureCanvasAgg(figure)
     figure.suptitle(f'10 s through singular positions, {about}', fontsize=10)
-    axes: Any = figure.subplots(2, 2, sharey=True)
+    axes: Any = figure.subplots(2, 2, sharey='row')
     handles = {}
     for column, (mechanism, engines) in enumerate(points.items()):
         steps, costs = axes[:, column]
@@ -136,23 +136,23 @@ def draw(path: Path) -> None:
             colour = COLOURS[list(engines).index(engine)]
             style: Any = {'color': colour, 'marker': 'o', 'markersize': 3.0, 'linewidth': 1.0}
             sweep = survived(curve)
-            for part, x in ((sweep, 'step'), (curve, 'cpu')):
-                panel = steps if x == 'step' else costs
-                place = [1e3 * p.setting.step if x == 'step' else p.cpu for p in part]
-                errors = [math.nan if p.failure else p.position for p in part]
-                style['linestyle'] = '' if x == 'step' else '-'
-                (handle,) = panel.plot(place, errors, **style)
-                bad = [a for a, p in zip(place, part, strict=True) if p.failure and a == a]
-                panel.plot(bad, [40.0] * len(bad), 'x', color=colour)
-                handles[engine] = handle
-        steps.set_xticks([0.2, 0.5, 1.0, 2.0], labels=['0.2', '0.5', '1', '2'])
+            errors = [math.nan if p.failure else p.position for p in sweep]
+            steps.plot([1e3 * p.setting.step for p in sweep], errors, linestyle='', **style)
+            bad = [1e3 * p.setting.step for p in sweep if p.failure]
+            steps.plot(bad, [40.0] * len(bad), 'x', color=colour)
+            ended = [p for p in curve if not p.failure]
+            (handles[engine],) = costs.plot(
+                [p.cpu for p in ended], [p.position for p in ended], **style
+            )
         for panel in (steps, costs):
-            panel.set(xscale='log', yscale='log', ylim=(1e-13, 1e3))
-            panel.axhline(10.0, color='0.6', linewidth=0.8)
-            said = {'transform': panel.transAxes, 'va': 'top', 'color': '0.4'}
-            panel.text(0.01, 0.985, 'did not end', **said)
+            panel.set(xscale='log', yscale='log')
             panel.grid(True, color='0.9')
             panel.set_axisbelow(True)
+        steps.set_ylim(1e-13, 1e3)
+        steps.set_xticks([0.2, 0.5, 1.0, 2.0], labels=['0.2', '0.5', '1', '2'])
+        steps.axhline(10.0, color='0.6', linewidth=0.8)
+        text = steps.text(0.01, 0.985, 'did not end', va='top', color='0.4')
+        text.set_transform(steps.transAxes)
     for panel in axes[:, 0]:
         panel.set(ylabel='largest position error, m')
     figure.legend(handles.values(), handles.keys(), loc='outside lower center', ncols=6)
