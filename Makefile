@@ -11,13 +11,14 @@ ifeq ($(ROS_DISTRO),humble)
 export ROS_LOCALHOST_ONLY ?= 1
 endif
 
-.PHONY: help setup run view test clean
+.PHONY: help setup run view test benchmark clean
 
 help:
 	@echo 'make run [SCENE=slider_crank] [DURATION=seconds] [ARGS=...]   simulate, publish, record (Ctrl-C ends it)'
 	@echo 'make view [ARGS=...]   show what runs in a web browser, at http://localhost:8080'
 	@echo 'make setup [PYTHON=python3.12]   only prepare .venv (run and test do it themselves)'
 	@echo 'make test    linters, type checks and all tests'
+	@echo 'make benchmark [ARGS=--no-peers]   what accuracy costs here, and elsewhere: benchmark/results, minutes'
 	@echo 'make clean   remove caches and build products; .venv/ and logs/ stay'
 
 setup:
@@ -40,6 +41,10 @@ test: setup
 	$(BIN)/python -m pytest --disable-plugin-autoload -p xdist -p hypothesispytest -n 2 --dist loadfile $(ARGS) \
 	  || failed="$$failed, pytest"; \
 	if [ -n "$$failed" ]; then echo "make test: failed: $${failed#, }" >&2; exit 1; fi
+
+# On a machine that does nothing else.
+benchmark: setup
+	@$(BIN)/python benchmark/run.py $(ARGS)
 
 clean:
 	rm -rf build install log .mypy_cache .pytest_cache .ruff_cache .hypothesis *.egg-info

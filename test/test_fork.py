@@ -104,6 +104,7 @@ def test_without_changes_a_fork_is_its_parent_bit_for_bit(parent, tmp_path, at, 
     [
         ('slider_crank', {'integrator': 'dop853_adaptive'}),
         ('slider_crank', {'formulation': 'canonical'}),
+        ('slider_crank', {'accuracy': 1e-9}),
         ('stewart_platform', {}),
         ('differential_drive_cart', {}),
     ],
@@ -123,6 +124,28 @@ def test_what_every_kind_of_state_holds_goes_on(tmp_path, scene, solver):
     t = float(log.time(log.read('~/state').stamp)[57])
     child = forked(log, tmp_path, '--at', repr(t))
     assert messages(child) == messages(log, round(t * 1e9)) and compare(child).equal
+
+
+@pytest.mark.parametrize(
+    ('change', 'integrator', 'accuracy'),
+    [
+        ('solver.accuracy=1e-9', 'dop853', 1e-9),
+        ('solver.tolerance=1e-7', 'rk4', None),
+        ('coupler.mass=1.1', 'rk4', 1e-6),
+    ],
+)
+def test_an_accuracy_picks_again_only_if_it_is_changed(tmp_path, change, integrator, accuracy):
+    setup = settings.made(load_scene('slider_crank'), {'accuracy': 1e-6})
+    run = LogRun(tmp_path / 'parent', setup)
+    run.send()
+    for _ in range(50):
+        setup.simulation.step(setup.steps)
+        run.send()
+    run.close()
+    child = forked(load(run.recorder.path.parent), tmp_path, '--at', '0.05', '--set', change)
+    solver = child.info['solver']
+    assert (solver['integrator'], solver['accuracy']) == (integrator, accuracy)
+    assert compare(child).equal
 
 
 def test_a_log_without_states_is_run_to_the_instant(tmp_path):

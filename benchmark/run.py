@@ -1,0 +1,75 @@
+"""Make the stored results again, and say how they compare with what was stored from this machine.
+
+    make benchmark
+
+Accuracy and cost (work_precision.csv), other engines (peers.csv), then the tables made of them.
+For each curve the median ratio of costs, now over before, is printed: above 1 it is slower.
+Without `--no-peers` the other engines are installed first, in an environment of their own.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import statistics
+import subprocess
+import sys
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+RESULTS = HERE / 'results'
+SCENES = ('slider_crank', 'double_four_bar')
+
+Costs = dict[tuple[str, ...], float]
+
+
+def stored(name: str) -> tuple[str, dict[str, Costs]]:
+    """The machine, and costs by curve and setting; nothing if there is no such file."""
+    path = RESULTS / name
+    if not path.is_file():
+        return '', {}
+    with open(path, encoding='utf-8') as stream:
+        about = next(stream)
+        found: dict[str, Costs] = {}
+        for row in csv.DictReader(stream):
+            if row['cpu_ms_per_s'] and not row['failure']:
+                curve = [row.get(k, '') for k in ('scene', 'mechanism', 'peer', 'formulation')]
+                curve += [row.get(k, '') for k in ('integrator', 'iterations')]
+                setting = row['step_s'], row['tolerance']
+                costs = found.setdefault(' '.join(filter(None, curve)), {})
+                costs[setting] = float(row['cpu_ms_per_s'])
+    return about.partition(', Python')[0], found
+
+
+def compare(before: tuple[str, dict[str, Costs]], after: tuple[str, dict[str, Costs]]) -> None:
+    """Print the ratios, if the machine is the same."""
+    if before[0] != after[0]:
+        print(f'nothing stored from this machine ({before[0].strip() or "no file"})')
+        return
+    for curve, costs in after[1].items():
+        old = before[1].get(curve, {})
+        ratios = [cost / old[k] for k, cost in costs.items() if old.get(k)]
+        if ratios:
+            print(f'{statistics.median(ratios):6.2f}  {curve}')
+
+
+def main() -> None:
+    """Run all."""
+    parser = argparse.ArgumentParser(description='Make the results in benchmark/results again.')
+    parser.add_argument('--no-peers', action='store_true', help='leave out the other engines')
+    options = parser.parse_args()
+    measure = [sys.executable, '-m', 'alf_ros', 'work_precision', *SCENES]
+    commands = {'work_precision.csv': [*measure, '--folder', str(RESULTS)]}
+    if not options.no_peers:
+        commands['peers.csv'] = [sys.executable, str(HERE / 'peers' / 'run.py')]
+    for name, command in commands.items():
+        before = stored(name)
+        if name == 'work_precision.csv':
+            (RESULTS / name).unlink(missing_ok=True)  # what is there would not be measured again
+        subprocess.run(command, cwd=HERE.parent, check=True)
+        compare(before, stored(name))
+    subprocess.run([sys.executable, str(HERE / 'tables.py')], cwd=HERE.parent, check=True)
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,77 @@
+"""The tables of the documents are those of the stored results."""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from alf_ros.work_trial import Point, Setting
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+def loaded(name: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(name, ROOT / 'benchmark' / f'{name}.py')
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+tables = loaded('tables')
+
+
+@pytest.mark.parametrize('name', tables.DOCUMENTS)
+def test_tables_agree_with_the_stored_results(name: str) -> None:
+    text = (ROOT / name).read_text(encoding='utf-8')
+    assert '<!-- peers -->' in text and '| alf_ros adaptive |' in text
+    assert tables.filled(text) == text
+
+
+def test_a_number_that_was_typed_is_found() -> None:
+    text = (ROOT / 'doc/performance.md').read_text(encoding='utf-8')
+    typed = text.replace('| mujoco |', '| mujoco | 9 ', 1)
+    assert typed != text and tables.filled(typed) == text
+
+
+def test_every_peer_is_there_with_every_mechanism() -> None:
+    _, points = tables.peer_points()
+    engines = {
+        'alf_ros rk4',
+        'alf_ros dop853',
+        'alf_ros adaptive',
+        'mujoco',
+        'exudyn',
+        'pinocchio',
+    }
+    assert {name: set(found) for name, found in points.items()} == {
+        'slider_crank': engines,
+        'double_four_bar': engines,
+    }
+    for found in points.values():
+        for engine, curve in found.items():
+            runs = {'alf_ros adaptive': 0, 'pinocchio': 12}.get(engine, 56)
+            assert len(tables.survived(curve)) == runs, engine
+
+
+def test_what_is_lost() -> None:
+    def point(error: float, failure: str = '') -> Point:
+        return Point(Setting('x', '', 0, 1e-3), 1.0, 1, 0, 0, error, 0, 0, 0, failure)
+
+    assert tables.lost(point(math.nan, 'stopped')) and tables.lost(point(0.5))
+    assert tables.lost(point(math.nan)) and not tables.lost(point(1e-3))
+
+
+def test_ratios_are_of_the_same_settings_and_machine(capsys: pytest.CaptureFixture[str]) -> None:
+    run = loaded('run')
+    costs = {('1', ''): 2.0, ('2', ''): 6.0, ('3', ''): 9.0}
+    run.compare(('# cpu', {'a': {('1', ''): 1.0, ('2', ''): 2.0}}), ('# cpu', {'a': costs}))
+    assert capsys.readouterr().out == '  2.50  a\n'
+    run.compare(('# other', {'a': costs}), ('# cpu', {'a': costs}))
+    assert 'nothing stored from this machine' in capsys.readouterr().out
+    _, found = run.stored('work_precision.csv')
+    assert 'slider_crank alf2 dop853_adaptive 10' in found
