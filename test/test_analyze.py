@@ -1,5 +1,6 @@
 """`analyze`: what it gathers against the whole log, and its page in a browser, without network."""
 
+import importlib.util
 import json
 import re
 import shutil
@@ -270,14 +271,24 @@ def test_no_code_of_a_log_is_run(planar, tmp_path):
 
 def test_the_command_writes_page_and_tables(planar, tmp_path, capsys):
     target = tmp_path / 'page.html'
-    tables = ['--csv', str(tmp_path / 'csv'), '--parquet', str(tmp_path / 'parquet')]
+    tables = ['--csv', str(tmp_path / 'csv')]
     assert main([str(planar), '-o', str(target), *tables]) == 0
     assert str(target) in capsys.readouterr().out
     assert (tmp_path / 'csv/joint_states.csv').is_file()
-    assert (tmp_path / 'parquet/simulator_reactions.parquet').is_file()
-    assert main([str(planar), str(planar), '-o', str(target), *tables[:2]]) == 0
+    assert main([str(planar), str(planar), '-o', str(target), *tables]) == 0
     for name in (planar.name, f'{planar.name}_1'):
         assert (tmp_path / 'csv' / name / 'joint_states.csv').is_file()
+
+
+def test_parquet_where_it_can_be_written(planar, tmp_path):
+    parquet = tmp_path / 'parquet'
+    argv = [str(planar), '-o', str(tmp_path / 'page.html'), '--parquet', str(parquet)]
+    if importlib.util.find_spec('pyarrow') is None:  # optional: who has it not is told
+        with pytest.raises(InputError, match='pip install pyarrow'):
+            main(argv)
+    else:
+        assert main(argv) == 0
+        assert (parquet / 'simulator_reactions.parquet').is_file()
 
 
 def test_it_stands_beside_the_log(planar, tmp_path):
