@@ -18,6 +18,7 @@ from alf_ros.driving import is_aligned
 from alf_ros.errors import AssemblyError
 from alf_ros.kernel import System, Work
 from alf_ros.model import Model, allocate, hold
+from alf_ros.prescribed import prescribe
 from alf_ros.rank import distance, effective_rank
 from alf_ros.row import Row, linear
 
@@ -81,7 +82,7 @@ def complete(model: Model, q: Floats, given: Given) -> Floats:
     work = allocate(model, system, 1)
     work.q[:] = q
     _linearised(model, system, work)
-    kernel.prescribe(system, 0.0, work.q, work.qd, work.qdd)
+    prescribe(system, 0.0, work.q, work.qd, work.qdd)
     wanted, x = np.zeros(len(names)), np.array(work.qd)
     wanted[own] = values
     kernel.times_jacobian(model.unit, system.rows, work.g, work.g2, x, work.r2)
@@ -108,7 +109,7 @@ def brought_back(model: Model, q: Floats, qd: Floats, t: float) -> tuple[Floats,
     """
     system, work, p = model.system, allocate(model, model.system, 1), np.zeros(model.n)
     work.q[:] = q
-    kernel.prescribe(system, t, work.q, work.qd, work.qdd)
+    prescribe(system, t, work.q, work.qd, work.qdd)
     work.q[:] = q = close(model, {}, work.q)
     _linearised(model, system, work)
     kernel.add_mass_times(model.unit, system.mass, 1.0, qd, p)

@@ -19,7 +19,7 @@ from alf_ros.layout import Layout
 from alf_ros.mass import mass_of
 from alf_ros.mechanism import Mechanism, Point, Vector
 from alf_ros.pattern import elimination_order, pattern_of
-from alf_ros.prescribed import prescribed
+from alf_ros.prescribed import prescribe, prescribed
 from alf_ros.rotor import rotor_rows
 from alf_ros.row import Row
 from alf_ros.rows import joint_rows, rigidity, rows_of, unit_rows
@@ -129,7 +129,7 @@ def compile_model(mechanism: Mechanism, penalty: float) -> Model:
         close=0.0,
     )
     unused = np.zeros_like(q)
-    kernel.prescribe(system, 0.0, q, unused, unused)
+    prescribe(system, 0.0, q, unused, unused)
     if not np.isfinite(q).all():
         raise AssemblyError('a motion has no value at t = 0', key='drives')
     for name, n in layout.of_auxiliary.items():

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from alf_ros.kernel import Prescribed
+from alf_ros import kernel
+from alf_ros.arrays import Floats
+from alf_ros.kernel import Prescribed, System
 from alf_ros.layout import Layout
 from alf_ros.signal import signal
 
@@ -27,3 +29,12 @@ def prescribed(layout: Layout) -> Prescribed:
     slots, params = signal_machine.program(outputs)
     address = np.array([signal_machine.run.address], dtype=np.uint64)
     return Prescribed(address, slots, params, np.zeros(3 * int(slots[0])))
+
+
+def prescribe(system: System, t: float, q: Floats, qd: Floats, qdd: Floats) -> None:
+    """Put the prescribed blocks of a system, if it has any, where they are at t (s).
+
+    q, q̇, q̈ (blocks D) are written in place.
+    """
+    if system.prescribed.program.size:
+        kernel.prescribed_at(system, t, q, qd, qdd)

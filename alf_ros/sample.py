@@ -21,6 +21,7 @@ from alf_ros.errors import InputError, StepError
 from alf_ros.kernel import Rows, Work
 from alf_ros.model import Model, allocate
 from alf_ros.orientation import orientation
+from alf_ros.prescribed import prescribe
 from alf_ros.rank import distance, effective_rank
 from alf_ros.reactions import Reactions
 from alf_ros.scene import Solver
@@ -409,7 +410,7 @@ class Sample:
         work.q[:] = self._state.q
         work.qd[:] = self._state.qd
         work.near[:] = self._near
-        kernel.prescribe(self.model.system, self.t, work.q, work.qd, work.qdd)
+        prescribe(self.model.system, self.t, work.q, work.qd, work.qdd)
         if not kernel.linearise(self.model.unit, self.model.system, work, work.q):
             raise StepError('the leading matrix is not positive definite', 'see step()', self.t)
         return work

@@ -25,6 +25,7 @@ from alf_ros.kernel import Phase, Watch
 from alf_ros.ledger import DRIVES, INPUTS, accounts
 from alf_ros.model import allocate, compile_model
 from alf_ros.passes import Pass, Watcher
+from alf_ros.prescribed import prescribe
 from alf_ros.reactions import Reactions
 from alf_ros.sample import Sample
 from alf_ros.scene import PICKED, Scene, Solver, joined
@@ -370,7 +371,7 @@ class Simulation:
         phase.pace[0], self._carried[:] = state.pace, state.carried
         phase.works[:] = [state.works.get(name, 0.0) for name in self.accounts]
         # a state may come from a log, which holds what moves freely
-        kernel.prescribe(self.model.system, self.t, phase.q, phase.qd, np.zeros_like(phase.q))
+        prescribe(self.model.system, self.t, phase.q, phase.qd, np.zeros_like(phase.q))
         if self._watcher is not None:
             self._watcher.restart()
         self._hold(state.inputs)

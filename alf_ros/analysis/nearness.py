@@ -10,6 +10,7 @@ from alf_ros.arrays import Floats
 from alf_ros.logs import progress
 from alf_ros.model import allocate
 from alf_ros.passes import zero
+from alf_ros.prescribed import prescribe
 from alf_ros.rank import distance, effective_rank
 from alf_ros.simulation import Simulation
 
@@ -29,7 +30,7 @@ def distances(
     missing = np.empty(len(t))
     for k, instant in enumerate(t.tolist()):
         work.q.reshape(-1, D)[model.coordinate_block] = q[k].reshape(-1, D)
-        kernel.prescribe(model.system, instant, work.q, work.qd, work.qdd)
+        prescribe(model.system, instant, work.q, work.qd, work.qdd)
         whole = kernel.linearise(model.unit, model.system, work, work.q)
         missing[k] = independent - effective_rank(model, work) if whole else np.nan
         report(k / len(t))

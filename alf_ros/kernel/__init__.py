@@ -40,7 +40,7 @@ from alf_ros.kernel.factor import linearise, solve
 from alf_ros.kernel.forces import add_friction, applied_forces, potential_energy
 from alf_ros.kernel.iteration import accelerate, augmented
 from alf_ros.kernel.mass import add_mass_times
-from alf_ros.kernel.prescribed import prescribe
+from alf_ros.kernel.prescribed import prescribed_at
 from alf_ros.kernel.step import advance
 from alf_ros.kernel.trace import mass_trace
 from alf_ros.kernel.turns import nearby
@@ -82,7 +82,7 @@ __all__ = [
     'mass_trace',
     'nearby',
     'potential_energy',
-    'prescribe',
+    'prescribed_at',
     'solve',
     'times_jacobian',
     'violation',

@@ -38,7 +38,7 @@ def _run(
     return types.void(at, t, slots, params, registers, q, qd, qdd), code
 
 
-@compiled
+@inner
 def prescribe(system: System, t: float, q: Floats, qd: Floats, qdd: Floats) -> None:
     """Put the prescribed blocks where they are at t (s), with their velocity and acceleration."""
     given = system.prescribed
@@ -47,6 +47,12 @@ def prescribe(system: System, t: float, q: Floats, qd: Floats, qdd: Floats) -> N
 
 
 @compiled
+def prescribed_at(system: System, t: float, q: Floats, qd: Floats, qdd: Floats) -> None:
+    """The same for callers that are not compiled: who has no drives does not compile it."""
+    prescribe(system, t, q, qd, qdd)
+
+
+@inner
 def bias(unit: Unit, system: System, work: Work, out: Floats) -> None:
     """out = Φ̈ less what the accelerations of movable blocks add: Φ̇_q q̇ + Φ_q,s s̈."""
     rows = system.rows
