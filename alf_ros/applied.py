@@ -22,7 +22,8 @@ from alf_ros.model import Model
 from alf_ros.reactions import Reactions
 
 # The effects that inputs are packed as.
-FROM_OUTSIDE = ('constant_wrench', 'joint_effort', 'motor')
+FROM_OUTSIDE = ('constant_wrench', 'joint_effort')
+OVER_TIME = 'motor'  # an effort that a trajectory gives
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,8 @@ from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
+from alf_ros import effects
+from alf_ros.applied import OVER_TIME
 from alf_ros.command_messages import REASONS, Refused, read_joints, read_wrench
 from alf_ros.curve import Curve
 from alf_ros.errors import InputError
@@ -71,8 +73,9 @@ class Inputs:
         self._node, self._journal, self._alarm, self._ahead = node, journal, alarm, ahead
         self._prefix = f'{node.get_fully_qualified_name()}/wrench/'
         self._subscriptions: list[Subscription] = []
+        self._ready_for_curves = False
         node.create_subscription(JointState, 'joint_commands', self._on_joints, _QUEUE)
-        node.create_subscription(
+        self._curves = node.create_subscription(
             JointTrajectory, '~/joint_trajectory', self._on_trajectory, _QUEUE
         )
         self.load(simulation)
@@ -125,7 +128,14 @@ class Inputs:
         return time.monotonic() - self._trouble_time < WARNING_TIME
 
     def watch(self) -> None:
-        """Subscribe to wrench topics that got a publisher; note those that can never be right."""
+        """Subscribe to wrench topics that got a publisher; note those that can never be right.
+
+        And compile what trajectories need when somebody is about to send some: few do, and a start
+        should not wait for it.
+        """
+        if not self._ready_for_curves and self._node.count_publishers(self._curves.topic_name):
+            effects.load(OVER_TIME)
+            self._ready_for_curves = True
         for topic, types in self._node.get_topic_names_and_types():
             if not topic.startswith(self._prefix):
                 continue
