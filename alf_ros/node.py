@@ -76,4 +76,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             node.close()
     finally:
         rclpy.try_shutdown()
+        # the interpreter would put the default back while it ends: a second Ctrl-C comes too late
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN)
     return 0
