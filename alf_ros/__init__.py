@@ -11,7 +11,8 @@ if TYPE_CHECKING:
     from alf_ros.errors import AlfError, AssemblyError, InputError, StepError
     from alf_ros.sample import Sample
     from alf_ros.scene import Scene, load_scene
-    from alf_ros.simulation import Simulation, State
+    from alf_ros.simulation import Simulation
+    from alf_ros.state import State
 
 __all__ = [
     'AlfError',
@@ -34,7 +35,7 @@ _HOME = {
     'Scene': 'scene',
     'load_scene': 'scene',
     'Simulation': 'simulation',
-    'State': 'simulation',
+    'State': 'state',
 }
 
 

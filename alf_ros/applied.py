@@ -18,12 +18,11 @@ from alf_ros.errors import InputError
 from alf_ros.kernel import Bearings, Effects, Forces, Ledger
 from alf_ros.layout import Layout
 from alf_ros.ledger import INPUTS, ledger
+from alf_ros.mechanism import Joint
 from alf_ros.model import Model
 from alf_ros.reactions import Reactions
 
-# The effects that inputs are packed as.
-FROM_OUTSIDE = ('constant_wrench', 'joint_effort')
-OVER_TIME = 'motor'  # an effort that a trajectory gives
+OVER_TIME = 'motor'  # what an effort over time, as a trajectory gives it, is packed as
 
 
 @dataclass(frozen=True)
@@ -168,10 +167,10 @@ class Applied:
         known = before._held if before is not None else {}
         wanted = {('wrench', name): wrench for name, wrench in inputs.wrenches.items()}
         efforts = {('effort', joint): effort for joint, effort in inputs.efforts.items()}
-        self._held: dict[tuple[str, str], _Held] = {
-            key: known[key] if key in known and known[key].what == what else _held(key[1], what)
-            for key, what in {**wanted, **efforts}.items()
-        }
+        self._held: dict[tuple[str, str], _Held] = {}
+        for key, what in {**wanted, **efforts}.items():
+            again = key in known and known[key].what == what
+            self._held[key] = known[key] if again else _held(model, key[1], what)
 
     def holding(self, inputs: Inputs) -> Applied:
         """The same effects with other inputs."""
@@ -287,14 +286,25 @@ def _starts(parts: Sequence[Floats] | Sequence[Integers]) -> Addresses:
     return np.cumsum([0, *sizes], dtype=np.uint64)[:-1]
 
 
-def _held(name: str, what: Wrench | float | Curve) -> _Held:
-    """What is held on a body, point or joint, as an effect; an effort over time is a motor without
-    a controller."""
-    kind = 'motor' if isinstance(what, Curve) else 'joint_effort'
+def _held(model: Model, name: str, what: Wrench | float | Curve) -> _Held:
+    """What is held on a body, point or joint, as an effect; an effort over time, or on one of two
+    angles, is a motor without a controller."""
     if isinstance(what, Wrench):
         kind, given = 'constant_wrench', (name, what.force, what.torque, what.at, what.frame)
         return _Held(what, Effect(kind, name, registry.load(kind).Parameters(*given)))
+    joint = model.coordinates[model.coordinate_names.index(name)].joint
+    kind = OVER_TIME if isinstance(what, Curve) else _steady(joint)
     return _Held(what, Effect(kind, name, registry.load(kind).Parameters(joint=name, effort=what)))
+
+
+def from_outside(model: Model) -> set[str]:
+    """The effects that wrenches and steady efforts on this mechanism are packed as."""
+    return {'constant_wrench', *(_steady(each.joint) for each in model.coordinates)}
+
+
+def _steady(joint: Joint) -> str:
+    """The effect that a steady effort is packed as."""
+    return 'motor' if joint.kind == 'universal' else 'joint_effort'
 
 
 def _aimed(effect: Effect, targets: Mapping[str, Target]) -> Effect:

@@ -40,11 +40,11 @@ def turned(name: str, X: Form, Y: Form, layout: Layout) -> tuple[Form, list[Row]
 def place(name: str, layout: Layout, q: Floats) -> Floats:
     """Where an auxiliary block is, at q (blocks D, m), as its rows will have it."""
     places = q.reshape(-1, layout.dimension)
-    if any(rotor.name == name for rotor in layout.mechanism.rotors):
-        return np.zeros(layout.dimension)  # only its velocity counts
     joints = {joint.name: joint for joint in layout.mechanism.joints}
-    owner, _, what = name.rpartition('_')
-    if owner in joints and what in ('down', 'arm'):
+    owner, _, what = name.rpartition('.')
+    if owner and what == 'rotor':
+        return np.zeros(layout.dimension)  # only its velocity counts
+    if owner:
         joint = joints[owner]
         axle, z = (_axis(joint, side, 2, layout).value(places) for side in (1, 0))
         down = (z @ axle) * axle - z

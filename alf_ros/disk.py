@@ -23,7 +23,7 @@ def disk_rows(joint: Joint, layout: Layout) -> Iterator[Row]:
     (base, tip), R, name = joint.frames, joint.value, joint.name
     length, z = layout.length, np.array(base.axes[2])
     e, c = (
-        form.of_block(layout.of_auxiliary[f'{name}_{which}'], 3).times(1.0 / length)
+        form.of_block(layout.of_auxiliary[f'{name}.{which}'], 3).times(1.0 / length)
         for which in ('down', 'arm')
     )
     axle = layout.direction(joint.child, tip.axes[2])

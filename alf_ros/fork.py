@@ -19,7 +19,8 @@ from alf_ros.logs.resume import resume
 from alf_ros.readings import READINGS
 from alf_ros.scene import PICKED, joined
 from alf_ros.settings import Setup, on_grid, steps_per_tick
-from alf_ros.simulation import Simulation, State
+from alf_ros.simulation import Simulation
+from alf_ros.state import State
 
 _OPEN = 1e-9  # of the size: constraints that a changed mechanism leaves open further are closed
 

@@ -71,8 +71,6 @@ def checked_effort(model: Model, joint: str, effort: float | Curve) -> float | C
     if not isinstance(effort, Curve) and not math.isfinite(effort):
         raise InputError('not an effort', key=joint, value=effort, expected='a finite number')
     coordinate = model.coordinates[names.index(joint)]
-    if coordinate.joint.kind == 'universal':
-        raise InputError('has two free axes: no effort on them', key=joint)
     for name in (coordinate.joint.child, coordinate.joint.parent):
         if coordinate.is_angle and name != GROUND and not model.layout.turns(name):
             raise InputError(f'{name!r} has no orientation: no torque on it', key=joint)

@@ -18,8 +18,8 @@ from alf_ros.readings import READINGS
 from alf_ros.recorder import Recorder, Split
 from alf_ros.saved_states import as_data
 from alf_ros.settings import Setup
-from alf_ros.simulation import State
 from alf_ros.stamps import stamp_ns
+from alf_ros.state import State
 from alf_ros.topics import LATCHED, RELIABLE, TOPICS
 
 if TYPE_CHECKING:

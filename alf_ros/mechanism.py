@@ -157,12 +157,15 @@ class Mechanism:
 
     @cached_property
     def auxiliary(self) -> tuple[str, ...]:
-        """Blocks that belong to no body: of rotors, and what rows need besides (`auxiliary`)."""
+        """Blocks that belong to no body: of rotors, and what rows need besides (`auxiliary`).
+
+        By a name of the file, or with a dot after it, which no name of a file has.
+        """
         names = [rotor.name for rotor in self.rotors]
         names += [d.name for d in self.drives if d.kind == 'angle' and not d.from_ground]
         for joint in self.joints:
             if joint.kind == 'disk':
-                names += [f'{joint.name}_down', f'{joint.name}_arm']
+                names += [f'{joint.name}.down', f'{joint.name}.arm']
             elif joint.kind == 'blade' and joint.motion:
                 names.append(joint.name)
         return tuple(names)

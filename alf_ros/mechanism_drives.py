@@ -93,6 +93,8 @@ class DriveReader:
                 raise rows.error(str(error)) from None
         if count > 1:
             each = entry.sequence(count)
+            if all(one.is_null for one in each):
+                raise entry.error('drives nothing', expected='an expression on one axis at least')
             return tuple(None if one.is_null else one.motion(item.names) for one in each)
         return (entry.motion(item.names),)
 

@@ -33,6 +33,8 @@ class Tables:
         rows = tuple(
             tuple(item.number(numbers) for item in row.sequence()) for row in entry.sequence()
         )
+        if not rows:
+            raise entry.error('an empty table', expected='rows of numbers, or a CSV file')
         if any(len(row) != len(rows[0]) for row in rows):
             raise entry.error('not a table', expected='rows of equal length')
         return rows

@@ -17,8 +17,9 @@ from alf_ros.outputs import Outputs
 from alf_ros.recorder import Recorder, Split
 from alf_ros.saved_states import as_data
 from alf_ros.settings import Setup
-from alf_ros.simulation import Simulation, State
+from alf_ros.simulation import Simulation
 from alf_ros.stamps import stamp_ns
+from alf_ros.state import State
 
 
 class Run:

@@ -15,7 +15,8 @@ from alf_ros.applied import Inputs, Target, Wrench
 from alf_ros.curve import Curve
 from alf_ros.errors import InputError
 from alf_ros.scene import Scene
-from alf_ros.simulation import Simulation, State
+from alf_ros.simulation import Simulation
+from alf_ros.state import State
 
 FORMAT = 1
 

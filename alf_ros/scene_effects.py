@@ -152,7 +152,7 @@ def with_rotors(mechanism: Mechanism, effects: Sequence[Effect]) -> Mechanism:
     for effect in effects:
         inertia = getattr(effect.parameters, 'armature', None)
         if inertia:  # of none, nothing: not even in the last digit
-            rotors.append(Rotor(f'{effect.label}_rotor', effect.parameters.joint, inertia))
+            rotors.append(Rotor(f'{effect.label}.rotor', effect.parameters.joint, inertia))
     if not rotors:
         return mechanism
     whole = dataclasses.replace(mechanism, rotors=tuple(rotors))
@@ -160,5 +160,5 @@ def with_rotors(mechanism: Mechanism, effects: Sequence[Effect]) -> Mechanism:
         try:
             list(rotor_rows(rotor, layout.cut(whole)))
         except ValueError as error:
-            raise InputError(str(error), key=f'effects.{rotor.name.rpartition("_")[0]}') from None
+            raise InputError(str(error), key=f'effects.{rotor.name.rpartition(".")[0]}') from None
     return whole

@@ -12,7 +12,8 @@ from typing import Any
 from alf_ros.effect_values import with_effect_values
 from alf_ros.errors import InputError, StepError
 from alf_ros.scene import PICKED, Scene, Solver, joined, load_scene
-from alf_ros.simulation import Simulation, State
+from alf_ros.simulation import Simulation
+from alf_ros.state import State
 
 # Shortest tick (s) chosen by default: at 500 Hz a small mechanism, recorded and published, takes a
 # fifth of a core, and 500 Hz is more than RViz, plots and most controllers use.

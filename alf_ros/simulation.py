@@ -6,7 +6,7 @@ import copy
 import math
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, replace
 from functools import cached_property
 from typing import Any
 
@@ -15,9 +15,10 @@ import numpy as np
 from alf_ros import assembly, kernel
 from alf_ros.accuracy import Budget, pick
 from alf_ros.applied import NO_INPUTS, Applied, Inputs, Target, Wrench
-from alf_ros.arrays import Floats, Integers
+from alf_ros.arrays import Floats
 from alf_ros.curve import Curve
 from alf_ros.errors import AssemblyError, InputError, StepError
+from alf_ros.failures import FAILURES
 from alf_ros.formulations import Formulation
 from alf_ros.input_checks import checked_effort, checked_target, checked_wrench
 from alf_ros.integrator import method
@@ -29,53 +30,10 @@ from alf_ros.prescribed import prescribe
 from alf_ros.reactions import Reactions
 from alf_ros.sample import Sample
 from alf_ros.scene import PICKED, Scene, Solver, joined
+from alf_ros.state import State
 
 # the motion does not depend on it; a smaller one takes more iterations to the same
 LEAST_PENALTY = 1e6
-
-_FAILURES = {
-    kernel.NOT_POSITIVE: (
-        'the leading matrix is not positive definite',
-        'a direction has neither mass nor constraint there: give it mass, or check the drawing',
-    ),
-    kernel.NOT_FINITE: ('the state is no longer finite', 'take a smaller step or smaller forces'),
-    kernel.COLLAPSED: (
-        'no step is small enough for the tolerance',
-        'ask for a larger tolerance, or look for a force that jumps',
-    ),
-    kernel.JAMMED: (
-        'friction finds no balance with the reactions it depends on: the mechanism jams',
-        'take smaller coefficients, a larger slip speed, or give the load as a number',
-    ),
-    kernel.TOO_MANY: (
-        'the tolerance takes more than 20000 steps within one',
-        'take a smaller step, or soften the stiffest force',
-    ),
-    kernel.NOT_CLOSED: (
-        'the loops cannot be closed within the step',
-        'take a smaller step or smaller forces: the mechanism moves too far in one, or a drive '
-        'goes where the loops do not reach',
-    ),
-}
-
-
-@dataclass(frozen=True)
-class State:
-    """Everything a run depends on: restore it and the run repeats bit for bit.
-
-    q (m), qd (m/s): all blocks in the kernel's order; turns: of each angle; pace: the step an
-    adaptive integrator would like to take next, s; carried: what a formulation other than alf2
-    integrates; works (J): of each account, if a ledger is kept.
-    """
-
-    step: int
-    q: Floats
-    qd: Floats
-    turns: Integers
-    pace: float
-    carried: Floats
-    inputs: Inputs
-    works: Mapping[str, float] = field(default_factory=dict)
 
 
 class Simulation:
@@ -283,7 +241,7 @@ class Simulation:
         return tuple(self._watcher.passes)
 
     def _failure(self, result: int) -> tuple[str, str]:
-        return self._formulation.failure(result) if self._formulation else _FAILURES[result]
+        return self._formulation.failure(result) if self._formulation else FAILURES[result]
 
     def _advance_watched(
         self, phase: Phase, first: int, n: int, watch: Watch | None

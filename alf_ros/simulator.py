@@ -136,9 +136,9 @@ class Simulator(Node):
     def _warm_up(self, simulation: Simulation) -> None:
         """Use what ticks, reports and commands will use, compiled code above all."""
         from alf_ros import effects
-        from alf_ros.applied import FROM_OUTSIDE
+        from alf_ros.applied import from_outside
 
-        for kind in FROM_OUTSIDE:
+        for kind in sorted(from_outside(simulation.model)):
             effects.load(kind)
         self._outputs.prepare(simulation)
         try:

@@ -9,16 +9,13 @@ carry, the works of a ledger (J), and the step index.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from alf_ros.applied import Inputs
 from alf_ros.arrays import Floats
 from alf_ros.model import Model
-
-if TYPE_CHECKING:
-    from alf_ros.applied import Inputs
-    from alf_ros.simulation import State
+from alf_ros.state import State
 
 
 def names(model: Model, state: State) -> tuple[str, ...]:

@@ -108,6 +108,8 @@ ROOMS = {
     ],
     'simulation': [
         'simulation',
+        'state',
+        'failures',
         'accuracy',
         'applied',
         'bearings',

@@ -206,13 +206,15 @@ def test_slider_crank_driven_through_its_singular_position(method: dict[str, Any
     )
     sim = Simulation(scene_from_text(text), ledger=True, **method)
     # two rods of 1 m and 1 kg, at a steady speed; V = g sin. What a drive exerts is as exact as λ
-    # beside a singular position, and the adaptive steps are chosen for the motion alone
+    # beside a singular position, and adaptive steps are chosen for the motion alone: they are long
+    # here, where it is prescribed
+    bound = 1e-7 if method['integrator'] == 'dop853_adaptive' else 1e-8
     for sample in sim.run(3.0, at=np.linspace(0.1, 3.0, 30)):
         angle = math.pi / 4 + 2.0 * sample.t
         change = 4.0 * (math.sin(angle) ** 2 - 0.5)
         fall = G * (math.sin(math.pi / 4) - math.sin(angle))
         assert sample.works['gravity'] == pytest.approx(fall, abs=1e-8)
-        assert sample.works['drives'] == pytest.approx(change - fall, abs=1e-7)
+        assert sample.works['drives'] == pytest.approx(change - fall, abs=bound)
 
 
 def test_free_slider_crank_through_its_singular_position(method: dict[str, Any]) -> None:

@@ -41,7 +41,7 @@ def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
     for effect in effects:
         p: Parameters = effect.parameters
         if p.joint not in coordinates or coordinates[p.joint].joint.kind == 'universal':
-            raise ValueError(f'{p.joint!r} takes no effort: it has no single free axis')
+            raise ValueError(f'{p.joint!r} is no single free axis: a motor can drive one of two')
         joint, is_angle = coordinates[p.joint].joint, coordinates[p.joint].is_angle
         axis = joint.frames[0].axes[0 if planar else 2]
         along = layout.direction(joint.parent, axis)

@@ -15,7 +15,8 @@ from alf_ros.logs.series import Series
 from alf_ros.saved_states import from_data, read_curve
 from alf_ros.scene import Solver
 from alf_ros.settings import on_grid
-from alf_ros.simulation import Simulation, State
+from alf_ros.simulation import Simulation
+from alf_ros.state import State
 from alf_ros.stamps import stamp_ns
 
 
