@@ -20,6 +20,8 @@ from alf_ros.readings import READINGS
 from alf_ros.settings import Setup
 from alf_ros.stamps import stamp_ns
 
+_DEPTH = 1000
+
 Topics = dict[str, tuple[type, QoSProfile]]
 
 
@@ -161,14 +163,17 @@ def stamp_of(log: Log, t: float) -> int:
 
 
 def _qos(metadata: dict[str, str]) -> QoSProfile:
-    """As it was offered: reliability, durability and depth."""
+    """As it was offered; but deep, as a log may come in bursts, unless it is kept for who is late."""
     profiles = yaml.safe_load(metadata.get('offered_qos_profiles', '')) or [{}]
     told = profiles[0]
-    return QoSProfile(
+    qos = QoSProfile(
         depth=max(1, int(told.get('depth', 10))),
         reliability=ReliabilityPolicy(int(told.get('reliability', ReliabilityPolicy.RELIABLE))),
         durability=DurabilityPolicy(int(told.get('durability', DurabilityPolicy.VOLATILE))),
     )
+    if not _is_latched(qos):
+        qos.depth = max(_DEPTH, qos.depth)
+    return qos
 
 
 def _is_latched(qos: QoSProfile) -> bool:

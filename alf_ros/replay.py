@@ -10,6 +10,7 @@ import rclpy
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock as SteadyClock
 from rclpy.clock import ClockType
+from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
@@ -33,6 +34,7 @@ from alf_ros.topics import BEST_EFFORT
 BEAT = 1e-3  # s between two looks at what is due
 _MOST = 1000  # messages in one call, so that services and parameters get their turn
 _CLOCK = '/clock'
+_PATIENCE = 1.0  # s, with readers at the end
 
 
 class Replay(Node):
@@ -71,6 +73,13 @@ class Replay(Node):
         """End now."""
         if not self.finished.done():
             self.finished.set_result(None)
+
+    def deliver(self) -> None:
+        """Wait until those who hear reliably have heard all of it, for a second at most."""
+        end = time.monotonic() + _PATIENCE
+        for output in self._outputs.values():
+            left = max(0.0, end - time.monotonic())
+            output.wait_for_all_acked(Duration(seconds=left))
 
     @property
     def t(self) -> float:
@@ -194,6 +203,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             signal.signal(number, node.stop)
         status.say(f'replay of {log.path}: {len(source.topics)} topics, to t = {log.end:.9g} s')
         spin(node)
+        node.deliver()
         status.say(f'stopped at t = {node.t:.9g} s, {node.published} messages')
     finally:
         rclpy.try_shutdown()

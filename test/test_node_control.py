@@ -55,7 +55,7 @@ def test_a_controller_balances_them(tmp_path, peer):
     assert max(abs(rate) for _, rate in settled) < 2e-2
     efforts = [entry for entry in journal(log) if entry['kind'] == 'effort']
     # a busy machine may make several ticks at once: they have one answer
-    assert len({entry['step'] for entry in efforts}) > 0.3 * len(states)
+    assert len({entry['step'] for entry in efforts}) > 0.1 * len(states)
     repeated = repeat(log)
     for stamp, state in log['/joint_states']:
         assert list(state.position) == repeated[stamp]

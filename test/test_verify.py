@@ -15,8 +15,10 @@ from geometry_msgs.msg import WrenchStamped
 from log_files import JOURNAL, Retold, make, push, rewritten
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message, serialize_message
-from ros_node import ROOT, Peer, SimulatorProcess
+from ros_node import ROOT, START_LIMIT, Peer, SimulatorProcess
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
@@ -33,6 +35,7 @@ LIBRARY = sorted(path.stem for path in (ROOT / 'config/scenes').glob('*.yaml'))
 SAMPLE = ['slider_crank', 'rolling_disk', 'stewart_platform']
 SCENES = LIBRARY if os.environ.get('ALF_ROS_LONG') else SAMPLE
 SECONDS = 2.0
+LOSSY = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
 COORDINATES = ('A.x', 'A.y', 'B.x', 'B.y')
 TOPICS = 4  # wrenches on so many bodies or points, and efforts on all joints
 
@@ -58,8 +61,10 @@ def random_commands(peer, scene, seconds, seed):
     taken = [
         c.name for c in model.coordinates if c.joint.kind != 'universal' and turning(model, c)
     ]
-    sent, start = 0, time.monotonic()
-    while time.monotonic() < start + seconds:
+    sent, start, ticks = 0, time.monotonic(), peer.listen('/clock', Clock, LOSSY)
+    while time.monotonic() < start + seconds or len(ticks) < 100:
+        peer.executor.spin_once(timeout_sec=0.0)
+        assert time.monotonic() < start + START_LIMIT
         if joints and taken and chance.random() < 0.3:
             name = chance.choice(taken)
             joints.publish(JointState(name=[name], effort=[chance.gauss(0.0, 0.1 * weight)]))
