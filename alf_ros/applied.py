@@ -21,6 +21,7 @@ from alf_ros.ledger import INPUTS, ledger
 from alf_ros.mechanism import Joint
 from alf_ros.model import Model
 from alf_ros.reactions import Reactions
+from alf_ros.soft import Direction
 
 OVER_TIME = 'motor'  # what an effort over time, as a trajectory gives it, is packed as
 
@@ -69,12 +70,13 @@ class Part(NamedTuple):
 
 @dataclass(frozen=True)
 class _Kind:
-    """An effect's functions (addresses; 0: none), its instances packed, and those of them that
-    have a load: none, or all."""
+    """An effect's functions (addresses; 0: none, or nobody asks), its instances packed, and those
+    of them that have a load: none, or all."""
 
     force: int
     potential: int
     friction: int
+    tangent: int
     packed: Packed
     rubbing: Sequence[Effect]
 
@@ -95,15 +97,29 @@ class _Scene:
     """The effects of a scene, packed once for each layout that asks, whatever is held."""
 
     def __init__(
-        self, model: Model, effects: Sequence[Effect], reactions: Callable[[], Reactions]
+        self,
+        model: Model,
+        effects: Sequence[Effect],
+        reactions: Callable[[], Reactions],
+        tangents: bool,
     ) -> None:
         self.effects = tuple(effects)
-        self._model, self.reactions = model, reactions
+        self._model, self.reactions, self._tangents = model, reactions, tangents
         self._kinds: list[tuple[Layout, list[_Kind]]] = []
         self._on_joints: dict[str, Part] | None = None
 
     def kinds(self, layout: Layout) -> list[_Kind]:
-        return _once(self._kinds, self.effects, layout)
+        return _once(self._kinds, self.effects, layout, self._tangents)
+
+    @property
+    def directions(self) -> list[Direction]:
+        """In which the effects yield."""
+        return [
+            Direction(e, n, blocks)
+            for e, kind in enumerate(self.kinds(self._model.layout))
+            if kind.tangent
+            for n, blocks in enumerate(kind.packed.directions)
+        ]
 
     @cached_property
     def _rubbing(self) -> list[Effect]:
@@ -147,22 +163,23 @@ class Applied:
         inputs: Inputs,
         reactions: Callable[[], Reactions],
         weights: Floats | None = None,
+        tangents: bool = False,
         before: Applied | None = None,
     ) -> None:
         """`before`, of the same effects: what it packed and still holds is used again. `weights`
-        (stages,) of the method: a ledger is kept.
+        (stages,) of the method: a ledger is kept. `tangents`: for an implicit method.
 
         Raises InputError if an effect does not fit the mechanism.
         """
         self.inputs = inputs
         self._model, self._given, self._reactions = model, effects, reactions
-        self._weights = weights
+        self._weights, self._tangents = weights, tangents
         self._scene: _Scene
         if before is not None and before.inputs.targets == inputs.targets:
             self._scene = before._scene
         else:
             aimed = [_aimed(each, inputs.targets) for each in effects]
-            self._scene = _Scene(model, aimed, reactions)
+            self._scene = _Scene(model, aimed, reactions, tangents)
         self._elsewhere: tuple[Layout, Effects] | None = None
         known = before._held if before is not None else {}
         wanted = {('wrench', name): wrench for name, wrench in inputs.wrenches.items()}
@@ -174,7 +191,14 @@ class Applied:
 
     def holding(self, inputs: Inputs) -> Applied:
         """The same effects with other inputs."""
-        return Applied(self._model, self._given, inputs, self._reactions, self._weights, self)
+        return Applied(
+            self._model, self._given, inputs, self._reactions, self._weights, self._tangents, self
+        )
+
+    @property
+    def directions(self) -> list[Direction]:
+        """In which the effects of the scene yield, for an implicit method."""
+        return self._scene.directions
 
     @property
     def effects(self) -> tuple[Effect, ...]:
@@ -234,6 +258,7 @@ def _listed(kinds: Sequence[_Kind]) -> Effects:
         force=np.array([kind.force for kind in kinds], dtype=np.uint64),
         potential=np.array([kind.potential for kind in kinds], dtype=np.uint64),
         friction=np.array([kind.friction for kind in kinds], dtype=np.uint64),
+        tangent=np.array([kind.tangent for kind in kinds], dtype=np.uint64),
         slots=np.concatenate([np.zeros(0, dtype=np.int64), *slots]),
         params=np.concatenate([np.zeros(0), *params]),
         slots_at=_starts(slots),
@@ -243,17 +268,20 @@ def _listed(kinds: Sequence[_Kind]) -> Effects:
 
 
 def _once(
-    packed: list[tuple[Layout, list[_Kind]]], effects: Sequence[Effect], layout: Layout
+    packed: list[tuple[Layout, list[_Kind]]],
+    effects: Sequence[Effect],
+    layout: Layout,
+    tangents: bool = False,
 ) -> list[_Kind]:
     """The kinds of effects on a layout, kept in `packed`: two layouts, or three, ever ask."""
     for known, kinds in packed:
         if known is layout:
             return kinds
-    packed.append((layout, _kinds(effects, layout)))
+    packed.append((layout, _kinds(effects, layout, tangents)))
     return packed[-1][1]
 
 
-def _kinds(effects: Sequence[Effect], layout: Layout) -> list[_Kind]:
+def _kinds(effects: Sequence[Effect], layout: Layout, tangents: bool = False) -> list[_Kind]:
     """Raises InputError if an effect does not fit the mechanism."""
     by_kind: dict[str, list[Effect]] = {}
     for effect in effects:
@@ -270,7 +298,8 @@ def _kinds(effects: Sequence[Effect], layout: Layout) -> list[_Kind]:
         rubs = any(_loaded(effect) is not None for effect in instances)
         friction = module.friction.address if rubs else 0
         rubbing = instances if rubs else ()
-        kinds.append(_Kind(module.force.address, potential, friction, packed, rubbing))
+        tangent = module.tangent.address if tangents and hasattr(module, 'tangent') else 0
+        kinds.append(_Kind(module.force.address, potential, friction, tangent, packed, rubbing))
     return kinds
 
 

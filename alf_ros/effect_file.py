@@ -139,4 +139,6 @@ def checked(module: ModuleType, file: str) -> ModuleType:
     for name, wanted in (('force', contract.FORCE), ('potential', contract.POTENTIAL)):
         if hasattr(module, name) and getattr(getattr(module, name), '_sig', None) != wanted:
             raise InputError(f'{name} is not compiled by @contract.{name}', file=file)
+    if not isinstance(getattr(module, 'tangent', None), (contract.Tangent, type(None))):
+        raise InputError('tangent is not compiled by @contract.tangent', file=file)
     return module

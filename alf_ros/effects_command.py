@@ -74,7 +74,8 @@ def table(found: PriceList) -> str:
         f'them; a difference below {max(found.resolution, 1e-3):.3f} µs says nothing'
     )
     lines.append(
-        'rk4, dop853: the longest step with which an effect alone leaves the method stable'
+        'rk4, dop853: the longest step with which an effect alone leaves the method stable; '
+        'esdirk43 is with any'
     )
     return '\n'.join(lines)
 

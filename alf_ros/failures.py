@@ -20,7 +20,11 @@ FAILURES: dict[int, tuple[str, str]] = {
     ),
     kernel.TOO_MANY: (
         'the tolerance takes more than 20000 steps within one',
-        'take a smaller step, or soften the stiffest force',
+        'take a smaller step, soften the stiffest force, or take the integrator esdirk43_adaptive',
+    ),
+    kernel.NOT_SETTLED: (
+        'the stages of the implicit method find no balance of forces',
+        'look for a force that jumps, or take a larger tolerance',
     ),
     kernel.NOT_CLOSED: (
         'the loops cannot be closed within the step',

@@ -1,7 +1,7 @@
-"""Explicit Runge-Kutta methods as their tableaux; the kernel steps any of them.
+"""Runge-Kutta methods as their tableaux; the kernel steps any of them.
 
-`rk4` and `dop853` take the step of the scene; `dop853_adaptive` takes as many steps between two
-grid points as its tolerance asks for.
+`rk4`, `dop853` and, for stiff scenes, `esdirk43` take the step of the scene; `dop853_adaptive` and
+`esdirk43_adaptive` take as many steps between two grid points as their tolerance asks for.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ from alf_ros.scene import Solver
 
 class Tableau(NamedTuple):
     """Butcher's a (s, s), b (s,), c (s,), the order, for an adaptive method the weights of its
-    embedded errors (2, s), and whether it errs less with q̇ as the stages carry it."""
+    embedded errors (2, s), of an implicit one (1, s), and whether it errs less with q̇ as the
+    stages carry it."""
 
     a: Floats
     b: Floats
@@ -26,6 +27,11 @@ class Tableau(NamedTuple):
     order: int
     embedded: Floats = np.zeros(0)
     carried: bool = False
+
+    @property
+    def implicit(self) -> bool:
+        """Whether stages depend on themselves."""
+        return bool(np.diag(self.a).any())
 
 
 def _rk4() -> Tableau:
@@ -39,15 +45,69 @@ def _rk4() -> Tableau:
 _A, _B, _C = (np.ascontiguousarray(part) for part in (DOP853.A, DOP853.B, DOP853.C))
 _DOP853 = Tableau(_A, _B, _C, 8, carried=True)
 
+
+def _esdirk43() -> Tableau:
+    """The implicit part of ARK4(3)6L[2]SA: L-stable, stiffly accurate, stages of order 2. Kennedy
+    & Carpenter, Appl. Numer. Math. 44 (2003), 139, Appendix C."""
+    a = np.zeros((6, 6))
+    a[1, 0] = 1 / 4
+    a[2, :2] = 8611 / 62500, -1743 / 31250
+    a[3, :3] = 5012029 / 34652500, -654441 / 2922500, 174375 / 388108
+    a[4, :4] = (
+        15267082809 / 155376265600,
+        -71443401 / 120774400,
+        730878875 / 902184768,
+        2285395 / 8070912,
+    )
+    a[5, :5] = 82889 / 524892, 0.0, 15625 / 83664, 69875 / 102672, -2260 / 8211
+    a[1:, 1:] += np.eye(5) / 4
+    b = a[5].copy()
+    lower = np.array(
+        [
+            4586570599 / 29645900160,
+            0.0,
+            178811875 / 945068544,
+            814220225 / 1159782912,
+            -3700637 / 11593932,
+            61727 / 225920,
+        ]
+    )
+    return Tableau(a, b, a.sum(axis=1), 4, embedded=(b - lower)[None], carried=True)
+
+
+_ESDIRK43 = _esdirk43()
+
+
 TABLEAUX = {
     'rk4': _rk4(),
     'dop853': _DOP853,
     'dop853_adaptive': _DOP853._replace(embedded=np.array([DOP853.E5[:-1], DOP853.E3[:-1]])),
+    'esdirk43': _ESDIRK43._replace(embedded=np.zeros(0)),
+    'esdirk43_adaptive': _ESDIRK43,
 }
+
+
+def _guess(c: Floats) -> Floats:
+    """(s, s) weights that extrapolate a stage from those before: a polynomial through all."""
+    weights = np.zeros((c.size, c.size))
+    for s in range(1, c.size):
+        for m in range(s):
+            others = np.delete(c[:s], m)
+            weights[s, m] = np.prod((c[s] - others) / (c[m] - others))
+    return weights
 
 
 def method(solver: Solver) -> Method:
     """What the kernel has to know of a scene's solver section."""
-    a, b, c, _, embedded, carried = TABLEAUX[solver.integrator]
-    iterations = np.uint64(solver.iterations)
-    return Method(a, b, c, embedded, np.uint64(carried), iterations, solver.tolerance)
+    tableau = TABLEAUX[solver.integrator]
+    a, b, c, _, embedded, carried = tableau
+    return Method(
+        a,
+        b,
+        c,
+        embedded,
+        guess=_guess(c) if tableau.implicit else np.zeros(0),
+        carried=np.uint64(carried),
+        iterations=np.uint64(solver.iterations),
+        tolerance=solver.tolerance,
+    )

@@ -123,8 +123,9 @@ class Measures:
         """The numbers of the effect that go with the scalar added last."""
         self._numbers[-1] = np.array([float(number) for number in numbers])
 
-    def packed(self) -> Packed:
-        """All of it, for the functions below."""
+    def packed(self, directions: int = 1) -> Packed:
+        """All of it, for the functions below; an effect yields in so many directions of each
+        scalar."""
         at = _HEAD + _WORDS * len(self._words) + 2 * len(self._rows)
         table: list[int] = []
         slots: list[int] = []
@@ -147,7 +148,12 @@ class Measures:
             size += numbers.size
         head = [self._layout.dimension, len(self._words)]
         whole = np.array([*head, *words, *table, *slots], dtype=np.int64)
-        return Packed(whole, np.concatenate([*params, *self._numbers]))
+        ends = [*(first for *_, first in self._words[1:]), len(self._rows)]
+        moved: list[tuple[int, ...]] = []
+        for (*_, first), end in zip(self._words, ends, strict=True):
+            blocks = {block for row in self._rows[first:end] for block in row.blocks}
+            moved += directions * [tuple(sorted(blocks))]
+        return Packed(whole, np.concatenate([*params, *self._numbers]), tuple(moved))
 
 
 def _value(row: Row, q: Floats) -> float:

@@ -14,7 +14,7 @@ from alf_ros.arrays import Floats, Integers, Unit
 from alf_ros.coordinates import Coordinate, measured
 from alf_ros.driving import drive_rows
 from alf_ros.errors import AssemblyError
-from alf_ros.kernel import Rows, System, Work
+from alf_ros.kernel import Rows, Soft, System, Work
 from alf_ros.layout import Layout
 from alf_ros.mass import mass_of
 from alf_ros.mechanism import Mechanism, Point, Vector
@@ -120,6 +120,7 @@ def compile_model(mechanism: Mechanism, penalty: float) -> Model:
         mass=mass,
         rows=arrays,
         pattern=pattern_of(layout, mass, arrays),
+        soft=Soft.empty(),
         prescribed=prescribed(layout),
         angles=rows_of(angles, layout)[0],
         size=layout.length,
@@ -255,6 +256,8 @@ def allocate(model: Model, system: System, stages: int) -> Work:
         'kq': stages * n,
         'kv': stages * n,
         'base': whole,
+        'before_q': n,
+        'before_qd': n,
         'sum': n,
         'sum_q': n,
         'bend': whole,

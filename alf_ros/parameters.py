@@ -99,7 +99,12 @@ def solver_specs(solver: Solver) -> list[Spec]:
             fixed=False,
         ),
         Spec('solver.step', solver.step, 'Solver step, s', (1e-12, 1e6), fixed=False),
-        Spec('solver.integrator', solver.integrator, 'Such as rk4 or dop853', fixed=False),
+        Spec(
+            'solver.integrator',
+            solver.integrator,
+            'Such as rk4 or dop853; esdirk43 where effects are stiff',
+            fixed=False,
+        ),
         Spec(
             'solver.formulation', solver.formulation, 'Equations solved, such as alf2', fixed=False
         ),

@@ -44,8 +44,13 @@ def _neighbours(layout: Layout, mass_pairs: Iterable[tuple[int, int]], rows: Seq
     return (whole + sparse.diags(np.asarray(-whole.sum(axis=1)).ravel() + 1.0)).tocsc()
 
 
-def pattern_of(layout: Layout, mass: Mass, rows: Rows) -> Pattern:
-    """Symbolic factorisation: the fill, and where the product of two blocks of a column goes."""
+def pattern_of(
+    layout: Layout, mass: Mass, rows: Rows, cliques: Iterable[Sequence[int]] = ()
+) -> Pattern:
+    """Symbolic factorisation: the fill, and where the product of two blocks of a column goes.
+
+    `cliques`: blocks that something else binds together.
+    """
     D, n = layout.dimension, layout.movable
     below: list[set[int]] = [set() for _ in range(n)]
     both = int(rows.both)
@@ -60,6 +65,9 @@ def pattern_of(layout: Layout, mass: Mass, rows: Rows) -> Pattern:
                 if rows.block[e] > rows.block[f]:
                     below[rows.block[f]].add(int(rows.block[e]))
                     entry_pairs.append((e, f, r))
+    for clique in cliques:
+        for block in clique:
+            below[block].update(int(other) for other in clique if other > block)
     columns: list[list[int]] = []
     for k in range(n):  # a column's pattern goes on to its parent in the elimination tree
         column = sorted(below[k])

@@ -163,7 +163,7 @@ def stamp_of(log: Log, t: float) -> int:
 
 
 def _qos(metadata: dict[str, str]) -> QoSProfile:
-    """As it was offered; but deep, as a log may come in bursts, unless it is kept for who is late."""
+    """As it was offered; but deep, for bursts, unless it is kept for those who come late."""
     profiles = yaml.safe_load(metadata.get('offered_qos_profiles', '')) or [{}]
     told = profiles[0]
     qos = QoSProfile(

@@ -28,7 +28,7 @@ from alf_ros.scene_effects import read_effects, with_rotors
 from alf_ros.serialise import entry as as_entry
 from alf_ros.serialise import serialise
 
-INTEGRATORS = ('rk4', 'dop853', 'dop853_adaptive')
+INTEGRATORS = ('rk4', 'dop853', 'dop853_adaptive', 'esdirk43', 'esdirk43_adaptive')
 FORMULATIONS = (
     'alf2',
     'alf1',

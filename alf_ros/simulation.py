@@ -21,7 +21,7 @@ from alf_ros.errors import AssemblyError, InputError, StepError
 from alf_ros.failures import FAILURES
 from alf_ros.formulations import Formulation
 from alf_ros.input_checks import checked_effort, checked_target, checked_wrench
-from alf_ros.integrator import method
+from alf_ros.integrator import TABLEAUX, method
 from alf_ros.kernel import Phase, Watch
 from alf_ros.ledger import DRIVES, INPUTS, accounts
 from alf_ros.model import allocate, compile_model
@@ -30,6 +30,7 @@ from alf_ros.prescribed import prescribe
 from alf_ros.reactions import Reactions
 from alf_ros.sample import Sample
 from alf_ros.scene import PICKED, Scene, Solver, joined
+from alf_ros.soft import softened
 from alf_ros.state import State
 
 # the motion does not depend on it; a smaller one takes more iterations to the same
@@ -82,7 +83,6 @@ class Simulation:
             penalty = max(penalty, LEAST_PENALTY)
         self.model = compile_model(scene.mechanism, penalty)
         self._method = method(self.solver)
-        self._work = allocate(self.model, self.model.system, self._method.b.size)
         try:
             q = assembly.close(self.model, scene.positions)
             qd = assembly.complete(self.model, q, scene.velocities)
@@ -94,7 +94,7 @@ class Simulation:
         self.ledger = ledger
         # of `Sample.works`, by name
         self.accounts = self._named_accounts() if ledger else ()
-        self._applied = self._packed()
+        self._prepare()
         turns = np.zeros(self.model.system.angles.c.size // 2, dtype=np.int64)
         works = np.zeros(len(self.accounts))
         self._phase = Phase(q.copy(), qd.copy(), turns.copy(), np.array([self.h]), works)
@@ -133,21 +133,36 @@ class Simulation:
         self._to_pick = True
         return solver
 
-    def _packed(self) -> Applied:
-        """What acts when nothing is held; a ledger has the weights of the method."""
+    def _prepare(self) -> None:
+        """What acts when nothing is held, and what a step of the method works on."""
         weights = self._method.b if self.ledger else None
-        effects = self.scene.effects
-        return Applied(self.model, effects, NO_INPUTS, lambda: self._reactions, weights)
+        implicit = TABLEAUX[self.solver.integrator].implicit
+        self._applied = Applied(
+            self.model,
+            self.scene.effects,
+            NO_INPUTS,
+            lambda: self._reactions,
+            weights,
+            tangents=implicit,
+        )
+        self._system = self.model.system
+        self._advance_kernel = kernel.advance
+        if implicit:
+            directions = self._applied.directions
+            self._system = softened(self._system, self.model.layout, directions)
+            self._advance_kernel = kernel.advance_implicitly
+        elif self._method.embedded.size:
+            self._advance_kernel = kernel.advance_adaptively
+        self._work = allocate(self.model, self._system, self._method.b.size)
 
     def _use(self, solver: Solver) -> None:
         """Take other settings, of alf2, from the start; nothing is assembled again."""
         self.solver, self._method = solver, method(solver)
-        self._work = allocate(self.model, self.model.system, self._method.b.size)
+        self._prepare()
         self._initial = start = replace(self._initial, pace=self.h)
         pace = np.array([self.h])
         works = np.zeros(len(self.accounts))
         self._phase = Phase(start.q.copy(), start.qd.copy(), start.turns.copy(), pace, works)
-        self._applied = self._packed()
         self.restore(start)
 
     def _trial(self, solver: Solver) -> Simulation:
@@ -264,12 +279,11 @@ class Simulation:
                 self._applied.assembled, self._work, phase, carried, start, first, n, h
             )
             return result, taken
-        advance = kernel.advance_adaptively if self._method.embedded.size else kernel.advance
-        model, forces = self.model, self._applied.assembled
-        system, method, work = model.system, self._method, self._work
+        system, forces = self._system, self._applied.assembled
+        method, work, unit = self._method, self._work, self.model.unit
         within = self._within and first == 0 and start == 0.0
-        result, taken, self._iterations = advance(
-            model.unit, system, forces, method, work, phase, watch, start, first, n, h, within
+        result, taken, self._iterations = self._advance_kernel(
+            unit, system, forces, method, work, phase, watch, start, first, n, h, within
         )
         return result, taken
 

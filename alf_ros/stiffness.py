@@ -114,7 +114,9 @@ def _mode(K: Floats, C: Floats) -> Mode:
 
 def _radius(integrator: str, value: complex) -> float:
     """Where |R| exceeds 1 along the ray of an eigenvalue; of one that grows, beside it on the
-    imaginary axis."""
+    imaginary axis. Nowhere for the implicit methods, which are L-stable."""
+    if TABLEAUX[integrator].implicit:
+        return math.inf
     a, b = TABLEAUX[integrator].a, TABLEAUX[integrator].b
     powers: Floats = np.ones(b.size)
     coefficients = [1.0]

@@ -19,7 +19,13 @@ COLOURS = {  # Okabe & Ito, and three more
     'lagrange_canonical': '#56b4e9',
     'independent': '#555555',
 }
-MARKERS = {'rk4': 'o', 'dop853': 's', 'dop853_adaptive': 'D'}
+MARKERS = {
+    'rk4': 'o',
+    'dop853': 's',
+    'dop853_adaptive': 'D',
+    'esdirk43': '^',
+    'esdirk43_adaptive': 'v',
+}
 PANELS: tuple[tuple[str, Callable[[Point], float]], ...] = (
     ('largest position error, m', lambda point: point.position),
     ('largest energy error, J', lambda point: point.energy),

@@ -20,6 +20,7 @@ from alf_ros.work_reference import SPACING, Reference, course
 STEPS = {  # s, of fixed steps
     'rk4': tuple(0.02 / 2**k for k in range(7)),
     'dop853': tuple(0.04 / 2**k for k in range(6)),
+    'esdirk43': tuple(0.02 / 2**k for k in range(6)),
 }
 FEWEST, MOST = 3, 9  # repetitions
 ENOUGH = 0.15  # s of repetitions after which there are no more than the fewest
@@ -82,8 +83,9 @@ def settings(
 ) -> Iterator[Setting]:
     """Every combination that means something; `steps` (s) are STEPS if not given.
 
-    Formulations other than alf2 take fixed steps only. Those that do not iterate are run with the
-    last of `iterations` alone; with one iteration alf1 is penalty, and alf2_literal canonical.
+    Formulations other than alf2 take fixed explicit steps only. Those that do not iterate are run
+    with the last of `iterations` alone; with one iteration alf1 is penalty, and alf2_literal
+    canonical.
     """
     for formulation in formulations:
         counts = iterations if formulation == 'alf2' else iterations[-1:]
@@ -91,7 +93,7 @@ def settings(
             counts = [count for count in iterations if count > 1]
         for integrator in integrators:
             adaptive = bool(TABLEAUX[integrator].embedded.size)
-            if adaptive and formulation != 'alf2':
+            if (adaptive or TABLEAUX[integrator].implicit) and formulation != 'alf2':
                 continue
             for count in counts:
                 for effort in tolerances if adaptive else steps or STEPS[integrator]:

@@ -2,7 +2,8 @@
 
     make benchmark
 
-Accuracy and cost (work_precision.csv), other engines (peers.csv), then the tables made of them.
+Accuracy and cost (work_precision.csv), stiff scenes (stiff.csv), other engines (peers.csv), then
+the tables made of them.
 For each curve the median ratio of costs, now over before, is printed: above 1 it is slower.
 Without `--no-peers` the other engines are installed first, in an environment of their own.
 """
@@ -33,7 +34,8 @@ def stored(name: str) -> tuple[str, dict[str, Costs]]:
         found: dict[str, Costs] = {}
         for row in csv.DictReader(stream):
             if row['cpu_ms_per_s'] and not row['failure']:
-                curve = [row.get(k, '') for k in ('scene', 'mechanism', 'peer', 'formulation')]
+                of = ('scene', 'mechanism', 'peer', 'rate_per_s', 'formulation')
+                curve = [row.get(k, '') for k in of]
                 curve += [row.get(k, '') for k in ('integrator', 'iterations')]
                 setting = row['step_s'], row['tolerance']
                 costs = found.setdefault(' '.join(filter(None, curve)), {})
@@ -60,6 +62,7 @@ def main() -> None:
     options = parser.parse_args()
     measure = [sys.executable, '-m', 'alf_ros', 'work_precision', *SCENES]
     commands = {'work_precision.csv': [*measure, '--folder', str(RESULTS)]}
+    commands['stiff.csv'] = [sys.executable, str(HERE / 'stiff.py')]
     if not options.no_peers:
         commands['peers.csv'] = [sys.executable, str(HERE / 'peers' / 'run.py')]
     for name, command in commands.items():

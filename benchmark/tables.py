@@ -8,6 +8,7 @@ What stands between <!-- name --> and <!-- end of name --> is replaced; nothing 
 from __future__ import annotations
 
 import csv
+import dataclasses
 import math
 import statistics
 import sys
@@ -18,12 +19,13 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from alf_ros.work_precision import point_of  # noqa: E402
-from alf_ros.work_report import TARGETS, Summary, sentence, table  # noqa: E402
+from alf_ros.work_report import TARGETS, Summary, curves, price, sentence, table  # noqa: E402
 from alf_ros.work_trial import Point, Setting  # noqa: E402
 
 RESULTS = ROOT / 'benchmark' / 'results'
 DOCUMENTS = ('README.md', 'doc/performance.md')
 SURVIVAL = (0.01 / 60, 0.01 / 5)  # s, steps of the sweep
+STIFF = 1e-4  # m
 LOST = 1e-2  # m: above it, it is another motion
 MECHANISMS = {'slider_crank': 'slider-crank', 'double_four_bar': 'two four-bars'}
 COLOURS = ('#0072b2', '#56b4e9', '#002d47', '#d55e00', '#009e73', '#cc79a7')
@@ -117,6 +119,28 @@ def peers() -> str:
     return '\n'.join(parts)
 
 
+def stiff() -> str:
+    """What an error costs with each integrator, for every rate of the load on its spring."""
+    about, found = rows('stiff.csv')
+    points: dict[float, list[Point]] = {}
+    for row in found:
+        tolerance = float(row['tolerance']) if row['tolerance'] else None
+        setting = Setting('alf2', row['integrator'], 0, float(row['step_s']), tolerance)
+        numbers = (float(row[k]) for k in ('evaluations_per_s', 'position_m'))
+        point = Point(setting, float(row['cpu_ms_per_s']), 0, math.nan, *numbers, *3 * [math.nan])
+        point = dataclasses.replace(point, failure=row['failure'])
+        points.setdefault(float(row['rate_per_s']), []).append(point)
+    names = list(dict.fromkeys(row['integrator'] for row in found))
+    parts = [f'{about}. ms of processor time per simulated second for {1e3 * STIFF:g} mm.\n']
+    parts += [f'| √(k/m), 1/s | {" | ".join(f"`{name}`" for name in names)} |']
+    parts += ['|---' * (1 + len(names)) + '|']
+    for rate, mine in points.items():
+        of = {curve[1]: price(each, STIFF) for curve, each in curves(mine).items()}
+        cells = ['-' if of[name] is None else f'{of[name].cpu:.3g}' for name in names]
+        parts.append(f'| {rate:.0f} | {" | ".join(cells)} |')
+    return '\n'.join(parts) + '\n'
+
+
 def draw(path: Path) -> None:
     """Above the error of every step of the sweep, below what an error costs."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -159,9 +183,12 @@ def draw(path: Path) -> None:
     figure.savefig(path, dpi=110)
 
 
+TABLES = (('work_precision', work_precision), ('stiff', stiff), ('peers', peers))
+
+
 def filled(text: str) -> str:
     """A document with its tables as the results are."""
-    for name, made in (('work_precision', work_precision), ('peers', peers)):
+    for name, made in TABLES:
         marks = f'<!-- {name} -->', f'<!-- end of {name} -->'
         if marks[0] in text:
             before, _, rest = text.partition(marks[0])

@@ -22,7 +22,12 @@
     coordinate that `loaded` names; where it says None, zero. The kernel finds the loads and
     reactions that agree.
 
-The kernel calls both through their addresses: naming another set of effects compiles nothing but
+`tangent(t, q, qd, near, loads, slots, params, n, stiff, G)` (optional)
+    compiled by `@tangent`, for an implicit method that asks: how the effect yields in direction
+    n, one of `Packed.directions`. Of an effort F on a scalar x: writes -∂F/∂x and -∂F/∂ẋ into
+    `stiff`, and ADDS ∂x/∂q into G.
+
+The kernel calls them through their addresses: naming another set of effects compiles nothing but
 the effects that are new. The arguments are pointers, so nothing is checked and nothing is
 allocated. What several effects call (`measure`, `table`) becomes part of each of them.
 """
@@ -32,6 +37,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, fields
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -72,6 +78,18 @@ FORCE = types.void(
 FRICTION = types.void(
     types.float64, _numbers, _numbers, _numbers, _numbers, _integers, _numbers, _numbers
 )  # t, q, qd, near, loads, slots, params, Q
+TANGENT = types.void(
+    types.float64,
+    _numbers,
+    _numbers,
+    _numbers,
+    _numbers,
+    _integers,
+    _numbers,
+    types.int64,
+    _numbers,
+    _numbers,
+)  # t, q, qd, near, loads, slots, params, n, stiff, G
 POTENTIAL = types.float64(types.float64, _numbers, _numbers, _integers, _numbers)
 _options: dict[str, Any] = {'cache': True, 'error_model': 'numpy'}
 
@@ -100,10 +118,14 @@ class Effect:
 
 @dataclass(frozen=True)
 class Packed:
-    """What the compiled functions of an effect read: `slots` are indices, `params` numbers."""
+    """What the compiled functions of an effect read: `slots` are indices, `params` numbers.
+
+    directions: the blocks that each direction of `tangent` moves.
+    """
 
     slots: Integers
     params: Floats
+    directions: tuple[tuple[int, ...], ...] = ()
 
 
 def force(function: Callable[..., None]) -> Any:
@@ -119,6 +141,27 @@ def potential(function: Callable[..., float]) -> Any:
 def friction(function: Callable[..., None]) -> Any:
     """Compile `friction(t, q, qd, near, loads, slots, params, Q)`; cached beside its file."""
     return cfunc(FRICTION, **_options)(function)
+
+
+class Tangent:
+    """A `tangent`, compiled when somebody asks for its address."""
+
+    def __init__(self, function: Callable[..., None]) -> None:
+        self.function = function
+
+    @cached_property
+    def _compiled(self) -> Any:
+        return cfunc(TANGENT, **_options)(self.function)
+
+    @property
+    def address(self) -> int:
+        """Of the compiled function."""
+        return int(self._compiled.address)
+
+
+def tangent(function: Callable[..., None]) -> Tangent:
+    """Compile `tangent(t, q, qd, near, loads, slots, params, n, stiff, G)` when asked for it."""
+    return Tangent(function)
 
 
 def not_negative(parameters: Any, *names: str) -> None:

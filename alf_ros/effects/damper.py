@@ -13,7 +13,7 @@ from alf_ros.arrays import Floats, Integers
 from alf_ros.effects import contract
 from alf_ros.layout import Layout
 from alf_ros.measure import Measures, numbers_of, place, push, scalar
-from alf_ros.table import Points, interpolate, law
+from alf_ros.table import Points, interpolate, law, slope
 
 MULTIPLE = True
 
@@ -73,3 +73,22 @@ def force(
     for n in range(slots[1]):
         _, speed = scalar(q, qd, near, slots, params, n)
         push(q, slots, params, n, -interpolate(params, numbers_of(slots, n), speed), Q)
+
+
+@contract.tangent
+def tangent(
+    t: float,
+    q: Floats,
+    qd: Floats,
+    near: Floats,
+    loads: Floats,
+    slots: Integers,
+    params: Floats,
+    n: int,
+    stiff: Floats,
+    G: Floats,
+) -> None:
+    _, speed = scalar(q, qd, near, slots, params, n)
+    stiff[0] = 0.0
+    stiff[1] = slope(params, numbers_of(slots, n), speed)
+    push(q, slots, params, n, 1.0, G)

@@ -65,7 +65,7 @@ def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
         measures.add_place(place(layout, p.on, p.at), arms)
         wind = p.wind or (0.0,) * D
         measures.give([p.linear, p.quadratic, p.spin, len(arms), *wind])
-    return measures.packed()
+    return measures.packed(directions=1 + D + D * D)
 
 
 @contract.force
@@ -92,3 +92,42 @@ def force(
         for a in range(D, D + D * int(params[at + 3])):  # directions u_k: Σ |u̇_k|² = 2 ω²
             _, ud = component(q, qd, slots, params, n, a)
             push_component(q, slots, params, n, a, -0.5 * params[at + 2] * ud, Q)
+
+
+@contract.tangent
+def tangent(
+    t: float,
+    q: Floats,
+    qd: Floats,
+    near: Floats,
+    loads: Floats,
+    slots: Integers,
+    params: Floats,
+    n: int,
+    stiff: Floats,
+    G: Floats,
+) -> None:
+    """b + c v in each direction, c v more along the motion; and ½ s of the axes of a body."""
+    D = slots[0]
+    whole = 1 + D + D * D
+    m, a = n // whole, n % whole
+    at = numbers_of(slots, m)
+    square = 0.0
+    for b in range(D):
+        _, v = component(q, qd, slots, params, m, b)
+        square += (v - params[at + 4 + b]) * (v - params[at + 4 + b])
+    speed = sqrt(square)
+    stiff[0] = 0.0
+    stiff[1] = 0.0
+    if a < D:
+        stiff[1] = params[at] + params[at + 1] * speed
+        push_component(q, slots, params, m, a, 1.0, G)
+    elif a == D:
+        if speed > 0.0:
+            stiff[1] = params[at + 1] * speed
+            for b in range(D):
+                _, v = component(q, qd, slots, params, m, b)
+                push_component(q, slots, params, m, b, (v - params[at + 4 + b]) / speed, G)
+    elif a - 1 < D + D * int(params[at + 3]):
+        stiff[1] = 0.5 * params[at + 2]
+        push_component(q, slots, params, m, a - 1, 1.0, G)

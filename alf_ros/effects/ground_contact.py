@@ -94,7 +94,7 @@ def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
         height = float(normal @ (p.through or np.zeros(D)))
         law = [p.stiffness, p.exponent, p.damping, p.friction, p.slip, p.radius]
         measures.give([*law, len(arms), height, *normal])
-    return measures.packed()
+    return measures.packed(directions=D)
 
 
 @shared
@@ -126,6 +126,29 @@ def _slip(
         _, ud = component(q, qd, slots, params, n, D * (k + 1) + a)
         slip += _arm(q, slots, params, n, at, k) * ud
     return slip
+
+
+@shared
+def _along(
+    q: Floats,
+    qd: Floats,
+    slots: Integers,
+    params: Floats,
+    n: int,
+    at: int,
+    a: int,
+    sinking: float,
+    speed: float,
+) -> float:
+    """Component a of the direction of v; from rest, of one along the plane."""
+    if speed > 0.0:
+        return _slip(q, qd, slots, params, n, at, a, sinking) / speed
+    flat = 0
+    for b in range(1, slots[0]):
+        if abs(params[at + 8 + b]) < abs(params[at + 8 + flat]):
+            flat = b
+    size = sqrt(1.0 - params[at + 8 + flat] * params[at + 8 + flat])
+    return ((a == flat) - params[at + 8 + a] * params[at + 8 + flat]) / size
 
 
 @contract.force
@@ -174,3 +197,58 @@ def potential(t: float, q: Floats, near: Floats, slots: Integers, params: Floats
             depth -= params[at + 8 + a] * r
         energy += params[at] * max(0.0, depth) ** exponent / exponent
     return energy
+
+
+@contract.tangent
+def tangent(
+    t: float,
+    q: Floats,
+    qd: Floats,
+    near: Floats,
+    loads: Floats,
+    slots: Integers,
+    params: Floats,
+    n: int,
+    stiff: Floats,
+    G: Floats,
+) -> None:
+    """Along the normal; along the slip, and in space across it."""
+    D = slots[0]
+    m, a = n // D, n % D
+    at = numbers_of(slots, m)
+    normal, arms = at + 8, int(params[at + 6])
+    depth, sinking = params[at + 5] + params[at + 7], 0.0
+    for b in range(D):
+        r, v = component(q, qd, slots, params, m, b)
+        depth -= params[normal + b] * r
+        sinking -= params[normal + b] * v
+    stiff[0] = 0.0
+    stiff[1] = 0.0
+    losses = 1.0 + params[at + 2] * sinking
+    if depth <= 0.0 or losses <= 0.0:
+        return
+    N = params[at] * depth ** params[at + 1] * losses
+    if a == 0:
+        stiff[0] = params[at + 1] * N / depth
+        stiff[1] = params[at + 2] * N / losses
+        for b in range(D):
+            push_component(q, slots, params, m, b, params[normal + b], G)
+        return
+    square = 0.0
+    for b in range(D):
+        slip = _slip(q, qd, slots, params, m, at, b, sinking)
+        square += slip * slip
+    speed, fade = sqrt(square), params[at + 4] * params[at + 4]
+    stiff[1] = params[at + 3] * N / sqrt(square + fade)
+    if a == 1:
+        stiff[1] *= fade / (square + fade)
+    for b in range(D):
+        along = _along(q, qd, slots, params, m, at, b, sinking, speed)
+        if a == 2:
+            c, d = (b + 1) % 3, (b + 2) % 3
+            along = params[normal + c] * _along(q, qd, slots, params, m, at, d, sinking, speed)
+            along -= params[normal + d] * _along(q, qd, slots, params, m, at, c, sinking, speed)
+        push_component(q, slots, params, m, b, along, G)
+        for k in range(arms):
+            arm = _arm(q, slots, params, m, at, k)
+            push_component(q, slots, params, m, D * (k + 1) + b, along * arm, G)

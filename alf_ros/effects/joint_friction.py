@@ -73,7 +73,7 @@ def loaded(parameters: Parameters) -> str | None:
 
 
 def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
-    """Numbers of each: b, μ_d r, (μ_s - μ_d) r, ẋ_s, ε, N if it is given.
+    """Numbers of each: b, μ_d r, (μ_s - μ_d) r, ẋ_s, ε, N if it is given, whether it is not.
 
     Raises ValueError for a joint without coordinate, and for a radius of a length.
     """
@@ -85,7 +85,8 @@ def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
             raise ValueError(f'{p.joint!r} is a length: no radius')
         static = p.dynamic if p.static is None else p.static
         dry = [p.dynamic * p.radius, (static - p.dynamic) * p.radius]
-        measures.give([p.viscous, *dry, p.stribeck, p.slip, p.load or 0.0])
+        unknown = float(loaded(p) is not None)
+        measures.give([p.viscous, *dry, p.stribeck, p.slip, p.load or 0.0, unknown])
     return measures.packed()
 
 
@@ -130,3 +131,30 @@ def friction(
             at = numbers_of(slots, n)
             _, xd = scalar(q, qd, near, slots, params, n)
             push(q, slots, params, n, -loads[n] * _dry(params, at, xd) * xd, Q)
+
+
+@contract.tangent
+def tangent(
+    t: float,
+    q: Floats,
+    qd: Floats,
+    near: Floats,
+    loads: Floats,
+    slots: Integers,
+    params: Floats,
+    n: int,
+    stiff: Floats,
+    G: Floats,
+) -> None:
+    at = numbers_of(slots, n)
+    _, xd = scalar(q, qd, near, slots, params, n)
+    load = params[at + 5]
+    if params[at + 6] != 0.0:
+        load += loads[n]
+    ratio = xd / params[at + 3]
+    falling = params[at + 2] * exp(-ratio * ratio)
+    s = sqrt(xd * xd + params[at + 4] * params[at + 4])
+    steep = (params[at + 1] + falling) * params[at + 4] * params[at + 4] / (s * s * s)
+    stiff[0] = 0.0
+    stiff[1] = params[at] + load * (steep - 2.0 * falling * ratio * ratio / s)
+    push(q, slots, params, n, 1.0, G)

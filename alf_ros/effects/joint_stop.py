@@ -97,3 +97,29 @@ def potential(t: float, q: Floats, near: Floats, slots: Integers, params: Floats
         exponent = params[at + 3] + 1.0
         energy += params[at + 2] * depth**exponent / exponent
     return energy
+
+
+@contract.tangent
+def tangent(
+    t: float,
+    q: Floats,
+    qd: Floats,
+    near: Floats,
+    loads: Floats,
+    slots: Integers,
+    params: Floats,
+    n: int,
+    stiff: Floats,
+    G: Floats,
+) -> None:
+    at = numbers_of(slots, n)
+    k, p, c = params[at + 2], params[at + 3], params[at + 4]
+    x, xd = scalar(q, qd, near, slots, params, n)
+    depth = max(0.0, max(params[at] - x, x - params[at + 1]))
+    losses = 1.0 - c * xd if x < params[at] else 1.0 + c * xd
+    stiff[0] = 0.0
+    stiff[1] = 0.0
+    if depth > 0.0 and losses > 0.0:
+        stiff[0] = k * p * depth ** (p - 1.0) * losses
+        stiff[1] = k * depth**p * c
+    push(q, slots, params, n, 1.0, G)

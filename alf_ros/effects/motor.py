@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from alf_ros.arrays import Floats, Integers
 from alf_ros.effects import contract
 from alf_ros.layout import Layout
-from alf_ros.measure import Measures, numbers_of, push, scalar
+from alf_ros.measure import Measures, numbers_of, push, scalar, shared
 from alf_ros.table import Points, interpolate, signal, slope
 
 MULTIPLE = True
@@ -96,6 +96,24 @@ def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
     return measures.packed()
 
 
+@shared
+def _wanted(
+    t: float, q: Floats, qd: Floats, near: Floats, slots: Integers, params: Floats, n: int
+) -> tuple[float, float]:
+    """The effort without limits, and ẋ."""
+    at = numbers_of(slots, n)
+    e = at + 7
+    x, xd = scalar(q, qd, near, slots, params, n)
+    position_table, velocity_table = e + int(params[at + 5]), e + int(params[at + 6])
+    if params[at + 4] != 0.0:
+        velocity = interpolate(params, velocity_table, t)
+    else:
+        velocity = slope(params, position_table, t)
+    effort = interpolate(params, e, t)
+    effort += params[at] * (interpolate(params, position_table, t) - x)
+    return effort + params[at + 1] * (velocity - xd), xd
+
+
 @contract.force
 def force(
     t: float,
@@ -108,18 +126,34 @@ def force(
 ) -> None:
     for n in range(slots[1]):
         at = numbers_of(slots, n)
-        e = at + 7
-        x, xd = scalar(q, qd, near, slots, params, n)
-        position_table, velocity_table = e + int(params[at + 5]), e + int(params[at + 6])
-        if params[at + 4] != 0.0:
-            velocity = interpolate(params, velocity_table, t)
-        else:
-            velocity = slope(params, position_table, t)
-        effort = interpolate(params, e, t)
-        effort += params[at] * (interpolate(params, position_table, t) - x)
-        effort += params[at + 1] * (velocity - xd)
+        effort, xd = _wanted(t, q, qd, near, slots, params, n)
         limit = params[at + 2]
         if limit < math.inf:
             speed = xd * params[at + 3]
             effort = min(max(effort, -limit * (1.0 + speed)), limit * (1.0 - speed))
         push(q, slots, params, n, effort, Q)
+
+
+@contract.tangent
+def tangent(
+    t: float,
+    q: Floats,
+    qd: Floats,
+    near: Floats,
+    loads: Floats,
+    slots: Integers,
+    params: Floats,
+    n: int,
+    stiff: Floats,
+    G: Floats,
+) -> None:
+    at = numbers_of(slots, n)
+    effort, xd = _wanted(t, q, qd, near, slots, params, n)
+    limit, speed = params[at + 2], xd * params[at + 3]
+    stiff[0] = params[at]
+    stiff[1] = params[at + 1]
+    if limit < math.inf:
+        if effort < -limit * (1.0 + speed) or effort > limit * (1.0 - speed):
+            stiff[0] = 0.0
+            stiff[1] = limit * params[at + 3]
+    push(q, slots, params, n, 1.0, G)

@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 from alf_ros.arrays import Floats, Integers
 from alf_ros.effects import contract
 from alf_ros.layout import Layout
-from alf_ros.measure import Measures, numbers_of, place, push, scalar
-from alf_ros.table import Points, integral, interpolate, law
+from alf_ros.measure import Measures, numbers_of, place, push, push_component, scalar
+from alf_ros.table import Points, integral, interpolate, law, slope
 
 MULTIPLE = True
 
@@ -66,7 +66,7 @@ def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
         measures.add_distance(start, end)
         length = measures.drawn() if p.free_length is None else p.free_length
         measures.give([length, *law(p.stiffness, p.table)])
-    return measures.packed()
+    return measures.packed(directions=layout.dimension + 1)
 
 
 @contract.force
@@ -94,3 +94,34 @@ def potential(t: float, q: Floats, near: Floats, slots: Integers, params: Floats
         energy += integral(params, at + 1, length - params[at])
         energy -= integral(params, at + 1, 0.0)
     return energy
+
+
+@contract.tangent
+def tangent(
+    t: float,
+    q: Floats,
+    qd: Floats,
+    near: Floats,
+    loads: Floats,
+    slots: Integers,
+    params: Floats,
+    n: int,
+    stiff: Floats,
+    G: Floats,
+) -> None:
+    """-∂F/∂l along it; and T/l in all directions, as a tension holds it straight."""
+    D = slots[0]
+    m, a = n // (D + 1), n % (D + 1)
+    at = numbers_of(slots, m)
+    length, _ = scalar(q, qd, near, slots, params, m)
+    across = 0.0
+    if length > 0.0:
+        across = max(0.0, interpolate(params, at + 1, length - params[at]) / length)
+    if a == 0:
+        stiff[0] = slope(params, at + 1, length - params[at]) - across
+        stiff[1] = 0.0
+        push(q, slots, params, m, 1.0, G)
+    else:
+        stiff[0] = across
+        stiff[1] = 0.0
+        push_component(q, slots, params, m, a - 1, 1.0, G)

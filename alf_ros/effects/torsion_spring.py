@@ -13,7 +13,7 @@ from alf_ros.arrays import Floats, Integers
 from alf_ros.effects import contract
 from alf_ros.layout import Layout
 from alf_ros.measure import Measures, numbers_of, push, scalar
-from alf_ros.table import Points, integral, interpolate, law
+from alf_ros.table import Points, integral, interpolate, law, slope
 
 MULTIPLE = True
 
@@ -86,3 +86,23 @@ def potential(t: float, q: Floats, near: Floats, slots: Integers, params: Floats
         x, _ = scalar(q, q, near, slots, params, n)
         energy += integral(params, at + 2, x - params[at]) - integral(params, at + 2, 0.0)
     return energy
+
+
+@contract.tangent
+def tangent(
+    t: float,
+    q: Floats,
+    qd: Floats,
+    near: Floats,
+    loads: Floats,
+    slots: Integers,
+    params: Floats,
+    n: int,
+    stiff: Floats,
+    G: Floats,
+) -> None:
+    at = numbers_of(slots, n)
+    x, _ = scalar(q, qd, near, slots, params, n)
+    stiff[0] = slope(params, at + 2, x - params[at])
+    stiff[1] = params[at + 1]
+    push(q, slots, params, n, 1.0, G)

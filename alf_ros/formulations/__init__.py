@@ -55,16 +55,17 @@ class Formulation:
 
     q (all blocks D, m) is where the run starts; omega Ω (1/s) and mu μ are natural frequency and
     damping ratio of the constraints, where they are stabilised. Raises InputError for an
-    integrator that adapts its step.
+    integrator that adapts its step, or is implicit.
     """
 
     def __init__(
         self, model: Model, solver: Solver, q: Floats, omega: float = OMEGA, mu: float = MU
     ) -> None:
-        if TABLEAUX[solver.integrator].embedded.size:
-            fixed = [name for name, tableau in TABLEAUX.items() if not tableau.embedded.size]
+        tableau = TABLEAUX[solver.integrator]
+        if tableau.embedded.size or tableau.implicit:
+            fixed = [n for n, t in TABLEAUX.items() if not (t.embedded.size or t.implicit)]
             raise InputError(
-                f'the formulation {solver.formulation} takes fixed steps only',
+                f'the formulation {solver.formulation} takes fixed steps only, explicit ones',
                 key='integrator',
                 value=solver.integrator,
                 expected=' or '.join(fixed),

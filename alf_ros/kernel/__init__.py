@@ -19,6 +19,7 @@ from alf_ros.kernel.data import (
     NOT_CLOSED,
     NOT_FINITE,
     NOT_POSITIVE,
+    NOT_SETTLED,
     OK,
     SOLVED,
     TOO_MANY,
@@ -32,12 +33,14 @@ from alf_ros.kernel.data import (
     Phase,
     Prescribed,
     Rows,
+    Soft,
     System,
     Watch,
     Work,
 )
 from alf_ros.kernel.factor import linearise, solve
 from alf_ros.kernel.forces import add_friction, applied_forces, potential_energy
+from alf_ros.kernel.implicit import advance_implicitly
 from alf_ros.kernel.iteration import accelerate, augmented
 from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.prescribed import prescribed_at
@@ -52,6 +55,7 @@ __all__ = [
     'NOT_CLOSED',
     'NOT_FINITE',
     'NOT_POSITIVE',
+    'NOT_SETTLED',
     'OK',
     'SOLVED',
     'Bearings',
@@ -64,6 +68,7 @@ __all__ = [
     'Phase',
     'Prescribed',
     'Rows',
+    'Soft',
     'System',
     'Watch',
     'Work',
@@ -73,6 +78,7 @@ __all__ = [
     'add_transposed',
     'advance',
     'advance_adaptively',
+    'advance_implicitly',
     'applied_forces',
     'augmented',
     'convective',

@@ -21,6 +21,7 @@ from alf_ros.kernel.factor import linearise
 from alf_ros.kernel.iteration import augmented
 from alf_ros.kernel.jit import compiled, inner
 from alf_ros.kernel.mass import add_mass_times
+from alf_ros.kernel.soft import add_soft_times
 from alf_ros.kernel.step import accept, begin, step
 from alf_ros.kernel.tally import tally
 from alf_ros.kernel.vectors import copy, largest, zero
@@ -29,11 +30,11 @@ from alf_ros.kernel.watch import note
 _SHARE = 0.05  # of the tolerance for one step: errors add up along a motion
 _ROUNDING = 1e-10  # relative error of a step that may be rounding; ten times more if it stays
 _MARGIN = 4.0  # as rounding is different in every step
-_MOST = 20_000  # steps between two grid points: more is stiff, and would look like a hang
+MOST = 20_000  # steps between two grid points: more is stiff, and would look like a hang
 
 
 @inner
-def _error_norm(
+def error_norm(
     unit: Unit, system: System, method: Method, work: Work, which: int, h: float, speed: float
 ) -> float:
     """Embedded error `which` of q, relative to the size, and of q̇, relative to the speed.
@@ -54,6 +55,7 @@ def _error_norm(
                     work.sum[i] += h * weight * k[s * n + i]
         zero(work.p)
         add_mass_times(unit, system.mass, 1.0, work.sum, work.p)
+        add_soft_times(unit, system.soft, 1.0, work.sum, work.p)
         zero(work.r2)
         zero(work.y)
         zero(work.along)
@@ -81,8 +83,8 @@ def _error(
     n = work.p.size
     pull = largest(work.Q, n) / system.mean
     speed = max(largest(phase.qd, n), largest(work.qd, n), np.sqrt(system.size * pull))
-    e5 = _error_norm(unit, system, method, work, 0, h, speed) / share
-    e3 = _error_norm(unit, system, method, work, 1, h, speed) / share
+    e5 = error_norm(unit, system, method, work, 0, h, speed) / share
+    e3 = error_norm(unit, system, method, work, 1, h, speed) / share
     return e5 * e5 / np.sqrt(e5 * e5 + 0.01 * e3 * e3) if e5 > 0.0 else 0.0
 
 
@@ -119,7 +121,7 @@ def advance_adaptively(
         floor = 1.0  # what rounding leaves of the error, whatever the step
         while done < h:
             tried += 1
-            if tried > _MOST:
+            if tried > MOST:
                 result = TOO_MANY
                 break
             left = h - done

@@ -15,12 +15,13 @@ import numpy as np
 from alf_ros.arrays import Addresses, Floats, Indices, Integers
 from alf_ros.structs import Struct
 
-OK, NOT_POSITIVE, NOT_FINITE, NOT_CLOSED, COLLAPSED, JAMMED, TOO_MANY = range(7)
+OK, NOT_POSITIVE, NOT_FINITE, NOT_CLOSED, COLLAPSED, JAMMED, TOO_MANY, NOT_SETTLED = range(8)
 
 SOLVED = 1e-12  # relative change at which a solve is finished
 EPS = float(np.finfo(np.float64).eps)
 ONE = np.uint64(1)
 TWO = np.uint64(2)
+THREE = np.uint64(3)
 FOUR = np.uint64(4)
 
 
@@ -96,6 +97,24 @@ class Prescribed(Struct):
 
 
 @dataclass(frozen=True, eq=False)
+class Soft(Struct):
+    """Directions g in which effects yield, for an implicit method; else none. See `soft`."""
+
+    effect: Indices  # (rows,) that yields
+    number: Integers  # (rows,) which of its directions
+    first: Indices  # (rows + 1,) entries of a row: first[r] .. first[r + 1]
+    movable: Indices  # (rows,) entries of movable blocks end here
+    block: Indices  # (entries,)
+    first_pair: Indices  # (rows + 1,) pairs of a row, likewise
+    pair: Indices  # (pairs, 3) entry, entry, block of the pattern
+    g: Floats  # (entries D,)
+    weight: Floats  # (rows,) kg, hγ c + (hγ)² k
+    stiff: Floats  # (2,) k and c of one direction
+    gradient: Floats  # (all blocks D,) its g
+    k: Floats  # (movable D,) q̈ so far
+
+
+@dataclass(frozen=True, eq=False)
 class System(Struct):
     """A mechanism."""
 
@@ -104,6 +123,7 @@ class System(Struct):
     mass: Mass
     rows: Rows
     pattern: Pattern
+    soft: Soft
     prescribed: Prescribed
     angles: Rows  # x, y of each angle whose turns are counted: it is atan2(y, x)
     size: float  # m, largest extent of the drawing
@@ -122,6 +142,7 @@ class Effects(Struct):
     force: Addresses  # (effects,) address of force()
     potential: Addresses  # (effects,) address of potential(), 0 where there is none
     friction: Addresses  # (effects,) address of friction(), 0 where there is none
+    tangent: Addresses  # (effects,) address of tangent(), 0 where there is none or nobody asks
     slots: Integers  # (…,) all effects in a row
     params: Floats  # (…,)
     slots_at: Addresses  # (effects,) where an effect's slots begin
@@ -194,14 +215,16 @@ class Forces(Struct):
 
 @dataclass(frozen=True, eq=False)
 class Method(Struct):
-    """An explicit Runge-Kutta method (a, b, c), and how its solves end."""
+    """A Runge-Kutta method (a, b, c), and how its solves end."""
 
     constant = True
 
     a: Floats  # (stages, stages)
     b: Floats  # (stages,)
     c: Floats  # (stages,)
-    embedded: Floats  # (2, stages) weights of the embedded errors of order 5 and 3, or (0,)
+    embedded: Floats  # (2, stages) weights of the embedded errors of order 5 and 3, or (0,); of an
+    # implicit method (stages,)
+    guess: Floats  # (stages, stages) q̈ of a stage extrapolated from those before; explicit: (0,)
     carried: np.uint64  # 1: positions from q̇ as the stages carry it; 0: as Φ_q allows it there
     iterations: np.uint64  # at most, in one solve
     tolerance: float  # relative error of a step, of an adaptive method
@@ -260,6 +283,8 @@ class Work(Struct):
     bend: Floats  # (all blocks D,) q̈ of the unforced mechanism: the curvature of its path
     target: Floats  # (all blocks D,) a stage as the method has it, before it is put on Φ = 0
     base: Floats  # (all blocks D,) that stage again, while places around it are tried
+    before_q: Floats  # (movable D,) what the stages before add to q and q̇, of an implicit method
+    before_qd: Floats  # (movable D,)
     sum: Floats  # (movable D,) what is interpolated from those places, and other sums: q̈
     sum_q: Floats  # (movable D,) and q̇
     good_q: Floats  # (all blocks D,) the last point of the grid that an adaptive method reached

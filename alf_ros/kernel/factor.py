@@ -8,6 +8,7 @@ from alf_ros.arrays import Floats, Unit
 from alf_ros.kernel.constraints import jacobian
 from alf_ros.kernel.data import FOUR, ONE, TWO, Pattern, System, Work
 from alf_ros.kernel.jit import compiled, inner
+from alf_ros.kernel.soft import add_soft
 from alf_ros.kernel.vectors import copy
 
 
@@ -19,6 +20,7 @@ def assemble(unit: Unit, system: System, work: Work) -> None:
     diagonal, off = work.diagonal, work.off
     copy(pattern.mass_diagonal, work.diagonal)
     copy(pattern.mass_off, work.off)
+    add_soft(unit, system.soft, work.diagonal, work.off)
     DD, m1 = D * D, rows.i.size
     for r in range(rows.both):
         i, j, at = rows.i[r] * DD, rows.j[r] * DD, pattern.distance[r] * DD

@@ -18,15 +18,16 @@ from alf_ros.structs import VectorType
 
 def call(context: Any, builder: Any, sig: Any, args: Any, returns: Any) -> Any:
     """Call a C function of a known signature at an address that is data."""
-    values = []
+    values, offset = [], False
     for kind, value in zip(sig.args[1:], args[1:], strict=True):
         if isinstance(kind, (types.Array, VectorType)):
             data = cgutils.create_struct_proxy(kind)(context, builder, value=value).data
             values.append(data)
-        elif isinstance(kind, types.Float):
-            values.append(value)
-        else:  # an offset: belongs to the pointer before it
+        elif offset and isinstance(kind, types.Integer):  # of the pointer before it
             values[-1] = builder.gep(values[-1], [value])
+        else:
+            values.append(value)
+        offset = isinstance(kind, (types.Array, VectorType))
     function = ir.FunctionType(returns, [value.type for value in values])
     pointer = builder.inttoptr(args[0], function.as_pointer())
     return builder.call(pointer, values)

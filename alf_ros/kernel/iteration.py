@@ -17,6 +17,7 @@ from alf_ros.kernel.forces import applied_forces
 from alf_ros.kernel.jit import compiled, expanded, inner
 from alf_ros.kernel.mass import subtract_mass_times
 from alf_ros.kernel.prescribed import bias
+from alf_ros.kernel.soft import add_soft_times
 from alf_ros.kernel.vectors import largest, zero
 
 _PATIENCE = 1e-4  # ratio from which on a stage is placed wholly, and conjugate gradients take over
@@ -58,6 +59,7 @@ def augmented(
     before, slowest = 0.0, 0.0
     for count in range(1, iterations + 1):
         subtract_mass_times(unit, system.mass, f, x, work.delta)
+        add_soft_times(unit, system.soft, -1.0, x, work.delta)
         _add_rows(D, system.rows, work)
         solve(unit, system.pattern, work.diagonal, work.off, work.delta)
         step, size = _step(1.0, work.delta, x, n)
@@ -297,6 +299,7 @@ def accelerate(
     no loads are found that agree with it, -1 iterations.
     """
     applied_forces(forces.effects, t, work.q, work.qd, work.near, work.Q)
+    add_soft_times(unit, system.soft, 1.0, system.soft.k, work.Q)
     unforced(unit, system, work)
     for i in range(work.p.size):  # what is prescribed stands behind
         work.qdd[i] = 0.0

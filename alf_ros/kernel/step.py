@@ -1,4 +1,5 @@
-"""One step of an explicit Runge-Kutta method, and many of them in one call."""
+"""One step of an explicit Runge-Kutta method, and many of them in one call; and what a step of an
+implicit one has in common with it."""
 
 from __future__ import annotations
 
@@ -32,7 +33,111 @@ from alf_ros.kernel.turns import count_turns, nearby
 from alf_ros.kernel.vectors import copy, largest, zero
 from alf_ros.kernel.watch import note
 
-_BLIND = 1e-6  # distance to a singular position from which on a stage's velocity is its direction
+BLIND = 1e-6  # distance to a singular position from which on a stage's velocity is its direction
+
+
+@inner
+def evaluate_first(
+    unit: Unit, system: System, forces: Forces, work: Work, phase: Phase, t: float, iterations: int
+) -> tuple[int, float]:
+    """q̈ where the step begins, from the Φ_q and the factor that stand in `work`, and the
+    curvature of the path; the iterations (-1: friction jams), and σ as `velocities` says it."""
+    copy(phase.qd, work.qd)
+    work.evaluations[0] += 1
+    prescribe(system, t, work.q, work.qd, work.qdd)
+    most, sigma = accelerate(unit, system, forces, work, t, iterations, True)
+    if most < 0:
+        return most, sigma
+    tally(forces.ledger.tally, system, forces, work, phase, t, np.uint64(0), 1.0, False)
+    copy(work.qdd, work.pull)
+    unforced(unit, system, work)
+    zero(work.bend)
+    zero(work.p)
+    augmented(unit, system, work, work.p, work.bend, iterations, 1e-3, 1.0)
+    return most, sigma
+
+
+@inner
+def nearness(system: System, work: Work, phase: Phase) -> tuple[float, float, float]:
+    """The radius of the path (m), the distance x to a singular position below which rounding would
+    be felt in this step, and the speed (m/s) that the forces give along the size."""
+    n = work.p.size
+    fastest, hardest = largest(phase.qd, n), largest(work.pull, n)
+    bend = largest(work.bend, n)
+    radius, close = system.size, system.close
+    if fastest * fastest < radius * bend:
+        radius = fastest * fastest / bend
+    # rounding is felt as v² / x³: what is slow may be closer
+    if fastest * fastest < radius * hardest:
+        close *= (fastest * fastest / (radius * hardest)) ** (1.0 / 3.0)
+    return radius, close, np.sqrt(hardest * system.size)
+
+
+@expanded
+def evaluate_aside(
+    unit: Unit,
+    system: System,
+    forces: Forces,
+    work: Work,
+    phase: Phase,
+    t: float,
+    s: int,
+    x: float,
+    radius: float,
+    close: float,
+    falling: float,
+    iterations: int,
+) -> int:
+    """q̇ and q̈ of stage s, which is x from a singular position: too close to be taken at its word.
+
+    `radius`, `close`, `falling`: as `nearness` says. Returns the iterations, as `stage` does.
+    """
+    n = work.p.size
+    fastest, moved = largest(phase.qd, n), 0.0
+    for i in range(n):
+        moved = max(moved, abs(work.q[i] - work.base[i]))
+    spacing = max(20.0 * moved, SPACING * system.close * radius)
+    # along the branch, which the velocity tells unless it is too close for that; from
+    # rest it is left along the acceleration
+    along, moving = work.pull, False
+    if fastest > 1e-3 * falling:
+        along, moving = phase.qd, True
+        if x > BLIND:
+            copy(work.qd, work.along)
+            along = work.along
+    return stage_between(
+        unit,
+        system,
+        forces,
+        work,
+        phase,
+        t,
+        s,
+        along,
+        moving,
+        radius,
+        close,
+        spacing,
+        iterations,
+    )
+
+
+@inner
+def end_step(
+    unit: Unit, system: System, work: Work, end: float, iterations: int
+) -> tuple[int, int]:
+    """The end of a step, q and p' in `work`, onto Φ = 0, with Φ_q and factor, and q̇; returns
+    (result, iterations)."""
+    prescribe(system, end, work.q, work.qd, work.qdd)
+    result, most = project(unit, system, work), 0
+    if result == OK:
+        most, _sigma = velocities(unit, system, work, iterations, True)
+        check = 0.0
+        for i in range(work.p.size):
+            check += work.q[i] + work.qd[i]
+        if not np.isfinite(check):
+            result = NOT_FINITE
+    return result, most
 
 
 @expanded
@@ -59,28 +164,13 @@ def step(
     q, qd, kq, kv = phase.q, phase.qd, work.kq, work.kv
     stages, iterations = method.b.size, np.int64(method.iterations)
     most, first = 1, ONE
-    copy(qd, work.qd)
     if not begun:
         first -= ONE
-        work.evaluations[0] += 1
-        prescribe(system, t, work.q, work.qd, work.qdd)
-        most, felt = accelerate(unit, system, forces, work, t, iterations, True)
+        most, felt = evaluate_first(unit, system, forces, work, phase, t, iterations)
         if most < 0:
             return JAMMED, 1
         sigma = min(sigma, felt)
-        tally(forces.ledger.tally, system, forces, work, phase, t, first, 1.0, False)
-        copy(work.qdd, work.pull)
-        unforced(unit, system, work)
-        zero(work.bend)
-        zero(work.p)
-        augmented(unit, system, work, work.p, work.bend, iterations, 1e-3, 1.0)
-    fastest, hardest, bend = largest(qd, n), largest(work.pull, n), largest(work.bend, n)
-    radius, close = system.size, system.close
-    if fastest * fastest < radius * bend:
-        radius = fastest * fastest / bend
-    # rounding is felt as v² / x³: what is slow may be closer
-    if fastest * fastest < radius * hardest:
-        close *= (fastest * fastest / (radius * hardest)) ** (1.0 / 3.0)
+    radius, close, falling = nearness(system, work, phase)
     x = np.inf  # where the last stage was about to be singular this one is likely to be
     for s in range(first, stages + ONE):
         for i in range(n):
@@ -120,19 +210,7 @@ def step(
             )
             tally(forces.ledger.tally, system, forces, work, phase, ts, s, 1.0, False)
         if not clear and count > 0:
-            moved = 0.0
-            for i in range(n):
-                moved = max(moved, abs(work.q[i] - work.base[i]))
-            spacing = max(20.0 * moved, SPACING * system.close * radius)
-            # along the branch, which the velocity tells unless it is too close for that; from
-            # rest it is left along the acceleration
-            along, moving = work.pull, False
-            if fastest * fastest > 1e-6 * hardest * system.size:
-                along, moving = qd, True
-                if x > _BLIND:
-                    copy(work.qd, work.along)
-                    along = work.along
-            count = stage_between(
+            count = evaluate_aside(
                 unit,
                 system,
                 forces,
@@ -140,11 +218,10 @@ def step(
                 phase,
                 ts,
                 s,
-                along,
-                moving,
+                x,
                 radius,
                 close,
-                spacing,
+                falling,
                 iterations,
             )
         if count <= 0:
@@ -152,19 +229,10 @@ def step(
         most = max(most, count)
         for i in range(n):
             kv[s * n + i] = work.qdd[i]
-            if s > 0 and (method.carried == 0 or x < _BLIND):
+            if s > 0 and (method.carried == 0 or x < BLIND):
                 kq[s * n + i] = work.qd[i]
-    prescribe(system, end, work.q, work.qd, work.qdd)
-    result = project(unit, system, work)
-    if result == OK:
-        count, _sigma = velocities(unit, system, work, iterations, True)
-        most = max(most, count)
-        check = 0.0
-        for i in range(n):
-            check += work.q[i] + work.qd[i]
-        if not np.isfinite(check):
-            result = NOT_FINITE
-    return result, most
+    result, count = end_step(unit, system, work, end, iterations)
+    return result, max(most, count)
 
 
 @inner

@@ -1,0 +1,347 @@
+"""Steps of a diagonally implicit Runge-Kutta method, for effects so stiff that they would dictate
+the step of an explicit one.
+
+A stage wants k = q̈ at q = q_b + hγ v, v = v_b + hγ k: M k + Φ_qᵀ λ = Q(q, v). Newton's method
+solves M̂ k' + Φ_qᵀ λ = Q + (M̂ - M) k with M̂ = M + hγ C + (hγ)² K (`soft`), which is the stage of
+an explicit method with M̂ in the place of M. So stages are put on Φ = 0 and taken through singular
+positions in the same way, on the same pattern. The first stage is explicit, and the last one is
+the end of the step.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from alf_ros.arrays import Unit
+from alf_ros.kernel.adaptive import MOST, error_norm
+from alf_ros.kernel.data import (
+    COLLAPSED,
+    EPS,
+    JAMMED,
+    NOT_CLOSED,
+    NOT_POSITIVE,
+    NOT_SETTLED,
+    OK,
+    ONE,
+    TOO_MANY,
+    Forces,
+    Method,
+    Phase,
+    System,
+    Watch,
+    Work,
+)
+from alf_ros.kernel.factor import linearise
+from alf_ros.kernel.jit import compiled, expanded, inner
+from alf_ros.kernel.mass import add_mass_times
+from alf_ros.kernel.prescribed import prescribe
+from alf_ros.kernel.soft import add_soft_times, weigh
+from alf_ros.kernel.stage import stage
+from alf_ros.kernel.step import (
+    BLIND,
+    accept,
+    end_step,
+    evaluate_aside,
+    evaluate_first,
+    mark,
+    nearness,
+)
+from alf_ros.kernel.tally import tally
+from alf_ros.kernel.vectors import copy, largest, zero
+from alf_ros.kernel.watch import note
+
+_PASSES = 30  # of Newton's method, at most
+_SETTLED = 1e-3  # part of the tolerance to which it is finished
+_SHARE = 0.05  # of the tolerance for one step of an adaptive method: errors add up along a motion
+_ROUNDING = 1e-9  # relative error of a step that may be rounding
+_FURTHEST = 0.3  # part of the size that a first guess may be from the start of the step
+_SHORTEST = 1e-9  # part of the step of the grid
+
+
+@expanded
+def _settle(
+    unit: Unit,
+    system: System,
+    forces: Forces,
+    method: Method,
+    work: Work,
+    phase: Phase,
+    t: float,
+    s: np.uint64,
+    gamma: float,
+    lag: float,
+    near: bool,
+    rate: float,
+    radius: float,
+    close: float,
+    falling: float,
+) -> tuple[int, int, float, float]:
+    """Solve stage s, where q_b and v_b stand in `work` and a guess of k in `soft.k`.
+
+    gamma: hγ, s; lag: of the stage behind the path, in its curvature, s²; near: whether the last
+    stage was near a singular position; rate: at which Newton's method converged there. Leaves k
+    and v in `kv` and `kq`. Returns (result, most iterations, whether it is near, rate).
+    """
+    n, k = work.p.size, system.soft.k
+    at, iterations = s * n, np.int64(method.iterations)
+    speed, most, before, part = max(largest(phase.qd, n), falling), 1, np.inf, 1.0
+    for i in range(n):
+        work.kv[at + i] = 0.0
+    for _ in range(_PASSES):
+        for i in range(n):
+            work.qd[i] = work.before_qd[i] + gamma * k[i]
+            work.q[i] = work.before_q[i] + gamma * work.qd[i]
+            work.kq[at + i] = work.qd[i]
+        prescribe(system, t, work.q, work.qd, work.qdd)
+        weigh(unit, system, forces, work, t, gamma)
+        zero(work.p)
+        add_mass_times(unit, system.mass, 1.0, work.qd, work.p)
+        add_soft_times(unit, system.soft, 1.0, work.qd, work.p)
+        copy(work.q, work.base)
+        copy(work.q, work.target)
+        for i in range(n):
+            work.q[i] += lag * work.bend[i]
+        count, x, clear = stage(unit, system, forces, work, t, radius, close, near, iterations)
+        tally(forces.ledger.tally, system, forces, work, phase, t, s, 1.0, False)
+        near = x < np.inf
+        if not clear and count > 0:
+            count = evaluate_aside(
+                unit, system, forces, work, phase, t, s, x, radius, close, falling, iterations
+            )
+        if count <= 0:
+            return JAMMED if count < 0 else NOT_CLOSED, most, near, rate
+        most = max(most, count)
+        change, turned = 0.0, 0.0
+        for i in range(n):
+            delta = work.qdd[i] - k[i]
+            turned += delta * work.kv[at + i]
+            work.kv[at + i] = delta
+            change = max(change, abs(delta))
+        if not np.isfinite(turned):
+            break
+        if before < np.inf:
+            rate = change / before
+            # to and fro, as across a kink: less far
+            part = max(0.5 * part, 0.03) if turned < 0.0 and rate > 0.3 else min(1.0, 2.0 * part)
+        for i in range(n):
+            k[i] += part * work.kv[at + i]
+        left = gamma * change * (rate / (1.0 - rate) if rate < 0.5 else 1.0)
+        fine = max(_SETTLED * method.tolerance * speed, 8.0 * EPS * system.size / gamma)
+        if left <= fine:
+            for i in range(n):
+                work.kv[at + i] = k[i]
+                work.kq[at + i] = work.before_qd[i] + gamma * k[i]
+                if x < BLIND:
+                    work.kq[at + i] = work.qd[i]
+            return OK, most, near, rate
+        before = change
+    return NOT_SETTLED, most, near, rate
+
+
+@expanded
+def _step(
+    unit: Unit,
+    system: System,
+    forces: Forces,
+    method: Method,
+    work: Work,
+    phase: Phase,
+    t: float,
+    end: float,
+    h: float,
+    sigma: float,
+) -> tuple[int, int]:
+    """One step of h (s) from `phase`, at t to `end`; arguments and result as of `step.step`."""
+    n = work.p.size
+    q, qd, kq, kv = phase.q, phase.qd, work.kq, work.kv
+    stages, iterations = method.b.size, np.int64(method.iterations)
+    zero(system.soft.weight)
+    copy(q, work.q)
+    if not linearise(unit, system, work, work.q):
+        return NOT_POSITIVE, 1
+    most, felt = evaluate_first(unit, system, forces, work, phase, t, iterations)
+    if most < 0:
+        return JAMMED, 1
+    sigma = min(sigma, felt)
+    x, result = sigma / system.ordinary, OK
+    radius, close, falling = nearness(system, work, phase)
+    if x <= close:
+        copy(q, work.base)
+        copy(qd, work.qd)
+        zero(work.p)
+        add_mass_times(unit, system.mass, 1.0, work.qd, work.p)
+        count = evaluate_aside(
+            unit,
+            system,
+            forces,
+            work,
+            phase,
+            t,
+            np.uint64(0),
+            x,
+            radius,
+            close,
+            falling,
+            iterations,
+        )
+        if count <= 0:
+            return JAMMED if count < 0 else NOT_CLOSED, most
+    for i in range(n):
+        kq[i] = qd[i]
+        kv[i] = work.qdd[i]
+    near, rate, gamma = x < np.inf, 1.0, 0.0
+    for s in range(ONE, stages):
+        gamma, lag = h * method.a[s * stages + s], 0.5 * method.c[s] * method.c[s]
+        for i in range(n):
+            work.before_q[i] = 0.0
+            work.before_qd[i] = 0.0
+            system.soft.k[i] = 0.0
+        for m in range(s):
+            weight, guess = method.a[s * stages + m], method.guess[s * stages + m]
+            for i in range(n):
+                work.before_q[i] += weight * kq[m * n + i]
+                work.before_qd[i] += weight * kv[m * n + i]
+                system.soft.k[i] += guess * kv[m * n + i]
+        for m in range(s + ONE):
+            lag -= method.a[s * stages + m] * method.c[m]
+        furthest = 0.0
+        for i in range(n):
+            work.before_q[i] = q[i] + h * work.before_q[i]
+            work.before_qd[i] = qd[i] + h * work.before_qd[i]
+            v = work.before_qd[i] + gamma * system.soft.k[i]
+            furthest = max(furthest, abs(work.before_q[i] + gamma * v - q[i]))
+        if not furthest < _FURTHEST * system.size:
+            for i in range(n):  # what is stiff may be told wrongly: as if it stood still
+                v = (q[i] - work.before_q[i]) / gamma
+                system.soft.k[i] = (v - work.before_qd[i]) / gamma
+        result, count, near, rate = _settle(
+            unit,
+            system,
+            forces,
+            method,
+            work,
+            phase,
+            t + method.c[s] * h,
+            s,
+            gamma,
+            h * h * lag,
+            near,
+            rate,
+            radius,
+            close,
+            falling,
+        )
+        most = max(most, count)
+        if result != OK:
+            return result, most
+    last = (stages - ONE) * n
+    for i in range(n):
+        work.qd[i] = work.before_qd[i] + gamma * kv[last + i]
+        work.q[i] = work.before_q[i] + gamma * kq[last + i]
+    zero(work.p)
+    add_mass_times(unit, system.mass, 1.0, work.qd, work.p)
+    add_soft_times(unit, system.soft, 1.0, work.qd, work.p)
+    result, count = end_step(unit, system, work, end, iterations)
+    return result, max(most, count)
+
+
+@inner
+def _error(
+    unit: Unit, system: System, method: Method, work: Work, phase: Phase, h: float
+) -> float:
+    """Relative error of the step of h that ended in `work`, in parts of what it may be; 0 if the
+    method has no embedded one."""
+    if method.embedded.size == 0:
+        return 0.0
+    n = work.p.size
+    pull = largest(work.pull, n)
+    speed = max(largest(phase.qd, n), largest(work.qd, n), np.sqrt(system.size * pull))
+    return error_norm(unit, system, method, work, 0, h, speed) / (_SHARE * method.tolerance)
+
+
+@compiled
+def advance_implicitly(
+    unit: Unit,
+    system: System,
+    forces: Forces,
+    method: Method,
+    work: Work,
+    phase: Phase,
+    watch: Watch | None,
+    t0: float,
+    first: int,
+    steps: int,
+    h: float,
+    within: bool,
+) -> tuple[int, int, int]:
+    """Like `advance`; a step whose stages do not settle is taken in parts, and with an embedded
+    error each in as many as the tolerance of the method takes."""
+    pace, adaptive = phase.pace, method.embedded.size > 0
+    good_pace = pace[0]
+    copy(phase.q, work.good_q)
+    copy(phase.qd, work.good_qd)
+    copy(phase.turns, work.good_turns)
+    copy(phase.works, forces.ledger.good)
+    most, sigma = 0, 0.0 if within else np.inf
+    mark(unit, system, work, phase)
+    for taken in range(steps):
+        t, end = t0 + (first + taken) * h, t0 + (first + taken + 1) * h
+        done, result, tried, unsettled = 0.0, OK, 0, 0
+        tries, before, longer = 0, np.inf, h  # from here; error and length of the last
+        length = pace[0] if adaptive else h
+        while done < h:
+            tried += 1
+            if tried > MOST:
+                result = TOO_MANY if 4 * unsettled < MOST else NOT_SETTLED
+                break
+            left = h - done
+            parts = max(1.0, np.ceil(0.999999 * left / length))  # no crumb at the grid point
+            dt = left / parts
+            to = end if parts == 1.0 else t + done + dt
+            result, count = _step(
+                unit, system, forces, method, work, phase, t + done, to, dt, sigma
+            )
+            most = max(most, count)
+            error, factor = np.inf, 0.5
+            if result == OK:
+                error = _error(unit, system, method, work, phase, dt)
+            if np.isfinite(error):
+                factor = min(5.0, max(0.2, 0.8 * error**-0.25)) if error > 0.0 else 5.0
+            good = error <= 1.0
+            if not good and tries > 0 and error > before * (dt / longer) ** 1.5:
+                # that of the method falls as h⁴, that of rounding as h: shorter is no better
+                good = error * _SHARE * method.tolerance < _ROUNDING
+                work.rounded[0] += good
+            if good:
+                tally(forces.ledger.tally, system, forces, work, phase, t, method.b.size, dt, True)
+                accept(unit, system, work, phase)
+                done = h if parts == 1.0 else done + dt
+                length = max(length, factor * dt) if dt < length else factor * dt
+                sigma, tries = np.inf, 0
+            else:
+                before, longer = error, dt
+                tries += 1
+                unsettled += result == NOT_SETTLED
+                length = factor * dt
+                if length < _SHORTEST * h:
+                    result = result if result != OK else COLLAPSED
+                    break
+        if adaptive:
+            pace[0] = length
+        if done < h:
+            copy(work.good_q, phase.q)
+            copy(work.good_qd, phase.qd)
+            copy(work.good_turns, phase.turns)
+            copy(forces.ledger.good, phase.works)
+            pace[0] = good_pace
+            return result, taken, most
+        copy(phase.q, work.good_q)
+        copy(phase.qd, work.good_qd)
+        copy(phase.turns, work.good_turns)
+        copy(phase.works, forces.ledger.good)
+        good_pace = pace[0]
+        if watch is not None:  # known when it is compiled: who does not watch does without
+            zero(system.soft.weight)
+            linearise(unit, system, work, work.q)
+            note(unit, system, forces, work, watch, taken, end)
+    return OK, steps, most
