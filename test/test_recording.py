@@ -13,7 +13,7 @@ from mcap_ros2.reader import read_ros2_messages
 from rcl_interfaces.msg import Log
 from ros_node import Diagnostics, Peer, SimulatorProcess
 from rosbags.highlevel import AnyReader
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 from test_recorder import JAVASCRIPT, NODE, PACKAGES
 
 from alf_ros import load_scene, settings
@@ -46,10 +46,12 @@ def small_disk(tmp_path):
 
 
 def goes_on_without_a_log(peer, node, spoil, expected):
-    """Spoil the log and see that it is said once, in diagnostics and on /rosout, and no more."""
+    """Spoil the log of a node that is paused, play, and see that it is said once, in diagnostics
+    and on /rosout, and no more."""
     said, found = peer.listen('/rosout', Log), Diagnostics(peer)
     peer.until(lambda: found.value('record', 'error') == '', 'health')
     spoil()
+    assert peer.call(SetBool, '/simulator/pause', data=False).success
     peer.until(lambda: found.value('record', 'error'), 'the error')
     level, message, values = found.status('record')
     assert level == DiagnosticStatus.ERROR and expected in message == values['error']
@@ -64,7 +66,8 @@ def goes_on_without_a_log(peer, node, spoil, expected):
 
 def test_a_full_disk_stops_the_log_and_not_the_simulation(peer, tmp_path, small_disk):
     folder = small_disk or tmp_path
-    with SimulatorProcess(tmp_path, '--log-folder', str(folder)).wait_running() as node:
+    options = ['--log-folder', str(folder)]
+    with SimulatorProcess(tmp_path, *options, start_paused='true').wait_running() as node:
 
         def fill():
             if small_disk is None:
@@ -86,7 +89,7 @@ def test_a_full_disk_stops_the_log_and_not_the_simulation(peer, tmp_path, small_
 
 
 def test_a_folder_that_is_gone_stops_the_log_and_not_the_simulation(peer, tmp_path):
-    with SimulatorProcess(tmp_path).wait_running() as node:
+    with SimulatorProcess(tmp_path, start_paused='true').wait_running() as node:
         (folder,) = (path.parent for path in node.logs)
         goes_on_without_a_log(peer, node, lambda: shutil.rmtree(folder), 'No such file')
         assert peer.call(Trigger, '/simulator/reset').success
