@@ -39,7 +39,15 @@ class Coordinate:
 
 
 Measured = tuple[tuple[Coordinate, ...], tuple[Row, ...], tuple[Row, ...]]
+_COORDINATES: WeakKeyDictionary[Layout, tuple[Coordinate, ...]] = WeakKeyDictionary()
 _MEASURED: WeakKeyDictionary[Layout, Measured] = WeakKeyDictionary()
+
+
+def coordinates(layout: Layout) -> tuple[Coordinate, ...]:
+    """The coordinates of all joints, made once for a layout."""
+    if layout not in _COORDINATES:
+        _COORDINATES[layout] = tuple(_coordinates(layout))
+    return _COORDINATES[layout]
 
 
 def measured(layout: Layout) -> Measured:
@@ -52,33 +60,41 @@ def measured(layout: Layout) -> Measured:
     return _MEASURED[layout]
 
 
-def _measured(layout: Layout) -> Measured:
-    angles: list[Row] = []
-    lengths: list[Row] = []
-    coordinates: list[Coordinate] = []
+def _coordinates(layout: Layout) -> Iterator[Coordinate]:
     body = {body.name: n for n, body in enumerate(layout.bodies)}
-    planar = layout.dimension == 2
-    if planar:
+    planar, angles, lengths = layout.dimension == 2, 0, 0
+    for joint in layout.mechanism.joints:
+        several = _count(joint, planar) > 1
+        if joint.kind in ANGLES and planar:
+            less = body.get(joint.parent, -1) if joint.parent != GROUND else -1
+            yield Coordinate(joint.name, joint, True, body[joint.child], less)
+        elif joint.kind in ANGLES:
+            for suffix in ('first', 'second') if joint.kind == 'universal' else ('angle',):
+                name = f'{joint.name}_{suffix}' if several else joint.name
+                yield Coordinate(name, joint, True, angles)
+                angles += 1
+        if joint.kind in LENGTHS:
+            name = f'{joint.name}_length' if several else joint.name
+            yield Coordinate(name, joint, False, lengths)
+            lengths += 1
+
+
+def _measured(layout: Layout) -> Measured:
+    found = coordinates(layout)
+    angles: list[Row] = []
+    if layout.dimension == 2:
         for each in layout.bodies:
             d = form.constant((1.0, 0.0))
             if layout.turns(each.name):
                 d = layout.direction(each.name, (1.0, 0.0))
             angles += [linear(each.name, axis, d) for axis in np.eye(2)]
-    for joint in layout.mechanism.joints:
-        several = _count(joint, planar) > 1
-        if joint.kind in ANGLES and planar:
-            less = body.get(joint.parent, -1) if joint.parent != GROUND else -1
-            coordinates.append(Coordinate(joint.name, joint, True, body[joint.child], less))
-        elif joint.kind in ANGLES:
-            for suffix, x, y in _angles(joint, layout):
-                name = f'{joint.name}_{suffix}' if several else joint.name
-                coordinates.append(Coordinate(name, joint, True, len(angles) // 2))
-                angles += [x, y]
-        if joint.kind in LENGTHS:
-            name = f'{joint.name}_length' if several else joint.name
-            coordinates.append(Coordinate(name, joint, False, len(lengths)))
-            lengths.append(length_row(joint, layout))
-    return tuple(coordinates), tuple(angles), tuple(lengths)
+    else:
+        for coordinate in found:
+            if coordinate.is_angle:
+                X, Y, d = angle_axes(coordinate, layout)
+                angles += [product('x', X, d), product('y', Y, d)]
+    lengths = [length_row(each.joint, layout) for each in found if not each.is_angle]
+    return found, tuple(angles), tuple(lengths)
 
 
 def _count(joint: Joint, planar: bool) -> int:
@@ -96,7 +112,7 @@ def _axes(joint: Joint, layout: Layout) -> tuple[list[Form], list[Form]]:
 
 def coordinate_of(name: str, layout: Layout) -> Coordinate:
     """The joint coordinate of a name."""
-    return next(each for each in measured(layout)[0] if each.name == name)
+    return next(each for each in coordinates(layout) if each.name == name)
 
 
 def angle_axes(coordinate: Coordinate, layout: Layout) -> tuple[Form, Form, Form]:
@@ -107,14 +123,6 @@ def angle_axes(coordinate: Coordinate, layout: Layout) -> tuple[Form, Form, Form
         return _measured_from(joint, suffix, layout)
     X, Y = (layout.direction(joint.parent, axis) for axis in ((1.0, 0.0), (0.0, 1.0)))
     return X, Y, layout.direction(joint.child, (1.0, 0.0))
-
-
-def _angles(joint: Joint, layout: Layout) -> Iterator[tuple[str, Row, Row]]:
-    """(name, x, y) of each angle of a joint in space."""
-    suffixes = ('first', 'second') if joint.kind == 'universal' else ('angle',)
-    for suffix in suffixes:
-        X, Y, d = _measured_from(joint, suffix, layout)
-        yield suffix, product('x', X, d), product('y', Y, d)
 
 
 def _measured_from(joint: Joint, suffix: str, layout: Layout) -> tuple[Form, Form, Form]:

@@ -13,6 +13,9 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 
+_EYE = {D: np.eye(D) for D in (2, 3)}  # nobody writes into a form
+_ZERO = {D: np.zeros(D) for D in (2, 3)}
+
 
 @dataclass(frozen=True, eq=False)
 class Form:
@@ -32,8 +35,11 @@ class Form:
 
     def times(self, factor: Floats | float) -> Form:
         """The form multiplied from the left, by a number or a (D, D) matrix."""
-        R = factor if isinstance(factor, np.ndarray) else factor * np.eye(self.constant.size)
-        return Form({block: R @ C for block, C in self.parts.items()}, R @ self.constant)
+        if isinstance(factor, np.ndarray):
+            parts = {block: factor @ C for block, C in self.parts.items()}
+            return Form(parts, factor @ self.constant)
+        parts = {block: factor * C for block, C in self.parts.items()}
+        return Form(parts, factor * self.constant)
 
     def value(self, places: Floats) -> Floats:
         """(D,) of the blocks `places` (blocks, D)."""
@@ -48,4 +54,4 @@ def constant(value: tuple[float, ...]) -> Form:
 
 def of_block(block: int, dimension: int) -> Form:
     """A block itself."""
-    return Form({block: np.eye(dimension)}, np.zeros(dimension))
+    return Form({block: _EYE[dimension]}, _ZERO[dimension])

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -87,23 +87,10 @@ class Layout:
 
     def _make_basis(self, body: Body) -> Basis:
         blocks = self.of_body[body.name]
-        ends: list[int] = []
-        is_point: list[bool] = []
-        local: list[Floats] = []
         points = len(body.points)
-        # the second point, then vectors, then further points: what is independent carries
-        order = [*range(1, min(2, points)), *range(points, len(blocks)), *range(2, points)]
-        candidates = [self.local(body, n) for n in order]
-        for k in independent(candidates, 1 if self.dimension == 2 else 3):
-            ends.append(blocks[order[k]])
-            is_point.append(order[k] < points)
-            local.append(candidates[k])
-        if self.dimension == 2 and local:
-            local.append(TURN @ local[0])
-        inverse: Floats = np.zeros((0, self.dimension))
-        if local:
-            inverse = np.asarray(np.linalg.pinv(np.array(local).T), dtype=float)
-        return Basis(blocks[0], tuple(ends), tuple(is_point), inverse)
+        chosen, inverse = _carriers(self.dimension, self.length, body.local, body.axes)
+        is_point = tuple(n < points for n in chosen)
+        return Basis(blocks[0], tuple(blocks[n] for n in chosen), is_point, inverse)
 
     def local(self, body: Body, n: int) -> Floats:
         """The n-th block of a body, points then vectors, in the body frame (D,), m."""
@@ -154,6 +141,31 @@ class Layout:
         if name not in self.body:
             return False
         return len(self.basis(name).ends) >= (1 if self.dimension == 2 else 3)
+
+
+@lru_cache(maxsize=1024)
+def _carriers(
+    dimension: int, length: float, local: tuple[Numbers, ...], axes: tuple[Numbers, ...]
+) -> tuple[tuple[int, ...], Floats]:
+    """Which blocks of a body, points then vectors, carry it, and the inverse of their directions.
+
+    Of all bodies of one shape at once: large mechanisms have many.
+    """
+    points = len(local)
+    places = [np.array(place, dtype=float) for place in local]
+    places += [length * np.array(axis) for axis in axes]
+    # the second point, then vectors, then further points: what is independent carries
+    order = [*range(1, min(2, points)), *range(points, len(places)), *range(2, points)]
+    found = independent([places[n] for n in order], 1 if dimension == 2 else 3)
+    chosen = tuple(order[k] for k in found)
+    directions = [places[n] for n in chosen]
+    if dimension == 2 and directions:
+        directions.append(TURN @ directions[0])
+    inverse: Floats = np.zeros((0, dimension))
+    if directions:
+        inverse = np.asarray(np.linalg.pinv(np.array(directions).T), dtype=float)
+    inverse.flags.writeable = False
+    return chosen, inverse
 
 
 def independent(directions: Sequence[Floats], most: int, least: float = 1e-6) -> list[int]:

@@ -7,13 +7,15 @@ Systems (1994), ch. 4.
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.coordinates import coordinate_of
 from alf_ros.kernel import Mass
 from alf_ros.layout import Layout
-from alf_ros.mechanism import Body
+from alf_ros.mechanism import Numbers
 from alf_ros.rotor import unit_of
 from alf_ros.rows import indices
 
@@ -27,7 +29,9 @@ def mass_of(layout: Layout) -> Mass:
     for body in layout.bodies:
         basis = layout.basis(body.name)
         blocks = (basis.first, *basis.ends)
-        matrix, skew = _of_body(body, layout)
+        inverse = tuple(map(tuple, basis.inverse.tolist()))
+        shape = (body.com, body.inertia, basis.is_point, inverse)
+        matrix, skew = _of_body(layout.dimension, body.mass, *shape)
         for a, i in enumerate(blocks):
             diagonal[i] += matrix[a, a]
             for b, j in enumerate(blocks[:a]):
@@ -52,31 +56,41 @@ def mass_of(layout: Layout) -> Mass:
     )
 
 
-def _of_body(body: Body, layout: Layout) -> tuple[Floats, float]:
-    """M of one body on P_0 and the ends of its basis (without the D equal axes); and w."""
-    basis, m = layout.basis(body.name), body.mass
-    c, second = layout.weights(body.name, body.com), _second_moments(body, layout)
+@lru_cache(maxsize=1024)
+def _of_body(
+    D: int,
+    m: float,
+    com: Numbers,
+    inertia: float | tuple[Numbers, ...],
+    is_point: tuple[bool, ...],
+    inverse: tuple[Numbers, ...],
+) -> tuple[Floats, float]:
+    """M of a body on P_0 and the ends of its basis (without the D equal axes); and w.
+
+    Of all bodies of one shape at once: large mechanisms have many.
+    """
+    from_local = np.array(inverse).reshape(-1, D)
+    c, second = from_local @ np.array(com), _second_moments(D, m, com, inertia, from_local)
     w = 0.0
-    if layout.dimension == 2 and c.size:  # J makes the second direction of the first
+    if D == 2 and c.size:  # J makes the second direction of the first
         second, w, c = second[:1, :1] + second[1:, 1:], m * float(c[1]), c[:1]
     moments = np.block([[np.array([[m]]), m * c[None, :]], [m * c[:, None], second]])
     # P_0 carries 1 - Σ c over the ends that are points
     ends = np.eye(1 + c.size)
-    ends[0, 1:] = [-1.0 if point else 0.0 for point in basis.is_point]
+    ends[0, 1:] = [-1.0 if point else 0.0 for point in is_point]
     return ends @ moments @ ends.T, w
 
 
-def _second_moments(body: Body, layout: Layout) -> Floats:
+def _second_moments(
+    D: int, m: float, com: Numbers, inertia: float | tuple[Numbers, ...], from_local: Floats
+) -> Floats:
     """∫ c cᵀ dm (k, k), c the weights of the basis."""
-    com = np.array(body.com)
-    if layout.dimension == 2:
+    if D == 2:
         # only the trace matters: split the moment of inertia evenly
-        about = 0.5 * float(body.inertia) * np.eye(2)  # type: ignore[arg-type]
+        about = 0.5 * float(inertia) * np.eye(2)  # type: ignore[arg-type]
     else:
-        inertia = np.array(body.inertia)
-        about = 0.5 * np.trace(inertia) * np.eye(3) - inertia
-    inverse = layout.basis(body.name).inverse
-    second = np.asarray(inverse @ (about + body.mass * np.outer(com, com)) @ inverse.T)
+        about = 0.5 * np.trace(np.array(inertia)) * np.eye(3) - np.array(inertia)
+    second = np.asarray(from_local @ (about + m * np.outer(com, com)) @ from_local.T)
     # a thin disk has none along its axle: not what rounding leaves of it
     second[np.abs(second) < _NOTHING * np.abs(second).max(initial=0.0)] = 0.0
     return second

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from alf_ros import repetition, signal
-from alf_ros.coordinates import Coordinate, measured
+from alf_ros.coordinates import Coordinate, coordinates
 from alf_ros.document import Entry
 from alf_ros.layout import cut
 from alf_ros.mechanism import GROUND, Drive, Mechanism
@@ -28,7 +28,7 @@ class DriveReader:
         self.mechanism, self.tables = mechanism, Tables()
         self.driven: set[tuple[str, ...]] = set()
         self.layout = cut(mechanism)
-        self.coordinates = {each.name: each for each in measured(self.layout)[0]}
+        self.coordinates = {each.name: each for each in coordinates(self.layout)}
         self.points = {point.name: point for point in mechanism.points}
 
     def read(self, section: Entry, names: Mapping[str, float]) -> Iterator[tuple[Item, Drive]]:

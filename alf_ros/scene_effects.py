@@ -16,7 +16,7 @@ from types import ModuleType
 from typing import Any
 
 from alf_ros import effects, layout
-from alf_ros.coordinates import measured
+from alf_ros.coordinates import coordinates
 from alf_ros.document import Entry
 from alf_ros.effects import Effect
 from alf_ros.errors import InputError
@@ -41,7 +41,7 @@ def read_effects(
         'point': points,
         'body': bodies,
         'joint': [joint.name for joint in mechanism.joints],
-        'coordinate': [coordinate.name for coordinate in measured(cut)[0]],
+        'coordinate': [coordinate.name for coordinate in coordinates(cut)],
         'body or point': [*bodies, *points],
         'pair': [*bodies, *points, GROUND],
     }

@@ -13,7 +13,7 @@ import numpy as np
 
 from alf_ros import affine
 from alf_ros.affine import Affine
-from alf_ros.coordinates import measured
+from alf_ros.coordinates import coordinates
 from alf_ros.effects import contract
 from alf_ros.layout import Layout
 from alf_ros.mechanism import GROUND
@@ -35,14 +35,14 @@ def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
 
     Raises ValueError for a joint without a free axis that can take an effort.
     """
-    coordinates = {coordinate.name: coordinate for coordinate in measured(layout)[0]}
+    named = {coordinate.name: coordinate for coordinate in coordinates(layout)}
     planar = layout.dimension == 2
     Q = Affine(layout.dimension)
     for effect in effects:
         p: Parameters = effect.parameters
-        if p.joint not in coordinates or coordinates[p.joint].joint.kind == 'universal':
+        if p.joint not in named or named[p.joint].joint.kind == 'universal':
             raise ValueError(f'{p.joint!r} is no single free axis: a motor can drive one of two')
-        joint, is_angle = coordinates[p.joint].joint, coordinates[p.joint].is_angle
+        joint, is_angle = named[p.joint].joint, named[p.joint].is_angle
         axis = joint.frames[0].axes[0 if planar else 2]
         along = layout.direction(joint.parent, axis)
         for body, frame, effort in (
