@@ -31,6 +31,8 @@ LOOSEST = 1e-3
 DECADE = 10.0**0.5  # between two tolerances that are tried
 RETRIES = 3  # of the adaptive integrator, with a tenth of the tolerance each time
 FIXED = {'rk4': 4, 'dop853': 12}  # evaluations in a step
+IMPLICIT = 'esdirk43_adaptive'  # where effects yield, and it takes fewer
+DEAR = 1.8  # explicit evaluations that cost as much as one of the implicit method
 
 
 @dataclass(frozen=True)
@@ -94,9 +96,14 @@ class _Trials:
         tolerance, evaluations = self._tolerance(fine)
         h = self._solver.step
         adaptive = max(FIXED['dop853'] / h, evaluations)
-        for integrator, stages in FIXED.items():
-            if stages / h <= adaptive:
-                yield dataclasses.replace(self._solver, integrator=integrator)
+        found = [
+            (stages / h, dataclasses.replace(self._solver, integrator=integrator))
+            for integrator, stages in FIXED.items()
+            if stages / h <= adaptive
+        ]
+        found += self._implicit(fine, adaptive)
+        for _, solver in sorted(found, key=lambda each: each[0]):
+            yield solver
         for _ in range(RETRIES):
             yield self._adaptive(tolerance)
             tolerance = max(0.1 * tolerance, FINEST)
@@ -116,6 +123,24 @@ class _Trials:
                 return tolerance, evaluations
             tolerance *= DECADE
 
+    def _implicit(self, fine: float, most: float) -> Iterator[tuple[float, Solver]]:
+        """The implicit integrator, if something may be stiff, with the largest tolerance that
+        keeps to the accuracy; unless that takes more than `most` evaluations/s."""
+        tolerance = LOOSEST
+        while tolerance >= fine:
+            solver = self._adaptive(tolerance, coarse=True, integrator=IMPLICIT)
+            simulation = self._made(solver)
+            if not simulation.yields:
+                return
+            good = self._good(self._distance(self._advanced(simulation)) + self._own)
+            evaluations = DEAR * simulation.evaluations / max(simulation.t, self._spacing)
+            if evaluations > most:
+                return
+            if good:
+                yield evaluations, self._adaptive(tolerance, integrator=IMPLICIT)
+                return
+            tolerance /= DECADE
+
     def _judged(self, solver: Solver) -> Budget:
         estimate = self._distance(self._path(solver)) + self._own
         return Budget(solver, self._accuracy, estimate, self._instants * self._spacing)
@@ -123,11 +148,13 @@ class _Trials:
     def _good(self, estimate: float) -> bool:
         return MARGIN * estimate <= self._accuracy
 
-    def _adaptive(self, tolerance: float, coarse: bool = False) -> Solver:
+    def _adaptive(
+        self, tolerance: float, coarse: bool = False, integrator: str = 'dop853_adaptive'
+    ) -> Solver:
         """On the grid of the instants if `coarse`: there the tolerance alone sets the steps."""
         step = self._spacing if coarse else self._solver.step
         return dataclasses.replace(
-            self._solver, integrator='dop853_adaptive', tolerance=tolerance, step=step
+            self._solver, integrator=integrator, tolerance=tolerance, step=step
         )
 
     def _path(self, solver: Solver) -> Floats:

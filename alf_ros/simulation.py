@@ -194,6 +194,11 @@ class Simulation:
         return int(self._method.b.size)
 
     @property
+    def yields(self) -> bool:
+        """Whether an implicit integrator has something to do: an effect says how it yields."""
+        return bool(self._system.soft.weight.size)
+
+    @property
     def evaluations(self) -> int:
         """Stages evaluated so far, each with its q̈: what a run costs, whatever the machine."""
         return int(self._work.evaluations[0])

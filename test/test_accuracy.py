@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 import pytest
+from effect_scenes import MASS
 
 from alf_ros import InputError, Simulation, load_scene, reference_motion, settings
 from alf_ros.reference_motion import Motion
@@ -57,6 +58,28 @@ def test_the_fewest_evaluations_are_picked() -> None:
         for accuracy in (1e-5, 1e-7, 1e-9)
     ]
     assert tolerances == sorted(tolerances, reverse=True) and len(set(tolerances)) == 3
+
+
+@pytest.mark.parametrize(('stiffness', 'picked'), [(30, 'dop853'), (1e9, 'esdirk43_adaptive')])
+def test_what_is_stiff_is_left_to_the_implicit_method(stiffness: float, picked: str) -> None:
+    """A mass of 2 kg swings on a spring."""
+    spring = f'{{between: [O, P], stiffness: {stiffness}, free_length: 1}}'
+    damper = f'{{between: [O, P], damping: {0.1 * stiffness**0.5}}}'
+    gravity = '{acceleration: [0, -9.81]}'
+    effects = f'effects: {{gravity: {gravity}, spring: {spring}, damper: {damper}}}'
+    scene = scene_from_text(f'{MASS}\n{effects}\n')
+    simulation = Simulation(scene, accuracy=1e-4, step=0.05)
+    assert simulation.solver.integrator == picked
+    budget = simulation.accuracy
+    assert budget is not None and budget.met
+    exact = Simulation(scene, integrator='dop853_adaptive', step=0.05, tolerance=1e-10)
+    error = 0.0
+    for _ in range(min(60, round(budget.horizon / 0.05))):
+        simulation.step()
+        exact.step()
+        apart = simulation.sample().points['P'] - exact.sample().points['P']
+        error = max(error, float(np.linalg.norm(apart)))
+    assert error < 1e-4
 
 
 def test_it_says_when_it_cannot_be_met() -> None:
