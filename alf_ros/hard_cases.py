@@ -127,10 +127,37 @@ def _adaptive(quick: bool) -> Iterator[Row]:
         yield Row('adaptive', motion.mechanism, runs)
 
 
+def _implicit(quick: bool) -> Iterator[Row]:
+    """The method for stiff scenes in the same places: its steps, its order, its tolerances."""
+    paper = [reference_motion.paper(name) for name in ('slider_crank', 'double_four_bar')]
+    steps = [0.01 / k for k in ((1, 3, 8) if quick else range(1, 41))]
+    odd = [
+        0.01 / (k + more) for k in (1, 2, 5) for more in ((0.13,) if quick else (0.0, 0.13, 0.39))
+    ]
+    change = reference_motion.change_point()
+    for motion, lengths, factor, floor, coarse in (
+        (paper[0], steps, 1e4, 2e-9, 1.6e-2),
+        (paper[1], steps, 1e4, 2e-9, 4e-2),
+        (change, odd, 1e6, 1e-8, 1.6e-2),
+    ):
+        runs = tuple(Run(motion, 'esdirk43', h, factor * h**4 + floor) for h in lengths)
+        yield Row('implicit', motion.mechanism, runs)
+        tolerances = 10.0 ** -np.arange(3, 11, 3 if quick else 1)
+        runs = tuple(
+            Run(motion, 'esdirk43_adaptive', 1.0, 100.0 * tolerance, tolerance)
+            for tolerance in tolerances
+        )
+        yield Row('implicit', motion.mechanism, runs)
+        lengths = np.geomspace(coarse, coarse / 5, 9 if quick else 25).tolist()
+        runs = tuple(Run(motion, 'esdirk43', h, 0.1) for h in lengths)
+        yield Row('implicit', motion.mechanism, runs, TABLEAUX['esdirk43'].order - 0.5)
+
+
 CASES = {
     'survival': _survival,
     'adaptive': _adaptive,
     'change_point': _change_points,
+    'implicit': _implicit,
     'many_bars': _many_bars,
     'starts': _starts,
     'order': _orders,

@@ -52,7 +52,7 @@ from alf_ros.kernel.watch import note
 
 _PASSES = 30  # of Newton's method, at most
 _SETTLED = 1e-3  # part of the tolerance to which it is finished
-_SHARE = 0.05  # of the tolerance for one step of an adaptive method: errors add up along a motion
+_SHARE = 0.02  # of the tolerance for one step of an adaptive method: errors add up along a motion
 _ROUNDING = 1e-9  # relative error of a step that may be rounding
 _FURTHEST = 0.3  # part of the size that a first guess may be from the start of the step
 _SHORTEST = 1e-9  # part of the step of the grid
