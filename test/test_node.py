@@ -228,9 +228,9 @@ def test_topics_come_with_one_stamp_and_only_when_asked_for(tmp_path, peer):
         scene = peer.listen('/simulator/scene', String, LATCHED)
         peer.until(lambda: scene, 'the latched scene')
         assert scene[0].data == load_scene('slider_crank').text
+        assert heard['/simulator/constraints'] == []
         changed = Parameter('publish.constraints', value='on').to_parameter_msg()
         peer.call(SetParameters, '/simulator/set_parameters', parameters=[changed])
-        assert heard['/simulator/constraints'] == []
         peer.until(lambda: heard['/simulator/constraints'], 'what was switched on')
         assert node.stop() == 0
     joints = {seconds(m.header.stamp): m for m in heard['/joint_states']}
