@@ -40,9 +40,8 @@ def paper(name: str) -> Motion:
 
 
 @cache
-def four_bars(n: int) -> Motion:
-    """`n` four-bars through two passes, at about 0.7 s and 1.2 s."""
-    times = TEN_SECONDS[:16]
+def four_bars(n: int, times: tuple[float, ...] = TEN_SECONDS[:16]) -> Motion:
+    """`n` four-bars; 1.5 s of it have two passes, at about 0.7 s and 1.2 s."""
     solution = cache(partial(exact.four_bars(n).motion, math.pi / 2, -1.0, times))
     return Motion(
         'n_four_bar', f'N={n}', partial(load_scene, 'n_four_bar', {'N': n}), times, solution

@@ -27,7 +27,11 @@ DOCUMENTS = ('README.md', 'doc/performance.md')
 SURVIVAL = (0.01 / 60, 0.01 / 5)  # s, steps of the sweep
 STIFF = 1e-4  # m
 LOST = 1e-2  # m: above it, it is another motion
-MECHANISMS = {'slider_crank': 'slider-crank', 'double_four_bar': 'two four-bars'}
+MECHANISMS = {
+    'slider_crank': 'slider-crank',
+    'double_four_bar': 'two four-bars',
+    'n_four_bar': 'ten four-bars',
+}
 COLOURS = ('#0072b2', '#56b4e9', '#002d47', '#d55e00', '#009e73', '#cc79a7')
 
 
@@ -147,17 +151,20 @@ def draw(path: Path) -> None:
     from matplotlib.figure import Figure
 
     about, points = peer_points()
-    figure = Figure(figsize=(12.0, 9.0), layout='constrained')
+    figure = Figure(figsize=(4.5 * len(points), 9.0), layout='constrained')
     FigureCanvasAgg(figure)
     figure.suptitle(f'10 s through singular positions, {about}', fontsize=10)
-    axes: Any = figure.subplots(2, 2, sharey='row')
+    axes: Any = figure.subplots(2, len(points), sharey='row', squeeze=False)
+    # of all mechanisms: one may lack an engine
+    names = dict.fromkeys(engine for engines in points.values() for engine in engines)
+    colours = dict(zip(names, COLOURS, strict=False))
     handles = {}
     for column, (mechanism, engines) in enumerate(points.items()):
         steps, costs = axes[:, column]
         steps.set(title=MECHANISMS[mechanism], xlabel='step, ms')
         costs.set(xlabel='processor time, ms per simulated second')
         for engine, curve in engines.items():
-            colour = COLOURS[list(engines).index(engine)]
+            colour = colours[engine]
             style: Any = {'color': colour, 'marker': 'o', 'markersize': 3.0, 'linewidth': 1.0}
             sweep = survived(curve)
             errors = [math.nan if p.failure else p.position for p in sweep]

@@ -63,7 +63,7 @@ if __name__ == '__main__':
             f'alf_ros {version()}, alf2, {integrator}',
             {
                 name: partial(made, name, integrator)
-                for name in ('slider_crank', 'double_four_bar')
+                for name in ('slider_crank', 'double_four_bar', 'n_four_bar')
             },
         )
     adaptive()

@@ -9,11 +9,12 @@ Settings: 3-D contacts, μ = 1e-10, to 1e-14; Baumgarte correction of 50 1/s. Th
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from common import perform, timed
+from common import chain, perform, timed, tips
 
 MU, GAIN = 1e-10, 50.0  # the best of 1e-6 to 1e-10, and 1/s, of 1 to 50  # 1/s
 CALLS = 2000
@@ -117,31 +118,23 @@ def slider_crank(case: dict[str, Any]) -> Any:
     return tree.runner(start, speeds, points)
 
 
-def double_four_bar(case: dict[str, Any]) -> Any:
+def four_bars(n: int, case: dict[str, Any]) -> Any:
     """As for MuJoCo: one chain."""
     tree = Tree()
-    first = tree.rod(0, 0.0)
-    second = tree.rod(tree.rod(first, 1.0), 1.0)
-    third = tree.rod(tree.rod(second, 0.0), 1.0)
-    tree.tie(second, 1.0)
-    tree.tie(third, 2.0)
-    theta, rate = case['theta'], case['rate']
-    start = [theta, -theta, theta + math.pi, -theta - math.pi, theta + math.pi]
-    speeds = [rate, -rate, rate, -rate, rate]
-
-    def points(q: Any) -> Any:
-        one, two, four = q[:, 0], q[:, 0] + q[:, 1], q[:, :4].sum(axis=1)
-        b0 = np.stack([np.cos(one), np.sin(one)], axis=1)
-        b1 = b0 + np.stack([np.cos(two), np.sin(two)], axis=1)
-        b2 = b1 + np.stack([np.cos(four), np.sin(four)], axis=1)
-        return np.concatenate([b0, b1, b2], axis=1)
-
-    return tree.runner(start, speeds, points)
+    crank, place = tree.rod(0, 0.0), 1.0
+    for k in range(1, n + 1):
+        crank, place = tree.rod(tree.rod(crank, place), 1.0), 0.0
+        tree.tie(crank, float(k))
+    return tree.runner(*chain(n, case['theta'], case['rate']), tips)
 
 
 if __name__ == '__main__':
     perform(
         'pinocchio',
         f'pinocchio {pin.__version__}, proximal constraint dynamics, RK4',
-        {'slider_crank': slider_crank, 'double_four_bar': double_four_bar},
+        {
+            'slider_crank': slider_crank,
+            'double_four_bar': partial(four_bars, 2),
+            'n_four_bar': partial(four_bars, 10),
+        },
     )
