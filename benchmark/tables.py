@@ -145,6 +145,46 @@ def stiff() -> str:
     return '\n'.join(parts) + '\n'
 
 
+def order_n() -> str:
+    """Cost, fill and preparation of every shape."""
+    about, found = rows('order_n.csv')
+    parts = [f'{about}.\n']
+    parts += [
+        '| | bars | stage, µs | per bar, ns | factor, µs | CHOLMOD, µs | solve, µs | fill '
+        '| updates | RCM | first step after, s | MB |',
+        '|---' * 12 + '|',
+    ]
+    for row in found:
+        bars, stage = int(row['bars']), float(row['stage_us'])
+        if bars < 90:
+            continue
+        numbers = [stage, 1e3 * stage / bars]
+        numbers += [float(row[k]) for k in ('factor_us', 'cholmod_us', 'solve_us', 'fill')]
+        cells = [f'{x:.3g}' if x < 1e3 else f'{x:.0f}' for x in numbers]
+        cells += [row['updates'], row['updates_rcm']]
+        cells += [f'{float(row["prepare_s"]):.2g}', f'{float(row["memory_mb"]):.0f}']
+        parts.append(f'| {row["shape"]} | {bars} | {" | ".join(cells)} |')
+    return '\n'.join(parts) + '\n'
+
+
+def large_node() -> str:
+    """What ticks with readers and a log."""
+    about, found = rows('large_node.csv')
+    parts = [f'{about}.\n']
+    parts += [
+        '| subscribers | log | ticks/s | overruns | lost, s | lateness p50, µs | p99, µs '
+        '| processor, % of a core | heard/s | MB/s |',
+        '|---' * 10 + '|',
+    ]
+    keys = 'ticks_per_s overruns lost_real_time_s lateness_p50_us lateness_p99_us'.split()
+    keys += 'processor_percent_of_a_core heard_per_s logged_mb_per_s'.split()
+    for row in found:
+        cells = [row[key] for key in keys]
+        recorded = 'yes' if row['recorded'] == 'True' else 'no'
+        parts.append(f'| {row["subscribers"]} | {recorded} | {" | ".join(cells)} |')
+    return '\n'.join(parts) + '\n'
+
+
 def draw(path: Path) -> None:
     """Above the error of every step of the sweep, below what an error costs."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -190,7 +230,13 @@ def draw(path: Path) -> None:
     figure.savefig(path, dpi=110)
 
 
-TABLES = (('work_precision', work_precision), ('stiff', stiff), ('peers', peers))
+TABLES = (
+    ('work_precision', work_precision),
+    ('stiff', stiff),
+    ('order_n', order_n),
+    ('large_node', large_node),
+    ('peers', peers),
+)
 
 
 def filled(text: str) -> str:

@@ -79,18 +79,17 @@ def _check(peer: str, run: Run, energy: float, exact: Any, spacing: float) -> No
         raise SystemExit(f'{peer}: another mechanism: {wrong:.1e} m, {energy:.1e} J from it')
 
 
-def chain(n: int, theta: float, rate: float) -> tuple[list[float], list[float]]:
-    """Angles (rad) and rates (rad/s) of the hinges of `n` four-bars as one chain of rods: crank,
-    coupler, crank ..., coupler, crank, with all cranks at theta (rad), rate (rad/s)."""
-    hanging = theta + math.pi  # all but the first are hinged at their tips
-    return [theta, -theta, *[hanging, -hanging] * (n - 1), hanging], [*[rate, -rate] * n, rate]
+def branches(n: int, theta: float, rate: float) -> tuple[list[float], list[float]]:
+    """Angles (rad) and rates (rad/s) of the hinges of `n` four-bars as branches: crank, coupler on
+    its tip, crank ..., coupler, crank, with all cranks at theta (rad), rate (rad/s)."""
+    return [*[theta, -theta] * n, theta], [*[rate, -rate] * n, rate]
 
 
 def tips(q: Any) -> Any:
-    """Tips of the cranks of that chain, m: x, y of each, from angles (instants, hinges), rad."""
-    angles = np.cumsum(q, axis=1)[:, [0, *range(1, q.shape[1], 2)]]  # first crank, couplers
-    rods = np.stack([np.cos(angles), np.sin(angles)], axis=2)
-    return np.cumsum(rods, axis=1).reshape(len(q), -1)
+    """Tips of these cranks, m: x, y of each, from angles (instants, hinges), rad."""
+    cranks = q[:, ::2]
+    x = np.cos(cranks) + np.arange(cranks.shape[1])
+    return np.stack([x, np.sin(cranks)], axis=2).reshape(len(q), -1)
 
 
 def timed(work: Callable[[], Any]) -> tuple[Any, float]:

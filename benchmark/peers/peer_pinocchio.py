@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from common import chain, perform, timed, tips
+from common import branches, perform, timed, tips
 
 MU, GAIN = 1e-10, 50.0  # the best of 1e-6 to 1e-10, and 1/s, of 1 to 50  # 1/s
 CALLS = 2000
@@ -39,8 +39,8 @@ class Tree:
             self.model.appendBodyToJoint(new, body, pin.SE3.Identity())
         return new
 
-    def tie(self, body: int, x: float) -> None:
-        """The far end of a rod stays at (x, 0)."""
+    def tie(self, body: int, other: int, x: float) -> None:
+        """The far end of a rod stays at (x, 0) of another body; 0 is the ground."""
         far = pin.SE3(np.eye(3), np.array([1.0, 0.0, 0.0]))
         fixed = pin.SE3(np.eye(3), np.array([x, 0.0, 0.0]))
         tie = pin.RigidConstraintModel(
@@ -48,7 +48,7 @@ class Tree:
             self.model,
             body,
             far,
-            0,
+            other,
             fixed,
             pin.ReferenceFrame.LOCAL_WORLD_ALIGNED,
         )
@@ -106,7 +106,7 @@ def slider_crank(case: dict[str, Any]) -> Any:
     tree = Tree()
     slide = tree.rod(0, 0.0, pin.JointModelPX())
     crank = tree.rod(tree.rod(slide, 0.0), 1.0)
-    tree.tie(crank, 0.0)
+    tree.tie(crank, 0, 0.0)
     theta, rate = case['theta'], case['rate']
     start = [2 * math.cos(theta), math.pi - theta, 2 * theta]
     speeds = [-2 * math.sin(theta) * rate, -rate, 2 * rate]
@@ -119,13 +119,14 @@ def slider_crank(case: dict[str, Any]) -> Any:
 
 
 def four_bars(n: int, case: dict[str, Any]) -> Any:
-    """As for MuJoCo: one chain."""
+    """As for MuJoCo: cranks on the ground, couplers on them."""
     tree = Tree()
-    crank, place = tree.rod(0, 0.0), 1.0
+    cranks = [tree.rod(0, 0.0)]
     for k in range(1, n + 1):
-        crank, place = tree.rod(tree.rod(crank, place), 1.0), 0.0
-        tree.tie(crank, float(k))
-    return tree.runner(*chain(n, case['theta'], case['rate']), tips)
+        coupler = tree.rod(cranks[-1], 1.0)
+        cranks.append(tree.rod(0, float(k)))
+        tree.tie(coupler, cranks[-1], 1.0)
+    return tree.runner(*branches(n, case['theta'], case['rate']), tips)
 
 
 if __name__ == '__main__':

@@ -7,7 +7,7 @@ benchmark/results/peers.csv, a line for each run. The same physics
 everywhere: rods with inertia, no friction, no damping; each model is checked by its energy, and at
 tiny steps by the exact motion. Settings are in each peer_<name>.py.
 A run takes 2.5 s of processor time at most: the sweep of an engine ends before the first step that
-would need more. With ten four-bars Exudyn gets to about k = 17, Pinocchio to 30, MuJoCo to 58.
+would need more. With ten four-bars Exudyn gets to about k = 17, Pinocchio to 40.
 One process at a time; times are of the processor, medians of 1 to 3 runs.
 """
 
