@@ -18,7 +18,7 @@ help:
 	@echo 'make view [ARGS=...]   show what runs in a web browser, at http://localhost:8080'
 	@echo 'make setup [PYTHON=python3.12]   only prepare .venv (run and test do it themselves)'
 	@echo 'make test    linters, type checks and all tests'
-	@echo 'make benchmark [ARGS=--no-peers]   what accuracy costs here, and elsewhere: benchmark/results, minutes'
+	@echo 'make benchmark [ARGS=--no-peers]   what accuracy costs here, and elsewhere: benchmark/results, half an hour'
 	@echo 'make clean   remove caches and build products; .venv/ and logs/ stay'
 
 setup:

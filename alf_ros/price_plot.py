@@ -40,6 +40,8 @@ def draw(path: Path, title: str, found: PriceList) -> None:
             change.text(0.02, y, 'none', va='center', transform=across)
     if any(x == x for x in shown):
         change.set_xscale('log')
+    else:
+        change.set_xticks([])
     change.set(xlabel='change of position it makes, m', ylim=(-0.6, len(prices) - 0.4))
     for method, marker in (('rk4', 's'), ('dop853', 'D')):
         longest = [price.mode.step(method) for price in prices]
@@ -52,6 +54,8 @@ def draw(path: Path, title: str, found: PriceList) -> None:
     if any(price.mode.rate > 0.0 for price in prices):
         steps.set_xscale('log')
         steps.legend(loc='best', fontsize='small')
+    else:
+        steps.set_xticks([])
     steps.set(xlabel='longest stable step, s')
     for axes in (cost, change, steps):
         axes.grid(True, axis='x', color='0.92')

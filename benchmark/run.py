@@ -2,8 +2,9 @@
 
     make benchmark
 
-Accuracy and cost (work_precision.csv), stiff scenes (stiff.csv), other engines (peers.csv), then
-the tables made of them.
+Accuracy and cost (work_precision.csv), stiff scenes (stiff.csv), a stage of N four-bars
+(stage_cost.csv), order n (order_n.csv), a large mechanism in real time (large_node.csv), other
+engines (peers.csv), then the tables made of them.
 For each curve the median ratio of costs, now over before, is printed: above 1 it is slower.
 Without `--no-peers` the other engines are installed first, in an environment of their own.
 """
@@ -21,6 +22,18 @@ HERE = Path(__file__).resolve().parent
 RESULTS = HERE / 'results'
 SCENES = ('slider_crank', 'double_four_bar')
 
+COSTS = ('cpu_ms_per_s', 'stage_us', 'us_per_stage')
+CURVE = (
+    'scene',
+    'mechanism',
+    'shape',
+    'peer',
+    'rate_per_s',
+    'formulation',
+    'integrator',
+    'iterations',
+)
+SETTING = ('step_s', 'tolerance', 'bars', 'four_bars')
 Costs = dict[tuple[str, ...], float]
 
 
@@ -33,13 +46,11 @@ def stored(name: str) -> tuple[str, dict[str, Costs]]:
         about = next(stream)
         found: dict[str, Costs] = {}
         for row in csv.DictReader(stream):
-            if row['cpu_ms_per_s'] and not row['failure']:
-                of = ('scene', 'mechanism', 'peer', 'rate_per_s', 'formulation')
-                curve = [row.get(k, '') for k in of]
-                curve += [row.get(k, '') for k in ('integrator', 'iterations')]
-                setting = row['step_s'], row['tolerance']
-                costs = found.setdefault(' '.join(filter(None, curve)), {})
-                costs[setting] = float(row['cpu_ms_per_s'])
+            cost = next((row[k] for k in COSTS if row.get(k)), '')
+            if cost and not row.get('failure'):
+                curve = ' '.join(filter(None, (row.get(k, '') for k in CURVE))) or path.stem
+                setting = tuple(row.get(k, '') for k in SETTING)
+                found.setdefault(curve, {})[setting] = float(cost)
     return about.partition(', Python')[0], found
 
 
@@ -62,7 +73,8 @@ def main() -> None:
     options = parser.parse_args()
     measure = [sys.executable, '-m', 'alf_ros', 'work_precision', *SCENES]
     commands = {'work_precision.csv': [*measure, '--folder', str(RESULTS)]}
-    commands['stiff.csv'] = [sys.executable, str(HERE / 'stiff.py')]
+    for name in ('stiff', 'stage_cost', 'order_n', 'large_node'):
+        commands[f'{name}.csv'] = [sys.executable, str(HERE / f'{name}.py')]
     if not options.no_peers:
         commands['peers.csv'] = [sys.executable, str(HERE / 'peers' / 'run.py')]
     for name, command in commands.items():

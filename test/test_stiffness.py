@@ -103,3 +103,4 @@ def test_limits_are_those_of_the_literature() -> None:
     assert Mode(3.0).step('rk4') == pytest.approx(math.sqrt(8.0) / 3.0, abs=2e-3)
     assert Mode(-10.0).step('dop853') == pytest.approx(0.64, abs=5e-3)
     assert Mode(0.0).step('rk4') == math.inf
+    assert Mode(-1e9).step('esdirk43') == math.inf
