@@ -64,7 +64,7 @@ effects:
 initial:
   positions: {A: [0, ~]}
   velocities: {A: [1.0, ~], D1: [0.5, 0]}
-solver: {step: 1e-3, integrator: rk4, formulation: alf2, penalty: 1e8, iterations: 5}
+solver: {step: 1e-3, integrator: esdirk43, formulation: alf2, penalty: 1e8, iterations: 5}
 """
 SPACE = """
 mechanism:
