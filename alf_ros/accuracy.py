@@ -32,7 +32,7 @@ DECADE = 10.0**0.5  # between two tolerances that are tried
 RETRIES = 3  # of the adaptive integrator, with a tenth of the tolerance each time
 FIXED = {'rk4': 4, 'dop853': 12}  # evaluations in a step
 IMPLICIT = 'esdirk43_adaptive'  # where effects yield, and it takes fewer
-DEAR = 1.8  # explicit evaluations that cost as much as one of the implicit method
+DEAR = 1.8  # explicit evaluations that cost as much as an implicit one (benchmark/stiff.py)
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from alf_ros.kernel.iteration import augmented
 from alf_ros.kernel.jit import compiled, inner
 from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.soft import add_soft_times
-from alf_ros.kernel.step import accept, begin, step
+from alf_ros.kernel.step import accept, begin, fall_back, keep, step
 from alf_ros.kernel.tally import tally
 from alf_ros.kernel.vectors import copy, largest, zero
 from alf_ros.kernel.watch import note
@@ -106,10 +106,7 @@ def advance_adaptively(
     """Like `advance`, each h in as many steps as the tolerance of the method takes."""
     pace, share = phase.pace, _SHARE * method.tolerance
     good_pace = pace[0]
-    copy(phase.q, work.good_q)
-    copy(phase.qd, work.good_qd)
-    copy(phase.turns, work.good_turns)
-    copy(phase.works, forces.ledger.good)
+    keep(forces, work, phase)
     most, begun, sigma = 0, False, 0.0 if within else np.inf
     tries, before, longer = 0, np.inf, h  # from here; error and length of the last
     if not begin(unit, system, work, phase):
@@ -163,16 +160,10 @@ def advance_adaptively(
                     copy(phase.q, work.q)
                     linearise(unit, system, work, work.q)
         if done < h:
-            copy(work.good_q, phase.q)
-            copy(work.good_qd, phase.qd)
-            copy(work.good_turns, phase.turns)
-            copy(forces.ledger.good, phase.works)
+            fall_back(forces, work, phase)
             pace[0] = good_pace
             return result, taken, most
-        copy(phase.q, work.good_q)
-        copy(phase.qd, work.good_qd)
-        copy(phase.turns, work.good_turns)
-        copy(phase.works, forces.ledger.good)
+        keep(forces, work, phase)
         good_pace = pace[0]
         if watch is not None:  # known when it is compiled: who does not watch does without
             note(unit, system, forces, work, watch, taken, end)

@@ -43,6 +43,8 @@ from alf_ros.kernel.step import (
     end_step,
     evaluate_aside,
     evaluate_first,
+    fall_back,
+    keep,
     mark,
     nearness,
 )
@@ -69,7 +71,6 @@ def _settle(
     t: float,
     s: np.uint64,
     gamma: float,
-    lag: float,
     near: bool,
     rate: float,
     radius: float,
@@ -78,9 +79,9 @@ def _settle(
 ) -> tuple[int, int, float, float]:
     """Solve stage s, where q_b and v_b stand in `work` and a guess of k in `soft.k`.
 
-    gamma: hγ, s; lag: of the stage behind the path, in its curvature, s²; near: whether the last
-    stage was near a singular position; rate: at which Newton's method converged there. Leaves k
-    and v in `kv` and `kq`. Returns (result, most iterations, whether it is near, rate).
+    gamma: hγ, s; near: whether the last stage was near a singular position; rate: at which
+    Newton's method converged there. Leaves k and v in `kv` and `kq`. Returns (result, most
+    iterations, whether it is near, rate).
     """
     n, k = work.p.size, system.soft.k
     at, iterations = s * n, np.int64(method.iterations)
@@ -98,11 +99,8 @@ def _settle(
         add_mass_times(unit, system.mass, 1.0, work.qd, work.p)
         add_soft_times(unit, system.soft, 1.0, work.qd, work.p)
         copy(work.q, work.base)
-        copy(work.q, work.target)
-        for i in range(n):
-            work.q[i] += lag * work.bend[i]
+        copy(work.q, work.target)  # a stage of order 2 is not behind the path
         count, x, clear = stage(unit, system, forces, work, t, radius, close, near, iterations)
-        tally(forces.ledger.tally, system, forces, work, phase, t, s, 1.0, False)
         near = x < np.inf
         if not clear and count > 0:
             count = evaluate_aside(
@@ -128,6 +126,8 @@ def _settle(
         left = gamma * change * (rate / (1.0 - rate) if rate < 0.5 else 1.0)
         fine = max(_SETTLED * method.tolerance * speed, 8.0 * EPS * system.size / gamma)
         if left <= fine:
+            if clear:  # else what it is interpolated from was counted
+                tally(forces.ledger.tally, system, forces, work, phase, t, s, 1.0, False)
             for i in range(n):
                 work.kv[at + i] = k[i]
                 work.kq[at + i] = work.before_qd[i] + gamma * k[i]
@@ -191,7 +191,7 @@ def _step(
         kv[i] = work.qdd[i]
     near, rate, gamma = x < np.inf, 1.0, 0.0
     for s in range(ONE, stages):
-        gamma, lag = h * method.a[s * stages + s], 0.5 * method.c[s] * method.c[s]
+        gamma = h * method.a[s * stages + s]
         for i in range(n):
             work.before_q[i] = 0.0
             work.before_qd[i] = 0.0
@@ -202,8 +202,6 @@ def _step(
                 work.before_q[i] += weight * kq[m * n + i]
                 work.before_qd[i] += weight * kv[m * n + i]
                 system.soft.k[i] += guess * kv[m * n + i]
-        for m in range(s + ONE):
-            lag -= method.a[s * stages + m] * method.c[m]
         furthest = 0.0
         for i in range(n):
             work.before_q[i] = q[i] + h * work.before_q[i]
@@ -224,7 +222,6 @@ def _step(
             t + method.c[s] * h,
             s,
             gamma,
-            h * h * lag,
             near,
             rate,
             radius,
@@ -278,10 +275,7 @@ def advance_implicitly(
     error each in as many as the tolerance of the method takes."""
     pace, adaptive = phase.pace, method.embedded.size > 0
     good_pace = pace[0]
-    copy(phase.q, work.good_q)
-    copy(phase.qd, work.good_qd)
-    copy(phase.turns, work.good_turns)
-    copy(phase.works, forces.ledger.good)
+    keep(forces, work, phase)
     most, sigma = 0, 0.0 if within else np.inf
     mark(unit, system, work, phase)
     for taken in range(steps):
@@ -329,16 +323,10 @@ def advance_implicitly(
         if adaptive:
             pace[0] = length
         if done < h:
-            copy(work.good_q, phase.q)
-            copy(work.good_qd, phase.qd)
-            copy(work.good_turns, phase.turns)
-            copy(forces.ledger.good, phase.works)
+            fall_back(forces, work, phase)
             pace[0] = good_pace
             return result, taken, most
-        copy(phase.q, work.good_q)
-        copy(phase.qd, work.good_qd)
-        copy(phase.turns, work.good_turns)
-        copy(phase.works, forces.ledger.good)
+        keep(forces, work, phase)
         good_pace = pace[0]
         if watch is not None:  # known when it is compiled: who does not watch does without
             zero(system.soft.weight)

@@ -251,6 +251,24 @@ def begin(unit: Unit, system: System, work: Work, phase: Phase) -> bool:
 
 
 @inner
+def keep(forces: Forces, work: Work, phase: Phase) -> None:
+    """The phase is a point of the grid, to come back to."""
+    copy(phase.q, work.good_q)
+    copy(phase.qd, work.good_qd)
+    copy(phase.turns, work.good_turns)
+    copy(phase.works, forces.ledger.good)
+
+
+@inner
+def fall_back(forces: Forces, work: Work, phase: Phase) -> None:
+    """Back to what was kept."""
+    copy(work.good_q, phase.q)
+    copy(work.good_qd, phase.qd)
+    copy(work.good_turns, phase.turns)
+    copy(forces.ledger.good, phase.works)
+
+
+@inner
 def accept(unit: Unit, system: System, work: Work, phase: Phase) -> None:
     """Take the end of a step that went well as the new phase."""
     violation(unit, system.angles, work.q, work.angle)
