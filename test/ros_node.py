@@ -14,6 +14,7 @@ from geometry_msgs.msg import WrenchStamped
 from mcap.stream_reader import StreamReader
 from mcap_ros2.decoder import DecoderFactory
 from mcap_ros2.reader import read_ros2_messages
+from rcl_interfaces.srv import GetParameters
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile
 
@@ -133,24 +134,36 @@ class Peer:
         return publisher
 
     def call(self, kind, service, **request):
-        """Call a service and return its response.
+        """Call a service, once, and return its response."""
+        client = self.client(kind, service)
+        asked = client.call_async(kind.Request(**request))
+        self.until(asked.done, f'an answer of {service}')
+        self.node.destroy_client(client)
+        return asked.result()
 
-        A server drops its answer if it has not discovered the client within 0.1 s, which happens
-        on a busy machine: then ask once more.
+    def client(self, kind, service):
+        """A client that its server knows.
+
+        A server carries a request out and then drops its answer if it has not discovered the
+        client by then, which happens on a busy machine. Clients are announced in order: a server
+        that answers a younger one knows this one. The younger one asks for no parameters, which
+        may be asked again.
         """
         client = self.node.create_client(kind, service)
         self.until(client.service_is_ready, f'the service {service}')
-        asked = [client.call_async(kind.Request(**request))]
-        again = time.monotonic() + 3.0
+        parameters = f'{service.rpartition("/")[0]}/get_parameters'
+        younger = self.node.create_client(GetParameters, parameters)
+        self.until(younger.service_is_ready, f'the service {parameters}')
+        began, asked = time.monotonic(), []
 
-        def answer():
-            if len(asked) == 1 and time.monotonic() > again:
-                asked.append(client.call_async(kind.Request(**request)))
-            return next((future for future in asked if future.done()), None)
+        def answered():
+            if time.monotonic() >= began + len(asked):
+                asked.append(younger.call_async(GetParameters.Request()))
+            return any(future.done() for future in asked)
 
-        answered = self.until(answer, f'an answer of {service}')
-        self.node.destroy_client(client)
-        return answered.result()
+        self.until(answered, f'an answer of {parameters}')
+        self.node.destroy_client(younger)
+        return client
 
 
 class Diagnostics:

@@ -166,8 +166,7 @@ def test_steps_that_are_under_way_can_be_stopped(tmp_path, peer):
     options = {'start_paused': 'true', 'step_count': 10**9, 'real_time_factor': 0.01}
     with SimulatorProcess(tmp_path, '--no-record', **options).wait_running():
         heard = peer.listen('joint_states', JointState)
-        client = peer.node.create_client(Trigger, '/simulator/step')
-        peer.until(client.service_is_ready, 'the service')
+        client = peer.client(Trigger, '/simulator/step')
         waiting = client.call_async(Trigger.Request())
         # as fast as they can, whatever the real-time factor
         peer.until(lambda: heard and ns(heard[-1].header.stamp) > 10**9, 'a second')
