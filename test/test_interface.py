@@ -120,6 +120,13 @@ def test_services(found):
         documented = {k: v for k, v in documented.items() if 'simulation_interfaces' not in v}
         assert own == services
     else:
+        # Releases differ in what they have.
+        has = vars(importlib.import_module('simulation_interfaces.srv'))
+        documented = {
+            name: kind
+            for name, kind in documented.items()
+            if 'simulation_interfaces' not in kind or kind.rpartition('/')[2] in has
+        }
         actions = {name.partition('/_action/')[0] for name in services.keys() - own.keys()}
         assert actions == {'/simulator/simulate_steps'} and '`~/simulate_steps`' in DOC
     assert set(own) == set(documented)
