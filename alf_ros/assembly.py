@@ -8,7 +8,7 @@ energy.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,10 +17,12 @@ from alf_ros.arrays import Floats
 from alf_ros.driving import is_aligned
 from alf_ros.errors import AssemblyError
 from alf_ros.kernel import System, Work
+from alf_ros.mechanism import Joint
 from alf_ros.model import Model, allocate, hold
 from alf_ros.prescribed import prescribe
 from alf_ros.rank import distance, effective_rank
 from alf_ros.row import Row, linear
+from alf_ros.teeth import slips, toothed
 
 # components of points and vectors by name; None leaves one free
 Given = Mapping[str, Sequence[float | None]]
@@ -34,18 +36,73 @@ def close(model: Model, given: Given, start: Floats | None = None) -> Floats:
     """
     system, names, _ = hold(model, _rows(model, given), velocities=False)
     work = allocate(model, system, 1)
-    q = np.array(model.q if start is None else start)
-    work.q[:] = q
-    best = np.inf
+    work.q[:] = model.q if start is None else start
+    gap = _settle(model, system, work, 1e-13)
+    _check(model, work, names, gap, 1e-10)
+    return np.array(work.q)
+
+
+def follow(
+    model: Model, path: Sequence[tuple[float, Given]], start: Floats, tolerance: float
+) -> list[Floats]:
+    """Positions q (blocks D, m) where a path, given at some s > 0, leads from `start`, at s = 0.
+
+    All of the path give the same components. What the constraints do not allow on the way is met
+    as nearly as they allow, at the end to `tolerance` of the size. Each begins where the two
+    before it lead: so a path crosses singular positions, and stays on its branch. Gears and racks
+    stay in mesh, wheels may slip. Raises AssemblyError with the constraints that stay open.
+    """
+    rows = [_rows(model, given) for _, given in path]
+    places = [0.0, *(s for s, _ in path)]
+    system, names, _ = hold(model, rows[-1], velocities=False)
+    mesh = _mesh(model, rows[-1])
+    work = allocate(model, system, 1)
+    work.q[:] = start
+    found = [np.array(start)]
+    for k, given in enumerate(rows, 1):
+        c = system.rows.c.copy()
+        c[c.size - len(given) :] = [row.c for row in given]  # these stand last
+        here = replace(system, rows=replace(system.rows, c=c))
+        # near a singular position what is open by e leaves a way of √e to go
+        gap = _settle(model, here, work, 1e-15 if k < len(rows) else 0.0)
+        if mesh is not None:
+            gap = _in_mesh(model, here, work, mesh, found[-1])
+        found.append(np.array(work.q))
+        if k < len(rows):
+            further = (places[k + 1] - places[k]) / (places[k] - places[k - 1])
+            work.q[: model.n] += further * (work.q - found[-2])[: model.n]
+    _check(model, work, [*names, *(mesh.names if mesh else ())], gap, tolerance)
+    return found[1:]
+
+
+def _check(model: Model, work: Work, names: Sequence[str], gap: Floats, tolerance: float) -> None:
+    """Raise AssemblyError if a row is open by more than `tolerance` of the size."""
+    if gap.size and not gap.max() <= tolerance * model.size:
+        raise AssemblyError(
+            f'the mechanism cannot be closed: {_worst(names, gap, "m")}', key='initial.positions'
+        )
+    for drive in model.mechanism.drives:
+        if not is_aligned(drive, model.layout, work.q):
+            raise AssemblyError(
+                f'drive {drive.name} begins more than a right angle from the drawing',
+                key=f'drives.{drive.name}',
+            )
+
+
+def _settle(model: Model, system: System, work: Work, least: float) -> Floats:
+    """Move work.q along M to where its rows are closed to `least` of the size, or as far as that
+    goes; returns by how much each stays open, m."""
+    q, best, fraction = np.array(work.q), np.inf, 1.0
     for _ in range(200):
         gap = _gaps(model, system, work)
-        if not gap.size or gap.max() <= 1e-13 * model.size:
+        if not gap.size or gap.max() <= least * model.size:
             break
         if gap.max() < best:
             best, q[:], fraction = gap.max(), work.q, 1.0
         else:  # the full step overshot: take half of it from the best place so far
             fraction *= 0.5
             if fraction < 1e-3:
+                work.q[:] = q
                 break
         work.q[:] = q
         _, violation = _linearised(model, system, work)
@@ -56,24 +113,68 @@ def close(model: Model, given: Given, start: Floats | None = None) -> Floats:
         )
         kernel.solve(model.unit, system.pattern, work.diagonal, work.off, work.delta)
         work.q[: model.n] += fraction * work.delta[: model.n]
+    return _gaps(model, system, work)
+
+
+@dataclass(frozen=True)
+class _Mesh:
+    """Joints with teeth, and the system whose rows of velocities are theirs alone."""
+
+    joints: tuple[Joint, ...]
+    names: list[str]
+    system: System
+    rows: list[int]  # theirs, in the kernel's order
+
+
+def _mesh(model: Model, given: list[Row]) -> _Mesh | None:
+    """What keeps teeth in mesh while the given rows stay as they are; None without teeth."""
+    joints = toothed(model.layout)
+    if not joints:
+        return None
+    system, names, _ = hold(model, [replace(row, c=0.0) for row in given], velocities=True)
+    own = [joint.name for joint in joints]
+    first = len(names) - system.rows.velocity
+    found = {name: first + n for n, name in enumerate(names[first:])}
+    rows = [found[name] for name in own]
+    alpha = system.rows.alpha.copy()
+    alpha[[n for n in found.values() if n not in rows]] = 0.0  # what has no teeth may slip
+    return _Mesh(joints, own, replace(system, rows=replace(system.rows, alpha=alpha)), rows)
+
+
+def _in_mesh(model: Model, system: System, work: Work, mesh: _Mesh, before: Floats) -> Floats:
+    """Move work.q to where no tooth has slipped since `before`, or as far as that goes; returns by
+    how much each row stays open, m, then each joint with teeth."""
+    moving = allocate(model, mesh.system, 1)
     gap = _gaps(model, system, work)
-    if gap.size and gap.max() > 1e-10 * model.size:
-        raise AssemblyError(
-            f'the mechanism cannot be closed: {_worst(names, gap, "m")}', key='initial.positions'
-        )
-    for drive in model.mechanism.drives:
-        if not is_aligned(drive, model.layout, work.q):
-            raise AssemblyError(
-                f'drive {drive.name} begins more than a right angle from the drawing',
-                key=f'drives.{drive.name}',
-            )
-    return np.array(work.q)
+    for _ in range(20):
+        slip = slips(model.layout, mesh.joints, before, work.q)
+        if np.abs(slip).max() <= 1e-13 * model.size:
+            break
+        moving.q[:] = work.q
+        _linearised(model, mesh.system, moving)
+        x = np.zeros_like(work.q)
+        moving.r2[:] = 0.0
+        moving.r2[mesh.rows] = -slip
+        kernel.augmented(model.unit, mesh.system, moving, moving.p, x, 100, 1e-15, 1.0)
+        work.q[: model.n] += x[: model.n]
+        gap = _settle(model, system, work, 1e-13)
+    slip = slips(model.layout, mesh.joints, before, work.q)
+    return np.concatenate([gap, np.abs(slip)])
 
 
-def complete(model: Model, q: Floats, given: Given) -> Floats:
-    """Velocities q̇ (blocks D, m/s) with Φ_q q̇ = 0 and the given ones, of least kinetic energy.
+def complete(
+    model: Model,
+    q: Floats,
+    given: Given,
+    t: float = 0.0,
+    near: Floats | None = None,
+    tolerance: float = 1e-9,
+) -> Floats:
+    """Velocities q̇ (blocks D, m/s) with Φ_q q̇ = 0 at t (s) and the given ones, of least kinetic
+    energy; or those that `near` (blocks D, m/s) become by an impulse, M q̇ + Φ_qᵀ y = M q̇_near.
 
-    Raises AssemblyError with the constraints that contradict the velocities given.
+    Raises AssemblyError with the constraints that contradict the velocities given, by more than
+    `tolerance` of the largest.
     """
     rows = _rows(model, given)
     values = np.array([-row.c for row in rows])
@@ -81,24 +182,37 @@ def complete(model: Model, q: Floats, given: Given) -> Floats:
     system, names, own = hold(model, rates, velocities=True)
     work = allocate(model, system, 1)
     work.q[:] = q
+    prescribe(system, t, work.q, work.qd, work.qdd)
     _linearised(model, system, work)
-    prescribe(system, 0.0, work.q, work.qd, work.qdd)
     wanted, x = np.zeros(len(names)), np.array(work.qd)
     wanted[own] = values
+    if near is not None:
+        kernel.add_mass_times(model.unit, system.mass, 1.0, near, work.p)
     kernel.times_jacobian(model.unit, system.rows, work.g, work.g2, x, work.r2)
     work.r2[:] = wanted - work.r2
     rate = np.zeros_like(wanted)
     kernel.augmented(model.unit, system, work, work.p, x, 100, 1e-15, 1.0)
     kernel.times_jacobian(model.unit, system.rows, work.g, work.g2, x, rate)
     wrong = np.abs(rate - wanted) * system.rows.scale
-    if wrong.size and wrong.max() > 1e-9 * max(
-        1e-300, np.abs(values).max(initial=0.0), np.abs(work.qd).max()
+    speeds = [values, work.qd] if near is None else [values, work.qd, near]
+    if wrong.size and wrong.max() > tolerance * max(
+        1e-300, *(np.abs(each).max(initial=0.0) for each in speeds)
     ):
         raise AssemblyError(
             f'the velocities given contradict each other: {_worst(names, wrong, "m/s")}',
             key='initial.velocities',
         )
     return x
+
+
+def opening(model: Model, q: Floats, qd: Floats) -> float:
+    """Largest speed (m/s) at which a constraint opens, with q, q̇ (blocks D, m, m/s)."""
+    work = allocate(model, model.system, 1)
+    work.q[:] = q
+    _linearised(model, model.system, work)
+    rate = np.zeros_like(work.r2)
+    kernel.times_jacobian(model.unit, model.system.rows, work.g, work.g2, qd, rate)
+    return float(np.max(np.abs(rate) * model.system.rows.scale, initial=0.0))
 
 
 def brought_back(model: Model, q: Floats, qd: Floats, t: float) -> tuple[Floats, Floats]:

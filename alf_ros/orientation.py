@@ -19,7 +19,7 @@ def orientation(layout: Layout, body: str, places: Floats) -> Floats:
         for axis in np.eye(3):
             f = layout.direction(body, tuple(axis))
             columns.append(sum(C @ places[block] for block, C in f.parts.items()))
-        return _quaternion(np.array(columns).T)
+        return quaternion(np.array(columns).T)
     if not basis.ends:
         return np.array([0.0, 0.0, 0.0, 1.0])
     d = places[basis.ends[0]] - (places[basis.first] if basis.is_point[0] else 0.0)
@@ -30,7 +30,7 @@ def orientation(layout: Layout, body: str, places: Floats) -> Floats:
     return turn / np.linalg.norm(turn)
 
 
-def _quaternion(R: Floats) -> Floats:
+def quaternion(R: Floats) -> Floats:
     """Of a rotation matrix (3, 3), by its largest component (Shepperd 1978)."""
     squares = np.array([*np.diag(R), np.trace(R)])
     k = int(np.argmax(squares))

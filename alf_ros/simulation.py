@@ -26,6 +26,7 @@ from alf_ros.kernel import Phase, Watch
 from alf_ros.ledger import DRIVES, INPUTS, accounts
 from alf_ros.model import allocate, compile_model
 from alf_ros.passes import Pass, Watcher
+from alf_ros.placement import placed
 from alf_ros.prescribed import prescribe
 from alf_ros.reactions import Reactions
 from alf_ros.sample import Sample
@@ -356,6 +357,25 @@ class Simulation:
     def reset(self) -> None:
         """Back to the initial state, no inputs held."""
         self.restore(self._initial)
+
+    def place(
+        self,
+        body: str,
+        pose: Sequence[float] | Floats | None = None,
+        twist: Sequence[float] | Floats | None = None,
+    ) -> None:
+        """Go on with the frame of a body elsewhere, or with another velocity of it.
+
+        pose and twist are given as `Sample.body_poses` has them: x, y (m), angle (rad) and their
+        rates in the plane; x, y, z, quaternion x, y, z, w, and velocity and angular velocity (6,)
+        in the world frame in space. The mechanism is assembled around it, on its branch, with its
+        turns counted; velocities are those after an impulse on the body. Without a pose nothing
+        changes its place, without a twist the body keeps its own where it can. Raises InputError,
+        and changes nothing, for what cannot be.
+        """
+        q, qd, turns = placed(self.model, self.state, self.t, body, pose, twist)
+        carried = self._formulation.start(q, qd) if self._formulation else self._carried.copy()
+        self.restore(replace(self.state, q=q, qd=qd, turns=turns, pace=self.h, carried=carried))
 
     # ----------------------------------------------------------------------------------- inputs
 

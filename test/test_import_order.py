@@ -59,6 +59,7 @@ ROOMS = {
         'rows',
         'signal_machine',
         'soft',
+        'teeth',
     ],
     'effects': [
         'effects',
@@ -122,6 +123,7 @@ ROOMS = {
         'efforts',
         'integrator',
         'passes',
+        'placement',
         'formulations',
         'formulations.alf1',
         'formulations.alf2',
