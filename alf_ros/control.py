@@ -12,6 +12,7 @@ from alf_ros.errors import AlfError, InputError
 from alf_ros.settings import on_grid
 
 if TYPE_CHECKING:
+    from alf_ros.arrays import Floats
     from alf_ros.inputs import Inputs
     from alf_ros.pacing import Pacer
     from alf_ros.run import Run
@@ -198,6 +199,23 @@ class Control:
         self._pacer.start()
         self.run.begin(state, keep_time=True)
         return f'{name}: {self.run}'
+
+    def place(self, body: str, pose: Floats | None, twist: Floats | None) -> str:
+        """A body elsewhere, or with another velocity (`Simulation.place`); stamps go on. A new log
+        begins.
+
+        Raises InputError, and changes nothing, if that cannot be.
+        """
+        self.inputs.apply()
+        simulation = self.run.simulation
+        before = simulation.state
+        simulation.place(body, pose, twist)
+        state = simulation.state
+        simulation.restore(before)
+        self._report()
+        self._pacer.start()
+        self.run.begin(state, keep_time=True)
+        return f'{body}: {self.run}'
 
     def _finish_steps(self) -> None:
         """Whoever waits for steps gets an answer; what is not made yet is dropped."""

@@ -1,7 +1,9 @@
-"""A body as an entity of simulation_interfaces: pose, twist and acceleration of its frame."""
+"""A body as an entity of simulation_interfaces: pose, twist and acceleration of its frame, as they
+are, and as somebody wants them."""
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,8 +11,10 @@ from simulation_interfaces.msg import EntityState
 
 from alf_ros.arrays import Floats
 from alf_ros.display import in_space, poses
+from alf_ros.errors import InputError
 from alf_ros.mechanism import Point
 from alf_ros.messages import WORLD, to_time
+from alf_ros.placement import TOLERANCE, spin, unit_quaternion
 
 if TYPE_CHECKING:
     from alf_ros.sample import Sample
@@ -24,10 +28,8 @@ def entity_state(sample: Sample, name: str, ns: int) -> EntityState:
     """
     n = sample.model.body_names.index(name)
     origin, d, rates, changes = _moving(sample, name)
-    cross = np.vstack([-np.cross(each, np.eye(3)).T for each in d]) if len(d) else np.zeros((0, 3))
-    omega = np.linalg.lstsq(cross, rates.ravel(), rcond=None)[0]
-    spun = changes - np.cross(omega, np.cross(omega, d))
-    alpha = np.linalg.lstsq(cross, spun.ravel(), rcond=None)[0]
+    omega = spin(d, rates)
+    alpha = spin(d, changes - np.cross(omega, np.cross(omega, d)))
 
     state = EntityState()
     state.header.frame_id, state.header.stamp = WORLD, to_time(ns)
@@ -43,6 +45,30 @@ def entity_state(sample: Sample, name: str, ns: int) -> EntityState:
     ):
         vector.x, vector.y, vector.z = map(float, values)
     return state
+
+
+def wanted_pose(state: EntityState, dimension: int) -> Floats:
+    """A pose as `Simulation.place` takes it. Raises InputError if it is none, or out of plane."""
+    place, turned = state.pose.position, state.pose.orientation
+    numbers = np.array([place.x, place.y, place.z, turned.x, turned.y, turned.z, turned.w])
+    if not np.isfinite(numbers).all():
+        raise InputError('not a pose', key='pose', expected='finite numbers')
+    quaternion = unit_quaternion(numbers[3:])
+    if dimension == 3:
+        return np.array([*numbers[:3], *quaternion])
+    if np.abs([place.z, *quaternion[:2]]).max() > TOLERANCE:
+        raise InputError('out of the plane: the mechanism is planar', key='pose')
+    return np.array([*numbers[:2], 2.0 * math.atan2(quaternion[2], quaternion[3])])
+
+
+def wanted_twist(state: EntityState, dimension: int) -> Floats:
+    """A twist as `Simulation.place` takes it. Raises InputError if it is out of plane."""
+    v, omega = state.twist.linear, state.twist.angular
+    if dimension == 3:
+        return np.array([v.x, v.y, v.z, omega.x, omega.y, omega.z])
+    if v.z or omega.x or omega.y:
+        raise InputError('out of the plane: the mechanism is planar', key='twist')
+    return np.array([v.x, v.y, omega.z])
 
 
 def _moving(sample: Sample, name: str) -> tuple[Floats, Floats, Floats, Floats]:

@@ -20,8 +20,9 @@ from simulation_interfaces import action, srv
 from simulation_interfaces.msg import Result, SimulationState, SimulatorFeatures
 
 from alf_ros import resources
-from alf_ros.entities import entity_state
-from alf_ros.errors import AlfError
+from alf_ros.entities import entity_state, wanted_pose, wanted_twist
+from alf_ros.errors import AlfError, InputError
+from alf_ros.messages import WORLD
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 # Feature codes by the interface that makes them true.
 _FEATURES = {
     'GetEntityState': ('ENTITY_STATE_GETTING',),
+    'SetEntityState': ('ENTITY_STATE_SETTING',),
     'ResetSimulation': ('SIMULATION_RESET', 'SIMULATION_RESET_STATE'),
     'GetSimulationState': ('SIMULATION_STATE_GETTING',),
     'SetSimulationState': ('SIMULATION_STATE_SETTING', 'SIMULATION_STATE_PAUSE'),
@@ -63,6 +65,7 @@ class SimulationServices:
             'GetEntities': self._on_entities,
             'GetEntityState': self._on_entity,
             'GetEntitiesStates': self._on_entities_states,
+            'SetEntityState': self._on_set_entity,
         }
         for name, serve in offered.items():
             if hasattr(srv, name):
@@ -225,10 +228,17 @@ class SimulationServices:
 
     def _on_entities_states(self, request: Any, response: Any) -> Any:
         self._filtered(request.filters, response)
+        if response.result.result != Result.RESULT_OK:
+            return response
         run = self._control.run
-        sample = run.simulation.sample()
-        response.states = [entity_state(sample, name, run.stamp) for name in response.entities]
-        return response
+
+        def read() -> str:
+            sample = run.simulation.sample()
+            names = response.entities
+            response.states = [entity_state(sample, name, run.stamp) for name in names]
+            return ''
+
+        return _tried(response, read)
 
     def _filtered(self, filters: Any, response: Any) -> Any:
         if filters.categories or filters.tags.tags or filters.bounds.points:
@@ -244,11 +254,49 @@ class SimulationServices:
         return _tried(response, lambda: '')
 
     def _on_entity(self, request: Any, response: Any) -> Any:
-        run = self._control.run
-        if request.entity not in run.simulation.model.body_names:
-            return _failed(response, Result.RESULT_NOT_FOUND, f'{request.entity}: no such body')
-        response.state = entity_state(run.simulation.sample(), request.entity, run.stamp)
-        return _tried(response, lambda: '')
+        run, body = self._control.run, request.entity
+        if not self._is_body(body, response):
+            return response
+
+        def read() -> str:
+            response.state = entity_state(run.simulation.sample(), body, run.stamp)
+            return ''
+
+        return _tried(response, read)
+
+    def _on_set_entity(self, request: Any, response: Any) -> Any:
+        """Accelerations follow from the forces: they are ignored, as the standard allows."""
+        body, state = request.entity, request.state
+        if not self._is_body(body, response):
+            return response
+        if state.header.frame_id not in ('', WORLD):
+            text = f'{state.header.frame_id}: frames other than {WORLD}'
+            return _failed(response, Result.RESULT_FEATURE_UNSUPPORTED, text)
+        # Releases before 2.1 have no flags: all is set.
+        with_pose, with_twist = (getattr(request, f'set_{k}', True) for k in ('pose', 'twist'))
+        if not with_pose and not with_twist:
+            text = 'nothing to set: neither set_pose nor set_twist'
+            return _failed(response, Result.RESULT_FEATURE_UNSUPPORTED, text)
+        dimension = self._control.run.simulation.model.layout.dimension
+        try:
+            pose = wanted_pose(state, dimension) if with_pose else None
+        except InputError as error:
+            code = getattr(response, 'INVALID_POSE', Result.RESULT_OPERATION_FAILED)  # since 1.1
+            return _failed(response, code, str(error))
+
+        def place() -> str:
+            twist = wanted_twist(state, dimension) if with_twist else None
+            told = self._control.place(body, pose, twist)
+            self._paused_in = self._control.run.number  # no longer the start of the scene
+            return told
+
+        return _tried(response, place)
+
+    def _is_body(self, name: str, response: Any) -> bool:
+        known = name in self._control.run.simulation.model.body_names
+        if not known:
+            _failed(response, Result.RESULT_NOT_FOUND, f'{name}: no such body')
+        return known
 
 
 def _snake(name: str) -> str:

@@ -15,6 +15,8 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool
 
 from alf_ros import Simulation, load_scene
+from alf_ros.logs import load
+from alf_ros.logs.comparison import compare
 
 pytest.importorskip('simulation_interfaces', reason='comes with a ROS 2 installation')
 from simulation_interfaces import action, srv
@@ -23,6 +25,7 @@ from simulation_interfaces.msg import Result, SimulationState, SimulatorFeatures
 from alf_ros.entities import entity_state
 
 STOPPED, PLAYING, PAUSED, QUITTING = 0, 1, 2, 3
+FLAGS = 'set_pose', 'set_twist', 'set_acceleration'
 
 
 @pytest.fixture(scope='module')
@@ -88,6 +91,7 @@ def test_features_are_those_offered_and_no_others(standard):
         'STEP_SIMULATION_MULTIPLE': 'StepSimulation',
         'STEP_SIMULATION_ACTION': 'SimulateSteps_SendGoal',
         'ENTITY_STATE_GETTING': 'GetEntityState',
+        'ENTITY_STATE_SETTING': 'SetEntityState',
         'WORLD_LOADING': 'LoadWorld',
         'WORLD_INFO_GETTING': 'GetCurrentWorld',
         'AVAILABLE_WORLDS': 'GetAvailableWorlds',
@@ -251,6 +255,144 @@ def test_entities_in_space_against_differences(scene):
             size = 1.0 + np.abs(found).max()
             assert found == pytest.approx((rates[1] - rates[0]) / (2 * h), abs=1e-3 * size)
         simulation.restore(start)
+
+
+def wanted(entity, place=(0.0, 0.0, 0.0), turn=(0.0, 0.0, 0.0, 1.0), v=(), omega=(), **flags):
+    """What to ask SetEntityState for; flags that a release does not have are left out."""
+    request = srv.SetEntityState.Request(entity=entity)
+    state = request.state
+    for vector, values in (
+        (state.pose.position, place),
+        (state.pose.orientation, turn),
+        (state.twist.linear, v),
+        (state.twist.angular, omega),
+    ):
+        for axis, value in zip('xyzw', values, strict=False):
+            setattr(vector, axis, value)
+    state.header.frame_id = flags.pop('frame', '')
+    for name in FLAGS:
+        if hasattr(request, name):
+            setattr(request, name, flags.get(name, name != 'set_acceleration'))
+    return {name: getattr(request, name) for name in request.get_fields_and_field_types()}
+
+
+def about_z(angle):
+    return 0.0, 0.0, math.sin(angle / 2.0), math.cos(angle / 2.0)
+
+
+def test_an_entity_is_put_elsewhere_and_the_mechanism_closes_around_it(standard):
+    def put(*what, **more):
+        return standard.call(
+            srv.SetEntityState, 'set_entity_state', **wanted(*what, **more)
+        ).result
+
+    def is_there(angle, rate):
+        """The joints that are published, and the pose that is told."""
+
+        def found():
+            crank, knee, *_ = standard.heard[-1].position
+            return abs(crank - angle) < 1e-9 and abs(knee + 2.0 * angle) < 1e-9
+
+        standard.peer.until(found, f'the crank at {angle} rad')
+        crank, knee, *_ = standard.heard[-1].velocity
+        assert (crank, knee) == pytest.approx((rate, -2.0 * rate), abs=1e-9)
+        told = standard.call(srv.GetEntityState, 'get_entity_state', entity='crank').state
+        turned = 2.0 * math.atan2(told.pose.orientation.z, told.pose.orientation.w)
+        assert math.cos(turned - angle) == pytest.approx(1.0, abs=1e-12)
+        assert told.twist.angular.z == pytest.approx(rate, abs=1e-9)
+        return told
+
+    before = standard.stamp()
+    assert put('crank', turn=about_z(0.3), omega=(0.0, 0.0, 2.0)).result == Result.RESULT_OK
+    is_there(0.3, 2.0)
+    assert standard.stamp() > before and standard.state == PAUSED
+    # over the singular positions, on as a motion would, and into one
+    for angle in (2.8, 5.0, 7.0, 2.5 * math.pi):
+        assert put('crank', turn=about_z(angle), frame='world').result == Result.RESULT_OK
+        told = is_there(angle, 0.0)
+    # what is told can be asked for
+    fields = wanted('crank') | {'state': told}
+    answer = standard.call(srv.SetEntityState, 'set_entity_state', **fields)
+    assert answer.result.result == Result.RESULT_OK
+    is_there(2.5 * math.pi, 0.0)
+    put('crank', turn=about_z(6.9))
+    coupler = (math.cos(7.0), math.sin(7.0), 0.0)
+    assert put('coupler', coupler, about_z(-7.0)).result == Result.RESULT_OK
+    is_there(7.0, 0.0)
+    assert standard.call(srv.StepSimulation, 'step_simulation', steps=5).result.result == 1
+    assert standard.go(STOPPED) == Result.RESULT_OK
+
+
+@pytest.mark.skipif(
+    not hasattr(srv.SetEntityState.Request(), 'set_pose'), reason='a release without flags'
+)
+def test_pose_and_twist_are_set_alone_if_asked(standard):
+    def put(**more):
+        fields = wanted('crank', turn=about_z(1.2), omega=(0.0, 0.0, 3.0), **more)
+        return standard.call(srv.SetEntityState, 'set_entity_state', **fields).result
+
+    simulation = Simulation(load_scene('slider_crank'))
+    rate = simulation.sample().joint_velocities[0]
+    assert put(set_twist=False).result == Result.RESULT_OK
+    standard.peer.until(lambda: abs(standard.heard[-1].position[0] - 1.2) < 1e-9, 'the pose')
+    assert standard.heard[-1].velocity[0] == pytest.approx(rate, abs=1e-9)
+    standard.go(STOPPED)
+    angle = simulation.sample().joint_positions[0]
+    assert put(set_pose=False, set_acceleration=True).result == Result.RESULT_OK
+    standard.peer.until(lambda: abs(standard.heard[-1].velocity[0] - 3.0) < 1e-9, 'the twist')
+    assert standard.heard[-1].position[0] == pytest.approx(angle, abs=1e-12)
+    nothing = put(set_pose=False, set_twist=False, set_acceleration=True)
+    assert nothing.result == Result.RESULT_FEATURE_UNSUPPORTED
+
+
+def test_what_an_entity_cannot_do_is_refused_and_changes_nothing(standard):
+    def put(*what, **more):
+        result = standard.call(srv.SetEntityState, 'set_entity_state', **wanted(*what, **more))
+        return result.result.result, result.result.error_message
+
+    before = standard.call(srv.GetEntityState, 'get_entity_state', entity='crank').state
+    failed = Result.RESULT_OPERATION_FAILED
+    invalid = getattr(srv.SetEntityState.Response, 'INVALID_POSE', failed)
+    assert put('crnak') == (Result.RESULT_NOT_FOUND, 'crnak: no such body')
+    assert put('crank', frame='coupler')[0] == Result.RESULT_FEATURE_UNSUPPORTED
+    assert put('crank', turn=(0.0, 0.0, 0.0, 0.0))[0] == invalid
+    assert put('crank', (0.0, math.nan, 0.0))[0] == invalid
+    assert put('crank', (0.0, 0.0, 0.1))[0] == invalid
+    assert put('crank', turn=(0.0, math.sin(0.1), 0.0, math.cos(0.1)))[0] == invalid
+    assert put('crank', v=(0.0, 0.0, 1.0))[0] == failed
+    code, text = put('crank', (0.1, 0.0, 0.0))
+    assert code == failed and 'O (x given) is off by 0.1 m' in text
+    code, text = put('crank', v=(0.1, 0.0, 0.0))
+    assert code == failed and 'O (x given) is off by 0.1 m/s' in text
+    after = standard.call(srv.GetEntityState, 'get_entity_state', entity='crank').state
+    assert after == before and standard.state == STOPPED
+
+
+def test_logs_with_entities_put_elsewhere_repeat_bit_for_bit(tmp_path, peer):
+    """In space, while it plays: the log before ends there, and another one begins."""
+
+    def call(kind, name, **request):
+        return peer.call(kind, f'/moved/simulator/{name}', **request)
+
+    heard = peer.listen('/moved/joint_states', JointState)
+    options = '--scene', 'stewart_platform', '--ros-args', '-r', '__ns:=/moved'
+    with SimulatorProcess(tmp_path, *options).wait_running() as node:
+        for k in range(3):
+            held = len(heard)
+            peer.until(lambda held=held: len(heard) > held + 20, 'motion')
+            there = wanted('top', (0.1 * k, 0.0, 1.2), about_z(0.2 * k), v=(0.1, 0.0, 0.0))
+            answer = call(srv.SetEntityState, 'set_entity_state', **there)
+            assert answer.result.result == Result.RESULT_OK, answer.result.error_message
+        held = len(heard)
+        peer.until(lambda: len(heard) > held + 20, 'motion from there')
+        assert node.stop() == 0, node.output
+    stamps = [m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for m in heard]
+    assert stamps == sorted(set(stamps))
+    logs = [load(path) for path in node.logs]
+    assert len(logs) == 4 and ['state' in log.info for log in logs] == [False, True, True, True]
+    for log in logs:
+        result = compare(log)
+        assert result.equal and result.compared > 20, result
 
 
 @pytest.mark.skipif(not hasattr(srv, 'LoadWorld'), reason='a release without worlds')
