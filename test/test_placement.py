@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from types import SimpleNamespace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from alf_ros import AssemblyError, InputError, Simulation, load_scene, settings
 from alf_ros.arrays import Floats
+from alf_ros.control import Control
 from alf_ros.log_run import LogRun
 from alf_ros.logs import load
 from alf_ros.logs.comparison import compare
@@ -271,3 +274,29 @@ def test_a_run_from_there_repeats_bit_for_bit(tmp_path: Path) -> None:
     assert simulation.sample().q.tobytes() == setup.simulation.sample().q.tobytes()
     result = compare(load(run.recorder.folder))
     assert result.equal, result
+
+
+def test_the_node_does_it_between_two_ticks_and_begins_a_log_with_it() -> None:
+    """The log that ends does not see the new state, nor does anything a refusal."""
+    simulation, calls = moving('slider_crank'), Mock()
+    calls.run.simulation = simulation
+    seen: list[SimpleNamespace] = []
+    calls.report.side_effect = lambda: seen.append(SimpleNamespace(state=simulation.state))
+    names = 'run', 'pacer', 'inputs', 'saved', 'report', 'pace', 'end'
+    control = Control(*(getattr(calls, name) for name in names))
+    before, own = simulation.state, pose(simulation, 'crank').copy()
+    with pytest.raises(AssemblyError):
+        control.place('crank', own + [0.1, 0.0, 0.0], None)
+    assert not calls.run.begin.called and not seen
+    control.place('crank', own + [0.0, 0.0, 0.1], None)
+    assert seen[0].state.q.tobytes() == before.q.tobytes() == simulation.state.q.tobytes()
+    (state,), options = calls.run.begin.call_args
+    assert options == {'keep_time': True} and state.step == before.step
+    assert [call[0] for call in calls.mock_calls if call[0] != 'run.__str__'] == [
+        *('inputs.apply',) * 2,
+        'report',
+        'pacer.start',
+        'run.begin',
+    ]
+    simulation.restore(state)
+    assert pose(simulation, 'crank')[2] == pytest.approx(own[2] + 0.1, abs=1e-12)

@@ -176,6 +176,11 @@ def test_steps_as_an_action_with_feedback_and_cancelled(standard):
     ]
     handle, waiting, heard = send(10**9)
     peer.until(lambda: len(heard) > 100, 'progress')
+    # a body put elsewhere meanwhile does not end them
+    answer = standard.call(srv.SetEntityState, 'set_entity_state', **wanted('crank'))
+    assert answer.result.result == Result.RESULT_OK
+    before = len(heard)
+    peer.until(lambda: len(heard) > before + 100, 'more progress')
     made = [f.completed_steps for f in heard]
     assert made == sorted(set(made)) and heard[-1].remaining_steps == 10**9 - made[-1]
     handle.cancel_goal_async()
