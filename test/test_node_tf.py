@@ -56,3 +56,23 @@ def test_frames_come_when_asked_for_and_are_those_of_the_bodies(tmp_path, peer):
             assert (place.x, place.y, place.z) == (pose[0], pose[1], 0.0)
             angle = 2.0 * math.atan2(turn.z, turn.w)
             assert math.cos(angle - pose[2]) == pytest.approx(1.0, abs=1e-12)
+
+
+def test_frames_in_space_are_those_of_the_bodies(tmp_path, peer):
+    heard = peer.listen('/tf', TFMessage)
+    scene = 'stewart_platform'
+    options = {'publish.tf': 'auto', 'display_rate': 50.0}
+    with SimulatorProcess(tmp_path, '--no-record', '--scene', scene, **options).wait_running():
+        peer.until(lambda: len(heard) > 10, 'frames')
+    simulation = Simulation(load_scene(scene))
+    for message in heard:
+        stamp = ns(message.transforms[0].header.stamp)
+        simulation.step(round(stamp * 1e-9 / simulation.h) - simulation.step_index)
+        names = [transform.child_frame_id for transform in message.transforms]
+        assert names == list(simulation.model.body_names)
+        for transform, pose in zip(
+            message.transforms, simulation.sample().body_poses, strict=True
+        ):
+            place, turn = transform.transform.translation, transform.transform.rotation
+            told = (place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w)
+            assert told == tuple(pose)
