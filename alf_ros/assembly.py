@@ -49,8 +49,9 @@ def follow(
 
     All of the path give the same components. What the constraints do not allow on the way is met
     as nearly as they allow, at the end to `tolerance` of the size. Each begins where the two
-    before it lead: so a path crosses singular positions, and stays on its branch. Gears and racks
-    stay in mesh, wheels may slip. Raises AssemblyError with the constraints that stay open.
+    before it lead: so a path crosses singular positions, and stays on its branch. What is free
+    besides moves no more than it must along M. Gears and racks stay in mesh, wheels may slip.
+    Raises AssemblyError with the constraints that stay open.
     """
     rows = [_rows(model, given) for _, given in path]
     places = [0.0, *(s for s, _ in path)]
@@ -70,9 +71,27 @@ def follow(
         found.append(np.array(work.q))
         if k < len(rows):
             further = (places[k + 1] - places[k]) / (places[k] - places[k - 1])
-            work.q[: model.n] += further * (work.q - found[-2])[: model.n]
+            work.q[: model.n] += further * _led(model, system, work, *found[-2:])[: model.n]
     _check(model, work, [*names, *(mesh.names if mesh else ())], gap, tolerance)
     return found[1:]
+
+
+def _led(model: Model, system: System, work: Work, before: Floats, now: Floats) -> Floats:
+    """What led from q to q, m, without what was free to go elsewhere: it would go on and on.
+
+    In a singular position more is free than before it or behind it: the lesser of the two counts.
+    """
+    step, found = now - before, []
+    momenta = np.zeros(model.n)
+    kernel.add_mass_times(model.unit, system.mass, 1.0, step, momenta)
+    for place in (before, now):
+        work.q[:] = place
+        _linearised(model, system, work)
+        free = np.zeros_like(work.q)
+        work.r2[:] = 0.0
+        kernel.augmented(model.unit, system, work, momenta, free, 100, 1e-15, 1.0)
+        found.append(free)
+    return np.asarray(step - min(found, key=lambda free: float(np.linalg.norm(free))))
 
 
 def _check(model: Model, work: Work, names: Sequence[str], gap: Floats, tolerance: float) -> None:

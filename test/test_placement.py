@@ -199,6 +199,19 @@ def test_gears_and_racks_stay_in_mesh() -> None:
         assert sample.joint_velocities[carrier] == pytest.approx(willis, abs=1e-11)
 
 
+def test_what_is_free_besides_is_dragged_and_does_not_go_on_by_itself() -> None:
+    """The lower rod is turned as by many small moves of the upper one: each moves it least."""
+    simulation = moving('double_pendulum', 400)
+    start = simulation.state
+    there, before = (pose(simulation, name).copy() for name in ('upper', 'lower'))
+    for k in range(1, 201):
+        simulation.place('upper', there + [0.0, 0.0, 0.01 * k])
+    slowly = pose(simulation, 'lower')[2] - before[2]
+    simulation.restore(start)
+    simulation.place('upper', there + [0.0, 0.0, 2.0])
+    assert pose(simulation, 'lower')[2] - before[2] == pytest.approx(slowly, rel=0.2)
+
+
 def test_drives_have_the_last_word() -> None:
     simulation = moving('wiper', 100)
     there, going = pose(simulation, 'arm2').copy(), twist(simulation, 'arm2')
