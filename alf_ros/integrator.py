@@ -13,6 +13,7 @@ from scipy.integrate import DOP853
 
 from alf_ros.arrays import Floats
 from alf_ros.kernel import Method
+from alf_ros.kernel.data import EPS
 from alf_ros.scene import Solver
 
 
@@ -26,7 +27,6 @@ class Tableau(NamedTuple):
     c: Floats
     order: int
     embedded: Floats = np.zeros(0)
-    carried: bool = False
 
     @property
     def implicit(self) -> bool:
@@ -43,7 +43,7 @@ def _rk4() -> Tableau:
 
 # Dormand & Prince of order 8 (Hairer, Nørsett & Wanner 1993, II.5 and II.10), as SciPy has it
 _A, _B, _C = (np.ascontiguousarray(part) for part in (DOP853.A, DOP853.B, DOP853.C))
-_DOP853 = Tableau(_A, _B, _C, 8, carried=True)
+_DOP853 = Tableau(_A, _B, _C, 8)
 
 
 def _esdirk43() -> Tableau:
@@ -72,7 +72,7 @@ def _esdirk43() -> Tableau:
             61727 / 225920,
         ]
     )
-    return Tableau(a, b, a.sum(axis=1), 4, embedded=(b - lower)[None], carried=True)
+    return Tableau(a, b, a.sum(axis=1), 4, embedded=(b - lower)[None])
 
 
 _ESDIRK43 = _esdirk43()
@@ -100,14 +100,23 @@ def _guess(c: Floats) -> Floats:
 def method(solver: Solver) -> Method:
     """What the kernel has to know of a scene's solver section."""
     tableau = TABLEAUX[solver.integrator]
-    a, b, c, _, embedded, carried = tableau
+    a, b, c, _, embedded = tableau
     return Method(
         a,
         b,
         c,
         embedded,
         guess=_guess(c) if tableau.implicit else np.zeros(0),
-        carried=np.uint64(carried),
+        turn=EPS ** (1.0 / (tableau.order + 1)),
         iterations=np.uint64(solver.iterations),
         tolerance=solver.tolerance,
     )
+
+
+def first_pace(h: float, size: float, qd: Floats) -> float:
+    """The first step (s) that an adaptive method tries, on a grid of h (s): what is fastest of q̇
+    (m/s) goes a fifth of the size (m) in it.
+
+    A step of a radian can be far off and its embedded errors small, by chance.
+    """
+    return float(min(h, 0.2 * size / max(np.abs(qd).max(initial=0.0), 1e-300)))

@@ -10,11 +10,12 @@ import numpy as np
 
 from alf_ros import auxiliary, kernel
 from alf_ros import layout as layouts
+from alf_ros.arms import arms_of
 from alf_ros.arrays import Floats, Integers, Unit
 from alf_ros.coordinates import Coordinate, measured
 from alf_ros.driving import drive_rows
 from alf_ros.errors import AssemblyError
-from alf_ros.kernel import Rows, Soft, System, Work
+from alf_ros.kernel import Chart, Rows, Soft, System, Work
 from alf_ros.layout import Layout
 from alf_ros.mass import mass_of
 from alf_ros.mechanism import Mechanism, Point, Vector
@@ -122,6 +123,7 @@ def compile_model(mechanism: Mechanism, penalty: float) -> Model:
         pattern=pattern_of(layout, mass, arrays),
         soft=Soft.empty(),
         prescribed=prescribed(layout),
+        arms=arms_of(layout),
         angles=rows_of(angles, layout)[0],
         size=layout.length,
         mean=float(mass.diagonal.mean()),
@@ -255,6 +257,7 @@ def allocate(model: Model, system: System, stages: int) -> Work:
         'shift': whole,
         'kq': stages * n,
         'kv': stages * n,
+        'ku': stages * n,
         'base': whole,
         'before_q': n,
         'before_qd': n,
@@ -273,6 +276,13 @@ def allocate(model: Model, system: System, stages: int) -> Work:
     return Work(
         evaluations=np.zeros(1, dtype=np.int64),
         rounded=np.zeros(1, dtype=np.int64),
+        chart=Chart(
+            **{name: np.zeros(n) for name in ('t', 'n', 'rate', 'momentum', 'w')},
+            **{name: np.zeros(n // D) for name in ('curvature', 'sin', 'cos', 'rho')},
+            **{name: np.zeros(D) for name in ('d', 'v', 'bent')},
+            b=np.zeros(n if D == 3 else 0),
+            first=np.zeros(whole),
+        ),
         good_turns=np.zeros(angles // 2, dtype=np.int64),
         **{name: np.zeros(size) for name, size in sizes.items()},
     )

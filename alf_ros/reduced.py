@@ -15,7 +15,7 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.exact import OneFreedom
-from alf_ros.integrator import TABLEAUX
+from alf_ros.integrator import TABLEAUX, first_pace
 
 SHARE = 0.05  # of the tolerance for one step, as in the kernel
 MOST = 20_000  # evaluations, above which a tolerance asks for less than rounding leaves
@@ -52,7 +52,8 @@ def integrate(
     theta, rate = start
     y = np.array([theta, alone.inertia(theta)[0] * rate])
     error = float(np.abs(alone.position(theta) - exact[0]).max())
-    evaluations, pace = 1, times[1] - times[0]
+    pace = first_pace(times[1] - times[0], size, rate * alone.tangent(theta))
+    evaluations = 1
     k[0] = _rates(alone, y)
     for n in range(1, len(times)):
         t = times[n - 1]

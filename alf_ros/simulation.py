@@ -21,7 +21,7 @@ from alf_ros.errors import AssemblyError, InputError, StepError
 from alf_ros.failures import FAILURES
 from alf_ros.formulations import Formulation
 from alf_ros.input_checks import checked_effort, checked_target, checked_wrench
-from alf_ros.integrator import TABLEAUX, method
+from alf_ros.integrator import TABLEAUX, first_pace, method
 from alf_ros.kernel import Phase, Watch
 from alf_ros.ledger import DRIVES, INPUTS, accounts
 from alf_ros.model import allocate, compile_model
@@ -98,14 +98,15 @@ class Simulation:
         self._prepare()
         turns = np.zeros(self.model.system.angles.c.size // 2, dtype=np.int64)
         works = np.zeros(len(self.accounts))
-        self._phase = Phase(q.copy(), qd.copy(), turns.copy(), np.array([self.h]), works)
+        pace = first_pace(self.h, self.model.size, qd)
+        self._phase = Phase(q.copy(), qd.copy(), turns.copy(), np.array([pace]), works)
         self._formulation: Formulation | None = None
         self._carried: Floats = np.zeros(0)
         if self.solver.formulation != 'alf2':
             self._formulation = Formulation(self.model, self.solver, q)
             self._carried = self._formulation.start(q, qd)
         self._initial = State(
-            0, q, qd, turns, self.h, self._carried.copy(), NO_INPUTS, self._works(works)
+            0, q, qd, turns, pace, self._carried.copy(), NO_INPUTS, self._works(works)
         )
         self._watcher: Watcher | None = None
         self._iterations = 0
@@ -160,10 +161,12 @@ class Simulation:
         """Take other settings, of alf2, from the start; nothing is assembled again."""
         self.solver, self._method = solver, method(solver)
         self._prepare()
-        self._initial = start = replace(self._initial, pace=self.h)
-        pace = np.array([self.h])
+        pace = first_pace(self.h, self.model.size, self._initial.qd)
+        self._initial = start = replace(self._initial, pace=pace)
         works = np.zeros(len(self.accounts))
-        self._phase = Phase(start.q.copy(), start.qd.copy(), start.turns.copy(), pace, works)
+        self._phase = Phase(
+            start.q.copy(), start.qd.copy(), start.turns.copy(), np.array([pace]), works
+        )
         self.restore(start)
 
     def _trial(self, solver: Solver) -> Simulation:
@@ -375,7 +378,8 @@ class Simulation:
         """
         q, qd, turns = placed(self.model, self.state, self.t, body, pose, twist)
         carried = self._formulation.start(q, qd) if self._formulation else self._carried.copy()
-        self.restore(replace(self.state, q=q, qd=qd, turns=turns, pace=self.h, carried=carried))
+        pace = first_pace(self.h, self.model.size, qd)
+        self.restore(replace(self.state, q=q, qd=qd, turns=turns, pace=pace, carried=carried))
 
     # ----------------------------------------------------------------------------------- inputs
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from alf_ros.arrays import Unit
+from alf_ros.arrays import Floats, Unit
+from alf_ros.kernel.chart import straighten, straighten_momenta, turning
 from alf_ros.kernel.data import (
     COLLAPSED,
     NOT_POSITIVE,
@@ -21,7 +22,6 @@ from alf_ros.kernel.factor import linearise
 from alf_ros.kernel.iteration import augmented
 from alf_ros.kernel.jit import compiled, inner
 from alf_ros.kernel.mass import add_mass_times
-from alf_ros.kernel.soft import add_soft_times
 from alf_ros.kernel.step import accept, begin, fall_back, keep, step
 from alf_ros.kernel.tally import tally
 from alf_ros.kernel.vectors import copy, largest, zero
@@ -29,41 +29,58 @@ from alf_ros.kernel.watch import note
 
 _SHARE = 0.05  # of the tolerance for one step: errors add up along a motion
 _ROUNDING = 1e-10  # relative error of a step that may be rounding; ten times more if it stays
+_TURN = 1.5  # rad that an arm may turn in a step, so that turns can be counted
 _MARGIN = 4.0  # as rounding is different in every step
 MOST = 20_000  # steps between two grid points: more is stiff, and would look like a hang
 
 
 @inner
-def error_norm(
+def embedded(method: Method, k: Floats, which: int, h: float, out: Floats) -> None:
+    """out = the embedded error `which` of what has the rates k."""
+    n, stages = out.size, method.b.size
+    zero(out)
+    for s in range(stages):
+        weight = h * method.embedded[which * stages + s]
+        if weight != 0.0:
+            for i in range(n):
+                out[i] += weight * k[s * n + i]
+
+
+@inner
+def free_part(unit: Unit, system: System, work: Work) -> float:
+    """The largest of M⁻¹ p along the free directions, by the factor of the end of the step.
+
+    What is across is removed by the projection, and is where a singular position is felt first.
+    """
+    zero(work.r2)
+    zero(work.y)
+    zero(work.along)
+    augmented(unit, system, work, work.p, work.along, 3, 1e-3, 1.0)
+    return largest(work.along, work.p.size)
+
+
+@inner
+def relative(system: System, displacement: float, velocity: float, speed: float) -> float:
+    """The larger of an error (m) relative to the size and one (m/s) relative to the speed."""
+    worst = displacement / system.size
+    if velocity > worst * speed:  # nothing is, at rest where nothing pulls
+        worst = velocity / speed
+    return worst
+
+
+@inner
+def _error_norm(
     unit: Unit, system: System, method: Method, work: Work, which: int, h: float, speed: float
 ) -> float:
-    """Embedded error `which` of q, relative to the size, and of q̇, relative to the speed.
-
-    Only the part along the free directions counts, by the factor of the end of the step: what is
-    across is removed by the projection, and is where a singular position is felt first.
-    """
-    n, stages = work.p.size, method.b.size
-    worst = 0.0
-    for part in range(2):
-        k = work.kq if part == 0 else work.kv
-        scale = system.size if part == 0 else speed
-        zero(work.sum)
-        for s in range(stages):
-            weight = method.embedded[which * stages + s]
-            if weight != 0.0:
-                for i in range(n):
-                    work.sum[i] += h * weight * k[s * n + i]
-        zero(work.p)
-        add_mass_times(unit, system.mass, 1.0, work.sum, work.p)
-        add_soft_times(unit, system.soft, 1.0, work.sum, work.p)
-        zero(work.r2)
-        zero(work.y)
-        zero(work.along)
-        augmented(unit, system, work, work.p, work.along, 3, 1e-3, 1.0)
-        wrong = largest(work.along, n)
-        if wrong > worst * scale:  # nothing is, at rest where nothing pulls
-            worst = wrong / scale
-    return worst
+    """Embedded error `which` of the step of h that ended in `work`."""
+    embedded(method, work.kq, which, h, work.sum)
+    straighten(unit, system.arms, work.chart, work.sum)
+    zero(work.p)
+    add_mass_times(unit, system.mass, 1.0, work.sum, work.p)
+    displacement = free_part(unit, system, work)
+    embedded(method, work.kv, which, h, work.p)
+    straighten_momenta(unit, system.arms, work.chart, work.p)
+    return relative(system, displacement, free_part(unit, system, work), speed)
 
 
 @inner
@@ -83,8 +100,8 @@ def _error(
     n = work.p.size
     pull = largest(work.Q, n) / system.mean
     speed = max(largest(phase.qd, n), largest(work.qd, n), np.sqrt(system.size * pull))
-    e5 = error_norm(unit, system, method, work, 0, h, speed) / share
-    e3 = error_norm(unit, system, method, work, 1, h, speed) / share
+    e5 = _error_norm(unit, system, method, work, 0, h, speed) / share
+    e3 = _error_norm(unit, system, method, work, 1, h, speed) / share
     return e5 * e5 / np.sqrt(e5 * e5 + 0.01 * e3 * e3) if e5 > 0.0 else 0.0
 
 
@@ -122,7 +139,10 @@ def advance_adaptively(
                 result = TOO_MANY
                 break
             left = h - done
-            parts = max(1.0, np.ceil(0.999999 * left / pace[0]))  # no crumb at the grid point
+            longest = pace[0]
+            if not begun:
+                longest = min(longest, _TURN / turning(unit, system.arms, phase))
+            parts = max(1.0, np.ceil(0.999999 * left / longest))  # no crumb at the grid point
             dt = left / parts
             to = end if parts == 1.0 else t + done + dt
             result, count = step(

@@ -19,6 +19,7 @@ OK, NOT_POSITIVE, NOT_FINITE, NOT_CLOSED, COLLAPSED, JAMMED, TOO_MANY, NOT_SETTL
 
 SOLVED = 1e-12  # relative change at which a solve is finished
 EPS = float(np.finfo(np.float64).eps)
+ORIGIN, FREE = -1, -2  # in place of a block that others turn about
 ONE = np.uint64(1)
 TWO = np.uint64(2)
 THREE = np.uint64(3)
@@ -115,6 +116,14 @@ class Soft(Struct):
 
 
 @dataclass(frozen=True, eq=False)
+class Arms(Struct):
+    """Which blocks are at a constant distance from another: those of a body are."""
+
+    order: Indices  # (movable,) after what they turn about
+    about: Integers  # (movable,) the block that each turns about, or ORIGIN or FREE
+
+
+@dataclass(frozen=True, eq=False)
 class System(Struct):
     """A mechanism."""
 
@@ -125,6 +134,7 @@ class System(Struct):
     pattern: Pattern
     soft: Soft
     prescribed: Prescribed
+    arms: Arms
     angles: Rows  # x, y of each angle whose turns are counted: it is atan2(y, x)
     size: float  # m, largest extent of the drawing
     mean: float  # kg, of the diagonal of M
@@ -225,7 +235,7 @@ class Method(Struct):
     embedded: Floats  # (2, stages) weights of the embedded errors of order 5 and 3, or (0,); of an
     # implicit method (stages,)
     guess: Floats  # (stages, stages) q̈ of a stage extrapolated from those before; explicit: (0,)
-    carried: np.uint64  # 1: positions from q̇ as the stages carry it; 0: as Φ_q allows it there
+    turn: float  # rad that a block turns in a step, from which on an arc pays
     iterations: np.uint64  # at most, in one solve
     tolerance: float  # relative error of a step, of an adaptive method
 
@@ -249,6 +259,26 @@ class Watch(Struct):
     energy: Floats  # (steps,) J
     Z: Floats  # (movable D D,) A⁻¹ on the pattern
     Zo: Floats  # (blocks D D,)
+
+
+@dataclass(frozen=True, eq=False)
+class Chart(Struct):
+    """The coordinates of a step, ξ = (a, c, e) of each block; see `chart`."""
+
+    curvature: Floats  # (movable,) κ, 1/m; 0: they are places
+    t: Floats  # (movable D,) tangent where the step begins
+    n: Floats  # (movable D,) normal
+    b: Floats  # (movable D,) t × n; (0,) in the plane
+    rate: Floats  # (movable D,) ξ̇ where the step begins, m/s
+    momentum: Floats  # (movable D,) w there, kg m/s
+    w: Floats  # (movable D,) that of the stage unfolded last
+    first: Floats  # (all blocks D,) q̈ there, m/s²
+    sin: Floats  # (movable,) of κa, where it was unfolded last
+    cos: Floats  # (movable,)
+    rho: Floats  # (movable,) 1 - κc
+    d: Floats  # (D,) from the block it turns about, of one block
+    v: Floats  # (D,) its velocity, or another vector of one block
+    bent: Floats  # (D,) its curvature
 
 
 @dataclass(frozen=True, eq=False)
@@ -276,8 +306,9 @@ class Work(Struct):
     z: Floats  # (rows,) direction of a conjugate gradient
     w: Floats  # (rows,) Φ_q A⁻¹ Φ_qᵀ z
     shift: Floats  # (all blocks D,) of the stage onto Φ = 0
-    kq: Floats  # (stages movable D,) q̇ of the stages
-    kv: Floats  # (stages movable D,) q̈ of the stages
+    kq: Floats  # (stages movable D,) ξ̇ of the stages; of an implicit method q̇
+    kv: Floats  # (stages movable D,) ẇ of the stages; of an implicit method q̈
+    ku: Floats  # (stages movable D,) ξ̈ of the stages
     pull: Floats  # (all blocks D,) q̈ where the step began
     along: Floats  # (all blocks D,) direction of the branch at a singular position
     bend: Floats  # (all blocks D,) q̈ of the unforced mechanism: the curvature of its path
@@ -290,6 +321,7 @@ class Work(Struct):
     good_q: Floats  # (all blocks D,) the last point of the grid that an adaptive method reached
     good_qd: Floats  # (all blocks D,)
     good_turns: Integers  # (angles,)
+    chart: Chart
     angle: Floats  # (angles, 2) x, y of each
     angle_before: Floats  # (angles, 2) where the step began
     near: Floats  # (angles,) rad, turns counted: where the step began, to a quarter turn

@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from alf_ros.arrays import Unit
-from alf_ros.kernel.adaptive import MOST, error_norm
+from alf_ros.arrays import Floats, Unit
+from alf_ros.kernel.adaptive import MOST, embedded, free_part, relative
 from alf_ros.kernel.data import (
     COLLAPSED,
     EPS,
@@ -238,8 +238,21 @@ def _step(
     zero(work.p)
     add_mass_times(unit, system.mass, 1.0, work.qd, work.p)
     add_soft_times(unit, system.soft, 1.0, work.qd, work.p)
-    result, count = end_step(unit, system, work, end, iterations)
+    prescribe(system, end, work.q, work.qd, work.qdd)
+    result, count = end_step(unit, system, work, near, iterations)
     return result, max(most, count)
+
+
+@inner
+def _free_error(
+    unit: Unit, system: System, method: Method, work: Work, k: Floats, h: float
+) -> float:
+    """The embedded error of what has the rates k, in the metric of M̂."""
+    embedded(method, k, 0, h, work.sum)
+    zero(work.p)
+    add_mass_times(unit, system.mass, 1.0, work.sum, work.p)
+    add_soft_times(unit, system.soft, 1.0, work.sum, work.p)
+    return free_part(unit, system, work)
 
 
 @inner
@@ -253,7 +266,9 @@ def _error(
     n = work.p.size
     pull = largest(work.pull, n)
     speed = max(largest(phase.qd, n), largest(work.qd, n), np.sqrt(system.size * pull))
-    return error_norm(unit, system, method, work, 0, h, speed) / (_SHARE * method.tolerance)
+    displacement = _free_error(unit, system, method, work, work.kq, h)
+    velocity = _free_error(unit, system, method, work, work.kv, h)
+    return relative(system, displacement, velocity, speed) / (_SHARE * method.tolerance)
 
 
 @compiled

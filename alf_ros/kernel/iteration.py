@@ -47,10 +47,10 @@ def augmented(
     place's in both they would not converge.
 
     What is left is r2: the next δ of a mode s would be s / (1 + s²) < 1 of |α^½ r2| in the norm of
-    M. It ends when that, and the rounding of the last δ, would not matter beside x, or beside what
-    f would do to the masses alone. A mode takes a part 1 / (1 + s²) of its r2 along: where the
-    ratio of two rounds says that one is above `patience`, it ends too. Returned are how often, and
-    the largest ratio that mattered.
+    M; like x it counts by its largest. It ends when that, and the rounding of the last δ, would
+    not matter beside x, or beside what f would do to the masses alone. A mode takes a part
+    1 / (1 + s²) of its r2 along: where the ratio of two rounds says that one is above `patience`,
+    it ends too. Returned are how often, and the largest ratio that mattered.
     """
     D = np.uint64(len(unit))
     n = work.p.size
@@ -64,7 +64,7 @@ def augmented(
         solve(unit, system.pattern, work.diagonal, work.off, work.delta)
         step, size = _step(1.0, work.delta, x, n)
         size = max(size, alone)
-        left = np.sqrt(system.penalty * _update_rows(D, system.rows, work))
+        left = np.sqrt(system.penalty) * _update_rows(D, system.rows, work)
         if left <= fine * size:
             if EPS * system.penalty * step <= tolerance * size:
                 return count, slowest
@@ -182,7 +182,7 @@ def _add_rows(D: np.uint64, rows: Rows, work: Work) -> None:
 
 @inner
 def _update_rows(D: np.uint64, rows: Rows, work: Work) -> float:
-    """y += α (Φ_q δ - r2), r2 -= Φ_q δ; returns the square of r2, rows scaled to lengths."""
+    """y += α (Φ_q δ - r2), r2 -= Φ_q δ; returns the largest of r2, rows scaled to lengths."""
     delta, g, gf, y, r2, g2, g2f = (
         work.delta,
         work.g,
@@ -192,7 +192,7 @@ def _update_rows(D: np.uint64, rows: Rows, work: Work) -> float:
         work.g2,
         work.g2f,
     )
-    m1, total = rows.i.size, 0.0
+    m1, widest = rows.i.size, 0.0
     for r in range(rows.both):
         i, j, sf, s = rows.i[r] * D, rows.j[r] * D, -r2[r], r2[r]
         for a in range(D):
@@ -201,7 +201,7 @@ def _update_rows(D: np.uint64, rows: Rows, work: Work) -> float:
             s -= g[r * D + a] * v
         y[r] += rows.alpha[r] * sf
         r2[r] = s
-        total += rows.scale[r] * s * rows.scale[r] * s
+        widest = max(widest, abs(rows.scale[r] * s))
     for r in range(rows.both, m1):
         i, sf, s = rows.i[r] * D, -r2[r], r2[r]
         for a in range(D):
@@ -209,7 +209,7 @@ def _update_rows(D: np.uint64, rows: Rows, work: Work) -> float:
             s -= g[r * D + a] * delta[i + a]
         y[r] += rows.alpha[r] * sf
         r2[r] = s
-        total += rows.scale[r] * s * rows.scale[r] * s
+        widest = max(widest, abs(rows.scale[r] * s))
     for r in range(rows.movable.size):
         sf, s = -r2[m1 + r], r2[m1 + r]
         for e in range(rows.first[r], rows.movable[r]):
@@ -219,8 +219,8 @@ def _update_rows(D: np.uint64, rows: Rows, work: Work) -> float:
                 s -= g2[e * D + a] * delta[i + a]
         y[m1 + r] += rows.alpha[m1 + r] * sf
         r2[m1 + r] = s
-        total += rows.scale[m1 + r] * s * rows.scale[m1 + r] * s
-    return total
+        widest = max(widest, abs(rows.scale[m1 + r] * s))
+    return widest
 
 
 @expanded

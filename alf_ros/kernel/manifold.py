@@ -10,10 +10,13 @@ from alf_ros.kernel.data import EPS, NOT_CLOSED, NOT_POSITIVE, OK, Rows, System,
 from alf_ros.kernel.factor import linearise, solve
 from alf_ros.kernel.iteration import finish
 from alf_ros.kernel.jit import expanded, inner
+from alf_ros.kernel.twofold import violation_twofold
 from alf_ros.kernel.vectors import zero
 
 _ROOM = 4.0  # times the gap: σ below which a mode may be made by it
 _CLOSED = 0.6  # rounding units: what a position is off by turns its rows beside a singular one
+_ROUNDED = 0.3  # the same, of a stage
+_TOLD = 0.1  # part of what is too close to a singular position
 _FURTHEST = 0.1  # part of the distance to a singular position that a correction may go across
 
 
@@ -21,6 +24,20 @@ _FURTHEST = 0.1  # part of the distance to a singular position that a correction
 def opening(unit: Unit, rows: Rows, q: Floats, phi: Floats) -> float:
     """Φ(q), and how far the widest row is open, m."""
     violation(unit, rows, q, phi)
+    return _widest(rows, phi)
+
+
+@inner
+def _opening(unit: Unit, rows: Rows, q: Floats, phi: Floats, twofold: bool) -> float:
+    """The same, `twofold` to twice the digits of q."""
+    if not twofold:
+        return opening(unit, rows, q, phi)
+    violation_twofold(unit, rows, q, phi)
+    return _widest(rows, phi)
+
+
+@inner
+def _widest(rows: Rows, phi: Floats) -> float:
     gap = 0.0
     for r in range(phi.size):
         gap = max(gap, abs(phi[r]) * rows.scale[r])
@@ -50,33 +67,55 @@ def correct_exactly(unit: Unit, system: System, work: Work, gap: float, furthest
     Off Φ = 0 by `gap` (m), rows that depend on others look as if they were about that far from it:
     such modes are left alone, and those that ask for more than `furthest` (m) times their σ.
     """
+    faintest = _ROOM * gap / system.size
+    _correct_modes(unit, system, work, _ROUNDED * EPS * system.size, faintest, furthest)
+
+
+@inner
+def correct_at_last(unit: Unit, system: System, work: Work) -> None:
+    """The same for what rounding left, with Φ to twice the digits: in directions that are still
+    told apart from those of rows that depend on others."""
+    faintest = _TOLD * system.close * system.ordinary
+    _correct_modes(unit, system, work, 0.0, faintest, np.inf)
+
+
+@inner
+def _correct_modes(
+    unit: Unit, system: System, work: Work, noise: float, faintest: float, furthest: float
+) -> None:
     phi = work.r2
     for r in range(phi.size):
         phi[r] = -phi[r]
         work.y[r] = 0.0
     zero(work.shift)
-    faintest = _ROOM * gap / system.size
-    finish(unit, system, work, work.shift, 1e-3, 0.3 * EPS * system.size, faintest, furthest)
+    finish(unit, system, work, work.shift, 1e-3, noise, faintest, furthest)
     for a in range(work.p.size):
         work.q[a] += work.shift[a]
 
 
 @inner
-def project(unit: Unit, system: System, work: Work) -> int:
+def project(unit: Unit, system: System, work: Work, wholly: bool) -> int:
     """Bring q in `work` onto Φ = 0 along M, with Φ_q and factor of that place; returns the result.
 
     It begins with those of the last stage, which is near; where that converges slowly they are
     made anew. Very close to a singular position a row cannot tell how far off its point is, and
-    what is left of the gap is let be.
+    what is left of the gap is let be. `wholly`: beside a singular position, where the last
+    correction counts also for what is closed.
     """
     size = system.size
     before = np.inf
-    fresh = False
+    fresh, wanting = False, wholly
     for _ in range(50):
-        gap = opening(unit, system.rows, work.q, work.r2)
+        gap = _opening(unit, system.rows, work.q, work.r2, wholly)
         closed = gap <= _CLOSED * EPS * size
         if closed or (fresh and gap > 0.5 * before and gap <= 1e-10 * size):
-            return OK if linearise(unit, system, work, work.q) else NOT_CLOSED
+            if not linearise(unit, system, work, work.q):
+                return NOT_CLOSED
+            if not wanting:
+                return OK
+            wanting = False
+            correct_at_last(unit, system, work)
+            continue
         if fresh or gap > 0.1 * before:
             if not linearise(unit, system, work, work.q):
                 return NOT_CLOSED
@@ -100,7 +139,7 @@ def place(unit: Unit, system: System, work: Work, wholly: bool) -> int:
     n = work.p.size
     if not linearise(unit, system, work, work.q):
         return NOT_POSITIVE
-    gap = opening(unit, system.rows, work.q, work.r2)
+    gap = _opening(unit, system.rows, work.q, work.r2, wholly)
     zero(work.delta)
     for a in range(n):
         work.delta[a] = work.target[a] - work.q[a]
@@ -116,10 +155,11 @@ def place(unit: Unit, system: System, work: Work, wholly: bool) -> int:
     before = np.inf
     for _ in range(6):
         correct_exactly(unit, system, work, gap, np.inf)
-        gap = opening(unit, system.rows, work.q, work.r2)
+        gap = _opening(unit, system.rows, work.q, work.r2, True)
         if not linearise(unit, system, work, work.q):
             return NOT_POSITIVE
-        if gap <= 0.3 * EPS * system.size or gap > 0.5 * before:
+        if gap <= _ROUNDED * EPS * system.size or gap > 0.5 * before:
             break
         before = gap
-    return OK
+    correct_at_last(unit, system, work)
+    return OK if linearise(unit, system, work, work.q) else NOT_POSITIVE

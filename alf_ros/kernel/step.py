@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Unit
+from alf_ros.kernel.chart import fold, fold_again, lay, lead, unfold
 from alf_ros.kernel.constraints import violation
 from alf_ros.kernel.data import (
     JAMMED,
@@ -25,7 +26,6 @@ from alf_ros.kernel.factor import linearise
 from alf_ros.kernel.iteration import accelerate, augmented, unforced, velocities
 from alf_ros.kernel.jit import compiled, expanded, inner
 from alf_ros.kernel.manifold import project
-from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.prescribed import prescribe
 from alf_ros.kernel.stage import SPACING, stage, stage_between
 from alf_ros.kernel.tally import tally
@@ -51,7 +51,9 @@ def evaluate_first(
     tally(forces.ledger.tally, system, forces, work, phase, t, np.uint64(0), 1.0, False)
     copy(work.qdd, work.pull)
     unforced(unit, system, work)
-    zero(work.bend)
+    copy(work.qdd, work.bend)  # of what is prescribed
+    for i in range(work.p.size):
+        work.bend[i] = 0.0
     zero(work.p)
     augmented(unit, system, work, work.p, work.bend, iterations, 1e-3, 1.0)
     return most, sigma
@@ -124,12 +126,11 @@ def evaluate_aside(
 
 @inner
 def end_step(
-    unit: Unit, system: System, work: Work, end: float, iterations: int
+    unit: Unit, system: System, work: Work, wholly: bool, iterations: int
 ) -> tuple[int, int]:
     """The end of a step, q and p' in `work`, onto Φ = 0, with Φ_q and factor, and q̇; returns
-    (result, iterations)."""
-    prescribe(system, end, work.q, work.qd, work.qdd)
-    result, most = project(unit, system, work), 0
+    (result, iterations). `wholly`: beside a singular position."""
+    result, most = project(unit, system, work, wholly), 0
     if result == OK:
         most, _sigma = velocities(unit, system, work, iterations, True)
         check = 0.0
@@ -138,6 +139,30 @@ def end_step(
         if not np.isfinite(check):
             result = NOT_FINITE
     return result, most
+
+
+@inner
+def add_up(method: Method, work: Work, s: np.uint64, h: float) -> None:
+    """ξ and w of stage s, or past the last of the end of the step, from the stages before, into q
+    and p of `work`; in q̇ a guess of ξ̇, without which solves beside a singular position that many
+    rows share would not come to an end."""
+    n, stages, chart = work.p.size, method.b.size, work.chart
+    for i in range(n):
+        work.q[i] = 0.0
+        work.qd[i] = 0.0
+        work.p[i] = 0.0
+    for m in range(s):
+        weight = method.a[s * stages + m] if s < stages else method.b[m]
+        if weight != 0.0:
+            for i in range(n):
+                work.q[i] += weight * work.kq[m * n + i]
+                work.qd[i] += weight * work.ku[m * n + i]
+                work.p[i] += weight * work.kv[m * n + i]
+    for i in range(n):
+        work.q[i] = h * work.q[i]
+        work.p[i] = chart.momentum[i] + h * work.p[i]
+        chart.w[i] = work.p[i]
+        work.qd[i] = chart.rate[i] + h * work.qd[i]
 
 
 @expanded
@@ -160,8 +185,7 @@ def step(
     `sigma`: 0 in a singular position that may not be felt, else infinite. Leaves the
     new q, q̇ in `work`, with Φ_q and factor. Returns (result, most iterations).
     """
-    n = work.p.size
-    q, qd, kq, kv = phase.q, phase.qd, work.kq, work.kv
+    arms, chart = system.arms, work.chart
     stages, iterations = method.b.size, np.int64(method.iterations)
     most, first = 1, ONE
     if not begun:
@@ -171,28 +195,17 @@ def step(
             return JAMMED, 1
         sigma = min(sigma, felt)
     radius, close, falling = nearness(system, work, phase)
+    lay(unit, system, chart, work, phase, h, method.turn)
+    if begun:
+        fold_again(unit, system, chart, work, phase)
     x = np.inf  # where the last stage was about to be singular this one is likely to be
     for s in range(first, stages + ONE):
-        for i in range(n):
-            work.q[i] = 0.0
-            work.qd[i] = 0.0
-        for m in range(s):
-            weight = method.a[s * stages + m] if s < stages else method.b[m]
-            if weight != 0.0:
-                for i in range(n):
-                    work.q[i] += weight * kq[m * n + i]
-                    work.qd[i] += weight * kv[m * n + i]
-        for i in range(n):
-            work.q[i] = q[i] + h * work.q[i]
-            work.qd[i] = qd[i] + h * work.qd[i]
-        zero(work.p)
-        add_mass_times(unit, system.mass, 1.0, work.qd, work.p)
+        add_up(method, work, s, h)
+        ts = t + method.c[s] * h if s < stages else end
+        prescribe(system, ts, work.q, work.qd, work.qdd)
+        unfold(unit, arms, chart, work, phase)
         if s == stages:
             break
-        for i in range(n):
-            kq[s * n + i] = work.qd[i]
-        ts = t + method.c[s] * h
-        prescribe(system, ts, work.q, work.qd, work.qdd)
         copy(work.q, work.base)
         if s == 0:
             count, x = 1, sigma / system.ordinary
@@ -203,8 +216,7 @@ def step(
             lag = 0.5 * method.c[s] * method.c[s]
             for m in range(s):
                 lag -= method.a[s * stages + m] * method.c[m]
-            for i in range(n):
-                work.q[i] += h * h * lag * work.bend[i]
+            lead(unit, arms, chart, work, h * h * lag)
             count, x, clear = stage(
                 unit, system, forces, work, ts, radius, close, x < np.inf, iterations
             )
@@ -227,11 +239,10 @@ def step(
         if count <= 0:
             return JAMMED if count < 0 else NOT_CLOSED, most
         most = max(most, count)
-        for i in range(n):
-            kv[s * n + i] = work.qdd[i]
-            if s > 0 and (method.carried == 0 or x < BLIND):
-                kq[s * n + i] = work.qd[i]
-    result, count = end_step(unit, system, work, end, iterations)
+        if s == 0:
+            copy(work.qdd, chart.first)
+        fold(unit, system, chart, work, work.qd, work.qdd, s)
+    result, count = end_step(unit, system, work, x < np.inf, iterations)
     return result, max(most, count)
 
 
