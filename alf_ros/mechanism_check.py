@@ -11,13 +11,14 @@ from collections.abc import Collection, Mapping
 
 from alf_ros.document import Entry
 from alf_ros.driving import drive_rows
-from alf_ros.layout import cut
+from alf_ros.layout import Layout
 from alf_ros.mechanism import GROUND, Joint, Mechanism
 from alf_ros.rows import joint_rows, rigidity
 
 
-def check(mechanism: Mechanism, entries: Mapping[str, Entry]) -> None:
-    """Raise InputError at the entry (by name in `entries`) that is wrong."""
+def check(layout: Layout, entries: Mapping[str, Entry]) -> None:
+    """Raise InputError at the entry (by name in `entries`) that is wrong; the layout is cut."""
+    mechanism = layout.mechanism
     fixed = {item.name for item in mechanism.blocks if item.fixed}
     enough = 2 if mechanism.dimension == 2 else 3  # fixed places that leave no freedom
     for body in mechanism.bodies:
@@ -27,7 +28,7 @@ def check(mechanism: Mechanism, entries: Mapping[str, Entry]) -> None:
             raise entries[body.name].error(message)
     _check_shared(mechanism, 'point', fixed, entries)
     _check_shared(mechanism, 'vector', fixed, entries)
-    _check_row_names(mechanism, entries)
+    _check_row_names(layout, entries)
 
 
 def _check_shared(
@@ -77,9 +78,9 @@ def _check_pin(
             )
 
 
-def _check_row_names(mechanism: Mechanism, entries: Mapping[str, Entry]) -> None:
+def _check_row_names(layout: Layout, entries: Mapping[str, Entry]) -> None:
     """Rows are named after bodies, vectors and joints; two of one name could not be told apart."""
-    layout = cut(mechanism)
+    mechanism = layout.mechanism
     rows = [(row.name, body.name) for body in mechanism.bodies for row in rigidity(body, layout)]
     rows += [(f'{vector.name}_unit', vector.name) for vector in mechanism.vectors]
     for joint in mechanism.joints:

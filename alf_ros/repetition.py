@@ -15,12 +15,12 @@ from functools import lru_cache, partial
 from alf_ros.document import Entry
 from alf_ros.expression import ExpressionError, evaluate, reserved
 
-MOST = 100_000
+MOST = 1_000_000
 TITLE = re.compile(r'[A-Za-z0-9_.-]{1,100}')
 NAME = re.compile(r'[A-Za-z][A-Za-z0-9_]{0,99}')
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Item:
     """One of the things an entry stands for: its name, its fields, the numbers known in them."""
 
@@ -85,7 +85,8 @@ def _filled(template: str, entry: Entry, names: Mapping[str, float]) -> str:
     parts = list(_split(template))
     try:
         for i in range(1, len(parts), 2):
-            index = evaluate(parts[i], names)
+            part = parts[i]
+            index = names[part] if part in names else evaluate(part, names)
             if index != int(index):
                 raise ExpressionError(f'{index:g} is not a whole number')
             parts[i] = str(int(index))

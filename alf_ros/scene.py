@@ -163,11 +163,11 @@ def _read_scene(
     given |= {key: as_entry(v, path=f'parameters.{key}') for key, v in (parameters or {}).items()}
     source, mechanism_name = _mechanism(fields['mechanism'], name, folder)
     found = read_mechanism(source, mechanism_name, given, fields.get('drives'))
-    mechanism, values = found.mechanism, found.values
+    mechanism, values = found.layout.mechanism, found.values
 
     positions, velocities = _initial(fields.get('initial', nothing), mechanism, values)
     solver = _solver(fields.get('solver', nothing), values)
-    effects, section = read_effects(fields.get('effects', nothing), mechanism, values, folder)
+    effects, section = read_effects(fields.get('effects', nothing), found.layout, values, folder)
     mechanism = with_rotors(mechanism, effects)
 
     whole: dict[str, object] = {
