@@ -17,7 +17,7 @@ from alf_ros.kernel import Mass
 from alf_ros.layout import Layout, Shape
 from alf_ros.mechanism import Numbers
 from alf_ros.rotor import unit_of
-from alf_ros.rows import indices
+from alf_ros.row_arrays import indices
 
 _NOTHING = 1e-15  # of the largest of a body
 

@@ -22,8 +22,9 @@ from alf_ros.mechanism import Coordinate, Mechanism, Point, Vector
 from alf_ros.pattern import elimination_order, pattern_of
 from alf_ros.prescribed import prescribe, prescribed
 from alf_ros.rotor import rotor_rows
-from alf_ros.row import Constraint, Distance, Row
-from alf_ros.rows import joint_rows, renumbered, rigidity, rows_of, unit_rows
+from alf_ros.row import Constraint, Row
+from alf_ros.row_arrays import renumbered, rows_of, with_more
+from alf_ros.rows import joint_rows, rigidity, unit_rows
 
 _CLOSE = 5e-4  # distance to a singular position below which a stage is interpolated, at σ = 0.5
 
@@ -188,19 +189,18 @@ def hold(model: Model, extra: Sequence[Row], velocities: bool) -> tuple[System, 
 
     Returns the names of its rows in the kernel's order too, and where the additional ones stand.
     """
-    own = model.system.rows
+    own, order = model.system.rows, np.argsort(model.row)
+    names = [model.row_names[n] for n in order]
     if not extra and (velocities or not own.velocity):
-        order = np.argsort(model.row).tolist()
-        return model.system, [model.row_names[n] for n in order], slice(0, 0)
-    rows = [*constraints(model.mechanism, model.layout), *extra]
-    if not velocities:
-        rows = [row for row in rows if isinstance(row, Distance) or not row.velocity]
-    arrays, order = rows_of(rows, model.layout)
-    mass = model.system.mass
-    system = replace(model.system, rows=arrays, pattern=pattern_of(model.layout, mass, arrays))
+        return model.system, names, slice(0, 0)
+    at = own.i.size + own.c.size
+    names[at:] = [row.name for row in extra] + (names[at:] if velocities else [])
+    rows = with_more(own, rows_of(extra, model.layout)[0], velocities)
+    system = replace(
+        model.system, rows=rows, pattern=pattern_of(model.layout, model.system.mass, rows)
+    )
     system = replace(system, rows=_scaled(system, model.q, model.layout, model.penalty))
-    end = len(order) - arrays.velocity
-    return system, [rows[n].name for n in order], slice(end - len(extra), end)
+    return system, names, slice(at, at + len(extra))
 
 
 def _scaled(system: System, q: Floats, layout: Layout, penalty: float) -> Rows:

@@ -12,7 +12,7 @@ from alf_ros.arrays import Indices, Integers
 from alf_ros.kernel import Mass, Pattern, Rows
 from alf_ros.kernel.jit import compiled
 from alf_ros.layout import TURN, Layout
-from alf_ros.rows import indices
+from alf_ros.row_arrays import indices
 
 
 def elimination_order(mass: Mass, rows: Rows) -> Integers:

@@ -1,22 +1,18 @@
 """The constraints of a mechanism, one row each: rigid bodies, joints, and rows of velocities.
 
-A row is kept as what it is made of (`row`) until it goes into the kernel's arrays (`rows_of`).
+A row is kept as what it is made of (`row`) until it goes into the kernel's arrays (`row_arrays`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Iterator
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 
 from alf_ros import auxiliary, form, rolling
-from alf_ros.arrays import Indices, Integers
 from alf_ros.disk import disk_rows
 from alf_ros.form import Form
-from alf_ros.kernel import Rows
 from alf_ros.layout import Layout, Shape, direction
 from alf_ros.mechanism import Body, Joint
 from alf_ros.row import Constraint, Distance, Row, linear, motion, product, scaled
@@ -153,78 +149,3 @@ def joint_rows(joint: Joint, layout: Layout) -> list[Row]:
     if kind == 'distance':
         rows.append(scaled(0.5, product(joint.name, gap, gap, joint.value**2)))
     return rows
-
-
-# ------------------------------------------------------------------------------------- arrays
-
-
-def rows_of(rows: Sequence[Constraint], layout: Layout) -> tuple[Rows, list[int]]:
-    """The rows as the kernel wants them, and which row stands at each of its places."""
-    D = layout.dimension
-    bars = [(n, row) for n, row in enumerate(rows) if isinstance(row, Distance)]
-    forms = [(n, row) for n, row in enumerate(rows) if not isinstance(row, Distance)]
-    forms.sort(key=lambda each: each[1].velocity)
-    ends = np.array([row[1:3] for _, row in bars], dtype=np.int64).reshape(-1, 2)
-    ends.sort(axis=1)
-    fixed = ends[:, 1] >= layout.movable
-    length = np.array([row.length for _, row in bars])
-    moving_first = np.argsort(fixed, kind='stable')
-    first, movable, block, b = [0], [], [], []
-    first_term, term_block, term = [0], [], []
-    for _, row in forms:
-        for i in row.blocks:  # ascending, so that fixed blocks come last
-            block.append(i)
-            b.append(row.b[i])
-            for j, T in row.terms.get(i, {}).items():
-                term_block.append(j)
-                term.append(T)
-            first_term.append(len(term))
-        movable.append(first[-1] + sum(i < layout.movable for i in row.blocks))
-        first.append(len(block))
-    order = [bars[n][0] for n in moving_first] + [n for n, _ in forms]
-    arrays = Rows(
-        both=np.uint64(np.count_nonzero(~fixed)),
-        i=indices(ends[moving_first, 0]),
-        j=indices(ends[moving_first, 1]),
-        length2=length[moving_first] ** 2,
-        first=indices(first),
-        movable=indices(movable),
-        block=indices(block),
-        b=np.array(b, dtype=float).ravel(),
-        first_term=indices(first_term),
-        term_block=indices(term_block),
-        term=np.array(term, dtype=float).reshape(-1, D * D).ravel(),
-        c=np.array([row.c for _, row in forms if not row.velocity], dtype=float),
-        alpha=np.zeros(len(order)),
-        scale=np.zeros(len(order)),
-    )
-    return arrays, order
-
-
-def renumbered(rows: Rows, place: Integers) -> Rows:
-    """The same of other blocks: block n of it is `place[n]`, and moves if that does.
-
-    Entries of a row are sorted again.
-    """
-    ends = np.sort([place[rows.i], place[rows.j]], axis=0)
-    block = place[rows.block]
-    order = np.lexsort((block, np.repeat(np.arange(rows.movable.size), np.diff(rows.first))))
-    terms = np.diff(rows.first_term.astype(np.int64))[order]
-    first_term = np.concatenate([[0], np.cumsum(terms)])
-    moved = np.repeat(rows.first_term[order] - first_term[:-1], terms) + np.arange(terms.sum())
-    D = int(rows.b.size / max(1, rows.block.size))
-    return replace(
-        rows,
-        i=indices(ends[0]),
-        j=indices(ends[1]),
-        block=indices(block[order]),
-        b=rows.b.reshape(order.size, D)[order].ravel(),
-        first_term=indices(first_term),
-        term_block=indices(place[rows.term_block[moved]]),
-        term=rows.term.reshape(moved.size, D * D)[moved].ravel(),
-    )
-
-
-def indices(values: Iterable[Any]) -> Indices:
-    """Unsigned integers, as the kernel has them."""
-    return np.array(values if isinstance(values, np.ndarray) else [*values], dtype=np.uint32)

@@ -57,6 +57,7 @@ ROOMS = {
         'rotor',
         'row',
         'rows',
+        'row_arrays',
         'signal_machine',
         'soft',
         'teeth',
