@@ -8,44 +8,43 @@ axis in the parent's frame of the joint, so that the coordinate is zero as drawn
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from functools import lru_cache
 
 import numpy as np
 
 from alf_ros import form
 from alf_ros.form import Form
+from alf_ros.kernel import Rows
 from alf_ros.layout import Layout, Shape, direction
 from alf_ros.mechanism import Coordinate, Joint
 from alf_ros.row import Row, linear, product
+from alf_ros.row_arrays import of_shapes, rows_of
 
 
-def counted(layout: Layout) -> list[Row]:
+def counted(layout: Layout) -> Rows:
     """The rows x, y of every angle whose turns are counted."""
     if layout.dimension == 2:
-        return [row for body in layout.bodies for row in _turned(body.name, layout)]
+        return of_shapes(layout, _turned)
     angles = (each for each in layout.mechanism.coordinates if each.is_angle)
-    return [row for each in angles for row in angle_rows(each, layout)]
+    return rows_of([row for each in angles for row in angle_rows(each, layout)], layout)[0]
 
 
 def angle_rows(coordinate: Coordinate, layout: Layout) -> list[Row]:
     """The rows x, y of the angle that a joint coordinate is, and of that which it is less."""
     if layout.dimension == 2:
-        bodies = (coordinate.place, coordinate.less)
-        names = [layout.bodies[n].name for n in bodies if n >= 0]
-        return [row for name in names for row in _turned(name, layout)]
+        bodies = [layout.bodies[n].name for n in (coordinate.place, coordinate.less) if n >= 0]
+        return [
+            row.on(layout.of_body[body], body)
+            for body in bodies
+            for row in _turned(layout.shape(body))
+        ]
     X, Y, d = angle_axes(coordinate, layout)
     return [product('x', X, d), product('y', Y, d)]
 
 
-def _turned(body: str, layout: Layout) -> Iterator[Row]:
-    """The x axis of a body, in the plane."""
-    blocks = layout.of_body[body]
-    return (row.on(blocks, body) for row in _turned_shape(layout.shape(body)))
-
-
 @lru_cache(maxsize=1024)
-def _turned_shape(shape: Shape) -> list[Row]:
+def _turned(shape: Shape) -> list[Row]:
+    """x, y of the x axis of bodies of a shape in the plane, on their own blocks."""
     d = direction(shape, (1.0, 0.0)) if shape.ends else form.constant((1.0, 0.0))
     return [linear('', axis, d) for axis in np.eye(2)]
 

@@ -7,6 +7,7 @@ Systems (1994), ch. 4.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 
@@ -24,34 +25,51 @@ _NOTHING = 1e-15  # of the largest of a body
 
 def mass_of(layout: Layout) -> Mass:
     """M of the movable blocks."""
-    diagonal = [0.0] * layout.blocks
-    pairs: dict[tuple[int, int], list[float]] = {}
+    blocks: list[int] = []
+    masses: list[float] = []
+    pairs: list[tuple[int, int]] = []
+    bound: list[tuple[float, float]] = []
     for body in layout.bodies:
-        shape, own = layout.shape(body.name), layout.of_body[body.name]
-        blocks = (own[0], *(own[end] for end in shape.ends))
-        matrix, skew = _of_body(shape, body.mass, body.com, body.inertia)
-        for a, i in enumerate(blocks):
-            diagonal[i] += matrix[a][a]
-            for b, j in enumerate(blocks[:a]):
-                pair = pairs.setdefault((max(i, j), min(i, j)), [0.0, 0.0])
-                pair[0] += matrix[a][b]
-                pair[1] += skew if j > i else -skew
+        own = layout.of_body[body.name]
+        diagonal, below = _of_body(layout.shape(body.name), body.mass, body.com, body.inertia)
+        for n, m in diagonal:
+            blocks.append(own[n])
+            masses.append(m)
+        for a, b, k, w in below:
+            above = own[a] > own[b]
+            pairs.append((own[a], own[b]) if above else (own[b], own[a]))
+            bound.append((k, -w if above else w))
+    total = np.zeros(layout.blocks)
+    np.add.at(total, np.array(blocks, dtype=np.int64), masses)
     for rotor in layout.mechanism.rotors:
         unit = unit_of(layout.mechanism.coordinate[rotor.of], layout)
-        diagonal[layout.of_auxiliary[rotor.name]] = rotor.inertia / unit**2
-    kept = {
-        pair: value for pair, value in pairs.items() if pair[0] < layout.movable and any(value)
-    }
-    values = np.array(list(kept.values()), dtype=float).reshape(-1, 2)
+        total[layout.of_auxiliary[rotor.name]] = rotor.inertia / unit**2
+    i, j, values = _summed(pairs, bound)
+    kept = (i < layout.movable) & values.any(axis=1)
+    i, j, values = i[kept], j[kept], values[kept]
     turned = np.flatnonzero(values[:, 1])
     return Mass(
-        diagonal=np.array(diagonal[: layout.movable]),
-        i=indices(i for i, _ in kept),
-        j=indices(j for _, j in kept),
+        diagonal=total[: layout.movable].copy(),
+        i=indices(i),
+        j=indices(j),
         k=values[:, 0].copy(),
-        skew=turned.astype(np.uint32),
+        skew=indices(turned),
         w=values[turned, 1].copy(),
     )
+
+
+def _summed(
+    pairs: Sequence[tuple[int, int]], values: Sequence[tuple[float, float]]
+) -> tuple[Integers, Integers, Floats]:
+    """Pairs of blocks, each once, in the order in which they first come, and their sums."""
+    every = np.array(pairs, dtype=np.int64).reshape(-1, 2)
+    key = every[:, 0] * (every.max(initial=0) + 1) + every[:, 1]
+    _, first, which = np.unique(key, return_index=True, return_inverse=True)
+    place = np.argsort(np.argsort(first))
+    sums = np.zeros((first.size, 2))
+    np.add.at(sums, place[which], np.array(values).reshape(-1, 2))
+    i, j = every[np.sort(first)].T
+    return i, j, sums
 
 
 def renumbered(mass: Mass, place: Integers) -> Mass:
@@ -68,10 +86,10 @@ def renumbered(mass: Mass, place: Integers) -> Mass:
 @lru_cache(maxsize=1024)
 def _of_body(
     shape: Shape, m: float, com: Numbers, inertia: float | tuple[Numbers, ...]
-) -> tuple[list[list[float]], float]:
-    """M of a body on P_0 and the ends of what carries it (without the D equal axes); and w.
+) -> tuple[list[tuple[int, float]], list[tuple[int, int, float, float]]]:
+    """M of a body, without the D equal axes: diagonal blocks; blocks below, with k and w.
 
-    Of all bodies of one shape at once: large mechanisms have many.
+    On the body's own blocks, of all bodies that are alike at once: large mechanisms have many.
     """
     from_local, D = shape.inverse, shape.inverse.shape[1]
     c, second = from_local @ np.array(com), _second_moments(D, m, com, inertia, from_local)
@@ -82,7 +100,12 @@ def _of_body(
     # P_0 carries 1 - Σ c over the ends that are points
     ends = np.eye(1 + c.size)
     ends[0, 1:] = [-1.0 if point else 0.0 for point in shape.is_point]
-    return (ends @ moments @ ends.T).tolist(), w
+    M, blocks = (ends @ moments @ ends.T).tolist(), (0, *shape.ends)
+    diagonal = [(n, M[a][a]) for a, n in enumerate(blocks)]
+    below = [
+        (n, other, M[a][b], w) for a, n in enumerate(blocks) for b, other in enumerate(blocks[:a])
+    ]
+    return diagonal, below
 
 
 def _second_moments(

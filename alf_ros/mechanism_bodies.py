@@ -54,6 +54,7 @@ class BodyReader:
     ) -> None:
         self.points, self.vectors, self.dimension = points, vectors, dimension
         self.poses: dict[str, Pose] = {}
+        self.alike: dict[tuple[Numbers, ...], tuple[Numbers, ...]] = {}  # kept once: many bodies
         self.size = max((abs(x) for point in points.values() for x in point.at), default=0.0)
 
     def read(self, section: Entry, names: Mapping[str, float]) -> Iterator[tuple[Item, Body]]:
@@ -104,7 +105,7 @@ class BodyReader:
         else:
             to = [np.array(place) - drawn[0] for place in drawn[1:]]
             axes = tuple(map(_numbers, frame_axes([*to[:1], *along, *to[1:]])))
-        pose = self.poses[item.name] = Pose(drawn[0], axes)
+        pose = self.poses[item.name] = Pose(drawn[0], self.alike.setdefault(axes, axes))
         zero = (0.0,) * self.dimension
         if 'length' in item.fields:
             if len(points) != 2:
@@ -114,7 +115,8 @@ class BodyReader:
                 raise item.fields['length'].error('not a length', expected='m, more than zero')
         second = ((span, *zero[1:]),) if len(points) > 1 else ()
         further = tuple(map(pose.place, drawn[2:]))
-        return (zero, *second, *further), tuple(map(pose.direction, along))
+        local = (zero, *second, *further)
+        return self.alike.setdefault(local, local), tuple(map(pose.direction, along))
 
     def span(self, item: Item, drawn: Sequence[Numbers]) -> float:
         """Distance of the first two points, m; zero for a body of one."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import chain
 
 import numpy as np
@@ -128,14 +128,14 @@ class JointReader:
             axes = _frame(along)
             if vector is not None and not all(map(self.has(vector), (parent, child))):
                 vector = None
-        if self.dimension == 2 and kind == 'revolute':
+        carried = [self.carries(body, point) for body in (parent, child)]
+        if self.dimension == 2 and kind == 'revolute' and not all(carried):
             for body in (parent, child):
                 self.check_on(fields['at'], point, body)
-        shared = all(self.carries(body, point) for body in (parent, child))
-        if not any(self.carries(body, point) for body in (parent, child)):
+        if not any(carried):
             raise fields['at'].error(f'neither {parent} nor {child} carries it', value=point)
         frames = self.frame(parent, point, axes), self.frame(child, point, axes)
-        sharing = shared and kind in ('revolute', 'spherical', 'universal', 'weld')
+        sharing = all(carried) and kind in ('revolute', 'spherical', 'universal', 'weld')
         motion = (fields['angle'].motion(item.names),) if 'angle' in fields else ()
         on = point if sharing else None
         return Joint(item.name, kind, parent, child, frames, on, vector, motion=motion)
@@ -220,7 +220,7 @@ class JointReader:
         if body != GROUND and point in self.bodies[body].points:
             each = self.bodies[body]
             origin = each.local[each.points.index(point)]
-            return Frame(origin, self.axes(body, axes))
+            return _kept(origin, self.axes(body, axes))
         return self.at(body, self.points[point].at, axes)
 
     def at(self, body: str, place: Numbers, axes: Floats | None) -> Frame:
@@ -311,6 +311,12 @@ class JointReader:
                 raise entry.error('no such vector', value=name, expected=expected)
             return np.array(self.vectors[name].along), name
         return unit(entry, self.dimension, item.names), None
+
+
+@lru_cache(maxsize=1024)
+def _kept(origin: Numbers, axes: tuple[Numbers, ...]) -> Frame:
+    """A frame, of all bodies that are alike at once."""
+    return Frame(origin, axes)
 
 
 def unit(entry: Entry, dimension: int, names: Mapping[str, float]) -> Floats:

@@ -111,7 +111,7 @@ def compile_model(mechanism: Mechanism, penalty: float) -> Model:
     place = np.arange(draft.blocks)
     place[: draft.movable] = elimination_order(mass, arrays)
     layout = draft.renumbered(place.tolist())
-    mass, arrays = renumbered_mass(mass, place), renumbered(arrays, place)
+    mass, arrays = renumbered_mass(mass, place), renumbered(arrays, place, layout.movable)
     if not mass.diagonal.sum() > 0.0:
         raise AssemblyError('nothing that moves has mass', key='bodies')
     q = _drawn(layout)
@@ -123,7 +123,7 @@ def compile_model(mechanism: Mechanism, penalty: float) -> Model:
         pattern=pattern_of(layout, mass, arrays),
         soft=Soft.empty(),
         prescribed=prescribed(layout),
-        angles=rows_of(counted(layout), layout)[0],
+        angles=counted(layout),
         size=layout.length,
         mean=float(mass.diagonal.mean()),
         penalty=penalty,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -10,8 +10,8 @@ import numpy as np
 
 from alf_ros.arrays import Indices, Integers
 from alf_ros.kernel import Rows
-from alf_ros.layout import Layout
-from alf_ros.row import Constraint, Distance
+from alf_ros.layout import Layout, Shape
+from alf_ros.row import Constraint, Distance, Row
 
 
 def rows_of(rows: Sequence[Constraint], layout: Layout) -> tuple[Rows, list[int]]:
@@ -57,23 +57,44 @@ def rows_of(rows: Sequence[Constraint], layout: Layout) -> tuple[Rows, list[int]
     return arrays, order
 
 
-def renumbered(rows: Rows, place: Integers) -> Rows:
-    """The same of other blocks: block n of it is `place[n]`, and moves if that does.
+def of_shapes(layout: Layout, made: Callable[[Shape], Sequence[Row]]) -> Rows:
+    """Linear rows that bodies of one shape have alike, on their own blocks: body after body."""
+    known: dict[Shape, dict[str, Any]] = {}
+    parts, sizes = [], []
+    for body in layout.bodies:
+        shape = layout.shape(body.name)
+        if shape not in known:
+            own, _ = rows_of(made(shape), layout)
+            known[shape] = _forms(own, 0, own.c.size)
+        parts.append(known[shape])
+        sizes.append(len(layout.of_body[body.name]))
+    before = np.repeat(np.cumsum([0, *sizes])[:-1], [part['block'].size for part in parts])
+    rows = _joined(rows_of([], layout)[0], parts)
+    place = [block for body in layout.bodies for block in layout.of_body[body.name]]
+    return renumbered(
+        replace(rows, block=indices(rows.block + before)), np.array(place), layout.movable
+    )
+
+
+def renumbered(rows: Rows, place: Integers, movable: int) -> Rows:
+    """The same of other blocks: block n of it is `place[n]`, of which so many move.
 
     Entries of a row are sorted again.
     """
     ends = np.sort([place[rows.i], place[rows.j]], axis=0)
     block = place[rows.block]
     order = np.lexsort((block, np.repeat(np.arange(rows.movable.size), np.diff(rows.first))))
+    moving = _starts(block[order] < movable)
     terms = np.diff(rows.first_term)[order]
     first_term = _starts(terms)
     moved = np.repeat(rows.first_term[order].astype(np.int64) - first_term[:-1], terms)
     moved += np.arange(moved.size)
-    D = int(rows.b.size / max(1, rows.block.size))
+    D = rows.b.size // max(1, rows.block.size)
     return replace(
         rows,
         i=indices(ends[0]),
         j=indices(ends[1]),
+        movable=rows.first[:-1] + moving[rows.first[1:]] - moving[rows.first[:-1]],
         block=indices(block[order]),
         b=rows.b.reshape(order.size, D)[order].ravel(),
         first_term=first_term,
@@ -86,6 +107,11 @@ def with_more(rows: Rows, more: Rows, velocities: bool) -> Rows:
     """Rows, and more of forms behind theirs; with or without those that bind velocities only."""
     places, end = rows.c.size, rows.movable.size if velocities else rows.c.size
     parts = [_forms(rows, 0, places), _forms(more, 0, more.c.size), _forms(rows, places, end)]
+    return _joined(rows, parts)
+
+
+def _joined(rows: Rows, parts: Sequence[dict[str, Any]]) -> Rows:
+    """Rows with these forms in place of their own."""
     each = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     m = rows.i.size + each['entries'].size
     first = _starts(each.pop('entries'))
@@ -94,7 +120,6 @@ def with_more(rows: Rows, more: Rows, velocities: bool) -> Rows:
         first=first,
         movable=indices(first[:-1] + each.pop('moving')),
         first_term=_starts(each.pop('terms')),
-        c=np.concatenate([rows.c, more.c]),
         alpha=np.zeros(m),
         scale=np.zeros(m),
         **each,
@@ -115,6 +140,7 @@ def _forms(rows: Rows, start: int, end: int) -> dict[str, Any]:
         'b': rows.b[s * D : e * D],
         'term_block': rows.term_block[t:u],
         'term': rows.term[t * D * D : u * D * D],
+        'c': rows.c[start:end],
     }
 
 
