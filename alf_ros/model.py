@@ -11,6 +11,7 @@ import numpy as np
 from alf_ros import auxiliary, kernel
 from alf_ros import layout as layouts
 from alf_ros.arrays import Floats, Integers, Unit
+from alf_ros.collector import paused
 from alf_ros.coordinates import counted, length_row
 from alf_ros.driving import drive_rows
 from alf_ros.errors import AssemblyError
@@ -98,6 +99,7 @@ def constraints(mechanism: Mechanism, layout: Layout) -> list[Constraint]:
     return rows + [row for rotor in mechanism.rotors for row in rotor_rows(rotor, layout)]
 
 
+@paused()
 def compile_model(mechanism: Mechanism, penalty: float) -> Model:
     """Analyse a mechanism once: coordinates, rows, mass matrix, elimination order, pattern of the
     factor.

@@ -15,7 +15,7 @@ from functools import lru_cache, partial
 from alf_ros.document import Entry
 from alf_ros.expression import ExpressionError, evaluate, reserved
 
-MOST = 1_000_000
+MOST = 200_000
 TITLE = re.compile(r'[A-Za-z0-9_.-]{1,100}')
 NAME = re.compile(r'[A-Za-z][A-Za-z0-9_]{0,99}')
 

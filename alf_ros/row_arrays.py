@@ -59,16 +59,17 @@ def rows_of(rows: Sequence[Constraint], layout: Layout) -> tuple[Rows, list[int]
 
 def of_shapes(layout: Layout, made: Callable[[Shape], Sequence[Row]]) -> Rows:
     """Linear rows that bodies of one shape have alike, on their own blocks: body after body."""
-    known: dict[Shape, dict[str, Any]] = {}
-    parts, sizes = [], []
-    for body in layout.bodies:
-        shape = layout.shape(body.name)
-        if shape not in known:
-            own, _ = rows_of(made(shape), layout)
-            known[shape] = _forms(own, 0, own.c.size)
-        parts.append(known[shape])
-        sizes.append(len(layout.of_body[body.name]))
-    before = np.repeat(np.cumsum([0, *sizes])[:-1], [part['block'].size for part in parts])
+    shapes = [layout.shape(body.name) for body in layout.bodies]
+    alike = {shape: made(shape) for shape in dict.fromkeys(shapes)}
+    own, _ = rows_of([row for rows in alike.values() for row in rows], layout)
+    ends = np.cumsum([len(rows) for rows in alike.values()]).tolist()
+    forms = {
+        shape: _forms(own, end - len(rows), end)
+        for (shape, rows), end in zip(alike.items(), ends, strict=True)
+    }
+    parts = [forms[shape] for shape in shapes]
+    blocks = np.cumsum([0, *(len(shape.local) for shape in shapes)])
+    before = np.repeat(blocks[:-1], [part['block'].size for part in parts])
     rows = _joined(rows_of([], layout)[0], parts)
     place = [block for body in layout.bodies for block in layout.of_body[body.name]]
     return renumbered(

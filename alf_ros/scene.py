@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from alf_ros import document, resources
+from alf_ros.collector import paused
 from alf_ros.document import Entry
 from alf_ros.effects import Effect
 from alf_ros.errors import InputError
@@ -125,6 +126,7 @@ class Scene:
         return hashlib.sha256(self.text.encode()).hexdigest()
 
 
+@paused()
 def load_scene(
     source: str | Path | Mapping[str, Any], parameters: Mapping[str, float] | None = None
 ) -> Scene:
@@ -145,6 +147,7 @@ def load_scene(
     return _read_scene(document.read(path), _stem(path), path.parent, parameters)
 
 
+@paused()
 def scene_from_text(
     text: str, file: str = '<text>', parameters: Mapping[str, float] | None = None
 ) -> Scene:
