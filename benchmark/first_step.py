@@ -66,8 +66,8 @@ def measured(path: Path) -> dict[str, float]:
     }
 
 
-def written_out(path: Path) -> str:
-    """The scene in a file, every item of its mechanism in a line of its own."""
+def write_out(path: Path) -> None:
+    """Put every item of the mechanism in a scene file in a line of its own."""
     sys.path.insert(0, str(ROOT))
     from alf_ros import load_scene
     from alf_ros.serialise import entry, serialise
@@ -84,14 +84,14 @@ def written_out(path: Path) -> str:
     }
     whole = {'alf': 1, 'points': points, 'bodies': bodies, 'joints': joints}
     _, _, rest = path.read_text(encoding='utf-8').partition('effects:')
-    return f'{serialise(entry({"mechanism": whole}))}effects:{rest}'
+    text = f'{serialise(entry({"mechanism": whole}))}effects:{rest}'
+    path.write_text(text, encoding='utf-8')
 
 
-def one(path: Path) -> dict[str, float]:
-    """One run, in a process of its own."""
-    command = [sys.executable, __file__, '--one', str(path)]
-    said = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-    return dict(json.loads(said))
+def asked(what: str, path: Path) -> str:
+    """What a process of its own says: a child of a large one would begin with its memory."""
+    command = [sys.executable, __file__, what, str(path)]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout
 
 
 def main() -> None:
@@ -99,9 +99,13 @@ def main() -> None:
     parser.add_argument('--four-bars', nargs='+', type=int, default=[1000, 100_000], metavar='N')
     parser.add_argument('--runs', type=int, default=5, help='of each file')
     parser.add_argument('--one', type=Path, help=argparse.SUPPRESS)
+    parser.add_argument('--write-out', type=Path, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.one:
         print(json.dumps(measured(options.one)))
+        return
+    if options.write_out:
+        write_out(options.write_out)
         return
     sys.path.insert(0, str(ROOT))
     from alf_ros.hard_cases import about
@@ -110,13 +114,13 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / 'scene.yaml'
         path.write_text(SCENE.format(n=2), encoding='utf-8')
-        one(path)
+        asked('--one', path)
         for n in options.four_bars:
             path.write_text(SCENE.format(n=n), encoding='utf-8')
             for file in ('states N', 'written out'):
                 if file == 'written out':
-                    path.write_text(written_out(path), encoding='utf-8')
-                runs = [one(path) for _ in range(options.runs)]
+                    asked('--write-out', path)
+                runs = [json.loads(asked('--one', path)) for _ in range(options.runs)]
                 row = {key: statistics.median(run[key] for run in runs) for key in TIMES}
                 row |= {'file': file, 'four_bars': n, 'links': runs[0]['links']}
                 row |= {'yaml_kb': path.stat().st_size / 1024, 'runs': options.runs}
