@@ -109,10 +109,6 @@ class Layout:
             self._shapes[key] = _shape(self.dimension, self.length, body)
         return self._shapes[key]
 
-    def weights(self, body: str, local: Numbers) -> Floats:
-        """c (k,): a place or direction of the body frame in terms of what carries it."""
-        return _weights(self.shape(body), local)
-
     def direction(self, body: str, local: Numbers) -> Form:
         """A direction fixed in a body (or in the ground), from the body frame."""
         if body == GROUND:
@@ -149,7 +145,7 @@ class Layout:
 @lru_cache(maxsize=1024)
 def direction(shape: Shape, local: Numbers) -> Form:
     """A direction fixed in a body, from its frame, in the body's own blocks."""
-    c, D = _weights(shape, local), shape.inverse.shape[1]
+    c, D = shape.inverse @ np.asarray(local, dtype=float), shape.inverse.shape[1]
     total = Form({}, np.zeros(D))
     for end, is_point, weight in zip(shape.ends, shape.is_point, c, strict=False):
         d = form.of_block(end, D)
@@ -163,10 +159,6 @@ def direction(shape: Shape, local: Numbers) -> Form:
 def place(shape: Shape, local: Numbers) -> Form:
     """A place fixed in a body, from its frame (m), in the body's own blocks."""
     return form.of_block(0, shape.inverse.shape[1]) + direction(shape, local)
-
-
-def _weights(shape: Shape, local: Numbers) -> Floats:
-    return np.asarray(shape.inverse @ np.asarray(local, dtype=float))
 
 
 def _shape(dimension: int, length: float, body: Body) -> Shape:
@@ -183,6 +175,7 @@ def _shape(dimension: int, length: float, body: Body) -> Shape:
     inverse: Floats = np.zeros((0, dimension))
     if directions:
         inverse = np.asarray(np.linalg.pinv(np.array(directions).T), dtype=float)
+    inverse.flags.writeable = False
     return Shape(tuple(places), points, ends, inverse)
 
 
