@@ -31,9 +31,9 @@ class Affine:
 
     def add_torque(self, layout: Layout, body: str, torque: Floats, turned: bool) -> None:
         """A torque (1 or 3,), N m, on a body, in its frame if `turned`, else in the world's."""
-        basis = layout.basis(body)
-        for n, (end, is_point) in enumerate(zip(basis.ends, basis.is_point, strict=True)):
-            dual = basis.inverse[n]  # in the body frame: its product with a local place is c_n
+        shape, blocks = layout.shape(body), layout.of_body[body]
+        for n, (end, is_point) in enumerate(zip(shape.ends, shape.is_point, strict=True)):
+            dual = shape.inverse[n]  # in the body frame: its product with a local place is c_n
             if layout.dimension == 2:
                 Q = layout.direction(body, tuple(torque[0] * TURN @ dual))
             elif turned:
@@ -41,9 +41,9 @@ class Affine:
             else:
                 cross = np.asarray(np.cross(torque, np.eye(3)).T, dtype=float)  # [τ]×
                 Q = layout.direction(body, tuple(dual)).times(0.5 * cross)
-            self._add(end, Q)
+            self._add(blocks[end], Q)
             if is_point:
-                self._add(basis.first, Q.times(-1.0))
+                self._add(blocks[0], Q.times(-1.0))
 
     def _add(self, block: int, Q: Form) -> None:
         self._k[block] = self._k.get(block, 0.0) + Q.constant

@@ -8,7 +8,7 @@ import numpy as np
 
 from alf_ros import form
 from alf_ros.arrays import Floats
-from alf_ros.coordinates import angle_axes, coordinate_of
+from alf_ros.coordinates import angle_axes
 from alf_ros.form import Form
 from alf_ros.layout import Layout
 from alf_ros.mechanism import Joint
@@ -58,7 +58,7 @@ def place(name: str, layout: Layout, q: Floats) -> Floats:
         X, Y = (_axis(joints[name], 1, n, layout) for n in (0, 1))
     else:
         drive = next(drive for drive in layout.mechanism.drives if drive.name == name)
-        X, Y, _ = angle_axes(coordinate_of(drive.of[0], layout), layout)
+        X, Y, _ = angle_axes(layout.mechanism.coordinate[drive.of[0]], layout)
     c, s = places[layout.of_prescribed[name]][:2]
     return np.asarray(c * Y.value(places) - s * X.value(places))
 

@@ -9,7 +9,7 @@ import numpy as np
 from alf_ros.kernel import Bearings, Effects
 from alf_ros.mechanism import Joint
 from alf_ros.reactions import Reactions
-from alf_ros.rows import indices
+from alf_ros.row_arrays import indices
 
 
 def bearings(

@@ -8,99 +8,45 @@ axis in the parent's frame of the joint, so that the coordinate is zero as drawn
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
-from weakref import WeakKeyDictionary
+from functools import lru_cache
 
 import numpy as np
 
 from alf_ros import form
 from alf_ros.form import Form
-from alf_ros.layout import Layout
-from alf_ros.mechanism import GROUND, Joint
+from alf_ros.kernel import Rows
+from alf_ros.layout import Layout, Shape, direction
+from alf_ros.mechanism import Coordinate, Joint
 from alf_ros.row import Row, linear, product
-
-LENGTHS = ('slider', 'prismatic', 'cylindrical')
-ANGLES = ('revolute', 'cylindrical', 'universal')
+from alf_ros.row_arrays import of_shapes, rows_of
 
 
-@dataclass(frozen=True)
-class Coordinate:
-    """One freedom of a joint: an angle (rad), at `place` less that at `less`, or a length (m).
-
-    `place` counts angles or lengths, whichever it is; `less` is -1 for none.
-    """
-
-    name: str
-    joint: Joint
-    is_angle: bool
-    place: int
-    less: int = -1
-
-
-Measured = tuple[tuple[Coordinate, ...], tuple[Row, ...], tuple[Row, ...]]
-_COORDINATES: WeakKeyDictionary[Layout, tuple[Coordinate, ...]] = WeakKeyDictionary()
-_MEASURED: WeakKeyDictionary[Layout, Measured] = WeakKeyDictionary()
-
-
-def coordinates(layout: Layout) -> tuple[Coordinate, ...]:
-    """The coordinates of all joints, made once for a layout."""
-    if layout not in _COORDINATES:
-        _COORDINATES[layout] = tuple(_coordinates(layout))
-    return _COORDINATES[layout]
-
-
-def measured(layout: Layout) -> Measured:
-    """The coordinates of all joints, the rows x, y of each angle, and the row of each length.
-
-    Made once for a layout: each command to a joint asks for them.
-    """
-    if layout not in _MEASURED:
-        _MEASURED[layout] = _measured(layout)
-    return _MEASURED[layout]
-
-
-def _coordinates(layout: Layout) -> Iterator[Coordinate]:
-    body = {body.name: n for n, body in enumerate(layout.bodies)}
-    planar, angles, lengths = layout.dimension == 2, 0, 0
-    for joint in layout.mechanism.joints:
-        several = _count(joint, planar) > 1
-        if joint.kind in ANGLES and planar:
-            less = body.get(joint.parent, -1) if joint.parent != GROUND else -1
-            yield Coordinate(joint.name, joint, True, body[joint.child], less)
-        elif joint.kind in ANGLES:
-            for suffix in ('first', 'second') if joint.kind == 'universal' else ('angle',):
-                name = f'{joint.name}_{suffix}' if several else joint.name
-                yield Coordinate(name, joint, True, angles)
-                angles += 1
-        if joint.kind in LENGTHS:
-            name = f'{joint.name}_length' if several else joint.name
-            yield Coordinate(name, joint, False, lengths)
-            lengths += 1
-
-
-def _measured(layout: Layout) -> Measured:
-    found = coordinates(layout)
-    angles: list[Row] = []
+def counted(layout: Layout) -> Rows:
+    """The rows x, y of every angle whose turns are counted."""
     if layout.dimension == 2:
-        for each in layout.bodies:
-            d = form.constant((1.0, 0.0))
-            if layout.turns(each.name):
-                d = layout.direction(each.name, (1.0, 0.0))
-            angles += [linear(each.name, axis, d) for axis in np.eye(2)]
-    else:
-        for coordinate in found:
-            if coordinate.is_angle:
-                X, Y, d = angle_axes(coordinate, layout)
-                angles += [product('x', X, d), product('y', Y, d)]
-    lengths = [length_row(each.joint, layout) for each in found if not each.is_angle]
-    return found, tuple(angles), tuple(lengths)
+        return of_shapes(layout, _turned)
+    angles = (each for each in layout.mechanism.coordinates if each.is_angle)
+    return rows_of([row for each in angles for row in angle_rows(each, layout)], layout)[0]
 
 
-def _count(joint: Joint, planar: bool) -> int:
-    if joint.kind == 'universal':
-        return 2
-    return (joint.kind in ANGLES) + (joint.kind in LENGTHS)
+def angle_rows(coordinate: Coordinate, layout: Layout) -> list[Row]:
+    """The rows x, y of the angle that a joint coordinate is, and of that which it is less."""
+    if layout.dimension == 2:
+        bodies = [layout.bodies[n].name for n in (coordinate.place, coordinate.less) if n >= 0]
+        return [
+            row.on(layout.of_body[body], body)
+            for body in bodies
+            for row in _turned(layout.shape(body))
+        ]
+    X, Y, d = angle_axes(coordinate, layout)
+    return [product('x', X, d), product('y', Y, d)]
+
+
+@lru_cache(maxsize=1024)
+def _turned(shape: Shape) -> list[Row]:
+    """x, y of the x axis of bodies of a shape in the plane, on their own blocks."""
+    d = direction(shape, (1.0, 0.0)) if shape.ends else form.constant((1.0, 0.0))
+    return [linear('', axis, d) for axis in np.eye(2)]
 
 
 def _axes(joint: Joint, layout: Layout) -> tuple[list[Form], list[Form]]:
@@ -108,11 +54,6 @@ def _axes(joint: Joint, layout: Layout) -> tuple[list[Form], list[Form]]:
     both = zip((joint.parent, joint.child), joint.frames, strict=True)
     parent, child = ([layout.direction(body, a) for a in frame.axes] for body, frame in both)
     return parent, child
-
-
-def coordinate_of(name: str, layout: Layout) -> Coordinate:
-    """The joint coordinate of a name."""
-    return next(each for each in coordinates(layout) if each.name == name)
 
 
 def angle_axes(coordinate: Coordinate, layout: Layout) -> tuple[Form, Form, Form]:

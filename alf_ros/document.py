@@ -98,11 +98,12 @@ class Entry:
 
     def text(self, choices: Collection[str] | None = None) -> str:
         """The text of the scalar, which must be one of `choices`."""
-        if not isinstance(self.value, str) or self.is_null:
+        value = self.value
+        if not isinstance(value, str) or (self.plain and value in NULL):
             raise self.wrong('a name')
-        if choices is not None and self.value not in choices:
+        if choices is not None and value not in choices:
             raise self.error('unknown name', choices=choices)
-        return self.value
+        return value
 
     def boolean(self) -> bool:
         if isinstance(self.value, str) and self.plain and self.value in BOOLEAN:

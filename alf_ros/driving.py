@@ -13,7 +13,7 @@ import numpy as np
 from alf_ros import form
 from alf_ros.arrays import Floats
 from alf_ros.auxiliary import turned
-from alf_ros.coordinates import angle_axes, coordinate_of, length_row
+from alf_ros.coordinates import angle_axes, length_row
 from alf_ros.layout import Layout
 from alf_ros.mechanism import Drive, Mechanism
 from alf_ros.row import Row, linear, plus, product, scaled
@@ -25,12 +25,12 @@ def drive_rows(drive: Drive, layout: Layout) -> Iterator[Row]:
     s = form.of_block(layout.of_prescribed[name], D)
     x = np.eye(D)[0]
     if drive.kind == 'angle':
-        X, Y, d = angle_axes(coordinate_of(drive.of[0], layout), layout)
+        X, Y, d = angle_axes(layout.mechanism.coordinate[drive.of[0]], layout)
         w, rows = turned(name, X, Y, layout)
         yield from rows
         yield product(name, w, d)
     elif drive.kind == 'length':
-        coordinate = coordinate_of(drive.of[0], layout)
+        coordinate = layout.mechanism.coordinate[drive.of[0]]
         yield plus(name, length_row(coordinate.joint, layout), linear(name, -x, s))
     elif drive.kind == 'distance':
         first, last = (form.of_block(layout.of_point[point], D) for point in drive.of)
@@ -73,6 +73,6 @@ def is_aligned(drive: Drive, layout: Layout, q: Floats) -> bool:
     if drive.kind != 'angle':
         return True
     places = q.reshape(-1, layout.dimension)
-    X, Y, d = angle_axes(coordinate_of(drive.of[0], layout), layout)
+    X, Y, d = angle_axes(layout.mechanism.coordinate[drive.of[0]], layout)
     c, s = places[layout.of_prescribed[drive.name]][:2]
     return bool((c * X.value(places) + s * Y.value(places)) @ d.value(places) > 0.0)

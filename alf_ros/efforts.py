@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Floats
-from alf_ros.coordinates import Coordinate
 from alf_ros.layout import TURN, Layout
+from alf_ros.mechanism import Coordinate
 
 
 def unit_motion(coordinate: Coordinate, cut: Layout, q: Floats) -> Floats:

@@ -6,7 +6,7 @@ nearly every constraint is the scalar product of two.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +17,7 @@ _EYE = {D: np.eye(D) for D in (2, 3)}  # nobody writes into a form
 _ZERO = {D: np.zeros(D) for D in (2, 3)}
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, slots=True)
 class Form:
     """Σ C_b q_b + c over blocks b: `parts` holds C_b (D, D), `constant` c (D,)."""
 
@@ -29,6 +29,10 @@ class Form:
         for block, C in other.parts.items():
             parts[block] = parts[block] + C if block in parts else C
         return Form(parts, self.constant + other.constant)
+
+    def on(self, blocks: Sequence[int]) -> Form:
+        """The same of other blocks: block n of it is `blocks[n]`."""
+        return Form({blocks[n]: C for n, C in self.parts.items()}, self.constant)
 
     def __sub__(self, other: Form) -> Form:
         return self + other.times(-1.0)

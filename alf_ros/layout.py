@@ -9,7 +9,7 @@ tells what acts on each body alone, hence the reactions in the joints.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -24,17 +24,24 @@ _APART = 0.5  # sine from which on directions are well apart
 
 
 @dataclass(frozen=True, eq=False)
-class Basis:
-    """What carries a body: r = P_0 + Σ c_k d_k with c = `inverse` (k, D) times the local place.
+class Shape:
+    """What carries bodies of one shape: r = P_0 + Σ c_k d_k with c = `inverse` (k, D) times the
+    local place.
 
-    `first` is the block of P_0, `ends` those that make d_k: P_k (then `is_point`) or a vector.
-    A planar body has d_1 alone; d_2 = J d_1.
+    Blocks are counted on the body, points then vectors: `local` holds each in the body frame (D,),
+    m, `ends` are those that make d_k: P_k (then `is_point`) or a vector. A planar body has d_1
+    alone; d_2 = J d_1.
     """
 
-    first: int
+    local: tuple[Floats, ...]
+    points: int
     ends: tuple[int, ...]
-    is_point: tuple[bool, ...]
     inverse: Floats
+
+    @property
+    def is_point(self) -> tuple[bool, ...]:
+        """Of each end."""
+        return tuple(n < self.points for n in self.ends)
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,10 +62,27 @@ class Layout:
     of_body: Mapping[str, tuple[int, ...]]
     of_auxiliary: Mapping[str, int]
     of_prescribed: Mapping[str, int]
+    _shapes: dict[tuple[object, ...], Shape] = field(default_factory=dict)
 
-    @cached_property
-    def body(self) -> dict[str, Body]:
-        return {body.name: body for body in self.mechanism.bodies}
+    def renumbered(self, place: Sequence[int]) -> Layout:
+        """The same with other numbers for the blocks: `place` (blocks,) of each."""
+
+        def moved(blocks: Mapping[str, int]) -> dict[str, int]:
+            return {name: place[n] for name, n in blocks.items()}
+
+        return replace(
+            self,
+            of_point=moved(self.of_point),
+            of_vector=moved(self.of_vector),
+            of_body={name: tuple(place[n] for n in own) for name, own in self.of_body.items()},
+            of_auxiliary=moved(self.of_auxiliary),
+            of_prescribed=moved(self.of_prescribed),
+        )
+
+    @property
+    def body(self) -> Mapping[str, Body]:
+        """Bodies by name."""
+        return self.mechanism.body
 
     @property
     def dimension(self) -> int:
@@ -77,50 +101,25 @@ class Layout:
         """All bodies, in the order of the file."""
         return self.mechanism.bodies
 
-    @cached_property
-    def _bases(self) -> dict[str, Basis]:
-        return {body.name: self._make_basis(body) for body in self.bodies}
-
-    def basis(self, body: str) -> Basis:
-        """What carries a body."""
-        return self._bases[body]
-
-    def _make_basis(self, body: Body) -> Basis:
-        blocks = self.of_body[body.name]
-        points = len(body.points)
-        chosen, inverse = _carriers(self.dimension, self.length, body.local, body.axes)
-        is_point = tuple(n < points for n in chosen)
-        return Basis(blocks[0], tuple(blocks[n] for n in chosen), is_point, inverse)
-
-    def local(self, body: Body, n: int) -> Floats:
-        """The n-th block of a body, points then vectors, in the body frame (D,), m."""
-        points = len(body.points)
-        if n < points:
-            return np.array(body.local[n], dtype=float)
-        return self.length * np.array(body.axes[n - points])
-
-    def weights(self, body: str, local: Numbers) -> Floats:
-        """c (k,): a place or direction of the body frame in terms of its basis."""
-        return np.asarray(self.basis(body).inverse @ np.asarray(local, dtype=float))
+    def shape(self, name: str) -> Shape:
+        """What carries a body; of all bodies of one shape at once, for there may be many."""
+        body = self.mechanism.body[name]
+        key = body.local, body.axes
+        if key not in self._shapes:
+            self._shapes[key] = _shape(self.dimension, self.length, body)
+        return self._shapes[key]
 
     def direction(self, body: str, local: Numbers) -> Form:
         """A direction fixed in a body (or in the ground), from the body frame."""
         if body == GROUND:
             return form.constant(local)
-        basis, c, D = self.basis(body), self.weights(body, local), self.dimension
-        total = Form({}, np.zeros(D))
-        for end, is_point, weight in zip(basis.ends, basis.is_point, c, strict=False):
-            d = form.of_block(end, D)
-            if is_point:
-                d = d - form.of_block(basis.first, D)
-            total = total + d.times(weight * np.eye(2) + c[1] * TURN if D == 2 else weight)
-        return total
+        return direction(self.shape(body), local).on(self.of_body[body])
 
     def place(self, body: str, local: Numbers) -> Form:
         """A place fixed in a body (or in the ground), from the body frame (m)."""
         if body == GROUND:
             return form.constant(local)
-        return form.of_block(self.basis(body).first, self.dimension) + self.direction(body, local)
+        return place(self.shape(body), local).on(self.of_body[body])
 
     def placed(self, name: str, at: str | None = None) -> Form:
         """The centre of mass of a body, its point `at`, or a point of the mechanism.
@@ -140,32 +139,44 @@ class Layout:
         """Whether it has an orientation: a torque and a frame of its own make sense."""
         if name not in self.body:
             return False
-        return len(self.basis(name).ends) >= (1 if self.dimension == 2 else 3)
+        return len(self.shape(name).ends) >= (1 if self.dimension == 2 else 3)
 
 
 @lru_cache(maxsize=1024)
-def _carriers(
-    dimension: int, length: float, local: tuple[Numbers, ...], axes: tuple[Numbers, ...]
-) -> tuple[tuple[int, ...], Floats]:
-    """Which blocks of a body, points then vectors, carry it, and the inverse of their directions.
+def direction(shape: Shape, local: Numbers) -> Form:
+    """A direction fixed in a body, from its frame, in the body's own blocks."""
+    c, D = shape.inverse @ np.asarray(local, dtype=float), shape.inverse.shape[1]
+    total = Form({}, np.zeros(D))
+    for end, is_point, weight in zip(shape.ends, shape.is_point, c, strict=False):
+        d = form.of_block(end, D)
+        if is_point:
+            d = d - form.of_block(0, D)
+        total = total + d.times(weight * np.eye(2) + c[1] * TURN if D == 2 else weight)
+    return total
 
-    Of all bodies of one shape at once: large mechanisms have many.
-    """
-    points = len(local)
-    places = [np.array(place, dtype=float) for place in local]
-    places += [length * np.array(axis) for axis in axes]
+
+@lru_cache(maxsize=1024)
+def place(shape: Shape, local: Numbers) -> Form:
+    """A place fixed in a body, from its frame (m), in the body's own blocks."""
+    return form.of_block(0, shape.inverse.shape[1]) + direction(shape, local)
+
+
+def _shape(dimension: int, length: float, body: Body) -> Shape:
+    points = len(body.points)
+    places = [np.array(place, dtype=float) for place in body.local]
+    places += [length * np.array(axis) for axis in body.axes]
     # the second point, then vectors, then further points: what is independent carries
     order = [*range(1, min(2, points)), *range(points, len(places)), *range(2, points)]
     found = independent([places[n] for n in order], 1 if dimension == 2 else 3)
-    chosen = tuple(order[k] for k in found)
-    directions = [places[n] for n in chosen]
+    ends = tuple(order[k] for k in found)
+    directions = [places[n] for n in ends]
     if dimension == 2 and directions:
         directions.append(TURN @ directions[0])
     inverse: Floats = np.zeros((0, dimension))
     if directions:
         inverse = np.asarray(np.linalg.pinv(np.array(directions).T), dtype=float)
     inverse.flags.writeable = False
-    return chosen, inverse
+    return Shape(tuple(places), points, ends, inverse)
 
 
 def independent(directions: Sequence[Floats], most: int, least: float = 1e-6) -> list[int]:

@@ -10,7 +10,7 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.kernel import Effects, Ledger
 from alf_ros.model import Model
-from alf_ros.rows import indices
+from alf_ros.row_arrays import indices
 
 INPUTS, DRIVES = 'inputs', 'drives'
 

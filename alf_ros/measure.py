@@ -13,13 +13,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from functools import cached_property
 
 import numpy as np
 from numba import njit
 
 from alf_ros.arrays import Floats, Integers
-from alf_ros.coordinates import Coordinate, measured
+from alf_ros.coordinates import angle_rows, length_row
 from alf_ros.effects.contract import Packed
 from alf_ros.form import Form, constant
 from alf_ros.layout import Layout
@@ -58,30 +57,22 @@ class Measures:
         self._words: list[tuple[int, int, int, int]] = []
         self._numbers: list[Floats] = []
 
-    @cached_property
-    def _measured(
-        self,
-    ) -> tuple[dict[str, Coordinate], tuple[Row, ...], tuple[Row, ...]]:
-        coordinates, angles, lengths = measured(self._layout)
-        return {each.name: each for each in coordinates}, angles, lengths
-
     def is_angle(self, name: str) -> bool:
         """Whether a joint coordinate is an angle. Raises ValueError if there is none so named."""
-        coordinates = self._measured[0]
-        if name not in coordinates:
-            known = ', '.join(coordinates)
-            raise ValueError(f'{name!r} has no single free axis; joint coordinates: {known}')
-        return coordinates[name].is_angle
+        known = self._layout.mechanism.coordinate
+        if name not in known:
+            message = f'{name!r} has no single free axis; joint coordinates: {", ".join(known)}'
+            raise ValueError(message)
+        return known[name].is_angle
 
     def add_coordinate(self, name: str) -> None:
         """A joint coordinate, an angle with its turns. Raises ValueError if there is none."""
-        is_angle, (coordinates, angles, lengths) = self.is_angle(name), self._measured
-        n, less = coordinates[name].place, coordinates[name].less
+        is_angle, coordinate = self.is_angle(name), self._layout.mechanism.coordinate[name]
         if is_angle:
-            both = [*angles[2 * n : 2 * n + 2], *(angles[2 * less :][:2] if less >= 0 else ())]
-            self._add(ANGLE, both, n, less)
+            rows = angle_rows(coordinate, self._layout)
+            self._add(ANGLE, rows, coordinate.place, coordinate.less)
         else:
-            self._add(LENGTH, [lengths[n]])
+            self._add(LENGTH, [length_row(coordinate.joint, self._layout)])
 
     def add_distance(self, start: Form, end: Form) -> None:
         """The distance of two places."""

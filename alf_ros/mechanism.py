@@ -6,17 +6,20 @@ counter-clockwise about +z (REP-103).
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
 from alf_ros.signal import Signal, cosine, rate, sine
 
 GROUND = 'ground'
+LENGTHS = ('slider', 'prismatic', 'cylindrical')
+ANGLES = ('revolute', 'cylindrical', 'universal')
 
 Numbers = tuple[float, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Point:
     """A named point; `at` is where it is drawn (m, world frame)."""
 
@@ -25,7 +28,7 @@ class Point:
     fixed: bool = False
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Vector:
     """A named unit vector in space; `along` is its direction as drawn (world frame)."""
 
@@ -34,7 +37,7 @@ class Vector:
     fixed: bool = False
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Body:
     """A rigid body carried by its points and unit vectors.
 
@@ -55,7 +58,7 @@ class Body:
     axes: tuple[Numbers, ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Frame:
     """Where a joint sits on a body: `origin` (m) and orthonormal `axes`, in the body frame.
 
@@ -67,7 +70,7 @@ class Frame:
     axes: tuple[Numbers, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Joint:
     """A joint between `parent` and `child` (bodies, or 'ground').
 
@@ -95,7 +98,21 @@ class Joint:
     motion: tuple[Signal, ...] = ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
+class Coordinate:
+    """One freedom of a joint: an angle (rad), at `place` less that at `less`, or a length (m).
+
+    `place` counts angles or lengths, whichever it is; `less` is -1 for none.
+    """
+
+    name: str
+    joint: Joint
+    is_angle: bool
+    place: int
+    less: int = -1
+
+
+@dataclass(frozen=True, slots=True)
 class Drive:
     """What is prescribed as a function of time (rheonomic), and what that takes is an effort.
 
@@ -112,7 +129,7 @@ class Drive:
     from_ground: bool = False
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Rotor:
     """What turns or slides as the joint coordinate `of` does, geared to it; its inertia as seen
     from there: kg m^2, or kg."""
@@ -122,7 +139,7 @@ class Rotor:
     inertia: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Prescribed:
     """A block that moves as functions of time: m, or a unit vector in the frame of a joint."""
 
@@ -143,6 +160,21 @@ class Mechanism:
     dimension: int = 2
     drives: tuple[Drive, ...] = ()
     rotors: tuple[Rotor, ...] = ()
+
+    @cached_property
+    def body(self) -> dict[str, Body]:
+        """Bodies by name."""
+        return {body.name: body for body in self.bodies}
+
+    @cached_property
+    def coordinates(self) -> tuple[Coordinate, ...]:
+        """The coordinates of all joints."""
+        return tuple(_coordinates(self))
+
+    @cached_property
+    def coordinate(self) -> dict[str, Coordinate]:
+        """The coordinates of all joints, by name."""
+        return {each.name: each for each in self.coordinates}
 
     @cached_property
     def prescribed(self) -> tuple[Prescribed, ...]:
@@ -185,3 +217,28 @@ def _of_drive(drive: Drive) -> Prescribed:
 
 def _turning(name: str, angle: Signal) -> Prescribed:
     return Prescribed(name, (cosine(angle), sine(angle)), True)
+
+
+def _coordinates(mechanism: Mechanism) -> Iterator[Coordinate]:
+    body = {body.name: n for n, body in enumerate(mechanism.bodies)}
+    planar, angles, lengths = mechanism.dimension == 2, 0, 0
+    for joint in mechanism.joints:
+        several = _count(joint, planar) > 1
+        if joint.kind in ANGLES and planar:
+            less = body.get(joint.parent, -1) if joint.parent != GROUND else -1
+            yield Coordinate(joint.name, joint, True, body[joint.child], less)
+        elif joint.kind in ANGLES:
+            for suffix in ('first', 'second') if joint.kind == 'universal' else ('angle',):
+                name = f'{joint.name}_{suffix}' if several else joint.name
+                yield Coordinate(name, joint, True, angles)
+                angles += 1
+        if joint.kind in LENGTHS:
+            name = f'{joint.name}_length' if several else joint.name
+            yield Coordinate(name, joint, False, lengths)
+            lengths += 1
+
+
+def _count(joint: Joint, planar: bool) -> int:
+    if joint.kind == 'universal':
+        return 2
+    return (joint.kind in ANGLES) + (joint.kind in LENGTHS)

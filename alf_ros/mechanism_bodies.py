@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -24,20 +25,25 @@ _ROUNDING = 1e-12  # of the largest moment
 _PARALLEL = 1e-6  # sine of the angle below which directions count as parallel
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Pose:
     """A body frame as drawn: `origin` (m) and `axes`, one in each row, in the world frame."""
 
-    origin: Floats
-    axes: Floats
+    origin: Numbers
+    axes: tuple[Numbers, ...]
 
     def place(self, world: Numbers) -> Numbers:
         """A place of the world (m) in the body frame."""
-        return _numbers(self.axes @ (np.array(world) - self.origin))
+        return _numbers(np.array(self.axes) @ (np.array(world) - self.origin))
 
     def direction(self, world: Numbers | Floats) -> Numbers:
         """A direction of the world in the body frame."""
-        return _numbers(self.axes @ np.array(world))
+        return _numbers(np.array(self.axes) @ np.array(world))
+
+    @property
+    def of_world(self) -> tuple[Numbers, ...]:
+        """The axes of the world in the body frame."""
+        return _transposed(self.axes)
 
 
 class BodyReader:
@@ -48,6 +54,7 @@ class BodyReader:
     ) -> None:
         self.points, self.vectors, self.dimension = points, vectors, dimension
         self.poses: dict[str, Pose] = {}
+        self.alike: dict[tuple[Numbers, ...], tuple[Numbers, ...]] = {}  # kept once: many bodies
         self.size = max((abs(x) for point in points.values() for x in point.at), default=0.0)
 
     def read(self, section: Entry, names: Mapping[str, float]) -> Iterator[tuple[Item, Body]]:
@@ -87,16 +94,18 @@ class BodyReader:
         self, item: Item, points: tuple[str, ...], vectors: tuple[str, ...]
     ) -> tuple[tuple[Numbers, ...], tuple[Numbers, ...]]:
         """Points (m) and vectors in the body frame: origin at the first point, x to the second."""
-        drawn = [np.array(self.points[name].at) for name in points]
+        drawn = [self.points[name].at for name in points]
         span = self.span(item, drawn)
         along = [np.array(self.vectors[name].along) for name in vectors]
+        axes: tuple[Numbers, ...]
         if self.dimension == 2:
-            x, y = (drawn[1] - drawn[0]) / span if span else (1.0, 0.0)
-            axes = np.array([[x, y], [-y, x]])
+            (a, b), (c, d) = drawn[0], drawn[1] if span else drawn[0]
+            x, y = ((c - a) / span, (d - b) / span) if span else (1.0, 0.0)
+            axes = (x, y), (-y, x)
         else:
-            to = [place - drawn[0] for place in drawn[1:]]
-            axes = frame_axes([*to[:1], *along, *to[1:]])
-        pose = self.poses[item.name] = Pose(drawn[0], axes)
+            to = [np.array(place) - drawn[0] for place in drawn[1:]]
+            axes = tuple(map(_numbers, frame_axes([*to[:1], *along, *to[1:]])))
+        pose = self.poses[item.name] = Pose(drawn[0], self.alike.setdefault(axes, axes))
         zero = (0.0,) * self.dimension
         if 'length' in item.fields:
             if len(points) != 2:
@@ -105,15 +114,16 @@ class BodyReader:
             if span <= max(_LOST * self.size, _SHORTEST):
                 raise item.fields['length'].error('not a length', expected='m, more than zero')
         second = ((span, *zero[1:]),) if len(points) > 1 else ()
-        further = tuple(pose.place(_numbers(place)) for place in drawn[2:])
-        return (zero, *second, *further), tuple(map(pose.direction, along))
+        further = tuple(map(pose.place, drawn[2:]))
+        local = (zero, *second, *further)
+        return self.alike.setdefault(local, local), tuple(map(pose.direction, along))
 
-    def span(self, item: Item, drawn: list[Floats]) -> float:
+    def span(self, item: Item, drawn: Sequence[Numbers]) -> float:
         """Distance of the first two points, m; zero for a body of one."""
         if len(drawn) == 1:
             return 0.0
-        span = math.hypot(*(drawn[1] - drawn[0]))
-        own = _COINCIDENT * float(np.abs(drawn[:2]).max())
+        span = math.dist(drawn[0], drawn[1])
+        own = _COINCIDENT * max(map(abs, (*drawn[0], *drawn[1])))
         if span <= max(own, _LOST * self.size, _SHORTEST):
             raise item.fields['points'].error(
                 f'the first two points of {item.name!r} are drawn at the same place'
@@ -215,5 +225,11 @@ def frame_axes(directions: list[Floats]) -> Floats:
     return np.array([x, y, np.cross(x, y)])
 
 
+@lru_cache(maxsize=1024)
+def _transposed(axes: tuple[Numbers, ...]) -> tuple[Numbers, ...]:
+    """Columns for rows; of all bodies that stand alike at once."""
+    return tuple(tuple(x + 0.0 for x in column) for column in zip(*axes, strict=True))
+
+
 def _numbers(values: Floats) -> Numbers:
-    return tuple(float(value) for value in values)
+    return tuple(values.tolist())

@@ -7,17 +7,18 @@ would make the split of the reaction among them arbitrary.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 
 from alf_ros.document import Entry
 from alf_ros.driving import drive_rows
-from alf_ros.layout import cut
+from alf_ros.layout import Layout
 from alf_ros.mechanism import GROUND, Joint, Mechanism
 from alf_ros.rows import joint_rows, rigidity
 
 
-def check(mechanism: Mechanism, entries: Mapping[str, Entry]) -> None:
-    """Raise InputError at the entry (by name in `entries`) that is wrong."""
+def check(layout: Layout, entries: Mapping[str, Entry]) -> None:
+    """Raise InputError at the entry (by name in `entries`) that is wrong; the layout is cut."""
+    mechanism = layout.mechanism
     fixed = {item.name for item in mechanism.blocks if item.fixed}
     enough = 2 if mechanism.dimension == 2 else 3  # fixed places that leave no freedom
     for body in mechanism.bodies:
@@ -27,7 +28,7 @@ def check(mechanism: Mechanism, entries: Mapping[str, Entry]) -> None:
             raise entries[body.name].error(message)
     _check_shared(mechanism, 'point', fixed, entries)
     _check_shared(mechanism, 'vector', fixed, entries)
-    _check_row_names(mechanism, entries)
+    _check_row_names(layout, entries)
 
 
 def _check_shared(
@@ -77,19 +78,25 @@ def _check_pin(
             )
 
 
-def _check_row_names(mechanism: Mechanism, entries: Mapping[str, Entry]) -> None:
+def _check_row_names(layout: Layout, entries: Mapping[str, Entry]) -> None:
     """Rows are named after bodies, vectors and joints; two of one name could not be told apart."""
-    layout = cut(mechanism)
-    rows = [(row.name, body.name) for body in mechanism.bodies for row in rigidity(body, layout)]
-    rows += [(f'{vector.name}_unit', vector.name) for vector in mechanism.vectors]
-    for joint in mechanism.joints:
-        rows += [(row.name, joint.name) for row in joint_rows(joint, layout)]
-    for drive in mechanism.drives:
-        rows += [(row.name, drive.name) for row in drive_rows(drive, layout)]
     owners: dict[str, str] = {}
-    for row, owner in rows:
+    for row, owner in _row_names(layout):
         if row in owners:
             raise entries[owner].error(
                 f'{owner!r} and {owners[row]!r} both have a constraint {row!r}: rename one'
             )
         owners[row] = owner
+
+
+def _row_names(layout: Layout) -> Iterator[tuple[str, str]]:
+    """Each with the name of what it is the row of."""
+    mechanism = layout.mechanism
+    for body in mechanism.bodies:
+        yield from ((row.name, body.name) for row in rigidity(body, layout))
+    for vector in mechanism.vectors:
+        yield f'{vector.name}_unit', vector.name
+    for joint in mechanism.joints:
+        yield from ((row.name, joint.name) for row in joint_rows(joint, layout))
+    for drive in mechanism.drives:
+        yield from ((row.name, drive.name) for row in drive_rows(drive, layout))

@@ -9,10 +9,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from alf_ros import repetition, signal
-from alf_ros.coordinates import Coordinate, coordinates
 from alf_ros.document import Entry
 from alf_ros.layout import cut
-from alf_ros.mechanism import GROUND, Drive, Mechanism
+from alf_ros.mechanism import GROUND, Coordinate, Drive, Mechanism
 from alf_ros.number_file import Tables
 from alf_ros.repetition import Item
 from alf_ros.signal import Signal
@@ -28,7 +27,7 @@ class DriveReader:
         self.mechanism, self.tables = mechanism, Tables()
         self.driven: set[tuple[str, ...]] = set()
         self.layout = cut(mechanism)
-        self.coordinates = {each.name: each for each in coordinates(self.layout)}
+        self.coordinates = mechanism.coordinate
         self.points = {point.name: point for point in mechanism.points}
 
     def read(self, section: Entry, names: Mapping[str, float]) -> Iterator[tuple[Item, Drive]]:

@@ -13,6 +13,7 @@ from typing import NamedTuple
 from alf_ros import repetition
 from alf_ros.document import Entry
 from alf_ros.expression import reserved
+from alf_ros.layout import Layout, cut
 from alf_ros.mechanism import GROUND, Body, Drive, Joint, Mechanism, Point, Vector
 from alf_ros.mechanism_bodies import BodyReader
 from alf_ros.mechanism_check import check
@@ -66,9 +67,10 @@ class _Parts:
 
 
 class Found(NamedTuple):
-    """A mechanism, the values of its parameters, and what was read without references to files."""
+    """A mechanism, cut, the values of its parameters, and what was read without references to
+    files."""
 
-    mechanism: Mechanism
+    layout: Layout
     values: dict[str, float]
     root: Entry
     drives: Entry | None
@@ -132,8 +134,9 @@ def read_mechanism(
         mechanism = replace(mechanism, drives=tuple(found))
         root = reader.tables.without_files(root)
         drives = drives and reader.tables.without_files(drives)
-    check(mechanism, parts.entries)
-    return Found(mechanism, values, root, drives)
+    layout = cut(mechanism)
+    check(layout, parts.entries)
+    return Found(layout, values, root, drives)
 
 
 def read_parameters(section: Entry | None, overrides: Mapping[str, Entry]) -> dict[str, float]:

@@ -33,8 +33,7 @@ def gear(reader: JointReader, item: Item, parent: str, child: str) -> Joint:
     if not drawn > 0.0 or abs(drawn - R - r) > _FITS * max(abs(R), abs(r)):
         message = f'the centres are drawn {drawn:.6g} m apart, the radii ask for {R + r:.6g} m'
         raise fields['radii'].error(message)
-    axes = np.eye(2)
-    frames = reader.frame(parent, centres[0], axes), reader.frame(child, centres[1], axes)
+    frames = reader.frame(parent, centres[0]), reader.frame(child, centres[1])
     kind = fields['type'].text()  # 'rolling': the distance of the centres is held too
     return Joint(item.name, kind, parent, child, frames, value=r, of_parent=R)
 

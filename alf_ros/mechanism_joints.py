@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from functools import cached_property, lru_cache
 from itertools import chain
 
 import numpy as np
@@ -70,11 +71,7 @@ class JointReader:
     ) -> None:
         self.points, self.vectors, self.bodies, self.poses = points, vectors, bodies, poses
         self.dimension = dimension
-        self.ground = Pose(np.zeros(dimension), np.eye(dimension))
-        self.carriers: dict[str, list[str]] = {name: [] for name in points}
-        for body in bodies.values():
-            for point in body.points:
-                self.carriers[point].append(body.name)
+        self.ground = Pose((0.0,) * dimension, tuple(map(tuple, np.eye(dimension).tolist())))
 
     def read(self, section: Entry, names: Mapping[str, float]) -> Iterator[tuple[Item, Joint]]:
         for item in repetition.repeated(section, self.fields, names):
@@ -120,7 +117,7 @@ class JointReader:
         point = self.point(fields['at'], item)
         if kind in ('no_slip', 'disk'):
             return self.wheel(item, child, point)
-        vector = None
+        vector, axes = None, None
         if kind == 'universal':
             z, x = self.directions(fields['axes'], item)
             if abs(z @ x) > 1e-9:
@@ -131,16 +128,14 @@ class JointReader:
             axes = _frame(along)
             if vector is not None and not all(map(self.has(vector), (parent, child))):
                 vector = None
-        else:
-            axes = np.eye(self.dimension)
-        if self.dimension == 2 and kind == 'revolute':
+        carried = [self.carries(body, point) for body in (parent, child)]
+        if self.dimension == 2 and kind == 'revolute' and not all(carried):
             for body in (parent, child):
                 self.check_on(fields['at'], point, body)
-        shared = all(self.carries(body, point) for body in (parent, child))
-        if not any(self.carries(body, point) for body in (parent, child)):
+        if not any(carried):
             raise fields['at'].error(f'neither {parent} nor {child} carries it', value=point)
         frames = self.frame(parent, point, axes), self.frame(child, point, axes)
-        sharing = shared and kind in ('revolute', 'spherical', 'universal', 'weld')
+        sharing = all(carried) and kind in ('revolute', 'spherical', 'universal', 'weld')
         motion = (fields['angle'].motion(item.names),) if 'angle' in fields else ()
         on = point if sharing else None
         return Joint(item.name, kind, parent, child, frames, on, vector, motion=motion)
@@ -162,7 +157,7 @@ class JointReader:
         line = fields['on'].mapping(LINE, LINE)
         through = line['through'].vector(2, item.names)
         along, _ = self.direction(line['direction'], item)
-        frames = self.at(GROUND, through, _frame(along)), self.frame(child, point, np.eye(2))
+        frames = self.at(GROUND, through, _frame(along)), self.frame(child, point)
         return Joint(item.name, kind, GROUND, child, frames)
 
     def wheel(self, item: Item, child: str, point: str) -> Joint:
@@ -215,24 +210,30 @@ class JointReader:
             length = item.fields['length'].number(item.names)
         if not length > 0.0:
             raise item.entry.error('a bar without length', expected='m, more than zero')
-        axes = np.eye(self.dimension)
-        frames = self.frame(parent, points[0], axes), self.frame(child, points[1], axes)
+        frames = self.frame(parent, points[0]), self.frame(child, points[1])
         return Joint(item.name, 'distance', parent, child, frames, value=length)
 
     # ------------------------------------------------------------------------------------- frames
 
-    def frame(self, body: str, point: str, axes: Floats) -> Frame:
-        """At a point, along axes of the world as drawn (rows), on a body."""
+    def frame(self, body: str, point: str, axes: Floats | None = None) -> Frame:
+        """At a point, along axes of the world as drawn (rows; all of them if none), on a body."""
         if body != GROUND and point in self.bodies[body].points:
             each = self.bodies[body]
             origin = each.local[each.points.index(point)]
-            return Frame(origin, tuple(map(self.poses[body].direction, axes)))
+            return _kept(origin, self.axes(body, axes))
         return self.at(body, self.points[point].at, axes)
 
-    def at(self, body: str, place: Numbers, axes: Floats) -> Frame:
-        """At a place of the world, along axes of the world as drawn (rows), on a body."""
-        pose = self.ground if body == GROUND else self.poses[body]
-        return Frame(pose.place(place), tuple(map(pose.direction, axes)))
+    def at(self, body: str, place: Numbers, axes: Floats | None) -> Frame:
+        """At a place of the world, along axes of the world as drawn, on a body."""
+        return Frame(self.pose(body).place(place), self.axes(body, axes))
+
+    def axes(self, body: str, axes: Floats | None) -> tuple[Numbers, ...]:
+        """Axes of the world as drawn, on a body."""
+        pose = self.pose(body)
+        return pose.of_world if axes is None else tuple(map(pose.direction, axes))
+
+    def pose(self, body: str) -> Pose:
+        return self.ground if body == GROUND else self.poses[body]
 
     def carries(self, body: str, point: str) -> bool:
         """Whether a point is one of a body's, or of the ground's."""
@@ -248,9 +249,18 @@ class JointReader:
 
     # -------------------------------------------------------------------------------------- parts
 
+    @cached_property
+    def carriers(self) -> dict[str, list[str]]:
+        """The bodies that carry each point."""
+        found: dict[str, list[str]] = {}
+        for body in self.bodies.values():
+            for point in body.points:
+                found.setdefault(point, []).append(body.name)
+        return found
+
     def only_carrier(self, point: str, item: Item) -> str:
         """The body on a slider whose file names none."""
-        bodies = self.carriers[point]
+        bodies = self.carriers.get(point, [])
         if not bodies:
             raise item.entry.error(f'no body carries point {point!r}')
         if len(bodies) > 1:
@@ -301,6 +311,12 @@ class JointReader:
                 raise entry.error('no such vector', value=name, expected=expected)
             return np.array(self.vectors[name].along), name
         return unit(entry, self.dimension, item.names), None
+
+
+@lru_cache(maxsize=1024)
+def _kept(origin: Numbers, axes: tuple[Numbers, ...]) -> Frame:
+    """A frame, of all bodies that are alike at once."""
+    return Frame(origin, axes)
 
 
 def unit(entry: Entry, dimension: int, names: Mapping[str, float]) -> Floats:

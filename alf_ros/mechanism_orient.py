@@ -48,7 +48,7 @@ def orient(
             if vector in entries:
                 message = f'{name!r} needs a vector of this name for its orientation: rename it'
                 raise entries[vector].error(message, value=vector)
-            along = poses[name].axes.T @ e
+            along = np.array(poses[name].axes).T @ e
             vectors[vector] = Vector(vector, tuple(map(float, along)))
             entries[vector] = entries[name]
             body = replace(

@@ -12,18 +12,21 @@ from alf_ros import auxiliary, kernel
 from alf_ros import layout as layouts
 from alf_ros.arms import arms_of
 from alf_ros.arrays import Floats, Integers, Unit
-from alf_ros.coordinates import Coordinate, measured
+from alf_ros.collector import paused
+from alf_ros.coordinates import counted, length_row
 from alf_ros.driving import drive_rows
 from alf_ros.errors import AssemblyError
 from alf_ros.kernel import Chart, Rows, Soft, System, Work
 from alf_ros.layout import Layout
 from alf_ros.mass import mass_of
-from alf_ros.mechanism import Mechanism, Point, Vector
+from alf_ros.mass import renumbered as renumbered_mass
+from alf_ros.mechanism import Coordinate, Mechanism, Point, Vector
 from alf_ros.pattern import elimination_order, pattern_of
 from alf_ros.prescribed import prescribe, prescribed
 from alf_ros.rotor import rotor_rows
-from alf_ros.row import Row
-from alf_ros.rows import joint_rows, rigidity, rows_of, unit_rows
+from alf_ros.row import Constraint, Row
+from alf_ros.row_arrays import renumbered, rows_of, with_more
+from alf_ros.rows import joint_rows, rigidity, unit_rows
 
 _CLOSE = 5e-4  # distance to a singular position below which a stage is interpolated, at σ = 0.5
 
@@ -88,15 +91,16 @@ class Model:
         return tuple(coordinate.name for coordinate in self.coordinates)
 
 
-def constraints(mechanism: Mechanism, layout: Layout) -> list[Row]:
+def constraints(mechanism: Mechanism, layout: Layout) -> list[Constraint]:
     """All rows: bodies in the order of the file, unit vectors, joints, drives, rotors."""
-    rows = [row for body in mechanism.bodies for row in rigidity(body, layout)]
+    rows: list[Constraint] = [row for body in mechanism.bodies for row in rigidity(body, layout)]
     rows += unit_rows(layout)
     rows += [row for joint in mechanism.joints for row in joint_rows(joint, layout)]
     rows += [row for drive in mechanism.drives for row in drive_rows(drive, layout)]
     return rows + [row for rotor in mechanism.rotors for row in rotor_rows(rotor, layout)]
 
 
+@paused()
 def compile_model(mechanism: Mechanism, penalty: float) -> Model:
     """Analyse a mechanism once: coordinates, rows, mass matrix, elimination order, pattern of the
     factor.
@@ -104,19 +108,18 @@ def compile_model(mechanism: Mechanism, penalty: float) -> Model:
     `penalty` is α without dimension, in masses that a row feels.
     Raises AssemblyError if nothing has mass, or nothing moves.
     """
-    layout = _ordered(mechanism)
-    mass = mass_of(layout)
+    draft = _draft(mechanism)
+    rows, mass = constraints(mechanism, draft), mass_of(draft)
+    arrays, kernel_order = rows_of(rows, draft)
+    place = np.arange(draft.blocks)
+    place[: draft.movable] = elimination_order(mass, arrays)
+    layout = draft.renumbered(place.tolist())
+    mass, arrays = renumbered_mass(mass, place), renumbered(arrays, place, layout.movable)
     if not mass.diagonal.sum() > 0.0:
         raise AssemblyError('nothing that moves has mass', key='bodies')
-    drawn = {layout.of_point[point.name]: np.array(point.at) for point in mechanism.points}
-    for vector in mechanism.vectors:
-        drawn[layout.of_vector[vector.name]] = layout.length * np.array(vector.along)
-    nowhere = np.zeros(layout.dimension)
-    q = np.concatenate([drawn.get(block, nowhere) for block in range(layout.blocks)])
-
-    rows = constraints(mechanism, layout)
-    arrays, kernel_order = rows_of(rows, layout)
-    coordinates, angles, lengths = measured(layout)
+    q = _drawn(layout)
+    coordinates = mechanism.coordinates
+    lengths = [length_row(each.joint, layout) for each in coordinates if not each.is_angle]
     system = System(
         mass=mass,
         rows=arrays,
@@ -124,7 +127,7 @@ def compile_model(mechanism: Mechanism, penalty: float) -> Model:
         soft=Soft.empty(),
         prescribed=prescribed(layout),
         arms=arms_of(layout),
-        angles=rows_of(angles, layout)[0],
+        angles=counted(layout),
         size=layout.length,
         mean=float(mass.diagonal.mean()),
         penalty=penalty,
@@ -146,7 +149,7 @@ def compile_model(mechanism: Mechanism, penalty: float) -> Model:
         lengths=rows_of(lengths, layout)[0],
         penalty=penalty,
         q=q,
-        coordinates=tuple(coordinates),
+        coordinates=coordinates,
         point_names=tuple(point.name for point in points),
         point_block=np.array([layout.of_point[point.name] for point in points]),
         coordinate_block=np.array(
@@ -160,26 +163,29 @@ def compile_model(mechanism: Mechanism, penalty: float) -> Model:
     return model
 
 
-def _ordered(mechanism: Mechanism) -> Layout:
-    """The layout whose movable blocks stand in elimination order."""
+def _draft(mechanism: Mechanism) -> Layout:
+    """The layout whose movable blocks stand in the order of the file."""
     items: list[tuple[int, Point | Vector]] = [(0, point) for point in mechanism.points]
     items += [(1, vector) for vector in mechanism.vectors]
     movable = [(kind, item.name) for kind, item in items if not item.fixed]
     movable += [(2, name) for name in mechanism.auxiliary]
-    fixed = [(kind, item.name) for kind, item in items if item.fixed]
     if not movable:
         raise AssemblyError('nothing moves: every point is fixed', key='points')
+    at: tuple[dict[str, int], ...] = ({}, {}, {})
+    fixed = ((kind, item.name) for kind, item in items if item.fixed)
+    for block, (kind, name) in enumerate((*movable, *fixed)):
+        at[kind][name] = block
+    return layouts.assembled(mechanism, *at)
 
-    def layout(place: Sequence[int]) -> Layout:
-        at: tuple[dict[str, int], ...] = ({}, {}, {})
-        for (kind, name), block in zip(movable, place, strict=True):
-            at[kind][name] = block
-        for block, (kind, name) in enumerate(fixed, len(movable)):
-            at[kind][name] = block
-        return layouts.assembled(mechanism, *at)
 
-    draft = layout(range(len(movable)))
-    return layout(elimination_order(draft, constraints(mechanism, draft)))
+def _drawn(layout: Layout) -> Floats:
+    """(blocks D,) points and vectors as drawn; what is neither is zero."""
+    q = np.zeros((layout.blocks, layout.dimension))
+    for point in layout.mechanism.points:
+        q[layout.of_point[point.name]] = point.at
+    for vector in layout.mechanism.vectors:
+        q[layout.of_vector[vector.name]] = layout.length * np.array(vector.along)
+    return q.ravel()
 
 
 def hold(model: Model, extra: Sequence[Row], velocities: bool) -> tuple[System, list[str], slice]:
@@ -187,19 +193,18 @@ def hold(model: Model, extra: Sequence[Row], velocities: bool) -> tuple[System, 
 
     Returns the names of its rows in the kernel's order too, and where the additional ones stand.
     """
-    own = model.system.rows
+    own, order = model.system.rows, np.argsort(model.row)
+    names = [model.row_names[n] for n in order]
     if not extra and (velocities or not own.velocity):
-        order = np.argsort(model.row).tolist()
-        return model.system, [model.row_names[n] for n in order], slice(0, 0)
-    rows = [*constraints(model.mechanism, model.layout), *extra]
-    if not velocities:
-        rows = [row for row in rows if not row.velocity]
-    arrays, order = rows_of(rows, model.layout)
-    mass = model.system.mass
-    system = replace(model.system, rows=arrays, pattern=pattern_of(model.layout, mass, arrays))
+        return model.system, names, slice(0, 0)
+    at = own.i.size + own.c.size
+    names[at:] = [row.name for row in extra] + (names[at:] if velocities else [])
+    rows = with_more(own, rows_of(extra, model.layout)[0], velocities)
+    system = replace(
+        model.system, rows=rows, pattern=pattern_of(model.layout, model.system.mass, rows)
+    )
     system = replace(system, rows=_scaled(system, model.q, model.layout, model.penalty))
-    end = len(order) - arrays.velocity
-    return system, [rows[n].name for n in order], slice(end - len(extra), end)
+    return system, names, slice(at, at + len(extra))
 
 
 def _scaled(system: System, q: Floats, layout: Layout, penalty: float) -> Rows:

@@ -13,16 +13,16 @@ def orientation(layout: Layout, body: str, places: Floats) -> Floats:
 
     A rod is turned the shortest way from the x axis of the world, a point not at all.
     """
-    basis = layout.basis(body)
+    shape, blocks = layout.shape(body), layout.of_body[body]
     if layout.turns(body):
         columns = []
         for axis in np.eye(3):
             f = layout.direction(body, tuple(axis))
             columns.append(sum(C @ places[block] for block, C in f.parts.items()))
         return quaternion(np.array(columns).T)
-    if not basis.ends:
+    if not shape.ends:
         return np.array([0.0, 0.0, 0.0, 1.0])
-    d = places[basis.ends[0]] - (places[basis.first] if basis.is_point[0] else 0.0)
+    d = places[blocks[shape.ends[0]]] - (places[blocks[0]] if shape.is_point[0] else 0.0)
     d = d / np.linalg.norm(d)
     if d[0] < -0.999999:
         return np.array([0.0, 0.0, 1.0, 0.0])

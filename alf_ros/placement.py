@@ -198,7 +198,7 @@ class _Way:
         layout, D = model.layout, model.layout.dimension
         places = q.reshape(-1, D)
         self.body, self._end = body, (origin, axes)
-        self._first = np.pad(places[layout.basis(body.name).first], (0, 3 - D))
+        self._first = np.pad(places[layout.of_body[body.name][0]], (0, 3 - D))
         self._now = _present(layout, body.name, places)
         last, whole = np.pad(origin, (0, 3 - D)), np.eye(3)
         whole[:D, :D] = axes

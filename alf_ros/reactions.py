@@ -22,7 +22,8 @@ from alf_ros.mass import mass_of
 from alf_ros.mechanism import GROUND, Joint
 from alf_ros.model import Model, constraints
 from alf_ros.row import Row
-from alf_ros.rows import joint_rows, rows_of
+from alf_ros.row_arrays import rows_of
+from alf_ros.rows import joint_rows
 
 _LOST = 1e-3  # part of a reaction that is left open from which on it is flagged
 

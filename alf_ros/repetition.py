@@ -15,12 +15,12 @@ from functools import lru_cache, partial
 from alf_ros.document import Entry
 from alf_ros.expression import ExpressionError, evaluate, reserved
 
-MOST = 100_000
+MOST = 200_000
 TITLE = re.compile(r'[A-Za-z0-9_.-]{1,100}')
 NAME = re.compile(r'[A-Za-z][A-Za-z0-9_]{0,99}')
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Item:
     """One of the things an entry stands for: its name, its fields, the numbers known in them."""
 
@@ -82,20 +82,22 @@ def _scopes(loop: Entry, names: Mapping[str, float]) -> Iterator[Mapping[str, fl
 def _filled(template: str, entry: Entry, names: Mapping[str, float]) -> str:
     if '<' not in template:
         return template
-    parts = list(_split(template))
-    try:
-        for i in range(1, len(parts), 2):
-            index = evaluate(parts[i], names)
+    text, expressions = _split(template)
+    indices = []
+    for expression in expressions:
+        try:
+            index = names[expression] if expression in names else evaluate(expression, names)
             if index != int(index):
                 raise ExpressionError(f'{index:g} is not a whole number')
-            parts[i] = str(int(index))
-    except ExpressionError as error:
-        message, value = f'index <{parts[i]}>: {error}', error.name or template
-        raise entry.error(message, value=value, choices=error.choices or None) from None
-    return ''.join(parts)
+        except ExpressionError as error:
+            message, value = f'index <{expression}>: {error}', error.name or template
+            raise entry.error(message, value=value, choices=error.choices or None) from None
+        indices.append(index)
+    return text % tuple(indices)
 
 
 @lru_cache(maxsize=4096)
-def _split(template: str) -> tuple[str, ...]:
-    """Text and expressions, alternately."""
-    return tuple(re.split(r'<([^<>]*)>', template))
+def _split(template: str) -> tuple[str, tuple[str, ...]]:
+    """Text with %d for each expression between angle brackets, and the expressions."""
+    parts = re.split(r'<([^<>]*)>', template)
+    return '%d'.join(part.replace('%', '%%') for part in parts[::2]), tuple(parts[1::2])

@@ -12,10 +12,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from alf_ros import form
-from alf_ros.coordinates import Coordinate, coordinate_of
 from alf_ros.form import Form
 from alf_ros.layout import Layout
-from alf_ros.mechanism import GROUND, Rotor
+from alf_ros.mechanism import GROUND, Coordinate, Rotor
 from alf_ros.row import Row, linear, motion
 
 
@@ -23,7 +22,7 @@ def rotor_rows(rotor: Rotor, layout: Layout) -> Iterator[Row]:
     """ż = ẋ, and the other components stay where they are."""
     D = layout.dimension
     z = form.of_block(layout.of_auxiliary[rotor.name], D)
-    coordinate = coordinate_of(rotor.of, layout)
+    coordinate = layout.mechanism.coordinate[rotor.of]
     x = np.eye(D)[0]
     unit = unit_of(coordinate, layout)
     yield motion(rotor.name, (form.constant(tuple(-x)), z), *_rate(coordinate, unit, layout))

@@ -1,11 +1,13 @@
-"""One constraint row: a distance of two blocks, or a form Σ ½ q_iᵀ T_ij q_j + Σ b_i·q_i + c.
+"""One constraint: a distance of two blocks, or a row Σ ½ q_iᵀ T_ij q_j + Σ b_i·q_i + c.
 
 Rows that bind velocities only (38) have N_i = Σ T_ij q_j + b_i.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,27 +17,44 @@ from alf_ros.form import Form
 Terms = dict[int, dict[int, Floats]]
 
 
-@dataclass(frozen=True, eq=False)
+class Distance(NamedTuple):
+    """½(|q_end - q_start|² - length²) = 0, m."""
+
+    name: str
+    start: int
+    end: int
+    length: float
+
+    def on(self, blocks: Sequence[int], name: str) -> Distance:
+        """The same of other blocks: block n of it is `blocks[n]`."""
+        return Distance(name, blocks[self.start], blocks[self.end], self.length)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
 class Row:
-    """One constraint row. A distance row has `length` (m) and two blocks, `ends`."""
+    """One row that is a form of second order, or linear."""
 
     name: str
     b: dict[int, Floats] = field(default_factory=dict)  # by block: (D,)
     terms: Terms = field(default_factory=dict)  # by block, block: (D, D)
     c: float = 0.0
-    ends: tuple[int, int] = (0, 0)
-    length: float | None = None
     velocity: bool = False
 
     @property
     def blocks(self) -> list[int]:
         """All blocks whose coordinates the row binds, ascending."""
-        return sorted(self.ends) if self.length is not None else sorted(self.b)
+        return sorted(self.b)
+
+    def on(self, blocks: Sequence[int], name: str) -> Row:
+        """The same of other blocks: block n of it is `blocks[n]`."""
+        b = {blocks[i]: value for i, value in self.b.items()}
+        terms = {
+            blocks[i]: {blocks[j]: T for j, T in row.items()} for i, row in self.terms.items()
+        }
+        return Row(name, b, terms, self.c, self.velocity)
 
 
-def distance(name: str, i: int, j: int, length: float) -> Row:
-    """½(|q_i - q_j|² - length²) = 0."""
-    return Row(name, ends=(min(i, j), max(i, j)), length=length)
+Constraint = Distance | Row
 
 
 def linear(name: str, along: Floats, f: Form, offset: float = 0.0) -> Row:

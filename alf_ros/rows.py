@@ -1,28 +1,30 @@
 """The constraints of a mechanism, one row each: rigid bodies, joints, and rows of velocities.
 
-A row is kept as what it is made of (`row`) until it goes into the kernel's arrays (`rows_of`).
+A row is kept as what it is made of (`row`) until it goes into the kernel's arrays (`row_arrays`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from typing import Any
+from collections.abc import Iterator
+from functools import lru_cache
 
 import numpy as np
 
 from alf_ros import auxiliary, form, rolling
-from alf_ros.arrays import Indices
 from alf_ros.disk import disk_rows
 from alf_ros.form import Form
-from alf_ros.kernel import Rows
-from alf_ros.layout import Layout
+from alf_ros.layout import Layout, Shape, direction
 from alf_ros.mechanism import Body, Joint
-from alf_ros.row import Row, distance, linear, motion, product, scaled
+from alf_ros.row import Constraint, Distance, Row, linear, motion, product, scaled
 
 
 def unit_rows(layout: Layout) -> Iterator[Row]:
     """½(|v|² - length²) = 0 for each vector that moves and carries a body."""
-    carrying = {end for body in layout.bodies for end in layout.basis(body.name).ends}
+    carrying = {
+        layout.of_body[body.name][end]
+        for body in (layout.bodies if layout.mechanism.vectors else ())
+        for end in layout.shape(body.name).ends
+    }
     for vector in layout.mechanism.vectors:
         block = layout.of_vector[vector.name]
         if not vector.fixed and block in carrying:
@@ -30,39 +32,47 @@ def unit_rows(layout: Layout) -> Iterator[Row]:
             yield scaled(0.5, product(f'{vector.name}_unit', v, v, layout.length**2))
 
 
-def rigidity(body: Body, layout: Layout) -> Iterator[Row]:
-    """Lengths and angles of the basis of a body; every further point and vector from it.
+def rigidity(body: Body, layout: Layout) -> Iterator[Constraint]:
+    """Lengths and angles of what carries a body; every further point and vector from it.
 
     A row between fixed blocks binds nothing that moves, but it is there: a body on two fixed
     points has one constraint too many, and a reaction along the line between them that is open.
     """
-    D, basis, blocks = layout.dimension, layout.basis(body.name), layout.of_body[body.name]
-    named = dict(zip(blocks, (*body.points, *body.vectors), strict=True))
-    local = {block: layout.local(body, n) for n, block in enumerate(blocks)}
+    blocks, items = layout.of_body[body.name], (*body.points, *body.vectors)
+    for row in _rigid(layout.shape(body.name)):
+        own = row.on(blocks, f'{body.name}_{row.name.format(*items)}')
+        if isinstance(own, Distance) and layout.movable <= min(own.start, own.end):
+            D, length = layout.dimension, own.length
+            d = form.of_block(own.end, D) - form.of_block(own.start, D)
+            own = scaled(0.5 / length, product(own.name, d, d, length**2))  # so it is in m
+        yield own
 
+
+@lru_cache(maxsize=1024)
+def _rigid(shape: Shape) -> tuple[Constraint, ...]:
+    """The rows of every body of a shape, on its own blocks, of which {n} in a name is the n-th."""
+    D, local = shape.inverse.shape[1], shape.local
+    found: list[Constraint] = []
     before: list[tuple[int, Form]] = []
-    for n, (end, is_point) in enumerate(zip(basis.ends, basis.is_point, strict=True)):
+    for n, (end, is_point) in enumerate(zip(shape.ends, shape.is_point, strict=True)):
         d = form.of_block(end, D)
         if is_point:
-            d = d - form.of_block(basis.first, D)
-            name = f'{body.name}_length' if n == 0 else f'{body.name}_{named[end]}_length'
-            length = float(np.linalg.norm(local[end]))
-            if min(basis.first, end) < layout.movable:
-                yield distance(name, basis.first, end, length)
-            else:
-                yield scaled(0.5 / length, product(name, d, d, length**2))  # so it is in m
+            d = d - form.of_block(0, D)
+            name = 'length' if n == 0 else f'{{{end}}}_length'
+            found.append(Distance(name, 0, end, float(np.linalg.norm(local[end]))))
         for other, e in before:
-            name = f'{body.name}_{named[other]}_{named[end]}'
-            yield product(name, e, d, float(local[end] @ local[other]))
+            name = f'{{{other}}}_{{{end}}}'
+            found.append(product(name, e, d, float(local[end] @ local[other])))
         before.append((end, d))
-    for block, name in named.items():  # what does not carry follows
-        if block in (basis.first, *basis.ends):
+    for n, place in enumerate(local):  # what does not carry follows
+        if n in (0, *shape.ends):
             continue
-        gap = form.of_block(block, D) - layout.direction(body.name, tuple(local[block]))
-        if name in body.points:
-            gap = gap - form.of_block(basis.first, D)
+        gap = form.of_block(n, D) - direction(shape, tuple(place))
+        if n < shape.points:
+            gap = gap - form.of_block(0, D)
         for axis, along in zip('xyz', np.eye(D), strict=False):
-            yield linear(f'{body.name}_{name}_{axis}', along, gap)
+            found.append(linear(f'{{{n}}}_{axis}', along, gap))
+    return tuple(found)
 
 
 def joint_rows(joint: Joint, layout: Layout) -> list[Row]:
@@ -139,53 +149,3 @@ def joint_rows(joint: Joint, layout: Layout) -> list[Row]:
     if kind == 'distance':
         rows.append(scaled(0.5, product(joint.name, gap, gap, joint.value**2)))
     return rows
-
-
-# ------------------------------------------------------------------------------------- arrays
-
-
-def rows_of(rows: Sequence[Row], layout: Layout) -> tuple[Rows, list[int]]:
-    """The rows as the kernel wants them, and which row stands at each of its places."""
-    D = layout.dimension
-    held = [n for n, row in enumerate(rows) if row.length is not None]
-    both = [n for n in held if rows[n].ends[1] < layout.movable]
-    held = [n for n in held if rows[n].ends[1] >= layout.movable]
-    place = [n for n, row in enumerate(rows) if row.length is None and not row.velocity]
-    velocity = [n for n, row in enumerate(rows) if row.velocity]
-    first, movable, block, b = [0], [], [], []
-    first_term, term_block, term = [0], [], []
-    for n in place + velocity:
-        row = rows[n]
-        for i in row.blocks:  # ascending, so that fixed blocks come last
-            block.append(i)
-            b.append(row.b[i])
-            for j, T in row.terms.get(i, {}).items():
-                term_block.append(j)
-                term.append(T)
-            first_term.append(len(term))
-        movable.append(first[-1] + sum(i < layout.movable for i in row.blocks))
-        first.append(len(block))
-    ends = [rows[n].ends for n in both + held]
-    order = both + held + place + velocity
-    arrays = Rows(
-        both=np.uint64(len(both)),
-        i=indices(i for i, _ in ends),
-        j=indices(j for _, j in ends),
-        length2=np.array([rows[n].length for n in both + held], dtype=float) ** 2,
-        first=indices(first),
-        movable=indices(movable),
-        block=indices(block),
-        b=np.array(b, dtype=float).ravel(),
-        first_term=indices(first_term),
-        term_block=indices(term_block),
-        term=np.array(term, dtype=float).reshape(-1, D * D).ravel(),
-        c=np.array([rows[n].c for n in place], dtype=float),
-        alpha=np.zeros(len(order)),
-        scale=np.zeros(len(order)),
-    )
-    return arrays, order
-
-
-def indices(values: Iterable[Any]) -> Indices:
-    """Unsigned integers, as the kernel has them."""
-    return np.fromiter((int(value) for value in values), dtype=np.uint32)

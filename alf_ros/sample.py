@@ -302,7 +302,7 @@ class Sample:
         A body without orientation has that of the world, a rod its x axis and no turn about it.
         """
         layout, q = self.model.layout, self._state.q.reshape(-1, self.model.layout.dimension)
-        origins = q[[layout.basis(name).first for name in self.model.body_names]]
+        origins = q[[layout.of_body[name][0] for name in self.model.body_names]]
         if layout.dimension == 2:
             return _read_only(np.column_stack([origins, self._angles]))
         turns = [orientation(layout, name, q) for name in self.model.body_names]

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from alf_ros import document, resources
+from alf_ros.collector import paused
 from alf_ros.document import Entry
 from alf_ros.effects import Effect
 from alf_ros.errors import InputError
@@ -125,6 +126,7 @@ class Scene:
         return hashlib.sha256(self.text.encode()).hexdigest()
 
 
+@paused()
 def load_scene(
     source: str | Path | Mapping[str, Any], parameters: Mapping[str, float] | None = None
 ) -> Scene:
@@ -145,6 +147,7 @@ def load_scene(
     return _read_scene(document.read(path), _stem(path), path.parent, parameters)
 
 
+@paused()
 def scene_from_text(
     text: str, file: str = '<text>', parameters: Mapping[str, float] | None = None
 ) -> Scene:
@@ -163,11 +166,11 @@ def _read_scene(
     given |= {key: as_entry(v, path=f'parameters.{key}') for key, v in (parameters or {}).items()}
     source, mechanism_name = _mechanism(fields['mechanism'], name, folder)
     found = read_mechanism(source, mechanism_name, given, fields.get('drives'))
-    mechanism, values = found.mechanism, found.values
+    mechanism, values = found.layout.mechanism, found.values
 
     positions, velocities = _initial(fields.get('initial', nothing), mechanism, values)
     solver = _solver(fields.get('solver', nothing), values)
-    effects, section = read_effects(fields.get('effects', nothing), mechanism, values, folder)
+    effects, section = read_effects(fields.get('effects', nothing), found.layout, values, folder)
     mechanism = with_rotors(mechanism, effects)
 
     whole: dict[str, object] = {

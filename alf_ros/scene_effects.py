@@ -16,10 +16,10 @@ from types import ModuleType
 from typing import Any
 
 from alf_ros import effects, layout
-from alf_ros.coordinates import coordinates
 from alf_ros.document import Entry
 from alf_ros.effects import Effect
 from alf_ros.errors import InputError
+from alf_ros.layout import Layout
 from alf_ros.mechanism import GROUND, Mechanism, Rotor
 from alf_ros.number_file import Tables
 from alf_ros.rotor import rotor_rows
@@ -30,18 +30,19 @@ _MISSING = dataclasses.MISSING
 
 
 def read_effects(
-    section: Entry, mechanism: Mechanism, numbers: Mapping[str, float], folder: Path
+    section: Entry, cut: Layout, numbers: Mapping[str, float], folder: Path
 ) -> tuple[tuple[Effect, ...], Entry]:
-    """The effects in a section, and the section without references to files of numbers, files of
-    effects named in full. Files are relative to `folder`. Raises InputError."""
-    cut = layout.cut(mechanism)
+    """The effects in a section, on a mechanism cut, and the section without references to files
+    of numbers, files of effects named in full. Files are relative to `folder`. Raises InputError.
+    """
+    mechanism = cut.mechanism
     points = [point.name for point in mechanism.points]
     bodies = [body.name for body in mechanism.bodies]
     known = {
         'point': points,
         'body': bodies,
         'joint': [joint.name for joint in mechanism.joints],
-        'coordinate': [coordinate.name for coordinate in coordinates(cut)],
+        'coordinate': [coordinate.name for coordinate in mechanism.coordinates],
         'body or point': [*bodies, *points],
         'pair': [*bodies, *points, GROUND],
     }

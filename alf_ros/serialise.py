@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
 from pathlib import Path
 
 from alf_ros.document import BOOLEAN, DEEPEST, NULL, Entry
@@ -60,8 +61,11 @@ def serialise(root: Entry) -> str:
 def _block(node: Entry, indent: str) -> Iterator[str]:
     """One line per key where that fits; the outermost mappings always in full."""
     for key, child in node.mapping().items():
-        head, flow = f'{indent}{_scalar(key, False)}:', _flow(child)
-        wide = len(head) + len(flow) > _LINE_WIDTH
+        head = f'{indent}{_scalar(key, False)}:'
+        # so many items fill a line by their brackets and commas alone
+        long = not isinstance(child.value, str) and 3 * len(child.value) > _LINE_WIDTH
+        flow = '' if long else _flow(child)
+        wide = long or len(head) + len(flow) > _LINE_WIDTH
         if isinstance(child.value, dict) and child.value and (wide or not indent):
             yield head
             yield from _block(child, indent + '  ')
@@ -81,6 +85,7 @@ def _flow(node: Entry) -> str:
     return f'{{{", ".join(pairs)}}}'
 
 
+@lru_cache(maxsize=4096)
 def _scalar(text: str, plain: bool) -> str:
     """Unquoted only where no reader could take it for anything else."""
     if plain and text in NULL:

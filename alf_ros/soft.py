@@ -15,7 +15,7 @@ import numpy as np
 from alf_ros.kernel import Pattern, Soft, System
 from alf_ros.layout import Layout
 from alf_ros.pattern import pattern_of
-from alf_ros.rows import indices
+from alf_ros.row_arrays import indices
 
 
 class Direction(NamedTuple):

@@ -37,7 +37,7 @@ from alf_ros.hard_cases import about  # noqa: E402
 
 RESULTS = ROOT / 'benchmark' / 'results'
 SIZES = (10, 30, 100, 300, 1000, 3000, 10_000, 30_000, 100_000)  # bars
-LARGEST = {'truss': 10_000}  # its analysis is in Python, and no longer of order n
+LARGEST = {'truss': 10_000}  # its updates are counted in Python, and no longer of order n
 STEP = 1e-4  # s
 COLUMNS = (
     'shape,bars,coordinates,factor_blocks,fill,updates,updates_rcm,prepare_s,memory_mb,stage_us,'

@@ -3,8 +3,8 @@
     make benchmark
 
 Accuracy and cost (work_precision.csv), stiff scenes (stiff.csv), a stage of N four-bars
-(stage_cost.csv), order n (order_n.csv), a large mechanism in real time (large_node.csv), other
-engines (peers.csv), then the tables made of them.
+(stage_cost.csv), order n (order_n.csv), from a file to the first step (first_step.csv), a large
+mechanism in real time (large_node.csv), other engines (peers.csv), then the tables made of them.
 For each curve the median ratio of costs, now over before, is printed: above 1 it is slower.
 Without `--no-peers` the other engines are installed first, in an environment of their own.
 """
@@ -22,11 +22,12 @@ HERE = Path(__file__).resolve().parent
 RESULTS = HERE / 'results'
 SCENES = ('slider_crank', 'double_four_bar')
 
-COSTS = ('cpu_ms_per_s', 'stage_us', 'us_per_stage')
+COSTS = ('cpu_ms_per_s', 'stage_us', 'us_per_stage', 'total_s')
 CURVE = (
     'scene',
     'mechanism',
     'shape',
+    'file',
     'peer',
     'rate_per_s',
     'formulation',
@@ -73,7 +74,7 @@ def main() -> None:
     options = parser.parse_args()
     measure = [sys.executable, '-m', 'alf_ros', 'work_precision', *SCENES]
     commands = {'work_precision.csv': [*measure, '--folder', str(RESULTS)]}
-    for name in ('stiff', 'stage_cost', 'order_n', 'large_node'):
+    for name in ('stiff', 'stage_cost', 'order_n', 'first_step', 'large_node'):
         commands[f'{name}.csv'] = [sys.executable, str(HERE / f'{name}.py')]
     if not options.no_peers:
         commands['peers.csv'] = [sys.executable, str(HERE / 'peers' / 'run.py')]

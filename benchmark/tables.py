@@ -167,6 +167,24 @@ def order_n() -> str:
     return '\n'.join(parts) + '\n'
 
 
+def first_step() -> str:
+    """From a file to the first step, and what it is made of."""
+    about, found = rows('first_step.csv')
+    parts = [f'{about}. Medians of {found[0]["runs"]} runs, each in a process of its own.\n']
+    parts += [
+        '| four-bars | links | file | YAML, kB | first step after, s | parsing YAML, s | scene, s '
+        '| simulation, s | step, s | MB | imports before, s |',
+        '|---' * 11 + '|',
+    ]
+    keys = 'total_s parse_s scene_s model_s step_s memory_mb imports_s'.split()
+    for row in found:
+        cells = [row['four_bars'], f'{float(row["links"]):.0f}', row['file']]
+        numbers = [float(row[key]) for key in ('yaml_kb', *keys)]
+        cells += [f'{x:.2g}' if x < 100.0 else f'{x:.0f}' for x in numbers]
+        parts.append(f'| {" | ".join(cells)} |')
+    return '\n'.join(parts) + '\n'
+
+
 def large_node() -> str:
     """What ticks with readers and a log."""
     about, found = rows('large_node.csv')
@@ -234,6 +252,7 @@ TABLES = (
     ('work_precision', work_precision),
     ('stiff', stiff),
     ('order_n', order_n),
+    ('first_step', first_step),
     ('large_node', large_node),
     ('peers', peers),
 )

@@ -13,7 +13,7 @@ PACKAGE = ROOT / 'alf_ros'
 
 # Every module of the package, room by room: each imports from its own room and from earlier ones.
 ROOMS = {
-    'errors': ['errors', 'arrays', 'commands', 'resources', 'stamps', 'structs'],
+    'errors': ['errors', 'arrays', 'collector', 'commands', 'resources', 'stamps', 'structs'],
     'kernel': [
         'kernel',
         'kernel.adaptive',
@@ -60,6 +60,7 @@ ROOMS = {
         'rotor',
         'row',
         'rows',
+        'row_arrays',
         'signal_machine',
         'soft',
         'teeth',

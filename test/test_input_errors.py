@@ -236,7 +236,7 @@ MISTAKES = {
         'A: {',
         'this name is already that of',
     ),
-    'too many': ('    A: {', '    A<k>: {for: {k: [0, 1e7]}, ', 'A<k>', 'more than 100000 repet'),
+    'too many': ('    A: {', '    A<k>: {for: {k: [0, 1e7]}, ', 'A<k>', 'more than 200000 repet'),
     'open bracket': ('    A: {', '    A<k: {', 'A<k', "not a name, got 'A<k'"),
     # the scene
     'effect': ('gravity:', 'gravty:', 'gravty', "unknown effect, got 'gravty'.*mean 'gravity'"),

@@ -250,7 +250,7 @@ def test_entities_in_space_against_differences(scene):
         assert xyz(now.twist.linear) == pytest.approx(places / (2 * h), abs=1e-5 * size)
         spin = (turns[1] * turns[0].inv()).as_rotvec() / (2 * h)
         axis = turns[0].as_matrix()[:, 0]
-        if len(simulation.model.layout.basis(name).ends) < 3:  # a rod: no turn about itself
+        if len(simulation.model.layout.shape(name).ends) < 3:  # a rod: no turn about itself
             spin -= axis * (axis @ spin)
         size = 1.0 + np.abs(xyz(now.acceleration.angular)).max()
         assert xyz(now.twist.angular) == pytest.approx(spin, abs=1e-4 * size)

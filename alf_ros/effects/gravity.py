@@ -14,7 +14,7 @@ import numpy as np
 
 from alf_ros.arrays import Floats, Integers
 from alf_ros.effects import contract
-from alf_ros.layout import Layout
+from alf_ros.layout import Layout, place
 
 MULTIPLE = False
 
@@ -35,9 +35,18 @@ def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
     (effect,) = effects
     g = np.asarray(effect.parameters.acceleration)
     Q = np.zeros((layout.blocks, layout.dimension))
+    shares: dict[tuple[object, ...], list[tuple[int, Floats]]] = {}  # of bodies that are alike
+    blocks: list[int] = []
+    forces: list[Floats] = []
     for body in layout.bodies:
-        for block, C in layout.placed(body.name).parts.items():
-            Q[block] += C.T @ (body.mass * g)
+        own, alike = layout.of_body[body.name], (layout.shape(body.name), body.com, body.mass)
+        if alike not in shares:
+            centre = place(layout.shape(body.name), body.com)
+            shares[alike] = [(n, C.T @ (body.mass * g)) for n, C in centre.parts.items()]
+        for n, force in shares[alike]:
+            blocks.append(own[n])
+            forces.append(force)
+    np.add.at(Q, blocks, forces)
     return contract.Packed(np.array([Q.size], dtype=np.int64), Q.ravel())
 
 

@@ -13,7 +13,6 @@ import numpy as np
 
 from alf_ros import affine
 from alf_ros.affine import Affine
-from alf_ros.coordinates import coordinates
 from alf_ros.effects import contract
 from alf_ros.layout import Layout
 from alf_ros.mechanism import GROUND
@@ -35,7 +34,7 @@ def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
 
     Raises ValueError for a joint without a free axis that can take an effort.
     """
-    named = {coordinate.name: coordinate for coordinate in coordinates(layout)}
+    named = layout.mechanism.coordinate
     planar = layout.dimension == 2
     Q = Affine(layout.dimension)
     for effect in effects:
