@@ -5,6 +5,7 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import pytest
 import yaml
 from mcap.reader import make_reader
@@ -281,13 +282,14 @@ def test_diagnostics_tell_health_once_a_second(tmp_path, peer):
     found = Diagnostics(peer)
     with SimulatorProcess(tmp_path).wait_running() as node:
         arrived = []
-        for count in range(1, 5):
+        for count in range(1, 7):
             peer.until(lambda n=count: len(found.heard) >= n, 'a report')
             arrived.append(time.monotonic())
         tasks = ['solver', 'constraints', 'energy', 'timing', 'commands', 'record']
         assert [s.name for s in found.heard[-1].status] == [f'simulator: {t}' for t in tasks]
         assert {s.hardware_id for s in found.heard[-1].status} == {'slider_crank'}
-        assert arrived[3] - arrived[0] == pytest.approx(3.0, abs=1.0)
+        # of most: a busy machine delivers one or the other late
+        assert np.median(np.diff(arrived)) == pytest.approx(1.0, abs=0.3)
         level, _, values = found.status('constraints')
         assert float(values['position_violation_m']) < 1e-9 and values['rank'] == '3'
         assert abs(float(found.value('energy', 'change_j'))) < 1e-5
