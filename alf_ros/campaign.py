@@ -14,8 +14,7 @@ from alf_ros.starting_states import GRID, StartingState, starting_states
 from alf_ros.trial import Row, Run
 
 FACTOR = 100.0  # error over tolerance
-FINEST = 1e-10  # tolerance down to which the error is bound to it; below is rounding
-ROUNDING = 1e-6  # m, below that: the run ends, on its branch
+FINEST = 1e-10  # tolerance down to which evaluations count; below is rounding
 MOST = 1.5  # times the evaluations of the one freedom alone, down to FINEST
 PENALTIES = (1e7, 1e9, 1e11)
 
@@ -30,15 +29,12 @@ def rows(quick: bool) -> Iterator[Row]:
                 for start in starts
                 for penalty in PENALTIES
             )
-            yield Row('campaign', name, runs, ratio=MOST if _is_bound(tolerance) else None)
-
-
-def _is_bound(tolerance: float) -> bool:
-    return bool(tolerance > 0.5 * FINEST)
+            counts = tolerance > 0.5 * FINEST
+            yield Row('campaign', name, runs, ratio=MOST if counts else None)
 
 
 def _run(start: StartingState, tolerance: float, penalty: float) -> Run:
-    bound = FACTOR * tolerance if _is_bound(tolerance) else ROUNDING
+    bound = FACTOR * tolerance
     return Run(
         start.motion, 'dop853_adaptive', GRID, bound, tolerance, penalty, lambda: start.costs
     )

@@ -287,6 +287,7 @@ def allocate(model: Model, system: System, stages: int) -> Work:
             **{name: np.zeros(D) for name in ('d', 'v', 'bent')},
             b=np.zeros(n if D == 3 else 0),
             first=np.zeros(whole),
+            arcs=np.zeros(1, dtype=np.int64),
         ),
         good_turns=np.zeros(angles // 2, dtype=np.int64),
         **{name: np.zeros(size) for name, size in sizes.items()},

@@ -72,7 +72,7 @@ def lay(unit, system, work, phase):
 
 @njit
 def unfold(unit, system, work, phase):
-    chart.unfold(unit, system.arms, work.chart, work, phase)
+    chart.unfold(unit, system, work.chart, work, phase)
 
 
 @njit

@@ -78,8 +78,13 @@ def _error_norm(
     zero(work.p)
     add_mass_times(unit, system.mass, 1.0, work.sum, work.p)
     displacement = free_part(unit, system, work)
-    embedded(method, work.kv, which, h, work.p)
-    straighten_momenta(unit, system.arms, work.chart, work.p)
+    if work.chart.arcs[0] > 0:
+        embedded(method, work.kv, which, h, work.p)
+        straighten_momenta(unit, system.arms, work.chart, work.p)
+    else:
+        embedded(method, work.ku, which, h, work.sum)
+        zero(work.p)
+        add_mass_times(unit, system.mass, 1.0, work.sum, work.p)
     return relative(system, displacement, free_part(unit, system, work), speed)
 
 

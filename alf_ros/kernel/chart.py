@@ -66,6 +66,7 @@ def lay(
     begins.
     """
     D, arms = np.uint64(len(unit)), system.arms
+    chart.arcs[0] = 0
     slowest = _SLOWEST * largest(phase.qd, work.p.size)
     d, v, b = chart.d, chart.v, chart.bent
     for i in range(arms.about.size):
@@ -113,6 +114,15 @@ def lay(
             chart.b[y] = t[z] * n[x] - t[x] * n[z]
             chart.b[z] = t[x] * n[y] - t[y] * n[x]
         chart.sin[i], chart.cos[i], chart.rho[i] = 0.0, 1.0, 1.0
+        chart.arcs[0] += 1
+    if chart.arcs[0] > 0:
+        _begin(unit, system, chart, work, phase)
+
+
+@inner
+def _begin(unit: Unit, system: System, chart: Chart, work: Work, phase: Phase) -> None:
+    """w where the step begins."""
+    D, arms = np.uint64(len(unit)), system.arms
     zero(work.sum)
     add_mass_times(unit, system.mass, 1.0, phase.qd, work.sum)
     gather(unit, arms, chart, work.sum)
@@ -188,12 +198,18 @@ def compose(
 
 
 @inner
-def unfold(unit: Unit, arms: Arms, chart: Chart, work: Work, phase: Phase) -> None:
+def unfold(unit: Unit, system: System, chart: Chart, work: Work, phase: Phase) -> None:
     """From ξ in q, rates like ξ̇ in q̇, and w in p, of `work`, to q, q̇ and p.
 
-    Prescribed blocks are where they will be.
+    Prescribed blocks are where they will be. Without arcs p = M q̇.
     """
-    D, p = np.uint64(len(unit)), work.p
+    D, p, arms = np.uint64(len(unit)), work.p, system.arms
+    if chart.arcs[0] == 0:
+        for a in range(p.size):
+            work.q[a] += phase.q[a]
+        zero(p)
+        add_mass_times(unit, system.mass, 1.0, work.qd, p)
+        return
     for m in range(arms.order.size):
         i = arms.order[m]
         k, x = chart.curvature[i], i * D
@@ -247,8 +263,13 @@ def fold(
     unit: Unit, system: System, chart: Chart, work: Work, qd: Floats, qdd: Floats, s: np.uint64
 ) -> None:
     """ξ̇, ẇ and ξ̈ from q̇ and q̈ of stage s, unfolded last, into `kq`, `kv` and `ku`; w is that of
-    the stage, in `chart.w`."""
+    the stage, in `chart.w`. Without arcs there is no w."""
     D, arms, w, u, v = np.uint64(len(unit)), system.arms, chart.w, chart.d, chart.v
+    if chart.arcs[0] == 0:
+        for a in range(work.p.size):
+            work.kq[s * work.p.size + a] = qd[a]
+            work.ku[s * work.p.size + a] = qdd[a]
+        return
     zero(work.sum)
     add_mass_times(unit, system.mass, 1.0, qdd, work.sum)
     gather(unit, arms, chart, work.sum)

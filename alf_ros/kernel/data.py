@@ -265,6 +265,7 @@ class Watch(Struct):
 class Chart(Struct):
     """The coordinates of a step, ξ = (a, c, e) of each block; see `chart`."""
 
+    arcs: Integers  # (1,) how many blocks have one
     curvature: Floats  # (movable,) κ, 1/m; 0: they are places
     t: Floats  # (movable D,) tangent where the step begins
     n: Floats  # (movable D,) normal
@@ -307,7 +308,7 @@ class Work(Struct):
     w: Floats  # (rows,) Φ_q A⁻¹ Φ_qᵀ z
     shift: Floats  # (all blocks D,) of the stage onto Φ = 0
     kq: Floats  # (stages movable D,) ξ̇ of the stages; of an implicit method q̇
-    kv: Floats  # (stages movable D,) ẇ of the stages; of an implicit method q̈
+    kv: Floats  # (stages movable D,) ẇ of the stages, if there are arcs; of an implicit method q̈
     ku: Floats  # (stages movable D,) ξ̈ of the stages
     pull: Floats  # (all blocks D,) q̈ where the step began
     along: Floats  # (all blocks D,) direction of the branch at a singular position

@@ -144,9 +144,10 @@ def end_step(
 @inner
 def add_up(method: Method, work: Work, s: np.uint64, h: float) -> None:
     """ξ and w of stage s, or past the last of the end of the step, from the stages before, into q
-    and p of `work`; in q̇ a guess of ξ̇, without which solves beside a singular position that many
-    rows share would not come to an end."""
+    and p of `work`; in q̇ ξ̇ as ξ̈ makes it. Without arcs that is all of p; else it is a guess,
+    without which solves beside a singular position that many rows share would take too long."""
     n, stages, chart = work.p.size, method.b.size, work.chart
+    arcs = chart.arcs[0] > 0
     for i in range(n):
         work.q[i] = 0.0
         work.qd[i] = 0.0
@@ -157,12 +158,16 @@ def add_up(method: Method, work: Work, s: np.uint64, h: float) -> None:
             for i in range(n):
                 work.q[i] += weight * work.kq[m * n + i]
                 work.qd[i] += weight * work.ku[m * n + i]
-                work.p[i] += weight * work.kv[m * n + i]
+            if arcs:
+                for i in range(n):
+                    work.p[i] += weight * work.kv[m * n + i]
     for i in range(n):
         work.q[i] = h * work.q[i]
-        work.p[i] = chart.momentum[i] + h * work.p[i]
-        chart.w[i] = work.p[i]
         work.qd[i] = chart.rate[i] + h * work.qd[i]
+    if arcs:
+        for i in range(n):
+            work.p[i] = chart.momentum[i] + h * work.p[i]
+            chart.w[i] = work.p[i]
 
 
 @expanded
@@ -203,7 +208,7 @@ def step(
         add_up(method, work, s, h)
         ts = t + method.c[s] * h if s < stages else end
         prescribe(system, ts, work.q, work.qd, work.qdd)
-        unfold(unit, arms, chart, work, phase)
+        unfold(unit, system, chart, work, phase)
         if s == stages:
             break
         copy(work.q, work.base)
