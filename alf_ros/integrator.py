@@ -13,14 +13,12 @@ from scipy.integrate import DOP853
 
 from alf_ros.arrays import Floats
 from alf_ros.kernel import Method
-from alf_ros.kernel.data import EPS
 from alf_ros.scene import Solver
 
 
 class Tableau(NamedTuple):
     """Butcher's a (s, s), b (s,), c (s,), the order, for an adaptive method the weights of its
-    embedded errors (2, s), of an implicit one (1, s), and whether it errs less with q̇ as the
-    stages carry it."""
+    embedded errors (2, s), of an implicit one (1, s)."""
 
     a: Floats
     b: Floats
@@ -107,7 +105,6 @@ def method(solver: Solver) -> Method:
         c,
         embedded,
         guess=_guess(c) if tableau.implicit else np.zeros(0),
-        turn=EPS ** (1.0 / (tableau.order + 1)),
         iterations=np.uint64(solver.iterations),
         tolerance=solver.tolerance,
     )

@@ -67,7 +67,7 @@ initial: {velocities: {A: [-12.8, -2.4, 9.6]}}
 
 @njit
 def lay(unit, system, work, phase):
-    chart.lay(unit, system, work.chart, work, phase, 1.0, 1e-6)
+    chart.lay(unit, system, work.chart, work, phase, 1.0)
 
 
 @njit

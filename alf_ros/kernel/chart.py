@@ -32,6 +32,9 @@ from alf_ros.kernel.jit import inner
 from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.vectors import copy, largest, zero
 
+# rad in a step: what turns less is as well off with places (1e-10 of the radius, of a radian, with
+# rk4), and these cost less
+_LEAST = 0.01
 _SLOWEST = 1e-4  # of the fastest, in space: a slower block tells no circle
 _SHARPEST = 10.0  # 1 / length of the arm: nor does one that hardly moves about its axis
 
@@ -57,14 +60,8 @@ def turning(unit: Unit, arms: Arms, phase: Phase) -> float:
 
 
 @inner
-def lay(
-    unit: Unit, system: System, chart: Chart, work: Work, phase: Phase, h: float, least: float
-) -> None:
-    """Choose the coordinates of a step of h (s): arcs for arms that turn by `least` (rad) or more.
-
-    What turns less is as well off with places, and these cost less. Leaves ξ̇ and w where the step
-    begins.
-    """
+def lay(unit: Unit, system: System, chart: Chart, work: Work, phase: Phase, h: float) -> None:
+    """Choose the coordinates of a step of h (s), and leave ξ̇ and w where it begins."""
     D, arms = np.uint64(len(unit)), system.arms
     chart.arcs[0] = 0
     slowest = _SLOWEST * largest(phase.qd, work.p.size)
@@ -88,7 +85,7 @@ def lay(
             vb, bb = vb + v[a] * b[a], bb + b[a] * b[a]
         if D == TWO:
             turn = d[0] * v[1] - d[1] * v[0]
-            if abs(turn) * h <= least * dd:
+            if abs(turn) * h <= _LEAST * dd:
                 continue
             long = np.sqrt(dd)
             chart.curvature[i] = 1.0 / long
@@ -100,7 +97,7 @@ def lay(
             if fast <= slowest:
                 continue
             across = np.sqrt(max(0.0, bb * vv - vb * vb)) / fast
-            if across * h < least * fast or across * np.sqrt(dd) > _SHARPEST * vv:
+            if across * h < _LEAST * fast or across * np.sqrt(dd) > _SHARPEST * vv:
                 continue
             chart.curvature[i] = across / vv
             for a in range(D):

@@ -235,7 +235,6 @@ class Method(Struct):
     embedded: Floats  # (2, stages) weights of the embedded errors of order 5 and 3, or (0,); of an
     # implicit method (stages,)
     guess: Floats  # (stages, stages) q̈ of a stage extrapolated from those before; explicit: (0,)
-    turn: float  # rad that a block turns in a step, from which on an arc pays
     iterations: np.uint64  # at most, in one solve
     tolerance: float  # relative error of a step, of an adaptive method
 

@@ -200,7 +200,7 @@ def step(
             return JAMMED, 1
         sigma = min(sigma, felt)
     radius, close, falling = nearness(system, work, phase)
-    lay(unit, system, chart, work, phase, h, method.turn)
+    lay(unit, system, chart, work, phase, h)
     if begun:
         fold_again(unit, system, chart, work, phase)
     x = np.inf  # where the last stage was about to be singular this one is likely to be
