@@ -15,6 +15,7 @@ from alf_ros.trial import Row, Run
 
 FACTOR = 100.0  # error over tolerance
 FINEST = 1e-10  # tolerance down to which evaluations count; below is rounding
+ROUNDING = FACTOR * FINEST  # m, that it may leave below
 MOST = 1.5  # times the evaluations of the one freedom alone, down to FINEST
 PENALTIES = (1e7, 1e9, 1e11)
 
@@ -34,7 +35,7 @@ def rows(quick: bool) -> Iterator[Row]:
 
 
 def _run(start: StartingState, tolerance: float, penalty: float) -> Run:
-    bound = FACTOR * tolerance
+    bound = max(FACTOR * tolerance, ROUNDING)
     return Run(
         start.motion, 'dop853_adaptive', GRID, bound, tolerance, penalty, lambda: start.costs
     )
