@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numba import njit
 
-from alf_ros import Simulation, kernel
+from alf_ros import Simulation, kernel, load_scene
 from alf_ros.kernel import chart
 from alf_ros.model import allocate, compile_model
 from alf_ros.scene import scene_from_text
@@ -223,3 +223,12 @@ def test_adaptive_steps_stay_so_short_that_turns_are_counted(text):
     simulation = Simulation(scene_from_text(text), step=1.0, **options)
     assert turned_in(simulation, 3.0) == pytest.approx(120.0, abs=1e-9)
     assert simulation.evaluations == pytest.approx(12 * 120 / 1.5, rel=0.1)
+
+
+@pytest.mark.parametrize('name', ['slider_crank', 'double_four_bar'])
+def test_rounding_goes_no_way(name):
+    """Frames that are rounded the same way in every step would gain 1e-16 of the energy in each."""
+    simulation = Simulation(load_scene(name), integrator='dop853', step=2.5e-3)
+    before = simulation.sample().energy
+    simulation.step(240_000)
+    assert simulation.sample().energy == pytest.approx(before, rel=5e-12)

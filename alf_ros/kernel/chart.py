@@ -118,21 +118,27 @@ def lay(unit: Unit, system: System, chart: Chart, work: Work, phase: Phase, h: f
 
 @inner
 def _begin(unit: Unit, system: System, chart: Chart, work: Work, phase: Phase) -> None:
-    """w where the step begins."""
-    D, arms = np.uint64(len(unit)), system.arms
+    """w where the step begins, and what rounding t and n leaves of p beside it: step by step that
+    would go the same way."""
+    D, arms, w, p = np.uint64(len(unit)), system.arms, chart.momentum, work.p
     zero(work.sum)
     add_mass_times(unit, system.mass, 1.0, phase.qd, work.sum)
+    copy(work.sum, chart.rest)
     gather(unit, arms, chart, work.sum)
+    copy(work.sum, p)
     for i in range(arms.about.size):
-        x = i * D
-        if chart.curvature[i] == 0.0:
-            for a in range(x, x + D):
-                chart.momentum[a] = work.sum[a]
-        else:
-            t, n, e = components(unit, chart, i, work.sum, x)
-            chart.momentum[x], chart.momentum[x + ONE] = t, n
+        x, e = i * D, 0.0
+        if chart.curvature[i] != 0.0:
+            w[x], w[x + ONE], e = components(unit, chart, i, work.sum, x)
             if D != TWO:
-                chart.momentum[x + TWO] = e
+                w[x + TWO] = e
+            compose(unit, chart, i, w[x], w[x + ONE], e, p)
+        else:
+            for a in range(x, x + D):
+                w[a] = p[a]
+    scatter(unit, arms, chart, p)
+    for a in range(p.size):
+        chart.rest[a] -= p[a]
 
 
 @inner
@@ -234,6 +240,8 @@ def unfold(unit: Unit, system: System, chart: Chart, work: Work, phase: Phase) -
                 work.q[x + a] += work.q[to + a] - phase.q[to + a]
                 work.qd[x + a] += work.qd[to + a]
     scatter(unit, arms, chart, p)
+    for a in range(p.size):
+        p[a] += chart.rest[a]
 
 
 @inner

@@ -271,6 +271,7 @@ class Chart(Struct):
     b: Floats  # (movable D,) t × n; (0,) in the plane
     rate: Floats  # (movable D,) ξ̇ where the step begins, m/s
     momentum: Floats  # (movable D,) w there, kg m/s
+    rest: Floats  # (movable D,) of p there, that rounding loses in w
     w: Floats  # (movable D,) that of the stage unfolded last
     first: Floats  # (all blocks D,) q̈ there, m/s²
     sin: Floats  # (movable,) of κa, where it was unfolded last
