@@ -98,7 +98,7 @@ class Simulation:
         self._prepare()
         turns = np.zeros(self.model.system.angles.c.size // 2, dtype=np.int64)
         works = np.zeros(len(self.accounts))
-        pace = first_pace(self.h, self.model.size, qd)
+        pace = self._first_pace(qd)
         self._phase = Phase(q.copy(), qd.copy(), turns.copy(), np.array([pace]), works)
         self._formulation: Formulation | None = None
         self._carried: Floats = np.zeros(0)
@@ -161,13 +161,20 @@ class Simulation:
         """Take other settings, of alf2, from the start; nothing is assembled again."""
         self.solver, self._method = solver, method(solver)
         self._prepare()
-        pace = first_pace(self.h, self.model.size, self._initial.qd)
+        pace = self._first_pace(self._initial.qd)
         self._initial = start = replace(self._initial, pace=pace)
-        works = np.zeros(len(self.accounts))
+        # arrays of its own: a trial shares everything else with the simulation it is a copy of
         self._phase = Phase(
-            start.q.copy(), start.qd.copy(), start.turns.copy(), np.array([pace]), works
+            start.q.copy(),
+            start.qd.copy(),
+            start.turns.copy(),
+            np.array([pace]),
+            np.zeros(len(self.accounts)),
         )
         self.restore(start)
+
+    def _first_pace(self, qd: Floats) -> float:
+        return first_pace(self.h, self.model.size, qd)
 
     def _trial(self, solver: Solver) -> Simulation:
         """The same simulation with other settings, to try them."""
@@ -378,7 +385,7 @@ class Simulation:
         """
         q, qd, turns = placed(self.model, self.state, self.t, body, pose, twist)
         carried = self._formulation.start(q, qd) if self._formulation else self._carried.copy()
-        pace = first_pace(self.h, self.model.size, qd)
+        pace = self._first_pace(qd)
         self.restore(replace(self.state, q=q, qd=qd, turns=turns, pace=pace, carried=carried))
 
     # ----------------------------------------------------------------------------------- inputs

@@ -227,7 +227,7 @@ def test_adaptive_steps_stay_so_short_that_turns_are_counted(text):
 
 @pytest.mark.parametrize('name', ['slider_crank', 'double_four_bar'])
 def test_rounding_goes_no_way(name):
-    """Frames that are rounded the same way in every step would gain 1e-16 of the energy in each."""
+    """Frames rounded the same way in every step would gain 1e-16 of the energy in each."""
     simulation = Simulation(load_scene(name), integrator='dop853', step=2.5e-3)
     before = simulation.sample().energy
     simulation.step(240_000)

@@ -40,20 +40,27 @@ _SHARPEST = 10.0  # 1 / length of the arm: nor does one that hardly moves about 
 
 
 @inner
-def turning(unit: Unit, arms: Arms, phase: Phase) -> float:
+def _apart(unit: Unit, arms: Arms, i: np.uint64, u: Floats, out: Floats) -> None:
+    """out (D,) = u (all blocks D,) of block i, less that of what it turns about."""
+    D, about = np.uint64(len(unit)), arms.about[i]
+    for a in range(D):
+        out[a] = u[i * D + a]
+        if about != ORIGIN:
+            out[a] -= u[np.uint64(about) * D + a]
+
+
+@inner
+def turning(unit: Unit, arms: Arms, chart: Chart, phase: Phase) -> float:
     """The fastest that an arm turns, rad/s."""
-    D, fastest = np.uint64(len(unit)), 0.0
+    d, v, fastest = chart.d, chart.v, 0.0
     for i in range(arms.about.size):
-        about = arms.about[i]
-        if about == FREE:
+        if arms.about[i] == FREE:
             continue
+        _apart(unit, arms, i, phase.q, d)
+        _apart(unit, arms, i, phase.qd, v)
         dd, dv, vv = 0.0, 0.0, 0.0
-        for a in range(D):
-            d, v = phase.q[i * D + a], phase.qd[i * D + a]
-            if about != ORIGIN:
-                d -= phase.q[np.uint64(about) * D + a]
-                v -= phase.qd[np.uint64(about) * D + a]
-            dd, dv, vv = dd + d * d, dv + d * v, vv + v * v
+        for a in range(len(unit)):
+            dd, dv, vv = dd + d[a] * d[a], dv + d[a] * v[a], vv + v[a] * v[a]
         if dd > 0.0:
             fastest = max(fastest, (dd * vv - dv * dv) / (dd * dd))
     return np.sqrt(fastest)
@@ -67,20 +74,17 @@ def lay(unit: Unit, system: System, chart: Chart, work: Work, phase: Phase, h: f
     slowest = _SLOWEST * largest(phase.qd, work.p.size)
     d, v, b = chart.d, chart.v, chart.bent
     for i in range(arms.about.size):
-        x, about = i * D, arms.about[i]
+        x = i * D
         chart.curvature[i] = 0.0
         for a in range(x, x + D):
             chart.rate[a] = phase.qd[a]
-        if about == FREE:
+        if arms.about[i] == FREE:
             continue
+        _apart(unit, arms, i, phase.q, d)
+        _apart(unit, arms, i, phase.qd, v)
+        _apart(unit, arms, i, work.bend, b)
         dd, dv, vv, vb, bb = 0.0, 0.0, 0.0, 0.0, 0.0
         for a in range(D):
-            d[a], v[a], b[a] = phase.q[x + a], phase.qd[x + a], work.bend[x + a]
-            if about != ORIGIN:
-                at = np.uint64(about) * D + a
-                d[a] -= phase.q[at]
-                v[a] -= phase.qd[at]
-                b[a] -= work.bend[at]
             dd, dv, vv = dd + d[a] * d[a], dv + d[a] * v[a], vv + v[a] * v[a]
             vb, bb = vb + v[a] * b[a], bb + b[a] * b[a]
         if D == TWO:
@@ -287,12 +291,8 @@ def fold(
                 work.kv[to + a] = work.sum[x + a]
                 work.ku[to + a] = qdd[x + a]
             continue
-        about = arms.about[i]
-        for a in range(D):
-            u[a], v[a] = qd[x + a], qdd[x + a]
-            if about != ORIGIN:
-                u[a] -= qd[np.uint64(about) * D + a]
-                v[a] -= qdd[np.uint64(about) * D + a]
+        _apart(unit, arms, i, qd, u)
+        _apart(unit, arms, i, qdd, v)
         along, cd, ed = components(unit, chart, i, u, np.uint64(0))
         more, cdd, edd = components(unit, chart, i, v, np.uint64(0))
         t, n, b = components(unit, chart, i, work.sum, x)
