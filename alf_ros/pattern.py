@@ -85,13 +85,22 @@ def pattern_of(
         off[place(mass.i[mass.skew], mass.j[mass.skew])] += mass.w[:, None, None] * TURN
     masses = mass.i.size
     entries = place(rows.block[e], rows.block[f])
+    bars, at = place(i[masses:], j[masses:]), np.full(below.size, -1)
+    at[place(mass.i, mass.j)] = np.arange(masses)
+    pair = at[bars]
+    own = np.flatnonzero(pair >= 0)
+    own = own[np.unique(pair[own], return_index=True)[1]]  # of rows that bind the same, one
+    bar = np.zeros(bars.size)
+    bar[own] = mass.k[pair[own]]
     return Pattern(
         first=indices(first),
         row=indices(below),
         target=indices(_targets(first, below)),
         mass_diagonal=diagonal.ravel(),
         mass_off=off.ravel(),
-        distance=indices(place(i[masses:], j[masses:])),
+        distance=indices(bars),
+        bar=bar,
+        apart=indices(np.setdiff1d(np.arange(masses), pair[own])),
         pair=indices(np.stack([e, f, entries, rows.i.size + row], axis=1)),
     )
 

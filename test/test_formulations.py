@@ -305,14 +305,15 @@ def test_a_general_passage_loses_all_but_alf2(name: str) -> None:
 
 
 def test_what_runs_away_is_stopped() -> None:
-    """The penalty method in the slider-crank: constraints that open end the run, not nan."""
+    """The penalty method in the slider-crank: constraints that open end the run, not nan. At which
+    passage is chance."""
     sim = Simulation(load_scene('slider_crank'), formulation='penalty')
     with pytest.raises(
         StepError, match='have opened; take a smaller step, or the formulation alf2'
     ):
-        sim.step(10000)
+        sim.step(60_000)
     sample = sim.sample()
-    assert 0.9 < sample.t < 10.0
+    assert 0.9 < sample.t < 60.0
     assert np.isfinite(sample.qd).all()
     assert sample.diagnostics.position_violation < 0.2
 

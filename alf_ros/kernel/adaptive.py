@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from alf_ros.arrays import Floats, Unit
+from alf_ros.arrays import Unit
 from alf_ros.kernel.chart import straighten, straighten_momenta, turning
 from alf_ros.kernel.data import (
     COLLAPSED,
     NOT_POSITIVE,
     OK,
+    ONE,
+    THREE,
     TOO_MANY,
+    TWO,
+    ZERO,
     Forces,
     Method,
     Phase,
@@ -35,15 +39,17 @@ MOST = 20_000  # steps between two grid points: more is stiff, and would look li
 
 
 @inner
-def embedded(method: Method, k: Floats, which: int, h: float, out: Floats) -> None:
-    """out = the embedded error `which` of what has the rates k."""
-    n, stages = out.size, method.b.size
+def embedded(method: Method, work: Work, rate: np.uint64, which: int, h: float) -> None:
+    """sum = the embedded error `which` of what has the rate number `rate` in `work.k`."""
+    out, stages = work.sum, method.b.size
+    n = out.size
     zero(out)
     for s in range(stages):
         weight = h * method.embedded[which * stages + s]
         if weight != 0.0:
+            first = (THREE * s + rate) * n
             for i in range(n):
-                out[i] += weight * k[s * n + i]
+                out[i] += weight * work.k[first + i]
 
 
 @inner
@@ -55,7 +61,8 @@ def free_part(unit: Unit, system: System, work: Work) -> float:
     zero(work.r2)
     zero(work.y)
     zero(work.along)
-    augmented(unit, system, work, work.p, work.along, 3, 1e-3, 1.0)
+    copy(work.p, work.delta)
+    augmented(unit, system, work, work.p, work.along, 3, 1e-3, 1.0, True)
     return largest(work.along, work.p.size)
 
 
@@ -73,16 +80,17 @@ def _error_norm(
     unit: Unit, system: System, method: Method, work: Work, which: int, h: float, speed: float
 ) -> float:
     """Embedded error `which` of the step of h that ended in `work`."""
-    embedded(method, work.kq, which, h, work.sum)
+    embedded(method, work, ZERO, which, h)
     straighten(unit, system.arms, work.chart, work.sum)
     zero(work.p)
     add_mass_times(unit, system.mass, 1.0, work.sum, work.p)
     displacement = free_part(unit, system, work)
     if work.chart.arcs[0] > 0:
-        embedded(method, work.kv, which, h, work.p)
+        embedded(method, work, TWO, which, h)
+        copy(work.sum, work.p)
         straighten_momenta(unit, system.arms, work.chart, work.p)
     else:
-        embedded(method, work.ku, which, h, work.sum)
+        embedded(method, work, ONE, which, h)
         zero(work.p)
         add_mass_times(unit, system.mass, 1.0, work.sum, work.p)
     return relative(system, displacement, free_part(unit, system, work), speed)

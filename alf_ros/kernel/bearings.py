@@ -140,7 +140,7 @@ def _settled(
     for count in range(1, _PASSES + 1):
         copy(cut.given, work.Q)
         add_friction(forces.effects, t, work.q, work.qd, work.near, cut.trial, work.Q)
-        iterated, sigma = solved(unit, system, work, work.Q, work.qdd, iterations, exactly)
+        iterated, sigma = solved(unit, system, work, work.Q, work.qdd, iterations, exactly, False)
         most = max(most, iterated)
         if sigma == 0.0 and not exactly:
             return most, sigma

@@ -27,7 +27,7 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Floats, Unit
-from alf_ros.kernel.data import FREE, ONE, ORIGIN, TWO, Arms, Chart, Phase, System, Work
+from alf_ros.kernel.data import FREE, ONE, ORIGIN, THREE, TWO, Arms, Chart, Phase, System, Work
 from alf_ros.kernel.jit import inner
 from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.vectors import copy, largest, zero
@@ -271,41 +271,42 @@ def lead(unit: Unit, arms: Arms, chart: Chart, work: Work, amount: float) -> Non
 def fold(
     unit: Unit, system: System, chart: Chart, work: Work, qd: Floats, qdd: Floats, s: np.uint64
 ) -> None:
-    """ξ̇, ẇ and ξ̈ from q̇ and q̈ of stage s, unfolded last, into `kq`, `kv` and `ku`; w is that of
-    the stage, in `chart.w`. Without arcs there is no w."""
+    """ξ̇, ξ̈ and ẇ from q̇ and q̈ of stage s, unfolded last, into `work.k`; w is that of the stage, in
+    `chart.w`. Without arcs there is no w."""
     D, arms, w, u, v = np.uint64(len(unit)), system.arms, chart.w, chart.d, chart.v
+    k, n = work.k, work.p.size
+    first = s * THREE * n
     if chart.arcs[0] == 0:
-        for a in range(work.p.size):
-            work.kq[s * work.p.size + a] = qd[a]
-            work.ku[s * work.p.size + a] = qdd[a]
+        for a in range(n):
+            k[first + a] = qd[a]
+            k[first + n + a] = qdd[a]
         return
     zero(work.sum)
     add_mass_times(unit, system.mass, 1.0, qdd, work.sum)
     gather(unit, arms, chart, work.sum)
     for i in range(arms.about.size):
-        k, x = chart.curvature[i], i * D
-        to = s * work.p.size + x
-        if k == 0.0:
+        bent, x = chart.curvature[i], i * D
+        xi = first + x
+        xid, wd = xi + n, xi + TWO * n
+        if bent == 0.0:
             for a in range(D):
-                work.kq[to + a] = qd[x + a]
-                work.kv[to + a] = work.sum[x + a]
-                work.ku[to + a] = qdd[x + a]
+                k[xi + a], k[xid + a], k[wd + a] = qd[x + a], qdd[x + a], work.sum[x + a]
             continue
         _apart(unit, arms, i, qd, u)
         _apart(unit, arms, i, qdd, v)
         along, cd, ed = components(unit, chart, i, u, np.uint64(0))
         more, cdd, edd = components(unit, chart, i, v, np.uint64(0))
-        t, n, b = components(unit, chart, i, work.sum, x)
+        pt, pn, pb = components(unit, chart, i, work.sum, x)
         rho = chart.rho[i]
         ad = along / rho
-        pt, pn = w[x] / rho, w[x + ONE]
-        work.kq[to], work.kq[to + ONE] = ad, cd
-        work.kv[to] = rho * t + k * (rho * ad * pn - cd * pt)
-        work.kv[to + ONE] = n - k * ad * pt
-        work.ku[to] = (more + 2.0 * k * ad * cd) / rho
-        work.ku[to + ONE] = cdd - k * rho * ad * ad
+        wt, wn = w[x] / rho, w[x + ONE]
+        k[xi], k[xi + ONE] = ad, cd
+        k[xid] = (more + 2.0 * bent * ad * cd) / rho
+        k[xid + ONE] = cdd - bent * rho * ad * ad
+        k[wd] = rho * pt + bent * (rho * ad * wn - cd * wt)
+        k[wd + ONE] = pn - bent * ad * wt
         if D != TWO:
-            work.kq[to + TWO], work.kv[to + TWO], work.ku[to + TWO] = ed, b, edd
+            k[xi + TWO], k[xid + TWO], k[wd + TWO] = ed, edd, pb
 
 
 @inner

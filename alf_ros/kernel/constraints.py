@@ -17,6 +17,13 @@ def jacobian(unit: Unit, rows: Rows, q: Floats, g: Floats, g2: Floats) -> None:
         i, j = rows.i[r] * D, rows.j[r] * D
         for a in range(D):
             g[r * D + a] = q[i + a] - q[j + a]
+    gradients(unit, rows, q, g2)
+
+
+@inner
+def gradients(unit: Unit, rows: Rows, q: Floats, g2: Floats) -> None:
+    """Φ_q(q) of the quadratic rows, and N."""
+    D = np.uint64(len(unit))
     for e in range(rows.block.size):
         for a in range(D):
             g2[e * D + a] = rows.b[e * D + a]
@@ -53,6 +60,14 @@ def violation(unit: Unit, rows: Rows, q: Floats, phi: Floats) -> None:
         for a in range(D):
             s += (q[i + a] - q[j + a]) * (q[i + a] - q[j + a])
         phi[r] = 0.5 * s
+    forms(unit, rows, q, phi)
+
+
+@inner
+def forms(unit: Unit, rows: Rows, q: Floats, phi: Floats) -> None:
+    """Φ(q) of the quadratic rows, and 0 for those that bind velocities only."""
+    D = np.uint64(len(unit))
+    m1 = rows.i.size
     for r in range(rows.c.size):
         s = rows.c[r]
         for e in range(rows.first[r], rows.first[r + ONE]):
@@ -80,6 +95,14 @@ def times_jacobian(unit: Unit, rows: Rows, g: Floats, g2: Floats, v: Floats, out
         for a in range(D):
             s += g[r * D + a] * (v[i + a] - v[j + a])
         out[r] = s
+    along_gradients(unit, rows, g2, v, out)
+
+
+@inner
+def along_gradients(unit: Unit, rows: Rows, g2: Floats, v: Floats, out: Floats) -> None:
+    """The same of the rows that are no distances; of q̇ and the rates of `g2` it is Φ̇_q q̇."""
+    D = np.uint64(len(unit))
+    m1 = rows.i.size
     for r in range(rows.movable.size):
         s = 0.0
         for e in range(rows.first[r], rows.first[r + ONE]):
@@ -111,17 +134,10 @@ def add_transposed(unit: Unit, rows: Rows, g: Floats, g2: Floats, y: Floats, out
 def convective(unit: Unit, rows: Rows, g2d: Floats, qd: Floats, out: Floats) -> None:
     """out = Φ̇_q q̇."""
     D = np.uint64(len(unit))
-    m1 = rows.i.size
-    for r in range(m1):
+    for r in range(rows.i.size):
         i, j = rows.i[r] * D, rows.j[r] * D
         s = 0.0
         for a in range(D):
             s += (qd[i + a] - qd[j + a]) * (qd[i + a] - qd[j + a])
         out[r] = s
-    for r in range(rows.movable.size):
-        s = 0.0
-        for e in range(rows.first[r], rows.first[r + ONE]):
-            i = rows.block[e] * D
-            for a in range(D):
-                s += g2d[e * D + a] * qd[i + a]
-        out[m1 + r] = s
+    along_gradients(unit, rows, g2d, qd, out)

@@ -20,6 +20,7 @@ OK, NOT_POSITIVE, NOT_FINITE, NOT_CLOSED, COLLAPSED, JAMMED, TOO_MANY, NOT_SETTL
 SOLVED = 1e-12  # relative change at which a solve is finished
 EPS = float(np.finfo(np.float64).eps)
 ORIGIN, FREE = -1, -2  # in place of a block that others turn about
+ZERO = np.uint64(0)
 ONE = np.uint64(1)
 TWO = np.uint64(2)
 THREE = np.uint64(3)
@@ -84,6 +85,8 @@ class Pattern(Struct):
     mass_diagonal: Floats  # (movable D D,) M on the pattern
     mass_off: Floats  # (blocks D D,)
     distance: Indices  # (both,) off-diagonal block of a distance row
+    bar: Floats  # (both,) kg, k of the pair of blocks that a distance row binds
+    apart: Indices  # (…,) pairs of M that none binds
     pair: Indices  # (pairs of entries, 4) entry, entry, block, row of the quadratic rows
 
 
@@ -307,9 +310,9 @@ class Work(Struct):
     z: Floats  # (rows,) direction of a conjugate gradient
     w: Floats  # (rows,) Φ_q A⁻¹ Φ_qᵀ z
     shift: Floats  # (all blocks D,) of the stage onto Φ = 0
-    kq: Floats  # (stages movable D,) ξ̇ of the stages; of an implicit method q̇
-    kv: Floats  # (stages movable D,) ẇ of the stages, if there are arcs; of an implicit method q̈
-    ku: Floats  # (stages movable D,) ξ̈ of the stages
+    k: Floats  # (stages, 3, movable D) rates of the stages: ξ̇, ξ̈, and ẇ if there are arcs; of an
+    # implicit method q̇ and q̈
+    total: Floats  # (3, movable D) of those of some stages, with their weights
     pull: Floats  # (all blocks D,) q̈ where the step began
     along: Floats  # (all blocks D,) direction of the branch at a singular position
     bend: Floats  # (all blocks D,) q̈ of the unforced mechanism: the curvature of its path

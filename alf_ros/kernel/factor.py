@@ -5,43 +5,46 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Floats, Unit
-from alf_ros.kernel.constraints import jacobian
-from alf_ros.kernel.data import FOUR, ONE, TWO, Pattern, System, Work
-from alf_ros.kernel.jit import compiled, inner
+from alf_ros.kernel.constraints import gradients
+from alf_ros.kernel.data import FOUR, ONE, TWO, ZERO, Pattern, System, Work
+from alf_ros.kernel.jit import compiled, inlined, inner
 from alf_ros.kernel.soft import add_soft
 from alf_ros.kernel.vectors import copy
 
 
 @inner
-def assemble(unit: Unit, system: System, work: Work) -> None:
-    """A = M + Φ_qᵀ α Φ_q on the pattern, lower blocks, from the Jacobian in `work`."""
+def assemble(unit: Unit, system: System, work: Work, q: Floats) -> None:
+    """Φ_q at q, in `gf` and `g2f`, and A = M + Φ_qᵀ α Φ_q on the pattern: of the diagonal blocks
+    the lower triangles."""
     D = np.uint64(len(unit))
-    rows, pattern, g, g2 = system.rows, system.pattern, work.g, work.g2
+    rows, pattern, g, g2 = system.rows, system.pattern, work.gf, work.g2f
     diagonal, off = work.diagonal, work.off
     copy(pattern.mass_diagonal, work.diagonal)
     copy(pattern.mass_off, work.off)
-    add_soft(unit, system.soft, work.diagonal, work.off)
+    if system.soft.weight.size > 0:
+        add_soft(unit, system.soft, work.diagonal, work.off)
     DD, m1 = D * D, rows.i.size
-    for r in range(rows.both):
-        i, j, at = rows.i[r] * DD, rows.j[r] * DD, pattern.distance[r] * DD
+    for r in range(m1):
+        i, j, both = rows.i[r], rows.j[r], r < rows.both
+        for a in range(D):
+            g[r * D + a] = q[i * D + a] - q[j * D + a]
+        at = pattern.distance[r] * DD if both else ZERO
         for a in range(D):
             s = rows.alpha[r] * g[r * D + a]
             for c in range(D):
                 v = s * g[r * D + c]
-                diagonal[i + a * D + c] += v
-                diagonal[j + a * D + c] += v
-                off[at + a * D + c] -= v
-    for r in range(rows.both, m1):
-        i = rows.i[r] * DD
-        for a in range(D):
-            s = rows.alpha[r] * g[r * D + a]
-            for c in range(D):
-                diagonal[i + a * D + c] += s * g[r * D + c]
+                if c <= a:
+                    diagonal[i * DD + a * D + c] += v
+                if both:
+                    off[at + a * D + c] -= v
+                    if c <= a:
+                        diagonal[j * DD + a * D + c] += v
+    gradients(unit, rows, q, g2)
     for r in range(rows.movable.size):
         for e in range(rows.first[r], rows.movable[r]):
             i = rows.block[e] * DD
             for a in range(D):
-                for c in range(D):
+                for c in range(a + ONE):
                     diagonal[i + a * D + c] += rows.alpha[m1 + r] * g2[e * D + a] * g2[e * D + c]
     pair = pattern.pair
     for n in range(np.uint64(0), pair.size, FOUR):
@@ -56,53 +59,70 @@ def factorise(unit: Unit, pattern: Pattern, diagonal: Floats, off: Floats, colum
     """A = L D Lᵀ in place, right-looking by blocks; returns the number of columns that went well.
 
     Inside a block the elimination is by scalars: a 2x2 or 3x3 inverse would lose the digits that
-    the spread between α and M needs.
+    the spread between α and M needs. What is used again is kept out of memory, where the next
+    column would have to wait for it.
     """
     D = np.uint64(len(unit))
     DD = D * D
     u = np.uint64(0)
     for k in range(pattern.first.size - ONE):
         kk = k * DD
-        for c in range(D):
-            pivot = diagonal[kk + c * D + c]
-            if not pivot > 0.0:
-                return k
-            inverse = 1.0 / pivot
-            diagonal[kk + c * D + c] = inverse  # D⁻¹
-            for a in range(c + ONE, D):
-                for b in range(c + ONE, a + ONE):
-                    diagonal[kk + a * D + b] -= (
-                        diagonal[kk + a * D + c] * inverse * diagonal[kk + b * D + c]
-                    )
-            for a in range(c + ONE, D):
-                diagonal[kk + a * D + c] *= inverse
+        l20, l21, d2 = 0.0, 0.0, 1.0
+        pivot = diagonal[kk]
+        d0 = 1.0 / pivot
+        l10 = diagonal[kk + D] * d0
+        second = diagonal[kk + D + ONE] - diagonal[kk + D] * l10
+        d1 = 1.0 / second
+        good = pivot > 0.0 and second > 0.0
+        diagonal[kk], diagonal[kk + D], diagonal[kk + D + ONE] = d0, l10, d1
+        if D != TWO:
+            at = kk + TWO * D
+            l20 = diagonal[at] * d0
+            rest = diagonal[at + ONE] - diagonal[at] * l10
+            l21 = rest * d1
+            third = diagonal[at + TWO] - diagonal[at] * l20 - rest * l21
+            d2 = 1.0 / third
+            good = good and third > 0.0
+            diagonal[at], diagonal[at + ONE], diagonal[at + TWO] = l20, l21, d2
+        if not good:
+            return k
         start = pattern.first[k]
         for n in range(pattern.first[k + ONE] - start):
             at, un = (start + n) * DD, n * DD
             for a in range(D):
-                for c in range(D):
-                    s = off[at + a * D + c]
-                    for b in range(c):
-                        s -= column[un + a * D + b] * diagonal[kk + c * D + b]
-                    column[un + a * D + c] = s  # U = A_ik L_kk⁻ᵀ
-                    off[at + a * D + c] = s * diagonal[kk + c * D + c]  # L_ik = U D⁻¹
+                row = at + a * D
+                u0 = off[row]  # U = A_ik L_kk⁻ᵀ, L_ik = U D⁻¹
+                u1 = off[row + ONE] - u0 * l10
+                column[un + a * D], column[un + a * D + ONE] = u0, u1
+                off[row], off[row + ONE] = u0 * d0, u1 * d1
+                if D != TWO:
+                    u2 = off[row + TWO] - u0 * l20 - u1 * l21
+                    column[un + a * D + TWO] = u2
+                    off[row + TWO] = u2 * d2
             for m in range(n):
                 to, um = pattern.target[u] * DD, m * DD
                 u += ONE
                 for a in range(D):
-                    for b in range(D):
-                        s = 0.0
-                        for c in range(D):
-                            s += off[at + a * D + c] * column[um + b * D + c]
-                        off[to + a * D + b] -= s  # A_ij -= L_ik U_jkᵀ
+                    for b in range(D):  # A_ij -= L_ik U_jkᵀ
+                        off[to + a * D + b] -= inner_product(
+                            D, off, at + a * D, column, um + b * D
+                        )
             to = pattern.row[start + n] * DD
             for a in range(D):
                 for b in range(a + ONE):
-                    s = 0.0
-                    for c in range(D):
-                        s += off[at + a * D + c] * column[un + b * D + c]
-                    diagonal[to + a * D + b] -= s
+                    diagonal[to + a * D + b] -= inner_product(
+                        D, off, at + a * D, column, un + b * D
+                    )
     return pattern.first.size - ONE
+
+
+@inlined
+def inner_product(D: np.uint64, u: Floats, i: np.uint64, v: Floats, j: np.uint64) -> float:
+    """The inner product of the D numbers of u from i on and those of v from j on."""
+    s = u[i] * v[j] + u[i + ONE] * v[j + ONE]
+    if D != TWO:
+        s += u[i + TWO] * v[j + TWO]
+    return s
 
 
 @compiled
@@ -112,39 +132,55 @@ def solve(unit: Unit, pattern: Pattern, diagonal: Floats, off: Floats, x: Floats
     DD = D * D
     n = pattern.first.size - ONE
     for k in range(n):
-        for a in range(ONE, D):
-            for c in range(a):
-                x[k * D + a] -= diagonal[k * DD + a * D + c] * x[k * D + c]
-        for at in range(pattern.first[k], pattern.first[k + ONE]):
-            i = pattern.row[at] * D
+        i, kk, x2 = k * D, k * DD, 0.0
+        x0 = x[i]
+        x1 = x[i + ONE] - diagonal[kk + D] * x0
+        x[i + ONE] = x1
+        if D != TWO:
+            at = kk + TWO * D
+            x2 = x[i + TWO] - diagonal[at] * x0 - diagonal[at + ONE] * x1
+            x[i + TWO] = x2
+        for e in range(pattern.first[k], pattern.first[k + ONE]):
+            to = pattern.row[e] * D
             for a in range(D):
-                s = 0.0
-                for c in range(D):
-                    s += off[at * DD + a * D + c] * x[k * D + c]
-                x[i + a] -= s
+                at = e * DD + a * D
+                s = x[to + a] - off[at] * x0 - off[at + ONE] * x1
+                if D != TWO:
+                    s -= off[at + TWO] * x2
+                x[to + a] = s
     for back in range(n):
         k = n - ONE - back
-        for a in range(D):
-            x[k * D + a] *= diagonal[k * DD + a * D + a]
-        for at in range(pattern.first[k], pattern.first[k + ONE]):
-            i = pattern.row[at] * D
-            for c in range(D):
-                s = 0.0
-                for a in range(D):
-                    s += off[at * DD + a * D + c] * x[i + a]
-                x[k * D + c] -= s
-        for up in range(ONE, D):
-            c = D - ONE - up
-            for a in range(c + ONE, D):
-                x[k * D + c] -= diagonal[k * DD + a * D + c] * x[k * D + a]
+        i, kk, x2 = k * D, k * DD, 0.0
+        x0, x1 = x[i] * diagonal[kk], x[i + ONE] * diagonal[kk + D + ONE]
+        if D != TWO:
+            x2 = x[i + TWO] * diagonal[kk + TWO * D + TWO]
+        for e in range(pattern.first[k], pattern.first[k + ONE]):
+            of = pattern.row[e] * D
+            for a in range(D):
+                at, s = e * DD + a * D, x[of + a]
+                x0 -= off[at] * s
+                x1 -= off[at + ONE] * s
+                if D != TWO:
+                    x2 -= off[at + TWO] * s
+        if D != TWO:
+            at = kk + TWO * D
+            x0, x1 = x0 - diagonal[at] * x2, x1 - diagonal[at + ONE] * x2
+            x[i + TWO] = x2
+        x[i], x[i + ONE] = x0 - diagonal[kk + D] * x1, x1
+
+
+@inner
+def factor_at(unit: Unit, system: System, work: Work, q: Floats) -> bool:
+    """The factor of A at q and its Φ_q; returns whether A was positive definite."""
+    assemble(unit, system, work, q)
+    columns = factorise(unit, system.pattern, work.diagonal, work.off, work.column)
+    return columns == system.pattern.first.size - ONE
 
 
 @compiled
 def linearise(unit: Unit, system: System, work: Work, q: Floats) -> bool:
-    """Φ_q and the factor of A at q; returns whether A was positive definite."""
-    jacobian(unit, system.rows, q, work.g, work.g2)
-    copy(work.g, work.gf)
-    copy(work.g2, work.g2f)
-    assemble(unit, system, work)
-    columns = factorise(unit, system.pattern, work.diagonal, work.off, work.column)
-    return columns == system.pattern.first.size - ONE
+    """The same, where q is the place itself."""
+    good = factor_at(unit, system, work, q)
+    copy(work.gf, work.g)
+    copy(work.g2f, work.g2)
+    return good

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from alf_ros.arrays import Floats, Unit
+from alf_ros.arrays import Unit
 from alf_ros.kernel.adaptive import MOST, embedded, free_part, relative
 from alf_ros.kernel.data import (
     COLLAPSED,
@@ -23,7 +23,9 @@ from alf_ros.kernel.data import (
     NOT_SETTLED,
     OK,
     ONE,
+    THREE,
     TOO_MANY,
+    ZERO,
     Forces,
     Method,
     Phase,
@@ -80,19 +82,20 @@ def _settle(
     """Solve stage s, where q_b and v_b stand in `work` and a guess of k in `soft.k`.
 
     gamma: hγ, s; near: whether the last stage was near a singular position; rate: at which
-    Newton's method converged there. Leaves k and v in `kv` and `kq`. Returns (result, most
+    Newton's method converged there. Leaves v and k in `work.k`. Returns (result, most
     iterations, whether it is near, rate).
     """
-    n, k = work.p.size, system.soft.k
-    at, iterations = s * n, np.int64(method.iterations)
+    n, k, rates = work.p.size, system.soft.k, work.k
+    at, iterations = THREE * s * n, np.int64(method.iterations)
+    change_at = at + n
     speed, most, before, part = max(largest(phase.qd, n), falling), 1, np.inf, 1.0
     for i in range(n):
-        work.kv[at + i] = 0.0
+        rates[change_at + i] = 0.0
     for _ in range(_PASSES):
         for i in range(n):
             work.qd[i] = work.before_qd[i] + gamma * k[i]
             work.q[i] = work.before_q[i] + gamma * work.qd[i]
-            work.kq[at + i] = work.qd[i]
+            rates[at + i] = work.qd[i]
         prescribe(system, t, work.q, work.qd, work.qdd)
         weigh(unit, system, forces, work, t, gamma)
         zero(work.p)
@@ -112,8 +115,8 @@ def _settle(
         change, turned = 0.0, 0.0
         for i in range(n):
             delta = work.qdd[i] - k[i]
-            turned += delta * work.kv[at + i]
-            work.kv[at + i] = delta
+            turned += delta * rates[change_at + i]
+            rates[change_at + i] = delta
             change = max(change, abs(delta))
         if not np.isfinite(turned):
             break
@@ -122,17 +125,17 @@ def _settle(
             # to and fro, as across a kink: less far
             part = max(0.5 * part, 0.03) if turned < 0.0 and rate > 0.3 else min(1.0, 2.0 * part)
         for i in range(n):
-            k[i] += part * work.kv[at + i]
+            k[i] += part * rates[change_at + i]
         left = gamma * change * (rate / (1.0 - rate) if rate < 0.5 else 1.0)
         fine = max(_SETTLED * method.tolerance * speed, 8.0 * EPS * system.size / gamma)
         if left <= fine:
             if clear:  # else what it is interpolated from was counted
                 tally(forces.ledger.tally, system, forces, work, phase, t, s, 1.0, False)
             for i in range(n):
-                work.kv[at + i] = k[i]
-                work.kq[at + i] = work.before_qd[i] + gamma * k[i]
+                rates[change_at + i] = k[i]
+                rates[at + i] = work.before_qd[i] + gamma * k[i]
                 if x < BLIND:
-                    work.kq[at + i] = work.qd[i]
+                    rates[at + i] = work.qd[i]
             return OK, most, near, rate
         before = change
     return NOT_SETTLED, most, near, rate
@@ -153,7 +156,7 @@ def _step(
 ) -> tuple[int, int]:
     """One step of h (s) from `phase`, at t to `end`; arguments and result as of `step.step`."""
     n = work.p.size
-    q, qd, kq, kv = phase.q, phase.qd, work.kq, work.kv
+    q, qd, rates = phase.q, phase.qd, work.k
     stages, iterations = method.b.size, np.int64(method.iterations)
     zero(system.soft.weight)
     copy(q, work.q)
@@ -187,8 +190,8 @@ def _step(
         if count <= 0:
             return JAMMED if count < 0 else NOT_CLOSED, most
     for i in range(n):
-        kq[i] = qd[i]
-        kv[i] = work.qdd[i]
+        rates[i] = qd[i]
+        rates[n + i] = work.qdd[i]
     near, rate, gamma = x < np.inf, 1.0, 0.0
     for s in range(ONE, stages):
         gamma = h * method.a[s * stages + s]
@@ -198,10 +201,11 @@ def _step(
             system.soft.k[i] = 0.0
         for m in range(s):
             weight, guess = method.a[s * stages + m], method.guess[s * stages + m]
+            at = THREE * m * n
             for i in range(n):
-                work.before_q[i] += weight * kq[m * n + i]
-                work.before_qd[i] += weight * kv[m * n + i]
-                system.soft.k[i] += guess * kv[m * n + i]
+                work.before_q[i] += weight * rates[at + i]
+                work.before_qd[i] += weight * rates[at + n + i]
+                system.soft.k[i] += guess * rates[at + n + i]
         furthest = 0.0
         for i in range(n):
             work.before_q[i] = q[i] + h * work.before_q[i]
@@ -231,10 +235,10 @@ def _step(
         most = max(most, count)
         if result != OK:
             return result, most
-    last = (stages - ONE) * n
+    last = THREE * (stages - ONE) * n
     for i in range(n):
-        work.qd[i] = work.before_qd[i] + gamma * kv[last + i]
-        work.q[i] = work.before_q[i] + gamma * kq[last + i]
+        work.qd[i] = work.before_qd[i] + gamma * rates[last + n + i]
+        work.q[i] = work.before_q[i] + gamma * rates[last + i]
     zero(work.p)
     add_mass_times(unit, system.mass, 1.0, work.qd, work.p)
     add_soft_times(unit, system.soft, 1.0, work.qd, work.p)
@@ -245,10 +249,10 @@ def _step(
 
 @inner
 def _free_error(
-    unit: Unit, system: System, method: Method, work: Work, k: Floats, h: float
+    unit: Unit, system: System, method: Method, work: Work, rate: np.uint64, h: float
 ) -> float:
-    """The embedded error of what has the rates k, in the metric of M̂."""
-    embedded(method, k, 0, h, work.sum)
+    """The embedded error of what has the rate number `rate`, in the metric of M̂."""
+    embedded(method, work, rate, 0, h)
     zero(work.p)
     add_mass_times(unit, system.mass, 1.0, work.sum, work.p)
     add_soft_times(unit, system.soft, 1.0, work.sum, work.p)
@@ -266,8 +270,8 @@ def _error(
     n = work.p.size
     pull = largest(work.pull, n)
     speed = max(largest(phase.qd, n), largest(work.qd, n), np.sqrt(system.size * pull))
-    displacement = _free_error(unit, system, method, work, work.kq, h)
-    velocity = _free_error(unit, system, method, work, work.kv, h)
+    displacement = _free_error(unit, system, method, work, ZERO, h)
+    velocity = _free_error(unit, system, method, work, ONE, h)
     return relative(system, displacement, velocity, speed) / (_SHARE * method.tolerance)
 
 

@@ -10,13 +10,18 @@ from numba import types
 from numba.extending import intrinsic
 
 from alf_ros.arrays import Floats, Unit
-from alf_ros.kernel.constraints import add_transposed, times_jacobian
+from alf_ros.kernel.constraints import (
+    add_transposed,
+    along_gradients,
+    gradients,
+    times_jacobian,
+)
 from alf_ros.kernel.data import EPS, SOLVED, Forces, Rows, System, Work
 from alf_ros.kernel.factor import solve
 from alf_ros.kernel.forces import applied_forces
 from alf_ros.kernel.jit import compiled, expanded, inner
-from alf_ros.kernel.mass import subtract_mass_times
-from alf_ros.kernel.prescribed import bias
+from alf_ros.kernel.mass import add_skew_times
+from alf_ros.kernel.prescribed import bias, bias_of_forms
 from alf_ros.kernel.soft import add_soft_times
 from alf_ros.kernel.vectors import largest, zero
 
@@ -37,14 +42,16 @@ def augmented(
     iterations: int,
     tolerance: float,
     patience: float,
+    begun: bool = False,
 ) -> tuple[int, float]:
     """Iterate to M x + Φ_qᵀ y = f, Φ_q x = -c with the one factor.
 
-    y and r2 stand in `work`: on entry r2 = -c - Φ_q x, and y is a first guess. (26), (33) in
-    residual form: A δ = f - M x - Φ_qᵀ y + Φ_qᵀ α r2,  x += δ,  y += α (Φ_q δ - r2); so α costs no
-    precision. Where α stands, Φ_q is that of the factor, and elsewhere that of the place: they may
-    differ a little, and with the factor's in both they would converge to the wrong place, with the
-    place's in both they would not converge.
+    y and r2 stand in `work`: on entry r2 = -c - Φ_q x, and y is a first guess; in `delta` the
+    right-hand side of the first δ, if it is `begun`. (26), (33) in residual form: A δ = f - M x -
+    Φ_qᵀ y + Φ_qᵀ α r2,  x += δ,  y += α (Φ_q δ - r2); so α costs no precision. Where α stands, Φ_q
+    is that of the factor, and elsewhere that of the place: they may differ a little, and with the
+    factor's in both they would converge to the wrong place, with the place's in both they would
+    not converge.
 
     What is left is r2: the next δ of a mode s would be s / (1 + s²) < 1 of |α^½ r2| in the norm of
     M; like x it counts by its largest. It ends when that, and the rounding of the last δ, would
@@ -52,15 +59,13 @@ def augmented(
     1 / (1 + s²) of its r2 along: where the ratio of two rounds says that one is above `patience`,
     it ends too. Returned are how often, and the largest ratio that mattered.
     """
-    D = np.uint64(len(unit))
-    n = work.p.size
+    D, n = np.uint64(len(unit)), work.p.size
     alone = largest(f, n) / system.mean
     fine = max(tolerance, _NOISE * np.sqrt(system.penalty))
     before, slowest = 0.0, 0.0
     for count in range(1, iterations + 1):
-        subtract_mass_times(unit, system.mass, f, x, work.delta)
-        add_soft_times(unit, system.soft, -1.0, x, work.delta)
-        _add_rows(D, system.rows, work)
+        if count > 1 or not begun:
+            _residuals(unit, system, work, f, x)
         solve(unit, system.pattern, work.diagonal, work.off, work.delta)
         step, size = _step(1.0, work.delta, x, n)
         size = max(size, alone)
@@ -150,28 +155,41 @@ def finish(
 
 
 @inner
-def _add_rows(D: np.uint64, rows: Rows, work: Work) -> None:
-    """δ += Φ_qᵀ (α r2 - y) on movable blocks, Φ_q as `augmented` says."""
-    delta, g, gf, y, r2, g2, g2f = (
-        work.delta,
-        work.g,
-        work.gf,
-        work.y,
-        work.r2,
-        work.g2,
-        work.g2f,
-    )
-    m1 = rows.i.size
+def _residuals(unit: Unit, system: System, work: Work, f: Floats, x: Floats) -> None:
+    """δ = f - M̂ x + Φ_qᵀ (α r2 - y) on movable blocks, Φ_q as `augmented` says."""
+    D, rows, pattern, mass = np.uint64(len(unit)), system.rows, system.pattern, system.mass
+    delta, g, gf, y, r2 = work.delta, work.g, work.gf, work.y, work.r2
+    for i in range(mass.diagonal.size):
+        k = mass.diagonal[i]
+        for a in range(i * D, i * D + D):
+            delta[a] = f[a] - k * x[a]
     for r in range(rows.both):
-        i, j, s, z = rows.i[r] * D, rows.j[r] * D, rows.alpha[r] * r2[r], y[r]
+        i, j, s, z, k = rows.i[r] * D, rows.j[r] * D, rows.alpha[r] * r2[r], y[r], pattern.bar[r]
         for a in range(D):
             v = s * gf[r * D + a] - z * g[r * D + a]
-            delta[i + a] += v
-            delta[j + a] -= v
-    for r in range(rows.both, m1):
+            delta[i + a] += v - k * x[j + a]
+            delta[j + a] -= v + k * x[i + a]
+    for r in range(rows.both, rows.i.size):
         i, s, z = rows.i[r] * D, rows.alpha[r] * r2[r], y[r]
         for a in range(D):
             delta[i + a] += s * gf[r * D + a] - z * g[r * D + a]
+    _add_others(unit, system, work, x)
+
+
+@inner
+def _add_others(unit: Unit, system: System, work: Work, x: Floats) -> None:
+    """Of the same what belongs to no distance row: δ += Φ_qᵀ (α r2 - y) - M̂ x."""
+    D, rows, mass, apart = np.uint64(len(unit)), system.rows, system.mass, system.pattern.apart
+    delta, y, r2, g2, g2f, m1 = work.delta, work.y, work.r2, work.g2, work.g2f, rows.i.size
+    for n in range(apart.size):
+        i, j, k = mass.i[apart[n]] * D, mass.j[apart[n]] * D, mass.k[apart[n]]
+        for a in range(D):
+            delta[i + a] -= k * x[j + a]
+            delta[j + a] -= k * x[i + a]
+    if mass.skew.size > 0:
+        add_skew_times(unit, mass, -1.0, x, delta)
+    if system.soft.weight.size > 0:
+        add_soft_times(unit, system.soft, -1.0, x, delta)
     for r in range(rows.movable.size):
         s, z = rows.alpha[m1 + r] * r2[m1 + r], y[m1 + r]
         for e in range(rows.first[r], rows.movable[r]):
@@ -227,16 +245,51 @@ def _update_rows(D: np.uint64, rows: Rows, work: Work) -> float:
 def velocities(
     unit: Unit, system: System, work: Work, iterations: int, exactly: bool
 ) -> tuple[int, float]:
-    """q̇ from the momenta p' with the factor in `work` (33); q̇ there is a guess.
+    """q̇ from the momenta p' with the factor in `work` (33), and Φ_q at q; q̇ there is a guess.
 
     `exactly` where Φ_q is that of the factor. Returns the iterations, and about the least singular
     value σ; infinite where it is too large to matter, and not `exactly` 0 where it does matter.
     """
-    times_jacobian(unit, system.rows, work.g, work.g2, work.qd, work.r2)
-    for r in range(work.r2.size):
-        work.r2[r] = -work.r2[r]
-        work.y[r] = 0.0
-    return solved(unit, system, work, work.p, work.qd, iterations, exactly)
+    _begin_velocities(unit, system, work)
+    return solved(unit, system, work, work.p, work.qd, iterations, exactly, True)
+
+
+@inner
+def _begin_velocities(unit: Unit, system: System, work: Work) -> None:
+    """Φ_q, r2 = -Φ_q q̇, y = 0, and δ = p - M̂ q̇ + Φ_qᵀ α r2 with the Φ_q of the factor."""
+    D, rows, pattern, mass = np.uint64(len(unit)), system.rows, system.pattern, system.mass
+    q, qd, delta, g, gf, p = work.q, work.qd, work.delta, work.g, work.gf, work.p
+    m1 = rows.i.size
+    for i in range(mass.diagonal.size):
+        k = mass.diagonal[i]
+        for a in range(i * D, i * D + D):
+            delta[a] = p[a] - k * qd[a]
+    for r in range(rows.both):
+        i, j, s, k = rows.i[r] * D, rows.j[r] * D, 0.0, pattern.bar[r]
+        for a in range(D):
+            d = q[i + a] - q[j + a]
+            g[r * D + a] = d
+            s -= d * (qd[i + a] - qd[j + a])
+        work.r2[r], work.y[r], s = s, 0.0, rows.alpha[r] * s
+        for a in range(D):
+            v = s * gf[r * D + a]
+            delta[i + a] += v - k * qd[j + a]
+            delta[j + a] -= v + k * qd[i + a]
+    for r in range(rows.both, m1):
+        i, j, s = rows.i[r] * D, rows.j[r] * D, 0.0
+        for a in range(D):
+            d = q[i + a] - q[j + a]
+            g[r * D + a] = d
+            s -= d * (qd[i + a] - qd[j + a])
+        work.r2[r], work.y[r], s = s, 0.0, rows.alpha[r] * s
+        for a in range(D):
+            delta[i + a] += s * gf[r * D + a]
+    if rows.movable.size > 0:
+        gradients(unit, rows, q, work.g2)
+        along_gradients(unit, rows, work.g2, qd, work.r2)
+        for r in range(m1, work.r2.size):
+            work.r2[r], work.y[r] = -work.r2[r], 0.0
+    _add_others(unit, system, work, qd)
 
 
 @inner
@@ -248,8 +301,10 @@ def solved(
     x: Floats,
     iterations: int,
     exactly: bool,
+    begun: bool,
 ) -> tuple[int, float]:
-    count, slowest = augmented(unit, system, work, f, x, iterations, SOLVED, _PATIENCE)
+    """`augmented`, and where that is slow `finish`, if Φ_q is that of the factor."""
+    count, slowest = augmented(unit, system, work, f, x, iterations, SOLVED, _PATIENCE, begun)
     if slowest <= _PATIENCE:
         return count, np.inf
     if not exactly:
@@ -258,7 +313,7 @@ def solved(
     sigma = min(sigma, finish(unit, system, work, x, SOLVED, 0.0, 0.0, np.inf))
     for _ in range(_ROUNDS):
         # it comes with the factor 1 / s²: a step on both residuals takes it away
-        augmented(unit, system, work, f, x, 1, 0.0, 1.0)
+        augmented(unit, system, work, f, x, 1, 0.0, 1.0, False)
         finish(unit, system, work, x, SOLVED, 0.0, 0.0, np.inf)
     return count + _ROUNDS, sigma
 
@@ -299,22 +354,46 @@ def accelerate(
     no loads are found that agree with it, -1 iterations.
     """
     applied_forces(forces.effects, t, work.q, work.qd, work.near, work.Q)
-    add_soft_times(unit, system.soft, 1.0, system.soft.k, work.Q)
-    unforced(unit, system, work)
+    if system.soft.weight.size > 0:
+        add_soft_times(unit, system.soft, 1.0, system.soft.k, work.Q)
     for i in range(work.p.size):  # what is prescribed stands behind
         work.qdd[i] = 0.0
     if forces.bearings.settle.size > 0:
+        bias(unit, system, work, work.r2)
+        for r in range(work.r2.size):
+            work.r2[r], work.y[r] = -work.r2[r], 0.0
         sigma = _settle(
             forces.bearings.settle[0], system, forces, work, t, np.int64(iterations), exactly
         )
         return forces.bearings.passes[1], sigma
-    return solved(unit, system, work, work.Q, work.qdd, iterations, exactly)
+    begin_accelerations(unit, system, work, work.Q)
+    return solved(unit, system, work, work.Q, work.qdd, iterations, exactly, True)
 
 
 @inner
-def unforced(unit: Unit, system: System, work: Work) -> None:
-    """r2 = -Φ̇_q q̇ - Φ_q,s s̈ and y = 0: where a solve for accelerations begins."""
-    bias(unit, system, work, work.r2)
-    for r in range(work.r2.size):
-        work.r2[r] = -work.r2[r]
-        work.y[r] = 0.0
+def begin_accelerations(unit: Unit, system: System, work: Work, f: Floats) -> None:
+    """r2 = -Φ̇_q q̇ - Φ_q,s s̈, y = 0, and δ = f + Φ_qᵀ α r2 with the Φ_q of the factor."""
+    D, rows, qd, delta, gf = np.uint64(len(unit)), system.rows, work.qd, work.delta, work.gf
+    m1 = rows.i.size
+    for i in range(work.p.size):
+        delta[i] = f[i]
+    for r in range(m1):
+        i, j, s = rows.i[r] * D, rows.j[r] * D, 0.0
+        for a in range(D):
+            s -= (qd[i + a] - qd[j + a]) * (qd[i + a] - qd[j + a])
+        work.r2[r], work.y[r], s = s, 0.0, rows.alpha[r] * s
+        for a in range(D):
+            delta[i + a] += s * gf[r * D + a]
+        if r < rows.both:
+            for a in range(D):
+                delta[j + a] -= s * gf[r * D + a]
+    if rows.movable.size == 0:
+        return
+    bias_of_forms(unit, system, work, work.r2)
+    for r in range(rows.movable.size):
+        s = -work.r2[m1 + r]
+        work.r2[m1 + r], work.y[m1 + r], s = s, 0.0, rows.alpha[m1 + r] * s
+        for e in range(rows.first[r], rows.movable[r]):
+            i = rows.block[e] * D
+            for a in range(D):
+                delta[i + a] += s * work.g2f[e * D + a]

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Floats, Unit
-from alf_ros.kernel.constraints import add_transposed, jacobian, times_jacobian, violation
+from alf_ros.kernel.constraints import add_transposed, forms, times_jacobian, violation
 from alf_ros.kernel.data import EPS, NOT_CLOSED, NOT_POSITIVE, OK, Rows, System, Work
-from alf_ros.kernel.factor import linearise, solve
+from alf_ros.kernel.factor import factor_at, inner_product, linearise, solve
 from alf_ros.kernel.iteration import finish
 from alf_ros.kernel.jit import expanded, inner
 from alf_ros.kernel.twofold import violation_twofold
@@ -130,28 +130,81 @@ def project(unit: Unit, system: System, work: Work, wholly: bool) -> int:
 
 @expanded
 def place(unit: Unit, system: System, work: Work, wholly: bool) -> int:
-    """Put the stage `target` onto Φ = 0 by one correction, or `wholly`; Φ_q is that of the place.
+    """Put the stage `target` onto Φ = 0, by one correction or `wholly`.
 
     Off Φ = 0 by e and σ from a singular position the free directions are turned by e / σ: that,
     not α, is what breaks steps there. On it the equations go through the position smoothly. The
-    correction is linearised at q, a guess that is nearer to Φ = 0 than the stage.
+    correction is linearised at q, a guess that is nearer to Φ = 0 than the stage. Φ_q and factor
+    are those of that guess, or `wholly` of the place.
     """
-    n = work.p.size
+    if wholly:
+        return _place_wholly(unit, system, work)
+    if not factor_at(unit, system, work, work.q):
+        return NOT_POSITIVE
+    _begin_correction(unit, system, work)
+    solve(unit, system.pattern, work.diagonal, work.off, work.delta)
+    for a in range(work.p.size):
+        work.q[a] = work.target[a] + work.delta[a]
+    return OK
+
+
+@inner
+def _begin_correction(unit: Unit, system: System, work: Work) -> None:
+    """δ = -Φ_qᵀ α (Φ + Φ_q (target - q)), of the guess q in `work`."""
+    D, rows, delta, phi = np.uint64(len(unit)), system.rows, work.delta, work.r2
+    u, g, g2, m1 = work.shift, work.gf, work.g2f, system.rows.i.size
+    for a in range(work.p.size):
+        u[a] = work.target[a] - work.q[a]
+        delta[a] = 0.0
+    for r in range(rows.both):
+        i, j = rows.i[r] * D, rows.j[r] * D
+        dd, du = -rows.length2[r], 0.0
+        for a in range(D):
+            d = g[r * D + a]
+            dd += d * d
+            du += d * (u[i + a] - u[j + a])
+        s = rows.alpha[r] * (0.5 * dd + du)
+        for a in range(D):
+            v = s * g[r * D + a]
+            delta[i + a] -= v
+            delta[j + a] += v
+    for r in range(rows.both, m1):
+        i = rows.i[r] * D
+        dd, du = -rows.length2[r], 0.0
+        for a in range(D):
+            d = g[r * D + a]
+            dd += d * d
+            du += d * u[i + a]
+        s = rows.alpha[r] * (0.5 * dd + du)
+        for a in range(D):
+            delta[i + a] -= s * g[r * D + a]
+    if rows.movable.size == 0:
+        return
+    forms(unit, rows, work.q, phi)
+    for r in range(rows.movable.size):
+        s = phi[m1 + r]
+        for e in range(rows.first[r], rows.movable[r]):
+            s += inner_product(D, g2, e * D, u, rows.block[e] * D)
+        s *= rows.alpha[m1 + r]
+        for e in range(rows.first[r], rows.movable[r]):
+            i = rows.block[e] * D
+            for a in range(D):
+                delta[i + a] -= s * g2[e * D + a]
+
+
+@inner
+def _place_wholly(unit: Unit, system: System, work: Work) -> int:
     if not linearise(unit, system, work, work.q):
         return NOT_POSITIVE
-    gap = _opening(unit, system.rows, work.q, work.r2, wholly)
+    gap = _opening(unit, system.rows, work.q, work.r2, True)
     zero(work.delta)
-    for a in range(n):
+    for a in range(work.p.size):
         work.delta[a] = work.target[a] - work.q[a]
         work.q[a] = work.target[a]
         gap = max(gap, abs(work.delta[a]))
     times_jacobian(unit, system.rows, work.g, work.g2, work.delta, work.y)
     for r in range(work.r2.size):
         work.r2[r] += work.y[r]
-    if not wholly:
-        correct(unit, system, work)
-        jacobian(unit, system.rows, work.q, work.g, work.g2)
-        return OK
     before = np.inf
     for _ in range(6):
         correct_exactly(unit, system, work, gap, np.inf)

@@ -18,17 +18,7 @@ def add_mass_times(unit: Unit, mass: Mass, s: float, v: Floats, out: Floats) -> 
         for a in range(D):
             out[i * D + a] += k * v[i * D + a]
     _add_pairs(D, mass, s, v, out)
-
-
-@inner
-def subtract_mass_times(unit: Unit, mass: Mass, f: Floats, v: Floats, out: Floats) -> None:
-    """out = f - M v on movable blocks."""
-    D = np.uint64(len(unit))
-    for i in range(mass.diagonal.size):
-        k = mass.diagonal[i]
-        for a in range(D):
-            out[i * D + a] = f[i * D + a] - k * v[i * D + a]
-    _add_pairs(D, mass, -1.0, v, out)
+    add_skew_times(unit, mass, s, v, out)
 
 
 @inner
@@ -38,6 +28,12 @@ def _add_pairs(D: np.uint64, mass: Mass, s: float, v: Floats, out: Floats) -> No
         for a in range(D):
             out[i + a] += k * v[j + a]
             out[j + a] += k * v[i + a]
+
+
+@inner
+def add_skew_times(unit: Unit, mass: Mass, s: float, v: Floats, out: Floats) -> None:
+    """Of the same the part of the w."""
+    D = np.uint64(len(unit))
     for n in range(mass.skew.size):
         i, j, w = mass.i[mass.skew[n]] * D, mass.j[mass.skew[n]] * D, s * mass.w[n]
         out[i] -= w * v[j + ONE]

@@ -13,7 +13,7 @@ from numba import types
 from numba.extending import intrinsic
 
 from alf_ros.arrays import Floats, Unit
-from alf_ros.kernel.constraints import convective, jacobian_rate
+from alf_ros.kernel.constraints import along_gradients, convective, jacobian_rate
 from alf_ros.kernel.data import ONE, System, Work
 from alf_ros.kernel.forces import call
 from alf_ros.kernel.jit import compiled, inner
@@ -55,16 +55,25 @@ def prescribed_at(system: System, t: float, q: Floats, qd: Floats, qdd: Floats) 
 @inner
 def bias(unit: Unit, system: System, work: Work, out: Floats) -> None:
     """out = Φ̈ less what the accelerations of movable blocks add: Φ̇_q q̇ + Φ_q,s s̈."""
-    rows = system.rows
-    jacobian_rate(unit, rows, work.qd, work.g2d)
-    convective(unit, rows, work.g2d, work.qd, out)
-    if system.prescribed.program.size > 0:
-        _accelerated(unit, system, work.g2, work.qdd, out)
+    jacobian_rate(unit, system.rows, work.qd, work.g2d)
+    convective(unit, system.rows, work.g2d, work.qd, out)
+    _add_accelerated(unit, system, work, out)
 
 
 @inner
-def _accelerated(unit: Unit, system: System, g2: Floats, qdd: Floats, out: Floats) -> None:
-    rows, D = system.rows, len(unit)
+def bias_of_forms(unit: Unit, system: System, work: Work, out: Floats) -> None:
+    """The same of the rows that are no distances."""
+    jacobian_rate(unit, system.rows, work.qd, work.g2d)
+    along_gradients(unit, system.rows, work.g2d, work.qd, out)
+    _add_accelerated(unit, system, work, out)
+
+
+@inner
+def _add_accelerated(unit: Unit, system: System, work: Work, out: Floats) -> None:
+    """out += Φ_q,s s̈: what is prescribed ends no distance."""
+    if system.prescribed.program.size == 0:
+        return
+    rows, D, g2, qdd = system.rows, len(unit), work.g2, work.qdd
     m1 = rows.i.size
     for r in range(rows.movable.size):
         for e in range(rows.movable[r], rows.first[r + ONE]):

@@ -15,6 +15,8 @@ from alf_ros.kernel.data import (
     NOT_POSITIVE,
     OK,
     ONE,
+    THREE,
+    TWO,
     Forces,
     Method,
     Phase,
@@ -23,7 +25,7 @@ from alf_ros.kernel.data import (
     Work,
 )
 from alf_ros.kernel.factor import linearise
-from alf_ros.kernel.iteration import accelerate, augmented, unforced, velocities
+from alf_ros.kernel.iteration import accelerate, augmented, begin_accelerations, velocities
 from alf_ros.kernel.jit import compiled, expanded, inner
 from alf_ros.kernel.manifold import project
 from alf_ros.kernel.prescribed import prescribe
@@ -50,12 +52,12 @@ def evaluate_first(
         return most, sigma
     tally(forces.ledger.tally, system, forces, work, phase, t, np.uint64(0), 1.0, False)
     copy(work.qdd, work.pull)
-    unforced(unit, system, work)
     copy(work.qdd, work.bend)  # of what is prescribed
     for i in range(work.p.size):
         work.bend[i] = 0.0
     zero(work.p)
-    augmented(unit, system, work, work.p, work.bend, iterations, 1e-3, 1.0)
+    begin_accelerations(unit, system, work, work.p)
+    augmented(unit, system, work, work.p, work.bend, iterations, 1e-3, 1.0, True)
     return most, sigma
 
 
@@ -146,28 +148,22 @@ def add_up(method: Method, work: Work, s: np.uint64, h: float) -> None:
     """ξ and w of stage s, or past the last of the end of the step, from the stages before, into q
     and p of `work`; in q̇ ξ̇ as ξ̈ makes it. Without arcs that is all of p; else it is a guess,
     without which solves beside a singular position that many rows share would take too long."""
-    n, stages, chart = work.p.size, method.b.size, work.chart
+    n, stages, chart, total = work.p.size, method.b.size, work.chart, work.total
     arcs = chart.arcs[0] > 0
-    for i in range(n):
-        work.q[i] = 0.0
-        work.qd[i] = 0.0
-        work.p[i] = 0.0
+    used = THREE * n if arcs else TWO * n
+    zero(total)
     for m in range(s):
-        weight = method.a[s * stages + m] if s < stages else method.b[m]
+        weight = h * (method.a[s * stages + m] if s < stages else method.b[m])
         if weight != 0.0:
-            for i in range(n):
-                work.q[i] += weight * work.kq[m * n + i]
-                work.qd[i] += weight * work.ku[m * n + i]
-            if arcs:
-                for i in range(n):
-                    work.p[i] += weight * work.kv[m * n + i]
+            first = m * THREE * n
+            for i in range(used):
+                total[i] += weight * work.k[first + i]
     for i in range(n):
-        work.q[i] = h * work.q[i]
-        work.qd[i] = chart.rate[i] + h * work.qd[i]
+        work.q[i] = total[i]
+        work.qd[i] = chart.rate[i] + total[n + i]
     if arcs:
         for i in range(n):
-            work.p[i] = chart.momentum[i] + h * work.p[i]
-            chart.w[i] = work.p[i]
+            chart.w[i] = work.p[i] = chart.momentum[i] + total[TWO * n + i]
 
 
 @expanded
