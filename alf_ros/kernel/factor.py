@@ -55,8 +55,17 @@ def assemble(unit: Unit, system: System, work: Work, q: Floats) -> None:
 
 
 @inner
-def factorise(unit: Unit, pattern: Pattern, diagonal: Floats, off: Floats, column: Floats) -> int:
+def factorise(
+    unit: Unit,
+    pattern: Pattern,
+    diagonal: Floats,
+    off: Floats,
+    column: Floats,
+    x: Floats | None,
+) -> int:
     """A = L D Lᵀ in place, right-looking by blocks; returns the number of columns that went well.
+
+    On the way x = L⁻¹ x, if there is one: that hardly costs more, as columns wait for each other.
 
     Inside a block the elimination is by scalars: a 2x2 or 3x3 inverse would lose the digits that
     the spread between α and M needs. What is used again is kept out of memory, where the next
@@ -113,6 +122,8 @@ def factorise(unit: Unit, pattern: Pattern, diagonal: Floats, off: Floats, colum
                     diagonal[to + a * D + b] -= inner_product(
                         D, off, at + a * D, column, un + b * D
                     )
+        if x is not None:  # known when it is compiled
+            _eliminate(unit, pattern, diagonal, off, k, x)
     return pattern.first.size - ONE
 
 
@@ -125,62 +136,100 @@ def inner_product(D: np.uint64, u: Floats, i: np.uint64, v: Floats, j: np.uint64
     return s
 
 
+@inlined
+def _eliminate(
+    unit: Unit, pattern: Pattern, diagonal: Floats, off: Floats, k: np.uint64, x: Floats
+) -> None:
+    """Column k of x = L⁻¹ x."""
+    D = np.uint64(len(unit))
+    i, kk, x2 = k * D, k * D * D, 0.0
+    x0 = x[i]
+    x1 = x[i + ONE] - diagonal[kk + D] * x0
+    x[i + ONE] = x1
+    if D != TWO:
+        at = kk + TWO * D
+        x2 = x[i + TWO] - diagonal[at] * x0 - diagonal[at + ONE] * x1
+        x[i + TWO] = x2
+    for e in range(pattern.first[k], pattern.first[k + ONE]):
+        to = pattern.row[e] * D
+        for a in range(D):
+            at = (e * D + a) * D
+            s = x[to + a] - off[at] * x0 - off[at + ONE] * x1
+            if D != TWO:
+                s -= off[at + TWO] * x2
+            x[to + a] = s
+
+
+@inlined
+def _substitute(
+    unit: Unit, pattern: Pattern, diagonal: Floats, off: Floats, k: np.uint64, x: Floats
+) -> None:
+    """Column k of x = L⁻ᵀ D⁻¹ x."""
+    D = np.uint64(len(unit))
+    i, kk, x2 = k * D, k * D * D, 0.0
+    x0, x1 = x[i] * diagonal[kk], x[i + ONE] * diagonal[kk + D + ONE]
+    if D != TWO:
+        x2 = x[i + TWO] * diagonal[kk + TWO * D + TWO]
+    for e in range(pattern.first[k], pattern.first[k + ONE]):
+        of = pattern.row[e] * D
+        for a in range(D):
+            at, s = (e * D + a) * D, x[of + a]
+            x0 -= off[at] * s
+            x1 -= off[at + ONE] * s
+            if D != TWO:
+                x2 -= off[at + TWO] * s
+    if D != TWO:
+        at = kk + TWO * D
+        x0, x1 = x0 - diagonal[at] * x2, x1 - diagonal[at + ONE] * x2
+        x[i + TWO] = x2
+    x[i], x[i + ONE] = x0 - diagonal[kk + D] * x1, x1
+
+
 @compiled
 def solve(unit: Unit, pattern: Pattern, diagonal: Floats, off: Floats, x: Floats) -> None:
     """x = A⁻¹ x."""
-    D = np.uint64(len(unit))
-    DD = D * D
     n = pattern.first.size - ONE
     for k in range(n):
-        i, kk, x2 = k * D, k * DD, 0.0
-        x0 = x[i]
-        x1 = x[i + ONE] - diagonal[kk + D] * x0
-        x[i + ONE] = x1
-        if D != TWO:
-            at = kk + TWO * D
-            x2 = x[i + TWO] - diagonal[at] * x0 - diagonal[at + ONE] * x1
-            x[i + TWO] = x2
-        for e in range(pattern.first[k], pattern.first[k + ONE]):
-            to = pattern.row[e] * D
-            for a in range(D):
-                at = e * DD + a * D
-                s = x[to + a] - off[at] * x0 - off[at + ONE] * x1
-                if D != TWO:
-                    s -= off[at + TWO] * x2
-                x[to + a] = s
+        _eliminate(unit, pattern, diagonal, off, k, x)
     for back in range(n):
-        k = n - ONE - back
-        i, kk, x2 = k * D, k * DD, 0.0
-        x0, x1 = x[i] * diagonal[kk], x[i + ONE] * diagonal[kk + D + ONE]
-        if D != TWO:
-            x2 = x[i + TWO] * diagonal[kk + TWO * D + TWO]
-        for e in range(pattern.first[k], pattern.first[k + ONE]):
-            of = pattern.row[e] * D
-            for a in range(D):
-                at, s = e * DD + a * D, x[of + a]
-                x0 -= off[at] * s
-                x1 -= off[at + ONE] * s
-                if D != TWO:
-                    x2 -= off[at + TWO] * s
-        if D != TWO:
-            at = kk + TWO * D
-            x0, x1 = x0 - diagonal[at] * x2, x1 - diagonal[at + ONE] * x2
-            x[i + TWO] = x2
-        x[i], x[i + ONE] = x0 - diagonal[kk + D] * x1, x1
+        _substitute(unit, pattern, diagonal, off, n - ONE - back, x)
 
 
 @inner
-def factor_at(unit: Unit, system: System, work: Work, q: Floats) -> bool:
-    """The factor of A at q and its Φ_q; returns whether A was positive definite."""
-    assemble(unit, system, work, q)
-    columns = factorise(unit, system.pattern, work.diagonal, work.off, work.column)
-    return columns == system.pattern.first.size - ONE
+def step_by(unit: Unit, system: System, work: Work, x: Floats) -> tuple[float, float]:
+    """δ = A⁻¹ δ, x += δ; returns the largest of δ and of x. In one pass, for the same reason."""
+    D, pattern, delta = np.uint64(len(unit)), system.pattern, work.delta
+    diagonal, off = work.diagonal, work.off
+    n, step, size = pattern.first.size - ONE, 0.0, 0.0
+    for k in range(n):
+        _eliminate(unit, pattern, diagonal, off, k, delta)
+    for back in range(n):
+        k = n - ONE - back
+        _substitute(unit, pattern, diagonal, off, k, delta)
+        for a in range(k * D, k * D + D):
+            d = delta[a]
+            x[a] += d
+            step, size = max(step, abs(d)), max(size, abs(x[a]))
+    return step, size
+
+
+@inner
+def solve_on(unit: Unit, system: System, work: Work) -> bool:
+    """δ = A⁻¹ δ with A as `assemble` left it; returns whether A was positive definite."""
+    pattern, diagonal, off = system.pattern, work.diagonal, work.off
+    n = pattern.first.size - ONE
+    columns = factorise(unit, pattern, diagonal, off, work.column, work.delta)
+    for back in range(n):
+        _substitute(unit, pattern, diagonal, off, n - ONE - back, work.delta)
+    return columns == n
 
 
 @compiled
 def linearise(unit: Unit, system: System, work: Work, q: Floats) -> bool:
-    """The same, where q is the place itself."""
-    good = factor_at(unit, system, work, q)
+    """Φ_q and the factor of A at q; returns whether A was positive definite."""
+    assemble(unit, system, work, q)
     copy(work.gf, work.g)
     copy(work.g2f, work.g2)
-    return good
+    pattern = system.pattern
+    columns = factorise(unit, pattern, work.diagonal, work.off, work.column, None)
+    return columns == pattern.first.size - ONE

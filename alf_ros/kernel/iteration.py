@@ -17,7 +17,7 @@ from alf_ros.kernel.constraints import (
     times_jacobian,
 )
 from alf_ros.kernel.data import EPS, SOLVED, Forces, Rows, System, Work
-from alf_ros.kernel.factor import solve
+from alf_ros.kernel.factor import solve, step_by
 from alf_ros.kernel.forces import applied_forces
 from alf_ros.kernel.jit import compiled, expanded, inner
 from alf_ros.kernel.mass import add_skew_times
@@ -66,8 +66,7 @@ def augmented(
     for count in range(1, iterations + 1):
         if count > 1 or not begun:
             _residuals(unit, system, work, f, x)
-        solve(unit, system.pattern, work.diagonal, work.off, work.delta)
-        step, size = _step(1.0, work.delta, x, n)
+        step, size = step_by(unit, system, work, x)
         size = max(size, alone)
         left = np.sqrt(system.penalty) * _update_rows(D, system.rows, work)
         if left <= fine * size:

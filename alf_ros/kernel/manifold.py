@@ -7,7 +7,7 @@ import numpy as np
 from alf_ros.arrays import Floats, Unit
 from alf_ros.kernel.constraints import add_transposed, forms, times_jacobian, violation
 from alf_ros.kernel.data import EPS, NOT_CLOSED, NOT_POSITIVE, OK, Rows, System, Work
-from alf_ros.kernel.factor import factor_at, inner_product, linearise, solve
+from alf_ros.kernel.factor import assemble, inner_product, linearise, solve, solve_on
 from alf_ros.kernel.iteration import finish
 from alf_ros.kernel.jit import expanded, inner
 from alf_ros.kernel.twofold import violation_twofold
@@ -139,10 +139,10 @@ def place(unit: Unit, system: System, work: Work, wholly: bool) -> int:
     """
     if wholly:
         return _place_wholly(unit, system, work)
-    if not factor_at(unit, system, work, work.q):
-        return NOT_POSITIVE
+    assemble(unit, system, work, work.q)
     _begin_correction(unit, system, work)
-    solve(unit, system.pattern, work.diagonal, work.off, work.delta)
+    if not solve_on(unit, system, work):
+        return NOT_POSITIVE
     for a in range(work.p.size):
         work.q[a] = work.target[a] + work.delta[a]
     return OK
