@@ -32,7 +32,7 @@ MECHANISMS = {
     'double_four_bar': 'two four-bars',
     'n_four_bar': 'ten four-bars',
 }
-COLOURS = ('#0072b2', '#56b4e9', '#002d47', '#d55e00', '#009e73', '#cc79a7')
+COLOURS = ('#0072b2', '#56b4e9', '#002d47', '#8c8ccf', '#d55e00', '#009e73', '#cc79a7')
 
 
 def rows(name: str) -> tuple[str, list[dict[str, str]]]:
@@ -40,6 +40,13 @@ def rows(name: str) -> tuple[str, list[dict[str, str]]]:
     with open(RESULTS / name, encoding='utf-8') as stream:
         about = next(stream).lstrip('# ').strip()
         return about, list(csv.DictReader(stream))
+
+
+def markdown(about: str, head: str, body: list[list[str]]) -> str:
+    """A table below what it is about; `head`: the titles of its columns, a bar between."""
+    columns = head.count('|') + 1
+    lines = [f'| {head} |', '|---' * columns + '|', *(f'| {" | ".join(row)} |' for row in body)]
+    return '\n'.join([f'{about}.\n', *lines]) + '\n'
 
 
 def work_precision() -> str:
@@ -135,25 +142,23 @@ def stiff() -> str:
         point = dataclasses.replace(point, failure=row['failure'])
         points.setdefault(float(row['rate_per_s']), []).append(point)
     names = list(dict.fromkeys(row['integrator'] for row in found))
-    parts = [f'{about}. ms of processor time per simulated second for {1e3 * STIFF:g} mm.\n']
-    parts += [f'| √(k/m), 1/s | {" | ".join(f"`{name}`" for name in names)} |']
-    parts += ['|---' * (1 + len(names)) + '|']
+    body = []
     for rate, mine in points.items():
         of = {curve[1]: price(each, STIFF) for curve, each in curves(mine).items()}
         cells = ['-' if of[name] is None else f'{of[name].cpu:.3g}' for name in names]
-        parts.append(f'| {rate:.0f} | {" | ".join(cells)} |')
-    return '\n'.join(parts) + '\n'
+        body.append([f'{rate:.0f}', *cells])
+    said = f'{about}. ms of processor time per simulated second for {1e3 * STIFF:g} mm'
+    return markdown(said, ' | '.join(['√(k/m), 1/s', *(f'`{name}`' for name in names)]), body)
 
 
 def order_n() -> str:
     """Cost, fill and preparation of every shape."""
     about, found = rows('order_n.csv')
-    parts = [f'{about}.\n']
-    parts += [
-        '| | bars | stage, µs | per bar, ns | factor, µs | CHOLMOD, µs | solve, µs | fill '
-        '| updates | RCM | first step after, s | MB |',
-        '|---' * 12 + '|',
-    ]
+    head = (
+        'shape | bars | stage, µs | per bar, ns | factor, µs | CHOLMOD, µs | solve, µs | fill '
+        '| updates | RCM | first step after, s | MB'
+    )
+    body = []
     for row in found:
         bars, stage = int(row['bars']), float(row['stage_us'])
         if bars < 90:
@@ -163,44 +168,42 @@ def order_n() -> str:
         cells = [f'{x:.3g}' if x < 1e3 else f'{x:.0f}' for x in numbers]
         cells += [row['updates'], row['updates_rcm']]
         cells += [f'{float(row["prepare_s"]):.2g}', f'{float(row["memory_mb"]):.0f}']
-        parts.append(f'| {row["shape"]} | {bars} | {" | ".join(cells)} |')
-    return '\n'.join(parts) + '\n'
+        body.append([row['shape'], str(bars), *cells])
+    return markdown(about, head, body)
 
 
 def first_step() -> str:
     """From a file to the first step, and what it is made of."""
     about, found = rows('first_step.csv')
-    parts = [f'{about}. Medians of {found[0]["runs"]} runs, each in a process of its own.\n']
-    parts += [
-        '| four-bars | links | file | YAML, kB | first step after, s | parsing YAML, s | scene, s '
-        '| simulation, s | step, s | MB | imports before, s |',
-        '|---' * 11 + '|',
-    ]
+    head = (
+        'four-bars | links | file | YAML, kB | first step after, s | parsing YAML, s | scene, s '
+        '| simulation, s | step, s | MB | imports before, s'
+    )
+    body = []
     keys = 'total_s parse_s scene_s model_s step_s memory_mb imports_s'.split()
     for row in found:
         cells = [row['four_bars'], f'{float(row["links"]):.0f}', row['file']]
         numbers = [float(row[key]) for key in ('yaml_kb', *keys)]
-        cells += [f'{x:.2g}' if x < 100.0 else f'{x:.0f}' for x in numbers]
-        parts.append(f'| {" | ".join(cells)} |')
-    return '\n'.join(parts) + '\n'
+        body.append(cells + [f'{x:.2g}' if x < 100.0 else f'{x:.0f}' for x in numbers])
+    said = f'{about}. Medians of {found[0]["runs"]} runs, each in a process of its own'
+    return markdown(said, head, body)
 
 
 def large_node() -> str:
     """What ticks with readers and a log."""
     about, found = rows('large_node.csv')
-    parts = [f'{about}.\n']
-    parts += [
-        '| subscribers | log | ticks/s | overruns | lost, s | lateness p50, µs | p99, µs '
-        '| processor, % of a core | heard/s | MB/s |',
-        '|---' * 10 + '|',
-    ]
+    head = (
+        'subscribers | log | ticks/s | overruns | lost, s | lateness p50, µs | p99, µs '
+        '| processor, % of a core | heard/s | MB/s'
+    )
+    body = []
     keys = 'ticks_per_s overruns lost_real_time_s lateness_p50_us lateness_p99_us'.split()
     keys += 'processor_percent_of_a_core heard_per_s logged_mb_per_s'.split()
     for row in found:
         cells = [row[key] for key in keys]
         recorded = 'yes' if row['recorded'] == 'True' else 'no'
-        parts.append(f'| {row["subscribers"]} | {recorded} | {" | ".join(cells)} |')
-    return '\n'.join(parts) + '\n'
+        body.append([row['subscribers'], recorded, *cells])
+    return markdown(about, head, body)
 
 
 def draw(path: Path) -> None:

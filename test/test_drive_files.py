@@ -38,6 +38,22 @@ drives: {motor: {joint: pin, angle: {table: way.csv}}}
         assert rates[2:] == pytest.approx([0.0, 0.0], abs=1e-12)
 
 
+def test_what_comes_to_rest_stays_there() -> None:
+    """What is left of a velocity falls from step to step, to where its square is no number."""
+    table = [[0, 0], [0.5, 0.4], [1, 1]]
+    mechanism = {
+        'alf': 1,
+        'points': {'O': {'at': [0, 0], 'fixed': True}, 'A': {'at': [1, 0]}},
+        'bodies': {'rod': {'points': ['O', 'A'], 'mass': 2.0, 'inertia': 'rod'}},
+        'joints': {'pin': {'type': 'revolute', 'between': ['ground', 'rod'], 'at': 'O'}},
+        'drives': {'motor': {'joint': 'pin', 'angle': {'table': table}}},
+    }
+    sim = Simulation(load_scene({'mechanism': mechanism}))
+    sim.step(2000)
+    assert sim.sample().joints['pin'].position == pytest.approx(1.0, abs=1e-12)
+    assert np.abs(sim.sample().qd).max() < 1e-100
+
+
 def test_a_driven_run_repeats_from_a_state_bit_for_bit() -> None:
     sim = Simulation(load_scene({'mechanism': ARM, 'effects': GRAVITY}))
     sim.step(100)

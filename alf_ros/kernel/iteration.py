@@ -28,6 +28,7 @@ from alf_ros.kernel.vectors import largest, zero
 _PATIENCE = 1e-4  # ratio from which on a stage is placed wholly, and conjugate gradients take over
 _MODES = 40  # of those, at most
 _ROUNDS = 2  # after them, to take away the rounding they bring
+_NOTHING = 1e-150  # of x, in SI units: its square is still a number
 _NOISE = 8.0 * EPS  # part of x by which rows are off by rounding
 _ROUNDING = 1e-12  # of an eigenvalue
 
@@ -67,7 +68,7 @@ def augmented(
         if count > 1 or not begun:
             _residuals(unit, system, work, f, x)
         step, size = step_by(unit, system, work, x)
-        size = max(size, alone)
+        size = max(size, alone, _NOTHING)
         left = np.sqrt(system.penalty) * _update_rows(D, system.rows, work)
         if left <= fine * size:
             if EPS * system.penalty * step <= tolerance * size:
@@ -119,7 +120,7 @@ def finish(
         z[r] = rows.alpha[r] * r2[r]
         rho += r2[r] * z[r]
     for _ in range(_MODES):
-        floor = max(noise, _NOISE * largest(x, n))
+        floor = max(noise, _NOISE * largest(x, n), _NOTHING)
         if rho <= system.penalty * system.mean * floor * floor:
             return least
         zero(delta)
