@@ -260,7 +260,7 @@ def ordinary(model: Model, q: Floats) -> tuple[int, Floats, float]:
     """
     random = np.random.default_rng(0)
     work = allocate(model, model.system, 1)
-    best, place = -1.0, q
+    best, place = -1, q
     for away in (0.0, 0.05, 0.05, 0.05):
         near = np.array(q)
         near[: model.n] += away * model.size * random.standard_normal(model.n)
@@ -269,12 +269,27 @@ def ordinary(model: Model, q: Floats) -> tuple[int, Floats, float]:
                 near = close(model, {}, near)
             except AssemblyError:
                 continue
-        if kernel.linearise(model.unit, model.system, work, near):
-            rank = effective_rank(model, work)
-            if rank > best:
-                best, place = rank, near
-    rank = round(max(best, 0.0))
+        rank = _rank(model, work, near)
+        if rank > best:
+            best, place = rank, near
+    rank = max(best, 0)
     return len(model.row_names) - rank, place, _softness(model, work, place, rank)
+
+
+def _rank(model: Model, work: Work, q: Floats) -> int:
+    """The rank of Φ_q, -1 if A has no factor; with the penalty of the model, or one that tells
+    modes as soft as those of a chain of thousands of bars."""
+    found, off = -1, 1.0
+    for penalty in (model.penalty, 1e10):
+        stiff = model.with_penalty(penalty)
+        if not kernel.linearise(model.unit, stiff.system, work, q):
+            break
+        rank = effective_rank(stiff, work)
+        if abs(rank - round(rank)) < off:
+            found, off = round(rank), abs(rank - round(rank))
+        if off < 0.02:
+            break
+    return found
 
 
 def within(model: Model, q: Floats, dependent_rows: int) -> bool:
@@ -292,15 +307,14 @@ def _softness(model: Model, work: Work, q: Floats, rank: int) -> float:
 
     With a large one what is missing from the rank would be lost in rounding.
     """
+    if rank == 0:
+        return 1.0
     for penalty in (1e4, 1e6, 1e8, 1e10):
-        rows = model.system.rows
-        system = replace(
-            model.system, rows=replace(rows, alpha=rows.alpha * (penalty / model.penalty))
-        )
-        if not kernel.linearise(model.unit, system, work, q):
+        soft = model.with_penalty(penalty)
+        if not kernel.linearise(model.unit, soft.system, work, q):
             break
-        missing = rank - effective_rank(model, work)
-        if missing < 0.5:
+        missing = rank - effective_rank(soft, work)
+        if 0.0 < missing < 0.5:
             return float(distance(missing, penalty))
     return 1e-5
 

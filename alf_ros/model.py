@@ -17,6 +17,7 @@ from alf_ros.coordinates import counted, length_row
 from alf_ros.driving import drive_rows
 from alf_ros.errors import AssemblyError
 from alf_ros.kernel import Chart, Rows, Soft, System, Work
+from alf_ros.kernel.data import EPS
 from alf_ros.layout import Layout
 from alf_ros.mass import mass_of
 from alf_ros.mass import renumbered as renumbered_mass
@@ -28,6 +29,9 @@ from alf_ros.row import Constraint, Row
 from alf_ros.row_arrays import renumbered, rows_of, with_more
 from alf_ros.rows import joint_rows, rigidity, unit_rows
 
+_PATIENCE = 1e-4  # of two rounds of a solve, the ratio above which it is called slow; at least
+_ROUNDED = 300.0  # times ε penalty: what rounding leaves of a round, at most
+_NEAR = 0.05  # of the ratio at a place that is too close to a singular position
 _CLOSE = 5e-4  # distance to a singular position below which a stage is interpolated, at σ = 0.5
 
 
@@ -75,7 +79,15 @@ class Model:
         by e / (ordinary x²), and q̈ by 1 / x more: so `close` goes with its cube root.
         """
         close = _CLOSE * (0.5 / sigma) ** (1.0 / 3.0)
-        return replace(self, system=replace(self.system, ordinary=sigma, close=close))
+        return replace(self, system=_patient(replace(self.system, ordinary=sigma, close=close)))
+
+    def with_penalty(self, penalty: float) -> Model:
+        """The same with another penalty."""
+        rows = self.system.rows
+        alpha = rows.alpha * (penalty / self.penalty)
+        alpha.flags.writeable = False
+        system = replace(self.system, rows=replace(rows, alpha=alpha), penalty=penalty)
+        return replace(self, system=_patient(system), penalty=penalty)
 
     @cached_property
     def body_names(self) -> tuple[str, ...]:
@@ -133,6 +145,7 @@ def compile_model(mechanism: Mechanism, penalty: float) -> Model:
         penalty=penalty,
         ordinary=1.0,
         close=0.0,
+        patience=_PATIENCE,
     )
     unused = np.zeros_like(q)
     prescribe(system, 0.0, q, unused, unused)
@@ -205,6 +218,15 @@ def hold(model: Model, extra: Sequence[Row], velocities: bool) -> tuple[System, 
     )
     system = replace(system, rows=_scaled(system, model.q, model.layout, model.penalty))
     return system, names, slice(at, at + len(extra))
+
+
+def _patient(system: System) -> System:
+    """With the ratio from which on a solve is called slow: above what rounding leaves of a round,
+    and far below that of a place that is too close to a singular position."""
+    sigma = system.close * system.ordinary
+    near = 1.0 / (1.0 + system.penalty * sigma**2)
+    patience = max(_PATIENCE, min(_ROUNDED * EPS * system.penalty, _NEAR * near))
+    return replace(system, patience=patience)
 
 
 def _scaled(system: System, q: Floats, layout: Layout, penalty: float) -> Rows:

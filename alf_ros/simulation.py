@@ -34,18 +34,23 @@ from alf_ros.scene import PICKED, Scene, Solver, joined
 from alf_ros.soft import softened
 from alf_ros.state import State
 
-# the motion does not depend on it; a smaller one takes more iterations to the same
+# The motion does not depend on it, but how many rounds a solve takes: each leaves of the softest
+# mode 1 / (penalty σ²), and of rounding ε penalty.
 LEAST_PENALTY = 1e6
+_SOFT = 0.05  # σ from which on both matter, as in long chains
+_BEST = 6.7e7  # ε^-½: over σ, where both are as large
+_STIFFEST = 1e12
 
 
 class Simulation:
     """A scene, stepped.
 
     Keywords override the scene's solver section: `step` (s), `integrator`, `formulation`,
-    `penalty` (α without dimension; alf2 takes 1e6 at least), `iterations` (at most, per solve),
-    `tolerance` (relative error of a step, for an adaptive integrator, whose `step` is the grid it
-    keeps), `accuracy` (m, in place of integrator and tolerance: they are picked by trying; the
-    attribute `solver` says which, `accuracy` how well). With `watch` the passes through singular
+    `penalty` (α without dimension; alf2 takes 1e6 at least, and in soft mechanisms, such as long
+    chains, more), `iterations` (at most, per solve), `tolerance` (relative error of a step, for an
+    adaptive integrator, whose `step` is the grid it keeps), `accuracy` (m, in place of integrator
+    and tolerance: they are picked by trying; the attribute `solver` says which, `accuracy` how
+    well). With `watch` the passes through singular
     positions are found, for about the cost of one stage more a step. With `ledger` the work of
     each effect is integrated (`Sample.works`), for about the cost of the effects. Raises
     InputError for an unknown keyword, AssemblyError if the mechanism cannot be closed or the
@@ -86,11 +91,14 @@ class Simulation:
         self._method = method(self.solver)
         try:
             q = assembly.close(self.model, scene.positions)
+            self._dependent_rows, self._ordinary, sigma = assembly.ordinary(self.model, q)
+            self.model = self.model.accustomed(sigma)
+            if self.solver.formulation == 'alf2' and sigma < _SOFT:
+                best = min(_BEST / sigma, _STIFFEST)
+                self.model = self.model.with_penalty(max(penalty, best))
             qd = assembly.complete(self.model, q, scene.velocities)
         except AssemblyError as error:
             raise AssemblyError(error.message, file=scene.file, key=error.key) from None
-        self._dependent_rows, self._ordinary, sigma = assembly.ordinary(self.model, q)
-        self.model = self.model.accustomed(sigma)
         self._within = assembly.within(self.model, q, self._dependent_rows) and bool(qd.any())
         self.ledger = ledger
         # of `Sample.works`, by name

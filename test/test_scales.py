@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -75,3 +77,44 @@ def test_a_light_body_does_not_disturb_a_heavy_one(ratio: float) -> None:
     assert sample.points['A'] == pytest.approx(alone.sample().points['A'], abs=100.0 / ratio)
     assert sample.energy == pytest.approx(0.0, abs=1e-10)
     assert sample.diagnostics.position_violation < 1e-13
+
+
+def chain(bars: int, **settings: Any) -> Simulation:
+    """Of bars of 1 m and 1 kg, drawn level, hanging from its first point."""
+    points = {f'P{k}': {'at': [k, 0], 'fixed': k == 0} for k in range(bars + 1)}
+    bodies = {
+        f'b{k}': {'points': [f'P{k}', f'P{k + 1}'], 'mass': 1, 'inertia': 'rod'}
+        for k in range(bars)
+    }
+    joints = {
+        f'j{k}': {
+            'type': 'revolute',
+            'between': [f'b{k - 1}' if k else 'ground', f'b{k}'],
+            'at': f'P{k}',
+        }
+        for k in range(bars)
+    }
+    mechanism = {'alf': 1, 'points': points, 'bodies': bodies, 'joints': joints}
+    scene = {'mechanism': mechanism, 'effects': {'gravity': {'acceleration': [0, -9.81]}}}
+    return Simulation(load_scene(scene), **settings)
+
+
+@pytest.mark.parametrize('bars', [10, 300, 3000])
+def test_rounds_do_not_grow_with_a_chain(bars: int) -> None:
+    """Its softest wave has σ = 1 / bars, about; with the penalty of a short one that takes
+    conjugate gradients in every stage."""
+    sim = chain(bars, step=1e-4)
+    sim.step(5)
+    assert sim.sample().diagnostics.iterations <= 3
+    assert sim.sample().diagnostics.redundant == 0
+
+
+def test_a_long_chain_falls_as_with_any_penalty() -> None:
+    """The level of its end: it falls freely but for what has reached it of the pull."""
+    ends, before = [], chain(100).sample().energy
+    for penalty in (1e6, 1e11):
+        sim = chain(100, step=1e-3, integrator='dop853', penalty=penalty)
+        sim.step(500)
+        ends.append(sim.sample().q)
+        assert sim.sample().energy == pytest.approx(before, abs=1e-8 * 100 * 9.81)
+    assert ends[0] == pytest.approx(ends[1], abs=1e-8)

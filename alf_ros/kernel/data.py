@@ -144,6 +144,8 @@ class System(Struct):
     penalty: float  # α without dimension
     ordinary: float  # least singular value σ at ordinary positions
     close: float  # σ over that, below which rounding would be felt
+    # ratio of two rounds from which on a stage is placed wholly, and conjugate gradients take over
+    patience: float
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,7 +25,6 @@ from alf_ros.kernel.prescribed import bias, bias_of_forms
 from alf_ros.kernel.soft import add_soft_times
 from alf_ros.kernel.vectors import largest, zero
 
-_PATIENCE = 1e-4  # ratio from which on a stage is placed wholly, and conjugate gradients take over
 _MODES = 40  # of those, at most
 _ROUNDS = 2  # after them, to take away the rounding they bring
 _NOTHING = 1e-150  # of x, in SI units: its square is still a number
@@ -304,8 +303,9 @@ def solved(
     begun: bool,
 ) -> tuple[int, float]:
     """`augmented`, and where that is slow `finish`, if Φ_q is that of the factor."""
-    count, slowest = augmented(unit, system, work, f, x, iterations, SOLVED, _PATIENCE, begun)
-    if slowest <= _PATIENCE:
+    patience = system.patience
+    count, slowest = augmented(unit, system, work, f, x, iterations, SOLVED, patience, begun)
+    if slowest <= patience:
         return count, np.inf
     if not exactly:
         return count, 0.0
