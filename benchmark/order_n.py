@@ -10,7 +10,7 @@ cvxopt), its CHOLMOD factorises the same matrix: a supernodal code, for comparis
 - ring: the same, closed, on a bar of its own.
 - tree: every bar carries two more.
 - ladder: the N four-bars of the library.
-- truss: a square lattice of bars, hinged where they meet.
+- truss: a lattice of bars, hinged where they meet.
 """
 
 from __future__ import annotations
@@ -102,9 +102,13 @@ def ladder(n: int) -> Scene:
 
 
 def truss(n: int) -> Scene:
-    """A lattice of s by s places has 2 s (s - 1) bars; it hangs from its upper corners."""
+    """A lattice of s by s places has 2 s (s - 1) bars; it hangs from its upper corners. It is out
+    of square: where all bars of a row are in line it is singular, and stages are interpolated."""
     s = max(2, round(math.sqrt(0.5 * n) + 0.5))
-    places = [(float(k % s), -float(k // s)) for k in range(s * s)]
+    places = [
+        (k % s + 0.2 * math.sin(2.1 * k), -(k // s) + 0.2 * math.cos(3.7 * k))
+        for k in range(s * s)
+    ]
     bars = [(k, k + 1) for k in range(s * s) if (k + 1) % s]
     bars += [(k, k + s) for k in range(s * (s - 1))]
     return scene_of(places, bars, {0, s - 1})
