@@ -17,6 +17,7 @@ from alf_ros.arrays import Floats
 from alf_ros.driving import is_aligned
 from alf_ros.errors import AssemblyError
 from alf_ros.kernel import System, Work
+from alf_ros.kernel.data import NOTHING
 from alf_ros.mechanism import Joint
 from alf_ros.model import Model, allocate, hold
 from alf_ros.prescribed import prescribe
@@ -215,7 +216,7 @@ def complete(
     wrong = np.abs(rate - wanted) * system.rows.scale
     speeds = [values, work.qd] if near is None else [values, work.qd, near]
     if wrong.size and wrong.max() > tolerance * max(
-        1e-300, *(np.abs(each).max(initial=0.0) for each in speeds)
+        NOTHING, *(np.abs(each).max(initial=0.0) for each in speeds)
     ):
         raise AssemblyError(
             f'the velocities given contradict each other: {_worst(names, wrong, "m/s")}',

@@ -17,8 +17,8 @@ from alf_ros.scene import Solver
 
 
 class Tableau(NamedTuple):
-    """Butcher's a (s, s), b (s,), c (s,), the order, for an adaptive method the weights of its
-    embedded errors (2, s), of an implicit one (1, s)."""
+    """Butcher's a (s, s), b (s,), c (s,), the order, and the weights of embedded errors: (2, s) of
+    an adaptive explicit method, (1, s) of an adaptive implicit one, else (0,)."""
 
     a: Floats
     b: Floats

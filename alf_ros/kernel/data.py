@@ -19,6 +19,7 @@ OK, NOT_POSITIVE, NOT_FINITE, NOT_CLOSED, COLLAPSED, JAMMED, TOO_MANY, NOT_SETTL
 
 SOLVED = 1e-12  # relative change at which a solve is finished
 EPS = float(np.finfo(np.float64).eps)
+NOTHING = 1e-150  # speeds and accelerations below, SI: a square of it is still a number
 ORIGIN, FREE = -1, -2  # in place of a block that others turn about
 ZERO = np.uint64(0)
 ONE = np.uint64(1)

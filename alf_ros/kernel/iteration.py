@@ -10,24 +10,23 @@ from numba import types
 from numba.extending import intrinsic
 
 from alf_ros.arrays import Floats, Unit
-from alf_ros.kernel.constraints import (
-    add_transposed,
-    along_gradients,
-    gradients,
-    times_jacobian,
-)
-from alf_ros.kernel.data import EPS, SOLVED, Forces, Rows, System, Work
+from alf_ros.kernel.constraints import add_transposed, times_jacobian
+from alf_ros.kernel.data import EPS, NOTHING, SOLVED, Forces, System, Work
 from alf_ros.kernel.factor import solve, step_by
 from alf_ros.kernel.forces import applied_forces
 from alf_ros.kernel.jit import compiled, expanded, inner
-from alf_ros.kernel.mass import add_skew_times
-from alf_ros.kernel.prescribed import bias, bias_of_forms
+from alf_ros.kernel.prescribed import bias
+from alf_ros.kernel.residuals import (
+    begin_accelerations,
+    begin_velocities,
+    residuals,
+    update_rows,
+)
 from alf_ros.kernel.soft import add_soft_times
 from alf_ros.kernel.vectors import largest, zero
 
-_MODES = 40  # of those, at most
+_MODES = 40  # conjugate gradients, at most
 _ROUNDS = 2  # after them, to take away the rounding they bring
-_NOTHING = 1e-150  # of x, in SI units: its square is still a number
 _NOISE = 8.0 * EPS  # part of x by which rows are off by rounding
 _ROUNDING = 1e-12  # of an eigenvalue
 
@@ -59,16 +58,16 @@ def augmented(
     1 / (1 + s²) of its r2 along: where the ratio of two rounds says that one is above `patience`,
     it ends too. Returned are how often, and the largest ratio that mattered.
     """
-    D, n = np.uint64(len(unit)), work.p.size
+    n = work.p.size
     alone = largest(f, n) / system.mean
     fine = max(tolerance, _NOISE * np.sqrt(system.penalty))
     before, slowest = 0.0, 0.0
     for count in range(1, iterations + 1):
         if count > 1 or not begun:
-            _residuals(unit, system, work, f, x)
+            residuals(unit, system, work, f, x)
         step, size = step_by(unit, system, work, x)
-        size = max(size, alone, _NOTHING)
-        left = np.sqrt(system.penalty) * _update_rows(D, system.rows, work)
+        size = max(size, alone, NOTHING)
+        left = np.sqrt(system.penalty) * update_rows(unit, system.rows, work)
         if left <= fine * size:
             if EPS * system.penalty * step <= tolerance * size:
                 return count, slowest
@@ -119,7 +118,7 @@ def finish(
         z[r] = rows.alpha[r] * r2[r]
         rho += r2[r] * z[r]
     for _ in range(_MODES):
-        floor = max(noise, _NOISE * largest(x, n), _NOTHING)
+        floor = max(noise, _NOISE * largest(x, n), NOTHING)
         if rho <= system.penalty * system.mean * floor * floor:
             return least
         zero(delta)
@@ -153,93 +152,6 @@ def finish(
     return 0.0
 
 
-@inner
-def _residuals(unit: Unit, system: System, work: Work, f: Floats, x: Floats) -> None:
-    """δ = f - M̂ x + Φ_qᵀ (α r2 - y) on movable blocks, Φ_q as `augmented` says."""
-    D, rows, pattern, mass = np.uint64(len(unit)), system.rows, system.pattern, system.mass
-    delta, g, gf, y, r2 = work.delta, work.g, work.gf, work.y, work.r2
-    for i in range(mass.diagonal.size):
-        k = mass.diagonal[i]
-        for a in range(i * D, i * D + D):
-            delta[a] = f[a] - k * x[a]
-    for r in range(rows.both):
-        i, j, s, z, k = rows.i[r] * D, rows.j[r] * D, rows.alpha[r] * r2[r], y[r], pattern.bar[r]
-        for a in range(D):
-            v = s * gf[r * D + a] - z * g[r * D + a]
-            delta[i + a] += v - k * x[j + a]
-            delta[j + a] -= v + k * x[i + a]
-    for r in range(rows.both, rows.i.size):
-        i, s, z = rows.i[r] * D, rows.alpha[r] * r2[r], y[r]
-        for a in range(D):
-            delta[i + a] += s * gf[r * D + a] - z * g[r * D + a]
-    _add_others(unit, system, work, x)
-
-
-@inner
-def _add_others(unit: Unit, system: System, work: Work, x: Floats) -> None:
-    """Of the same what belongs to no distance row: δ += Φ_qᵀ (α r2 - y) - M̂ x."""
-    D, rows, mass, apart = np.uint64(len(unit)), system.rows, system.mass, system.pattern.apart
-    delta, y, r2, g2, g2f, m1 = work.delta, work.y, work.r2, work.g2, work.g2f, rows.i.size
-    for n in range(apart.size):
-        i, j, k = mass.i[apart[n]] * D, mass.j[apart[n]] * D, mass.k[apart[n]]
-        for a in range(D):
-            delta[i + a] -= k * x[j + a]
-            delta[j + a] -= k * x[i + a]
-    if mass.skew.size > 0:
-        add_skew_times(unit, mass, -1.0, x, delta)
-    if system.soft.weight.size > 0:
-        add_soft_times(unit, system.soft, -1.0, x, delta)
-    for r in range(rows.movable.size):
-        s, z = rows.alpha[m1 + r] * r2[m1 + r], y[m1 + r]
-        for e in range(rows.first[r], rows.movable[r]):
-            i = rows.block[e] * D
-            for a in range(D):
-                delta[i + a] += s * g2f[e * D + a] - z * g2[e * D + a]
-
-
-@inner
-def _update_rows(D: np.uint64, rows: Rows, work: Work) -> float:
-    """y += α (Φ_q δ - r2), r2 -= Φ_q δ; returns the largest of r2, rows scaled to lengths."""
-    delta, g, gf, y, r2, g2, g2f = (
-        work.delta,
-        work.g,
-        work.gf,
-        work.y,
-        work.r2,
-        work.g2,
-        work.g2f,
-    )
-    m1, widest = rows.i.size, 0.0
-    for r in range(rows.both):
-        i, j, sf, s = rows.i[r] * D, rows.j[r] * D, -r2[r], r2[r]
-        for a in range(D):
-            v = delta[i + a] - delta[j + a]
-            sf += gf[r * D + a] * v
-            s -= g[r * D + a] * v
-        y[r] += rows.alpha[r] * sf
-        r2[r] = s
-        widest = max(widest, abs(rows.scale[r] * s))
-    for r in range(rows.both, m1):
-        i, sf, s = rows.i[r] * D, -r2[r], r2[r]
-        for a in range(D):
-            sf += gf[r * D + a] * delta[i + a]
-            s -= g[r * D + a] * delta[i + a]
-        y[r] += rows.alpha[r] * sf
-        r2[r] = s
-        widest = max(widest, abs(rows.scale[r] * s))
-    for r in range(rows.movable.size):
-        sf, s = -r2[m1 + r], r2[m1 + r]
-        for e in range(rows.first[r], rows.movable[r]):
-            i = rows.block[e] * D
-            for a in range(D):
-                sf += g2f[e * D + a] * delta[i + a]
-                s -= g2[e * D + a] * delta[i + a]
-        y[m1 + r] += rows.alpha[m1 + r] * sf
-        r2[m1 + r] = s
-        widest = max(widest, abs(rows.scale[m1 + r] * s))
-    return widest
-
-
 @expanded
 def velocities(
     unit: Unit, system: System, work: Work, iterations: int, exactly: bool
@@ -249,46 +161,8 @@ def velocities(
     `exactly` where Φ_q is that of the factor. Returns the iterations, and about the least singular
     value σ; infinite where it is too large to matter, and not `exactly` 0 where it does matter.
     """
-    _begin_velocities(unit, system, work)
+    begin_velocities(unit, system, work)
     return solved(unit, system, work, work.p, work.qd, iterations, exactly, True)
-
-
-@inner
-def _begin_velocities(unit: Unit, system: System, work: Work) -> None:
-    """Φ_q, r2 = -Φ_q q̇, y = 0, and δ = p - M̂ q̇ + Φ_qᵀ α r2 with the Φ_q of the factor."""
-    D, rows, pattern, mass = np.uint64(len(unit)), system.rows, system.pattern, system.mass
-    q, qd, delta, g, gf, p = work.q, work.qd, work.delta, work.g, work.gf, work.p
-    m1 = rows.i.size
-    for i in range(mass.diagonal.size):
-        k = mass.diagonal[i]
-        for a in range(i * D, i * D + D):
-            delta[a] = p[a] - k * qd[a]
-    for r in range(rows.both):
-        i, j, s, k = rows.i[r] * D, rows.j[r] * D, 0.0, pattern.bar[r]
-        for a in range(D):
-            d = q[i + a] - q[j + a]
-            g[r * D + a] = d
-            s -= d * (qd[i + a] - qd[j + a])
-        work.r2[r], work.y[r], s = s, 0.0, rows.alpha[r] * s
-        for a in range(D):
-            v = s * gf[r * D + a]
-            delta[i + a] += v - k * qd[j + a]
-            delta[j + a] -= v + k * qd[i + a]
-    for r in range(rows.both, m1):
-        i, j, s = rows.i[r] * D, rows.j[r] * D, 0.0
-        for a in range(D):
-            d = q[i + a] - q[j + a]
-            g[r * D + a] = d
-            s -= d * (qd[i + a] - qd[j + a])
-        work.r2[r], work.y[r], s = s, 0.0, rows.alpha[r] * s
-        for a in range(D):
-            delta[i + a] += s * gf[r * D + a]
-    if rows.movable.size > 0:
-        gradients(unit, rows, q, work.g2)
-        along_gradients(unit, rows, work.g2, qd, work.r2)
-        for r in range(m1, work.r2.size):
-            work.r2[r], work.y[r] = -work.r2[r], 0.0
-    _add_others(unit, system, work, qd)
 
 
 @inner
@@ -368,32 +242,3 @@ def accelerate(
         return forces.bearings.passes[1], sigma
     begin_accelerations(unit, system, work, work.Q)
     return solved(unit, system, work, work.Q, work.qdd, iterations, exactly, True)
-
-
-@inner
-def begin_accelerations(unit: Unit, system: System, work: Work, f: Floats) -> None:
-    """r2 = -Φ̇_q q̇ - Φ_q,s s̈, y = 0, and δ = f + Φ_qᵀ α r2 with the Φ_q of the factor."""
-    D, rows, qd, delta, gf = np.uint64(len(unit)), system.rows, work.qd, work.delta, work.gf
-    m1 = rows.i.size
-    for i in range(work.p.size):
-        delta[i] = f[i]
-    for r in range(m1):
-        i, j, s = rows.i[r] * D, rows.j[r] * D, 0.0
-        for a in range(D):
-            s -= (qd[i + a] - qd[j + a]) * (qd[i + a] - qd[j + a])
-        work.r2[r], work.y[r], s = s, 0.0, rows.alpha[r] * s
-        for a in range(D):
-            delta[i + a] += s * gf[r * D + a]
-        if r < rows.both:
-            for a in range(D):
-                delta[j + a] -= s * gf[r * D + a]
-    if rows.movable.size == 0:
-        return
-    bias_of_forms(unit, system, work, work.r2)
-    for r in range(rows.movable.size):
-        s = -work.r2[m1 + r]
-        work.r2[m1 + r], work.y[m1 + r], s = s, 0.0, rows.alpha[m1 + r] * s
-        for e in range(rows.first[r], rows.movable[r]):
-            i = rows.block[e] * D
-            for a in range(D):
-                delta[i + a] += s * work.g2f[e * D + a]

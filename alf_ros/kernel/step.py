@@ -25,10 +25,11 @@ from alf_ros.kernel.data import (
     Work,
 )
 from alf_ros.kernel.factor import linearise
-from alf_ros.kernel.iteration import accelerate, augmented, begin_accelerations, velocities
+from alf_ros.kernel.iteration import accelerate, augmented, velocities
 from alf_ros.kernel.jit import compiled, expanded, inner
 from alf_ros.kernel.manifold import project
 from alf_ros.kernel.prescribed import prescribe
+from alf_ros.kernel.residuals import begin_accelerations
 from alf_ros.kernel.stage import SPACING, stage, stage_between
 from alf_ros.kernel.tally import tally
 from alf_ros.kernel.turns import count_turns, nearby
