@@ -16,6 +16,7 @@ from mcap_ros2.decoder import DecoderFactory
 from mcap_ros2.reader import read_ros2_messages
 from rcl_interfaces.srv import GetParameters
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import NodeNameNonExistentError
 from rclpy.qos import QoSProfile
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -102,17 +103,23 @@ class Peer:
         self.node.destroy_node()
         rclpy.shutdown()
 
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.close()
+
     def until(self, condition, what, limit=LIMIT):
         """Spin until `condition()` is true and return what it gave; fail after `limit` seconds.
 
-        A condition may look at the last message of a topic before there is one: it does not hold
-        then.
+        A condition may look at the last message of a topic before there is one, or ask for a node
+        that is not found yet: it does not hold then.
         """
 
         def holds():
             try:
                 return condition()
-            except IndexError:
+            except (IndexError, NodeNameNonExistentError):
                 return None
 
         end = time.monotonic() + limit

@@ -30,6 +30,7 @@ ROOMS = {
         'kernel.manifold',
         'kernel.mass',
         'kernel.prescribed',
+        'kernel.residuals',
         'kernel.soft',
         'kernel.stage',
         'kernel.step',

@@ -10,7 +10,6 @@ from xml.etree import ElementTree
 
 import pytest
 from rcl_interfaces.srv import ListParameters
-from rclpy.node import NodeNameNonExistentError
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from ros_node import ROOT, Peer, SimulatorProcess
 from test_view import ViewProcess
@@ -46,9 +45,9 @@ def pattern(name):
 @pytest.fixture(scope='module')
 def found(tmp_path_factory):
     """Publishers, subscribers and services by name, with their types, and all parameters."""
-    peer = Peer()
     options = {'qos_overrides./simulator/energy.publisher.reliability': 'best_effort'}
-    with SimulatorProcess(tmp_path_factory.mktemp('node'), **options).wait_running():
+    process = SimulatorProcess(tmp_path_factory.mktemp('node'), **options)
+    with Peer() as peer, process.wait_running():
         names = peer.call(ListParameters, '/simulator/list_parameters').result.names
 
         def graph(what):
@@ -63,7 +62,6 @@ def found(tmp_path_factory):
 
         everything = peer.until(discovered, 'the node on the graph')
         offered = {topic: peer.node.get_publishers_info_by_topic(topic) for topic in everything[0]}
-    peer.close()
     profiles = {
         topic: info.qos_profile
         for topic, infos in offered.items()
@@ -190,15 +188,11 @@ def test_the_security_policy_lets_the_node_do_what_it_does_and_no_more(found):
 
 
 def test_the_security_policy_lets_the_view_do_what_it_does_and_no_more():
-    peer, (_, unused) = Peer(), rules('view', 'view')
-    with ViewProcess() as view, urllib.request.urlopen(f'{view.url}events'):
+    _, unused = rules('view', 'view')
+    with Peer() as peer, ViewProcess() as view, urllib.request.urlopen(f'{view.url}events'):
 
         def of_view(what):
-            try:
-                ask = getattr(peer.node, f'get_{what}_names_and_types_by_node')
-                return dict(ask('view', '/'))
-            except NodeNameNonExistentError:
-                return {}
+            return dict(getattr(peer.node, f'get_{what}_names_and_types_by_node')('view', '/'))
 
         # the last of each that it makes
         peer.until(lambda: '/diagnostics' in of_view('subscriber'), 'its subscriptions')
@@ -208,7 +202,6 @@ def test_the_security_policy_lets_the_view_do_what_it_does_and_no_more():
         assert unused(subscribers, 'topics', 'subscribe') <= {'/parameter_events'}
         assert unused(of_view('publisher'), 'topics', 'publish') == set()
         assert unused(of_view('client'), 'services', 'request') == set()
-    peer.close()
 
 
 @pytest.mark.parametrize(('given', 'found'), [({}, 'LOCALHOST'), ({RANGE: 'SUBNET'}, 'SUBNET')])

@@ -48,9 +48,8 @@ def repeat(log):
 def driven(tmp_path_factory):
     """The log of a run with wrenches in both frames, on a point too, and efforts."""
     folder = tmp_path_factory.mktemp('driven')
-    peer = Peer()
-    heard = peer.listen('joint_states', JointState)
-    with SimulatorProcess(folder).wait_running() as node:
+    with Peer() as peer, SimulatorProcess(folder).wait_running() as node:
+        heard = peer.listen('joint_states', JointState)
         crank = peer.talk('/simulator/wrench/crank', WrenchStamped)
         coupler = peer.talk('/simulator/wrench/coupler', WrenchStamped)
         point = peer.talk('/simulator/wrench/A', WrenchStamped)
@@ -64,7 +63,6 @@ def driven(tmp_path_factory):
             count = len(heard)
             peer.until(lambda n=count: len(heard) > n + 5, 'motion')
         assert node.stop() == 0, node.output
-    peer.close()
     return read_log(node.logs[0])
 
 
