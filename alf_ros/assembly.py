@@ -286,8 +286,9 @@ def _rank(model: Model, work: Work, q: Floats) -> int:
         if not kernel.linearise(model.unit, stiff.system, work, q):
             break
         rank = effective_rank(stiff, work)
-        if abs(rank - round(rank)) < off:
-            found, off = round(rank), abs(rank - round(rank))
+        away = abs(rank - np.rint(rank))  # not a number, for a penalty that overflows
+        if away < off:
+            found, off = round(rank), away
         if off < 0.02:
             break
     return found

@@ -26,6 +26,7 @@ from alf_ros.kernel import Phase, Watch
 from alf_ros.ledger import DRIVES, INPUTS, accounts
 from alf_ros.model import allocate, compile_model
 from alf_ros.passes import Pass, Watcher
+from alf_ros.penalty import LEAST_PENALTY, fitted
 from alf_ros.placement import placed
 from alf_ros.prescribed import prescribe
 from alf_ros.reactions import Reactions
@@ -33,13 +34,6 @@ from alf_ros.sample import Sample
 from alf_ros.scene import PICKED, Scene, Solver, joined
 from alf_ros.soft import softened
 from alf_ros.state import State
-
-# The motion does not depend on it, but how many rounds a solve takes: each leaves of the softest
-# mode 1 / (penalty σ²), and of rounding ε penalty.
-LEAST_PENALTY = 1e6
-_SOFT = 0.05  # σ from which on both matter, as in long chains
-_BEST = 6.7e7  # ε^-½: over σ, where both are as large
-_STIFFEST = 1e12
 
 
 class Simulation:
@@ -50,11 +44,10 @@ class Simulation:
     chains, more), `iterations` (at most, per solve), `tolerance` (relative error of a step, for an
     adaptive integrator, whose `step` is the grid it keeps), `accuracy` (m, in place of integrator
     and tolerance: they are picked by trying; the attribute `solver` says which, `accuracy` how
-    well). With `watch` the passes through singular
-    positions are found, for about the cost of one stage more a step. With `ledger` the work of
-    each effect is integrated (`Sample.works`), for about the cost of the effects. Raises
-    InputError for an unknown keyword, AssemblyError if the mechanism cannot be closed or the
-    initial velocities contradict each other.
+    well). With `watch` the passes through singular positions are found, for about the cost of one
+    stage more a step. With `ledger` the work of each effect is integrated (`Sample.works`), for
+    about the cost of the effects. Raises InputError for an unknown keyword, AssemblyError if the
+    mechanism cannot be closed or the initial velocities contradict each other.
     """
 
     def __init__(
@@ -84,18 +77,15 @@ class Simulation:
         self.accuracy: Budget | None = None
         self._to_pick = False
         self.solver = self._asked({k: v for k, v in given.items() if v is not None})
-        penalty = self.solver.penalty
-        if self.solver.formulation == 'alf2':
-            penalty = max(penalty, LEAST_PENALTY)
-        self.model = compile_model(scene.mechanism, penalty)
+        least = LEAST_PENALTY if self.solver.formulation == 'alf2' else 0.0
+        self.model = compile_model(scene.mechanism, max(self.solver.penalty, least))
         self._method = method(self.solver)
         try:
             q = assembly.close(self.model, scene.positions)
             self._dependent_rows, self._ordinary, sigma = assembly.ordinary(self.model, q)
             self.model = self.model.accustomed(sigma)
-            if self.solver.formulation == 'alf2' and sigma < _SOFT:
-                best = min(_BEST / sigma, _STIFFEST)
-                self.model = self.model.with_penalty(max(penalty, best))
+            if self.solver.formulation == 'alf2':
+                self.model = fitted(self.model, sigma)
             qd = assembly.complete(self.model, q, scene.velocities)
         except AssemblyError as error:
             raise AssemblyError(error.message, file=scene.file, key=error.key) from None

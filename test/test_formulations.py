@@ -311,9 +311,9 @@ def test_what_runs_away_is_stopped() -> None:
     with pytest.raises(
         StepError, match='have opened; take a smaller step, or the formulation alf2'
     ):
-        sim.step(60_000)
+        sim.step(30_000)
     sample = sim.sample()
-    assert 0.9 < sample.t < 60.0
+    assert 0.9 < sample.t < 30.0
     assert np.isfinite(sample.qd).all()
     assert sample.diagnostics.position_violation < 0.2
 

@@ -54,6 +54,7 @@ ROOMS = {
         'mass',
         'orientation',
         'pattern',
+        'penalty',
         'prescribed',
         'rank',
         'reactions',

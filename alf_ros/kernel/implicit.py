@@ -87,7 +87,7 @@ def _settle(
     """
     n, k, rates = work.p.size, system.soft.k, work.k
     at, iterations = THREE * s * n, np.int64(method.iterations)
-    change_at = at + n
+    change_at = at + n  # where k goes in the end, and until then what a pass changes of it
     speed, most, before, part = max(largest(phase.qd, n), falling), 1, np.inf, 1.0
     for i in range(n):
         rates[change_at + i] = 0.0

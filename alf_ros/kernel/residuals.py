@@ -12,7 +12,7 @@ import numpy as np
 from alf_ros.arrays import Floats, Unit
 from alf_ros.kernel.constraints import along_gradients, gradients
 from alf_ros.kernel.data import Rows, System, Work
-from alf_ros.kernel.jit import inner
+from alf_ros.kernel.jit import inlined, inner
 from alf_ros.kernel.mass import add_skew_times
 from alf_ros.kernel.prescribed import bias_of_forms
 from alf_ros.kernel.soft import add_soft_times
@@ -102,30 +102,21 @@ def update_rows(unit: Unit, rows: Rows, work: Work) -> float:
 def begin_velocities(unit: Unit, system: System, work: Work) -> None:
     """Φ_q, r2 = -Φ_q q̇, y = 0, and δ = p - M̂ q̇ + Φ_qᵀ α r2 with the Φ_q of the factor."""
     D, rows, pattern, mass = np.uint64(len(unit)), system.rows, system.pattern, system.mass
-    q, qd, delta, g, gf, p = work.q, work.qd, work.delta, work.g, work.gf, work.p
-    m1 = rows.i.size
+    q, qd, delta, gf, p, m1 = work.q, work.qd, work.delta, work.gf, work.p, rows.i.size
     for i in range(mass.diagonal.size):
         k = mass.diagonal[i]
         for a in range(i * D, i * D + D):
             delta[a] = p[a] - k * qd[a]
     for r in range(rows.both):
-        i, j, s, k = rows.i[r] * D, rows.j[r] * D, 0.0, pattern.bar[r]
-        for a in range(D):
-            d = q[i + a] - q[j + a]
-            g[r * D + a] = d
-            s -= d * (qd[i + a] - qd[j + a])
-        work.r2[r], work.y[r], s = s, 0.0, rows.alpha[r] * s
+        i, j, k = rows.i[r] * D, rows.j[r] * D, pattern.bar[r]
+        s = rows.alpha[r] * _begin_row(unit, work, r, i, j)
         for a in range(D):
             v = s * gf[r * D + a]
             delta[i + a] += v - k * qd[j + a]
             delta[j + a] -= v + k * qd[i + a]
     for r in range(rows.both, m1):
-        i, j, s = rows.i[r] * D, rows.j[r] * D, 0.0
-        for a in range(D):
-            d = q[i + a] - q[j + a]
-            g[r * D + a] = d
-            s -= d * (qd[i + a] - qd[j + a])
-        work.r2[r], work.y[r], s = s, 0.0, rows.alpha[r] * s
+        i = rows.i[r] * D
+        s = rows.alpha[r] * _begin_row(unit, work, r, i, rows.j[r] * D)
         for a in range(D):
             delta[i + a] += s * gf[r * D + a]
     if rows.movable.size > 0:
@@ -134,6 +125,18 @@ def begin_velocities(unit: Unit, system: System, work: Work) -> None:
         for r in range(m1, work.r2.size):
             work.r2[r], work.y[r] = -work.r2[r], 0.0
     _add_others(unit, system, work, qd)
+
+
+@inlined
+def _begin_row(unit: Unit, work: Work, r: np.uint64, i: np.uint64, j: np.uint64) -> float:
+    """Of distance row r, whose blocks begin at i and j: Φ_q, r2 = -Φ_q q̇ and y = 0; returns r2."""
+    D, s = np.uint64(len(unit)), 0.0
+    for a in range(D):
+        d = work.q[i + a] - work.q[j + a]
+        work.g[r * D + a] = d
+        s -= d * (work.qd[i + a] - work.qd[j + a])
+    work.r2[r], work.y[r] = s, 0.0
+    return s
 
 
 @inner
