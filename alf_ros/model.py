@@ -305,7 +305,6 @@ def allocate(model: Model, system: System, stages: int) -> Work:
         chart=Chart(
             **{name: np.zeros(n) for name in ('t', 'n', 'rate', 'momentum', 'rest', 'w')},
             **{name: np.zeros(n // D) for name in ('curvature', 'sin', 'cos', 'rho')},
-            **{name: np.zeros(D) for name in ('d', 'v', 'bent')},
             b=np.zeros(n if D == 3 else 0),
             first=np.zeros(whole),
             arcs=np.zeros(1, dtype=np.int64),

@@ -180,8 +180,9 @@ class _StructAttribute(AttributeTemplate):
         return next((part for field, _, part in kind.parts if field == name), None)
 
 
-def _load(builder: Any, pointer: Any, constant: bool) -> Any:
-    value = builder.load(pointer)
+def load(builder: Any, pointer: Any, constant: bool, align: int | None = None) -> Any:
+    """What stands at a pointer; `constant`: it need not be read again."""
+    value = builder.load(pointer, align=align)
     if constant:
         value.set_metadata('invariant.load', builder.module.add_metadata([]))
     return value
@@ -193,7 +194,7 @@ def _field(context: Any, builder: Any, kind: StructType, table: Any, name: str) 
     words = builder.bitcast(table, _word.as_pointer())
 
     def read(n: int) -> Any:
-        return _load(builder, builder.gep(words, [_word(n)]), True)
+        return load(builder, builder.gep(words, [_word(n)]), True)
 
     if isinstance(part, VectorType):
         vector = cgutils.create_struct_proxy(part)(context, builder)
@@ -229,19 +230,20 @@ class _SetItem(AbstractTemplate):
         return None
 
 
-def _element(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    vector = cgutils.create_struct_proxy(sig.args[0])(context, builder, value=args[0])
-    return builder.gep(vector.data, [args[1]])
+def element(context: Any, builder: Any, kind: VectorType, vector: Any, at: Any) -> Any:
+    """Where number `at` of a vector stands: code that compiled code contains."""
+    data = cgutils.create_struct_proxy(kind)(context, builder, value=vector).data
+    return builder.gep(data, [at])
 
 
 @lower_builtin(operator.getitem, VectorType, types.Integer)
 def _get(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    return _load(builder, _element(context, builder, sig, args), sig.args[0].constant)
+    return load(builder, element(context, builder, sig.args[0], *args), sig.args[0].constant)
 
 
 @lower_builtin(operator.setitem, VectorType, types.Integer, types.Number)
 def _set(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    builder.store(args[2], _element(context, builder, sig, args))
+    builder.store(args[2], element(context, builder, sig.args[0], *args[:2]))
     return context.get_dummy_value()
 
 

@@ -17,11 +17,12 @@ from alf_ros.formulations.runge_kutta import runge_kutta
 from alf_ros.formulations.storage import Settings, Storage, allocate
 from alf_ros.kernel.constraints import add_transposed, times_jacobian, violation
 from alf_ros.kernel.data import NOT_POSITIVE, OK, SOLVED, TWO, Forces, Method, Phase, System, Work
-from alf_ros.kernel.factor import linearise, solve
+from alf_ros.kernel.factor import linearise
 from alf_ros.kernel.forces import applied_forces
 from alf_ros.kernel.jit import compiled, inner
 from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.prescribed import bias
+from alf_ros.kernel.substitution import solve
 from alf_ros.kernel.vectors import copy, zero
 from alf_ros.model import Model
 

@@ -28,11 +28,12 @@ from alf_ros.kernel.constraints import (
     violation,
 )
 from alf_ros.kernel.data import NOT_POSITIVE, OK, SOLVED, Forces, Method, Phase, System, Work
-from alf_ros.kernel.factor import linearise, solve
+from alf_ros.kernel.factor import linearise
 from alf_ros.kernel.forces import applied_forces
 from alf_ros.kernel.jit import compiled, inner
 from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.prescribed import prescribe
+from alf_ros.kernel.substitution import solve
 from alf_ros.kernel.vectors import copy, zero
 from alf_ros.model import Model
 

@@ -42,13 +42,14 @@ from alf_ros.kernel.data import (
     Watch,
     Work,
 )
-from alf_ros.kernel.factor import linearise, solve
+from alf_ros.kernel.factor import linearise
 from alf_ros.kernel.forces import add_friction, applied_forces, potential_energy
 from alf_ros.kernel.implicit import advance_implicitly
 from alf_ros.kernel.iteration import accelerate, augmented
 from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.prescribed import prescribed_at
 from alf_ros.kernel.step import advance
+from alf_ros.kernel.substitution import solve
 from alf_ros.kernel.trace import mass_trace
 from alf_ros.kernel.turns import nearby
 

@@ -154,7 +154,7 @@ def advance_adaptively(
             left = h - done
             longest = pace[0]
             if not begun:
-                longest = min(longest, _TURN / turning(unit, system.arms, work.chart, phase))
+                longest = min(longest, _TURN / turning(unit, system.arms, phase))
             parts = max(1.0, np.ceil(0.999999 * left / longest))  # no crumb at the grid point
             dt = left / parts
             to = end if parts == 1.0 else t + done + dt

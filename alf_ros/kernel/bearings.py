@@ -17,6 +17,7 @@ import numpy as np
 from numba import cfunc, types
 
 from alf_ros.arrays import Unit
+from alf_ros.kernel.block import block, dot, packed, put
 from alf_ros.kernel.constraints import add_transposed, jacobian
 from alf_ros.kernel.data import ONE, Bearings, Forces, System, Work
 from alf_ros.kernel.forces import add_friction, applied_forces
@@ -34,10 +35,9 @@ _ENOUGH = 1e-8  # the same, where rounding does not let them come closer
 @inner
 def _reactions(unit: Unit, forces: Forces, work: Work, t: float) -> None:
     """answer = |R| of each loaded joint, from q̈ and λ in `work` and the trial loads."""
-    cut, D = forces.bearings, np.uint64(len(unit))
+    cut = forces.bearings
     for b in range(cut.source.size):
-        for a in range(D):
-            cut.qdd[b * D + a] = work.qdd[cut.source[b] * D + a]
+        put(cut.qdd, b, block(unit, work.qdd, cut.source[b]))
     for r in range(cut.source_row.size):
         cut.y[r] = work.y[cut.source_row[r]]
     zero(cut.needed)
@@ -47,25 +47,21 @@ def _reactions(unit: Unit, forces: Forces, work: Work, t: float) -> None:
     add_mass_times(unit, cut.mass, 1.0, cut.qdd, cut.needed)
     add_transposed(unit, cut.rows, cut.g, cut.g2, cut.y, cut.needed)
     for n in range(cut.answer.size):
-        square = 0.0
-        for a in range(D):
-            R = 0.0
-            for m in range(cut.first[n], cut.first[n + ONE]):
-                R += cut.sign[m] * cut.needed[cut.block[m] * D + a]
-            for m in range(cut.first_entry[n], cut.first_entry[n + ONE]):
-                R -= work.y[cut.entry_row[m]] * cut.g2[cut.entry[m] * D + a]
-            square += R * R
-        cut.answer[n] = np.sqrt(square)
+        R = packed(unit, 0.0, 0.0, 0.0)
+        for m in range(cut.first[n], cut.first[n + ONE]):
+            R = R + cut.sign[m] * block(unit, cut.needed, cut.block[m])
+        for m in range(cut.first_entry[n], cut.first_entry[n + ONE]):
+            R = R - work.y[cut.entry_row[m]] * block(unit, cut.g2, cut.entry[m])
+        cut.answer[n] = np.sqrt(dot(R, R))
 
 
 @inner
 def _place(unit: Unit, forces: Forces, work: Work, t: float) -> None:
     """The cut mechanism where the assembled one is."""
-    cut, D = forces.bearings, np.uint64(len(unit))
+    cut = forces.bearings
     for b in range(cut.source.size):
-        for a in range(D):
-            cut.q[b * D + a] = work.q[cut.source[b] * D + a]
-            cut.qd[b * D + a] = work.qd[cut.source[b] * D + a]
+        put(cut.q, b, block(unit, work.q, cut.source[b]))
+        put(cut.qd, b, block(unit, work.qd, cut.source[b]))
     jacobian(unit, cut.rows, cut.q, cut.g, cut.g2)
     applied_forces(cut.effects, t, cut.q, cut.qd, work.near, cut.Q)
 

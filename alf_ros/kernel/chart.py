@@ -27,8 +27,10 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Floats, Unit
+from alf_ros.kernel.block import Block, add, block, cross, dot, packed, put, subtract
 from alf_ros.kernel.data import FREE, ONE, ORIGIN, THREE, TWO, Arms, Chart, Phase, System, Work
-from alf_ros.kernel.jit import inner
+from alf_ros.kernel.each import each
+from alf_ros.kernel.jit import inlined, inner
 from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.vectors import copy, largest, zero
 
@@ -36,31 +38,28 @@ from alf_ros.kernel.vectors import copy, largest, zero
 # rk4), and these cost less
 _LEAST = 0.01
 _SLOWEST = 1e-4  # of the fastest, in space: a slower block tells no circle
+_WIDE = 1.6  # rad: what turns further in a step calls sin and cos both
 _SHARPEST = 10.0  # 1 / length of the arm: nor does one that hardly moves about its axis
 
 
-@inner
-def _apart(unit: Unit, arms: Arms, i: np.uint64, u: Floats, out: Floats) -> None:
-    """out (D,) = u (all blocks D,) of block i, less that of what it turns about."""
-    D, about = np.uint64(len(unit)), arms.about[i]
-    for a in range(D):
-        out[a] = u[i * D + a]
-        if about != ORIGIN:
-            out[a] -= u[np.uint64(about) * D + a]
+@inlined
+def _apart(unit: Unit, arms: Arms, i: np.uint64, u: Floats) -> Block:
+    """u (all blocks D,) of block i, less that of what it turns about."""
+    about, v = arms.about[i], block(unit, u, i)
+    if about != ORIGIN:
+        v = v - block(unit, u, np.uint64(about))
+    return v
 
 
 @inner
-def turning(unit: Unit, arms: Arms, chart: Chart, phase: Phase) -> float:
+def turning(unit: Unit, arms: Arms, phase: Phase) -> float:
     """The fastest that an arm turns, rad/s."""
-    d, v, fastest = chart.d, chart.v, 0.0
-    for i in range(arms.about.size):
+    fastest = 0.0
+    for i in each(0, arms.about.size):
         if arms.about[i] == FREE:
             continue
-        _apart(unit, arms, i, phase.q, d)
-        _apart(unit, arms, i, phase.qd, v)
-        dd, dv, vv = 0.0, 0.0, 0.0
-        for a in range(len(unit)):
-            dd, dv, vv = dd + d[a] * d[a], dv + d[a] * v[a], vv + v[a] * v[a]
+        d, v = _apart(unit, arms, i, phase.q), _apart(unit, arms, i, phase.qd)
+        dd, dv, vv = dot(d, d), dot(d, v), dot(v, v)
         if dd > 0.0:
             fastest = max(fastest, (dd * vv - dv * dv) / (dd * dd))
     return np.sqrt(fastest)
@@ -69,51 +68,38 @@ def turning(unit: Unit, arms: Arms, chart: Chart, phase: Phase) -> float:
 @inner
 def lay(unit: Unit, system: System, chart: Chart, work: Work, phase: Phase, h: float) -> None:
     """Choose the coordinates of a step of h (s), and leave ξ̇ and w where it begins."""
-    D, arms = np.uint64(len(unit)), system.arms
+    arms = system.arms
     chart.arcs[0] = 0
     slowest = _SLOWEST * largest(phase.qd, work.p.size)
-    d, v, b = chart.d, chart.v, chart.bent
-    for i in range(arms.about.size):
-        x = i * D
+    for i in each(0, arms.about.size):
         chart.curvature[i] = 0.0
-        for a in range(x, x + D):
-            chart.rate[a] = phase.qd[a]
+        put(chart.rate, i, block(unit, phase.qd, i))
         if arms.about[i] == FREE:
             continue
-        _apart(unit, arms, i, phase.q, d)
-        _apart(unit, arms, i, phase.qd, v)
-        _apart(unit, arms, i, work.bend, b)
-        dd, dv, vv, vb, bb = 0.0, 0.0, 0.0, 0.0, 0.0
-        for a in range(D):
-            dd, dv, vv = dd + d[a] * d[a], dv + d[a] * v[a], vv + v[a] * v[a]
-            vb, bb = vb + v[a] * b[a], bb + b[a] * b[a]
-        if D == TWO:
-            turn = d[0] * v[1] - d[1] * v[0]
+        d, v = _apart(unit, arms, i, phase.q), _apart(unit, arms, i, phase.qd)
+        if len(unit) == 2:
+            turn, dd = d[0] * v[1] - d[1] * v[0], dot(d, d)
             if abs(turn) * h <= _LEAST * dd:
                 continue
             long = np.sqrt(dd)
             chart.curvature[i] = 1.0 / long
-            chart.t[x], chart.t[x + ONE] = -d[1] / long, d[0] / long
-            chart.n[x], chart.n[x + ONE] = -d[0] / long, -d[1] / long
-            chart.rate[x], chart.rate[x + ONE] = turn / long, -dv / long
+            put(chart.t, i, packed(unit, -d[1] / long, d[0] / long, 0.0))
+            put(chart.n, i, (-1.0 / long) * d)
+            put(chart.rate, i, packed(unit, turn / long, -dot(d, v) / long, 0.0))
         else:
-            fast = np.sqrt(vv)
+            b, vv = _apart(unit, arms, i, work.bend), dot(v, v)
+            fast, vb = np.sqrt(vv), dot(v, b)
             if fast <= slowest:
                 continue
-            across = np.sqrt(max(0.0, bb * vv - vb * vb)) / fast
-            if across * h < _LEAST * fast or across * np.sqrt(dd) > _SHARPEST * vv:
+            across = np.sqrt(max(0.0, dot(b, b) * vv - vb * vb)) / fast
+            if across * h < _LEAST * fast or across * np.sqrt(dot(d, d)) > _SHARPEST * vv:
                 continue
             chart.curvature[i] = across / vv
-            for a in range(D):
-                chart.t[x + a] = v[a] / fast
-                chart.n[x + a] = (b[a] - vb / vv * v[a]) / across
-                chart.rate[x + a] = 0.0
-            chart.rate[x] = fast
-            y, z = x + ONE, x + TWO
-            t, n = chart.t, chart.n
-            chart.b[x] = t[y] * n[z] - t[z] * n[y]
-            chart.b[y] = t[z] * n[x] - t[x] * n[z]
-            chart.b[z] = t[x] * n[y] - t[y] * n[x]
+            t, n = (1.0 / fast) * v, (1.0 / across) * (b - (vb / vv) * v)
+            put(chart.t, i, t)
+            put(chart.n, i, n)
+            put(chart.b, i, cross(t, n))
+            put(chart.rate, i, packed(unit, fast, 0.0, 0.0))
         chart.sin[i], chart.cos[i], chart.rho[i] = 0.0, 1.0, 1.0
         chart.arcs[0] += 1
     if chart.arcs[0] > 0:
@@ -124,28 +110,26 @@ def lay(unit: Unit, system: System, chart: Chart, work: Work, phase: Phase, h: f
 def _begin(unit: Unit, system: System, chart: Chart, work: Work, phase: Phase) -> None:
     """w where the step begins, and what rounding t and n leaves of p beside it: step by step that
     would go the same way."""
-    D, arms, w, p = np.uint64(len(unit)), system.arms, chart.momentum, work.p
+    arms, p = system.arms, work.p
     zero(work.sum)
     add_mass_times(unit, system.mass, 1.0, phase.qd, work.sum)
     copy(work.sum, chart.rest)
     gather(unit, arms, chart, work.sum)
-    copy(work.sum, p)
-    for i in range(arms.about.size):
-        x, e = i * D, 0.0
-        if chart.curvature[i] != 0.0:
-            w[x], w[x + ONE], e = components(unit, chart, i, work.sum, x)
-            if D != TWO:
-                w[x + TWO] = e
-            compose(unit, chart, i, w[x], w[x + ONE], e, p)
+    for i in each(0, arms.about.size):
+        w = block(unit, work.sum, i)
+        if chart.curvature[i] == 0.0:
+            put(chart.momentum, i, w)
+            put(p, i, w)
         else:
-            for a in range(x, x + D):
-                w[a] = p[a]
+            w = components(unit, chart, i, w)
+            put(chart.momentum, i, w)
+            put(p, i, composed(unit, chart, i, w))
     scatter(unit, arms, chart, p)
     for a in range(p.size):
         chart.rest[a] -= p[a]
 
 
-@inner
+@inlined
 def hangs(arms: Arms, chart: Chart, i: np.uint64) -> bool:
     """Whether the arc of block i is about a movable block."""
     about = arms.about[i]
@@ -155,53 +139,49 @@ def hangs(arms: Arms, chart: Chart, i: np.uint64) -> bool:
 @inner
 def gather(unit: Unit, arms: Arms, chart: Chart, u: Floats) -> None:
     """Add to u (movable D,) of each block that of all arcs that hang on it."""
-    D = np.uint64(len(unit))
-    for m in range(arms.order.size):
+    for m in each(0, arms.order.size):
         i = arms.order[arms.order.size - ONE - m]
         if hangs(arms, chart, i):
-            for a in range(D):
-                u[np.uint64(arms.about[i]) * D + a] += u[i * D + a]
+            add(u, np.uint64(arms.about[i]), block(unit, u, i))
 
 
 @inner
 def scatter(unit: Unit, arms: Arms, chart: Chart, u: Floats) -> None:
     """The inverse of `gather`."""
-    D = np.uint64(len(unit))
-    for m in range(arms.order.size):
+    for m in each(0, arms.order.size):
         i = arms.order[m]
         if hangs(arms, chart, i):
-            for a in range(D):
-                u[np.uint64(arms.about[i]) * D + a] -= u[i * D + a]
+            subtract(u, np.uint64(arms.about[i]), block(unit, u, i))
 
 
-@inner
-def components(
-    unit: Unit, chart: Chart, i: np.uint64, u: Floats, x: np.uint64
-) -> tuple[float, float, float]:
-    """Along T, N and b of block i: of u, from x on."""
-    t, n, b = 0.0, 0.0, 0.0
-    D = np.uint64(len(unit))
-    for a in range(D):
-        t += chart.t[i * D + a] * u[x + a]
-        n += chart.n[i * D + a] * u[x + a]
-        if D != TWO:
-            b += chart.b[i * D + a] * u[x + a]
+@inlined
+def components(unit: Unit, chart: Chart, i: np.uint64, u: Block) -> Block:
+    """u of block i along T, N and b."""
+    t, n, b = dot(block(unit, chart.t, i), u), dot(block(unit, chart.n, i), u), 0.0
+    if len(unit) != 2:
+        b = dot(block(unit, chart.b, i), u)
     sin, cos = chart.sin[i], chart.cos[i]
-    return cos * t + sin * n, cos * n - sin * t, b
+    return packed(unit, cos * t + sin * n, cos * n - sin * t, b)
 
 
-@inner
-def compose(
-    unit: Unit, chart: Chart, i: np.uint64, t: float, n: float, b: float, u: Floats
-) -> None:
-    """u of block i = t T + n N + b b."""
-    D = np.uint64(len(unit))
+@inlined
+def composed(unit: Unit, chart: Chart, i: np.uint64, u: Block) -> Block:
+    """The inverse of `components`: u₀ T + u₁ N + u₂ b."""
     sin, cos = chart.sin[i], chart.cos[i]
-    along, across = t * cos - n * sin, t * sin + n * cos
-    for at in range(i * D, i * D + D):
-        u[at] = chart.t[at] * along + chart.n[at] * across
-        if D != TWO:
-            u[at] += chart.b[at] * b
+    v = (u[0] * cos - u[1] * sin) * block(unit, chart.t, i)
+    v = v + (u[0] * sin + u[1] * cos) * block(unit, chart.n, i)
+    if len(unit) != 2:
+        v = v + u[2] * block(unit, chart.b, i)
+    return v
+
+
+@inlined
+def _third(unit: Unit, u: Block) -> float:
+    """What u has besides two coordinates."""
+    third = 0.0
+    if len(unit) != 2:
+        third = u[2]
+    return third
 
 
 @inner
@@ -210,42 +190,51 @@ def unfold(unit: Unit, system: System, chart: Chart, work: Work, phase: Phase) -
 
     Prescribed blocks are where they will be. Without arcs p = M q̇.
     """
-    D, p, arms = np.uint64(len(unit)), work.p, system.arms
+    p, arms = work.p, system.arms
     if chart.arcs[0] == 0:
         for a in range(p.size):
             work.q[a] += phase.q[a]
         zero(p)
         add_mass_times(unit, system.mass, 1.0, work.qd, p)
         return
-    for m in range(arms.order.size):
+    for m in each(0, arms.order.size):
         i = arms.order[m]
-        k, x = chart.curvature[i], i * D
+        k = chart.curvature[i]
         if k == 0.0:
-            for a in range(x, x + D):
-                work.q[a] += phase.q[a]
+            add(work.q, i, block(unit, phase.q, i))
             continue
-        a, c, e, ad, cd, ed = work.q[x], work.q[x + ONE], 0.0, work.qd[x], work.qd[x + ONE], 0.0
-        pa, pc, pe = p[x], p[x + ONE], 0.0
-        if D != TWO:
-            e, ed, pe = work.q[x + TWO], work.qd[x + TWO], p[x + TWO]
-        sin, cos, rho = np.sin(k * a), np.cos(k * a), 1.0 - k * c
+        xi, xid, w = block(unit, work.q, i), block(unit, work.qd, i), block(unit, p, i)
+        rho = 1.0 - k * xi[1]
+        sin, cos, versine = _turned(k * xi[0])
         chart.sin[i], chart.cos[i], chart.rho[i] = sin, cos, rho
-        t, n = rho * sin / k, c * cos + (1.0 - cos) / k
-        for at in range(x, x + D):
-            work.q[at] = phase.q[at] + chart.t[at] * t + chart.n[at] * n
-            if D != TWO:
-                work.q[at] += chart.b[at] * e
-        compose(unit, chart, i, rho * ad, cd, ed, work.qd)
-        compose(unit, chart, i, pa / rho, pc, pe, p)
+        d = (rho * sin / k) * block(unit, chart.t, i)
+        d = d + (xi[1] * cos + versine / k) * block(unit, chart.n, i)
+        v = composed(unit, chart, i, packed(unit, rho * xid[0], xid[1], _third(unit, xid)))
+        put(p, i, composed(unit, chart, i, packed(unit, w[0] / rho, w[1], _third(unit, w))))
+        if len(unit) != 2:
+            d = d + xi[2] * block(unit, chart.b, i)
+        d = block(unit, phase.q, i) + d
         about = arms.about[i]
         if about != ORIGIN:
-            to = np.uint64(about) * D
-            for a in range(D):
-                work.q[x + a] += work.q[to + a] - phase.q[to + a]
-                work.qd[x + a] += work.qd[to + a]
+            to = np.uint64(about)
+            d = d + (block(unit, work.q, to) - block(unit, phase.q, to))
+            v = v + block(unit, work.qd, to)
+        put(work.q, i, d)
+        put(work.qd, i, v)
     scatter(unit, arms, chart, p)
     for a in range(p.size):
         p[a] += chart.rest[a]
+
+
+@inlined
+def _turned(x: float) -> tuple[float, float, float]:
+    """sin x, cos x and 1 - cos x; unless x (rad) is large from sin(x/2) alone."""
+    if abs(x) > _WIDE:
+        cos = np.cos(x)
+        return np.sin(x), cos, 1.0 - cos
+    half = np.sin(0.5 * x)
+    versine = 2.0 * half * half
+    return 2.0 * half * np.sqrt(1.0 - half * half), 1.0 - versine, versine
 
 
 @inner
@@ -254,17 +243,13 @@ def lead(unit: Unit, arms: Arms, chart: Chart, work: Work, amount: float) -> Non
 
     Arcs do not lag, but are taken along by what they turn about. The stage stands in `target`.
     """
-    D = np.uint64(len(unit))
-    for m in range(arms.order.size):
+    for m in each(0, arms.order.size):
         i = arms.order[m]
-        x = i * D
         if chart.curvature[i] == 0.0:
-            for a in range(x, x + D):
-                work.q[a] += amount * work.bend[a]
+            add(work.q, i, amount * block(unit, work.bend, i))
         elif hangs(arms, chart, i):
-            to = np.uint64(arms.about[i]) * D
-            for a in range(D):
-                work.q[x + a] += work.q[to + a] - work.target[to + a]
+            to = np.uint64(arms.about[i])
+            add(work.q, i, block(unit, work.q, to) - block(unit, work.target, to))
 
 
 @inner
@@ -273,40 +258,36 @@ def fold(
 ) -> None:
     """ξ̇, ξ̈ and ẇ from q̇ and q̈ of stage s, unfolded last, into `work.k`; w is that of the stage, in
     `chart.w`. Without arcs there is no w."""
-    D, arms, w, u, v = np.uint64(len(unit)), system.arms, chart.w, chart.d, chart.v
-    k, n = work.k, work.p.size
-    first = s * THREE * n
+    arms, k, n = system.arms, work.k, work.p.size
+    blocks = arms.about.size
+    first = s * THREE * blocks
     if chart.arcs[0] == 0:
         for a in range(n):
-            k[first + a] = qd[a]
-            k[first + n + a] = qdd[a]
+            k[s * THREE * n + a] = qd[a]
+            k[s * THREE * n + n + a] = qdd[a]
         return
     zero(work.sum)
     add_mass_times(unit, system.mass, 1.0, qdd, work.sum)
     gather(unit, arms, chart, work.sum)
-    for i in range(arms.about.size):
-        bent, x = chart.curvature[i], i * D
-        xi = first + x
-        xid, wd = xi + n, xi + TWO * n
+    for i in each(0, blocks):
+        bent, xi = chart.curvature[i], first + i
+        xid, wd = xi + blocks, xi + TWO * blocks
         if bent == 0.0:
-            for a in range(D):
-                k[xi + a], k[xid + a], k[wd + a] = qd[x + a], qdd[x + a], work.sum[x + a]
+            put(k, xi, block(unit, qd, i))
+            put(k, xid, block(unit, qdd, i))
+            put(k, wd, block(unit, work.sum, i))
             continue
-        _apart(unit, arms, i, qd, u)
-        _apart(unit, arms, i, qdd, v)
-        along, cd, ed = components(unit, chart, i, u, np.uint64(0))
-        more, cdd, edd = components(unit, chart, i, v, np.uint64(0))
-        pt, pn, pb = components(unit, chart, i, work.sum, x)
-        rho = chart.rho[i]
-        ad = along / rho
-        wt, wn = w[x] / rho, w[x + ONE]
-        k[xi], k[xi + ONE] = ad, cd
-        k[xid] = (more + 2.0 * bent * ad * cd) / rho
-        k[xid + ONE] = cdd - bent * rho * ad * ad
-        k[wd] = rho * pt + bent * (rho * ad * wn - cd * wt)
-        k[wd + ONE] = pn - bent * ad * wt
-        if D != TWO:
-            k[xi + TWO], k[xid + TWO], k[wd + TWO] = ed, edd, pb
+        u = components(unit, chart, i, _apart(unit, arms, i, qd))
+        v = components(unit, chart, i, _apart(unit, arms, i, qdd))
+        P, w = components(unit, chart, i, block(unit, work.sum, i)), block(unit, chart.w, i)
+        rho, cd = chart.rho[i], u[1]
+        ad = u[0] / rho
+        wt, wn = w[0] / rho, w[1]
+        put(k, xi, packed(unit, ad, cd, _third(unit, u)))
+        add_, cdd = (v[0] + 2.0 * bent * ad * cd) / rho, v[1] - bent * rho * ad * ad
+        put(k, xid, packed(unit, add_, cdd, _third(unit, v)))
+        wtd = rho * P[0] + bent * (rho * ad * wn - cd * wt)
+        put(k, wd, packed(unit, wtd, P[1] - bent * ad * wt, _third(unit, P)))
 
 
 @inner
@@ -319,27 +300,22 @@ def fold_again(unit: Unit, system: System, chart: Chart, work: Work, phase: Phas
 @inner
 def straighten(unit: Unit, arms: Arms, chart: Chart, u: Floats) -> None:
     """A small difference u of ξ (movable D,), where `unfold` was last, as one of q."""
-    D = np.uint64(len(unit))
-    for m in range(arms.order.size):
+    for m in each(0, arms.order.size):
         i = arms.order[m]
         if chart.curvature[i] != 0.0:
-            x, e = i * D, 0.0
-            if D != TWO:
-                e = u[x + TWO]
-            compose(unit, chart, i, chart.rho[i] * u[x], u[x + ONE], e, u)
+            v = block(unit, u, i)
+            v = packed(unit, chart.rho[i] * v[0], v[1], _third(unit, v))
+            put(u, i, composed(unit, chart, i, v))
             if hangs(arms, chart, i):
-                for a in range(D):
-                    u[x + a] += u[np.uint64(arms.about[i]) * D + a]
+                add(u, i, block(unit, u, np.uint64(arms.about[i])))
 
 
 @inner
 def straighten_momenta(unit: Unit, arms: Arms, chart: Chart, u: Floats) -> None:
     """A small difference u of w (movable D,), likewise, as one of p."""
-    D = np.uint64(len(unit))
-    for i in range(arms.about.size):
+    for i in each(0, arms.about.size):
         if chart.curvature[i] != 0.0:
-            x, e = i * D, 0.0
-            if D != TWO:
-                e = u[x + TWO]
-            compose(unit, chart, i, u[x] / chart.rho[i], u[x + ONE], e, u)
+            w = block(unit, u, i)
+            w = packed(unit, w[0] / chart.rho[i], w[1], _third(unit, w))
+            put(u, i, composed(unit, chart, i, w))
     scatter(unit, arms, chart, u)

@@ -5,80 +5,61 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Floats, Unit
+from alf_ros.kernel.block import Block, add, block, dot, packed, put, subtract, times
 from alf_ros.kernel.data import ONE, Rows
-from alf_ros.kernel.jit import compiled, inner
+from alf_ros.kernel.each import each
+from alf_ros.kernel.jit import compiled, inlined, inner
 
 
 @compiled
 def jacobian(unit: Unit, rows: Rows, q: Floats, g: Floats, g2: Floats) -> None:
     """Φ_q(q), as the differences of the distance rows and the entries of the quadratic rows."""
-    D = np.uint64(len(unit))
-    for r in range(rows.i.size):
-        i, j = rows.i[r] * D, rows.j[r] * D
-        for a in range(D):
-            g[r * D + a] = q[i + a] - q[j + a]
+    for r in each(0, rows.i.size):
+        put(g, r, block(unit, q, rows.i[r]) - block(unit, q, rows.j[r]))
     gradients(unit, rows, q, g2)
 
 
 @inner
 def gradients(unit: Unit, rows: Rows, q: Floats, g2: Floats) -> None:
     """Φ_q(q) of the quadratic rows, and N."""
-    D = np.uint64(len(unit))
-    for e in range(rows.block.size):
-        for a in range(D):
-            g2[e * D + a] = rows.b[e * D + a]
-        _add_terms(D, rows, e, q, g2)
+    for e in each(0, rows.block.size):
+        put(g2, e, block(unit, rows.b, e) + _terms(unit, rows, e, q))
 
 
-@inner
-def _add_terms(D: np.uint64, rows: Rows, e: np.uint64, q: Floats, g2: Floats) -> None:
-    for s in range(rows.first_term[e], rows.first_term[e + ONE]):
-        j = rows.term_block[s] * D
-        for a in range(D):
-            for c in range(D):
-                g2[e * D + a] += rows.term[(s * D + a) * D + c] * q[j + c]
+@inlined
+def _terms(unit: Unit, rows: Rows, e: np.uint64, q: Floats) -> Block:
+    """T q, of entry e."""
+    g = packed(unit, 0.0, 0.0, 0.0)
+    for s in each(rows.first_term[e], rows.first_term[e + ONE]):
+        g = g + times(unit, rows.term, s, block(unit, q, rows.term_block[s]))
+    return g
 
 
 @compiled
 def jacobian_rate(unit: Unit, rows: Rows, qd: Floats, g2d: Floats) -> None:
     """Φ̇_q of the quadratic rows; that of a distance row is the difference of the velocities."""
-    D = np.uint64(len(unit))
-    for e in range(rows.block.size):
-        for a in range(D):
-            g2d[e * D + a] = 0.0
-        _add_terms(D, rows, e, qd, g2d)
+    for e in each(0, rows.block.size):
+        put(g2d, e, _terms(unit, rows, e, qd))
 
 
 @compiled
 def violation(unit: Unit, rows: Rows, q: Floats, phi: Floats) -> None:
     """Φ(q); 0 for rows that bind velocities only."""
-    D = np.uint64(len(unit))
-    m1 = rows.i.size
-    for r in range(m1):
-        i, j = rows.i[r] * D, rows.j[r] * D
-        s = -rows.length2[r]
-        for a in range(D):
-            s += (q[i + a] - q[j + a]) * (q[i + a] - q[j + a])
-        phi[r] = 0.5 * s
+    for r in each(0, rows.i.size):
+        d = block(unit, q, rows.i[r]) - block(unit, q, rows.j[r])
+        phi[r] = 0.5 * (dot(d, d) - rows.length2[r])
     forms(unit, rows, q, phi)
 
 
 @inner
 def forms(unit: Unit, rows: Rows, q: Floats, phi: Floats) -> None:
     """Φ(q) of the quadratic rows, and 0 for those that bind velocities only."""
-    D = np.uint64(len(unit))
     m1 = rows.i.size
-    for r in range(rows.c.size):
+    for r in each(0, rows.c.size):
         s = rows.c[r]
-        for e in range(rows.first[r], rows.first[r + ONE]):
-            i = rows.block[e] * D
-            for a in range(D):
-                s += rows.b[e * D + a] * q[i + a]
-            for n in range(rows.first_term[e], rows.first_term[e + ONE]):
-                j = rows.term_block[n] * D
-                for a in range(D):
-                    for c in range(D):
-                        s += 0.5 * q[i + a] * rows.term[(n * D + a) * D + c] * q[j + c]
+        for e in each(rows.first[r], rows.first[r + ONE]):
+            g = block(unit, rows.b, e) + 0.5 * _terms(unit, rows, e, q)
+            s += dot(block(unit, q, rows.block[e]), g)
         phi[m1 + r] = s
     for r in range(m1 + rows.c.size, phi.size):
         phi[r] = 0.0
@@ -87,57 +68,39 @@ def forms(unit: Unit, rows: Rows, q: Floats, phi: Floats) -> None:
 @compiled
 def times_jacobian(unit: Unit, rows: Rows, g: Floats, g2: Floats, v: Floats, out: Floats) -> None:
     """out = Φ_q v; of v = q̇ it is Φ̇, and N q̇ + B (38)."""
-    D = np.uint64(len(unit))
-    m1 = rows.i.size
-    for r in range(m1):
-        i, j = rows.i[r] * D, rows.j[r] * D
-        s = 0.0
-        for a in range(D):
-            s += g[r * D + a] * (v[i + a] - v[j + a])
-        out[r] = s
+    for r in each(0, rows.i.size):
+        d = block(unit, v, rows.i[r]) - block(unit, v, rows.j[r])
+        out[r] = dot(block(unit, g, r), d)
     along_gradients(unit, rows, g2, v, out)
 
 
 @inner
 def along_gradients(unit: Unit, rows: Rows, g2: Floats, v: Floats, out: Floats) -> None:
     """The same of the rows that are no distances; of q̇ and the rates of `g2` it is Φ̇_q q̇."""
-    D = np.uint64(len(unit))
-    m1 = rows.i.size
-    for r in range(rows.movable.size):
+    for r in each(0, rows.movable.size):
         s = 0.0
-        for e in range(rows.first[r], rows.first[r + ONE]):
-            i = rows.block[e] * D
-            for a in range(D):
-                s += g2[e * D + a] * v[i + a]
-        out[m1 + r] = s
+        for e in each(rows.first[r], rows.first[r + ONE]):
+            s += dot(block(unit, g2, e), block(unit, v, rows.block[e]))
+        out[rows.i.size + r] = s
 
 
 @compiled
 def add_transposed(unit: Unit, rows: Rows, g: Floats, g2: Floats, y: Floats, out: Floats) -> None:
     """out += Φ_qᵀ y, on fixed blocks too."""
-    D = np.uint64(len(unit))
     m1 = rows.i.size
-    for r in range(m1):
-        i, j = rows.i[r] * D, rows.j[r] * D
-        for a in range(D):
-            s = y[r] * g[r * D + a]
-            out[i + a] += s
-            out[j + a] -= s
-    for r in range(rows.movable.size):
-        for e in range(rows.first[r], rows.first[r + ONE]):
-            i = rows.block[e] * D
-            for a in range(D):
-                out[i + a] += y[m1 + r] * g2[e * D + a]
+    for r in each(0, m1):
+        s = y[r] * block(unit, g, r)
+        add(out, rows.i[r], s)
+        subtract(out, rows.j[r], s)
+    for r in each(0, rows.movable.size):
+        for e in each(rows.first[r], rows.first[r + ONE]):
+            add(out, rows.block[e], y[m1 + r] * block(unit, g2, e))
 
 
 @compiled
 def convective(unit: Unit, rows: Rows, g2d: Floats, qd: Floats, out: Floats) -> None:
     """out = Φ̇_q q̇."""
-    D = np.uint64(len(unit))
-    for r in range(rows.i.size):
-        i, j = rows.i[r] * D, rows.j[r] * D
-        s = 0.0
-        for a in range(D):
-            s += (qd[i + a] - qd[j + a]) * (qd[i + a] - qd[j + a])
-        out[r] = s
+    for r in each(0, rows.i.size):
+        d = block(unit, qd, rows.i[r]) - block(unit, qd, rows.j[r])
+        out[r] = dot(d, d)
     along_gradients(unit, rows, g2d, qd, out)

@@ -283,9 +283,6 @@ class Chart(Struct):
     sin: Floats  # (movable,) of κa, where it was unfolded last
     cos: Floats  # (movable,)
     rho: Floats  # (movable,) 1 - κc
-    d: Floats  # (D,) from the block it turns about, of one block
-    v: Floats  # (D,) its velocity, or another vector of one block
-    bent: Floats  # (D,) its curvature
 
 
 @dataclass(frozen=True, eq=False)

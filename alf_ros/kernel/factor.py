@@ -5,53 +5,64 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Floats, Unit
+from alf_ros.kernel.block import Block, add, add_outer, block, dot, packed, put, subtract
 from alf_ros.kernel.constraints import gradients
 from alf_ros.kernel.data import FOUR, ONE, TWO, ZERO, Pattern, System, Work
+from alf_ros.kernel.each import each
 from alf_ros.kernel.jit import compiled, inlined, inner
 from alf_ros.kernel.soft import add_soft
+from alf_ros.kernel.substitution import eliminate, upper
 from alf_ros.kernel.vectors import copy
+
+Triangle = tuple[float, float, float, float, float, float]
 
 
 @inner
 def assemble(unit: Unit, system: System, work: Work, q: Floats) -> None:
     """Φ_q at q, in `gf` and `g2f`, and A = M + Φ_qᵀ α Φ_q on the pattern: of the diagonal blocks
-    the lower triangles."""
+    the lower triangles count."""
     D = np.uint64(len(unit))
     rows, pattern, g, g2 = system.rows, system.pattern, work.gf, work.g2f
-    diagonal, off = work.diagonal, work.off
-    copy(pattern.mass_diagonal, work.diagonal)
-    copy(pattern.mass_off, work.off)
+    diagonal, off, m1 = work.diagonal, work.off, rows.i.size
+    copy(pattern.mass_diagonal, diagonal)
+    copy(pattern.mass_off, off)
     if system.soft.weight.size > 0:
-        add_soft(unit, system.soft, work.diagonal, work.off)
-    DD, m1 = D * D, rows.i.size
-    for r in range(m1):
+        add_soft(unit, system.soft, diagonal, off)
+    for r in each(0, m1):
         i, j, both = rows.i[r], rows.j[r], r < rows.both
+        d = block(unit, q, i) - block(unit, q, j)
+        put(g, r, d)
+        at = pattern.distance[r] if both else ZERO
         for a in range(D):
-            g[r * D + a] = q[i * D + a] - q[j * D + a]
-        at = pattern.distance[r] * DD if both else ZERO
-        for a in range(D):
-            s = rows.alpha[r] * g[r * D + a]
-            for c in range(D):
-                v = s * g[r * D + c]
-                if c <= a:
-                    diagonal[i * DD + a * D + c] += v
-                if both:
-                    off[at + a * D + c] -= v
-                    if c <= a:
-                        diagonal[j * DD + a * D + c] += v
+            v = (rows.alpha[r] * d[a]) * d
+            add(diagonal, i * D + a, v)
+            if both:
+                subtract(off, at * D + a, v)
+                add(diagonal, j * D + a, v)
     gradients(unit, rows, q, g2)
-    for r in range(rows.movable.size):
-        for e in range(rows.first[r], rows.movable[r]):
-            i = rows.block[e] * DD
-            for a in range(D):
-                for c in range(a + ONE):
-                    diagonal[i + a * D + c] += rows.alpha[m1 + r] * g2[e * D + a] * g2[e * D + c]
+    for r in each(0, rows.movable.size):
+        for e in each(rows.first[r], rows.movable[r]):
+            d = block(unit, g2, e)
+            add_outer(unit, diagonal, rows.block[e], rows.alpha[m1 + r] * d, d)
     pair = pattern.pair
     for n in range(np.uint64(0), pair.size, FOUR):
         e, f, at, r = pair[n], pair[n + ONE], pair[n + TWO], pair[n + TWO + ONE]
-        for a in range(D):
-            for c in range(D):
-                off[at * DD + a * D + c] += rows.alpha[r] * g2[e * D + a] * g2[f * D + c]
+        add_outer(unit, off, at, rows.alpha[r] * block(unit, g2, e), block(unit, g2, f))
+
+
+@inlined
+def _triangle(unit: Unit, diagonal: Floats, k: np.uint64) -> Triangle:
+    """The lower triangle of diagonal block k, by rows; in the plane the second row twice."""
+    D = np.uint64(len(unit))
+    first, second, third = k * D * D, k * D * D + D, (k + ONE) * D * D - D
+    return (
+        diagonal[first],
+        diagonal[second],
+        diagonal[second + ONE],
+        diagonal[third],
+        diagonal[third + ONE],
+        diagonal[third + D - ONE],
+    )
 
 
 @inner
@@ -71,146 +82,107 @@ def factorise(
     the spread between α and M needs. What is used again is kept out of memory, where the next
     column would have to wait for it.
     """
-    D = np.uint64(len(unit))
-    DD = D * D
-    u = np.uint64(0)
-    for k in range(pattern.first.size - ONE):
+    D, n = np.uint64(len(unit)), pattern.first.size - ONE
+    DD, u = D * D, ZERO
+    if n == ZERO:
+        return n
+    here = after = _triangle(unit, diagonal, ZERO)
+    if n > ONE:
+        after = _triangle(unit, diagonal, ONE)
+    for k in each(0, n):
         kk = k * DD
+        a00, a10, a11, a20, a21, a22 = here
+        here = after
+        if k + TWO < n:
+            after = _triangle(unit, diagonal, k + TWO)
         l20, l21, d2 = 0.0, 0.0, 1.0
-        pivot = diagonal[kk]
-        d0 = 1.0 / pivot
-        l10 = diagonal[kk + D] * d0
-        second = diagonal[kk + D + ONE] - diagonal[kk + D] * l10
-        d1 = 1.0 / second
-        good = pivot > 0.0 and second > 0.0
+        minor = a00 * a11 - a10 * a10
+        d0, d1 = 1.0 / a00, a00 / minor
+        l10 = a10 * d0
+        good = a00 > 0.0 and 0.0 < minor < np.inf
         diagonal[kk], diagonal[kk + D], diagonal[kk + D + ONE] = d0, l10, d1
         if D != TWO:
             at = kk + TWO * D
-            l20 = diagonal[at] * d0
-            rest = diagonal[at + ONE] - diagonal[at] * l10
+            l20 = a20 * d0
+            rest = a21 - a20 * l10
             l21 = rest * d1
-            third = diagonal[at + TWO] - diagonal[at] * l20 - rest * l21
+            third = a22 - a20 * l20 - rest * l21
             d2 = 1.0 / third
             good = good and third > 0.0
             diagonal[at], diagonal[at + ONE], diagonal[at + TWO] = l20, l21, d2
         if not good:
             return k
-        start = pattern.first[k]
-        for n in range(pattern.first[k + ONE] - start):
-            at, un = (start + n) * DD, n * DD
-            for a in range(D):
-                row = at + a * D
-                u0 = off[row]  # U = A_ik L_kk⁻ᵀ, L_ik = U D⁻¹
-                u1 = off[row + ONE] - u0 * l10
-                column[un + a * D], column[un + a * D + ONE] = u0, u1
-                off[row], off[row + ONE] = u0 * d0, u1 * d1
-                if D != TWO:
-                    u2 = off[row + TWO] - u0 * l20 - u1 * l21
-                    column[un + a * D + TWO] = u2
-                    off[row + TWO] = u2 * d2
-            for m in range(n):
-                to, um = pattern.target[u] * DD, m * DD
+        first = np.uint64(pattern.first[k])
+        for e in each(first, pattern.first[k + ONE]):
+            U0, L0 = _divided(unit, off, e * D, l10, l20, l21, d0, d1, d2)
+            U1, L1 = _divided(unit, off, e * D + ONE, l10, l20, l21, d0, d1, d2)
+            U2, L2 = U1, L1
+            if D != TWO:
+                U2, L2 = _divided(unit, off, e * D + TWO, l10, l20, l21, d0, d1, d2)
+            un = (e - first) * D
+            put(column, un, U0)
+            put(column, un + ONE, U1)
+            if D != TWO:
+                put(column, un + TWO, U2)
+            for m in each(0, e - first):
+                to = pattern.target[u] * D
                 u += ONE
-                for a in range(D):
-                    for b in range(D):  # A_ij -= L_ik U_jkᵀ
-                        off[to + a * D + b] -= inner_product(
-                            D, off, at + a * D, column, um + b * D
-                        )
-            to = pattern.row[start + n] * DD
-            for a in range(D):
-                for b in range(a + ONE):
-                    diagonal[to + a * D + b] -= inner_product(
-                        D, off, at + a * D, column, un + b * D
-                    )
+                um = m * D
+                c0, c1 = block(unit, column, um), block(unit, column, um + ONE)
+                c2 = block(unit, column, um + D - ONE)
+                # A_ij -= L_ik U_jkᵀ
+                subtract(off, to, packed(unit, dot(L0, c0), dot(L0, c1), dot(L0, c2)))
+                subtract(off, to + ONE, packed(unit, dot(L1, c0), dot(L1, c1), dot(L1, c2)))
+                if D != TWO:
+                    subtract(off, to + TWO, packed(unit, dot(L2, c0), dot(L2, c1), dot(L2, c2)))
+            to = np.uint64(pattern.row[e])
+            less = dot(L0, U0), dot(L1, U0), dot(L1, U1), dot(L2, U0), dot(L2, U1), dot(L2, U2)
+            if to == k + TWO:
+                after = _difference(after, less)
+            elif to == k + ONE:
+                here = _difference(here, less)
+            else:
+                at = to * DD
+                diagonal[at] -= less[0]
+                diagonal[at + D] -= less[1]
+                diagonal[at + D + ONE] -= less[2]
+                if D != TWO:
+                    at += TWO * D
+                    diagonal[at] -= less[3]
+                    diagonal[at + ONE] -= less[4]
+                    diagonal[at + TWO] -= less[5]
         if x is not None:  # known when it is compiled
-            _eliminate(unit, pattern, diagonal, off, k, x)
-    return pattern.first.size - ONE
+            eliminate(unit, pattern, diagonal, off, k, x)
+    return n
 
 
 @inlined
-def inner_product(D: np.uint64, u: Floats, i: np.uint64, v: Floats, j: np.uint64) -> float:
-    """The inner product of the D numbers of u from i on and those of v from j on."""
-    s = u[i] * v[j] + u[i + ONE] * v[j + ONE]
-    if D != TWO:
-        s += u[i + TWO] * v[j + TWO]
-    return s
-
-
-@inlined
-def _eliminate(
-    unit: Unit, pattern: Pattern, diagonal: Floats, off: Floats, k: np.uint64, x: Floats
-) -> None:
-    """Column k of x = L⁻¹ x."""
+def _divided(
+    unit: Unit,
+    off: Floats,
+    row: np.uint64,
+    l10: float,
+    l20: float,
+    l21: float,
+    d0: float,
+    d1: float,
+    d2: float,
+) -> tuple[Block, Block]:
+    """A row of U = A_ik L_kk⁻ᵀ, and of L_ik = U D⁻¹, which takes its place."""
     D = np.uint64(len(unit))
-    i, kk, x2 = k * D, k * D * D, 0.0
-    x0 = x[i]
-    x1 = x[i + ONE] - diagonal[kk + D] * x0
-    x[i + ONE] = x1
+    at = row * D
+    u0 = off[at]
+    u1, u2 = off[at + ONE] - u0 * l10, 0.0
     if D != TWO:
-        at = kk + TWO * D
-        x2 = x[i + TWO] - diagonal[at] * x0 - diagonal[at + ONE] * x1
-        x[i + TWO] = x2
-    for e in range(pattern.first[k], pattern.first[k + ONE]):
-        to = pattern.row[e] * D
-        for a in range(D):
-            at = (e * D + a) * D
-            s = x[to + a] - off[at] * x0 - off[at + ONE] * x1
-            if D != TWO:
-                s -= off[at + TWO] * x2
-            x[to + a] = s
+        u2 = off[at + TWO] - u0 * l20 - u1 * l21
+    L = packed(unit, u0 * d0, u1 * d1, u2 * d2)
+    put(off, row, L)
+    return packed(unit, u0, u1, u2), L
 
 
 @inlined
-def _substitute(
-    unit: Unit, pattern: Pattern, diagonal: Floats, off: Floats, k: np.uint64, x: Floats
-) -> None:
-    """Column k of x = L⁻ᵀ D⁻¹ x."""
-    D = np.uint64(len(unit))
-    i, kk, x2 = k * D, k * D * D, 0.0
-    x0, x1 = x[i] * diagonal[kk], x[i + ONE] * diagonal[kk + D + ONE]
-    if D != TWO:
-        x2 = x[i + TWO] * diagonal[kk + TWO * D + TWO]
-    for e in range(pattern.first[k], pattern.first[k + ONE]):
-        of = pattern.row[e] * D
-        for a in range(D):
-            at, s = (e * D + a) * D, x[of + a]
-            x0 -= off[at] * s
-            x1 -= off[at + ONE] * s
-            if D != TWO:
-                x2 -= off[at + TWO] * s
-    if D != TWO:
-        at = kk + TWO * D
-        x0, x1 = x0 - diagonal[at] * x2, x1 - diagonal[at + ONE] * x2
-        x[i + TWO] = x2
-    x[i], x[i + ONE] = x0 - diagonal[kk + D] * x1, x1
-
-
-@compiled
-def solve(unit: Unit, pattern: Pattern, diagonal: Floats, off: Floats, x: Floats) -> None:
-    """x = A⁻¹ x."""
-    n = pattern.first.size - ONE
-    for k in range(n):
-        _eliminate(unit, pattern, diagonal, off, k, x)
-    for back in range(n):
-        _substitute(unit, pattern, diagonal, off, n - ONE - back, x)
-
-
-@inner
-def step_by(unit: Unit, system: System, work: Work, x: Floats) -> tuple[float, float]:
-    """δ = A⁻¹ δ, x += δ; returns the largest of δ and of x. In one pass, for the same reason."""
-    D, pattern, delta = np.uint64(len(unit)), system.pattern, work.delta
-    diagonal, off = work.diagonal, work.off
-    n, step, size = pattern.first.size - ONE, 0.0, 0.0
-    for k in range(n):
-        _eliminate(unit, pattern, diagonal, off, k, delta)
-    for back in range(n):
-        k = n - ONE - back
-        _substitute(unit, pattern, diagonal, off, k, delta)
-        for a in range(k * D, k * D + D):
-            d = delta[a]
-            x[a] += d
-            step, size = max(step, abs(d)), max(size, abs(x[a]))
-    return step, size
+def _difference(a: Triangle, b: Triangle) -> Triangle:
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2], a[3] - b[3], a[4] - b[4], a[5] - b[5]
 
 
 @inner
@@ -219,8 +191,7 @@ def solve_on(unit: Unit, system: System, work: Work) -> bool:
     pattern, diagonal, off = system.pattern, work.diagonal, work.off
     n = pattern.first.size - ONE
     columns = factorise(unit, pattern, diagonal, off, work.column, work.delta)
-    for back in range(n):
-        _substitute(unit, pattern, diagonal, off, n - ONE - back, work.delta)
+    upper(unit, pattern, diagonal, off, work.delta)
     return columns == n
 
 

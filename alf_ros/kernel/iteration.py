@@ -12,7 +12,6 @@ from numba.extending import intrinsic
 from alf_ros.arrays import Floats, Unit
 from alf_ros.kernel.constraints import add_transposed, times_jacobian
 from alf_ros.kernel.data import EPS, NOTHING, SOLVED, Forces, System, Work
-from alf_ros.kernel.factor import solve, step_by
 from alf_ros.kernel.forces import applied_forces
 from alf_ros.kernel.jit import compiled, expanded, inner
 from alf_ros.kernel.prescribed import bias
@@ -23,6 +22,7 @@ from alf_ros.kernel.residuals import (
     update_rows,
 )
 from alf_ros.kernel.soft import add_soft_times
+from alf_ros.kernel.substitution import solve, step_by
 from alf_ros.kernel.vectors import largest, zero
 
 _MODES = 40  # conjugate gradients, at most

@@ -15,6 +15,7 @@ import numpy as np
 from numba import cfunc, types
 
 from alf_ros.arrays import Floats, Unit
+from alf_ros.kernel.block import block, dot
 from alf_ros.kernel.data import ONE, Forces, Ledger, Phase, System, Work
 from alf_ros.kernel.forces import add_one, add_one_friction
 from alf_ros.kernel.jit import inner
@@ -67,12 +68,11 @@ def _count(ledger: Ledger, works: Floats, h: float) -> None:
 @inner
 def _prescribed(unit: Unit, system: System, work: Work) -> float:
     """λᵀ Φ_q,s ṡ; blocks that are fixed do not move."""
-    rows, D = system.rows, len(unit)
-    m1, power = rows.i.size, 0.0
+    rows, m1, power = system.rows, system.rows.i.size, 0.0
     for r in range(rows.movable.size):
         for e in range(rows.movable[r], rows.first[r + ONE]):
-            for a in range(D):
-                power += work.y[m1 + r] * work.g2[e * D + a] * work.qd[rows.block[e] * D + a]
+            v = block(unit, work.qd, rows.block[e])
+            power += work.y[m1 + r] * dot(block(unit, work.g2, e), v)
     return power
 
 

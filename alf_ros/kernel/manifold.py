@@ -5,11 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Floats, Unit
+from alf_ros.kernel.block import add, block, dot, subtract
 from alf_ros.kernel.constraints import add_transposed, forms, times_jacobian, violation
 from alf_ros.kernel.data import EPS, NOT_CLOSED, NOT_POSITIVE, OK, Rows, System, Work
-from alf_ros.kernel.factor import assemble, inner_product, linearise, solve, solve_on
+from alf_ros.kernel.each import each
+from alf_ros.kernel.factor import assemble, linearise, solve_on
 from alf_ros.kernel.iteration import finish
 from alf_ros.kernel.jit import expanded, inner
+from alf_ros.kernel.substitution import solve
 from alf_ros.kernel.twofold import violation_twofold
 from alf_ros.kernel.vectors import zero
 
@@ -151,45 +154,31 @@ def place(unit: Unit, system: System, work: Work, wholly: bool) -> int:
 @inner
 def _begin_correction(unit: Unit, system: System, work: Work) -> None:
     """δ = -Φ_qᵀ α (Φ + Φ_q (target - q)), of the guess q in `work`."""
-    D, rows, delta, phi = np.uint64(len(unit)), system.rows, work.delta, work.r2
-    u, g, g2, m1 = work.shift, work.gf, work.g2f, system.rows.i.size
+    rows, delta, phi, m1 = system.rows, work.delta, work.r2, system.rows.i.size
+    u, g, g2 = work.shift, work.gf, work.g2f
     for a in range(work.p.size):
         u[a] = work.target[a] - work.q[a]
         delta[a] = 0.0
-    for r in range(rows.both):
-        i, j = rows.i[r] * D, rows.j[r] * D
-        dd, du = -rows.length2[r], 0.0
-        for a in range(D):
-            d = g[r * D + a]
-            dd += d * d
-            du += d * (u[i + a] - u[j + a])
-        s = rows.alpha[r] * (0.5 * dd + du)
-        for a in range(D):
-            v = s * g[r * D + a]
-            delta[i + a] -= v
-            delta[j + a] += v
-    for r in range(rows.both, m1):
-        i = rows.i[r] * D
-        dd, du = -rows.length2[r], 0.0
-        for a in range(D):
-            d = g[r * D + a]
-            dd += d * d
-            du += d * u[i + a]
-        s = rows.alpha[r] * (0.5 * dd + du)
-        for a in range(D):
-            delta[i + a] -= s * g[r * D + a]
+    for r in each(0, rows.both):
+        i, j, d = rows.i[r], rows.j[r], block(unit, g, r)
+        open_by = 0.5 * (dot(d, d) - rows.length2[r])
+        v = (rows.alpha[r] * (open_by + dot(d, block(unit, u, i) - block(unit, u, j)))) * d
+        subtract(delta, i, v)
+        add(delta, j, v)
+    for r in each(rows.both, m1):
+        i, d = rows.i[r], block(unit, g, r)
+        open_by = 0.5 * (dot(d, d) - rows.length2[r])
+        subtract(delta, i, (rows.alpha[r] * (open_by + dot(d, block(unit, u, i)))) * d)
     if rows.movable.size == 0:
         return
     forms(unit, rows, work.q, phi)
-    for r in range(rows.movable.size):
+    for r in each(0, rows.movable.size):
         s = phi[m1 + r]
-        for e in range(rows.first[r], rows.movable[r]):
-            s += inner_product(D, g2, e * D, u, rows.block[e] * D)
+        for e in each(rows.first[r], rows.movable[r]):
+            s += dot(block(unit, g2, e), block(unit, u, rows.block[e]))
         s *= rows.alpha[m1 + r]
-        for e in range(rows.first[r], rows.movable[r]):
-            i = rows.block[e] * D
-            for a in range(D):
-                delta[i + a] -= s * g2[e * D + a]
+        for e in each(rows.first[r], rows.movable[r]):
+            subtract(delta, rows.block[e], s * block(unit, g2, e))
 
 
 @inner

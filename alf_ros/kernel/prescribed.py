@@ -13,6 +13,7 @@ from numba import types
 from numba.extending import intrinsic
 
 from alf_ros.arrays import Floats, Unit
+from alf_ros.kernel.block import block, dot
 from alf_ros.kernel.constraints import along_gradients, convective, jacobian_rate
 from alf_ros.kernel.data import ONE, System, Work
 from alf_ros.kernel.forces import call
@@ -73,9 +74,8 @@ def _add_accelerated(unit: Unit, system: System, work: Work, out: Floats) -> Non
     """out += Φ_q,s s̈: what is prescribed ends no distance."""
     if system.prescribed.program.size == 0:
         return
-    rows, D, g2, qdd = system.rows, len(unit), work.g2, work.qdd
+    rows, g2, qdd = system.rows, work.g2, work.qdd
     m1 = rows.i.size
     for r in range(rows.movable.size):
         for e in range(rows.movable[r], rows.first[r + ONE]):
-            for a in range(D):
-                out[m1 + r] += g2[e * D + a] * qdd[rows.block[e] * D + a]
+            out[m1 + r] += dot(block(unit, g2, e), block(unit, qdd, rows.block[e]))

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
 from alf_ros.arrays import Floats, Unit
+from alf_ros.kernel.block import add, add_outer, block, dot, packed, put
 from alf_ros.kernel.data import ONE, THREE, TWO, Forces, Soft, System, Work
 from alf_ros.kernel.forces import call
 from alf_ros.kernel.jit import inner
@@ -48,12 +48,11 @@ def _tangent(
 @inner
 def weigh(unit: Unit, system: System, forces: Forces, work: Work, t: float, step: float) -> None:
     """Directions and weights hγ c + (hγ)² k, `step` = hγ (s), at q, q̇ in `work`."""
-    soft, effects, D = system.soft, forces.effects, np.uint64(len(unit))
+    soft, effects = system.soft, forces.effects
     for r in range(soft.weight.size):
         e = soft.effect[r]
         for s in range(soft.first[r], soft.first[r + ONE]):
-            for a in range(D):
-                soft.gradient[soft.block[s] * D + a] = 0.0
+            put(soft.gradient, soft.block[s], packed(unit, 0.0, 0.0, 0.0))
         _tangent(
             effects.tangent[e],
             t,
@@ -71,44 +70,33 @@ def weigh(unit: Unit, system: System, forces: Forces, work: Work, t: float, step
             soft.gradient,
         )
         for s in range(soft.first[r], soft.first[r + ONE]):
-            for a in range(D):
-                soft.g[s * D + a] = soft.gradient[soft.block[s] * D + a]
+            put(soft.g, s, block(unit, soft.gradient, soft.block[s]))
         soft.weight[r] = step * max(0.0, soft.stiff[1]) + step * step * max(0.0, soft.stiff[0])
 
 
 @inner
 def add_soft_times(unit: Unit, soft: Soft, s: float, v: Floats, out: Floats) -> None:
     """out += s (M̂ - M) v on movable blocks."""
-    D = np.uint64(len(unit))
     for r in range(soft.weight.size):
         along = 0.0
         for e in range(soft.first[r], soft.movable[r]):
-            for a in range(D):
-                along += soft.g[e * D + a] * v[soft.block[e] * D + a]
+            along += dot(block(unit, soft.g, e), block(unit, v, soft.block[e]))
         along *= s * soft.weight[r]
         if along != 0.0:
             for e in range(soft.first[r], soft.movable[r]):
-                for a in range(D):
-                    out[soft.block[e] * D + a] += along * soft.g[e * D + a]
+                add(out, soft.block[e], along * block(unit, soft.g, e))
 
 
 @inner
 def add_soft(unit: Unit, soft: Soft, diagonal: Floats, off: Floats) -> None:
     """M̂ - M on the pattern, lower blocks."""
-    D = np.uint64(len(unit))
-    DD = D * D
     for r in range(soft.weight.size):
         w = soft.weight[r]
         if w == 0.0:
             continue
         for e in range(soft.first[r], soft.movable[r]):
-            for a in range(D):
-                for c in range(D):
-                    diagonal[soft.block[e] * DD + a * D + c] += (
-                        w * soft.g[e * D + a] * soft.g[e * D + c]
-                    )
+            g = block(unit, soft.g, e)
+            add_outer(unit, diagonal, soft.block[e], w * g, g)
         for n in range(THREE * soft.first_pair[r], THREE * soft.first_pair[r + ONE], THREE):
             e, f, at = soft.pair[n], soft.pair[n + ONE], soft.pair[n + TWO]
-            for a in range(D):
-                for c in range(D):
-                    off[at * DD + a * D + c] += w * soft.g[e * D + a] * soft.g[f * D + c]
+            add_outer(unit, off, at, w * block(unit, soft.g, e), block(unit, soft.g, f))

@@ -1,0 +1,75 @@
+"""Loops that stay as they are written.
+
+LLVM unrolls the loop of a `range` and puts before it what deals with the remainder. Over the rows
+and columns of a mechanism, which are few or long, that costs a small one an eighth of its step and
+gives a large one nothing. `for i in each(a, b)` is `for i in range(a, b)` without it: how often it
+goes round cannot be known beforehand, as each time b passes through an instruction that does
+nothing. Loops that are worth a vector unit, over plain numbers, remain ranges.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.core.imputils import RefType, impl_ret_untracked, iternext_impl
+from numba.extending import intrinsic, lower_builtin, models, register_model
+
+
+class _Iterator(types.SimpleIteratorType):
+    def __init__(self) -> None:
+        super().__init__('each', types.uint64)
+
+
+class _Each(types.SimpleIterableType):
+    def __init__(self) -> None:
+        super().__init__('each of', _Iterator())
+
+
+@register_model(_Each)
+class _EachModel(models.StructModel):
+    def __init__(self, manager: Any, kind: _Each) -> None:
+        super().__init__(manager, kind, [('first', types.uint64), ('end', types.uint64)])
+
+
+@register_model(_Iterator)
+class _IteratorModel(models.StructModel):
+    def __init__(self, manager: Any, kind: _Iterator) -> None:
+        members = [('at', types.EphemeralPointer(types.uint64)), ('end', types.uint64)]
+        super().__init__(manager, kind, members)
+
+
+@intrinsic
+def each(typing: Any, first: Any, end: Any) -> Any:
+    """What a loop takes from first up to end, without it."""
+
+    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        value = cgutils.create_struct_proxy(sig.return_type)(context, builder)
+        value.first, value.end = args
+        return value._getvalue()
+
+    return _Each()(types.uint64, types.uint64), code
+
+
+@lower_builtin('getiter', _Each)
+def _start(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    of = cgutils.create_struct_proxy(sig.args[0])(context, builder, value=args[0])
+    iterator = cgutils.create_struct_proxy(sig.return_type)(context, builder)
+    iterator.at, iterator.end = cgutils.alloca_once_value(builder, of.first), of.end
+    return impl_ret_untracked(context, builder, sig.return_type, iterator._getvalue())
+
+
+@lower_builtin('iternext', _Iterator)
+@iternext_impl(RefType.UNTRACKED)
+def _next(context: Any, builder: Any, sig: Any, args: Any, result: Any) -> None:
+    iterator = cgutils.create_struct_proxy(sig.args[0])(context, builder, value=args[0])
+    at, whole = builder.load(iterator.at), ir.IntType(64)
+    nothing = ir.InlineAsm(ir.FunctionType(whole, [whole]), '', '=r,0', side_effect=True)
+    end = builder.call(nothing, [iterator.end])
+    valid = builder.icmp_unsigned('<', at, end)
+    result.set_valid(valid)
+    with builder.if_then(valid):
+        result.yield_(at)
+        builder.store(builder.add(at, at.type(1)), iterator.at)
