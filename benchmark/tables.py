@@ -151,6 +151,18 @@ def stiff() -> str:
     return markdown(said, ' | '.join(['√(k/m), 1/s', *(f'`{name}`' for name in names)]), body)
 
 
+def stage_cost() -> str:
+    """What a stage of so many four-bars costs."""
+    about, found = rows('stage_cost.csv')
+    body = []
+    for row in found:
+        bars, spent = int(row['four_bars']), float(row['us_per_stage'])
+        links = 2 * bars + 1
+        body.append([f'{bars}', f'{links}', f'{spent:.3g}', f'{1e3 * spent / links:.3g}'])
+    head = 'four-bars | links | a stage, µs | a link, ns'
+    return markdown(f'{about}; `rk4`, 0.1 ms', head, body)
+
+
 def order_n() -> str:
     """Cost, fill and preparation of every shape."""
     about, found = rows('order_n.csv')
@@ -254,6 +266,7 @@ def draw(path: Path) -> None:
 TABLES = (
     ('work_precision', work_precision),
     ('stiff', stiff),
+    ('stage_cost', stage_cost),
     ('order_n', order_n),
     ('first_step', first_step),
     ('large_node', large_node),
