@@ -16,6 +16,7 @@ import csv
 import statistics
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
@@ -73,6 +74,10 @@ def main() -> None:
     parser.add_argument('--no-peers', action='store_true', help='leave out the other engines')
     options = parser.parse_args()
     measure = [sys.executable, '-m', 'alf_ros', 'work_precision', *SCENES]
+    with tempfile.TemporaryDirectory() as folder:
+        # what a process has compiled itself is slower in it than what comes from numba's cache
+        warm = [*measure, '--duration', '0.1', '--folder', folder]
+        subprocess.run(warm, cwd=HERE.parent, check=True)
     commands = {'work_precision.csv': [*measure, '--folder', str(RESULTS)]}
     for name in ('stiff', 'stage_cost', 'order_n', 'first_step', 'large_node'):
         commands[f'{name}.csv'] = [sys.executable, str(HERE / f'{name}.py')]

@@ -135,9 +135,23 @@ def test_mass_matrix_gives_the_kinetic_energy_of_rigid_bodies() -> None:
     assert 0.5 * qd @ dense_mass(model) @ qd == pytest.approx(expected, rel=1e-12)
 
 
-@pytest.mark.parametrize('make', [truss, lambda: compile_model(chain(12), 1e6)])
-def test_factor_solves_with_the_leading_matrix(make) -> None:  # type: ignore[no-untyped-def]
-    model = make()
+def of_library(name: str, **parameters: float) -> Model:
+    return compile_model(load_scene(name, parameters=parameters).mechanism, 1e6)
+
+
+MODELS = {
+    'truss': truss,
+    'chain': lambda: compile_model(chain(12), 1e6),
+    'one block': lambda: of_library('pendulum'),
+    'in space': lambda: of_library('bricard'),
+    'with fill': lambda: of_library('stewart_platform'),
+    'four-bars': lambda: of_library('n_four_bar', N=9),
+}
+
+
+@pytest.mark.parametrize('name', MODELS)
+def test_factor_solves_with_the_leading_matrix(name: str) -> None:
+    model = MODELS[name]()
     q, work = disturbed(model), allocate(model, model.system, 1)
     assert kernel.linearise(model.unit, model.system, work, q)
     phi_q = dense_jacobian(model, q)
