@@ -260,17 +260,17 @@ def fold(
     `chart.w`. Without arcs there is no w."""
     arms, k, n = system.arms, work.k, work.p.size
     blocks = arms.about.size
-    first = s * THREE * blocks
     if chart.arcs[0] == 0:
+        first = s * THREE * n
         for a in range(n):
-            k[s * THREE * n + a] = qd[a]
-            k[s * THREE * n + n + a] = qdd[a]
+            k[first + a] = qd[a]
+            k[first + n + a] = qdd[a]
         return
     zero(work.sum)
     add_mass_times(unit, system.mass, 1.0, qdd, work.sum)
     gather(unit, arms, chart, work.sum)
     for i in each(0, blocks):
-        bent, xi = chart.curvature[i], first + i
+        bent, xi = chart.curvature[i], s * THREE * blocks + i
         xid, wd = xi + blocks, xi + TWO * blocks
         if bent == 0.0:
             put(k, xi, block(unit, qd, i))
@@ -284,10 +284,10 @@ def fold(
         ad = u[0] / rho
         wt, wn = w[0] / rho, w[1]
         put(k, xi, packed(unit, ad, cd, _third(unit, u)))
-        add_, cdd = (v[0] + 2.0 * bent * ad * cd) / rho, v[1] - bent * rho * ad * ad
-        put(k, xid, packed(unit, add_, cdd, _third(unit, v)))
-        wtd = rho * P[0] + bent * (rho * ad * wn - cd * wt)
-        put(k, wd, packed(unit, wtd, P[1] - bent * ad * wt, _third(unit, P)))
+        along, inward = (v[0] + 2.0 * bent * ad * cd) / rho, v[1] - bent * rho * ad * ad
+        put(k, xid, packed(unit, along, inward, _third(unit, v)))
+        along, inward = rho * P[0] + bent * (rho * ad * wn - cd * wt), P[1] - bent * ad * wt
+        put(k, wd, packed(unit, along, inward, _third(unit, P)))
 
 
 @inner
