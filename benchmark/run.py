@@ -75,7 +75,7 @@ def main() -> None:
     options = parser.parse_args()
     measure = [sys.executable, '-m', 'alf_ros', 'work_precision', *SCENES]
     with tempfile.TemporaryDirectory() as folder:
-        # what a process has compiled itself is slower in it than what comes from numba's cache
+        # fills numba's cache: what is measured then compiles nothing
         warm = [*measure, '--duration', '0.1', '--folder', folder]
         subprocess.run(warm, cwd=HERE.parent, check=True)
     commands = {'work_precision.csv': [*measure, '--folder', str(RESULTS)]}

@@ -3,8 +3,8 @@
     .venv/bin/python benchmark/stage_cost.py [--runs 5]
 
 Prints µs per stage for N = 2 to 100,000 and writes benchmark/results/stage_cost.csv: the median of
-so many processes, each with numba's cache filled (what a process has compiled itself is slower in
-it), and in each the fastest of several repetitions (others use the machine too).
+so many processes, which load their code from numba's cache and compile nothing, and in each the
+fastest of several repetitions (others use the machine too).
 """
 
 from __future__ import annotations
@@ -56,16 +56,18 @@ def main() -> None:
         print(cost(options.one))
         return
     in_its_own_process(FOUR_BARS[0])  # fills numba's cache
+    rows = []
+    for bars in FOUR_BARS:
+        spent = statistics.median(1e6 * in_its_own_process(bars) for _ in range(options.runs))
+        each = 1e3 * spent / bars
+        print(f'N = {bars:6}: {spent:9.3f} µs a stage, {each:6.1f} ns a four-bar', flush=True)
+        rows.append([bars, f'{spent:.3f}'])
     path = ROOT / 'benchmark/results/stage_cost.csv'
     with open(path, 'w', newline='', encoding='utf-8') as stream:
         print(about(), file=stream)
         writer = csv.writer(stream, lineterminator='\n')
         writer.writerow(['four_bars', 'us_per_stage'])
-        for bars in FOUR_BARS:
-            spent = statistics.median(1e6 * in_its_own_process(bars) for _ in range(options.runs))
-            each = 1e3 * spent / bars
-            print(f'N = {bars:6}: {spent:9.3f} µs a stage, {each:6.1f} ns a four-bar')
-            writer.writerow([bars, f'{spent:.3f}'])
+        writer.writerows(rows)
 
 
 if __name__ == '__main__':

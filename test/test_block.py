@@ -1,25 +1,20 @@
 """Blocks as values and loops as they are written, of the kernel, against numpy and `range`."""
 
+from __future__ import annotations
+
 import numpy as np
 import pytest
 
-from alf_ros.kernel.block import (
-    add,
-    add_outer,
-    block,
-    cross,
-    dot,
-    packed,
-    put,
-    subtract,
-    times,
-)
+from alf_ros.arrays import Floats, Integers, Unit
+from alf_ros.kernel.block import add, add_outer, block, cross, dot, packed, put, subtract, times
 from alf_ros.kernel.each import each
 from alf_ros.kernel.jit import compiled
 
 
 @compiled
-def _operations(unit, q, v, T, A, out):
+def _operations(
+    unit: Unit, q: Floats, v: Floats, T: Floats, A: Floats, out: Floats
+) -> tuple[float, float, float]:
     b, c = block(unit, q, 1), block(unit, v, 2)
     put(out, 0, b + c)
     put(out, 1, b - c)
@@ -37,7 +32,7 @@ def _operations(unit, q, v, T, A, out):
 
 
 @pytest.mark.parametrize('D', (2, 3))
-def test_blocks_are_vectors(D):
+def test_blocks_are_vectors(D: int) -> None:
     rng = np.random.default_rng(7)
     q, v, out = rng.normal(size=(3, D)), rng.normal(size=(3, D)), rng.normal(size=(8, D))
     T, A = rng.normal(size=(2, D, D)), rng.normal(size=(2, D, D))
@@ -56,7 +51,7 @@ def test_blocks_are_vectors(D):
 
 
 @compiled
-def _went(first, end, seen):
+def _went(first: int, end: int, seen: Integers) -> int:
     count = 0
     for i in each(first, end):
         if i == 7:
@@ -71,7 +66,7 @@ def _went(first, end, seen):
 
 @pytest.mark.parametrize('first', (0, 3, 9))
 @pytest.mark.parametrize('end', (0, 1, 4, 9, 14))
-def test_each_goes_where_range_goes(first, end):
+def test_each_goes_where_range_goes(first: int, end: int) -> None:
     seen, expected = np.zeros(14, dtype=np.int64), np.zeros(14, dtype=np.int64)
     went = [i for i in range(first, min(end, 11)) if i != 7]
     for i in went:

@@ -1,10 +1,10 @@
 """Loops that stay as they are written.
 
-LLVM unrolls the loop of a `range` and puts before it what deals with the remainder. Over the rows
-and columns of a mechanism that makes a small one slower, and a large one hardly faster.
-`for i in each(a, b)` is `for i in range(a, b)` without it: how often it goes round cannot be told
-beforehand, as each time b passes through an instruction that does nothing. Loops over plain
-numbers, which the vector unit takes several at a time, remain ranges.
+LLVM unrolls the loop of a `range`, and puts code before and behind it that deals with what is
+left over. The rows and columns of a mechanism may be two or a hundred thousand: for a few, that
+code is more than the loop. `for i in each(a, b)` is `for i in range(a, b)` without it: how often
+it goes round cannot be told beforehand, as each time b passes through an instruction that does
+nothing. Loops over plain numbers, which the vector unit takes several at a time, remain ranges.
 """
 
 from __future__ import annotations

@@ -74,6 +74,8 @@ def eliminate(
 def _lower(unit: Unit, pattern: Pattern, diagonal: Floats, off: Floats, x: Floats) -> None:
     """x = L⁻¹ x, with what the next two columns begin with kept out of memory."""
     n = pattern.first.size - ONE
+    if n == ZERO:
+        return
     here = after = _three(unit, x, ZERO)
     if n > ONE:
         after = _three(unit, x, ONE)
@@ -139,7 +141,7 @@ def _substituted(
 def upper(unit: Unit, pattern: Pattern, diagonal: Floats, off: Floats, x: Floats) -> None:
     """x = L⁻ᵀ D⁻¹ x."""
     n = pattern.first.size - ONE
-    here = after = _three(unit, x, ZERO)
+    here = after = 0.0, 0.0, 0.0
     for back in each(0, n):
         b = _substituted(unit, pattern, diagonal, off, n - ONE - back, x, here, after)
         here, after = b, here
@@ -148,9 +150,8 @@ def upper(unit: Unit, pattern: Pattern, diagonal: Floats, off: Floats, x: Floats
 @compiled
 def solve(unit: Unit, pattern: Pattern, diagonal: Floats, off: Floats, x: Floats) -> None:
     """x = A⁻¹ x."""
-    if pattern.first.size > ONE:
-        _lower(unit, pattern, diagonal, off, x)
-        upper(unit, pattern, diagonal, off, x)
+    _lower(unit, pattern, diagonal, off, x)
+    upper(unit, pattern, diagonal, off, x)
 
 
 @inner
@@ -159,10 +160,8 @@ def step_by(unit: Unit, system: System, work: Work, x: Floats) -> tuple[float, f
     pattern, delta = system.pattern, work.delta
     diagonal, off = work.diagonal, work.off
     n, step, size = pattern.first.size - ONE, 0.0, 0.0
-    if n == ZERO:
-        return step, size
     _lower(unit, pattern, diagonal, off, delta)
-    here = after = _three(unit, x, ZERO)
+    here = after = 0.0, 0.0, 0.0
     for back in each(0, n):
         k = n - ONE - back
         b = _substituted(unit, pattern, diagonal, off, k, delta, here, after)
