@@ -72,14 +72,16 @@ class Model:
         """Number of natural coordinates (movable ones)."""
         return self.layout.movable * self.layout.dimension
 
-    def accustomed(self, sigma: float) -> Model:
-        """The same, knowing the least singular value σ of its ordinary positions.
+    def accustomed(self, sigma: float, rank: float) -> Model:
+        """The same, knowing the least singular value σ and the rank of its ordinary positions.
 
         x = σ / ordinary is about the distance to a singular position. Rounding e on Φ turns a row
         by e / (ordinary x²), and q̈ by 1 / x more: so `close` goes with its cube root.
         """
         close = _CLOSE * (0.5 / sigma) ** (1.0 / 3.0)
-        return replace(self, system=_patient(replace(self.system, ordinary=sigma, close=close)))
+        return replace(
+            self, system=_patient(replace(self.system, ordinary=sigma, rank=rank, close=close))
+        )
 
     def with_penalty(self, penalty: float) -> Model:
         """The same with another penalty."""
@@ -144,6 +146,7 @@ def compile_model(mechanism: Mechanism, penalty: float) -> Model:
         mean=float(mass.diagonal.mean()),
         penalty=penalty,
         ordinary=1.0,
+        rank=0.0,
         close=0.0,
         patience=_PATIENCE,
     )
@@ -265,6 +268,9 @@ def allocate(model: Model, system: System, stages: int) -> Work:
     sizes = {
         'diagonal': n * D,
         'off': pattern.row.size * D * D,
+        'log_det': 1,
+        'inverse': n * D,
+        'inverse_off': pattern.row.size * D * D,
         'column': int(columns.max(initial=0)) * D * D,
         'g': rows.i.size * D,
         'g2': rows.block.size * D,
@@ -289,6 +295,10 @@ def allocate(model: Model, system: System, stages: int) -> Work:
         'before_qd': n,
         'sum': n,
         'sum_q': n,
+        'sum_qd': n,
+        'places': 16 * n,
+        'given': whole,
+        'curve': n,
         'bend': whole,
         'pull': whole,
         'along': whole,
@@ -302,6 +312,7 @@ def allocate(model: Model, system: System, stages: int) -> Work:
     return Work(
         evaluations=np.zeros(1, dtype=np.int64),
         rounded=np.zeros(1, dtype=np.int64),
+        aside=np.zeros(1, dtype=np.int64),
         chart=Chart(
             **{name: np.zeros(n) for name in ('t', 'n', 'rate', 'momentum', 'rest', 'w')},
             **{name: np.zeros(n // D) for name in ('curvature', 'sin', 'cos', 'rho')},

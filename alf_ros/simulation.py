@@ -83,7 +83,8 @@ class Simulation:
         try:
             q = assembly.close(self.model, scene.positions)
             self._dependent_rows, self._ordinary, sigma = assembly.ordinary(self.model, q)
-            self.model = self.model.accustomed(sigma)
+            rank = len(self.model.row_names) - self._dependent_rows
+            self.model = self.model.accustomed(sigma, float(rank))
             if self.solver.formulation == 'alf2':
                 self.model = fitted(self.model, sigma)
             qd = assembly.complete(self.model, q, scene.velocities)

@@ -17,6 +17,7 @@ ROOMS = {
     'kernel': [
         'kernel',
         'kernel.adaptive',
+        'kernel.aside',
         'kernel.bearings',
         'kernel.block',
         'kernel.chart',
@@ -32,6 +33,7 @@ ROOMS = {
         'kernel.manifold',
         'kernel.mass',
         'kernel.prescribed',
+        'kernel.rank',
         'kernel.residuals',
         'kernel.soft',
         'kernel.stage',

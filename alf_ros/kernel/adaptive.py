@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Unit
+from alf_ros.kernel.aside import linearise_aside
 from alf_ros.kernel.chart import straighten, straighten_momenta, turning
 from alf_ros.kernel.data import (
     COLLAPSED,
@@ -27,7 +28,7 @@ from alf_ros.kernel.iteration import augmented
 from alf_ros.kernel.jit import compiled, inner
 from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.step import accept, begin, fall_back, keep, step
-from alf_ros.kernel.tally import tally
+from alf_ros.kernel.tally import ALL, tally
 from alf_ros.kernel.vectors import copy, largest, zero
 from alf_ros.kernel.watch import note
 
@@ -113,8 +114,12 @@ def _error(
     n = work.p.size
     pull = largest(work.Q, n) / system.mean
     speed = max(largest(phase.qd, n), largest(work.qd, n), np.sqrt(system.size * pull))
+    if work.aside[0]:
+        linearise_aside(unit, system, work)
     e5 = _error_norm(unit, system, method, work, 0, h, speed) / share
     e3 = _error_norm(unit, system, method, work, 1, h, speed) / share
+    if work.aside[0]:
+        linearise(unit, system, work, work.q)
     return e5 * e5 / np.sqrt(e5 * e5 + 0.01 * e3 * e3) if e5 > 0.0 else 0.0
 
 
@@ -175,7 +180,7 @@ def advance_adaptively(
             if stays and error > floor and error * share < likely:
                 floor, factor = _MARGIN * error, 1.0
             if error <= floor:
-                tally(forces.ledger.tally, system, forces, work, phase, t, method.b.size, dt, True)
+                tally(forces.ledger.tally, system, forces, work, phase, t, method.b.size, dt, ALL)
                 accept(unit, system, work, phase)
                 done = h if parts == 1.0 else done + dt
                 pace[0] = max(pace[0], factor * dt) if dt < pace[0] else factor * dt

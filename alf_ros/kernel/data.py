@@ -144,6 +144,7 @@ class System(Struct):
     mean: float  # kg, of the diagonal of M
     penalty: float  # α without dimension
     ordinary: float  # least singular value σ at ordinary positions
+    rank: float  # of Φ_q there
     close: float  # σ over that, below which rounding would be felt
     # ratio of two rounds from which on a stage is placed wholly, and conjugate gradients take over
     patience: float
@@ -293,6 +294,9 @@ class Work(Struct):
     rounded: Integers  # (1,) steps taken although rounding kept their error above the tolerance
     diagonal: Floats  # (movable D D,) factor: unit lower triangles, reciprocal pivots between
     off: Floats  # (blocks D D,) factor
+    log_det: Floats  # (1,) log det A where the step began
+    inverse: Floats  # (movable D D,) A⁻¹ on the pattern, where the rank is counted
+    inverse_off: Floats  # (blocks D D,)
     column: Floats  # (longest column D D,) one column before division by the pivots
     g: Floats  # (distance rows D,) q_i - q_j
     g2: Floats  # (entries D,) gradients of the quadratic rows
@@ -317,11 +321,16 @@ class Work(Struct):
     along: Floats  # (all blocks D,) direction of the branch at a singular position
     bend: Floats  # (all blocks D,) q̈ of the unforced mechanism: the curvature of its path
     target: Floats  # (all blocks D,) a stage as the method has it, before it is put on Φ = 0
-    base: Floats  # (all blocks D,) that stage again, while places around it are tried
+    base: Floats  # (all blocks D,) that stage again, while places around it are evaluated
     before_q: Floats  # (movable D,) what the stages before add to q and q̇, of an implicit method
     before_qd: Floats  # (movable D,)
+    places: Floats  # (8, 2, movable D) q and q̇ of the places that a stage is interpolated from
+    curve: Floats  # (movable D,) second derivative of the branch there, m/s²
+    given: Floats  # (all blocks D,) Q at that stage
+    aside: Integers  # (1,) whether the end of the step is interpolated
     sum: Floats  # (movable D,) what is interpolated from those places, and other sums: q̈
-    sum_q: Floats  # (movable D,) and q̇
+    sum_q: Floats  # (movable D,) q
+    sum_qd: Floats  # (movable D,) and q̇
     good_q: Floats  # (all blocks D,) the last point of the grid that an adaptive method reached
     good_qd: Floats  # (all blocks D,)
     good_turns: Integers  # (angles,)

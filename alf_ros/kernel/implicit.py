@@ -14,6 +14,7 @@ import numpy as np
 
 from alf_ros.arrays import Unit
 from alf_ros.kernel.adaptive import MOST, embedded, free_part, relative
+from alf_ros.kernel.aside import evaluate_aside, linearise_aside
 from alf_ros.kernel.data import (
     COLLAPSED,
     EPS,
@@ -40,18 +41,16 @@ from alf_ros.kernel.prescribed import prescribe
 from alf_ros.kernel.soft import add_soft_times, weigh
 from alf_ros.kernel.stage import stage
 from alf_ros.kernel.step import (
-    BLIND,
     accept,
     end_step,
-    evaluate_aside,
     evaluate_first,
     fall_back,
     keep,
     mark,
     nearness,
 )
-from alf_ros.kernel.tally import tally
-from alf_ros.kernel.vectors import copy, largest, zero
+from alf_ros.kernel.tally import ALL, tally
+from alf_ros.kernel.vectors import copy, furthest, largest, zero
 from alf_ros.kernel.watch import note
 
 _PASSES = 30  # of Newton's method, at most
@@ -59,6 +58,7 @@ _SETTLED = 1e-3  # part of the tolerance to which it is finished
 _SHARE = 0.02  # of the tolerance for one step of an adaptive method: errors add up along a motion
 _ROUNDING = 1e-9  # relative error of a step that may be rounding
 _FURTHEST = 0.3  # part of the size that a first guess may be from the start of the step
+_BLIND = 1e-6  # distance to a singular position from which on a stage's velocity is its direction
 _SHORTEST = 1e-9  # part of the step of the grid
 
 
@@ -106,8 +106,11 @@ def _settle(
         count, x, clear = stage(unit, system, forces, work, t, radius, close, near, iterations)
         near = x < np.inf
         if not clear and count > 0:
+            moved = furthest(work.q, work.base, n)
+            for i in range(n):
+                work.along[i] = rates[at + i]
             count = evaluate_aside(
-                unit, system, forces, work, phase, t, s, x, radius, close, falling, iterations
+                unit, system, forces, work, phase, t, s, moved, radius, close, falling, iterations
             )
         if count <= 0:
             return JAMMED if count < 0 else NOT_CLOSED, most, near, rate
@@ -130,11 +133,11 @@ def _settle(
         fine = max(_SETTLED * method.tolerance * speed, 8.0 * EPS * system.size / gamma)
         if left <= fine:
             if clear:  # else what it is interpolated from was counted
-                tally(forces.ledger.tally, system, forces, work, phase, t, s, 1.0, False)
+                tally(forces.ledger.tally, system, forces, work, phase, t, s, 1.0, ALL)
             for i in range(n):
                 rates[change_at + i] = k[i]
                 rates[at + i] = work.before_qd[i] + gamma * k[i]
-                if x < BLIND:
+                if x < _BLIND:
                     rates[at + i] = work.qd[i]
             return OK, most, near, rate
         before = change
@@ -171,6 +174,7 @@ def _step(
     if x <= close:
         copy(q, work.base)
         copy(qd, work.qd)
+        copy(qd, work.along)
         zero(work.p)
         add_mass_times(unit, system.mass, 1.0, work.qd, work.p)
         count = evaluate_aside(
@@ -181,7 +185,7 @@ def _step(
             phase,
             t,
             np.uint64(0),
-            x,
+            0.0,
             radius,
             close,
             falling,
@@ -193,6 +197,7 @@ def _step(
         rates[i] = qd[i]
         rates[n + i] = work.qdd[i]
     near, rate, gamma = x < np.inf, 1.0, 0.0
+    suspect = near
     for s in range(ONE, stages):
         gamma = h * method.a[s * stages + s]
         for i in range(n):
@@ -233,6 +238,7 @@ def _step(
             falling,
         )
         most = max(most, count)
+        suspect |= near
         if result != OK:
             return result, most
     last = THREE * (stages - ONE) * n
@@ -243,7 +249,9 @@ def _step(
     add_mass_times(unit, system.mass, 1.0, work.qd, work.p)
     add_soft_times(unit, system.soft, 1.0, work.qd, work.p)
     prescribe(system, end, work.q, work.qd, work.qdd)
-    result, count = end_step(unit, system, work, near, iterations)
+    result, count = end_step(
+        unit, system, forces, work, phase, end, near, suspect, radius, close, falling, iterations
+    )
     return result, max(most, count)
 
 
@@ -270,8 +278,12 @@ def _error(
     n = work.p.size
     pull = largest(work.pull, n)
     speed = max(largest(phase.qd, n), largest(work.qd, n), np.sqrt(system.size * pull))
+    if work.aside[0]:
+        linearise_aside(unit, system, work)
     displacement = _free_error(unit, system, method, work, ZERO, h)
     velocity = _free_error(unit, system, method, work, ONE, h)
+    if work.aside[0]:
+        linearise(unit, system, work, work.q)
     return relative(system, displacement, velocity, speed) / (_SHARE * method.tolerance)
 
 
@@ -326,7 +338,7 @@ def advance_implicitly(
                 good = error * _SHARE * method.tolerance < _ROUNDING
                 work.rounded[0] += good
             if good:
-                tally(forces.ledger.tally, system, forces, work, phase, t, method.b.size, dt, True)
+                tally(forces.ledger.tally, system, forces, work, phase, t, method.b.size, dt, ALL)
                 accept(unit, system, work, phase)
                 done = h if parts == 1.0 else done + dt
                 length = max(length, factor * dt) if dt < length else factor * dt

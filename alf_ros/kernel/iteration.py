@@ -212,6 +212,15 @@ def _settle(
     return types.float64(at, system, forces, work, t, types.int64, exactly), code
 
 
+@inner
+def apply(unit: Unit, system: System, forces: Forces, work: Work, t: float) -> None:
+    """Q at q, q̇ in `work`, but for friction that depends on reactions; of an implicit method with
+    (M̂ - M) k."""
+    applied_forces(forces.effects, t, work.q, work.qd, work.near, work.Q)
+    if system.soft.weight.size > 0:
+        add_soft_times(unit, system.soft, 1.0, system.soft.k, work.Q)
+
+
 @compiled
 def accelerate(
     unit: Unit,
@@ -227,9 +236,21 @@ def accelerate(
     `exactly` and what is returned: as for `velocities`. Where friction depends on reactions, and
     no loads are found that agree with it, -1 iterations.
     """
-    applied_forces(forces.effects, t, work.q, work.qd, work.near, work.Q)
-    if system.soft.weight.size > 0:
-        add_soft_times(unit, system.soft, 1.0, system.soft.k, work.Q)
+    apply(unit, system, forces, work, t)
+    return accelerate_under(unit, system, forces, work, t, iterations, exactly)
+
+
+@inner
+def accelerate_under(
+    unit: Unit,
+    system: System,
+    forces: Forces,
+    work: Work,
+    t: float,
+    iterations: int,
+    exactly: bool,
+) -> tuple[int, float]:
+    """The same under the Q in `work`, as `apply` leaves it."""
     for i in range(work.p.size):  # what is prescribed stands behind
         work.qdd[i] = 0.0
     if forces.bearings.settle.size > 0:

@@ -19,6 +19,7 @@ from alf_ros.kernel.block import block, dot
 from alf_ros.kernel.data import ONE, Forces, Ledger, Phase, System, Work
 from alf_ros.kernel.forces import add_one, add_one_friction
 from alf_ros.kernel.jit import inner
+from alf_ros.kernel.tally import APPLIED, REACTING
 from alf_ros.kernel.vectors import zero
 
 
@@ -32,7 +33,7 @@ def _note(
     t: float,
     s: np.uint64,
     weight: float,
-    more: int,
+    part: int,
 ) -> None:
     ledger, effects, accounts = forces.ledger, forces.ledger.effects, phase.works.size
     if s == ledger.weights.size:
@@ -41,20 +42,22 @@ def _note(
     if ledger.weights[s] == 0.0:
         return
     first = s * accounts
-    if more == 0:
+    if part != REACTING:
         for a in range(first, first + accounts):
             ledger.rates[a] = 0.0
     for e in range(effects.force.size):
         zero(ledger.Q)
-        add_one(effects, e, t, work.q, work.qd, work.near, ledger.Q)
-        if effects.friction[e] != 0:
+        if part != REACTING:
+            add_one(effects, e, t, work.q, work.qd, work.near, ledger.Q)
+        if part != APPLIED and effects.friction[e] != 0:
             loads = forces.bearings.loads
             add_one_friction(effects, e, t, work.q, work.qd, work.near, loads, ledger.Q)
         power = 0.0
         for i in range(ledger.Q.size):
             power += ledger.Q[i] * work.qd[i]
         ledger.rates[first + ledger.account[e]] += weight * power
-    ledger.rates[first + accounts - ONE] += weight * _prescribed(unit, system, work)
+    if part != APPLIED:
+        ledger.rates[first + accounts - ONE] += weight * _prescribed(unit, system, work)
 
 
 @inner
@@ -84,9 +87,9 @@ def _in_plane(
     t: float,
     s: np.uint64,
     weight: float,
-    more: int,
+    part: int,
 ) -> None:
-    _note((0.0, 0.0), system, forces, work, phase, t, s, weight, more)
+    _note((0.0, 0.0), system, forces, work, phase, t, s, weight, part)
 
 
 def _in_space(
@@ -97,9 +100,9 @@ def _in_space(
     t: float,
     s: np.uint64,
     weight: float,
-    more: int,
+    part: int,
 ) -> None:
-    _note((0.0, 0.0, 0.0), system, forces, work, phase, t, s, weight, more)
+    _note((0.0, 0.0, 0.0), system, forces, work, phase, t, s, weight, part)
 
 
 @cache

@@ -31,12 +31,18 @@ def opening(unit: Unit, rows: Rows, q: Floats, phi: Floats) -> float:
 
 
 @inner
+def opening_twofold(unit: Unit, rows: Rows, q: Floats, phi: Floats) -> float:
+    """The same, to twice the digits of q."""
+    violation_twofold(unit, rows, q, phi)
+    return _widest(rows, phi)
+
+
+@inner
 def _opening(unit: Unit, rows: Rows, q: Floats, phi: Floats, twofold: bool) -> float:
     """The same, `twofold` to twice the digits of q."""
     if not twofold:
         return opening(unit, rows, q, phi)
-    violation_twofold(unit, rows, q, phi)
-    return _widest(rows, phi)
+    return opening_twofold(unit, rows, q, phi)
 
 
 @inner

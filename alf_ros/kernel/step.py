@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Unit
+from alf_ros.kernel.aside import end_aside, evaluate_aside
 from alf_ros.kernel.chart import fold, fold_again, lay, lead, unfold
 from alf_ros.kernel.constraints import violation
 from alf_ros.kernel.data import (
@@ -29,14 +30,13 @@ from alf_ros.kernel.iteration import accelerate, augmented, velocities
 from alf_ros.kernel.jit import compiled, expanded, inner
 from alf_ros.kernel.manifold import project
 from alf_ros.kernel.prescribed import prescribe
+from alf_ros.kernel.rank import fallen, log_det, lost
 from alf_ros.kernel.residuals import begin_accelerations
-from alf_ros.kernel.stage import SPACING, stage, stage_between
-from alf_ros.kernel.tally import tally
+from alf_ros.kernel.stage import stage
+from alf_ros.kernel.tally import ALL, tally
 from alf_ros.kernel.turns import count_turns, nearby
-from alf_ros.kernel.vectors import copy, largest, zero
+from alf_ros.kernel.vectors import copy, furthest, largest, zero
 from alf_ros.kernel.watch import note
-
-BLIND = 1e-6  # distance to a singular position from which on a stage's velocity is its direction
 
 
 @inner
@@ -46,12 +46,13 @@ def evaluate_first(
     """q̈ where the step begins, from the Φ_q and the factor that stand in `work`, and the
     curvature of the path; the iterations (-1: friction jams), and σ as `velocities` says it."""
     copy(phase.qd, work.qd)
+    work.log_det[0] = log_det(unit, work)
     work.evaluations[0] += 1
     prescribe(system, t, work.q, work.qd, work.qdd)
     most, sigma = accelerate(unit, system, forces, work, t, iterations, True)
     if most < 0:
         return most, sigma
-    tally(forces.ledger.tally, system, forces, work, phase, t, np.uint64(0), 1.0, False)
+    tally(forces.ledger.tally, system, forces, work, phase, t, np.uint64(0), 1.0, ALL)
     copy(work.qdd, work.pull)
     copy(work.qdd, work.bend)  # of what is prescribed
     for i in range(work.p.size):
@@ -78,70 +79,65 @@ def nearness(system: System, work: Work, phase: Phase) -> tuple[float, float, fl
     return radius, close, np.sqrt(hardest * system.size)
 
 
-@expanded
-def evaluate_aside(
+@inner
+def end_step(
     unit: Unit,
     system: System,
     forces: Forces,
     work: Work,
     phase: Phase,
-    t: float,
-    s: int,
-    x: float,
+    end: float,
+    near: bool,
+    suspect: bool,
     radius: float,
     close: float,
     falling: float,
     iterations: int,
-) -> int:
-    """q̇ and q̈ of stage s, which is x from a singular position: too close to be taken at its word.
+) -> tuple[int, int]:
+    """The end of a step, q and p' in `work`, onto Φ = 0, with Φ_q and factor, and q̇; returns
+    (result, iterations).
 
-    `radius`, `close`, `falling`: as `nearness` says. Returns the iterations, as `stage` does.
+    Where the last stage was beside a singular position (`near`) the end is judged like a stage:
+    closer to the position than its error it would come to lie on another branch. In the position
+    itself nothing is felt of the row that tells the branch, so its rank is counted if any stage
+    was beside one (`suspect`). `radius`, `close`, `falling`: as `nearness` returns.
     """
-    n = work.p.size
-    fastest, moved = largest(phase.qd, n), 0.0
-    for i in range(n):
-        moved = max(moved, abs(work.q[i] - work.base[i]))
-    spacing = max(20.0 * moved, SPACING * system.close * radius)
-    # along the branch, which the velocity tells unless it is too close for that; from
-    # rest it is left along the acceleration
-    along, moving = work.pull, False
-    if fastest > 1e-3 * falling:
-        along, moving = phase.qd, True
-        if x > BLIND:
-            copy(work.qd, work.along)
-            along = work.along
-    return stage_between(
-        unit,
-        system,
-        forces,
-        work,
-        phase,
-        t,
-        s,
-        along,
-        moving,
-        radius,
-        close,
-        spacing,
-        iterations,
-    )
+    work.aside[0] = 0
+    copy(work.q, work.base)
+    copy(work.qd, work.along)
+    if not near:
+        result = project(unit, system, work, False)
+        if result != OK:
+            return result, 0
+        near = (suspect or fallen(unit, work)) and lost(unit, system, work)
+        if not near:
+            most, _sigma = velocities(unit, system, work, iterations, True)
+            return _finite(work, OK), most
+        copy(work.base, work.q)
+    copy(work.q, work.target)
+    most, x, clear = stage(unit, system, forces, work, end, radius, close, True, iterations)
+    if most <= 0:
+        return JAMMED if most < 0 else NOT_CLOSED, 1
+    if clear and not (x == np.inf and lost(unit, system, work)):
+        copy(work.base, work.q)
+        result = project(unit, system, work, True)
+        if result == OK:
+            most, _sigma = velocities(unit, system, work, iterations, True)
+    else:
+        moved = furthest(work.q, work.base, work.p.size)
+        result, most = end_aside(
+            unit, system, forces, work, phase, end, moved, radius, close, falling, iterations
+        )
+    return _finite(work, result), most
 
 
 @inner
-def end_step(
-    unit: Unit, system: System, work: Work, wholly: bool, iterations: int
-) -> tuple[int, int]:
-    """The end of a step, q and p' in `work`, onto Φ = 0, with Φ_q and factor, and q̇; returns
-    (result, iterations). `wholly`: beside a singular position."""
-    result, most = project(unit, system, work, wholly), 0
-    if result == OK:
-        most, _sigma = velocities(unit, system, work, iterations, True)
-        check = 0.0
-        for i in range(work.p.size):
-            check += work.q[i] + work.qd[i]
-        if not np.isfinite(check):
-            result = NOT_FINITE
-    return result, most
+def _finite(work: Work, result: int) -> int:
+    """The result, but for q or q̇ that are no numbers."""
+    check = 0.0
+    for i in range(work.p.size):
+        check += work.q[i] + work.qd[i]
+    return result if result != OK or np.isfinite(check) else NOT_FINITE
 
 
 @inner
@@ -200,6 +196,7 @@ def step(
     lay(unit, system, chart, work, phase, h)
     if begun:
         fold_again(unit, system, chart, work, phase)
+    suspect = False
     x = np.inf  # where the last stage was about to be singular this one is likely to be
     for s in range(first, stages + ONE):
         add_up(method, work, s, h)
@@ -222,8 +219,14 @@ def step(
             count, x, clear = stage(
                 unit, system, forces, work, ts, radius, close, x < np.inf, iterations
             )
-            tally(forces.ledger.tally, system, forces, work, phase, ts, s, 1.0, False)
+            tally(forces.ledger.tally, system, forces, work, phase, ts, s, 1.0, ALL)
+        suspect |= x < np.inf
         if not clear and count > 0:
+            moved = furthest(work.q, work.base, work.p.size)
+            add_up(method, work, s, h)
+            prescribe(system, ts, work.q, work.qd, work.qdd)
+            unfold(unit, system, chart, work, phase)
+            copy(work.qd, work.along)
             count = evaluate_aside(
                 unit,
                 system,
@@ -232,7 +235,7 @@ def step(
                 phase,
                 ts,
                 s,
-                x,
+                moved,
                 radius,
                 close,
                 falling,
@@ -244,7 +247,20 @@ def step(
         if s == 0:
             copy(work.qdd, chart.first)
         fold(unit, system, chart, work, work.qd, work.qdd, s)
-    result, count = end_step(unit, system, work, x < np.inf, iterations)
+    result, count = end_step(
+        unit,
+        system,
+        forces,
+        work,
+        phase,
+        end,
+        x < np.inf,
+        suspect,
+        radius,
+        close,
+        falling,
+        iterations,
+    )
     return result, max(most, count)
 
 
@@ -323,7 +339,7 @@ def advance(
         if result != OK:
             return result, taken, most
         sigma = np.inf
-        tally(forces.ledger.tally, system, forces, work, phase, t, method.b.size, h, True)
+        tally(forces.ledger.tally, system, forces, work, phase, t, method.b.size, h, ALL)
         accept(unit, system, work, phase)
         if watch is not None:  # known when it is compiled: who does not watch does without
             note(unit, system, forces, work, watch, taken, end)

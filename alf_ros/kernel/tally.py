@@ -4,10 +4,15 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
+
+# what is noted of a stage: all of it; or, where it is interpolated, first what does not depend on
+# reactions, and then what does, place by place
+ALL, APPLIED, REACTING = np.int64(0), np.int64(1), np.int64(2)
 
 
 @intrinsic
@@ -21,10 +26,10 @@ def tally(
     t: Any,
     s: Any,
     weight: Any,
-    more: Any,
+    part: Any,
 ) -> Any:
-    """Note the power of each effect at stage s, as it stands in `work`, `weight` times; `more`:
-    besides what is noted there. Past the last stage: the step, `weight` (s) long, counts.
+    """Note the power of each effect at stage s, as it stands in `work`, `weight` times; `part`:
+    ALL, APPLIED or REACTING. Past the last stage: the step, `weight` (s) long, counts.
 
     ledger: `Ledger.tally`. Without an address in it nothing is done; to ask for it here, and not
     in code of its own, saves a second of compiling.
@@ -33,10 +38,12 @@ def tally(
     def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         at = cgutils.create_struct_proxy(sig.args[0])(context, builder, value=args[0])
         with builder.if_then(builder.icmp_unsigned('!=', at.size, at.size.type(0))):
-            values = [*args[1:8], builder.zext(args[8], ir.IntType(64))]
+            values = list(args[1:])
             kind = ir.FunctionType(ir.VoidType(), [value.type for value in values])
             builder.call(builder.inttoptr(builder.load(at.data), kind.as_pointer()), values)
         return context.get_dummy_value()
 
     number = types.float64
-    return types.void(ledger, system, forces, work, phase, t, types.uint64, number, more), code
+    return types.void(
+        ledger, system, forces, work, phase, t, types.uint64, number, types.int64
+    ), code

@@ -29,3 +29,12 @@ def largest(v: Floats, n: np.uint64) -> float:
     for i in range(n):
         most = max(most, abs(v[i]))
     return most
+
+
+@inner
+def furthest(u: Floats, v: Floats, n: np.uint64) -> float:
+    """Largest difference of the first n numbers, without sign."""
+    most = 0.0
+    for i in range(n):
+        most = max(most, abs(u[i] - v[i]))
+    return most
