@@ -106,29 +106,64 @@ def four_bars(n: int) -> OneFreedom:
     )
 
 
-def change_point(times: ArrayLike) -> Floats:
-    """Coordinates q (times, 4), m, of A and B in the scene `change_point`, at `times` (s).
+def change_point_alone() -> OneFreedom:
+    """The four-bar `change_point` as a function of the angle φ of its crank.
 
     With f = |AC| the law of cosines puts B at x along AC and y to its left, x = (f² + b² - c²)/2f,
     4 f² y² = (b + c - f)(b + c + f)(f + c - b)(f + b - c). As a + d = b + c, the first two factors
-    are 4 a d cos²(φ/2) of the crank angle φ: the motion that goes straight on through the change
-    point is the one whose y has the sign of cos(φ/2), a smooth function of φ with period 4π.
-    The crank never turns back, so φ̇ = √(2 (E - V(φ)) / I(φ)).
+    are 4 a d cos²(φ/2): the motion that goes straight on through the change point is the one whose
+    y has the sign of cos(φ/2), a smooth function of φ with period 4π.
     """
-    a, b, c, d = 1.0, 2.0, 3.0, 4.0
     crank, coupler, rocker = 1.0, 1.0, 2.0  # kg
 
-    def points(phi: complex) -> NDArray[np.complex128]:
-        cos, sin = np.cos(phi), np.sin(phi)
-        f = np.sqrt(a * a + d * d - 2.0 * a * d * cos)
-        x = (f * f + b * b - c * c) / (2.0 * f)
-        y = np.cos(phi / 2.0) * np.sqrt(a * d * (f + c - b) * (f + b - c)) / f
-        along = np.array([d - a * cos, -a * sin]) / f
-        A = np.array([a * cos, a * sin])
-        return np.concatenate([A, A + x * along + y * np.array([-along[1], along[0]])])
+    def tangent(phi: float) -> Floats:
+        # complex step: dq/dφ without rounding
+        return np.asarray(_change_point(phi + 1e-30j).imag * 1e30)
+
+    def inertia(phi: float) -> float:
+        dq = tangent(phi)
+        aa, ab, bb = dq[:2] @ dq[:2], dq[:2] @ dq[2:], dq[2:] @ dq[2:]
+        return float((crank * aa + coupler * (aa + ab + bb) + rocker * bb) / 3.0)
+
+    def inertia_and_slope(phi: float) -> tuple[float, float]:
+        e = 1e-3  # differences of order 6
+        slope = 45.0 * (inertia(phi + e) - inertia(phi - e))
+        slope -= 9.0 * (inertia(phi + 2 * e) - inertia(phi - 2 * e))
+        slope += inertia(phi + 3 * e) - inertia(phi - 3 * e)
+        return inertia(phi), slope / (60.0 * e)
+
+    def acceleration(phi: float, rate: float) -> float:
+        whole, slope = inertia_and_slope(phi)
+        dq = tangent(phi)
+        pull = 0.5 * GRAVITY * (crank * dq[1] + coupler * (dq[1] + dq[3]) + rocker * dq[3])
+        return float(-(0.5 * slope * rate * rate + pull) / whole)
+
+    return OneFreedom(
+        acceleration, lambda phi: _change_point(phi).real, tangent, inertia_and_slope
+    )
+
+
+def _change_point(phi: complex) -> NDArray[np.complex128]:
+    """A and B (4,), m."""
+    a, b, c, d = 1.0, 2.0, 3.0, 4.0
+    cos, sin = np.cos(phi), np.sin(phi)
+    f = np.sqrt(a * a + d * d - 2.0 * a * d * cos)
+    x = (f * f + b * b - c * c) / (2.0 * f)
+    y = np.cos(phi / 2.0) * np.sqrt(a * d * (f + c - b) * (f + b - c)) / f
+    along = np.array([d - a * cos, -a * sin]) / f
+    A = np.array([a * cos, a * sin])
+    return np.concatenate([A, A + x * along + y * np.array([-along[1], along[0]])])
+
+
+def change_point(times: ArrayLike) -> Floats:
+    """Coordinates q (times, 4), m, of A and B in the scene `change_point`, at `times` (s).
+
+    The crank never turns back, so φ̇ = √(2 (E - V(φ)) / I(φ)) (see `change_point_alone`).
+    """
+    crank, coupler, rocker = 1.0, 1.0, 2.0  # kg
 
     def inertia_and_potential(phi: float) -> tuple[float, float]:
-        whole = points(phi + 1e-30j)  # complex step: dq/dφ without rounding
+        whole = _change_point(phi + 1e-30j)  # complex step: dq/dφ without rounding
         q, dq = whole.real, whole.imag * 1e30
         aa, ab, bb = dq[:2] @ dq[:2], dq[:2] @ dq[2:], dq[2:] @ dq[2:]
         inertia = (crank * aa + coupler * (aa + ab + bb) + rocker * bb) / 3.0
@@ -142,4 +177,4 @@ def change_point(times: ArrayLike) -> Floats:
     start = math.pi / 3.0
     inertia, potential = inertia_and_potential(start)
     energy = 0.5 * inertia * 5.0**2 + potential
-    return np.array([points(phi).real for phi in _integrate(rate, (start,), times)[0]])
+    return np.array([_change_point(phi).real for phi in _integrate(rate, (start,), times)[0]])

@@ -20,7 +20,7 @@ from typing import NoReturn, TextIO
 
 import numpy as np
 
-from alf_ros import campaign, error_plot, reference_motion
+from alf_ros import campaign, error_plot, landing, reference_motion
 from alf_ros.errors import InputError
 from alf_ros.integrator import TABLEAUX
 from alf_ros.progress_bar import ProgressBar
@@ -159,6 +159,7 @@ CASES = {
     'implicit': _implicit,
     'many_bars': _many_bars,
     'starts': _starts,
+    'landing': landing.rows,
     'order': _orders,
     'campaign': campaign.rows,
 }

@@ -299,6 +299,7 @@ def allocate(model: Model, system: System, stages: int) -> Work:
         'places': 16 * n,
         'given': whole,
         'curve': n,
+        'lead': 1,
         'bend': whole,
         'pull': whole,
         'along': whole,

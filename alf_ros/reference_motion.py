@@ -18,7 +18,7 @@ TEN_SECONDS = tuple(0.1 * k for k in range(101))
 class Motion:
     """A scene, the times (s) at which it is looked at, and its exact q (times, n) then, m.
 
-    `start` tells motions of the same mechanism apart.
+    `start` tells motions of the same mechanism apart; `driven`: its energy is not constant.
     """
 
     mechanism: str
@@ -26,6 +26,7 @@ class Motion:
     scene: Callable[[], Scene]
     times: tuple[float, ...]
     exact: Callable[[], Floats]
+    driven: bool = False
 
 
 @cache

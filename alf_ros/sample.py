@@ -18,7 +18,8 @@ from alf_ros.curve import Curve
 from alf_ros.driving import effort
 from alf_ros.efforts import unit_motion
 from alf_ros.errors import InputError, StepError
-from alf_ros.kernel import Rows, Work
+from alf_ros.kernel import Phase, Rows, Work
+from alf_ros.limits import Limits, Place, limits
 from alf_ros.model import Model, allocate
 from alf_ros.orientation import orientation
 from alf_ros.prescribed import prescribe
@@ -26,6 +27,8 @@ from alf_ros.rank import distance, effective_rank
 from alf_ros.reactions import Reactions
 from alf_ros.scene import Solver
 from alf_ros.state import State
+
+_DOUBTFUL = 5e-3  # distance to a singular position, over that of ordinary ones
 
 T = TypeVar('T')
 
@@ -45,7 +48,8 @@ class Reaction:
     the plane a number, about +z, in space (3,).
 
     `indeterminate` says that the constraints are redundant here, and that the share of this joint
-    is one of many that balance (the one of least norm).
+    is one of many that balance (the one of least norm); or that it is sampled in a singular
+    position where the reaction has no limit: components that have none are NaN.
     """
 
     force: Floats
@@ -134,8 +138,11 @@ class Sample:
         reactions: Callable[[], Reactions],
         iterations: int,
         step_cost: float,
+        within: Callable[[], bool],
     ) -> None:
+        """`within`: whether it is in a singular position, or closer than can be computed."""
         self.model, self.t, self.step = model, t, state.step
+        self._within = within
         self._applied, self._solver, self._state = applied, solver, state
         self._dependent_rows, self._reactions = dependent_rows, reactions
         self.diagnostics = Diagnostics(self, iterations, step_cost)
@@ -160,7 +167,7 @@ class Sample:
     @cached_property
     def qdd(self) -> Floats:
         """Their accelerations (n,), m/s^2."""
-        return self._by_coordinate(self._accelerated[0].qdd)
+        return self._by_coordinate(self._read(lambda place: place.work.qdd))
 
     @cached_property
     def _positions(self) -> Floats:
@@ -256,7 +263,7 @@ class Sample:
     @cached_property
     def _loads(self) -> Floats:
         """N, of each effect with friction that depends on reactions."""
-        return self._accelerated[1]
+        return self._read(lambda place: place.loads)
 
     # ----------------------------------------------------------------------------------- bodies
 
@@ -356,16 +363,28 @@ class Sample:
     @cached_property
     def drive_efforts(self) -> Mapping[str, Floats]:
         """What each drive exerts: (1,) N m or N along its coordinate, (D,) N on its point."""
-        model, work = self.model, self._accelerated[0]
-        layout, rows = model.layout, model.system.rows
-        pull = np.zeros(work.q.size)
-        kernel.add_transposed(model.unit, rows, work.g, work.g2, work.y, pull)
-        places, pulls = work.q.reshape(-1, layout.dimension), pull.reshape(-1, layout.dimension)
-        of = layout.of_prescribed
-        return {
-            drive.name: _read_only(effort(drive, places[of[drive.name]], pulls[of[drive.name]]))
-            for drive in model.mechanism.drives
-        }
+        model, drives = self.model, self.model.mechanism.drives
+        layout, of = model.layout, model.layout.of_prescribed
+
+        def read(place: Place) -> Floats:
+            work, pull = place.work, np.zeros(place.work.q.size)
+            kernel.add_transposed(model.unit, model.system.rows, work.g, work.g2, work.y, pull)
+            q, pulls = work.q.reshape(-1, layout.dimension), pull.reshape(-1, layout.dimension)
+            efforts = [effort(drive, q[of[drive.name]], pulls[of[drive.name]]) for drive in drives]
+            sizes[:] = [each.size for each in efforts]
+            return np.concatenate([np.zeros(0), *efforts])
+
+        sizes: list[int] = []
+        values = self._read(read)
+        ends = np.cumsum(sizes)[:-1]
+        return (
+            {
+                drive.name: _read_only(value)
+                for drive, value in zip(drives, np.split(values, ends), strict=True)
+            }
+            if drives
+            else {}
+        )
 
     @cached_property
     def drives(self) -> tuple[Floats, Floats, Floats]:
@@ -414,10 +433,10 @@ class Sample:
         return work
 
     @cached_property
-    def _accelerated(self) -> tuple[Work, Floats]:
-        """q̈ and λ, and the loads of friction."""
+    def _accelerated(self) -> tuple[Work, Floats, float]:
+        """q̈ and λ, the loads of friction, and the least singular value met, if it is small."""
         work = self._linearised
-        count, _ = kernel.accelerate(
+        count, sigma = kernel.accelerate(
             self.model.unit,
             self.model.system,
             self._applied.assembled,
@@ -428,7 +447,35 @@ class Sample:
         )
         if count < 0:
             raise StepError('friction finds no balance with the reactions', 'see step()', self.t)
-        return work, self._applied.loads
+        return work, self._applied.loads, sigma
+
+    @cached_property
+    def _limits(self) -> Limits | None:
+        """What values are limits of, in a singular position or too near to one."""
+        if not self._within() and not self._doubtful:
+            return None
+        state, applied = self._state, self._applied.assembled
+        works = np.array(list(state.works.values()))
+        phase = Phase(state.q, state.qd, state.turns, np.array([state.pace]), works)
+        return limits(self.model, applied, phase, self._near, self.t, self._solver.iterations)
+
+    def _read(self, read: Callable[[Place], Floats]) -> Floats:
+        """Something of the accelerated mechanism: its limit, in a singular position."""
+        if self._limits is None:
+            return read(Place(*self._accelerated[:2]))
+        limit = self._limits.of(read)
+        if not self._within():  # what has a pole is known beside it
+            limit = np.where(np.isnan(limit), read(Place(*self._accelerated[:2])), limit)
+        return limit
+
+    @property
+    def _doubtful(self) -> bool:
+        """Whether drives make rounding count: efforts are off by it over x⁴, x the distance to a
+        singular position."""
+        model = self.model
+        if not model.mechanism.drives:
+            return False
+        return self._accelerated[2] < _DOUBTFUL * model.system.ordinary
 
     @property
     def _scale(self) -> Floats:
@@ -452,7 +499,7 @@ class Sample:
     @cached_property
     def lam(self) -> Floats:
         """(rows,) multipliers λ from a cold solve: M q̈ + Φ_qᵀ λ = Q."""
-        return _read_only(self._accelerated[0].y[self.model.row])
+        return _read_only(self._read(lambda place: place.work.y[self.model.row]))
 
     @property
     def multipliers(self) -> Mapping[str, float]:
@@ -463,23 +510,36 @@ class Sample:
     def constraint_forces(self) -> Floats:
         """(n,) Φ_qᵀ λ, N on each coordinate in the order of `q`: unlike λ it is unique where rows
         depend on each other."""
-        model, work = self.model, self._accelerated[0]
-        pull = np.zeros_like(work.q)
-        kernel.add_transposed(model.unit, model.system.rows, work.g, work.g2, work.y, pull)
-        return self._by_coordinate(pull)
+        model = self.model
+
+        def read(place: Place) -> Floats:
+            work, pull = place.work, np.zeros(place.work.q.size)
+            kernel.add_transposed(model.unit, model.system.rows, work.g, work.g2, work.y, pull)
+            return pull
+
+        return self._by_coordinate(self._read(read))
 
     # -------------------------------------------------------------------------------- reactions
 
     @cached_property
     def _wrenches(self) -> tuple[Floats, Floats]:
-        cut, (accelerated, loads) = self._reactions(), self._accelerated
-        q, qd = cut.on_cut_blocks(self._state.q), cut.on_cut_blocks(self._state.qd)
-        Q = np.zeros(q.size)
-        effects = self._applied.on(cut.cut)
-        kernel.applied_forces(effects, self.t, q, qd, self._near, Q)
-        if loads.size:
-            kernel.add_friction(effects, self.t, q, qd, self._near, loads, Q)
-        return cut.of(q, cut.on_cut_blocks(accelerated.qdd), accelerated.y, Q)
+        cut, state = self._reactions(), self._state
+        applied = np.zeros(cut.source.size * self.model.layout.dimension)
+        effects, t, near = self._applied.on(cut.cut), self.t, self._near
+        q, qd = cut.on_cut_blocks(state.q), cut.on_cut_blocks(state.qd)
+        kernel.applied_forces(effects, t, q, qd, near, applied)
+
+        def read(place: Place) -> Floats:
+            work, Q = place.work, applied.copy()
+            q, qd = cut.on_cut_blocks(work.q), cut.on_cut_blocks(work.qd)
+            if place.loads.size:
+                kernel.add_friction(effects, t, q, qd, near, place.loads, Q)
+            forces, torques = cut.of(q, cut.on_cut_blocks(work.qdd), work.y, Q)
+            return np.column_stack([forces, torques])
+
+        wrenches = self._read(read)
+        D = self.model.layout.dimension
+        return wrenches[:, :D].copy(), wrenches[:, D:].copy()
 
     @property
     def reaction_forces(self) -> Floats:
@@ -507,10 +567,17 @@ class Sample:
     @cached_property
     def _indeterminate(self) -> NDArray[np.bool_]:
         """(joints,) whether the reaction is one of many that balance."""
-        if not self.diagnostics.redundant:
-            return np.zeros(len(self.model.joint_names), dtype=bool)
-        cut = self._reactions()
-        return cut.indeterminate(cut.on_cut_blocks(self._state.q), self._linearised)
+        cut, work = self._reactions(), self._linearised
+        redundant, unknown = (
+            self.diagnostics.redundant,
+            np.zeros(len(self.model.joint_names), bool),
+        )
+        if self._limits is not None:  # of rows that depend on others also beside the position
+            redundant, work = self._dependent_rows(), self._limits.beside
+            unknown = np.asarray(np.isnan(np.column_stack(self._wrenches)).any(axis=1))
+        if redundant:
+            unknown |= cut.indeterminate(cut.on_cut_blocks(work.q), work)
+        return unknown
 
 
 def _read_only(array: Floats) -> Floats:

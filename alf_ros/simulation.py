@@ -110,6 +110,8 @@ class Simulation:
         self._watcher: Watcher | None = None
         self._iterations = 0
         self._step_cost = math.nan
+        # whether the end of the last step was interpolated beside a singular position
+        self._aside: bool | None = None
         if self._to_pick:
             self.accuracy = pick(self.solver, self._trial)
             self._use(self.accuracy.solver)
@@ -233,6 +235,7 @@ class Simulation:
             result, taken = self._watcher.step(self._phase, self._step, n, self._advance_watched)
         self._step += taken
         if taken:
+            self._aside = bool(self._work.aside[0])
             self._step_cost = (time.perf_counter() - started) / taken
         if result != kernel.OK:
             raise StepError(*self._failure(result), self.t)
@@ -353,7 +356,7 @@ class Simulation:
         Works that the state does not know begin at zero.
         """
         phase = self._phase
-        self._step = state.step
+        self._step, self._aside = state.step, None
         phase.q[:], phase.qd[:], phase.turns[:] = state.q, state.qd, state.turns
         phase.pace[0], self._carried[:] = state.pace, state.carried
         phase.works[:] = [state.works.get(name, 0.0) for name in self.accounts]
@@ -447,7 +450,7 @@ class Simulation:
 
     def sample(self) -> Sample:
         """The present state to read from; nothing in it is computed before it is asked for."""
-        return self._sample(self.t, self.state)
+        return self._sample(self.t, self.state, self._aside)
 
     def _sample_between(self, t: float) -> Sample:
         state = self.state
@@ -456,9 +459,17 @@ class Simulation:
         result, _ = self._advance(phase, state.carried, 0, 1, t - self.t, self.t)
         if result != kernel.OK:
             raise StepError(*self._failure(result), self.t)
-        return self._sample(t, replace(state, works=self._works(works)))
+        aside = bool(self._work.aside[0])
+        return self._sample(t, replace(state, works=self._works(works)), aside)
 
-    def _sample(self, t: float, state: State) -> Sample:
+    def _sample(self, t: float, state: State, aside: bool | None) -> Sample:
+        """`aside`: whether the step that ended there was interpolated; None if none did."""
+
+        def within() -> bool:
+            if aside is None and self._formulation is None:
+                return assembly.within(self.model, state.q, self._dependent_rows)
+            return bool(aside)
+
         return Sample(
             self.model,
             self._applied,
@@ -469,6 +480,7 @@ class Simulation:
             lambda: self._reactions,
             self._iterations,
             self._step_cost,
+            within,
         )
 
     @cached_property

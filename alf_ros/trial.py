@@ -103,7 +103,8 @@ def execute(run: Run) -> Result:
         first, *_ = samples = list(sim.run(run.motion.times[-1], at=run.motion.times))
         for sample, q in zip(samples, run.motion.exact(), strict=True):
             position = max(position, float(np.abs(sample.q - q).max()))
-            energy = max(energy, abs(sample.energy - first.energy))
+            if not run.motion.driven:
+                energy = max(energy, abs(sample.energy - first.energy))
             constraint = max(constraint, sample.diagnostics.position_violation)
     except AlfError as error:
         return Result(run, math.nan, math.nan, math.nan, bound, str(error))

@@ -58,7 +58,7 @@ def evaluate_aside(
     `moved` (m): how far the stage was from Φ = 0; `along`: q̇ as the step adds it up.
     `radius`, `close`, `falling`: as `nearness` returns. Returns the iterations, as `stage` does.
     """
-    count, found, lead = _find(
+    count, found = _find(
         unit, system, forces, work, phase, t, moved, radius, close, falling, iterations, False
     )
     if not found:
@@ -72,13 +72,8 @@ def evaluate_aside(
     tally(forces.ledger.tally, system, forces, work, phase, t, s, 1.0, APPLIED)
     zero(work.sum)
     for k in range(PLACES):
-        prescribe(system, t + lead * _offset(k), work.q, work.qd, work.qdd)
-        _take(work, k)
-        copy(work.given, work.Q)
-        if not linearise(unit, system, work, work.q):
-            return 0
-        more, _sigma = accelerate_under(unit, system, forces, work, t, iterations, True)
-        if more < 0:
+        more = evaluate_place(unit, system, forces, work, t, k, iterations)
+        if more <= 0:
             return more
         count = max(count, more)
         tally(forces.ledger.tally, system, forces, work, phase, t, s, _WEIGHTS[k], REACTING)
@@ -87,6 +82,29 @@ def evaluate_aside(
     prescribe(system, t, work.q, work.qd, work.qdd)
     for a in range(n):
         work.q[a], work.qd[a], work.qdd[a] = work.sum_q[a], work.sum_qd[a], work.sum[a]
+    return count
+
+
+@inner
+def evaluate_place(
+    unit: Unit,
+    system: System,
+    forces: Forces,
+    work: Work,
+    t: float,
+    k: int,
+    iterations: int,
+) -> int:
+    """q̈ and λ at place k under the forces that act at the stage; returns the iterations."""
+    n = work.p.size
+    at = TWO * n * np.uint64(k)
+    prescribe(system, t + work.lead[0] * _offset(k), work.q, work.qd, work.qdd)
+    for a in range(n):
+        work.q[a], work.qd[a] = work.places[at + a], work.places[at + n + a]
+    copy(work.given, work.Q)
+    if not linearise(unit, system, work, work.q):
+        return 0
+    count, _sigma = accelerate_under(unit, system, forces, work, t, iterations, True)
     return count
 
 
@@ -109,7 +127,7 @@ def end_aside(
     Whatever a step has added up is off the branch by its error, e. Projected at x < e it would
     come to lie on another branch. Returns (result, iterations).
     """
-    count, found, _lead = _find(
+    count, found = _find(
         unit, system, forces, work, phase, t, moved, radius, close, falling, iterations, True
     )
     if count <= 0:
@@ -156,13 +174,13 @@ def _find(
     falling: float,
     iterations: int,
     ending: bool,
-) -> tuple[int, bool, float]:
+) -> tuple[int, bool]:
     """Interpolate position and velocity, into `sum_q` and `sum_qd`.
 
     `along`: q̇ as the step adds it up, which the branch goes along; from rest it goes along the
     acceleration. The velocity that `stage` found is no use: its row may be turned by e / x.
-    Returns the iterations; whether they were found, for at a standstill that knows no direction
-    the stage stays; and what is prescribed goes on by from place to place, s.
+    Returns the iterations, and whether they were found: at a standstill that knows no direction
+    the stage stays. `lead`: what is prescribed goes on by from place to place, s.
     """
     n = work.p.size
     fastest = largest(phase.qd, n)
@@ -172,27 +190,25 @@ def _find(
         copy(work.pull, work.along)
     speed = largest(work.along, n)
     if not speed > 0.0:
-        return 1, False, 0.0
+        return 1, False
     bend = speed / fastest if moving else 0.0
     for a in range(n):
         work.curve[a] = bend * bend * work.bend[a]
-    count, lead = _interpolate(
-        unit, system, forces, work, t, moving, radius, close, spacing, iterations
-    )
+    count = _interpolate(unit, system, forces, work, t, moving, radius, close, spacing, iterations)
     found, turned = largest(work.sum_qd, n), 0.0
     for a in range(n):
         turned = max(turned, abs(work.sum_qd[a] - work.along[a]))
     ask = ending or turned > _TURNED * speed
     if ask and count > 0 and moving and found > _SLOW * falling:
         # again, now that direction and curvature of the branch are known here
-        _bend(work, lead * speed / found)
+        _bend(work, work.lead[0] * speed / found)
         for a in range(n):
             work.along[a] = work.sum_qd[a]
-        more, lead = _interpolate(
+        more = _interpolate(
             unit, system, forces, work, t, moving, radius, close, spacing, iterations
         )
         count = max(count, more) if more > 0 else more
-    return count, count > 0, lead
+    return count, count > 0
 
 
 @inner
@@ -218,23 +234,23 @@ def _interpolate(
     close: float,
     spacing: float,
     iterations: int,
-) -> tuple[int, float]:
-    """The same from places `spacing` (m) apart along `along`; (iterations, s from place to place).
+) -> int:
+    """The same from places `spacing` (m) apart along `along`; returns the iterations.
 
     `moving`: `along` is the velocity, so that what is prescribed is where it will be when the
     mechanism is there. Where one of the places is not clear of the position, all are taken
     further away.
     """
-    n, most, lead = work.p.size, 0, 0.0
+    n, most = work.p.size, 0
     speed = largest(work.along, n)
     for _ in range(_TRIES):
         zero(work.sum_q)
         zero(work.sum_qd)
         good, step = True, spacing / speed
-        lead = step if moving else 0.0
+        work.lead[0] = step if moving else 0.0
         for k in range(PLACES):
             away = step * _offset(k)
-            prescribe(system, t + lead * _offset(k), work.q, work.qd, work.qdd)
+            prescribe(system, t + work.lead[0] * _offset(k), work.q, work.qd, work.qdd)
             for a in range(n):
                 work.target[a] = work.base[a] + away * work.along[a]
                 # a guess off Φ = 0 by less: there the rows are turned by that over the distance
@@ -243,7 +259,7 @@ def _interpolate(
                 unit, system, forces, work, t, radius, close, True, iterations
             )
             if count <= 0:
-                return count, lead
+                return count
             most = max(most, count)
             good = good and clear
             _keep(work, k)
@@ -253,7 +269,7 @@ def _interpolate(
         if good:
             break
         spacing *= _WIDER
-    return most, lead
+    return most
 
 
 @inner
@@ -263,12 +279,3 @@ def _keep(work: Work, k: int) -> None:
     at = TWO * n * np.uint64(k)
     for a in range(n):
         work.places[at + a], work.places[at + n + a] = work.q[a], work.qd[a]
-
-
-@inner
-def _take(work: Work, k: int) -> None:
-    """Go back to place k."""
-    n = work.p.size
-    at = TWO * n * np.uint64(k)
-    for a in range(n):
-        work.q[a], work.qd[a] = work.places[at + a], work.places[at + n + a]

@@ -327,6 +327,7 @@ class Work(Struct):
     places: Floats  # (8, 2, movable D) q and q̇ of the places that a stage is interpolated from
     curve: Floats  # (movable D,) second derivative of the branch there, m/s²
     given: Floats  # (all blocks D,) Q at that stage
+    lead: Floats  # (1,) from one place to the next, s, for what is prescribed; 0 from rest
     aside: Integers  # (1,) whether the end of the step is interpolated
     sum: Floats  # (movable D,) what is interpolated from those places, and other sums: q̈
     sum_q: Floats  # (movable D,) q
