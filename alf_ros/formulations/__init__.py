@@ -114,6 +114,18 @@ class Formulation:
         )
         return int(result), int(taken), int(most)
 
+    def rates(self, forces: Forces, work: Work, t: float, y: Floats) -> tuple[int, Floats]:
+        """Result and ẏ (size,) at t (s), y (size,), for an integrator outside.
+
+        `work` has q and q̇ of y afterwards; the blocks that are fixed must stand in it before, and
+        the angles that effects take a stage to be near to. Only `alf1` and `alf2_literal`, and
+        their first iterates `penalty` and `canonical`, are written for that.
+        """
+        model, storage = self._model, self._storage
+        storage.y[:] = y
+        result = self._module.derivative(model.unit, model.system, forces, work, storage, t)
+        return int(result), storage.k[: y.size].copy()
+
     def failure(self, result: int) -> tuple[str, str]:
         """Reason and remedy, for a StepError."""
         smaller = 'take a smaller step, or the formulation alf2'

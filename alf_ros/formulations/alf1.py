@@ -21,7 +21,7 @@ from alf_ros.kernel.factor import linearise
 from alf_ros.kernel.forces import applied_forces
 from alf_ros.kernel.jit import compiled, inner
 from alf_ros.kernel.mass import add_mass_times
-from alf_ros.kernel.prescribed import bias
+from alf_ros.kernel.prescribed import bias, prescribe
 from alf_ros.kernel.substitution import solve
 from alf_ros.kernel.vectors import copy, zero
 from alf_ros.model import Model
@@ -83,6 +83,16 @@ def rates(
     for i in range(n):
         storage.k[at + i], storage.k[at + n + i] = work.qd[i], work.qdd[i]
     return OK, count
+
+
+@compiled
+def derivative(
+    unit: Unit, system: System, forces: Forces, work: Work, storage: Storage, t: float
+) -> int:
+    """Write ẏ = (q̇, q̈) at the state in storage.y into storage.k; returns the result."""
+    prescribe(system, t, work.q, work.qd, work.qdd)
+    result, _count = rates(unit, system, forces, work, storage, t, np.uint64(0))
+    return result
 
 
 @compiled

@@ -115,6 +115,16 @@ def rates(
 
 
 @compiled
+def derivative(
+    unit: Unit, system: System, forces: Forces, work: Work, storage: Storage, t: float
+) -> int:
+    """Write ẏ = (q̇, ṗ, Φ) at the state in storage.y into storage.k; returns the result."""
+    prescribe(system, t, work.q, work.qd, work.qdd)
+    result, _count = rates(unit, system, forces, work, storage, t, np.uint64(0))
+    return result
+
+
+@compiled
 def advance(
     unit: Unit,
     system: System,
