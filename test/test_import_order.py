@@ -50,6 +50,7 @@ ROOMS = {
         'arms',
         'assembly',
         'auxiliary',
+        'branching',
         'coordinates',
         'disk',
         'driving',
