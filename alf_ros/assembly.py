@@ -193,11 +193,13 @@ def complete(
     t: float = 0.0,
     near: Floats | None = None,
     tolerance: float = 1e-9,
+    beside: bool = False,
 ) -> Floats:
     """Velocities q̇ (blocks D, m/s) with Φ_q q̇ = 0 at t (s) and the given ones, of least kinetic
     energy; or those that `near` (blocks D, m/s) become by an impulse, M q̇ + Φ_qᵀ y = M q̇_near.
 
-    Raises AssemblyError with the constraints that contradict the velocities given, by more than
+    `beside` a singular position rows that are about to lose their direction count in full. Raises
+    AssemblyError with the constraints that contradict the velocities given, by more than
     `tolerance` of the largest.
     """
     rows = held(model, given)
@@ -216,7 +218,7 @@ def complete(
     work.r2[:] = wanted - work.r2
     rate = np.zeros_like(wanted)
     count, slowest = kernel.augmented(model.unit, system, work, work.p, x, 100, 1e-15, 1.0)
-    if count == 100 and slowest > 0.5:  # beside a singular position
+    if beside and count == 100 and slowest > 0.5:
         x = _finished(model, system, work, x, wanted)
     kernel.times_jacobian(model.unit, system.rows, work.g, work.g2, x, rate)
     wrong = np.abs(rate - wanted) * system.rows.scale

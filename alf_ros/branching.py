@@ -279,14 +279,15 @@ def start(
         return _start_of_many(model, q, given, t), None
     here = position(model, q, t) if near or (dependent and _is_tight(model, q, t)) else None
     if here is None or (len(here.lost) <= dependent and here.kind == SMOOTH):
-        return assembly.complete(model, q, given, t), None
+        return assembly.complete(model, q, given, t, beside=near), None
     moving = any(value for values in given.values() for value in values)
     if not moving and not here.is_driven:
         return np.zeros_like(q), here
     if not moving and not here.drift.any():
         _check_setting_off(here)
     if not _freedoms_left(here, given):
-        qd = assembly.complete(model, q, given, t, tolerance=1e-9 + 100.0 * here.x)
+        tolerance = 1e-9 + 100.0 * here.x
+        qd = assembly.complete(model, q, given, t, None, tolerance, beside=True)
         if not here.can_begin(qd):
             _refuse(here, given, [])
         return qd, here
@@ -343,7 +344,8 @@ def _freedoms_left(here: Position, given: Given) -> int:
     """How many of the directions that are free move nothing whose velocity is given."""
     at, _ = _components(here.model, given)
     s = np.linalg.svd(here.free[:, at], compute_uv=False) if len(here.free) else np.zeros(0)
-    return len(here.free) - int((s > 1e-9 * np.abs(here.free).max(initial=0.0)).sum())
+    least = max(1e-6, 100.0 * here.x) * np.abs(here.free).max(initial=0.0)
+    return len(here.free) - int((s > least).sum())
 
 
 def _components(model: Model, given: Given) -> tuple[list[int], Floats]:

@@ -166,21 +166,29 @@ def _drives(scene: Scene, at: Linearised, freedoms: int) -> Iterator[Answer]:
     text = f'{_count(motions, "motion")} for {_count(freedoms, "freedom")}'
     if freedoms - left < motions:
         yield Answer(BAD, 'drives', f'{text}: they take {freedoms - left} only, and jam elsewhere')
-    else:
-        yield Answer(OK, 'drives', f'{text}; {left or "none"} left free')
-    if off:
-        yield Answer(NOTE, 'drives', off)
+        return
+    text = f'{text}; {left or "none"} left free'
+    yield Answer(NOTE, 'drives', f'{text}; {off}') if off else Answer(OK, 'drives', text)
 
 
 def _off(scene: Scene, model: Model, at: Linearised) -> Iterator[str]:
-    """How far each drive begins from where the mechanism would begin without drives."""
-    q, D = np.array(model.q), model.layout.dimension
+    """How far each drive begins from where the mechanism is drawn, or would begin without it."""
+    layout, D = model.layout, model.layout.dimension
+    drawn, closed = np.array(model.q), np.array(model.q)
+    for name, components in scene.positions.items():
+        is_point = name in layout.of_point
+        block = layout.of_point[name] if is_point else layout.of_vector[name]
+        for axis, value in enumerate(components):
+            if value is not None:
+                unit = 1.0 if is_point else layout.length
+                drawn.reshape(-1, D)[block, axis] = unit * value
     for kind in ('of_point', 'of_vector'):
         blocks = getattr(at.model.layout, kind)
-        for name, block in getattr(model.layout, kind).items():
-            q.reshape(-1, D)[block] = at.q.reshape(-1, D)[blocks[name]]
+        for name, block in getattr(layout, kind).items():
+            closed.reshape(-1, D)[block] = at.q.reshape(-1, D)[blocks[name]]
     for drive in scene.mechanism.drives:
-        off, is_angle = offset(drive, model.layout, q), drive.kind == 'angle'
+        is_angle = drive.kind == 'angle'
+        off = min(offset(drive, layout, q) for q in (drawn, closed))
         if off > (1e-6 if is_angle else 1e-6 * model.size):
             yield f'{drive.name} begins {off:.3g} {"rad" if is_angle else "m"} from the drawing'
 

@@ -603,14 +603,16 @@ def test_check_judges_velocities() -> None:
 
 def test_check_tells_drives_that_begin_off_the_drawing() -> None:
     found = examine(scene(positions={}, drives=motor('pi/4 + 0.1 + t')))
-    told = [each for each in found.answers if each.question == 'drives']
-    assert found.sound and [each.verdict for each in told] == [OK, NOTE]
-    assert told[1].answer == 'motor begins 0.1 rad from the drawing'
+    told = [(each.verdict, each.answer) for each in found.answers if each.question == 'drives']
+    text = '1 motion for 1 freedom; none left free; motor begins 0.1 rad from the drawing'
+    assert found.sound and told == [(NOTE, text)]
+    at_once = answers(scene(positions={}, drives=motor('pi/4 + t')))['drives']
+    assert at_once == (OK, '1 motion for 1 freedom; none left free')
     verdict, text = answers(scene(positions={}, drives=motor('pi/4 + 3')))['drives']
     assert verdict == BAD and 'more than a right angle' in text and '3 rad from' in text
     length = {'push': {'joint': 'guide', 'length': '2*cos(pi/4) + 0.2 + t'}}
-    told = examine(scene(positions={}, drives=length)).answers
-    assert 'push begins 0.2 m from the drawing' in [each.answer for each in told]
+    verdict, text = answers(scene(positions={}, drives=length))['drives']
+    assert verdict == NOTE and text.endswith('push begins 0.2 m from the drawing')
     assert answers(scene(drives=motor('pi/2 + t')))['initial velocities'][0] == BAD
     assert answers(scene(drives=motor('pi/2 + t'), B=[0, 0]))['initial velocities'][0] == OK
 
