@@ -25,20 +25,24 @@ from alf_ros.rank import distance, effective_rank
 from alf_ros.row import Row, linear
 from alf_ros.teeth import slips, toothed
 
+_SOFT = 0.05  # σ from which down it may be that of a place beside a singular position
+_FIRMER = 20.0  # times, that of an ordinary place near it
+
 # components of points and vectors by name; None leaves one free
 Given = Mapping[str, Sequence[float | None]]
 
 
-def close(model: Model, given: Given, start: Floats | None = None) -> Floats:
+def close(model: Model, given: Given, start: Floats | None = None, least: float = 1e-13) -> Floats:
     """Positions q (blocks D, m) that satisfy Φ = 0 and the given ones, nearest to the drawing.
 
-    `start` (blocks D, m) is where to begin instead of the drawing. Raises AssemblyError with the
-    constraints that stay open.
+    `start` (blocks D, m) is where to begin instead of the drawing. They are closed to `least` of
+    the size, or as far as rounding allows. Raises AssemblyError with the constraints that stay
+    open.
     """
-    system, names, _ = hold(model, _rows(model, given), velocities=False)
+    system, names, _ = hold(model, held(model, given), velocities=False)
     work = allocate(model, system, 1)
     work.q[:] = model.q if start is None else start
-    gap = _settle(model, system, work, 1e-13)
+    gap = _settle(model, system, work, least)
     _check(model, work, names, gap, 1e-10)
     return np.array(work.q)
 
@@ -54,7 +58,7 @@ def follow(
     besides moves no more than it must along M. Gears and racks stay in mesh, wheels may slip.
     Raises AssemblyError with the constraints that stay open.
     """
-    rows = [_rows(model, given) for _, given in path]
+    rows = [held(model, given) for _, given in path]
     places = [0.0, *(s for s, _ in path)]
     system, names, _ = hold(model, rows[-1], velocities=False)
     mesh = _mesh(model, rows[-1])
@@ -189,14 +193,16 @@ def complete(
     t: float = 0.0,
     near: Floats | None = None,
     tolerance: float = 1e-9,
+    beside: bool = False,
 ) -> Floats:
     """Velocities q̇ (blocks D, m/s) with Φ_q q̇ = 0 at t (s) and the given ones, of least kinetic
     energy; or those that `near` (blocks D, m/s) become by an impulse, M q̇ + Φ_qᵀ y = M q̇_near.
 
-    Raises AssemblyError with the constraints that contradict the velocities given, by more than
+    `beside` a singular position rows that are about to lose their direction count in full. Raises
+    AssemblyError with the constraints that contradict the velocities given, by more than
     `tolerance` of the largest.
     """
-    rows = _rows(model, given)
+    rows = held(model, given)
     values = np.array([-row.c for row in rows])
     rates = [replace(row, c=0.0) for row in rows]
     system, names, own = hold(model, rates, velocities=True)
@@ -211,7 +217,9 @@ def complete(
     kernel.times_jacobian(model.unit, system.rows, work.g, work.g2, x, work.r2)
     work.r2[:] = wanted - work.r2
     rate = np.zeros_like(wanted)
-    kernel.augmented(model.unit, system, work, work.p, x, 100, 1e-15, 1.0)
+    count, slowest = kernel.augmented(model.unit, system, work, work.p, x, 100, 1e-15, 1.0)
+    if beside and count == 100 and slowest > 0.5:
+        x = _finished(model, system, work, x, wanted)
     kernel.times_jacobian(model.unit, system.rows, work.g, work.g2, x, rate)
     wrong = np.abs(rate - wanted) * system.rows.scale
     speeds = [values, work.qd] if near is None else [values, work.qd, near]
@@ -223,6 +231,20 @@ def complete(
             key='initial.velocities',
         )
     return x
+
+
+def _finished(model: Model, system: System, work: Work, x: Floats, wanted: Floats) -> Floats:
+    """What a solve for velocities that rounds alone do not end comes to, as in `kernel.solved`;
+    or x itself, where rows that contradict each other do not let it end."""
+    y, rate, open_by = np.array(x), np.zeros_like(wanted), []
+    for rest in range(3):
+        if rest:
+            kernel.augmented(model.unit, system, work, work.p, y, 1, 0.0, 1.0)
+        kernel.finish(model.unit, system, work, y, kernel.SOLVED, 0.0, 0.0, np.inf)
+    for each in (x, y):
+        kernel.times_jacobian(model.unit, system.rows, work.g, work.g2, each, rate)
+        open_by.append(np.max(np.abs(rate - wanted) * system.rows.scale, initial=0.0))
+    return y if open_by[1] < open_by[0] else x
 
 
 def opening(model: Model, q: Floats, qd: Floats) -> float:
@@ -257,24 +279,64 @@ def brought_back(model: Model, q: Floats, qd: Floats, t: float) -> tuple[Floats,
 def ordinary(model: Model, q: Floats) -> tuple[int, Floats, float]:
     """What is ordinary near q: how many rows depend on the others, a place, and its distance σ.
 
-    q (blocks D, m) itself may be a singular position, so that places around it are looked at too.
+    q (blocks D, m) itself may be a singular position, so that places around it are looked at too,
+    and if rows depend on others there, places with drives elsewhere.
     """
     random = np.random.default_rng(0)
     work = allocate(model, model.system, 1)
-    best, place = -1, q
-    for away in (0.0, 0.05, 0.05, 0.05):
-        near = np.array(q)
-        near[: model.n] += away * model.size * random.standard_normal(model.n)
-        if away:
+    best, places, closed = -1, [q], 0
+    for turn in range(12):
+        near, away = np.array(q), 0.05 * model.size if turn else 0.0
+        if turn >= 4 and best == len(model.row_names):
+            break
+        if 4 <= turn < 8:  # what is long may close nearer only
+            if closed:
+                continue
+            away = 0.05 * min(model.size, _shortest(model))
+        if turn >= 8:  # with drives where they begin there may be no other place
+            if not model.mechanism.prescribed:
+                break
+            _displace(model, near, 0.05 * random.standard_normal())
+        near[: model.n] += away * random.standard_normal(model.n)
+        if turn:
             try:
                 near = close(model, {}, near)
+                closed += 1
             except AssemblyError:
                 continue
         rank = _rank(model, work, near)
         if rank > best:
-            best, place = rank, near
+            best, places = rank, []
+        if rank == best:
+            places.append(near)
     rank = max(best, 0)
-    return len(model.row_names) - rank, place, _softness(model, work, place, rank)
+    place, sigma = places[0], _softness(model, work, places[0], rank)
+    if sigma < _SOFT and np.array_equal(places[0], q):
+        for other in places[1:]:  # q is beside a singular position, or the mechanism is soft
+            found = _softness(model, work, other, rank)
+            if found > _FIRMER * sigma:
+                place, sigma = other, found
+    return len(model.row_names) - rank, place, sigma
+
+
+def _shortest(model: Model) -> float:
+    """The shortest distance that a row keeps, m."""
+    return float(np.sqrt(model.system.rows.length2.min(initial=np.inf)))
+
+
+def _displace(model: Model, q: Floats, by: float) -> None:
+    """Move prescribed blocks of q (blocks D, m) in place, by so many radians or parts of the size:
+    a mechanism that is driven into a singular position may have no other one there."""
+    layout = model.layout
+    places = q.reshape(-1, layout.dimension)
+    for item in model.mechanism.prescribed:
+        block = places[layout.of_prescribed[item.name]]
+        if item.is_direction:
+            x, y = block[:2]
+            block[:2] = np.cos(by) * x - np.sin(by) * y, np.sin(by) * x + np.cos(by) * y
+        else:
+            driven = [component is not None for component in item.components]
+            block[: len(driven)][driven] += by * model.size
 
 
 def _rank(model: Model, work: Work, q: Floats) -> int:
@@ -321,7 +383,7 @@ def _softness(model: Model, work: Work, q: Floats, rank: int) -> float:
     return 1e-5
 
 
-def _rows(model: Model, given: Given) -> list[Row]:
+def held(model: Model, given: Given) -> list[Row]:
     """One more linear row for each component given; those of vectors are in their own length."""
     layout, D = model.layout, model.layout.dimension
     rows = []

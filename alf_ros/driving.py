@@ -65,6 +65,39 @@ def effort(drive: Drive, s: Floats, pull: Floats) -> Floats:
     return pull if drive.kind == 'point' else pull[:1]
 
 
+def offset(drive: Drive, layout: Layout, q: Floats) -> float:
+    """How far what a drive moves is from where the drive has it: rad, or m.
+
+    q (blocks D, m): positions, those of the drive's own block included.
+    """
+    places = q.reshape(-1, layout.dimension)
+    s = places[layout.of_prescribed[drive.name]]
+    if drive.kind == 'angle':
+        X, Y, d = (
+            axis.value(places)
+            for axis in angle_axes(layout.mechanism.coordinate[drive.of[0]], layout)
+        )
+        along, across = s[0] * X + s[1] * Y, s[0] * Y - s[1] * X
+        return abs(float(np.arctan2(across @ d, along @ d)))
+    if drive.kind == 'length':
+        coordinate = layout.mechanism.coordinate[drive.of[0]]
+        return abs(_value(length_row(coordinate.joint, layout), places) - float(s[0]))
+    points = [places[layout.of_point[point]] for point in drive.of]
+    if drive.kind == 'distance':
+        return abs(float(np.linalg.norm(points[1] - points[0]) - s[0]))
+    driven = [motion is not None for motion in drive.motion]
+    return float(np.linalg.norm((points[0] - s)[driven]))
+
+
+def _value(row: Row, places: Floats) -> float:
+    """Φ of a row that is a form, at places (blocks, D)."""
+    total = row.c
+    for i, b in row.b.items():
+        turned = sum((T @ places[j] for j, T in row.terms.get(i, {}).items()), 0.0 * b)
+        total += float(places[i] @ (b + 0.5 * turned))
+    return total
+
+
 def is_aligned(drive: Drive, layout: Layout, q: Floats) -> bool:
     """Whether an angle is where its drive has it, not half a turn away: the rows allow both.
 

@@ -2,7 +2,15 @@
 
 from __future__ import annotations
 
-from alf_ros import kernel
+import numpy as np
+
+from alf_ros import assembly, kernel
+from alf_ros.arrays import Floats
+from alf_ros.errors import AssemblyError
+from alf_ros.model import Model
+from alf_ros.prescribed import prescribe
+
+_PARTS, _HALVINGS = 64, 24  # of a step, in which it is looked for where drives lead
 
 FAILURES: dict[int, tuple[str, str]] = {
     kernel.NOT_POSITIVE: (
@@ -32,3 +40,43 @@ FAILURES: dict[int, tuple[str, str]] = {
         'goes where the loops do not reach',
     ),
 }
+
+
+def beyond_reach(model: Model, q: Floats, t: float, h: float) -> tuple[str, str] | None:
+    """Whether drives go where the loops do not reach, in the step of h (s) from q (blocks D, m)
+    at t (s): the reason and the remedy, or None.
+
+    Loops are closed for their own sake, without forces: so it is said alike of every method.
+    """
+    if not model.mechanism.drives:
+        return None
+    good, closed = 0.0, np.array(q)
+    for part in range(1, _PARTS + 1):
+        s = part * h / _PARTS
+        found, said = _followed(model, closed, t + s)
+        if found is not None:
+            good, closed = s, found
+            continue
+        bad = s
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (good + bad)
+            found, _ = _followed(model, closed, t + middle)
+            if found is None:
+                bad = middle
+            else:
+                good, closed = middle, found
+        return (
+            f'drives go beyond the reach of the loops at t = {t + good:.6g} s: {said}',
+            'take motions that the loops can follow',
+        )
+    return None
+
+
+def _followed(model: Model, q: Floats, t: float) -> tuple[Floats | None, str]:
+    """The position near q where drives are at t (s); None, and what stays open, without one."""
+    start, unused = np.array(q), np.zeros_like(q)
+    prescribe(model.system, t, start, unused, unused)
+    try:
+        return assembly.close(model, {}, start), ''
+    except AssemblyError as error:
+        return None, error.message.removeprefix('the mechanism cannot be closed: ')

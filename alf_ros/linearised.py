@@ -70,8 +70,8 @@ class Linearised:
     def rank_of_positions(self) -> int:
         """Number of independent rows among those that bind positions.
 
-        In the plane gears, racks and wheels on a line bind them too: their rows are of velocities,
-        but can be integrated.
+        In the plane gears, racks and wheels on a line bind them too, and rotors that are geared to
+        joints anywhere: their rows are of velocities, but can be integrated.
         """
         rolls = {
             joint.name
@@ -80,6 +80,7 @@ class Linearised:
         }
         if self.model.layout.dimension == 3:
             rolls.clear()
+        rolls |= {rotor.name for rotor in self.model.mechanism.rotors}
         names = self.model.row_names
         first = len(names) - self.model.system.rows.velocity  # in the kernel's order
         places = self.model.row.tolist()

@@ -12,13 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from alf_ros import assembly, kernel
+from alf_ros import assembly, branching, kernel
 from alf_ros.accuracy import Budget, pick
 from alf_ros.applied import NO_INPUTS, Applied, Inputs, Target, Wrench
 from alf_ros.arrays import Floats
+from alf_ros.branching import Branch, Position
 from alf_ros.curve import Curve
 from alf_ros.errors import AssemblyError, InputError, StepError
-from alf_ros.failures import FAILURES
+from alf_ros.failures import FAILURES, beyond_reach
 from alf_ros.formulations import Formulation
 from alf_ros.input_checks import checked_effort, checked_target, checked_wrench
 from alf_ros.integrator import TABLEAUX, first_pace, method
@@ -87,10 +88,15 @@ class Simulation:
             self.model = self.model.accustomed(sigma, float(rank))
             if self.solver.formulation == 'alf2':
                 self.model = fitted(self.model, sigma)
-            qd = assembly.complete(self.model, q, scene.velocities)
+            near = assembly.within(self.model, q, self._dependent_rows)
+            if near:
+                q = assembly.close(self.model, scene.positions, q, least=0.0)
+            qd, self._singular = branching.start(
+                self.model, q, scene.velocities, self._dependent_rows, near
+            )
         except AssemblyError as error:
             raise AssemblyError(error.message, file=scene.file, key=error.key) from None
-        self._within = assembly.within(self.model, q, self._dependent_rows) and bool(qd.any())
+        self._within = near and bool(qd.any())
         self.ledger = ledger
         # of `Sample.works`, by name
         self.accounts = self._named_accounts() if ledger else ()
@@ -107,6 +113,10 @@ class Simulation:
         self._initial = State(
             0, q, qd, turns, pace, self._carried.copy(), NO_INPUTS, self._works(works)
         )
+        try:
+            _ = self.departure  # raises where it is not unique
+        except AssemblyError as error:
+            raise AssemblyError(error.message, file=scene.file, key=error.key) from None
         self._watcher: Watcher | None = None
         self._iterations = 0
         self._step_cost = math.nan
@@ -274,6 +284,9 @@ class Simulation:
         return tuple(self._watcher.passes)
 
     def _failure(self, result: int) -> tuple[str, str]:
+        found = beyond_reach(self.model, self._phase.q, self.t, self.h)
+        if found is not None:
+            return found
         return self._formulation.failure(result) if self._formulation else FAILURES[result]
 
     def _advance_watched(
@@ -300,10 +313,41 @@ class Simulation:
         system, forces = self._system, self._applied.assembled
         method, work, unit = self._method, self._work, self.model.unit
         within = self._within and first == 0 and start == 0.0
+        if self._singular is not None and first == 0 and start == 0.0 and not phase.qd.any():
+            within = bool(self._singular.pull(self._forces_at_rest()).any())
         result, taken, self._iterations = self._advance_kernel(
             unit, system, forces, method, work, phase, watch, start, first, n, h, within
         )
         return result, taken
+
+    @property
+    def departure(self) -> Branch | None:
+        """The branch on which what acts sets the mechanism going, if the scene starts at rest
+        exactly in a singular position.
+
+        By Gauss's principle of least constraint, see `branching.Position.departure`. None if it
+        does not start so, if nothing acts on a branch, and if branches are not enumerated: then
+        it goes where the branch is nearest to its acceleration without the rows that are lost.
+        """
+        if self._singular is None or self._initial.qd.any() or self._formulation is not None:
+            return None
+        return self._singular.departure(self._forces_at_rest())
+
+    @property
+    def singular_start(self) -> Position | None:
+        """The position where the scene starts, to second order, if it is a singular one."""
+        return self._singular
+
+    def _forces_at_rest(self) -> Floats:
+        """(blocks D,) N, where the scene starts, with what is held."""
+        start, system = self._initial, self.model.system
+        Q, near = np.zeros_like(start.q), np.zeros(system.angles.c.size // 2)
+        angles = np.zeros(system.angles.c.size)
+        kernel.violation(self.model.unit, system.angles, start.q, angles)
+        kernel.nearby(angles, start.turns, near)
+        effects = self._applied.assembled.effects
+        kernel.applied_forces(effects, 0.0, start.q, start.qd, near, Q)
+        return Q
 
     def run(
         self, duration: float, every: int = 1, at: Sequence[float] | None = None

@@ -12,14 +12,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from alf_ros import assembly, kernel
+from alf_ros import assembly, branching, kernel
 from alf_ros.arrays import Floats
+from alf_ros.branching import Position
+from alf_ros.driving import offset
 from alf_ros.errors import AssemblyError
 from alf_ros.linearised import Linearised, moving
 from alf_ros.model import Model, allocate, compile_model
 from alf_ros.reactions import Reactions
 from alf_ros.rows import joint_rows, rigidity
 from alf_ros.scene import Scene
+from alf_ros.simulation import Simulation
 from alf_ros.sweep import Sweep, sweep
 
 OK, NOTE, BAD = 'ok', 'note', 'BAD'
@@ -56,10 +59,10 @@ def examine(scene: Scene) -> Soundness:
     Raises AssemblyError if nothing moves or has mass, or if it is too large for dense matrices.
     """
     # what it could do is asked of it free, so that a walk can take the place of its drives
-    mechanism = replace(scene.mechanism, drives=())
-    model = compile_model(mechanism, scene.solver.penalty)
+    model = compile_model(replace(scene.mechanism, drives=()), scene.solver.penalty)
     if model.n > LARGEST:
         raise AssemblyError(f'{model.n} coordinates, too many to look at: {LARGEST} at most')
+    model = _without_rotors(model)
     drawn = Linearised(model, model.q)
     if drawn.massless.shape[1]:
         return Soundness(model, model.q, (*_size(drawn), _mass(drawn)), Sweep())
@@ -71,9 +74,22 @@ def examine(scene: Scene) -> Soundness:
     usual = _ordinary(at)
     walk = sweep(usual)
     answers = [_closing(at), *_size(at), _mobility(at, usual), _redundant(usual)]
-    answers += _drives(scene, usual.model.n - usual.rank)
-    answers += [_reactions(usual), _mass(at), _start(at, usual), _on_the_way(usual, walk)]
-    return Soundness(model, at.q, tuple(answers), walk)
+    answers += _drives(scene, at, usual.model.n - usual.rank)
+    answers += [_reactions(usual), _mass(at)]
+    answers += _start(scene, at, any(answer.verdict == BAD for answer in answers))
+    return Soundness(model, at.q, (*answers, _on_the_way(usual, walk)), walk)
+
+
+def _without_rotors(model: Model) -> Model:
+    """The model without the inertia of rotors (`armature`), which adds coordinates and rows but no
+    freedom; with it, where it is all the mass that something has."""
+    if not model.mechanism.rotors:
+        return model
+    try:
+        bare = compile_model(replace(model.mechanism, rotors=()), model.penalty)
+    except AssemblyError:
+        return model
+    return model if Linearised(bare, bare.q).massless.shape[1] else bare
 
 
 def _ordinary(at: Linearised) -> Linearised:
@@ -131,24 +147,50 @@ def _mobility(at: Linearised, usual: Linearised) -> Answer:
     return Answer(OK, 'mobility', text)
 
 
-def _drives(scene: Scene, freedoms: int) -> Iterator[Answer]:
-    """Whether each motion that is prescribed takes a freedom, of which there are so many."""
+def _drives(scene: Scene, at: Linearised, freedoms: int) -> Iterator[Answer]:
+    """Whether each motion that is prescribed takes a freedom, of which there are so many, and
+    begins where the mechanism is drawn."""
     drives = scene.mechanism.drives
     if not drives:
         return
     motions = sum(motion is not None for drive in drives for motion in drive.motion)
     model = compile_model(scene.mechanism, scene.solver.penalty)
+    off = ', '.join(_off(scene, model, at))
     try:
-        at = _ordinary(Linearised(model, assembly.close(model, scene.positions)))
+        there = _ordinary(Linearised(model, assembly.close(model, scene.positions)))
     except AssemblyError as error:
-        yield Answer(BAD, 'drives', str(error.message))
+        begins = f'; {off}' if off else ''
+        yield Answer(BAD, 'drives', f'{error.message}{begins}')
         return
-    left = model.n - at.rank
+    left = model.n - there.rank
     text = f'{_count(motions, "motion")} for {_count(freedoms, "freedom")}'
     if freedoms - left < motions:
         yield Answer(BAD, 'drives', f'{text}: they take {freedoms - left} only, and jam elsewhere')
-    else:
-        yield Answer(OK, 'drives', f'{text}; {left or "none"} left free')
+        return
+    text = f'{text}; {left or "none"} left free'
+    yield Answer(NOTE, 'drives', f'{text}; {off}') if off else Answer(OK, 'drives', text)
+
+
+def _off(scene: Scene, model: Model, at: Linearised) -> Iterator[str]:
+    """How far each drive begins from where the mechanism is drawn, or would begin without it."""
+    layout, D = model.layout, model.layout.dimension
+    drawn, closed = np.array(model.q), np.array(model.q)
+    for name, components in scene.positions.items():
+        is_point = name in layout.of_point
+        block = layout.of_point[name] if is_point else layout.of_vector[name]
+        for axis, value in enumerate(components):
+            if value is not None:
+                unit = 1.0 if is_point else layout.length
+                drawn.reshape(-1, D)[block, axis] = unit * value
+    for kind in ('of_point', 'of_vector'):
+        blocks = getattr(at.model.layout, kind)
+        for name, block in getattr(layout, kind).items():
+            closed.reshape(-1, D)[block] = at.q.reshape(-1, D)[blocks[name]]
+    for drive in scene.mechanism.drives:
+        is_angle = drive.kind == 'angle'
+        off = min(offset(drive, layout, q) for q in (drawn, closed))
+        if off > (1e-6 if is_angle else 1e-6 * model.size):
+            yield f'{drive.name} begins {off:.3g} {"rad" if is_angle else "m"} from the drawing'
 
 
 def _redundant(usual: Linearised) -> Answer:
@@ -187,12 +229,56 @@ def _mass(at: Linearised) -> Answer:
     return Answer(BAD, 'mass', f'none in {_count(count, "free direction")}: {cure}')
 
 
-def _start(at: Linearised, usual: Linearised) -> Answer:
-    if at.rank == usual.rank:
-        return Answer(OK, 'initial position', 'not singular')
-    more = _count(usual.rank - at.rank, 'freedom')
-    text = f'singular: {more} more than around it, so that more than one motion may start here'
-    return Answer(BAD, 'initial position', text)
+def _start(scene: Scene, at: Linearised, is_known_bad: bool) -> Iterator[Answer]:
+    """Whether the scene's start is one that a motion begins with, as the simulation judges it."""
+    solver = replace(scene.solver, accuracy=None, formulation='alf2')
+    simulation, fault = None, None
+    try:
+        simulation = Simulation(replace(scene, solver=solver))
+    except AssemblyError as error:
+        fault = error
+    dependent, _, sigma = assembly.ordinary(at.model, at.q)
+    here = branching.position(at.model.accustomed(sigma), at.q)
+    gained = len(here.lost) - dependent
+    if simulation is not None and simulation.singular_start is not None:
+        if not scene.mechanism.drives or simulation.singular_start.is_driven:
+            here, gained = simulation.singular_start, max(gained, 1)
+    yield _place_of_start(here, gained)
+    question = 'initial velocities'
+    if simulation is None:
+        if fault is not None and (not is_known_bad or fault.key == 'initial.velocities'):
+            yield Answer(BAD, question, fault.message)
+    elif simulation.state.qd[: simulation.model.n].any():
+        yield Answer(OK, question, 'fit the constraints')
+    elif simulation.singular_start is not None:
+        yield _from_rest(here, simulation)
+
+
+def _place_of_start(here: Position, gained: int) -> Answer:
+    question = 'initial position'
+    if here.kind == branching.SHAKY and not any(b.dimension for b in here.branches):
+        names = _list(moving(here.model, here.free[0, : here.model.n]))
+        text = f'infinitesimally mobile only (shaky): {names} may yield, but no motion begins'
+        return Answer(BAD, question, text)
+    if gained <= 0:
+        return Answer(OK, question, 'not singular')
+    text = f'singular: {_count(gained, "freedom")} more than around it; '
+    if here.kind in (branching.CURVED, branching.MANY):
+        return Answer(NOTE, question, f'{text}branches not enumerated ({here.kind})')
+    branches = _count(len(here.branches), 'branch', 'es')
+    return Answer(NOTE, question, f'{text}{here.kind}, {branches}: {branching.described(here)}')
+
+
+def _from_rest(here: Position, simulation: Simulation) -> Answer:
+    """What the rule for a start at rest in a singular position does."""
+    question, departure = 'initial velocities', simulation.departure
+    if departure is not None:
+        alone = branching.described(here, None, [departure])
+        return Answer(NOTE, question, f'at rest: leaves along {alone}, where forces do most')
+    if here.kind in (branching.CURVED, branching.MANY):
+        text = 'at rest: leaves, if a force acts, on the branch nearest to what it asks for'
+        return Answer(NOTE, question, text)
+    return Answer(OK, question, 'at rest, and stays there: no force acts along a branch')
 
 
 def _on_the_way(usual: Linearised, walk: Sweep) -> Answer:
@@ -235,5 +321,5 @@ def _list(names: Sequence[str], most: int = 6) -> str:
     return ', '.join(names[:most]) + (f' and {len(names) - most} more' if names[most:] else '')
 
 
-def _count(n: int, what: str) -> str:
-    return f'{n} {what}{"" if n == 1 else "s"}'
+def _count(n: int, what: str, plural: str = 's') -> str:
+    return f'{n} {what}{"" if n == 1 else plural}'

@@ -159,7 +159,7 @@ def test_a_singular_start() -> None:
     text = load_scene('slider_crank').text
     text = text.replace('L*cos(pi/4), L*sin(pi/4)', '0, L').replace('2*L*cos(pi/4)', '0')
     found = examine(scene_from_text(text.replace('B: [-4.0, 0]', 'B: [0, 0]')))
-    assert answers(found)['initial position'][0] == BAD
+    assert found.sound and answers(found)['initial position'][0] == NOTE
     assert '1 freedom more' in answers(found)['initial position'][1]
     assert answers(found)['redundant rows'] == (OK, 'none')  # those of ordinary positions
 

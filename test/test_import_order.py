@@ -53,6 +53,7 @@ ROOMS = {
         'arms',
         'assembly',
         'auxiliary',
+        'branching',
         'coordinates',
         'disk',
         'driving',
