@@ -568,10 +568,8 @@ class Sample:
     def _indeterminate(self) -> NDArray[np.bool_]:
         """(joints,) whether the reaction is one of many that balance."""
         cut, work = self._reactions(), self._linearised
-        redundant, unknown = (
-            self.diagnostics.redundant,
-            np.zeros(len(self.model.joint_names), bool),
-        )
+        redundant = self.diagnostics.redundant
+        unknown: NDArray[np.bool_] = np.zeros(len(self.model.joint_names), dtype=bool)
         if self._limits is not None:  # of rows that depend on others also beside the position
             redundant, work = self._dependent_rows(), self._limits.beside
             unknown = np.asarray(np.isnan(np.column_stack(self._wrenches)).any(axis=1))
