@@ -107,6 +107,7 @@ class Simulation:
             0, q, qd, turns, pace, self._carried.copy(), NO_INPUTS, self._works(works)
         )
         self._watcher: Watcher | None = None
+        self._aside: tuple[float, State] | None = None  # t (s) and state of the last step aside
         self._iterations = 0
         self._step_cost = math.nan
         if self._to_pick:
@@ -226,6 +227,7 @@ class Simulation:
         Raises StepError if one fails; the state is then the last good one.
         """
         started = time.perf_counter()
+        self._aside = None
         if self._watcher is None:
             result, taken = self._advance(self._phase, self._carried, self._step, n, self.h)
         else:
@@ -306,8 +308,9 @@ class Simulation:
     ) -> Iterator[Sample]:
         """Advance by `duration` (s), yielding a Sample now and after every `every` steps.
 
-        Or at the times `at` (s from the start of the scene, ascending): between two steps a
-        shorter step is taken aside, so that the motion is the same whatever is looked at.
+        Or at the times `at` (s from the start of the scene, ascending). An instant between two
+        steps is reached aside, so that the motion is the same whatever is looked at. This costs
+        a step per instant, and with an adaptive method at most the steps of the motion again.
         """
         if at is None:
             last = self._step + math.floor(duration / self.h + 1e-6)
@@ -352,7 +355,7 @@ class Simulation:
         Works that the state does not know begin at zero.
         """
         phase = self._phase
-        self._step = state.step
+        self._step, self._aside = state.step, None
         phase.q[:], phase.qd[:], phase.turns[:] = state.q, state.qd, state.turns
         phase.pace[0], self._carried[:] = state.pace, state.carried
         phase.works[:] = [state.works.get(name, 0.0) for name in self.accounts]
@@ -440,6 +443,7 @@ class Simulation:
 
     def _hold(self, inputs: Inputs) -> None:
         if inputs != self._applied.inputs:
+            self._aside = None
             self._applied = self._applied.holding(inputs)
 
     # ---------------------------------------------------------------------------------- samples
@@ -449,13 +453,33 @@ class Simulation:
         return self._sample(self.t, self.state)
 
     def _sample_between(self, t: float) -> Sample:
-        state = self.state
-        works = self._phase.works.copy()
-        phase = Phase(state.q, state.qd, state.turns, np.array([state.pace]), works)
-        result, _ = self._advance(phase, state.carried, 0, 1, t - self.t, self.t)
-        if result != kernel.OK:
-            raise StepError(*self._failure(result), self.t)
-        return self._sample(t, replace(state, works=self._works(works)))
+        """The motion at t (s), between two grid points. The state of the run does not change.
+
+        A method of fixed steps takes one step from the last grid point. An adaptive method goes
+        on from the last instant that was asked for: otherwise each instant would cost all steps
+        since the grid point.
+        """
+        start, state = self._aside or (self.t, self.state)
+        if t < start or not self._method.embedded.size:
+            start, state = self.t, self.state
+        if t > start:
+            works = np.array([state.works[name] for name in self.accounts])
+            pace, carried = np.array([state.pace]), state.carried.copy()
+            phase = Phase(state.q.copy(), state.qd.copy(), state.turns.copy(), pace, works)
+            result, _ = self._advance(phase, carried, 0, 1, t - start, start)
+            if result != kernel.OK:
+                raise StepError(*self._failure(result), self.t)
+            state = replace(
+                state,
+                q=phase.q,
+                qd=phase.qd,
+                turns=phase.turns,
+                pace=float(pace[0]),
+                carried=carried,
+                works=self._works(works),
+            )
+            self._aside = t, state
+        return self._sample(t, state)
 
     def _sample(self, t: float, state: State) -> Sample:
         return Sample(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from typing import Any
 
 import numpy as np
 import pytest
@@ -66,6 +67,32 @@ def test_samples_between_steps_lie_on_the_motion() -> None:
     for one, two in zip(fine.run(0.3, at=times), coarse.run(0.3, at=times), strict=True):
         assert one.t == pytest.approx(two.t, abs=1e-12)
         assert one.q == pytest.approx(two.q, abs=1e-9)
+
+
+def test_many_instants_within_one_adaptive_step_cost_what_the_motion_costs() -> None:
+    times = np.linspace(0.0, 10.0, 1001)
+    options: dict[str, Any] = {'integrator': 'dop853_adaptive', 'tolerance': 1e-12, 'ledger': True}
+    fine = Simulation(load_scene('slider_crank'), step=0.01, **options)
+    alone = Simulation(load_scene('slider_crank'), step=10.0, **options)
+    looked_at = Simulation(load_scene('slider_crank'), step=10.0, **options)
+    alone.step()
+    pairs = zip(fine.run(10.0, at=times), looked_at.run(10.0, at=times), strict=True)
+    for one, two in pairs:
+        assert two.q == pytest.approx(one.q, abs=1e-10)
+        assert two.works == pytest.approx(one.works, abs=1e-8)
+    assert looked_at.evaluations <= 2 * alone.evaluations + len(times) * alone.stages
+    assert same(alone.sample(), looked_at.sample())
+
+
+def test_an_input_between_two_instants_acts_from_the_grid_point_on() -> None:
+    options: dict[str, Any] = {'integrator': 'dop853_adaptive', 'step': 0.5}
+    one, two = (Simulation(load_scene('slider_crank'), **options) for _ in range(2))
+    for sample in one.run(1.0, at=[0.1, 0.2]):
+        one.apply_effort('crank_pin', 5.0)
+    two.apply_effort('crank_pin', 5.0)
+    (other,) = two.run(1.0, at=[0.2])
+    assert same(sample, other)
+    assert same(one.sample(), two.sample())
 
 
 def test_times_must_ascend() -> None:
