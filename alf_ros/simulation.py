@@ -16,6 +16,7 @@ from alf_ros import assembly, kernel
 from alf_ros.accuracy import Budget, pick
 from alf_ros.applied import NO_INPUTS, Applied, Inputs, Target, Wrench
 from alf_ros.arrays import Floats
+from alf_ros.consistency import Adjustment, made_consistent
 from alf_ros.curve import Curve
 from alf_ros.errors import AssemblyError, InputError, StepError
 from alf_ros.failures import FAILURES
@@ -46,8 +47,10 @@ class Simulation:
     and tolerance: they are picked by trying; the attribute `solver` says which, `accuracy` how
     well). With `watch` the passes through singular positions are found, for about the cost of one
     stage more a step. With `ledger` the work of each effect is integrated (`Sample.works`), for
-    about the cost of the effects. Raises InputError for an unknown keyword, AssemblyError if the
-    mechanism cannot be closed or the initial velocities contradict each other.
+    about the cost of the effects. Where redundant lengths contradict each other by a little they
+    are adjusted; the attribute `adjustment` says how. Raises InputError for an unknown keyword,
+    AssemblyError if the mechanism cannot be closed, redundant lengths contradict each other by
+    more, or the initial velocities contradict each other.
     """
 
     def __init__(
@@ -75,6 +78,7 @@ class Simulation:
         }
         self.scene = scene
         self.accuracy: Budget | None = None
+        self.adjustment: Adjustment | None = None
         self._to_pick = False
         self.solver = self._asked({k: v for k, v in given.items() if v is not None})
         least = LEAST_PENALTY if self.solver.formulation == 'alf2' else 0.0
@@ -84,6 +88,13 @@ class Simulation:
             q = assembly.close(self.model, scene.positions)
             self._dependent_rows, self._ordinary, sigma = assembly.ordinary(self.model, q)
             self.model = self.model.accustomed(sigma)
+            consistent = made_consistent(self.model, q, self._dependent_rows)
+            if consistent is not None:
+                mechanism, self.adjustment = consistent
+                self.model = compile_model(mechanism, self.model.penalty)
+                q = assembly.close(self.model, scene.positions)
+                self._dependent_rows, self._ordinary, sigma = assembly.ordinary(self.model, q)
+                self.model = self.model.accustomed(sigma)
             if self.solver.formulation == 'alf2':
                 self.model = fitted(self.model, sigma)
             qd = assembly.complete(self.model, q, scene.velocities)

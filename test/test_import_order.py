@@ -50,6 +50,7 @@ ROOMS = {
         'arms',
         'assembly',
         'auxiliary',
+        'consistency',
         'coordinates',
         'disk',
         'driving',
