@@ -128,8 +128,10 @@ class Simulation:
         self.restore(self._initial)
 
     def _asked(self, given: Mapping[str, Any]) -> Solver:
-        """The scene's solver section with what was given."""
-        settings = joined(asdict(self.scene.solver), given)
+        """The scene's solver section with what was given; without a section that of `given`."""
+        scene = self.scene
+        section = scene.solver if scene.says_solver or not given else Solver()
+        settings = joined(asdict(section), given)
         solver = Solver(**settings)
         picked = [key for key in PICKED if key in settings]
         if solver.accuracy is None or len(picked) == len(PICKED):  # both: as a log says

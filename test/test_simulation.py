@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from alf_ros import AssemblyError, InputError, Simulation, StepError, load_scene
-from alf_ros.scene import Scene, scene_from_text
+from alf_ros.scene import UNSAID, Scene, Solver, scene_from_text
 
 PENDULUM = """
 mechanism:
@@ -113,7 +113,7 @@ def test_turns_are_counted_and_velocity_is_the_rate_of_position() -> None:
     assert positions[-1] > 10 * np.pi  # five turns and more
     rate = (np.array(positions[2:]) - positions[:-2]) / 0.01
     assert rate == pytest.approx(velocities[1:-1], abs=0.05)
-    backwards = Simulation(scene_from_text(PENDULUM))
+    backwards = Simulation(scene_from_text(PENDULUM), step=1e-3)
     backwards.apply_effort('pin', -20.0)
     backwards.step(1000)
     # J = 2/3: α = -30 rad/s², 15 rad in the first second
@@ -295,3 +295,25 @@ def test_what_is_too_stiff_for_an_adaptive_step_says_so_and_keeps_the_state() ->
     assert np.array_equal(simulation.sample().q, before)
     short = Simulation(load_scene(source), integrator='dop853_adaptive', step=1e-2)
     short.step(1)
+
+
+@pytest.mark.parametrize('name', ['spatial_four_bar', 'four_bar', 'change_point'])
+def test_a_scene_that_says_nothing_of_its_solver_holds_a_micrometre(name: str) -> None:
+    said, down = load_scene(name), [0.0, -9.81, 0.0]
+    positions = {point: list(at) for point, at in said.positions.items()}
+    velocities = {point: list(at) for point, at in said.velocities.items()}
+    scene = load_scene(
+        {
+            'mechanism': name,
+            'effects': {'gravity': {'acceleration': down[: said.mechanism.dimension]}},
+            'initial': {'positions': positions, 'velocities': velocities},
+        }
+    )
+    sim = Simulation(scene)
+    fine = Simulation(scene, integrator='dop853_adaptive', tolerance=1e-12, step=0.1)
+    assert sim.solver == UNSAID
+    for one, two in zip(sim.run(5.0, every=50), fine.run(5.0), strict=True):
+        assert one.q == pytest.approx(two.q, abs=1e-6)
+    # whoever says something gets the defaults of the table for the rest
+    assert Simulation(scene, step=5e-3).solver == Solver(step=5e-3)
+    assert Simulation(scene, formulation='penalty').solver == Solver(formulation='penalty')
