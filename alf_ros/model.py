@@ -72,8 +72,9 @@ class Model:
         """Number of natural coordinates (movable ones)."""
         return self.layout.movable * self.layout.dimension
 
-    def accustomed(self, sigma: float, rank: float) -> Model:
-        """The same, knowing the least singular value σ and the rank of its ordinary positions.
+    def accustomed(self, sigma: float, dependent_rows: int) -> Model:
+        """The same, knowing the least singular value σ of its ordinary positions, and how many
+        rows depend on the others there.
 
         x = σ / ordinary is about the distance to a singular position. Rounding e on Φ turns a row
         by e / (ordinary x²), and q̈ by 1 / x more: so `close` goes with its cube root.

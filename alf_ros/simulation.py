@@ -17,6 +17,7 @@ from alf_ros.accuracy import Budget, pick
 from alf_ros.applied import NO_INPUTS, Applied, Inputs, Target, Wrench
 from alf_ros.arrays import Floats
 from alf_ros.branching import Branch, Position
+from alf_ros.consistency import Adjustment, made_consistent
 from alf_ros.curve import Curve
 from alf_ros.errors import AssemblyError, InputError, StepError
 from alf_ros.failures import FAILURES, beyond_reach
@@ -47,8 +48,10 @@ class Simulation:
     and tolerance: they are picked by trying; the attribute `solver` says which, `accuracy` how
     well). With `watch` the passes through singular positions are found, for about the cost of one
     stage more a step. With `ledger` the work of each effect is integrated (`Sample.works`), for
-    about the cost of the effects. Raises InputError for an unknown keyword, AssemblyError if the
-    mechanism cannot be closed or the initial velocities contradict each other.
+    about the cost of the effects. Where redundant lengths contradict each other by a little they
+    are adjusted; the attribute `adjustment` says how. Raises InputError for an unknown keyword,
+    AssemblyError if the mechanism cannot be closed, redundant lengths contradict each other by
+    more, or the initial velocities contradict each other.
     """
 
     def __init__(
@@ -76,18 +79,21 @@ class Simulation:
         }
         self.scene = scene
         self.accuracy: Budget | None = None
+        self.adjustment: Adjustment | None = None
         self._to_pick = False
         self.solver = self._asked({k: v for k, v in given.items() if v is not None})
         least = LEAST_PENALTY if self.solver.formulation == 'alf2' else 0.0
         self.model = compile_model(scene.mechanism, max(self.solver.penalty, least))
         self._method = method(self.solver)
         try:
-            q = assembly.close(self.model, scene.positions)
-            self._dependent_rows, self._ordinary, sigma = assembly.ordinary(self.model, q)
-            rank = len(self.model.row_names) - self._dependent_rows
-            self.model = self.model.accustomed(sigma, float(rank))
+            q = self._assembled()
+            consistent = made_consistent(self.model, q, self._dependent_rows)
+            if consistent is not None:
+                mechanism, self.adjustment = consistent
+                self.model = compile_model(mechanism, self.model.penalty)
+                q = self._assembled()
             if self.solver.formulation == 'alf2':
-                self.model = fitted(self.model, sigma)
+                self.model = fitted(self.model, self.model.system.ordinary)
             near = assembly.within(self.model, q, self._dependent_rows)
             if near:
                 q = assembly.close(self.model, scene.positions, q, least=0.0)
@@ -118,19 +124,31 @@ class Simulation:
         except AssemblyError as error:
             raise AssemblyError(error.message, file=scene.file, key=error.key) from None
         self._watcher: Watcher | None = None
+        # t (s), state and `_beside` of the last step aside
+        self._aside: tuple[float, State, bool | None] | None = None
         self._iterations = 0
         self._step_cost = math.nan
         # whether the end of the last step was interpolated beside a singular position
-        self._aside: bool | None = None
+        self._beside: bool | None = None
         if self._to_pick:
             self.accuracy = pick(self.solver, self._trial)
             self._use(self.accuracy.solver)
         self._watcher = self._watching() if watch else None
         self.restore(self._initial)
 
+    def _assembled(self) -> Floats:
+        """Closed positions q (blocks D, m), and what is ordinary near them, for the model to
+        know."""
+        q = assembly.close(self.model, self.scene.positions)
+        self._dependent_rows, self._ordinary, sigma = assembly.ordinary(self.model, q)
+        self.model = self.model.accustomed(sigma, self._dependent_rows)
+        return q
+
     def _asked(self, given: Mapping[str, Any]) -> Solver:
-        """The scene's solver section with what was given."""
-        settings = joined(asdict(self.scene.solver), given)
+        """The scene's solver section with what was given; without a section that of `given`."""
+        scene = self.scene
+        section = scene.solver if scene.says_solver or not given else Solver()
+        settings = joined(asdict(section), given)
         solver = Solver(**settings)
         picked = [key for key in PICKED if key in settings]
         if solver.accuracy is None or len(picked) == len(PICKED):  # both: as a log says
@@ -239,13 +257,14 @@ class Simulation:
         Raises StepError if one fails; the state is then the last good one.
         """
         started = time.perf_counter()
+        self._aside = None
         if self._watcher is None:
             result, taken = self._advance(self._phase, self._carried, self._step, n, self.h)
         else:
             result, taken = self._watcher.step(self._phase, self._step, n, self._advance_watched)
         self._step += taken
         if taken:
-            self._aside = bool(self._work.aside[0])
+            self._beside = bool(self._work.aside[0])
             self._step_cost = (time.perf_counter() - started) / taken
         if result != kernel.OK:
             raise StepError(*self._failure(result), self.t)
@@ -354,8 +373,9 @@ class Simulation:
     ) -> Iterator[Sample]:
         """Advance by `duration` (s), yielding a Sample now and after every `every` steps.
 
-        Or at the times `at` (s from the start of the scene, ascending): between two steps a
-        shorter step is taken aside, so that the motion is the same whatever is looked at.
+        Or at the times `at` (s from the start of the scene, ascending). An instant between two
+        steps is reached aside, so that the motion is the same whatever is looked at. This costs
+        a step per instant, and with an adaptive method at most the steps of the motion again.
         """
         if at is None:
             last = self._step + math.floor(duration / self.h + 1e-6)
@@ -400,7 +420,7 @@ class Simulation:
         Works that the state does not know begin at zero.
         """
         phase = self._phase
-        self._step, self._aside = state.step, None
+        self._step, self._beside = state.step, None
         phase.q[:], phase.qd[:], phase.turns[:] = state.q, state.qd, state.turns
         phase.pace[0], self._carried[:] = state.pace, state.carried
         phase.works[:] = [state.works.get(name, 0.0) for name in self.accounts]
@@ -488,31 +508,53 @@ class Simulation:
 
     def _hold(self, inputs: Inputs) -> None:
         if inputs != self._applied.inputs:
+            self._aside = None
             self._applied = self._applied.holding(inputs)
 
     # ---------------------------------------------------------------------------------- samples
 
     def sample(self) -> Sample:
         """The present state to read from; nothing in it is computed before it is asked for."""
-        return self._sample(self.t, self.state, self._aside)
+        return self._sample(self.t, self.state, self._beside)
 
     def _sample_between(self, t: float) -> Sample:
-        state = self.state
-        works = self._phase.works.copy()
-        phase = Phase(state.q, state.qd, state.turns, np.array([state.pace]), works)
-        result, _ = self._advance(phase, state.carried, 0, 1, t - self.t, self.t)
-        if result != kernel.OK:
-            raise StepError(*self._failure(result), self.t)
-        aside = bool(self._work.aside[0])
-        return self._sample(t, replace(state, works=self._works(works)), aside)
+        """The motion at t (s), between two grid points. The state of the run does not change.
 
-    def _sample(self, t: float, state: State, aside: bool | None) -> Sample:
-        """`aside`: whether the step that ended there was interpolated; None if none did."""
+        A method of fixed steps takes one step from the last grid point. An adaptive method goes
+        on from the last instant that was asked for: otherwise each instant would cost all steps
+        since the grid point.
+        """
+        start, state, beside = self._aside or (self.t, self.state, self._beside)
+        if t < start or not self._method.embedded.size:
+            start, state, beside = self.t, self.state, self._beside
+        if t > start:
+            works = np.array([state.works[name] for name in self.accounts])
+            pace, carried = np.array([state.pace]), state.carried.copy()
+            phase = Phase(state.q.copy(), state.qd.copy(), state.turns.copy(), pace, works)
+            result, _ = self._advance(phase, carried, 0, 1, t - start, start)
+            if result != kernel.OK:
+                raise StepError(*self._failure(result), self.t)
+            state = replace(
+                state,
+                q=phase.q,
+                qd=phase.qd,
+                turns=phase.turns,
+                pace=float(pace[0]),
+                carried=carried,
+                works=self._works(works),
+            )
+            beside = bool(self._work.aside[0])
+            self._aside = t, state, beside
+        return self._sample(t, state, beside)
+
+    def _sample(self, t: float, state: State, beside: bool | None) -> Sample:
+        """`beside`: whether the step that ended there was interpolated beside a singular position;
+        None if no step did."""
 
         def within() -> bool:
-            if aside is None and self._formulation is None:
+            if beside is None and self._formulation is None:
                 return assembly.within(self.model, state.q, self._dependent_rows)
-            return bool(aside)
+            return bool(beside)
 
         return Sample(
             self.model,

@@ -238,7 +238,7 @@ def _start(scene: Scene, at: Linearised, is_known_bad: bool) -> Iterator[Answer]
     except AssemblyError as error:
         fault = error
     dependent, _, sigma = assembly.ordinary(at.model, at.q)
-    here = branching.position(at.model.accustomed(sigma), at.q)
+    here = branching.position(at.model.accustomed(sigma, dependent), at.q)
     gained = len(here.lost) - dependent
     if simulation is not None and simulation.singular_start is not None:
         if not scene.mechanism.drives or simulation.singular_start.is_driven:

@@ -12,8 +12,8 @@ _MOST = 14  # names on a line
 
 
 def lines(simulation: Simulation, outputs: Mapping[str, Sequence[str]]) -> list[str]:
-    """Effects on, each with its µs per step here and now, and off; the ledger; outputs by
-    `Outputs.switched`."""
+    """What was adjusted of the mechanism; effects on, each with its µs per step here and now, and
+    off; the ledger; outputs by `Outputs.switched`."""
     # Imported late: loading the solver takes a good part of the start.
     from alf_ros import effects
     from alf_ros.call_cost import call_costs
@@ -22,7 +22,9 @@ def lines(simulation: Simulation, outputs: Mapping[str, Sequence[str]]) -> list[
     named = {effect.kind for effect in simulation.scene.effects}
     absent = [kind for kind in effects.kinds() if kind not in named]
     on, subscribed, off = (_listed(outputs[mode]) for mode in ('on', 'subscribed', 'off'))
+    adjusted = [f'mechanism: {simulation.adjustment}'] if simulation.adjustment else []
     return [
+        *adjusted,
         f'effects on, per step: {_listed(costs)}; ledger {"on" if simulation.ledger else "off"}',
         f'effects off: {_listed(absent)}',
         f'outputs on: {on}; when subscribed: {subscribed}; off: {off}',

@@ -54,6 +54,7 @@ ROOMS = {
         'assembly',
         'auxiliary',
         'branching',
+        'consistency',
         'coordinates',
         'disk',
         'driving',

@@ -33,7 +33,7 @@ def method(request: pytest.FixtureRequest) -> dict[str, Any]:
 
 def small(mechanism: str, effects: str, velocities: str = '', **solver: Any) -> Simulation:
     text = f'{mechanism}\neffects: {{{effects}}}\ninitial: {{velocities: {{{velocities}}}}}\n'
-    return Simulation(scene_from_text(text), ledger=True, **solver)
+    return Simulation(scene_from_text(text), ledger=True, **{'step': 1e-3, **solver})
 
 
 def missing(start: Sample, end: Sample) -> float:

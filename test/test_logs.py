@@ -245,7 +245,8 @@ def same(message, read):
 def test_an_effect_from_a_file_is_in_the_log_and_runs_only_if_trusted(tmp_path):
     file = tmp_path / 'lift.py'
     file.write_text(EFFECT)
-    scene = {'mechanism': 'slider_crank', 'effects': {str(file): {'strength': 2.5}}}
+    effects = {str(file): {'strength': 2.5}}
+    scene = {'mechanism': 'slider_crank', 'effects': effects, 'solver': {'step': 1e-3}}
     path, _ = make(tmp_path, scene, 20)
     digest = hashlib.sha256(file.read_bytes()).hexdigest()
     file.unlink()

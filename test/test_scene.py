@@ -20,7 +20,7 @@ from alf_ros import document
 from alf_ros.effects import Effect, constant_wrench, gravity
 from alf_ros.mechanism import Body, Frame, Joint, Mechanism, Point
 from alf_ros.resources import folder
-from alf_ros.scene import Scene, Solver, load_scene, scene_from_text
+from alf_ros.scene import UNSAID, Scene, Solver, load_scene, scene_from_text
 from alf_ros.serialise import entry, serialise
 
 SCENES = sorted(path.stem for path in folder('scenes')[0].glob('*.yaml'))
@@ -158,7 +158,7 @@ def test_a_mapping_is_a_scene() -> None:
         (Joint('pin', 'revolute', 'ground', 'rod', (there, on_rod), 'O'),),
     )
     assert scene.velocities == {'P': (1.5, 0.0)}
-    assert (scene.effects, scene.solver, scene.file) == ((), Solver(), None)
+    assert (scene.effects, scene.solver, scene.file) == ((), UNSAID, None)
     assert scene_from_text(scene.text) == scene
 
 
@@ -285,7 +285,7 @@ def test_what_is_not_named_is_not_there() -> None:
     for more in ('', 'effects:', 'effects: {}\ninitial:\nsolver:'):
         scene = _scene('rod: {points: [A, B], mass: 1, inertia: rod}', more=more)
         assert (scene.effects, scene.positions, scene.velocities) == ((), {}, {})
-        assert scene.solver == Solver()
+        assert scene.solver == UNSAID and not scene.says_solver
 
 
 def test_repetition_over_two_indices() -> None:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import pickle
+from typing import Any
 
 import numpy as np
 import pytest
 
 from alf_ros import AssemblyError, InputError, Simulation, StepError, load_scene
-from alf_ros.scene import Scene, scene_from_text
+from alf_ros.scene import UNSAID, Scene, Solver, scene_from_text
 
 PENDULUM = """
 mechanism:
@@ -68,6 +69,34 @@ def test_samples_between_steps_lie_on_the_motion() -> None:
         assert one.q == pytest.approx(two.q, abs=1e-9)
 
 
+def test_many_instants_within_one_adaptive_step_cost_what_the_motion_costs() -> None:
+    times = np.linspace(0.0, 10.0, 1001)
+    options: dict[str, Any] = {'integrator': 'dop853_adaptive', 'tolerance': 1e-12, 'ledger': True}
+    fine = Simulation(load_scene('slider_crank'), step=0.01, **options)
+    alone = Simulation(load_scene('slider_crank'), step=10.0, **options)
+    looked_at = Simulation(load_scene('slider_crank'), step=10.0, **options)
+    alone.step()
+    pairs = zip(fine.run(10.0, at=times), looked_at.run(10.0, at=times), strict=True)
+    for one, two in pairs:
+        assert two.q == pytest.approx(one.q, abs=1e-10)
+        assert two.works == pytest.approx(one.works, abs=1e-8)
+    assert looked_at.evaluations <= 2 * alone.evaluations + len(times) * alone.stages
+    assert same(alone.sample(), looked_at.sample())
+
+
+def test_an_input_between_two_instants_acts_from_the_grid_point_on() -> None:
+    options: dict[str, Any] = {'integrator': 'dop853_adaptive', 'step': 0.5}
+    one, two = (Simulation(load_scene('slider_crank'), **options) for _ in range(2))
+    samples = []
+    for sample in one.run(1.0, at=[0.1, 0.2]):
+        samples.append(sample)
+        one.apply_effort('crank_pin', 5.0)
+    two.apply_effort('crank_pin', 5.0)
+    (other,) = two.run(1.0, at=[0.2])
+    assert same(samples[-1], other)
+    assert same(one.sample(), two.sample())
+
+
 def test_times_must_ascend() -> None:
     sim = Simulation(load_scene('slider_crank'))
     with pytest.raises(InputError, match='past'):
@@ -84,7 +113,7 @@ def test_turns_are_counted_and_velocity_is_the_rate_of_position() -> None:
     assert positions[-1] > 10 * np.pi  # five turns and more
     rate = (np.array(positions[2:]) - positions[:-2]) / 0.01
     assert rate == pytest.approx(velocities[1:-1], abs=0.05)
-    backwards = Simulation(scene_from_text(PENDULUM))
+    backwards = Simulation(scene_from_text(PENDULUM), step=1e-3)
     backwards.apply_effort('pin', -20.0)
     backwards.step(1000)
     # J = 2/3: α = -30 rad/s², 15 rad in the first second
@@ -266,3 +295,25 @@ def test_what_is_too_stiff_for_an_adaptive_step_says_so_and_keeps_the_state() ->
     assert np.array_equal(simulation.sample().q, before)
     short = Simulation(load_scene(source), integrator='dop853_adaptive', step=1e-2)
     short.step(1)
+
+
+@pytest.mark.parametrize('name', ['spatial_four_bar', 'four_bar', 'change_point'])
+def test_a_scene_that_says_nothing_of_its_solver_holds_a_micrometre(name: str) -> None:
+    said, down = load_scene(name), [0.0, -9.81, 0.0]
+    positions = {point: list(at) for point, at in said.positions.items()}
+    velocities = {point: list(at) for point, at in said.velocities.items()}
+    scene = load_scene(
+        {
+            'mechanism': name,
+            'effects': {'gravity': {'acceleration': down[: said.mechanism.dimension]}},
+            'initial': {'positions': positions, 'velocities': velocities},
+        }
+    )
+    sim = Simulation(scene)
+    fine = Simulation(scene, integrator='dop853_adaptive', tolerance=1e-12, step=0.1)
+    assert sim.solver == UNSAID
+    for one, two in zip(sim.run(5.0, every=50), fine.run(5.0), strict=True):
+        assert one.q == pytest.approx(two.q, abs=1e-6)
+    # whoever says something gets the defaults of the table for the rest
+    assert Simulation(scene, step=5e-3).solver == Solver(step=5e-3)
+    assert Simulation(scene, formulation='penalty').solver == Solver(formulation='penalty')
