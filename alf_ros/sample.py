@@ -18,6 +18,7 @@ from alf_ros.curve import Curve
 from alf_ros.driving import effort
 from alf_ros.efforts import unit_motion
 from alf_ros.errors import InputError, StepError
+from alf_ros.failures import FAILURES
 from alf_ros.kernel import Rows, Work
 from alf_ros.model import Model, allocate
 from alf_ros.orientation import orientation
@@ -416,18 +417,19 @@ class Sample:
     @cached_property
     def _accelerated(self) -> tuple[Work, Floats]:
         """q̈ and λ, and the loads of friction."""
-        work = self._linearised
+        work, forces = self._linearised, self._applied.assembled
+        kernel.begin_balance(forces.bearings, self._state.loads)
         count, _ = kernel.accelerate(
             self.model.unit,
             self.model.system,
-            self._applied.assembled,
+            forces,
             work,
             self.t,
             self._solver.iterations,
             True,
         )
         if count < 0:
-            raise StepError('friction finds no balance with the reactions', 'see step()', self.t)
+            raise StepError(FAILURES[kernel.JAMMED][0], 'see step()', self.t)
         return work, self._applied.loads
 
     @property

@@ -97,14 +97,23 @@ class Simulation:
         turns = np.zeros(self.model.system.angles.c.size // 2, dtype=np.int64)
         works = np.zeros(len(self.accounts))
         pace = self._first_pace(qd)
-        self._phase = Phase(q.copy(), qd.copy(), turns.copy(), np.array([pace]), works)
+        loads = np.zeros(self._applied.load_count)
+        self._phase = Phase(q.copy(), qd.copy(), turns.copy(), np.array([pace]), works, loads)
         self._formulation: Formulation | None = None
         self._carried: Floats = np.zeros(0)
         if self.solver.formulation != 'alf2':
             self._formulation = Formulation(self.model, self.solver, q)
             self._carried = self._formulation.start(q, qd)
         self._initial = State(
-            0, q, qd, turns, pace, self._carried.copy(), NO_INPUTS, self._works(works)
+            0,
+            q,
+            qd,
+            turns,
+            pace,
+            self._carried.copy(),
+            NO_INPUTS,
+            self._works(works),
+            loads.copy(),
         )
         self._watcher: Watcher | None = None
         self._iterations = 0
@@ -168,6 +177,7 @@ class Simulation:
             start.turns.copy(),
             np.array([pace]),
             np.zeros(len(self.accounts)),
+            start.loads.copy(),
         )
         self.restore(start)
 
@@ -270,7 +280,12 @@ class Simulation:
         return tuple(self._watcher.passes)
 
     def _failure(self, result: int) -> tuple[str, str]:
-        return self._formulation.failure(result) if self._formulation else FAILURES[result]
+        if self._formulation:
+            return self._formulation.failure(result)
+        reason, remedy = FAILURES[result]
+        if result == kernel.JAMMED:
+            reason += f', at t = {self._applied.assembled.bearings.ended[0]:.9g} s'
+        return reason, remedy
 
     def _advance_watched(
         self, phase: Phase, first: int, n: int, watch: Watch | None
@@ -344,18 +359,21 @@ class Simulation:
             self._carried.copy(),
             self._applied.inputs,
             self._works(phase.works),
+            phase.loads.copy(),
         )
 
     def restore(self, state: State) -> None:
         """Go on from a state of this scene. The run repeats bit for bit.
 
-        Works that the state does not know begin at zero.
+        Works that the state does not know begin at zero, loads with the balance that friction
+        leads to as it is put on.
         """
         phase = self._phase
         self._step = state.step
         phase.q[:], phase.qd[:], phase.turns[:] = state.q, state.qd, state.turns
         phase.pace[0], self._carried[:] = state.pace, state.carried
         phase.works[:] = [state.works.get(name, 0.0) for name in self.accounts]
+        phase.loads[:] = state.loads if state.loads.size == phase.loads.size else 0.0
         # a state may come from a log, which holds what moves freely
         prescribe(self.model.system, self.t, phase.q, phase.qd, np.zeros_like(phase.q))
         if self._watcher is not None:
@@ -384,7 +402,10 @@ class Simulation:
         q, qd, turns = placed(self.model, self.state, self.t, body, pose, twist)
         carried = self._formulation.start(q, qd) if self._formulation else self._carried.copy()
         pace = self._first_pace(qd)
-        self.restore(replace(self.state, q=q, qd=qd, turns=turns, pace=pace, carried=carried))
+        loads = np.zeros_like(self._phase.loads)
+        self.restore(
+            replace(self.state, q=q, qd=qd, turns=turns, pace=pace, carried=carried, loads=loads)
+        )
 
     # ----------------------------------------------------------------------------------- inputs
 
@@ -451,7 +472,7 @@ class Simulation:
     def _sample_between(self, t: float) -> Sample:
         state = self.state
         works = self._phase.works.copy()
-        phase = Phase(state.q, state.qd, state.turns, np.array([state.pace]), works)
+        phase = Phase(state.q, state.qd, state.turns, np.array([state.pace]), works, state.loads)
         result, _ = self._advance(phase, state.carried, 0, 1, t - self.t, self.t)
         if result != kernel.OK:
             raise StepError(*self._failure(result), self.t)

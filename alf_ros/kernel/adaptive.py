@@ -8,6 +8,7 @@ from alf_ros.arrays import Unit
 from alf_ros.kernel.chart import straighten, straighten_momenta, turning
 from alf_ros.kernel.data import (
     COLLAPSED,
+    JAMMED,
     NOT_POSITIVE,
     OK,
     ONE,
@@ -35,6 +36,7 @@ _SHARE = 0.05  # of the tolerance for one step: errors add up along a motion
 _ROUNDING = 1e-10  # relative error of a step that may be rounding; ten times more if it stays
 _TURN = 1.5  # rad that an arm may turn in a step, so that turns can be counted
 _MARGIN = 4.0  # as rounding is different in every step
+ENDED = 1e-6  # part of the step of the grid up to which the end of a balance is found
 MOST = 20_000  # steps between two grid points: more is stiff, and would look like a hang
 
 
@@ -176,7 +178,7 @@ def advance_adaptively(
                 floor, factor = _MARGIN * error, 1.0
             if error <= floor:
                 tally(forces.ledger.tally, system, forces, work, phase, t, method.b.size, dt, True)
-                accept(unit, system, work, phase)
+                accept(unit, system, forces, work, phase)
                 done = h if parts == 1.0 else done + dt
                 pace[0] = max(pace[0], factor * dt) if dt < pace[0] else factor * dt
                 work.rounded[0] += error > 1.0
@@ -186,7 +188,7 @@ def advance_adaptively(
                 begun = result == OK
                 tries += 1
                 pace[0] = factor * dt
-                if pace[0] < 1e-9 * h:
+                if pace[0] < (ENDED if result == JAMMED else 1e-9) * h:
                     result = result if result != OK else COLLAPSED
                     break
                 if not begun:

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Unit
-from alf_ros.kernel.adaptive import MOST, embedded, free_part, relative
+from alf_ros.kernel.adaptive import ENDED, MOST, embedded, free_part, relative
 from alf_ros.kernel.data import (
     COLLAPSED,
     EPS,
@@ -327,7 +327,7 @@ def advance_implicitly(
                 work.rounded[0] += good
             if good:
                 tally(forces.ledger.tally, system, forces, work, phase, t, method.b.size, dt, True)
-                accept(unit, system, work, phase)
+                accept(unit, system, forces, work, phase)
                 done = h if parts == 1.0 else done + dt
                 length = max(length, factor * dt) if dt < length else factor * dt
                 sigma, tries = np.inf, 0
@@ -336,7 +336,7 @@ def advance_implicitly(
                 tries += 1
                 unsettled += result == NOT_SETTLED
                 length = factor * dt
-                if length < _SHORTEST * h:
+                if length < (ENDED if result == JAMMED else _SHORTEST) * h:
                     result = result if result != OK else COLLAPSED
                     break
         if adaptive:

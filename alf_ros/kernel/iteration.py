@@ -11,7 +11,7 @@ from numba.extending import intrinsic
 
 from alf_ros.arrays import Floats, Unit
 from alf_ros.kernel.constraints import add_transposed, times_jacobian
-from alf_ros.kernel.data import EPS, NOTHING, SOLVED, Forces, System, Work
+from alf_ros.kernel.data import EPS, NOTHING, SOLVED, Bearings, Forces, System, Work
 from alf_ros.kernel.forces import applied_forces
 from alf_ros.kernel.jit import compiled, expanded, inner
 from alf_ros.kernel.prescribed import bias
@@ -210,6 +210,15 @@ def _settle(
         return builder.call(builder.inttoptr(args[0], function.as_pointer()), values)
 
     return types.float64(at, system, forces, work, t, types.int64, exactly), code
+
+
+@compiled
+def begin_balance(bearings: Bearings, loads: Floats) -> None:
+    """The next solve for accelerations is where a step begins; `loads` is R (N), as found last."""
+    for n in range(loads.size):
+        bearings.force[n] = loads[n]
+    if loads.size > 0:
+        bearings.begins[0] = 1
 
 
 @compiled

@@ -25,7 +25,7 @@ from alf_ros.kernel.data import (
     Work,
 )
 from alf_ros.kernel.factor import linearise
-from alf_ros.kernel.iteration import accelerate, augmented, velocities
+from alf_ros.kernel.iteration import accelerate, augmented, begin_balance, velocities
 from alf_ros.kernel.jit import compiled, expanded, inner
 from alf_ros.kernel.manifold import project
 from alf_ros.kernel.prescribed import prescribe
@@ -47,6 +47,7 @@ def evaluate_first(
     curvature of the path; the iterations (-1: friction jams), and σ as `velocities` says it."""
     copy(phase.qd, work.qd)
     work.evaluations[0] += 1
+    begin_balance(forces.bearings, phase.loads)
     prescribe(system, t, work.q, work.qd, work.qdd)
     most, sigma = accelerate(unit, system, forces, work, t, iterations, True)
     if most < 0:
@@ -110,7 +111,7 @@ def evaluate_aside(
         if x > BLIND:
             copy(work.qd, work.along)
             along = work.along
-    return stage_between(
+    count = stage_between(
         unit,
         system,
         forces,
@@ -125,6 +126,13 @@ def evaluate_aside(
         spacing,
         iterations,
     )
+    if count < 0 and x > BLIND:  # friction ends beside the stage: at its word, off by rounding
+        prescribe(system, t, work.q, work.qd, work.qdd)
+        copy(work.base, work.q)
+        copy(work.base, work.target)
+        count, _x, _clear = stage(unit, system, forces, work, t, radius, close, True, iterations)
+        tally(forces.ledger.tally, system, forces, work, phase, t, s, 1.0, False)
+    return count
 
 
 @inner
@@ -270,6 +278,7 @@ def keep(forces: Forces, work: Work, phase: Phase) -> None:
     copy(phase.qd, work.good_qd)
     copy(phase.turns, work.good_turns)
     copy(phase.works, forces.ledger.good)
+    copy(phase.loads, forces.bearings.good)
 
 
 @inner
@@ -279,10 +288,11 @@ def fall_back(forces: Forces, work: Work, phase: Phase) -> None:
     copy(work.good_qd, phase.qd)
     copy(work.good_turns, phase.turns)
     copy(forces.ledger.good, phase.works)
+    copy(forces.bearings.good, phase.loads)
 
 
 @inner
-def accept(unit: Unit, system: System, work: Work, phase: Phase) -> None:
+def accept(unit: Unit, system: System, forces: Forces, work: Work, phase: Phase) -> None:
     """Take the end of a step that went well as the new phase."""
     violation(unit, system.angles, work.q, work.angle)
     count_turns(work.angle_before, work.angle, phase.turns)
@@ -290,6 +300,7 @@ def accept(unit: Unit, system: System, work: Work, phase: Phase) -> None:
     nearby(work.angle, phase.turns, work.near)
     copy(work.q, phase.q)
     copy(work.qd, phase.qd)
+    copy(forces.bearings.force, phase.loads)
 
 
 @compiled
@@ -324,7 +335,7 @@ def advance(
             return result, taken, most
         sigma = np.inf
         tally(forces.ledger.tally, system, forces, work, phase, t, method.b.size, h, True)
-        accept(unit, system, work, phase)
+        accept(unit, system, forces, work, phase)
         if watch is not None:  # known when it is compiled: who does not watch does without
             note(unit, system, forces, work, watch, taken, end)
     return OK, steps, most
