@@ -178,7 +178,8 @@ def advance_adaptively(
                 floor, factor = _MARGIN * error, 1.0
             if error <= floor:
                 tally(forces.ledger.tally, system, forces, work, phase, t, method.b.size, dt, True)
-                accept(unit, system, forces, work, phase)
+                accept(unit, system, work, phase)
+                copy(forces.bearings.force, phase.loads)
                 done = h if parts == 1.0 else done + dt
                 pace[0] = max(pace[0], factor * dt) if dt < pace[0] else factor * dt
                 work.rounded[0] += error > 1.0

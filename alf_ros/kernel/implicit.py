@@ -327,7 +327,8 @@ def advance_implicitly(
                 work.rounded[0] += good
             if good:
                 tally(forces.ledger.tally, system, forces, work, phase, t, method.b.size, dt, True)
-                accept(unit, system, forces, work, phase)
+                accept(unit, system, work, phase)
+                copy(forces.bearings.force, phase.loads)
                 done = h if parts == 1.0 else done + dt
                 length = max(length, factor * dt) if dt < length else factor * dt
                 sigma, tries = np.inf, 0

@@ -292,7 +292,7 @@ def fall_back(forces: Forces, work: Work, phase: Phase) -> None:
 
 
 @inner
-def accept(unit: Unit, system: System, forces: Forces, work: Work, phase: Phase) -> None:
+def accept(unit: Unit, system: System, work: Work, phase: Phase) -> None:
     """Take the end of a step that went well as the new phase."""
     violation(unit, system.angles, work.q, work.angle)
     count_turns(work.angle_before, work.angle, phase.turns)
@@ -300,7 +300,6 @@ def accept(unit: Unit, system: System, forces: Forces, work: Work, phase: Phase)
     nearby(work.angle, phase.turns, work.near)
     copy(work.q, phase.q)
     copy(work.qd, phase.qd)
-    copy(forces.bearings.force, phase.loads)
 
 
 @compiled
@@ -335,7 +334,8 @@ def advance(
             return result, taken, most
         sigma = np.inf
         tally(forces.ledger.tally, system, forces, work, phase, t, method.b.size, h, True)
-        accept(unit, system, forces, work, phase)
+        accept(unit, system, work, phase)
+        copy(forces.bearings.force, phase.loads)
         if watch is not None:  # known when it is compiled: who does not watch does without
             note(unit, system, forces, work, watch, taken, end)
     return OK, steps, most
