@@ -126,6 +126,10 @@ class _Scene:
         """The effect that each load is for."""
         return [each for kind in self.kinds(self._model.layout) for each in kind.rubbing]
 
+    @property
+    def load_count(self) -> int:
+        return len(self._rubbing) * self._model.layout.dimension
+
     @cached_property
     def bearings(self) -> Bearings:
         """What tells the loads, without what acts on the cut mechanism."""
@@ -221,6 +225,11 @@ class Applied:
         parts = list(self.each.items())
         parts += [(INPUTS, Part(_listed(held.kinds(layout)), [])) for held in self._held.values()]
         return ledger(self._model, self._weights, parts)
+
+    @property
+    def load_count(self) -> int:
+        """How many numbers the loads are: R of each effect of a kind that rubs."""
+        return self._scene.load_count
 
     @property
     def loads(self) -> Floats:

@@ -23,8 +23,10 @@ FAILURES: dict[int, tuple[str, str]] = {
         'ask for a larger tolerance, or look for a force that jumps',
     ),
     kernel.JAMMED: (
-        'friction finds no balance with the reactions it depends on: the mechanism jams',
-        'take smaller coefficients, a larger slip speed, or give the load as a number',
+        "Painlevé's paradox: no balance of friction and the reactions it depends on goes on from "
+        'that of the motion, the mechanism jams',
+        'take a shorter step, smaller coefficients or a larger slip speed, or give the load as a '
+        'number',
     ),
     kernel.TOO_MANY: (
         'the tolerance takes more than 20000 steps within one',

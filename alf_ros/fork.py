@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from alf_ros import assembly, scene_changes, state_vector
 from alf_ros.errors import AssemblyError, InputError, StepError
 from alf_ros.log_run import LogRun, ticks
@@ -89,16 +91,20 @@ def _change(rerun: Rerun, changes: Mapping[str, str], changed: set[str]) -> Stat
     if own:
         solver = joined(solver, own)
     after = Simulation(scene, **solver, ledger=before.ledger)
-    numbers, rates = state_vector.values(before.model, before.state)
+    start = before.state
+    if start.loads.size != after.state.loads.size:  # other effects rub: nothing is known of them
+        start = dataclasses.replace(start, loads=np.zeros_like(after.state.loads))
+    numbers, rates = state_vector.values(before.model, start)
     names = [
-        state_vector.names(simulation.model, simulation.state) for simulation in (before, after)
+        state_vector.names(before.model, start),
+        state_vector.names(after.model, after.state),
     ]
     if names[0] != names[1]:
         raise InputError('the state of the log is none of the changed scene', key='--set')
     if after.state.carried.size and scene.mechanism != rerun.scene.mechanism:
         text = f'{after.solver.formulation} cannot go on with another mechanism'
         raise InputError(text, key='--set')
-    state = state_vector.state(after.model, after.state, numbers, rates, before.state.inputs)
+    state = state_vector.state(after.model, after.state, numbers, rates, start.inputs)
     after.restore(on_grid(state, before.h, after.h))
     found = after.sample().diagnostics
     if max(found.position_violation, found.velocity_violation) > _OPEN * after.model.size:

@@ -94,7 +94,7 @@ def state(model: Model) -> Write:
 
     def write(sample: Sample, ns: int) -> bytes:
         # Another formulation, set while the run goes on, may carry more.
-        key = (sample.state.carried.size, *sample.state.works)
+        key = (sample.state.carried.size, sample.state.loads.size, *sample.state.works)
         if key not in writers:
             made = _joint_state(state_vector.names(model, sample.state), readings.STATE)
             assert made is not None  # there is always the step

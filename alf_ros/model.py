@@ -80,9 +80,9 @@ class Model:
         by e / (ordinary x²), and q̈ by 1 / x more: so `close` goes with its cube root.
         """
         close = _CLOSE * (0.5 / sigma) ** (1.0 / 3.0)
-        return replace(
-            self, system=_patient(replace(self.system, ordinary=sigma, rank=rank, close=close))
-        )
+        rank = float(len(self.row_names) - dependent_rows)
+        system = replace(self.system, ordinary=sigma, rank=rank, close=close)
+        return replace(self, system=_patient(system))
 
     def with_penalty(self, penalty: float) -> Model:
         """The same with another penalty."""

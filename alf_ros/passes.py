@@ -109,7 +109,7 @@ class Watcher:
 def copy(phase: Phase) -> Phase:
     """The same in arrays of its own."""
     turns, pace, works = phase.turns.copy(), phase.pace.copy(), phase.works.copy()
-    return Phase(phase.q.copy(), phase.qd.copy(), turns, pace, works)
+    return Phase(phase.q.copy(), phase.qd.copy(), turns, pace, works, phase.loads.copy())
 
 
 def zero(t: Floats, sigma: Floats) -> float | None:

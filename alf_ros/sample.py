@@ -18,6 +18,7 @@ from alf_ros.curve import Curve
 from alf_ros.driving import effort
 from alf_ros.efforts import unit_motion
 from alf_ros.errors import InputError, StepError
+from alf_ros.failures import FAILURES
 from alf_ros.kernel import Phase, Rows, Work
 from alf_ros.limits import Limits, Place, limits
 from alf_ros.model import Model, allocate
@@ -435,18 +436,19 @@ class Sample:
     @cached_property
     def _accelerated(self) -> tuple[Work, Floats, float]:
         """q̈ and λ, the loads of friction, and the least singular value met, if it is small."""
-        work = self._linearised
+        work, forces = self._linearised, self._applied.assembled
+        kernel.begin_balance(forces.bearings, self._state.loads)
         count, sigma = kernel.accelerate(
             self.model.unit,
             self.model.system,
-            self._applied.assembled,
+            forces,
             work,
             self.t,
             self._solver.iterations,
             True,
         )
         if count < 0:
-            raise StepError('friction finds no balance with the reactions', 'see step()', self.t)
+            raise StepError(FAILURES[kernel.JAMMED][0], 'see step()', self.t)
         return work, self._applied.loads, sigma
 
     @cached_property
@@ -456,7 +458,7 @@ class Sample:
             return None
         state, applied = self._state, self._applied.assembled
         works = np.array(list(state.works.values()))
-        phase = Phase(state.q, state.qd, state.turns, np.array([state.pace]), works)
+        phase = Phase(state.q, state.qd, state.turns, np.array([state.pace]), works, state.loads)
         return limits(self.model, applied, phase, self._near, self.t, self._solver.iterations)
 
     def _read(self, read: Callable[[Place], Floats]) -> Floats:

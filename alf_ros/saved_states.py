@@ -57,7 +57,7 @@ def from_data(data: dict[str, Any], like: State) -> State:
     """
     fields: dict[str, Any] = {}
     for field in dataclasses.fields(like):
-        if field.name not in ('inputs', 'works'):
+        if field.name not in ('inputs', 'works', 'loads'):
             fields[field.name] = _like(data[field.name], getattr(like, field.name))
     wrenches = {}
     for name, wrench in data['inputs']['wrenches'].items():
@@ -65,13 +65,14 @@ def from_data(data: dict[str, Any], like: State) -> State:
         held.update({key: tuple(value) for key, value in held.items() if type(value) is list})
         wrenches[name] = Wrench(**held)
     efforts = {name: read_curve(effort) for name, effort in data['inputs']['efforts'].items()}
-    # A state of an earlier version knows no targets and no works.
+    # A state of an earlier version knows no targets, no works and no loads.
     targets = {
         name: Target(read_curve(target['position']), target['velocity'])
         for name, target in data['inputs'].get('targets', {}).items()
     }
     works = {name: float(work) for name, work in data.get('works', {}).items()}
-    return State(**fields, inputs=Inputs(wrenches, efforts, targets), works=works)
+    loads = _like(data['loads'], like.loads) if data.get('loads') else np.zeros_like(like.loads)
+    return State(**fields, inputs=Inputs(wrenches, efforts, targets), works=works, loads=loads)
 
 
 def _like(value: Any, present: Any) -> Any:

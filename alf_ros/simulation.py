@@ -110,14 +110,23 @@ class Simulation:
         turns = np.zeros(self.model.system.angles.c.size // 2, dtype=np.int64)
         works = np.zeros(len(self.accounts))
         pace = self._first_pace(qd)
-        self._phase = Phase(q.copy(), qd.copy(), turns.copy(), np.array([pace]), works)
+        loads = np.zeros(self._applied.load_count)
+        self._phase = Phase(q.copy(), qd.copy(), turns.copy(), np.array([pace]), works, loads)
         self._formulation: Formulation | None = None
         self._carried: Floats = np.zeros(0)
         if self.solver.formulation != 'alf2':
             self._formulation = Formulation(self.model, self.solver, q)
             self._carried = self._formulation.start(q, qd)
         self._initial = State(
-            0, q, qd, turns, pace, self._carried.copy(), NO_INPUTS, self._works(works)
+            0,
+            q,
+            qd,
+            turns,
+            pace,
+            self._carried.copy(),
+            NO_INPUTS,
+            self._works(works),
+            loads.copy(),
         )
         try:
             _ = self.departure  # raises where it is not unique
@@ -199,6 +208,7 @@ class Simulation:
             start.turns.copy(),
             np.array([pace]),
             np.zeros(len(self.accounts)),
+            start.loads.copy(),
         )
         self.restore(start)
 
@@ -306,7 +316,12 @@ class Simulation:
         found = beyond_reach(self.model, self._phase.q, self.t, self.h)
         if found is not None:
             return found
-        return self._formulation.failure(result) if self._formulation else FAILURES[result]
+        if self._formulation:
+            return self._formulation.failure(result)
+        reason, remedy = FAILURES[result]
+        if result == kernel.JAMMED:
+            reason += f', at t = {self._applied.assembled.bearings.ended[0]:.9g} s'
+        return reason, remedy
 
     def _advance_watched(
         self, phase: Phase, first: int, n: int, watch: Watch | None
@@ -412,18 +427,21 @@ class Simulation:
             self._carried.copy(),
             self._applied.inputs,
             self._works(phase.works),
+            phase.loads.copy(),
         )
 
     def restore(self, state: State) -> None:
         """Go on from a state of this scene. The run repeats bit for bit.
 
-        Works that the state does not know begin at zero.
+        Works that the state does not know begin at zero, loads with the balance that friction
+        leads to as it is put on.
         """
         phase = self._phase
         self._step, self._beside = state.step, None
         phase.q[:], phase.qd[:], phase.turns[:] = state.q, state.qd, state.turns
         phase.pace[0], self._carried[:] = state.pace, state.carried
         phase.works[:] = [state.works.get(name, 0.0) for name in self.accounts]
+        phase.loads[:] = state.loads if state.loads.size == phase.loads.size else 0.0
         # a state may come from a log, which holds what moves freely
         prescribe(self.model.system, self.t, phase.q, phase.qd, np.zeros_like(phase.q))
         if self._watcher is not None:
@@ -452,7 +470,10 @@ class Simulation:
         q, qd, turns = placed(self.model, self.state, self.t, body, pose, twist)
         carried = self._formulation.start(q, qd) if self._formulation else self._carried.copy()
         pace = self._first_pace(qd)
-        self.restore(replace(self.state, q=q, qd=qd, turns=turns, pace=pace, carried=carried))
+        loads = np.zeros_like(self._phase.loads)
+        self.restore(
+            replace(self.state, q=q, qd=qd, turns=turns, pace=pace, carried=carried, loads=loads)
+        )
 
     # ----------------------------------------------------------------------------------- inputs
 
@@ -530,7 +551,8 @@ class Simulation:
         if t > start:
             works = np.array([state.works[name] for name in self.accounts])
             pace, carried = np.array([state.pace]), state.carried.copy()
-            phase = Phase(state.q.copy(), state.qd.copy(), state.turns.copy(), pace, works)
+            arrays = state.q.copy(), state.qd.copy(), state.turns.copy()
+            phase = Phase(*arrays, pace, works, state.loads.copy())
             result, _ = self._advance(phase, carried, 0, 1, t - start, start)
             if result != kernel.OK:
                 raise StepError(*self._failure(result), self.t)
@@ -541,6 +563,7 @@ class Simulation:
                 turns=phase.turns,
                 pace=float(pace[0]),
                 carried=carried,
+                loads=phase.loads,
                 works=self._works(works),
             )
             beside = bool(self._work.aside[0])

@@ -3,7 +3,8 @@
 In the order of the scene's file: the natural coordinates of movable points, vectors and auxiliary
 blocks (m; vectors in the length of the drawing, as the kernel has them) with their velocities;
 then, with zero rates, the turns of each counted angle, the pace (s), what other formulations
-carry, the works of a ledger (J), and the step index.
+carry, the works of a ledger (J), the reactions that friction depends on (N), and the step
+index.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ def names(model: Model, state: State) -> tuple[str, ...]:
         'pace',
         *(f'carried[{k}]' for k in range(state.carried.size)),
         *(f'works[{name}]' for name in state.works),
+        *(f'loads[{k}]' for k in range(state.loads.size)),
         'step',
     )
 
@@ -38,7 +40,7 @@ def values(model: Model, state: State) -> tuple[Floats, Floats]:
     D = model.layout.dimension
     q, qd = (x.reshape(-1, D)[model.coordinate_block].ravel() for x in (state.q, state.qd))
     works = list(state.works.values())
-    rest = (state.turns, [state.pace], state.carried, works, [state.step])
+    rest = (state.turns, [state.pace], state.carried, works, state.loads, [state.step])
     numbers = np.concatenate([q, *(np.asarray(part, dtype=float) for part in rest)])
     rates = np.zeros_like(numbers)
     rates[: qd.size] = qd
@@ -48,11 +50,13 @@ def values(model: Model, state: State) -> tuple[Floats, Floats]:
 def state(model: Model, like: State, numbers: Floats, rates: Floats, inputs: Inputs) -> State:
     """The state of these numbers and rates; `like` is one of the same simulation.
 
-    Raises ValueError if there are not as many as that simulation has.
+    A log of an earlier version has no loads: they begin at zero. Raises ValueError if there are
+    not as many numbers as that simulation has.
     """
     n, turns, D = model.n, like.turns.size, model.layout.dimension
     carried, works = n + turns + 1, n + turns + 1 + like.carried.size
-    if numbers.size != works + len(like.works) + 1:
+    loads = works + len(like.works)
+    if numbers.size not in (loads + 1, loads + like.loads.size + 1):
         raise ValueError(f'{numbers.size} numbers are no state of this mechanism')
     q, qd = like.q.copy(), like.qd.copy()
     q.reshape(-1, D)[model.coordinate_block] = numbers[:n].reshape(-1, D)
@@ -66,5 +70,8 @@ def state(model: Model, like: State, numbers: Floats, rates: Floats, inputs: Inp
         pace=float(numbers[n + turns]),
         carried=np.array(numbers[carried:works]),
         inputs=inputs,
-        works=dict(zip(like.works, numbers[works:-1].tolist(), strict=True)),
+        loads=np.zeros_like(like.loads)
+        if numbers.size == loads + 1
+        else np.array(numbers[loads:-1]),
+        works=dict(zip(like.works, numbers[works:loads].tolist(), strict=True)),
     )

@@ -45,7 +45,7 @@ from alf_ros.kernel.data import (
 from alf_ros.kernel.factor import linearise
 from alf_ros.kernel.forces import add_friction, applied_forces, potential_energy
 from alf_ros.kernel.implicit import advance_implicitly
-from alf_ros.kernel.iteration import accelerate, augmented, finish
+from alf_ros.kernel.iteration import accelerate, augmented, begin_balance, finish
 from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.prescribed import prescribed_at
 from alf_ros.kernel.step import advance
@@ -90,6 +90,7 @@ __all__ = [
     'advance_implicitly',
     'applied_forces',
     'augmented',
+    'begin_balance',
     'convective',
     'finish',
     'jacobian',

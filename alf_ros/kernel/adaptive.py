@@ -9,6 +9,7 @@ from alf_ros.kernel.aside import linearise_aside
 from alf_ros.kernel.chart import straighten, straighten_momenta, turning
 from alf_ros.kernel.data import (
     COLLAPSED,
+    JAMMED,
     NOT_POSITIVE,
     OK,
     ONE,
@@ -36,6 +37,7 @@ _SHARE = 0.05  # of the tolerance for one step: errors add up along a motion
 _ROUNDING = 1e-10  # relative error of a step that may be rounding; ten times more if it stays
 _TURN = 1.5  # rad that an arm may turn in a step, so that turns can be counted
 _MARGIN = 4.0  # as rounding is different in every step
+ENDED = 1e-6  # part of the step of the grid up to which the end of a balance is found
 MOST = 20_000  # steps between two grid points: more is stiff, and would look like a hang
 
 
@@ -182,6 +184,7 @@ def advance_adaptively(
             if error <= floor:
                 tally(forces.ledger.tally, system, forces, work, phase, t, method.b.size, dt, ALL)
                 accept(unit, system, work, phase)
+                copy(forces.bearings.force, phase.loads)
                 done = h if parts == 1.0 else done + dt
                 pace[0] = max(pace[0], factor * dt) if dt < pace[0] else factor * dt
                 work.rounded[0] += error > 1.0
@@ -191,7 +194,7 @@ def advance_adaptively(
                 begun = result == OK
                 tries += 1
                 pace[0] = factor * dt
-                if pace[0] < 1e-9 * h:
+                if pace[0] < (ENDED if result == JAMMED else 1e-9) * h:
                     result = result if result != OK else COLLAPSED
                     break
                 if not begun:

@@ -12,17 +12,18 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Unit
-from alf_ros.kernel.data import NOT_CLOSED, OK, TWO, Forces, Phase, System, Work
+from alf_ros.kernel.data import JAMMED, NOT_CLOSED, OK, TWO, Forces, Phase, System, Work
 from alf_ros.kernel.factor import linearise
 from alf_ros.kernel.iteration import accelerate_under, apply
 from alf_ros.kernel.jit import inner
 from alf_ros.kernel.manifold import correct_at_last, opening_twofold
 from alf_ros.kernel.prescribed import prescribe
 from alf_ros.kernel.stage import stage
-from alf_ros.kernel.tally import APPLIED, REACTING, tally
+from alf_ros.kernel.tally import ALL, APPLIED, REACTING, tally
 from alf_ros.kernel.vectors import copy, largest, zero
 
 PLACES = 8
+BLIND = 1e-6  # distance to a singular position from which on a stage's velocity is its direction
 _TURNED = 0.01  # part of the velocity by which a direction may be off
 _SPACING = 6.0  # of the places, in parts of what is too close
 _WIDER = 3.0  # spacing, where one of the places is not clear of the position
@@ -86,6 +87,29 @@ def evaluate_aside(
 
 
 @inner
+def evaluate_there(
+    unit: Unit,
+    system: System,
+    forces: Forces,
+    work: Work,
+    phase: Phase,
+    t: float,
+    s: np.uint64,
+    radius: float,
+    close: float,
+    iterations: int,
+) -> int:
+    """The same at the stage itself, at its word: where friction finds no balance on the other side
+    of the position. It is off by rounding."""
+    prescribe(system, t, work.q, work.qd, work.qdd)
+    copy(work.base, work.q)
+    copy(work.base, work.target)
+    count, _x, _clear = stage(unit, system, forces, work, t, radius, close, True, iterations, True)
+    tally(forces.ledger.tally, system, forces, work, phase, t, s, 1.0, ALL)
+    return count
+
+
+@inner
 def evaluate_place(
     unit: Unit,
     system: System,
@@ -131,7 +155,7 @@ def end_aside(
         unit, system, forces, work, phase, t, moved, radius, close, falling, iterations, True
     )
     if count <= 0:
-        return NOT_CLOSED, 1
+        return JAMMED if count < 0 else NOT_CLOSED, 1
     if found:
         for a in range(work.p.size):
             work.q[a], work.qd[a] = work.sum_q[a], work.sum_qd[a]
@@ -256,7 +280,7 @@ def _interpolate(
                 # a guess off Φ = 0 by less: there the rows are turned by that over the distance
                 work.q[a] = work.target[a] + 0.5 * away * away * work.curve[a]
             count, _x, clear = stage(
-                unit, system, forces, work, t, radius, close, True, iterations
+                unit, system, forces, work, t, radius, close, True, iterations, False
             )
             if count <= 0:
                 return count

@@ -8,7 +8,7 @@ distance rows with a fixed end, quadratic rows.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -194,10 +194,28 @@ class Bearings(Struct):
     needed: Floats  # (cut blocks D,) what each block needs from the joints
     y: Floats  # (cut rows,) λ
     given: Floats  # (all blocks D,) Q of what does not depend on loads
-    loads: Floats  # (loads,) N, at which friction and reactions agree
+    loads: Floats  # (loads,) N, at which friction and reactions agree; before a solve a guess
+    force: Floats  # (loads, D) R there, N
+    good: Floats  # (loads, D) R at the last point of the grid that an adaptive method reached
+    begins: Integers  # (1,) whether the next solve is where a step begins
     passes: Integers  # (2,) how many solves that took, and the iterations of the longest
+    ended: Floats  # (1,) t of the last solve without a balance, s
     trial: Floats  # (loads,) N, and what reactions they led to
     answer: Floats  # (loads,)
+    reaction: Floats  # (loads, D) R of the trial, then of no friction
+    response: Floats  # (loads, loads, D) what a unit of each load adds to R
+    qdd_of: Floats  # (all blocks D,) q̈ of that
+    kept_y: Floats  # (rows,) λ meanwhile
+    kept_r2: Floats  # (rows,)
+    softest: Floats  # (rows,) combination of rows that is nearest to losing its direction
+    across: Floats  # (all blocks D,) least velocity that opens it
+    branch: Floats  # (2,) how much it opens where the step begins, and the sense of the balance
+    point: Floats  # (loads,) Newton's method: N
+    next: Floats  # (loads,) N further on
+    heading: Floats  # (loads, D) directions to begin with
+    best: Floats  # (loads,) the nearest balance so far
+    slope: Floats  # (loads, loads)
+    change: Floats  # (loads,)
     past_trial: Floats  # (memory, loads) differences of those of the last passes
     past_gap: Floats  # (memory, loads) and of answer - trial
     gram: Floats  # (memory, memory)
@@ -255,6 +273,8 @@ class Phase(Struct):
     turns: Integers  # (angles,) passages of (x, y) over the negative x axis
     pace: Floats  # (1,) the step an adaptive method would like to take next, s
     works: Floats  # (accounts,) J, done so far; none without a ledger
+    # (loads, D) R (N) that friction depends on, as found last; zero where nothing is known
+    loads: Floats = field(default_factory=lambda: np.zeros(0))
 
 
 @dataclass(frozen=True, eq=False)

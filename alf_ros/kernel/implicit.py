@@ -13,8 +13,8 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Unit
-from alf_ros.kernel.adaptive import MOST, embedded, free_part, relative
-from alf_ros.kernel.aside import evaluate_aside, linearise_aside
+from alf_ros.kernel.adaptive import ENDED, MOST, embedded, free_part, relative
+from alf_ros.kernel.aside import BLIND, evaluate_aside, evaluate_there, linearise_aside
 from alf_ros.kernel.data import (
     COLLAPSED,
     EPS,
@@ -58,7 +58,6 @@ _SETTLED = 1e-3  # part of the tolerance to which it is finished
 _SHARE = 0.02  # of the tolerance for one step of an adaptive method: errors add up along a motion
 _ROUNDING = 1e-9  # relative error of a step that may be rounding
 _FURTHEST = 0.3  # part of the size that a first guess may be from the start of the step
-_BLIND = 1e-6  # distance to a singular position from which on a stage's velocity is its direction
 _SHORTEST = 1e-9  # part of the step of the grid
 
 
@@ -103,7 +102,9 @@ def _settle(
         add_soft_times(unit, system.soft, 1.0, work.qd, work.p)
         copy(work.q, work.base)
         copy(work.q, work.target)  # a stage of order 2 is not behind the path
-        count, x, clear = stage(unit, system, forces, work, t, radius, close, near, iterations)
+        count, x, clear = stage(
+            unit, system, forces, work, t, radius, close, near, iterations, True
+        )
         near = x < np.inf
         if not clear and count > 0:
             moved = furthest(work.q, work.base, n)
@@ -112,6 +113,10 @@ def _settle(
             count = evaluate_aside(
                 unit, system, forces, work, phase, t, s, moved, radius, close, falling, iterations
             )
+            if count < 0 and x > BLIND:
+                count = evaluate_there(
+                    unit, system, forces, work, phase, t, s, radius, close, iterations
+                )
         if count <= 0:
             return JAMMED if count < 0 else NOT_CLOSED, most, near, rate
         most = max(most, count)
@@ -137,7 +142,7 @@ def _settle(
             for i in range(n):
                 rates[change_at + i] = k[i]
                 rates[at + i] = work.before_qd[i] + gamma * k[i]
-                if x < _BLIND:
+                if x < BLIND:
                     rates[at + i] = work.qd[i]
             return OK, most, near, rate
         before = change
@@ -340,6 +345,7 @@ def advance_implicitly(
             if good:
                 tally(forces.ledger.tally, system, forces, work, phase, t, method.b.size, dt, ALL)
                 accept(unit, system, work, phase)
+                copy(forces.bearings.force, phase.loads)
                 done = h if parts == 1.0 else done + dt
                 length = max(length, factor * dt) if dt < length else factor * dt
                 sigma, tries = np.inf, 0
@@ -348,7 +354,7 @@ def advance_implicitly(
                 tries += 1
                 unsettled += result == NOT_SETTLED
                 length = factor * dt
-                if length < _SHORTEST * h:
+                if length < (ENDED if result == JAMMED else _SHORTEST) * h:
                     result = result if result != OK else COLLAPSED
                     break
         if adaptive:

@@ -11,7 +11,7 @@ from numba.extending import intrinsic
 
 from alf_ros.arrays import Floats, Unit
 from alf_ros.kernel.constraints import add_transposed, times_jacobian
-from alf_ros.kernel.data import EPS, NOTHING, SOLVED, Forces, System, Work
+from alf_ros.kernel.data import EPS, NOTHING, SOLVED, Bearings, Forces, System, Work
 from alf_ros.kernel.forces import applied_forces
 from alf_ros.kernel.jit import compiled, expanded, inner
 from alf_ros.kernel.prescribed import bias
@@ -222,6 +222,15 @@ def apply(unit: Unit, system: System, forces: Forces, work: Work, t: float) -> N
 
 
 @compiled
+def begin_balance(bearings: Bearings, loads: Floats) -> None:
+    """The next solve for accelerations is where a step begins; `loads` is R (N), as found last."""
+    for n in range(loads.size):
+        bearings.force[n] = loads[n]
+    if loads.size > 0:
+        bearings.begins[0] = 1
+
+
+@compiled
 def accelerate(
     unit: Unit,
     system: System,
@@ -251,8 +260,6 @@ def accelerate_under(
     exactly: bool,
 ) -> tuple[int, float]:
     """The same under the Q in `work`, as `apply` leaves it."""
-    for i in range(work.p.size):  # what is prescribed stands behind
-        work.qdd[i] = 0.0
     if forces.bearings.settle.size > 0:
         bias(unit, system, work, work.r2)
         for r in range(work.r2.size):
@@ -261,5 +268,15 @@ def accelerate_under(
             forces.bearings.settle[0], system, forces, work, t, np.int64(iterations), exactly
         )
         return forces.bearings.passes[1], sigma
+    return accelerate_freely(unit, system, work, iterations, exactly)
+
+
+@inner
+def accelerate_freely(
+    unit: Unit, system: System, work: Work, iterations: int, exactly: bool
+) -> tuple[int, float]:
+    """The same without friction that depends on reactions."""
+    for i in range(work.p.size):  # what is prescribed stands behind
+        work.qdd[i] = 0.0
     begin_accelerations(unit, system, work, work.Q)
     return solved(unit, system, work, work.Q, work.qdd, iterations, exactly, True)

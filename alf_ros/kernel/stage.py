@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from alf_ros.arrays import Unit
 from alf_ros.kernel.data import OK, Forces, System, Work
-from alf_ros.kernel.iteration import accelerate, velocities
+from alf_ros.kernel.iteration import accelerate, accelerate_freely, apply, velocities
 from alf_ros.kernel.jit import inner
 from alf_ros.kernel.manifold import place
 
@@ -22,13 +22,14 @@ def stage(
     close: float,
     neighbour: bool,
     iterations: int,
+    rubbing: bool,
 ) -> tuple[int, float, bool]:
     """q̇ and q̈ of a stage from q and p' in `work`.
 
     Returns iterations (0: no factor, -1: friction jams), about the distance x to a singular
     position (its least singular value over the ordinary one), and whether it is clear of it: x is
     above `close`. `radius` (m): of the path, which is what distances from a position are relative
-    to.
+    to. `rubbing`: with friction that depends on reactions.
     """
     n = work.p.size
     wholly = neighbour
@@ -38,7 +39,11 @@ def stage(
             return 0, 0.0, False
         count, sigma = velocities(unit, system, work, iterations, wholly)
         if sigma > 0.0 or wholly:
-            more, same = accelerate(unit, system, forces, work, t, iterations, wholly)
+            if rubbing:
+                more, same = accelerate(unit, system, forces, work, t, iterations, wholly)
+            else:
+                apply(unit, system, forces, work, t)
+                more, same = accelerate_freely(unit, system, work, iterations, wholly)
             if more < 0:
                 return more, 0.0, False
             if same > 0.0 or wholly:

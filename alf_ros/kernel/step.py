@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Unit
-from alf_ros.kernel.aside import end_aside, evaluate_aside
+from alf_ros.kernel.aside import BLIND, end_aside, evaluate_aside, evaluate_there
 from alf_ros.kernel.chart import fold, fold_again, lay, lead, unfold
 from alf_ros.kernel.constraints import violation
 from alf_ros.kernel.data import (
@@ -26,7 +26,7 @@ from alf_ros.kernel.data import (
     Work,
 )
 from alf_ros.kernel.factor import linearise
-from alf_ros.kernel.iteration import accelerate, augmented, velocities
+from alf_ros.kernel.iteration import accelerate, augmented, begin_balance, velocities
 from alf_ros.kernel.jit import compiled, expanded, inner
 from alf_ros.kernel.manifold import project
 from alf_ros.kernel.prescribed import prescribe
@@ -48,6 +48,7 @@ def evaluate_first(
     copy(phase.qd, work.qd)
     work.log_det[0] = log_det(unit, work)
     work.evaluations[0] += 1
+    begin_balance(forces.bearings, phase.loads)
     prescribe(system, t, work.q, work.qd, work.qdd)
     most, sigma = accelerate(unit, system, forces, work, t, iterations, True)
     if most < 0:
@@ -115,7 +116,7 @@ def end_step(
             return _finite(work, OK), most
         copy(work.base, work.q)
     copy(work.q, work.target)
-    most, x, clear = stage(unit, system, forces, work, end, radius, close, True, iterations)
+    most, x, clear = stage(unit, system, forces, work, end, radius, close, True, iterations, True)
     if most <= 0:
         return JAMMED if most < 0 else NOT_CLOSED, 1
     if clear and not (x == np.inf and lost(unit, system, work)):
@@ -217,7 +218,7 @@ def step(
                 lag -= method.a[s * stages + m] * method.c[m]
             lead(unit, arms, chart, work, h * h * lag)
             count, x, clear = stage(
-                unit, system, forces, work, ts, radius, close, x < np.inf, iterations
+                unit, system, forces, work, ts, radius, close, x < np.inf, iterations, True
             )
             tally(forces.ledger.tally, system, forces, work, phase, ts, s, 1.0, ALL)
         suspect |= x < np.inf
@@ -241,6 +242,10 @@ def step(
                 falling,
                 iterations,
             )
+            if count < 0 and x > BLIND:
+                count = evaluate_there(
+                    unit, system, forces, work, phase, ts, s, radius, close, iterations
+                )
         if count <= 0:
             return JAMMED if count < 0 else NOT_CLOSED, most
         most = max(most, count)
@@ -286,6 +291,7 @@ def keep(forces: Forces, work: Work, phase: Phase) -> None:
     copy(phase.qd, work.good_qd)
     copy(phase.turns, work.good_turns)
     copy(phase.works, forces.ledger.good)
+    copy(phase.loads, forces.bearings.good)
 
 
 @inner
@@ -295,6 +301,7 @@ def fall_back(forces: Forces, work: Work, phase: Phase) -> None:
     copy(work.good_qd, phase.qd)
     copy(work.good_turns, phase.turns)
     copy(forces.ledger.good, phase.works)
+    copy(forces.bearings.good, phase.loads)
 
 
 @inner
@@ -341,6 +348,7 @@ def advance(
         sigma = np.inf
         tally(forces.ledger.tally, system, forces, work, phase, t, method.b.size, h, ALL)
         accept(unit, system, work, phase)
+        copy(forces.bearings.force, phase.loads)
         if watch is not None:  # known when it is compiled: who does not watch does without
             note(unit, system, forces, work, watch, taken, end)
     return OK, steps, most
