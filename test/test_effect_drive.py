@@ -142,7 +142,7 @@ mechanism:
 effects:
   motor: {{joint: guide, effort: 6.0, armature: 4.0}}
 """
-    sim = Simulation(scene_from_text(text.replace('J', '[1, 1, 1]' if space else '1')))
+    sim = Simulation(scene_from_text(text.replace('J', '[1, 1, 1]' if space else '1')), step=1e-3)
     sim.step(1000)
     assert sim.sample().joints['guide'].position == pytest.approx(0.5, abs=1e-12)
 

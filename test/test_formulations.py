@@ -396,7 +396,7 @@ def test_adaptive_steps_are_refused(name: str) -> None:
 )
 def test_omega_and_mu_close_what_stands_open(name: str, left: float) -> None:
     """Ω = 5 1/s, μ = 1; after 0.4 s."""
-    sim = Simulation(double_pendulum())
+    sim = Simulation(double_pendulum(), integrator='rk4')
     state = sim.state
     q, qd, turns = state.q.copy(), np.zeros_like(state.qd), state.turns.copy()
     q[0] += 1e-3

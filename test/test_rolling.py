@@ -172,7 +172,7 @@ effects:
 
 def test_wheel_rolls_down_in_the_plane() -> None:
     """a = g sin / (1 + J / m R²), and friction takes the rest."""
-    sim = Simulation(scene_from_text(PLANE_WHEEL))
+    sim = Simulation(scene_from_text(PLANE_WHEEL), step=1e-3)
     sim.step(2000)
     sample = sim.sample()
     acceleration = 1.0 / (1.0 + 0.25 / (2.0 * 0.25))
