@@ -6,6 +6,7 @@ import copy
 import math
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, replace
 from functools import cached_property
 from typing import Any
@@ -30,6 +31,7 @@ from alf_ros.penalty import LEAST_PENALTY, fitted
 from alf_ros.placement import placed
 from alf_ros.prescribed import prescribe
 from alf_ros.reactions import Reactions
+from alf_ros.resolution import Resolution, resolution
 from alf_ros.sample import Sample
 from alf_ros.scene import PICKED, Scene, Solver, joined
 from alf_ros.soft import softened
@@ -220,6 +222,23 @@ class Simulation:
         """
         return int(self._work.rounded[0])
 
+    @property
+    def resolution(self) -> Resolution:
+        """How well the steps resolve the motion since the start or the last restored state, and
+        whether they are too long. Measured with alf2 and the integrators of fixed steps."""
+        if self._formulation is not None or not self._method.estimate.size:
+            return Resolution(self.h)
+        return resolution(self.h, self._work.judged)
+
+    @property
+    def step_error(self) -> float:
+        """Estimated errors of the steps, displacements in parts of the size of the mechanism:
+        their largest sum over about 1000 steps since the start or the last restored state.
+
+        Above 0.01 the steps are too long, see `resolution`. NaN where nothing is measured.
+        """
+        return self.resolution.error
+
     def step(self, n: int = 1) -> None:
         """Take n steps in one compiled call that releases the GIL.
 
@@ -270,12 +289,27 @@ class Simulation:
         return tuple(self._watcher.passes)
 
     def _failure(self, result: int) -> tuple[str, str]:
-        return self._formulation.failure(result) if self._formulation else FAILURES[result]
+        if self._formulation:
+            return self._formulation.failure(result)
+        reason, remedy = FAILURES[result]
+        if result == kernel.TOO_LONG:
+            remedy = f'take {self.resolution.adequate:g} s or less, or an adaptive integrator'
+        return reason, remedy
 
     def _advance_watched(
         self, phase: Phase, first: int, n: int, watch: Watch | None
     ) -> tuple[int, int]:
+        if watch is None:  # steps made before
+            with self._aside():
+                return self._advance(phase, self._carried, first, n, self.h)
         return self._advance(phase, self._carried, first, n, self.h, watch=watch)
+
+    @contextmanager
+    def _aside(self) -> Iterator[None]:
+        """Steps that are not part of the run are not judged."""
+        judged = self._work.judged.copy()
+        yield
+        self._work.judged[:] = judged
 
     def _advance(
         self,
@@ -358,6 +392,7 @@ class Simulation:
         phase.works[:] = [state.works.get(name, 0.0) for name in self.accounts]
         # a state may come from a log, which holds what moves freely
         prescribe(self.model.system, self.t, phase.q, phase.qd, np.zeros_like(phase.q))
+        self._work.judged[:] = 0.0
         if self._watcher is not None:
             self._watcher.restart()
         self._hold(state.inputs)
@@ -452,7 +487,8 @@ class Simulation:
         state = self.state
         works = self._phase.works.copy()
         phase = Phase(state.q, state.qd, state.turns, np.array([state.pace]), works)
-        result, _ = self._advance(phase, state.carried, 0, 1, t - self.t, self.t)
+        with self._aside():
+            result, _ = self._advance(phase, state.carried, 0, 1, t - self.t, self.t)
         if result != kernel.OK:
             raise StepError(*self._failure(result), self.t)
         return self._sample(t, replace(state, works=self._works(works)))
@@ -468,6 +504,7 @@ class Simulation:
             lambda: self._reactions,
             self._iterations,
             self._step_cost,
+            self.resolution,
         )
 
     @cached_property
