@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from alf_ros.arrays import Floats
 from alf_ros.kernel.step_error import (
     LEVEL,
+    MOST_UNRESOLVED,
     WORST,
     WORST_ERROR,
     WORST_STEPS,
@@ -39,18 +40,23 @@ class Resolution:
 
     @property
     def chatters(self) -> bool:
-        """Whether the steps are too long for accelerations alone, not for the motion."""
-        return self.too_long and self.error < LEVEL
+        """Whether effects chatter step by step, as beyond the stability limit."""
+        return self.too_long and self.unresolved * self.steps > MOST_UNRESOLVED
 
     @property
     def adequate(self) -> float:
         """A step (s) that would do, by how errors fall with it; `step` if that does."""
+        return self.within(_SHORTER * self.step)
+
+    def within(self, stable: float) -> float:
+        """The same where `stable` (s) is half of the stability limit of what chatters."""
         if not self.too_long:
             return self.step if self.error >= 0.0 else math.nan
-        if self.chatters:
-            return nice(_SHORTER * self.step)
-        # h^4 at the least, where steps are far too long
-        return nice(self.step * (_AIM * LEVEL / self.error * self.steps / _WINDOW) ** 0.25)
+        found = min(stable, self.step) if self.chatters else self.step
+        if self.error > LEVEL:  # h^4 at the least, where steps are far too long
+            part = _AIM * LEVEL / self.error * self.steps / _WINDOW
+            found = min(found, self.step * part**0.25)
+        return nice(found)
 
     def trouble(self, adequate: float) -> str:
         """What is wrong, and the step that would do (s); empty if the steps are not too long."""
@@ -59,7 +65,7 @@ class Resolution:
         errors = f'the errors of {self.steps:.0f} add up to {100.0 * self.error:.2g} % of the size'
         beyond = f'{100.0 * self.unresolved:.0f} % of them are beyond the stability limit'
         return (
-            f'steps of {self.step:g} s are too long: {errors if self.error >= LEVEL else beyond}; '
+            f'steps of {self.step:g} s are too long: {beyond if self.chatters else errors}; '
             f'take {adequate:g} s or less, or an adaptive integrator'
         )
 

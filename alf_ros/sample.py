@@ -24,7 +24,7 @@ from alf_ros.orientation import orientation
 from alf_ros.prescribed import prescribe
 from alf_ros.rank import distance, effective_rank
 from alf_ros.reactions import Reactions
-from alf_ros.resolution import Resolution, nice
+from alf_ros.resolution import Resolution
 from alf_ros.scene import Solver
 from alf_ros.state import State
 
@@ -93,8 +93,9 @@ class Diagnostics:
             from alf_ros.stiffness import stiffest  # seldom needed
 
             _, mode = stiffest([self._sample])
-            longest = nice(0.5 * min(mode.step(self._sample._solver.integrator), found.step))
-            return longest if longest < 0.5 * found.step else found.adequate
+            limit = mode.step(self._sample._solver.integrator)
+            if limit < found.step:
+                return found.within(0.5 * limit)
         return found.adequate
 
     @property
