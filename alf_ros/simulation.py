@@ -293,7 +293,8 @@ class Simulation:
             return self._formulation.failure(result)
         reason, remedy = FAILURES[result]
         if result == kernel.TOO_LONG:
-            remedy = f'take {self.resolution.adequate:g} s or less, or an adaptive integrator'
+            longest = self.resolution.adequate
+            remedy = f'take a smaller step, {longest:g} s or less, or an adaptive integrator'
         return reason, remedy
 
     def _advance_watched(

@@ -160,7 +160,7 @@ def test_an_error_where_nothing_is_left(name: str) -> None:
     sim = Simulation(load_scene(name), integrator='rk4', step=0.2)
     with pytest.raises(StepError, match='the steps are far too long') as failure:
         sim.step(100)
-    assert f'take {sim.resolution.adequate:g} s or less' in failure.value.remedy
+    assert f'smaller step, {sim.resolution.adequate:g} s or less' in failure.value.remedy
     assert failure.value.t == sim.t > 0.0
     good = sim.state
     with pytest.raises(StepError, match='far too long'):  # it does not go on as if nothing was
