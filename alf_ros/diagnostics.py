@@ -50,23 +50,29 @@ class Report:
 def solver(simulation: Simulation, state: str, failure: StepError | None) -> Report:
     """Steps made, iterations and cost; after a failed step its reason and the remedy.
 
-    WARN for an accuracy that was asked for and cannot be met.
+    WARN for steps that are too long, and for an accuracy that was asked for and cannot be met.
     """
     sample, settings, budget = simulation.sample(), simulation.solver, simulation.accuracy
+    found = sample.diagnostics
+    measured = not math.isnan(found.resolution.error)
     values = {
         'state': state,
         'simulated_time_s': sample.t,
         'step_index': sample.step,
-        'iterations': sample.diagnostics.iterations,
-        'step_cost_s': sample.diagnostics.step_cost,
+        'iterations': found.iterations,
+        'step_cost_s': found.step_cost,
         'integrator': settings.integrator,
         'tolerance': settings.tolerance,
+        'step_error': found.resolution.error if measured else 'unknown',
+        'adequate_step_s': found.adequate_step if measured else 'unknown',
         'accuracy_asked_m': settings.accuracy or 'no',
         'accuracy_estimate_m': budget.estimate if budget else 'unknown',
         'accuracy_horizon_s': budget.horizon if budget else 'unknown',
         'reason': failure.reason if failure else '',
         'remedy': failure.remedy if failure else '',
     }
+    if not failure and found.trouble:
+        return Report('solver', WARN, found.trouble, values)
     if not failure and budget and not budget.met:
         message = f'accuracy of {budget.asked:g} m not met: {budget.estimate:.2g} m at best'
         return Report('solver', WARN, message, values)

@@ -32,6 +32,10 @@ FAILURES: dict[int, tuple[str, str]] = {
         'the tolerance takes more than 20000 steps within one',
         'take a smaller step, soften the stiffest force, or take the integrator esdirk43_adaptive',
     ),
+    kernel.TOO_LONG: (
+        'the steps are far too long: their errors are larger than the mechanism',
+        'take a smaller step, or an adaptive integrator',
+    ),
     kernel.NOT_SETTLED: (
         'the stages of the implicit method find no balance of forces',
         'look for a force that jumps, or take a larger tolerance',

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+import sys
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -36,12 +37,14 @@ def fork(
     duration: float | None = None,
     trust: bool = False,
     report: Report = silent,
+    warn: Callable[[str], None] = lambda _: None,
 ) -> Path:
     """Continue a log from its last instant up to `at` (s), for `duration` (s) or to its end.
 
     `changes` are those of `scene_changes`. The inputs that the log has from there on act at the
-    same times. Returns the folder of the new log, made in `folder`. Raises InputError for what
-    cannot be, StepError if a step fails, the log being whole up to it.
+    same times. `warn` is called with a text if the steps are too long. Returns the folder of the
+    new log, made in `folder`. Raises InputError for what cannot be, StepError if a step fails, the
+    log being whole up to it.
     """
     resumed = resume(log, at, trust)
     rerun = resumed.rerun
@@ -79,6 +82,8 @@ def fork(
             report((t - start) / max(end - start, t - start))
     finally:
         run.close()
+        if rerun.trouble:
+            warn(rerun.trouble)
     return run.recorder.folder
 
 
@@ -156,6 +161,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     log, bar = load(options.log), Progress('fork')
     own = log.path.parent if log.path.is_dir() else log.path.parent.parent
     new = Path(options.output).expanduser() if options.output else None
+    troubles: list[str] = []
     try:
         made = fork(
             log,
@@ -166,6 +172,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             options.duration,
             options.trust,
             bar,
+            troubles.append,
         )
     except StepError as error:
         bar.close()
@@ -175,6 +182,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         raise InputError(str(error), key='--output') from None
     finally:
         bar.close()
+        for trouble in troubles:
+            print(f'alf_ros fork: {trouble}', file=sys.stderr)
     log = load(made)
     parent = log.info['parent']
     print(f'{made}: from t = {parent["t"]:.9g} s of {parent["log"]} to t = {log.end:.9g} s')

@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -18,13 +19,17 @@ from alf_ros.scene import Solver
 
 class Tableau(NamedTuple):
     """Butcher's a (s, s), b (s,), c (s,), the order, and the weights of embedded errors: (2, s) of
-    an adaptive explicit method, (1, s) of an adaptive implicit one, else (0,)."""
+    an adaptive explicit method, (1, s) of an adaptive implicit one, else (0,); `estimate`: (2, s)
+    the weights by which fixed steps are judged (`kernel/step_error.py`), else (0,), and `sharp`
+    the part of h q̈ that their error reaches at about 0.7 of the stability limit."""
 
     a: Floats
     b: Floats
     c: Floats
     order: int
     embedded: Floats = np.zeros(0)
+    estimate: Floats = np.zeros(0)
+    sharp: float = math.inf
 
     @property
     def implicit(self) -> bool:
@@ -32,16 +37,27 @@ class Tableau(NamedTuple):
         return bool(np.diag(self.a).any())
 
 
+# Scales the lower of two embedded differences such that they are equal a third below the stability
+# limit on the imaginary axis, and that the estimate is the error of the method far below.
+_AT_ONE = {'rk4': 1.0 / 1.9, 'dop853': 0.1}
+
+
 def _rk4() -> Tableau:
     """Kutta (1901), the classical method."""
     a = np.zeros((4, 4))
     a[1, 0], a[2, 1], a[3, 2] = 0.5, 0.5, 1.0
-    return Tableau(a, np.array([1.0, 2.0, 2.0, 1.0]) / 6.0, np.array([0.0, 0.5, 0.5, 1.0]), 4)
+    # the fourth stage is of order 2, the second one a step of Euler's method
+    estimate = np.array([[1.0, 2.0, -4.0, 1.0], [-6.0, 6.0, 0.0, 0.0]]) / 6.0
+    estimate[1] *= _AT_ONE['rk4']
+    b, c = np.array([1.0, 2.0, 2.0, 1.0]) / 6.0, np.array([0.0, 0.5, 0.5, 1.0])
+    return Tableau(a, b, c, 4, estimate=estimate, sharp=0.2)
 
 
 # Dormand & Prince of order 8 (Hairer, Nørsett & Wanner 1993, II.5 and II.10), as SciPy has it
 _A, _B, _C = (np.ascontiguousarray(part) for part in (DOP853.A, DOP853.B, DOP853.C))
-_DOP853 = Tableau(_A, _B, _C, 8)
+_PAIR = np.array([DOP853.E5[:-1], DOP853.E3[:-1]])
+_SCALE = np.array([[1.0], [_AT_ONE['dop853']]])
+_DOP853 = Tableau(_A, _B, _C, 8, estimate=_PAIR * _SCALE, sharp=0.05)
 
 
 def _esdirk43() -> Tableau:
@@ -79,8 +95,10 @@ _ESDIRK43 = _esdirk43()
 TABLEAUX = {
     'rk4': _rk4(),
     'dop853': _DOP853,
-    'dop853_adaptive': _DOP853._replace(embedded=np.array([DOP853.E5[:-1], DOP853.E3[:-1]])),
-    'esdirk43': _ESDIRK43._replace(embedded=np.zeros(0)),
+    'dop853_adaptive': _DOP853._replace(embedded=_PAIR, estimate=np.zeros(0)),
+    'esdirk43': _ESDIRK43._replace(
+        embedded=np.zeros(0), estimate=np.vstack([_ESDIRK43.embedded, np.zeros((1, 6))])
+    ),
     'esdirk43_adaptive': _ESDIRK43,
 }
 
@@ -98,12 +116,14 @@ def _guess(c: Floats) -> Floats:
 def method(solver: Solver) -> Method:
     """What the kernel has to know of a scene's solver section."""
     tableau = TABLEAUX[solver.integrator]
-    a, b, c, _, embedded = tableau
+    a, b, c, _, embedded, estimate, sharp = tableau
     return Method(
         a,
         b,
         c,
         embedded,
+        estimate,
+        sharp,
         guess=_guess(c) if tableau.implicit else np.zeros(0),
         iterations=np.uint64(solver.iterations),
         tolerance=solver.tolerance,

@@ -18,6 +18,7 @@ from alf_ros.driving import drive_rows
 from alf_ros.errors import AssemblyError
 from alf_ros.kernel import Chart, Rows, Soft, System, Work
 from alf_ros.kernel.data import EPS
+from alf_ros.kernel.step_error import JUDGED
 from alf_ros.layout import Layout
 from alf_ros.mass import mass_of
 from alf_ros.mass import renumbered as renumbered_mass
@@ -315,6 +316,7 @@ def allocate(model: Model, system: System, stages: int) -> Work:
         evaluations=np.zeros(1, dtype=np.int64),
         rounded=np.zeros(1, dtype=np.int64),
         aside=np.zeros(1, dtype=np.int64),
+        judged=np.zeros(JUDGED),
         chart=Chart(
             **{name: np.zeros(n) for name in ('t', 'n', 'rate', 'momentum', 'rest', 'w')},
             **{name: np.zeros(n // D) for name in ('curvature', 'sin', 'cos', 'rho')},

@@ -143,6 +143,11 @@ class Redriven:
         for _ in ticks(self._run, self._rerun, self._entries, self._log.end):
             yield from self._taken()
 
+    @property
+    def trouble(self) -> str:
+        """Whether steps were too long on the way, and which would do; empty if not."""
+        return self._rerun.trouble
+
     def _taken(self) -> list[Item]:
         taken, self._made[:] = list(self._made), []
         return taken

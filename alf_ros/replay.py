@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import sys
 import time
 from collections.abc import Iterator, Sequence
 
@@ -207,6 +208,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         status.say(f'stopped at t = {node.t:.9g} s, {node.published} messages')
     finally:
         rclpy.try_shutdown()
+    if isinstance(source, Redriven) and source.trouble:
+        print(f'alf_ros replay: {source.trouble}', file=sys.stderr)
     if node.failure is not None:
         if isinstance(node.failure, InputError):
             raise node.failure

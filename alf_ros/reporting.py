@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from alf_ros.outputs import Outputs
     from alf_ros.pacing import Pacer
     from alf_ros.recorder import Recorder
+    from alf_ros.simulation import Simulation
 
 # Diagnostics come every fourth time.
 LOOKS_PER_DIAGNOSIS = 4
@@ -34,6 +35,7 @@ class Reporting:
         # Several simulators on one machine share the topic: the namespace tells them apart.
         self._logger = node.get_logger()
         self._lost: Recorder | None = None  # whose error was said
+        self._warned: tuple[int, Simulation] | None = None  # whose steps were said to be too long
         self._name = node.get_fully_qualified_name().lstrip('/')
         self._control, self._pacer, self._outputs = control, pacer, outputs
         self._status = status
@@ -52,7 +54,9 @@ class Reporting:
             run.lose_log()
             text = f'recording has stopped, the simulation goes on: {recorder.error}'
             self._logger.error(text)
+        self._warn(run.simulation)
         alarms = (
+            run.simulation.resolution.too_long,
             self._control.inputs.troubled,
             self._pacer.lost > self._before.lost,
             recorder is not None and bool(recorder.dropped or recorder.error),
@@ -68,6 +72,13 @@ class Reporting:
                 run.send(record=False, whole=True)
         if self._status.live or self._looks % round(PLAIN_PERIOD / LOOK_PERIOD) == 0:
             self._status.show(self._line())
+
+    def _warn(self, simulation: Simulation) -> None:
+        """Say once that the steps of a run are too long."""
+        run = self._control.run.number, simulation
+        if run != self._warned and simulation.resolution.too_long:
+            self._warned = run
+            self._logger.warning(simulation.sample().diagnostics.trouble)
 
     def warm_up(self) -> None:
         """Compute once what reports need, so that no tick has to wait for a compiler."""

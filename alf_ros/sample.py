@@ -26,12 +26,14 @@ from alf_ros.orientation import orientation
 from alf_ros.prescribed import prescribe
 from alf_ros.rank import distance, effective_rank
 from alf_ros.reactions import Reactions
+from alf_ros.resolution import Resolution
 from alf_ros.scene import Solver
 from alf_ros.state import State
 
 _DOUBTFUL = 5e-3  # distance to a singular position, over that of ordinary ones
 
 T = TypeVar('T')
+_FEW = 300  # coordinates for which eigenvalues are found in no time
 
 
 @dataclass(frozen=True)
@@ -77,10 +79,34 @@ class _ByName(Mapping[str, T], Generic[T]):
 class Diagnostics:
     """The health of a sample: violations, iterations, rank, cost."""
 
-    def __init__(self, sample: Sample, iterations: int, step_cost: float) -> None:
+    def __init__(
+        self, sample: Sample, iterations: int, step_cost: float, resolution: Resolution
+    ) -> None:
         self._sample = sample
         self.iterations = iterations  # most in one solve of the last call
         self.step_cost = step_cost  # s of wall time per step of the last call
+        self.resolution = resolution  # of the motion by the steps so far
+
+    @cached_property
+    def adequate_step(self) -> float:
+        """A step (s) that would do: that of the run if it does, NaN where nothing is measured.
+
+        Where effects chatter beyond the stability limit it is half of their limit at this instant.
+        """
+        found = self.resolution
+        if found.chatters and self._sample.model.n <= _FEW:
+            from alf_ros.stiffness import stiffest  # seldom needed
+
+            _, mode = stiffest([self._sample])
+            limit = mode.step(self._sample._solver.integrator)
+            if limit < found.step:
+                return found.within(0.5 * limit)
+        return found.adequate
+
+    @property
+    def trouble(self) -> str:
+        """That the steps are too long, and which would do; empty if they are not."""
+        return self.resolution.trouble(self.adequate_step)
 
     @cached_property
     def position_violation(self) -> float:
@@ -140,13 +166,14 @@ class Sample:
         iterations: int,
         step_cost: float,
         within: Callable[[], bool],
+        resolution: Resolution,
     ) -> None:
         """`within`: whether it is in a singular position, or closer than can be computed."""
         self.model, self.t, self.step = model, t, state.step
         self._within = within
         self._applied, self._solver, self._state = applied, solver, state
         self._dependent_rows, self._reactions = dependent_rows, reactions
-        self.diagnostics = Diagnostics(self, iterations, step_cost)
+        self.diagnostics = Diagnostics(self, iterations, step_cost, resolution)
 
     # ----------------------------------------------------------------------------------- motion
 

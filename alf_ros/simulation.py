@@ -6,6 +6,7 @@ import copy
 import math
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, replace
 from functools import cached_property
 from typing import Any
@@ -32,6 +33,7 @@ from alf_ros.penalty import LEAST_PENALTY, fitted
 from alf_ros.placement import placed
 from alf_ros.prescribed import prescribe
 from alf_ros.reactions import Reactions
+from alf_ros.resolution import Resolution, resolution
 from alf_ros.sample import Sample
 from alf_ros.scene import PICKED, Scene, Solver, joined
 from alf_ros.soft import softened
@@ -261,6 +263,23 @@ class Simulation:
         """
         return int(self._work.rounded[0])
 
+    @property
+    def resolution(self) -> Resolution:
+        """How well the steps resolve the motion since the start or the last restored state, and
+        whether they are too long. Measured with alf2 and the integrators of fixed steps."""
+        if self._formulation is not None or not self._method.estimate.size:
+            return Resolution(self.h)
+        return resolution(self.h, self._work.judged)
+
+    @property
+    def step_error(self) -> float:
+        """Estimated errors of the steps, displacements in parts of the size of the mechanism:
+        their largest sum over about 1000 steps since the start or the last restored state.
+
+        Above 0.005 the steps are too long, see `resolution`. NaN where nothing is measured.
+        """
+        return self.resolution.error
+
     def step(self, n: int = 1) -> None:
         """Take n steps in one compiled call that releases the GIL.
 
@@ -321,12 +340,25 @@ class Simulation:
         reason, remedy = FAILURES[result]
         if result == kernel.JAMMED:
             reason += f', at t = {self._applied.assembled.bearings.ended[0]:.9g} s'
+        if result == kernel.TOO_LONG:
+            longest = self.resolution.adequate
+            remedy = f'take a smaller step, {longest:g} s or less, or an adaptive integrator'
         return reason, remedy
 
     def _advance_watched(
         self, phase: Phase, first: int, n: int, watch: Watch | None
     ) -> tuple[int, int]:
+        if watch is None:  # steps made before
+            with self._unjudged():
+                return self._advance(phase, self._carried, first, n, self.h)
         return self._advance(phase, self._carried, first, n, self.h, watch=watch)
+
+    @contextmanager
+    def _unjudged(self) -> Iterator[None]:
+        """Steps that are not part of the run are not judged."""
+        judged = self._work.judged.copy()
+        yield
+        self._work.judged[:] = judged
 
     def _advance(
         self,
@@ -444,6 +476,7 @@ class Simulation:
         phase.loads[:] = state.loads if state.loads.size == phase.loads.size else 0.0
         # a state may come from a log, which holds what moves freely
         prescribe(self.model.system, self.t, phase.q, phase.qd, np.zeros_like(phase.q))
+        self._work.judged[:] = 0.0
         if self._watcher is not None:
             self._watcher.restart()
         self._hold(state.inputs)
@@ -553,7 +586,8 @@ class Simulation:
             pace, carried = np.array([state.pace]), state.carried.copy()
             arrays = state.q.copy(), state.qd.copy(), state.turns.copy()
             phase = Phase(*arrays, pace, works, state.loads.copy())
-            result, _ = self._advance(phase, carried, 0, 1, t - start, start)
+            with self._unjudged():
+                result, _ = self._advance(phase, carried, 0, 1, t - start, start)
             if result != kernel.OK:
                 raise StepError(*self._failure(result), self.t)
             state = replace(
@@ -590,6 +624,7 @@ class Simulation:
             self._iterations,
             self._step_cost,
             within,
+            self.resolution,
         )
 
     @cached_property

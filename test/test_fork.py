@@ -250,3 +250,19 @@ def test_by_default_it_lies_beside_its_parent(tmp_path):
     assert main(['fork', str(path), '--at', '0.01']) == 0
     (new,) = set(tmp_path.iterdir()) - before
     assert isinstance(new, Path) and json.dumps(load(new).info['parent']['changes']) == '{}'
+
+
+@pytest.mark.parametrize('step, told', [(0.01, False), (0.05, True)])
+def test_steps_that_are_too_long_are_told_on_stderr(step, told, tmp_path, capsys):
+    setup = settings.made(load_scene('slider_crank'), {'step': step, 'integrator': 'rk4'})
+    run = LogRun(tmp_path, setup)
+    run.send()
+    for _ in range(200):
+        setup.simulation.step(setup.steps)
+        run.send()
+    run.close()
+    made = str(run.recorder.folder)
+    for command in (['verify', made], ['fork', made, '--at', f'{step}', '-o', f'{tmp_path}/new']):
+        assert main(command) == 0
+        text = f'alf_ros {command[0]}: steps of {step:g} s are too long'
+        assert (text in capsys.readouterr().err) == told

@@ -39,7 +39,7 @@ def with_effects(name: str, effects: str) -> Scene:
 
 
 def test_the_tableau_is_of_order_4_and_3_and_l_stable() -> None:
-    a, b, c, order, embedded = TABLEAUX['esdirk43_adaptive']
+    a, b, c, order, embedded, *_ = TABLEAUX['esdirk43_adaptive']
     assert order == 4 and np.array_equal(b, a[-1]) and a[0, 0] == 0.0
     assert a @ c == pytest.approx(c**2 / 2, abs=1e-15)  # every stage is of order 2
     conditions = [(np.ones(6), 1), (c, 1 / 2), (c**2, 1 / 3), (a @ c, 1 / 6)]

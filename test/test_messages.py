@@ -266,3 +266,19 @@ def test_drives_give_what_they_prescribe_and_the_effort_it_takes():
     assert list(message.name) == ['motor']
     assert (message.position[0], message.velocity[0]) == (joint.position, joint.velocity)
     assert message.effort[0] == sample.drive_efforts['motor'][0] != 0.0
+
+
+def test_steps_that_are_too_long_are_a_warning_with_one_that_would_do():
+    simulation = Simulation(load_scene('slider_crank'), step=0.1, integrator='rk4')
+    simulation.step()
+    assert diagnostics.solver(simulation, 'playing', None).level == diagnostics.OK
+    simulation.step(100)
+    report = diagnostics.solver(simulation, 'playing', None)
+    assert report.level == diagnostics.WARN
+    assert report.message.startswith('steps of 0.1 s are too long: ')
+    assert report.values['step_error'] == simulation.step_error > 0.005
+    assert f'take {report.values["adequate_step_s"]:g} s or less' in report.message
+
+    adaptive = Simulation(load_scene('slider_crank'), step=0.1, integrator='dop853_adaptive')
+    values = diagnostics.solver(adaptive, 'playing', None).values
+    assert values['step_error'] == values['adequate_step_s'] == 'unknown'

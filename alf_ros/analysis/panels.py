@@ -31,6 +31,7 @@ PANELS = {
     'work': Panel('Work of each effect', 'J'),
     'violation': Panel('Constraint violation', 'as the constraints are written', log=True),
     'distance': Panel('Distance to a singular position', '0 at it, 1 far away', log=True),
+    'step_error': Panel('Estimated errors of the steps', 'of the size', log=True),
     'iterations': Panel('Iterations of a solve', '', steps=True),
     'cost': Panel('Cost of a step, lateness of a tick', 's', log=True, steps=True),
     'ordered_effort': Panel('Efforts commanded', 'N m or N', steps=True),

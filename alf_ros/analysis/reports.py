@@ -19,6 +19,7 @@ CLOSEST = 'distance', 'diagnostics: least since the last'
 PLOTTED = {
     ('solver', 'iterations'): ('iterations', 'iterations'),
     ('solver', 'step_cost_s'): ('cost', 'step'),
+    ('solver', 'step_error'): ('step_error', 'sum over 1000 steps'),
     ('timing', 'lateness_p50_s'): ('cost', 'lateness of a tick, median'),
     ('timing', 'lateness_p99_s'): ('cost', 'lateness of a tick, 99 %'),
     ('constraints', 'distance_to_singular'): CLOSEST,

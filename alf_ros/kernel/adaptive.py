@@ -25,10 +25,10 @@ from alf_ros.kernel.data import (
     Work,
 )
 from alf_ros.kernel.factor import linearise
-from alf_ros.kernel.iteration import augmented
 from alf_ros.kernel.jit import compiled, inner
 from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.step import accept, begin, fall_back, keep, step
+from alf_ros.kernel.step_error import free_part
 from alf_ros.kernel.tally import ALL, tally
 from alf_ros.kernel.vectors import copy, largest, zero
 from alf_ros.kernel.watch import note
@@ -53,20 +53,6 @@ def embedded(method: Method, work: Work, rate: np.uint64, which: int, h: float) 
             first = (THREE * s + rate) * n
             for i in range(n):
                 out[i] += weight * work.k[first + i]
-
-
-@inner
-def free_part(unit: Unit, system: System, work: Work) -> float:
-    """The largest of M⁻¹ p along the free directions, by the factor of the end of the step.
-
-    What is across is removed by the projection, and is where a singular position is felt first.
-    """
-    zero(work.r2)
-    zero(work.y)
-    zero(work.along)
-    copy(work.p, work.delta)
-    augmented(unit, system, work, work.p, work.along, 3, 1e-3, 1.0, True)
-    return largest(work.along, work.p.size)
 
 
 @inner

@@ -16,6 +16,7 @@ from alf_ros.arrays import Addresses, Floats, Indices, Integers
 from alf_ros.structs import Struct
 
 OK, NOT_POSITIVE, NOT_FINITE, NOT_CLOSED, COLLAPSED, JAMMED, TOO_MANY, NOT_SETTLED = range(8)
+TOO_LONG = 8
 
 SOLVED = 1e-12  # relative change at which a solve is finished
 EPS = float(np.finfo(np.float64).eps)
@@ -259,6 +260,8 @@ class Method(Struct):
     c: Floats  # (stages,)
     embedded: Floats  # (2, stages) weights of the embedded errors of order 5 and 3, or (0,); of an
     # implicit method (stages,)
+    estimate: Floats  # (2, stages) weights by which `step_error` judges fixed steps, or (0,)
+    sharp: float  # part of h q̈ that an error exceeds where an acceleration is not resolved
     guess: Floats  # (stages, stages) q̈ of a stage extrapolated from those before; explicit: (0,)
     iterations: np.uint64  # at most, in one solve
     tolerance: float  # relative error of a step, of an adaptive method
@@ -312,6 +315,7 @@ class Work(Struct):
 
     evaluations: Integers  # (1,) stages evaluated so far: how often q̈ was
     rounded: Integers  # (1,) steps taken although rounding kept their error above the tolerance
+    judged: Floats  # (8,) errors of fixed steps so far, see `step_error`
     diagonal: Floats  # (movable D D,) factor: unit lower triangles, reciprocal pivots between
     off: Floats  # (blocks D D,) factor
     log_det: Floats  # (1,) log det A where the step began

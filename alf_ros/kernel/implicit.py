@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Unit
-from alf_ros.kernel.adaptive import ENDED, MOST, embedded, free_part, relative
+from alf_ros.kernel.adaptive import ENDED, MOST, embedded, relative
 from alf_ros.kernel.aside import BLIND, evaluate_aside, evaluate_there, linearise_aside
 from alf_ros.kernel.data import (
     COLLAPSED,
@@ -49,6 +49,7 @@ from alf_ros.kernel.step import (
     mark,
     nearness,
 )
+from alf_ros.kernel.step_error import free_part, judge
 from alf_ros.kernel.tally import ALL, tally
 from alf_ros.kernel.vectors import copy, furthest, largest, zero
 from alf_ros.kernel.watch import note
@@ -343,6 +344,9 @@ def advance_implicitly(
                 good = error * _SHARE * method.tolerance < _ROUNDING
                 work.rounded[0] += good
             if good:
+                result = judge(unit, system, method, work, dt)
+                if result != OK:
+                    break
                 tally(forces.ledger.tally, system, forces, work, phase, t, method.b.size, dt, ALL)
                 accept(unit, system, work, phase)
                 copy(forces.bearings.force, phase.loads)

@@ -33,6 +33,7 @@ from alf_ros.kernel.prescribed import prescribe
 from alf_ros.kernel.rank import fallen, log_det, lost
 from alf_ros.kernel.residuals import begin_accelerations
 from alf_ros.kernel.stage import stage
+from alf_ros.kernel.step_error import judge
 from alf_ros.kernel.tally import ALL, tally
 from alf_ros.kernel.turns import count_turns, nearby
 from alf_ros.kernel.vectors import copy, furthest, largest, zero
@@ -343,6 +344,8 @@ def advance(
         t, end = t0 + (first + taken) * h, t0 + (first + taken + 1) * h
         result, count = step(unit, system, forces, method, work, phase, t, end, h, sigma, False)
         most = max(most, count)
+        if result == OK:
+            result = judge(unit, system, method, work, h)
         if result != OK:
             return result, taken, most
         sigma = np.inf

@@ -64,6 +64,7 @@ class Result:
     faults: list[str] = field(default_factory=list)
     versions: dict[str, tuple[str, str]] = field(default_factory=dict)
     damage: str = ''
+    trouble: str = ''
 
     @property
     def equal(self) -> bool:
@@ -106,6 +107,7 @@ class _Comparison:
             self._fault('there is no journal: the inputs are not known')
         result.inputs = max(0, result.inputs - 1)  # without the start
         result.damage = self._log.damage
+        result.trouble = self._rerun.trouble
         return result
 
     def _follow(self, series: Series, row: int) -> None:

@@ -47,11 +47,17 @@ class Rerun:
         except (TypeError, ValueError) as error:
             text = f'its settings are not those of this version: {error}'
             raise InputError(text, file=str(log.path)) from None
+        self._trouble = ''
         self.scene = log.scene(trust)
         ledger = bool(log.info.get('ledger', False))  # earlier versions had none
         self.simulation = Simulation(self.scene, **asdict(solver), ledger=ledger)
         if 'state' in log.info:
             self.simulation.restore(read_state(log, self.simulation))
+
+    @property
+    def trouble(self) -> str:
+        """Whether steps were too long on the way, and which would do; empty if not."""
+        return self._trouble or self.simulation.sample().diagnostics.trouble
 
     def step_of(self, stamp: int) -> int:
         """The step of a stamp (ns)."""
@@ -102,6 +108,7 @@ class Rerun:
         solver = {key: getattr(before.solver, key) for key in entry['solver']}
         if entry['solver'] == solver and not entry['effects']:
             return
+        self._trouble = self.trouble
         self.scene = with_effect_values(self.scene, entry['effects'])
         self.simulation = Simulation(self.scene, **entry['solver'], ledger=before.ledger)
         self.simulation.restore(on_grid(before.state, before.h, self.simulation.h))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 
 from alf_ros.logs import load
@@ -54,4 +55,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     finally:
         bar.close()
     print(told(log, result))
+    if result.trouble:
+        print(f'alf_ros verify: {result.trouble}', file=sys.stderr)
     return 0 if result.equal else 1

@@ -1,0 +1,144 @@
+"""The error of a step: its free part, and an estimate that tells when fixed steps are too long.
+
+Two embedded formulas give differences of the velocity, h Σ e_s ξ̈_s, from the stages of the step
+itself: one of a higher order in h, `high`, and one of a lower order, `low`. With ρ = high / low,
+
+    ε = high ρ² / (1 + ρ²)
+
+follows the error of the method over the whole range in which a step says anything: the weights of
+`low` are scaled such that ρ = 1 lies a third below the stability limit. Up to there ε is the error
+on ẍ = -ω² x within a factor of two or so, and beyond it is `high`, which grows as the error does.
+An implicit method has no `low`, and ε = high. Beyond the stability limit of an explicit one, what
+is stiff chatters, however small the force and the way: there ε is not small against h ξ̈.
+`Method.sharp` is the part that it reaches at about 0.7 of that limit.
+
+A step is off by h ε / size. Of that only the part along the free directions counts, which takes a
+solve: it is made where the whole is large enough to matter. Small errors therefore cost one pass
+over the rates of the stages.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from alf_ros.arrays import Unit
+from alf_ros.kernel.aside import linearise_aside
+from alf_ros.kernel.chart import straighten
+from alf_ros.kernel.data import NOTHING, OK, ONE, THREE, TOO_LONG, TWO, ZERO, Method, System, Work
+from alf_ros.kernel.factor import linearise
+from alf_ros.kernel.iteration import augmented
+from alf_ros.kernel.jit import inner
+from alf_ros.kernel.mass import add_mass_times
+from alf_ros.kernel.soft import add_soft_times
+from alf_ros.kernel.vectors import copy, largest, zero
+
+# where `Work.judged` holds what
+RECENT = 0  # sum of the errors of about the last 1000 steps, of the size
+LOST = 1  # of about the last 100
+UNRESOLVED = 2  # how many of the last 1000 or so do not resolve the acceleration
+STEPS = 3  # how many these are: fewer after a start
+WORST = 4  # highest level so far, and what the others were when it was reached
+WORST_ERROR = 5
+WORST_UNRESOLVED = 6
+WORST_STEPS = 7
+JUDGED = 8  # numbers in all
+
+LEVEL = 5e-3  # of the size: sum of errors of 1000 steps from which on steps are too long
+MOST_UNRESOLVED = 200.0  # steps of 1000, likewise
+_MEMORY, _SHORT_MEMORY = 1e-3, 1e-2  # part of a sum that each step forgets
+_PIECE = np.uint64(256)  # coordinates at a time
+_TELLS = 5e-6  # of the size: errors below add up to less than LEVEL
+_FINEST = 1e-10  # of the size: errors below may be rounding
+
+
+@inner
+def free_part(unit: Unit, system: System, work: Work) -> float:
+    """The largest of M⁻¹ p along the free directions, by the factor of the end of the step.
+
+    What is across is removed by the projection, and is where a singular position is felt first.
+    """
+    zero(work.r2)
+    zero(work.y)
+    zero(work.along)
+    copy(work.p, work.delta)
+    augmented(unit, system, work, work.p, work.along, 3, 1e-3, 1.0, True)
+    return largest(work.along, work.p.size)
+
+
+@inner
+def _embedded(method: Method, work: Work) -> tuple[float, float, float]:
+    """(high / h, low / h, |ξ̈| of the first stage), m/s², of the step that ended in `work`.
+
+    Leaves the difference whose largest is the first in `work.sum`. The stages are even in number.
+    """
+    n, stages = np.uint64(work.sum.size), np.uint64(method.b.size)
+    k, out, other, e = work.k, work.sum, work.sum_q, method.estimate
+    high, low, first = 0.0, 0.0, 0.0
+    high2, low2, first2 = 0.0, 0.0, 0.0
+    begin = ZERO
+    while begin < n:  # pieces that the fastest memory holds
+        end = begin + _PIECE
+        if end > n:
+            end = n
+        for s in range(ZERO, stages, TWO):
+            a, b, c, d = e[s], e[s + ONE], e[stages + s], e[stages + s + ONE]
+            at = (THREE * s + ONE) * n
+            to = at + THREE * n
+            if s == ZERO:
+                for i in range(begin, end):
+                    out[i] = a * k[at + i] + b * k[to + i]
+                    other[i] = c * k[at + i] + d * k[to + i]
+            elif a != 0.0 or b != 0.0 or c != 0.0 or d != 0.0:
+                for i in range(begin, end):
+                    out[i] += a * k[at + i] + b * k[to + i]
+                    other[i] += c * k[at + i] + d * k[to + i]
+        half = (end - begin + ONE) // TWO  # two by two: a maximum waits for the one before
+        for i in range(begin, begin + half):
+            j = begin + end - ONE - i
+            high, low = max(high, abs(out[i])), max(low, abs(other[i]))
+            first = max(first, abs(k[n + i]))
+            high2, low2 = max(high2, abs(out[j])), max(low2, abs(other[j]))
+            first2 = max(first2, abs(k[n + j]))
+        begin = end
+    return max(high, high2), max(low, low2), max(first, first2)
+
+
+@inner
+def judge(unit: Unit, system: System, method: Method, work: Work, h: float) -> int:
+    """Note the error of the step of h (s) that ended in `work`, with Φ_q and factor of its end.
+
+    Returns TOO_LONG if the errors of the last steps exceed the mechanism itself, else OK. A method
+    without an estimate, as of an adaptive integrator, is not judged.
+    """
+    if method.estimate.size == 0:
+        return OK
+    judged = work.judged
+    high, low, first = _embedded(method, work)
+    moved, sharp = 0.0, False
+    if high > NOTHING:
+        error = high * (high * high / (high * high + low * low))
+        moved = h * h * error / system.size
+        sharp = error > method.sharp * first
+        if moved > _TELLS or (sharp and moved > _FINEST):
+            if work.aside[0]:
+                linearise_aside(unit, system, work)
+            straighten(unit, system.arms, work.chart, work.sum)
+            zero(work.p)
+            add_mass_times(unit, system.mass, 1.0, work.sum, work.p)
+            add_soft_times(unit, system.soft, 1.0, work.sum, work.p)
+            moved *= free_part(unit, system, work) / high
+            if work.aside[0]:
+                linearise(unit, system, work, work.q)
+        if not moved < 1.0:
+            moved = 1.0
+    judged[RECENT] += moved - _MEMORY * judged[RECENT]
+    judged[LOST] += moved - _SHORT_MEMORY * judged[LOST]
+    judged[UNRESOLVED] += (sharp and moved > _FINEST) - _MEMORY * judged[UNRESOLVED]
+    judged[STEPS] += 1.0 - _MEMORY * judged[STEPS]
+    level = max(judged[RECENT] * (1.0 / LEVEL), judged[UNRESOLVED] * (1.0 / MOST_UNRESOLVED))
+    if level > judged[WORST]:
+        judged[WORST] = level
+        judged[WORST_ERROR] = judged[RECENT]
+        judged[WORST_UNRESOLVED] = judged[UNRESOLVED]
+        judged[WORST_STEPS] = judged[STEPS]
+    return TOO_LONG if judged[LOST] > 1.0 else OK

@@ -1,0 +1,85 @@
+"""How well fixed steps resolve the motion, as the kernel has measured it on the way."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from alf_ros.arrays import Floats
+from alf_ros.kernel.step_error import (
+    LEVEL,
+    MOST_UNRESOLVED,
+    WORST,
+    WORST_ERROR,
+    WORST_STEPS,
+    WORST_UNRESOLVED,
+)
+
+_WINDOW = 1000.0  # steps
+_AIM = 0.2  # of LEVEL: what an adequate step leaves of the error
+_SHORTER = 0.2  # of a step beyond the stability limit, where nothing says how far beyond
+_NICE = (5.0, 2.0, 1.0)  # first digits of a step
+
+
+@dataclass(frozen=True)
+class Resolution:
+    """The worst 1000 steps or so since the start or the last restored state.
+
+    `step` (s); `error`: sum of the estimated errors of these steps, displacements in parts of the
+    size of the mechanism; `unresolved`: part of these steps in which an acceleration, of whatever
+    size, is not resolved, as beyond the stability limit; `steps`: how many they are. NaN where
+    nothing is measured: with adaptive integrators, which keep a tolerance, and in formulations
+    other than alf2.
+    """
+
+    step: float
+    error: float = math.nan
+    unresolved: float = math.nan
+    steps: float = math.nan
+    too_long: bool = False
+
+    @property
+    def chatters(self) -> bool:
+        """Whether effects chatter step by step, as beyond the stability limit."""
+        return self.too_long and self.unresolved * self.steps > MOST_UNRESOLVED
+
+    @property
+    def adequate(self) -> float:
+        """A step (s) that would do, by how errors fall with it; `step` if that does."""
+        return self.within(_SHORTER * self.step)
+
+    def within(self, stable: float) -> float:
+        """The same where `stable` (s) is half of the stability limit of what chatters."""
+        if not self.too_long:
+            return self.step if self.error >= 0.0 else math.nan
+        found = min(stable, self.step) if self.chatters else self.step
+        if self.error > LEVEL:  # h^4 at the least, where steps are far too long
+            part = _AIM * LEVEL / self.error * self.steps / _WINDOW
+            found = min(found, self.step * part**0.25)
+        return nice(found)
+
+    def trouble(self, adequate: float) -> str:
+        """What is wrong, and the step that would do (s); empty if the steps are not too long."""
+        if not self.too_long:
+            return ''
+        errors = f'the errors of {self.steps:.0f} add up to {100.0 * self.error:.2g} % of the size'
+        beyond = f'{100.0 * self.unresolved:.0f} % of them are beyond the stability limit'
+        return (
+            f'steps of {self.step:g} s are too long: {beyond if self.chatters else errors}; '
+            f'take {adequate:g} s or less, or an adaptive integrator'
+        )
+
+
+def resolution(step: float, judged: Floats) -> Resolution:
+    """What `judged`, as `kernel.step_error` writes it, says of steps of `step` (s)."""
+    numbers = judged.tolist()
+    steps = max(1.0, numbers[WORST_STEPS])
+    error, unresolved = numbers[WORST_ERROR], numbers[WORST_UNRESOLVED] / steps
+    return Resolution(step, error, unresolved, steps, numbers[WORST] > 1.0)
+
+
+def nice(step: float) -> float:
+    """The longest step (s) of one digit, 1, 2 or 5, that is not longer."""
+    decade = 10.0 ** math.floor(math.log10(step))
+    digit = next((digit for digit in _NICE if digit * decade <= step * (1.0 + 1e-9)), 0.5)
+    return float(f'{digit * decade:.0e}')
