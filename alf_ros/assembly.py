@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -309,6 +310,20 @@ def ordinary(model: Model, q: Floats) -> tuple[int, Floats, float]:
             best, places = rank, []
         if rank == best:
             places.append(near)
+    # many rows may be lost together, as where all cranks of a row lie flat: they are found again
+    # where all points go the same way
+    for axis, way in product(range(model.layout.dimension), (1.0, -1.0)):
+        if best == len(model.row_names):
+            break
+        near = np.array(q)
+        near[axis : model.n : model.layout.dimension] += 0.05 * way * _shortest(model)
+        try:
+            near = close(model, {}, near)
+        except AssemblyError:
+            continue
+        rank = _rank(model, work, near)
+        if rank > best:
+            best, places = rank, [near]
     rank = max(best, 0)
     place, sigma = places[0], _softness(model, work, places[0], rank)
     if sigma < _SOFT and np.array_equal(places[0], q):
