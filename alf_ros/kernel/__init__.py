@@ -33,6 +33,7 @@ from alf_ros.kernel.data import (
     Ledger,
     Mass,
     Method,
+    Modes,
     Pattern,
     Phase,
     Prescribed,
@@ -48,10 +49,12 @@ from alf_ros.kernel.implicit import advance_implicitly
 from alf_ros.kernel.iteration import accelerate, augmented
 from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.prescribed import prescribed_at
+from alf_ros.kernel.softest import carried_over, softest
 from alf_ros.kernel.step import advance
 from alf_ros.kernel.substitution import solve
 from alf_ros.kernel.trace import mass_trace
 from alf_ros.kernel.turns import nearby
+from alf_ros.kernel.watch import follow, turning
 
 __all__ = [
     'COLLAPSED',
@@ -73,6 +76,7 @@ __all__ = [
     'Ledger',
     'Mass',
     'Method',
+    'Modes',
     'Pattern',
     'Phase',
     'Prescribed',
@@ -90,7 +94,9 @@ __all__ = [
     'advance_implicitly',
     'applied_forces',
     'augmented',
+    'carried_over',
     'convective',
+    'follow',
     'jacobian',
     'jacobian_rate',
     'linearise',
@@ -98,7 +104,9 @@ __all__ = [
     'nearby',
     'potential_energy',
     'prescribed_at',
+    'softest',
     'solve',
     'times_jacobian',
+    'turning',
     'violation',
 ]

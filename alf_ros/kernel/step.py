@@ -309,9 +309,10 @@ def advance(
 ) -> tuple[int, int, int]:
     """Take `steps` steps of h from step number `first`; returns (result, taken, most iterations).
 
-    `phase` is the state, in and out; on failure it holds the last good step. `watch` has room for
-    all steps. `within` says that `phase` is a singular position, which exactly there is not felt:
-    nothing asks for the direction that a row has lost.
+    `phase` is the state, in and out; on failure it holds the last good step. It ends earlier after
+    a step in which, for all that `watch` tells, a singular position may have been passed. `within`
+    says that `phase` is a singular position, which exactly there is not felt: nothing asks for the
+    direction that a row has lost.
     """
     most, sigma = 0, 0.0 if within else np.inf
     if not begin(unit, system, work, phase):
@@ -326,5 +327,6 @@ def advance(
         tally(forces.ledger.tally, system, forces, work, phase, t, method.b.size, h, True)
         accept(unit, system, work, phase)
         if watch is not None:  # known when it is compiled: who does not watch does without
-            note(unit, system, forces, work, watch, taken, end)
+            if note(unit, system, work, watch, phase, end):
+                return OK, taken + 1, most  # to be looked at
     return OK, steps, most
