@@ -20,9 +20,10 @@ import numpy as np
 from alf_ros import kernel
 from alf_ros.arrays import Floats
 from alf_ros.kernel import Modes, Phase, Watch, Work
+from alf_ros.kernel.softest import STIFF
 from alf_ros.mechanism import GROUND
 from alf_ros.model import Model, allocate
-from alf_ros.modes import KNOWN, NIL, ROUNDS, begun, found
+from alf_ros.modes import KNOWN, NIL, ROUNDS, begun, found, restart
 from alf_ros.rows import joint_rows, rigidity
 
 FOLLOWED = 2  # modes
@@ -72,8 +73,8 @@ class Comparison:
         """`moving`: the places know their velocities."""
 
         def seen(of: Place, at: Modes) -> list[float]:
-            count = of.modes.s2.size
             unit, system = model.unit, model.system
+            count = max(1, int((of.modes.sigma < STIFF).sum()))
             return [
                 kernel.carried_over(unit, system, work, of.modes, at.g, at.g2, i)
                 for i in range(count)
@@ -200,9 +201,8 @@ class Watcher:
                 after=copy(phase),
                 g2d=np.zeros_like(modes.g2),
             )
-        watch, start = self._watch, begun(model, self._redundant, FOLLOWED)
-        assert start is not None
-        modes.z[:], modes.s2[:] = start.z, 0.0
+        watch = self._watch
+        restart(modes)
         for name in ('q', 'qd', 'turns', 'pace', 'works'):
             getattr(watch.after, name)[:] = getattr(phase, name)
         watch.quiet[0], watch.look[0], watch.t[1] = 0, 0, t

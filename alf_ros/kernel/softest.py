@@ -24,8 +24,11 @@ from alf_ros.kernel.vectors import copy, zero
 
 _SWEEPS = 6  # of Jacobi's rotations, which converge quadratically
 _FRESH = 0.1  # of all rows, mixed into the last mode
+STIFF = 10.0  # σ of modes that do not vanish soon
+_TWICE = 100.0  # s² of a mode that is very soft
 ALL_SOFT = 4.0  # s² up to which a mode cannot be told from a softer one by 1 - K
 _RIGID = 100.0  # σ above which, as of a mode that moves no mass, it is not told from rounding
+_LITTLE = 1e-3  # of it, of which more than rounding depends on others
 _NOTHING_LEFT = 1e-14  # of a combination of rows: what it comes to is rounding
 _ROUNDING = 4.0  # times ε, and ε penalty σ: what rounding makes of σ
 
@@ -95,15 +98,15 @@ def _filter(unit: Unit, system: System, work: Work, modes: Modes, i: np.uint64) 
     """y = (1 - K) z_i, of unit length, at right angles to the modes before it, and without what
     depends on other rows; then z_i = (1 - K) y, w_i = K y and v_i.
 
-    Where rows depend on others y = K (1 - K)² z_i: the 1 - K once more, as K is no larger for a
-    very soft mode than for what depends on others.
+    Where rows depend on others y = K (1 - K) z_i; of a very soft mode K (1 - K)² z_i, as K is
+    hardly larger for it than for what depends on others.
     """
     x, z, w, m = modes.x, modes.z, modes.w, modes.root.size
     at, v_at = i * m, i * work.delta.size
     for r in range(m):
         x[r] = z[at + r]
     left = 1.0
-    for _ in range(2 if modes.redundant > ZERO else 1):
+    for _ in range(2 if modes.redundant > ZERO and 0.0 < modes.s2[i] < _TWICE else 1):
         _times(unit, system, work, modes)
         for r in range(m):
             x[r] -= work.w[r]
@@ -121,6 +124,12 @@ def _filter(unit: Unit, system: System, work: Work, modes: Modes, i: np.uint64) 
         _leave_out(modes, i)
         _scale(x, m)
     _times(unit, system, work, modes)
+    if left < _LITTLE and _dot(x, ZERO, work.w, ZERO, m) > 0.5:
+        # 1 - K of something stiff leaves no more than rounding does of what depends on others
+        copy(work.w, x)
+        _leave_out(modes, i)
+        _scale(x, m)
+        _times(unit, system, work, modes)
     square = 0.0
     for r in range(m):
         w[at + r] = work.w[r]

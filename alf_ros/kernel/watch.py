@@ -10,7 +10,7 @@ from alf_ros.kernel.constraints import jacobian_rate
 from alf_ros.kernel.data import ONE, Modes, Phase, System, Watch, Work
 from alf_ros.kernel.each import each
 from alf_ros.kernel.jit import compiled, inner
-from alf_ros.kernel.softest import carried_over, softest
+from alf_ros.kernel.softest import STIFF, carried_over, softest
 from alf_ros.kernel.vectors import copy
 
 _STEADY = 0.5  # σ may fall to this part of itself in a step, or rise as much, to be left alone
@@ -23,16 +23,23 @@ def follow(
 ) -> bool:
     """The modes from their last place to the one of the factor in `work`, where `softest` finds
     them; returns whether their σ changed so little that none can have vanished on the way."""
-    steady = True
-    for i in range(modes.s2.size):
-        ratio = carried_over(unit, system, work, modes, work.gf, work.g2f, i)
-        steady = steady and _STEADY <= ratio <= 1.0 / _STEADY
+    steady = _is_steady(unit, system, work, modes, work.gf, work.g2f)
     copy(modes.g, modes.gb)
     copy(modes.g2, modes.g2b)
     softest(unit, system, work, modes, rounds, tolerance)
+    return _is_steady(unit, system, work, modes, modes.gb, modes.g2b) and steady
+
+
+@inner
+def _is_steady(
+    unit: Unit, system: System, work: Work, modes: Modes, g: Floats, g2: Floats
+) -> bool:
+    """Whether σ of each mode is about the same where Φ_q is g, g2."""
+    steady = True
     for i in range(modes.s2.size):
-        ratio = carried_over(unit, system, work, modes, modes.gb, modes.g2b, i)
-        steady = steady and _STEADY <= ratio <= 1.0 / _STEADY
+        if i == 0 or modes.sigma[i] < STIFF:
+            ratio = carried_over(unit, system, work, modes, g, g2, i)
+            steady = steady and _STEADY <= ratio <= 1.0 / _STEADY
     return steady
 
 
