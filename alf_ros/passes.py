@@ -309,7 +309,7 @@ def _dependency(model: Model, q: Floats) -> Floats:
 
 def _joints(model: Model, share: Floats) -> tuple[str, ...]:
     """The joints that join the bodies of which a row takes part in the dependency."""
-    takes_part = share[model.row] > _TAKES_PART * share.sum()
+    takes_part = share[model.row] > _TAKES_PART * min(1.0, share.sum())
     names = {model.row_names[n] for n in np.flatnonzero(takes_part)}
     mechanism, layout = model.mechanism, model.layout
     bodies = {
