@@ -14,6 +14,7 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from alf_ros.errors import StepError
+from alf_ros.modes import near
 
 if TYPE_CHECKING:
     from alf_ros.inputs import Inputs
@@ -30,8 +31,6 @@ CONSTRAINTS = (
     'singular',
     'distance_to_singular',
 )
-# Below this distance: at a tick of 2 ms, no pass of the scenes that come along is missed.
-NEAR_SINGULAR = 1e-2
 # Part of the ticks that may come late: on a busy desktop some always do.
 MOST_LATE = 0.05
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
@@ -103,7 +102,7 @@ def constraints(sample: Sample, closest: float = math.inf) -> Report:
     if found.singular:
         message = 'singular position: the reactions are not unique here'
         return Report('constraints', WARN, message, told)
-    if closest < NEAR_SINGULAR:
+    if closest < near(sample.model):
         return Report('constraints', WARN, 'passed near a singular position', told)
     return Report('constraints', OK, f'{found.redundant} redundant rows', told)
 

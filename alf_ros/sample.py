@@ -22,9 +22,10 @@ from alf_ros.failures import FAILURES
 from alf_ros.kernel import Phase, Rows, Work
 from alf_ros.limits import Limits, Place, limits
 from alf_ros.model import Model, allocate
+from alf_ros.modes import found
 from alf_ros.orientation import orientation
 from alf_ros.prescribed import prescribe
-from alf_ros.rank import distance, effective_rank
+from alf_ros.rank import effective_rank
 from alf_ros.reactions import Reactions
 from alf_ros.resolution import Resolution
 from alf_ros.scene import Solver
@@ -132,12 +133,22 @@ class Diagnostics:
         """Number of constraint rows that depend on the others here."""
         return len(self._sample.model.row_names) - self.rank
 
-    @cached_property
+    @property
     def distance(self) -> float:
-        """Distance to a singular position: about the least singular value of the scaled Φ_q."""
+        """Distance to a singular position: the least singular value σ of the scaled Φ_q among rows
+        that are independent at ordinary positions nearby; 1 without any."""
+        return self._softest[0]
+
+    @property
+    def distance_error(self) -> float:
+        """By how much it may be off, by rounding and by what is left of the iteration for it."""
+        return self._softest[1]
+
+    @cached_property
+    def _softest(self) -> tuple[float, float]:
         sample = self._sample
-        independent = len(sample.model.row_names) - sample._dependent_rows()
-        return float(distance(independent - self._effective_rank, sample.model.penalty))
+        modes = found(sample.model, sample._linearised, sample._dependent_rows())
+        return (float(modes.sigma[0]), float(modes.error[0])) if modes else (1.0, 0.0)
 
     @property
     def distance_if_known(self) -> float:

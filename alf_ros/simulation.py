@@ -290,7 +290,7 @@ class Simulation:
         if self._watcher is None:
             result, taken = self._advance(self._phase, self._carried, self._step, n, self.h)
         else:
-            result, taken = self._watcher.step(self._phase, self._step, n, self._advance_watched)
+            result, taken = self._watcher.step(self._phase, self._step, n)
         self._step += taken
         if taken:
             self._beside = bool(self._work.aside[0])
@@ -305,7 +305,15 @@ class Simulation:
                 key='formulation',
                 value=self.solver.formulation,
             )
-        return Watcher(self.model, self._dependent_rows, self._ordinary, self.h)
+        return Watcher(
+            self.model,
+            self._dependent_rows,
+            self._ordinary,
+            self.h,
+            self._advance_watched,
+            self._step_aside,
+            lambda t, phase: self._sample(t, self._state_of(phase), False).energy,
+        )
 
     def _named_accounts(self) -> tuple[str, ...]:
         if self.solver.formulation != 'alf2':
@@ -325,7 +333,8 @@ class Simulation:
     def passes(self) -> tuple[Pass, ...]:
         """The passes through singular positions since the start or the last restored state.
 
-        A pass is known one step after it. Raises InputError if the simulation does not watch.
+        A pass is known after the step in which it happens. Raises InputError if the simulation
+        does not watch.
         """
         if self._watcher is None:
             raise InputError('nobody watches', key='passes', expected='Simulation(…, watch=True)')
@@ -359,6 +368,16 @@ class Simulation:
         judged = self._work.judged.copy()
         yield
         self._work.judged[:] = judged
+
+    def _step_aside(self, phase: Phase, start: float, h: float) -> int:
+        """A step that is no part of the run, and is not counted; returns its result."""
+        work, iterations = self._work, self._iterations
+        counts = int(work.evaluations[0]), int(work.rounded[0]), int(work.aside[0])
+        with self._unjudged():
+            result, _ = self._advance(phase, self._carried, 0, 1, h, start)
+        work.evaluations[0], work.rounded[0], work.aside[0] = counts
+        self._iterations = iterations
+        return result
 
     def _advance(
         self,
@@ -449,7 +468,9 @@ class Simulation:
     @property
     def state(self) -> State:
         """A copy of the present state."""
-        phase = self._phase
+        return self._state_of(self._phase)
+
+    def _state_of(self, phase: Phase) -> State:
         return State(
             self._step,
             phase.q.copy(),

@@ -71,7 +71,7 @@ CONSERVATIVE = ('gravity', 'spring', 'torsion_spring', 'joint_stop', 'ground_con
 def simulation(kind: str, which: str, **options: Any) -> Simulation:
     fields = document.parse(SPATIAL if which.startswith('spatial') else PLANAR, None).mapping()
     chosen = {kind: EXAMPLES[kind].mapping()[which]}
-    return Simulation(load_scene({**fields, 'effects': chosen}), **options)
+    return Simulation(load_scene({**fields, 'effects': chosen}), **{'step': 1e-3, **options})
 
 
 def applied(sim: Simulation, q, qd):  # type: ignore[no-untyped-def]

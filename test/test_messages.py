@@ -14,6 +14,7 @@ from alf_ros import Simulation, diagnostics, load_scene, state_vector
 from alf_ros.display import Display
 from alf_ros.errors import StepError
 from alf_ros.messages import to_time
+from alf_ros.modes import near as near_level
 from alf_ros.stamps import stamp_ns
 from alf_ros.topics import TOPICS
 
@@ -241,7 +242,7 @@ def test_a_singular_position_is_a_warning_and_passing_near_one_too():
     passes, near = 0, False
     for sample in simulation.run(10.0, every=2):
         sample.reaction_forces  # noqa: B018
-        was, near = near, sample.diagnostics.distance_if_known < diagnostics.NEAR_SINGULAR
+        was, near = near, sample.diagnostics.distance_if_known < near_level(sample.model)
         passes += near and not was
     assert passes == 11
 

@@ -82,9 +82,9 @@ def motion(
     parts = zip(columns, states.values(), strict=True)
     coordinates = np.concatenate([each.values[:, places] for places, each in parts])
     stride = max(each.stride for each in states.values())
-    near = Trace(1, MOST_ROWS)
-    sigma = distances(simulation, t, coordinates, report)
-    near.add(t, sigma[:, None])
+    distance = Trace(1, MOST_ROWS)
+    near = distances(simulation, t, coordinates, report)
+    distance.add(t, near.sigma[:, None])
     film, every = _Film(simulation, found), -(-len(t) // MOST_FRAMES)
     for k in range(0, len(t), every):
         film.take(float(t[k]), coordinates[k])
@@ -101,8 +101,8 @@ def motion(
         places=np.array(film.places),
         forces=[_forces(each, names, pins) for names, each in found.reactions.items()],
         applied=film.held(),
-        distance=near,
-        passes=passes(t, sigma) if stride == 1 else None,
+        distance=distance,
+        passes=passes(near) if stride == 1 else None,
         angles=frozenset(each.name for each in model.coordinates if each.is_angle),
     )
 

@@ -34,6 +34,7 @@ from alf_ros.kernel.data import (
     Ledger,
     Mass,
     Method,
+    Modes,
     Pattern,
     Phase,
     Prescribed,
@@ -49,10 +50,12 @@ from alf_ros.kernel.implicit import advance_implicitly
 from alf_ros.kernel.iteration import accelerate, augmented, begin_balance, finish
 from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.prescribed import prescribed_at
+from alf_ros.kernel.softest import carried_over, softest
 from alf_ros.kernel.step import advance
 from alf_ros.kernel.substitution import solve
 from alf_ros.kernel.trace import mass_trace
 from alf_ros.kernel.turns import nearby
+from alf_ros.kernel.watch import follow, turning
 
 __all__ = [
     'COLLAPSED',
@@ -75,6 +78,7 @@ __all__ = [
     'Ledger',
     'Mass',
     'Method',
+    'Modes',
     'Pattern',
     'Phase',
     'Prescribed',
@@ -93,8 +97,10 @@ __all__ = [
     'applied_forces',
     'augmented',
     'begin_balance',
+    'carried_over',
     'convective',
     'finish',
+    'follow',
     'jacobian',
     'jacobian_rate',
     'linearise',
@@ -102,7 +108,9 @@ __all__ = [
     'nearby',
     'potential_energy',
     'prescribed_at',
+    'softest',
     'solve',
     'times_jacobian',
+    'turning',
     'violation',
 ]

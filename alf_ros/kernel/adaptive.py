@@ -193,5 +193,6 @@ def advance_adaptively(
         keep(forces, work, phase)
         good_pace = pace[0]
         if watch is not None:  # known when it is compiled: who does not watch does without
-            note(unit, system, forces, work, watch, taken, end)
+            if note(unit, system, work, watch, phase, end):
+                return OK, taken + 1, most  # to be looked at
     return OK, steps, most

@@ -281,13 +281,42 @@ class Phase(Struct):
 
 
 @dataclass(frozen=True, eq=False)
-class Watch(Struct):
-    """What is noted step by step for those who watch for singular positions."""
+class Modes(Struct):
+    """The softest modes of Φ_q at a position: those of its least singular values. See `softest`.
 
-    trace: Floats  # (steps,) tr(M A⁻¹)
-    energy: Floats  # (steps,) J
-    Z: Floats  # (movable D D,) A⁻¹ on the pattern
-    Zo: Floats  # (blocks D D,)
+    Rows are scaled by α^½, so that the singular values are s, with s² = penalty σ².
+    """
+
+    root: Floats  # (rows,) α^½
+    penalty: float
+    redundant: np.uint64  # rows that depend on the others at ordinary positions
+    s2: Floats  # (modes,) s², ascending
+    sigma: Floats  # (modes,) σ
+    error: Floats  # (modes,) by which σ may be off
+    z: Floats  # (modes, rows) left singular vectors, of length one
+    v: Floats  # (modes, all blocks D) A⁻¹ Φ_qᵀ α^½ y with z = y - w: along the right ones
+    w: Floats  # (modes, rows) α^½ Φ_q v, which is s² z
+    gram: Floats  # (modes, modes)
+    fresh: Floats  # (rows,) a combination of all rows, in which every mode takes part
+    x: Floats  # (rows,)
+    g: Floats  # (distance rows D,) Φ_q at that position
+    g2: Floats  # (entries D,)
+    gb: Floats  # (distance rows D,) and at the one before
+    g2b: Floats  # (entries D,)
+
+
+@dataclass(frozen=True, eq=False)
+class Watch(Struct):
+    """What is kept from step to step for those who watch for singular positions."""
+
+    modes: Modes  # where the last step ended
+    quiet: Integers  # (1,) 1 if no mode can have vanished in it, as far as it tells itself
+    look: Integers  # (1,) 1 if a pass in it is not out of the question
+    t: Floats  # (2,) s, when it began and ended
+    rate: Floats  # (1,) 1/s, how fast the rows turned when it ended
+    before: Phase  # where it began
+    after: Phase  # where it ended
+    g2d: Floats  # (entries D,) Φ̇_q of the quadratic rows
 
 
 @dataclass(frozen=True, eq=False)

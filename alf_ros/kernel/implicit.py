@@ -372,5 +372,6 @@ def advance_implicitly(
         if watch is not None:  # known when it is compiled: who does not watch does without
             zero(system.soft.weight)
             linearise(unit, system, work, work.q)
-            note(unit, system, forces, work, watch, taken, end)
+            if note(unit, system, work, watch, phase, end):
+                return OK, taken + 1, most  # to be looked at
     return OK, steps, most

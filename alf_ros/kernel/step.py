@@ -333,9 +333,10 @@ def advance(
 ) -> tuple[int, int, int]:
     """Take `steps` steps of h from step number `first`; returns (result, taken, most iterations).
 
-    `phase` is the state, in and out; on failure it holds the last good step. `watch` has room for
-    all steps. `within` says that `phase` is a singular position, which exactly there is not felt:
-    nothing asks for the direction that a row has lost.
+    `phase` is the state, in and out; on failure it holds the last good step. It ends earlier after
+    a step in which, for all that `watch` tells, a singular position may have been passed. `within`
+    says that `phase` is a singular position, which exactly there is not felt: nothing asks for the
+    direction that a row has lost.
     """
     most, sigma = 0, 0.0 if within else np.inf
     if not begin(unit, system, work, phase):
@@ -353,5 +354,6 @@ def advance(
         accept(unit, system, work, phase)
         copy(forces.bearings.force, phase.loads)
         if watch is not None:  # known when it is compiled: who does not watch does without
-            note(unit, system, forces, work, watch, taken, end)
+            if note(unit, system, work, watch, phase, end):
+                return OK, taken + 1, most  # to be looked at
     return OK, steps, most
