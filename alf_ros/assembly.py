@@ -371,6 +371,14 @@ def _rank(model: Model, work: Work, q: Floats) -> int:
     return found
 
 
+def is_lost(model: Model, q: Floats, dependent_rows: int) -> bool:
+    """Whether a row has lost its direction at q (blocks D, m): nothing is felt of it there."""
+    work = allocate(model, model.system, 1)
+    if not kernel.linearise(model.unit, model.system, work, q):
+        return False
+    return len(model.row_names) - dependent_rows - effective_rank(model, work) > 0.5
+
+
 def within(model: Model, q: Floats, dependent_rows: int) -> bool:
     """Whether q (blocks D, m) is a singular position, as near as stages are not trusted there."""
     work = allocate(model, model.system, 1)

@@ -91,6 +91,8 @@ def made_consistent(
     if gap <= _EXACT * walk.rounding:
         return None
     places = walk.places(q, _MANY)
+    if not places:
+        return None
     gap = walk.gap(places)
     if gap > LARGEST * model.size:
         raise _contradiction(walk, places)

@@ -176,12 +176,12 @@ class Sample:
         reactions: Callable[[], Reactions],
         iterations: int,
         step_cost: float,
-        within: Callable[[], bool],
+        lost: Callable[[], bool],
         resolution: Resolution,
     ) -> None:
-        """`within`: whether it is in a singular position, or closer than can be computed."""
+        """`lost`: whether a row has lost its direction here."""
         self.model, self.t, self.step = model, t, state.step
-        self._within = within
+        self._lost = lost
         self._applied, self._solver, self._state = applied, solver, state
         self._dependent_rows, self._reactions = dependent_rows, reactions
         self.diagnostics = Diagnostics(self, iterations, step_cost, resolution)
@@ -492,7 +492,7 @@ class Sample:
     @cached_property
     def _limits(self) -> Limits | None:
         """What values are limits of, in a singular position or too near to one."""
-        if not self._within() and not self._doubtful:
+        if not self._within and not self._doubtful:
             return None
         state, applied = self._state, self._applied.assembled
         works = np.array(list(state.works.values()))
@@ -504,9 +504,15 @@ class Sample:
         if self._limits is None:
             return read(Place(*self._accelerated[:2]))
         limit = self._limits.of(read)
-        if not self._within():  # what has a pole is known beside it
+        if not self._within:  # what has a pole is known beside it
             limit = np.where(np.isnan(limit), read(Place(*self._accelerated[:2])), limit)
         return limit
+
+    @cached_property
+    def _within(self) -> bool:
+        """Whether it is in a singular position, or closer to one than can be computed."""
+        system = self.model.system
+        return self._accelerated[2] < system.close * system.ordinary or self._lost()
 
     @property
     def _doubtful(self) -> bool:

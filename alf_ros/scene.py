@@ -307,4 +307,4 @@ def _setting_fault(name: str, value: object) -> dict[str, Any] | None:
 
 # Of a scene that says nothing of its solver: holds 1e-6 m for 10 s in every mechanism of the
 # library that is not chaotic, as `accuracy` would, without seconds of trials at the start.
-UNSAID = Solver(step=2e-3, integrator='dop853_adaptive')
+UNSAID = Solver(integrator='dop853_adaptive')

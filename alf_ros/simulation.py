@@ -629,10 +629,10 @@ class Simulation:
         """`beside`: whether the step that ended there was interpolated beside a singular position;
         None if no step did."""
 
-        def within() -> bool:
-            if beside is None and self._formulation is None:
-                return assembly.within(self.model, state.q, self._dependent_rows)
-            return bool(beside)
+        def lost() -> bool:
+            if beside is False or self._formulation is not None:
+                return False
+            return assembly.is_lost(self.model, state.q, self._dependent_rows)
 
         return Sample(
             self.model,
@@ -644,7 +644,7 @@ class Simulation:
             lambda: self._reactions,
             self._iterations,
             self._step_cost,
-            within,
+            lost,
             self.resolution,
         )
 

@@ -312,7 +312,7 @@ def test_a_scene_that_says_nothing_of_its_solver_holds_a_micrometre(name: str) -
     sim = Simulation(scene)
     fine = Simulation(scene, integrator='dop853_adaptive', tolerance=1e-12, step=0.1)
     assert sim.solver == UNSAID
-    for one, two in zip(sim.run(5.0, every=50), fine.run(5.0), strict=True):
+    for one, two in zip(sim.run(5.0, every=100), fine.run(5.0), strict=True):
         assert one.q == pytest.approx(two.q, abs=1e-6)
     # whoever says something gets the defaults of the table for the rest
     assert Simulation(scene, step=5e-3).solver == Solver(step=5e-3)

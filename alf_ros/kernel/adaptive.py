@@ -11,6 +11,7 @@ from alf_ros.kernel.data import (
     COLLAPSED,
     JAMMED,
     NOT_POSITIVE,
+    NOTHING,
     OK,
     ONE,
     THREE,
@@ -108,7 +109,7 @@ def _error(
     e3 = _error_norm(unit, system, method, work, 1, h, speed) / share
     if work.aside[0]:
         linearise(unit, system, work, work.q)
-    return e5 * e5 / np.sqrt(e5 * e5 + 0.01 * e3 * e3) if e5 > 0.0 else 0.0
+    return e5 * e5 / np.sqrt(e5 * e5 + 0.01 * e3 * e3) if e5 > NOTHING else 0.0
 
 
 @compiled

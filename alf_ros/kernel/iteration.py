@@ -260,6 +260,8 @@ def accelerate_under(
     exactly: bool,
 ) -> tuple[int, float]:
     """The same under the Q in `work`, as `apply` leaves it."""
+    for i in range(work.p.size):  # what is prescribed stands behind
+        work.qdd[i] = 0.0
     if forces.bearings.settle.size > 0:
         bias(unit, system, work, work.r2)
         for r in range(work.r2.size):
@@ -275,8 +277,6 @@ def accelerate_under(
 def accelerate_freely(
     unit: Unit, system: System, work: Work, iterations: int, exactly: bool
 ) -> tuple[int, float]:
-    """The same without friction that depends on reactions."""
-    for i in range(work.p.size):  # what is prescribed stands behind
-        work.qdd[i] = 0.0
+    """The same without friction that depends on reactions; q̈ is 0 on entry."""
     begin_accelerations(unit, system, work, work.Q)
     return solved(unit, system, work, work.Q, work.qdd, iterations, exactly, True)
