@@ -31,7 +31,9 @@ from alf_ros.resolution import Resolution
 from alf_ros.scene import Solver
 from alf_ros.state import State
 
-_DOUBTFUL = 5e-3  # distance to a singular position, over that of ordinary ones
+# distances to a singular position: from which down efforts of drives are limits, and a pole hides
+# what it is in rounding
+_DOUBTFUL, _BLIND = 5e-3, 1e-6
 
 T = TypeVar('T')
 _FEW = 300  # coordinates for which eigenvalues are found in no time
@@ -53,7 +55,7 @@ class Reaction:
 
     `indeterminate` says that the constraints are redundant here, and that the share of this joint
     is one of many that balance (the one of least norm); or that it is sampled in a singular
-    position where the reaction has no limit: components that have none are NaN.
+    position where the reaction has a pole: components that have no limit are NaN.
     """
 
     force: Floats
@@ -503,8 +505,8 @@ class Sample:
         """Something of the accelerated mechanism: its limit, in a singular position."""
         if self._limits is None:
             return read(Place(*self._accelerated[:2]))
-        limit = self._limits.of(read)
-        if not self._within:  # what has a pole is known beside it
+        limit, far = self._limits.of(read), _BLIND * self.model.system.ordinary
+        if far < self._accelerated[2] < np.inf and not self._lost():  # a pole, beside it
             limit = np.where(np.isnan(limit), read(Place(*self._accelerated[:2])), limit)
         return limit
 
