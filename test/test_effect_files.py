@@ -47,7 +47,7 @@ def test_documented_effect_runs(folder: Path) -> None:
 
 def test_an_edit_takes_effect_at_once(folder: Path) -> None:
     """In as many bytes, at the same time by the file's clock, and only in a constant."""
-    ellipse = FILES['orbit.yaml'].replace('P: [0, 2]', 'P: [0, 1]')
+    ellipse = FILES['orbit.yaml'].replace('P: [0, 2]', 'P: [0, 1.8]')
     (folder / 'orbit.yaml').write_text(ellipse, 'utf-8')
     file, times, told = folder / 'magnet.py', (1e9, 1e9), []
     for power in (2, 3):

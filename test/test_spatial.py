@@ -285,7 +285,7 @@ def test_angles_of_a_universal_joint_turn_right_handed(axis: str, speed: str) ->
             f'initial: {{velocities: {{A: {speed}}}}}\n'
         )
     )
-    sim.step(100)
+    sim.step(200)
     joints = sim.sample().joints
     other = 'second' if axis == 'first' else 'first'
     assert joints[f'u_{axis}'].velocity == pytest.approx(1.0, abs=1e-9)
