@@ -115,7 +115,9 @@ def _fitted(walk: _Walk, places: list[Floats]) -> Mechanism:
         q = _carried(walk.model.layout, places[0], model)
         walk = _Walk(model, walk.dependent_rows)
         places = walk.places(q, _MANY, n + 1)  # others, so that what was found has to hold there
-        gap = walk.gap(places) if places else np.inf
+        if not places:
+            break
+        gap = walk.gap(places)
         before = best
         if gap < best:
             found, best = mechanism, gap
