@@ -312,11 +312,14 @@ def ordinary(model: Model, q: Floats) -> tuple[int, Floats, float]:
             places.append(near)
     # many rows may be lost together, as where all cranks of a row lie flat: they are found again
     # where all points go the same way
-    for axis, way in product(range(model.layout.dimension), (1.0, -1.0)):
+    away = 0.05 * min(model.size, _shortest(model))
+    for axis, way in product(range(model.layout.dimension), (away, -away)):
         if best == len(model.row_names):
             break
         near = np.array(q)
-        near[axis : model.n : model.layout.dimension] += 0.05 * way * _shortest(model)
+        near[axis : model.n : model.layout.dimension] += (
+            0.05 * way * min(model.size, _shortest(model))
+        )
         try:
             near = close(model, {}, near)
         except AssemblyError:
@@ -369,14 +372,6 @@ def _rank(model: Model, work: Work, q: Floats) -> int:
         if off < 0.02:
             break
     return found
-
-
-def is_lost(model: Model, q: Floats, dependent_rows: int) -> bool:
-    """Whether a row has lost its direction at q (blocks D, m): nothing is felt of it there."""
-    work = allocate(model, model.system, 1)
-    if not kernel.linearise(model.unit, model.system, work, q):
-        return False
-    return len(model.row_names) - dependent_rows - effective_rank(model, work) > 0.5
 
 
 def within(model: Model, q: Floats, dependent_rows: int) -> bool:

@@ -262,7 +262,8 @@ def _scaled(system: System, q: Floats, layout: Layout, penalty: float) -> Rows:
 
 
 def allocate(model: Model, system: System, stages: int) -> Work:
-    """The workspace of the kernel for a system and a method of so many stages."""
+    """The workspace of the kernel for a system and a method of so many stages; without stages
+    only for solves at a place."""
     D, n = model.layout.dimension, model.n
     rows, pattern, whole = system.rows, system.pattern, model.q.size
     columns = np.diff(pattern.first.astype(np.int64))
@@ -271,8 +272,8 @@ def allocate(model: Model, system: System, stages: int) -> Work:
         'diagonal': n * D,
         'off': pattern.row.size * D * D,
         'log_det': 1,
-        'inverse': n * D,
-        'inverse_off': pattern.row.size * D * D,
+        'inverse': n * D if stages else 0,
+        'inverse_off': pattern.row.size * D * D if stages else 0,
         'column': int(columns.max(initial=0)) * D * D,
         'g': rows.i.size * D,
         'g2': rows.block.size * D,
@@ -298,7 +299,7 @@ def allocate(model: Model, system: System, stages: int) -> Work:
         'sum': n,
         'sum_q': n,
         'sum_qd': n,
-        'places': 16 * n,
+        'places': 16 * n if stages else 0,
         'given': whole,
         'curve': n,
         'lead': 1,

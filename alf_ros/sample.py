@@ -178,12 +178,13 @@ class Sample:
         reactions: Callable[[], Reactions],
         iterations: int,
         step_cost: float,
-        lost: Callable[[], bool],
+        beside: bool | None,
         resolution: Resolution,
     ) -> None:
-        """`lost`: whether a row has lost its direction here."""
+        """`beside`: whether the step that ended here was interpolated beside a singular position;
+        None if no step did."""
         self.model, self.t, self.step = model, t, state.step
-        self._lost = lost
+        self._beside = beside
         self._applied, self._solver, self._state = applied, solver, state
         self._dependent_rows, self._reactions = dependent_rows, reactions
         self.diagnostics = Diagnostics(self, iterations, step_cost, resolution)
@@ -506,7 +507,7 @@ class Sample:
         if self._limits is None:
             return read(Place(*self._accelerated[:2]))
         limit, far = self._limits.of(read), _BLIND * self.model.system.ordinary
-        if far < self._accelerated[2] < np.inf and not self._lost():  # a pole, beside it
+        if far < self._accelerated[2] < np.inf and not self._lost:  # a pole, beside it
             limit = np.where(np.isnan(limit), read(Place(*self._accelerated[:2])), limit)
         return limit
 
@@ -514,7 +515,13 @@ class Sample:
     def _within(self) -> bool:
         """Whether it is in a singular position, or closer to one than can be computed."""
         system = self.model.system
-        return self._accelerated[2] < system.close * system.ordinary or self._lost()
+        return self._accelerated[2] < system.close * system.ordinary or self._lost
+
+    @property
+    def _lost(self) -> bool:
+        """Whether a row has lost its direction, so that nothing is felt of it: only a step that
+        was interpolated ends there."""
+        return self._beside is not False and self.diagnostics.singular
 
     @property
     def _doubtful(self) -> bool:

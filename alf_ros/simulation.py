@@ -629,11 +629,6 @@ class Simulation:
         """`beside`: whether the step that ended there was interpolated beside a singular position;
         None if no step did."""
 
-        def lost() -> bool:
-            if beside is False or self._formulation is not None:
-                return False
-            return assembly.is_lost(self.model, state.q, self._dependent_rows)
-
         return Sample(
             self.model,
             self._applied,
@@ -644,7 +639,7 @@ class Simulation:
             lambda: self._reactions,
             self._iterations,
             self._step_cost,
-            lost,
+            False if self._formulation else beside,
             self.resolution,
         )
 

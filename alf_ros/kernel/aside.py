@@ -20,7 +20,7 @@ from alf_ros.kernel.manifold import correct_at_last, opening_twofold
 from alf_ros.kernel.prescribed import prescribe
 from alf_ros.kernel.stage import stage
 from alf_ros.kernel.tally import ALL, APPLIED, REACTING, tally
-from alf_ros.kernel.vectors import copy, largest, zero
+from alf_ros.kernel.vectors import copy, furthest, largest, zero
 
 PLACES = 8
 BLIND = 1e-6  # distance to a singular position from which on a stage's velocity is its direction
@@ -219,10 +219,8 @@ def _find(
     for a in range(n):
         work.curve[a] = bend * bend * work.bend[a]
     count = _interpolate(unit, system, forces, work, t, moving, radius, close, spacing, iterations)
-    found, turned = largest(work.sum_qd, n), 0.0
-    for a in range(n):
-        turned = max(turned, abs(work.sum_qd[a] - work.along[a]))
-    ask = ending or turned > _TURNED * speed
+    found = largest(work.sum_qd, n)
+    ask = ending or furthest(work.sum_qd, work.along, n) > _TURNED * speed
     if ask and count > 0 and moving and found > _SLOW * falling:
         # again, now that direction and curvature of the branch are known here
         _bend(work, work.lead[0] * speed / found)

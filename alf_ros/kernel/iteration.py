@@ -260,9 +260,9 @@ def accelerate_under(
     exactly: bool,
 ) -> tuple[int, float]:
     """The same under the Q in `work`, as `apply` leaves it."""
-    for i in range(work.p.size):  # what is prescribed stands behind
-        work.qdd[i] = 0.0
     if forces.bearings.settle.size > 0:
+        for i in range(work.p.size):  # what is prescribed stands behind
+            work.qdd[i] = 0.0
         bias(unit, system, work, work.r2)
         for r in range(work.r2.size):
             work.r2[r], work.y[r] = -work.r2[r], 0.0
@@ -277,6 +277,8 @@ def accelerate_under(
 def accelerate_freely(
     unit: Unit, system: System, work: Work, iterations: int, exactly: bool
 ) -> tuple[int, float]:
-    """The same without friction that depends on reactions; q̈ is 0 on entry."""
+    """The same without friction that depends on reactions."""
+    for i in range(work.p.size):
+        work.qdd[i] = 0.0
     begin_accelerations(unit, system, work, work.Q)
     return solved(unit, system, work, work.Q, work.qdd, iterations, exactly, True)

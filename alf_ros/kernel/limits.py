@@ -33,7 +33,7 @@ def find_places(
     copy(phase.q, work.q)
     copy(phase.qd, work.qd)
     prescribe(system, t, work.q, work.qd, work.qdd)
-    work.places[0] = np.inf
+    work.places[0] = np.inf  # until places are found
     if not linearise(unit, system, work, work.q):
         return False
     count, _sigma = evaluate_first(unit, system, forces, work, phase, t, iterations)

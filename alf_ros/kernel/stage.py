@@ -43,8 +43,6 @@ def stage(
                 more, same = accelerate(unit, system, forces, work, t, iterations, wholly)
             else:
                 apply(unit, system, forces, work, t)
-                for i in range(n):
-                    work.qdd[i] = 0.0
                 more, same = accelerate_freely(unit, system, work, iterations, wholly)
             if more < 0:
                 return more, 0.0, False
