@@ -10,31 +10,48 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Unit
-from alf_ros.kernel.data import System, Work
+from alf_ros.kernel.data import FOUR, ONE, THREE, TWO, ZERO, System, Work
 from alf_ros.kernel.jit import inner
 from alf_ros.kernel.trace import mass_trace
 
 _FALLEN = 8.0  # of log det A: a row for which solves are not slow, s > 100, and is lost then
+_FALLEN_BY = np.exp(_FALLEN)
 _SMALL, _LARGE = 1e-200, 1e200  # between which products are kept
 
 
 @inner
-def log_det(unit: Unit, work: Work) -> float:
-    """log det A; the factor in `work` holds reciprocal pivots."""
-    D = np.uint64(len(unit))
-    product, total = 1.0, 0.0
-    for a in range(work.p.size):
-        product *= work.diagonal[a * D + a % D]
+def inverse_det(unit: Unit, work: Work) -> tuple[float, float]:
+    """(c, d) with 1 / det A = c exp(d); the factor in `work` holds reciprocal pivots. d is 0 as
+    long as the product can be held without it."""
+    D, n, diagonal = np.uint64(len(unit)), np.uint64(work.p.size), work.diagonal
+    product, exponent = 1.0, 0.0
+    paired = n - n % FOUR
+    for a in range(ZERO, paired, FOUR):  # by fours: a product waits for the one before
+        b, c, d = a + ONE, a + TWO, a + THREE
+        first = diagonal[a * D + a % D] * diagonal[b * D + b % D]
+        product *= first * (diagonal[c * D + c % D] * diagonal[d * D + d % D])
         if not _SMALL < product < _LARGE:
-            total -= np.log(product)
+            exponent += np.log(product)
             product = 1.0
-    return total - np.log(product)
+    for a in range(paired, n):
+        product *= diagonal[a * D + a % D]
+    return product, exponent
+
+
+@inner
+def note_det(unit: Unit, work: Work) -> None:
+    """Keep det A as that of the begin of a step."""
+    work.inverse_det[0], work.inverse_det[1] = inverse_det(unit, work)
 
 
 @inner
 def fallen(unit: Unit, work: Work) -> bool:
     """Whether det A is a small part of what it was where the step began."""
-    return log_det(unit, work) < work.log_det[0] - _FALLEN
+    product, exponent = inverse_det(unit, work)
+    before, difference = work.inverse_det[0], exponent - work.inverse_det[1]
+    if difference == 0.0:
+        return product > _FALLEN_BY * before
+    return difference + np.log(product) - np.log(before) > _FALLEN
 
 
 @inner

@@ -30,7 +30,7 @@ from alf_ros.kernel.iteration import accelerate, augmented, begin_balance, veloc
 from alf_ros.kernel.jit import compiled, expanded, inner
 from alf_ros.kernel.manifold import project
 from alf_ros.kernel.prescribed import prescribe
-from alf_ros.kernel.rank import fallen, log_det, lost
+from alf_ros.kernel.rank import fallen, lost, note_det
 from alf_ros.kernel.residuals import begin_accelerations
 from alf_ros.kernel.stage import stage
 from alf_ros.kernel.step_error import judge
@@ -47,7 +47,7 @@ def evaluate_first(
     """q̈ where the step begins, from the Φ_q and the factor that stand in `work`, and the
     curvature of the path; the iterations (-1: friction jams), and σ as `velocities` says it."""
     copy(phase.qd, work.qd)
-    work.log_det[0] = log_det(unit, work)
+    note_det(unit, work)
     work.evaluations[0] += 1
     begin_balance(forces.bearings, phase.loads)
     prescribe(system, t, work.q, work.qd, work.qdd)
@@ -346,7 +346,7 @@ def advance(
         result, count = step(unit, system, forces, method, work, phase, t, end, h, sigma, False)
         most = max(most, count)
         if result == OK:
-            result = judge(unit, system, method, work, h)
+            result = judge(unit, system, method, work, h, first + taken)
         if result != OK:
             return result, taken, most
         sigma = np.inf

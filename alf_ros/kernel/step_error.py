@@ -14,7 +14,7 @@ is stiff chatters, however small the force and the way: there ε is not small ag
 
 A step is off by h ε / size. Of that only the part along the free directions counts, which takes a
 solve: it is made where the whole is large enough to matter. Small errors therefore cost one pass
-over the rates of the stages.
+over the rates of the stages, and that of one step in eight is enough while they stay small.
 """
 
 from __future__ import annotations
@@ -48,6 +48,8 @@ MOST_UNRESOLVED = 200.0  # steps of 1000, likewise
 _MEMORY, _SHORT_MEMORY = 1e-3, 1e-2  # part of a sum that each step forgets
 _PIECE = np.uint64(256)  # coordinates at a time
 _TELLS = 5e-6  # of the size: errors below add up to less than LEVEL
+_EVERY = 8  # steps of which one is judged as long as errors are far from telling
+_QUIET = 0.02  # part of the levels up to which they are
 _FINEST = 1e-10  # of the size: errors below may be rounding
 
 
@@ -104,15 +106,19 @@ def _embedded(method: Method, work: Work) -> tuple[float, float, float]:
 
 
 @inner
-def judge(unit: Unit, system: System, method: Method, work: Work, h: float) -> int:
+def judge(unit: Unit, system: System, method: Method, work: Work, h: float, number: int) -> int:
     """Note the error of the step of h (s) that ended in `work`, with Φ_q and factor of its end.
 
     Returns TOO_LONG if the errors of the last steps exceed the mechanism itself, else OK. A method
-    without an estimate, as of an adaptive integrator, is not judged.
+    without an estimate, as of an adaptive integrator, is not judged. Of the steps, by their
+    `number`, one in _EVERY stands for all while their errors are small.
     """
     if method.estimate.size == 0:
         return OK
     judged = work.judged
+    quiet = judged[RECENT] < _QUIET * LEVEL and judged[UNRESOLVED] < _QUIET * MOST_UNRESOLVED
+    if quiet and number % _EVERY != 0:
+        return OK
     high, low, first = _embedded(method, work)
     moved, sharp = 0.0, False
     if high > NOTHING:
@@ -131,10 +137,12 @@ def judge(unit: Unit, system: System, method: Method, work: Work, h: float) -> i
                 linearise(unit, system, work, work.q)
         if not moved < 1.0:
             moved = 1.0
-    judged[RECENT] += moved - _MEMORY * judged[RECENT]
-    judged[LOST] += moved - _SHORT_MEMORY * judged[LOST]
-    judged[UNRESOLVED] += (sharp and moved > _FINEST) - _MEMORY * judged[UNRESOLVED]
-    judged[STEPS] += 1.0 - _MEMORY * judged[STEPS]
+    # a large one stands for itself: the next are looked at
+    weight = float(_EVERY) if quiet and moved <= _TELLS else 1.0
+    judged[RECENT] += weight * (moved - _MEMORY * judged[RECENT])
+    judged[LOST] += weight * (moved - _SHORT_MEMORY * judged[LOST])
+    judged[UNRESOLVED] += weight * ((sharp and moved > _FINEST) - _MEMORY * judged[UNRESOLVED])
+    judged[STEPS] += weight * (1.0 - _MEMORY * judged[STEPS])
     level = max(judged[RECENT] * (1.0 / LEVEL), judged[UNRESOLVED] * (1.0 / MOST_UNRESOLVED))
     if level > judged[WORST]:
         judged[WORST] = level
