@@ -271,7 +271,7 @@ def allocate(model: Model, system: System, stages: int) -> Work:
     sizes = {
         'diagonal': n * D,
         'off': pattern.row.size * D * D,
-        'inverse_det': 2,
+        'inverse_det': 4,
         'inverse': n * D if stages else 0,
         'inverse_off': pattern.row.size * D * D if stages else 0,
         'column': int(columns.max(initial=0)) * D * D,

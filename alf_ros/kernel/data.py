@@ -347,7 +347,7 @@ class Work(Struct):
     judged: Floats  # (8,) errors of fixed steps so far, see `step_error`
     diagonal: Floats  # (movable D D,) factor: unit lower triangles, reciprocal pivots between
     off: Floats  # (blocks D D,) factor
-    inverse_det: Floats  # (2,) c, d with 1 / det A = c exp(d) where the step began
+    inverse_det: Floats  # (4,) 1 / det A = c exp(d): c, d where the step began and where it ends
     inverse: Floats  # (movable D D,) A⁻¹ on the pattern, where the rank is counted
     inverse_off: Floats  # (blocks D D,)
     column: Floats  # (longest column D D,) one column before division by the pivots

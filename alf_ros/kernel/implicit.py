@@ -38,6 +38,7 @@ from alf_ros.kernel.factor import linearise
 from alf_ros.kernel.jit import compiled, expanded, inner
 from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.prescribed import prescribe
+from alf_ros.kernel.rank import begin_with_det, note_det
 from alf_ros.kernel.soft import add_soft_times, weigh
 from alf_ros.kernel.stage import stage
 from alf_ros.kernel.step import (
@@ -171,6 +172,8 @@ def _step(
     copy(q, work.q)
     if not linearise(unit, system, work, work.q):
         return NOT_POSITIVE, 1
+    note_det(unit, work)
+    begin_with_det(work)
     most, felt = evaluate_first(unit, system, forces, work, phase, t, iterations)
     if most < 0:
         return JAMMED, 1

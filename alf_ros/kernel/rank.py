@@ -40,15 +40,21 @@ def inverse_det(unit: Unit, work: Work) -> tuple[float, float]:
 
 @inner
 def note_det(unit: Unit, work: Work) -> None:
-    """Keep det A as that of the begin of a step."""
-    work.inverse_det[0], work.inverse_det[1] = inverse_det(unit, work)
+    """Keep det A as that of the end of a step."""
+    work.inverse_det[2], work.inverse_det[3] = inverse_det(unit, work)
 
 
 @inner
-def fallen(unit: Unit, work: Work) -> bool:
-    """Whether det A is a small part of what it was where the step began."""
-    product, exponent = inverse_det(unit, work)
-    before, difference = work.inverse_det[0], exponent - work.inverse_det[1]
+def begin_with_det(work: Work) -> None:
+    """What was that of the end of a step is that of the begin of the next."""
+    work.inverse_det[0], work.inverse_det[1] = work.inverse_det[2], work.inverse_det[3]
+
+
+@inner
+def fallen(work: Work) -> bool:
+    """Whether det A at the end of the step is a small part of what it was where it began."""
+    before, product = work.inverse_det[0], work.inverse_det[2]
+    difference = work.inverse_det[3] - work.inverse_det[1]
     if difference == 0.0:
         return product > _FALLEN_BY * before
     return difference + np.log(product) - np.log(before) > _FALLEN

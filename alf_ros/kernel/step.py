@@ -30,7 +30,7 @@ from alf_ros.kernel.iteration import accelerate, augmented, begin_balance, veloc
 from alf_ros.kernel.jit import compiled, expanded, inner
 from alf_ros.kernel.manifold import project
 from alf_ros.kernel.prescribed import prescribe
-from alf_ros.kernel.rank import fallen, lost, note_det
+from alf_ros.kernel.rank import begin_with_det, fallen, lost, note_det
 from alf_ros.kernel.residuals import begin_accelerations
 from alf_ros.kernel.stage import stage
 from alf_ros.kernel.step_error import judge
@@ -47,7 +47,6 @@ def evaluate_first(
     """q̈ where the step begins, from the Φ_q and the factor that stand in `work`, and the
     curvature of the path; the iterations (-1: friction jams), and σ as `velocities` says it."""
     copy(phase.qd, work.qd)
-    note_det(unit, work)
     work.evaluations[0] += 1
     begin_balance(forces.bearings, phase.loads)
     prescribe(system, t, work.q, work.qd, work.qdd)
@@ -111,7 +110,8 @@ def end_step(
         result = project(unit, system, work, False)
         if result != OK:
             return result, 0
-        near = (suspect or fallen(unit, work)) and lost(unit, system, work)
+        note_det(unit, work)
+        near = (suspect or fallen(work)) and lost(unit, system, work)
         if not near:
             most, _sigma = velocities(unit, system, work, iterations, True)
             return _finite(work, OK), most
@@ -130,6 +130,7 @@ def end_step(
         result, most = end_aside(
             unit, system, forces, work, phase, end, moved, radius, close, falling, iterations
         )
+    note_det(unit, work)
     return _finite(work, result), most
 
 
@@ -282,7 +283,10 @@ def begin(unit: Unit, system: System, work: Work, phase: Phase) -> bool:
     """Φ_q, factor and angles of the phase into `work`; False if there is no factor."""
     mark(unit, system, work, phase)
     copy(phase.q, work.q)
-    return linearise(unit, system, work, work.q)
+    factored = linearise(unit, system, work, work.q)
+    note_det(unit, work)
+    begin_with_det(work)
+    return factored
 
 
 @inner
@@ -311,6 +315,7 @@ def accept(unit: Unit, system: System, work: Work, phase: Phase) -> None:
     violation(unit, system.angles, work.q, work.angle)
     count_turns(work.angle_before, work.angle, phase.turns)
     copy(work.angle, work.angle_before)
+    begin_with_det(work)
     nearby(work.angle, phase.turns, work.near)
     copy(work.q, phase.q)
     copy(work.qd, phase.qd)
