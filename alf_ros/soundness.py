@@ -243,11 +243,14 @@ def _start(scene: Scene, at: Linearised, is_known_bad: bool) -> Iterator[Answer]
     if simulation is not None and simulation.singular_start is not None:
         if not scene.mechanism.drives or simulation.singular_start.is_driven:
             here, gained = simulation.singular_start, max(gained, 1)
+    if simulation is not None and simulation.adjustment is not None:
+        yield Answer(NOTE, 'redundant lengths', str(simulation.adjustment))
     yield _place_of_start(here, gained)
     question = 'initial velocities'
     if simulation is None:
-        if fault is not None and (not is_known_bad or fault.key == 'initial.velocities'):
-            yield Answer(BAD, question, fault.message)
+        of_velocities = fault is not None and fault.key == 'initial.velocities'
+        if fault is not None and (of_velocities or not is_known_bad):
+            yield Answer(BAD, question if of_velocities else 'start', fault.message)
     elif simulation.state.qd[: simulation.model.n].any():
         yield Answer(OK, question, 'fit the constraints')
     elif simulation.singular_start is not None:

@@ -1,16 +1,18 @@
 """What one stage evaluation costs: N four-bars, RK4 at 0.1 ms, everything of a step included.
 
-    .venv/bin/python benchmark/stage_cost.py [--runs 5]
+    .venv/bin/python benchmark/stage_cost.py [--runs 5] [--against ANOTHER_CHECKOUT]
 
-Prints µs per stage for N = 2 to 100,000 and writes benchmark/results/stage_cost.csv: the median of
-so many processes, which load their code from numba's cache and compile nothing, and in each the
-fastest of several repetitions (others use the machine too).
+With --against: the cost here over that of another checkout of this repository, in turns, so that
+a machine that others use too slows both. Else prints µs per stage for N = 2 to 100,000 and writes
+benchmark/results/stage_cost.csv: the median of so many processes, which load their code from
+numba's cache and compile nothing, and in each the fastest of several repetitions.
 """
 
 from __future__ import annotations
 
 import argparse
 import csv
+import inspect
 import statistics
 import subprocess
 import sys
@@ -41,6 +43,54 @@ def cost(bars: int) -> float:
     return fastest
 
 
+def answer(bars: int) -> None:
+    """Seconds per stage evaluation of some 30 ms of steps, for each line of stdin."""
+    scene = load_scene('n_four_bar', parameters={'N': bars})
+    simulation = Simulation(scene, step=1e-4, integrator='rk4')
+    simulation.step(3)
+    for _ in sys.stdin:
+        before, started = simulation.evaluations, time.perf_counter()
+        simulation.step(max(3, 20_000 // bars))
+        spent = time.perf_counter() - started
+        print(spent / (simulation.evaluations - before), flush=True)
+
+
+# of another checkout, whose own copy of this file may be an older one
+_ANSWERS = f"""
+import sys, time
+sys.path.insert(0, sys.argv[1])
+from alf_ros import Simulation, load_scene
+{inspect.getsource(answer)}
+answer(int(sys.argv[2]))
+"""
+
+
+def against(other: str, bars: int, turns: int = 150) -> tuple[float, float]:
+    """µs a stage here, and the median of the ratios to those of the checkout `other`."""
+    here, ratios = [], []
+    for _ in range(3):
+        ours, theirs = (
+            subprocess.Popen(
+                [sys.executable, '-c', _ANSWERS, root, str(bars)],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                text=True,
+            )
+            for root in (str(ROOT), other)
+        )
+        with ours, theirs:
+            for turn in range(turns + 1):
+                spent = {}
+                for process in (ours, theirs) if turn % 2 else (theirs, ours):
+                    assert process.stdin is not None and process.stdout is not None
+                    print(file=process.stdin, flush=True)
+                    spent[process] = float(process.stdout.readline())
+                if turn:  # the first waits for compiling
+                    here.append(1e6 * spent[ours])
+                    ratios.append(spent[ours] / spent[theirs])
+    return statistics.median(here), statistics.median(ratios)
+
+
 def in_its_own_process(bars: int) -> float:
     """The same in a new one."""
     command = [sys.executable, __file__, '--one', str(bars)]
@@ -50,10 +100,16 @@ def in_its_own_process(bars: int) -> float:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition('\n')[0])
     parser.add_argument('--runs', type=int, default=5)
+    parser.add_argument('--against', metavar='CHECKOUT')
     parser.add_argument('--one', type=int, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.one:
         print(cost(options.one))
+        return
+    if options.against:
+        for bars in FOUR_BARS[:-2]:
+            spent, ratio = against(options.against, bars)
+            print(f'N = {bars:6}: {spent:9.3f} µs a stage, {ratio:.3f} of what it was', flush=True)
         return
     in_its_own_process(FOUR_BARS[0])  # fills numba's cache
     rows = []

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from alf_ros import AssemblyError, Simulation, load_scene
+from alf_ros.soundness import BAD, NOTE, examine
 
 STEPS = {'rk4': 1e-3, 'dop853': 5e-3, 'dop853_adaptive': 1e-2, 'esdirk43': 5e-3}
 
@@ -136,6 +137,18 @@ def test_the_adjustment_is_stated_and_repeats() -> None:
 def test_lengths_that_differ_by_more_are_refused_by_name(error: float) -> None:
     with pytest.raises(AssemblyError, match='redundant constraints contradict.*crank1_length by'):
         Simulation(load_scene(wheels(error)))
+
+
+def test_check_tells_what_is_adjusted_and_what_is_refused() -> None:
+    found = examine(load_scene(wheels(1e-10)))
+    (told,) = (a for a in found.answers if a.question == 'redundant lengths')
+    assert found.sound and told.verdict == NOTE
+    assert told.answer == str(Simulation(load_scene(wheels(1e-10))).adjustment)
+    found = examine(load_scene(wheels(1e-6)))
+    (told,) = (a for a in found.answers if a.question == 'start')
+    assert told.verdict == BAD and 'crank1_length by' in told.answer
+    found = examine(load_scene(wheels(0.0)))
+    assert found.sound and all(a.question != 'redundant lengths' for a in found.answers)
 
 
 @pytest.mark.parametrize('name', ['bricard', 'double_wishbone', 'planetary_gear', 'scissor_lift'])

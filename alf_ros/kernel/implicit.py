@@ -347,7 +347,7 @@ def advance_implicitly(
                 good = error * _SHARE * method.tolerance < _ROUNDING
                 work.rounded[0] += good
             if good:
-                result = judge(unit, system, method, work, dt, 0)
+                result = judge(unit, system, method, work, dt)
                 if result != OK:
                     break
                 tally(forces.ledger.tally, system, forces, work, phase, t, method.b.size, dt, ALL)

@@ -351,7 +351,7 @@ def advance(
         result, count = step(unit, system, forces, method, work, phase, t, end, h, sigma, False)
         most = max(most, count)
         if result == OK:
-            result = judge(unit, system, method, work, h, first + taken)
+            result = judge(unit, system, method, work, h)
         if result != OK:
             return result, taken, most
         sigma = np.inf

@@ -14,7 +14,7 @@ is stiff chatters, however small the force and the way: there ε is not small ag
 
 A step is off by h ε / size. Of that only the part along the free directions counts, which takes a
 solve: it is made where the whole is large enough to matter. Small errors therefore cost one pass
-over the rates of the stages, and that of one step in eight is enough while they stay small.
+over the rates of the stages.
 """
 
 from __future__ import annotations
@@ -24,7 +24,20 @@ import numpy as np
 from alf_ros.arrays import Unit
 from alf_ros.kernel.aside import linearise_aside
 from alf_ros.kernel.chart import straighten
-from alf_ros.kernel.data import NOTHING, OK, ONE, THREE, TOO_LONG, TWO, ZERO, Method, System, Work
+from alf_ros.kernel.data import (
+    FOUR,
+    NOTHING,
+    OK,
+    ONE,
+    THREE,
+    TOO_LONG,
+    TWO,
+    ZERO,
+    Method,
+    System,
+    Work,
+)
+from alf_ros.kernel.each import each
 from alf_ros.kernel.factor import linearise
 from alf_ros.kernel.iteration import augmented
 from alf_ros.kernel.jit import inner
@@ -48,8 +61,6 @@ MOST_UNRESOLVED = 200.0  # steps of 1000, likewise
 _MEMORY, _SHORT_MEMORY = 1e-3, 1e-2  # part of a sum that each step forgets
 _PIECE = np.uint64(256)  # coordinates at a time
 _TELLS = 5e-6  # of the size: errors below add up to less than LEVEL
-_EVERY = 8  # steps of which one is judged as long as errors are far from telling
-_QUIET = 0.02  # part of the levels up to which they are
 _FINEST = 1e-10  # of the size: errors below may be rounding
 
 
@@ -71,8 +82,10 @@ def free_part(unit: Unit, system: System, work: Work) -> float:
 def _embedded(method: Method, work: Work) -> tuple[float, float, float]:
     """(high / h, low / h, |ξ̈| of the first stage), m/s², of the step that ended in `work`.
 
-    Leaves the difference whose largest is the first in `work.sum`. The stages are even in number.
+    The stages are even in number. With four of them one pass does, and costs half.
     """
+    if method.b.size == 4:
+        return _embedded_of_four(method, work)
     n, stages = np.uint64(work.sum.size), np.uint64(method.b.size)
     k, out, other, e = work.k, work.sum, work.sum_q, method.estimate
     high, low, first = 0.0, 0.0, 0.0
@@ -106,19 +119,47 @@ def _embedded(method: Method, work: Work) -> tuple[float, float, float]:
 
 
 @inner
-def judge(unit: Unit, system: System, method: Method, work: Work, h: float, number: int) -> int:
+def _embedded_of_four(method: Method, work: Work) -> tuple[float, float, float]:
+    n, k, e = np.uint64(work.sum.size), work.k, method.estimate
+    a, b, c, d = e[0], e[1], e[2], e[3]
+    a2, b2, c2, d2 = e[4], e[5], e[6], e[7]
+    second, third, fourth = FOUR * n, np.uint64(7) * n, np.uint64(10) * n
+    high, low, first = 0.0, 0.0, 0.0
+    high2, low2, first2 = 0.0, 0.0, 0.0
+    for i in each(ZERO, (n + ONE) // TWO):  # two by two, as there
+        k0, k1, k2, k3 = k[n + i], k[second + i], k[third + i], k[fourth + i]
+        high = max(high, abs(a * k0 + b * k1 + (c * k2 + d * k3)))
+        low = max(low, abs(a2 * k0 + b2 * k1 + (c2 * k2 + d2 * k3)))
+        first = max(first, abs(k0))
+        j = n - ONE - i
+        k0, k1, k2, k3 = k[n + j], k[second + j], k[third + j], k[fourth + j]
+        high2 = max(high2, abs(a * k0 + b * k1 + (c * k2 + d * k3)))
+        low2 = max(low2, abs(a2 * k0 + b2 * k1 + (c2 * k2 + d2 * k3)))
+        first2 = max(first2, abs(k0))
+    return max(high, high2), max(low, low2), max(first, first2)
+
+
+@inner
+def _difference(method: Method, work: Work) -> None:
+    """h Σ e_s ξ̈_s / h, whose largest is `high` / h, into `work.sum`."""
+    n, out = np.uint64(work.sum.size), work.sum
+    zero(out)
+    for s in range(np.uint64(method.b.size)):
+        weight, at = method.estimate[s], (THREE * s + ONE) * n
+        for i in range(n):
+            out[i] += weight * work.k[at + i]
+
+
+@inner
+def judge(unit: Unit, system: System, method: Method, work: Work, h: float) -> int:
     """Note the error of the step of h (s) that ended in `work`, with Φ_q and factor of its end.
 
     Returns TOO_LONG if the errors of the last steps exceed the mechanism itself, else OK. A method
-    without an estimate, as of an adaptive integrator, is not judged. Of the steps, by their
-    `number`, one in _EVERY stands for all while their errors are small.
+    without an estimate, as of an adaptive integrator, is not judged.
     """
     if method.estimate.size == 0:
         return OK
     judged = work.judged
-    quiet = judged[RECENT] < _QUIET * LEVEL and judged[UNRESOLVED] < _QUIET * MOST_UNRESOLVED
-    if quiet and number % _EVERY != 0:
-        return OK
     high, low, first = _embedded(method, work)
     moved, sharp = 0.0, False
     if high > NOTHING:
@@ -128,6 +169,7 @@ def judge(unit: Unit, system: System, method: Method, work: Work, h: float, numb
         if moved > _TELLS or (sharp and moved > _FINEST):
             if work.aside[0]:
                 linearise_aside(unit, system, work)
+            _difference(method, work)
             straighten(unit, system.arms, work.chart, work.sum)
             zero(work.p)
             add_mass_times(unit, system.mass, 1.0, work.sum, work.p)
@@ -137,12 +179,10 @@ def judge(unit: Unit, system: System, method: Method, work: Work, h: float, numb
                 linearise(unit, system, work, work.q)
         if not moved < 1.0:
             moved = 1.0
-    # a large one stands for itself: the next are looked at
-    weight = float(_EVERY) if quiet and moved <= _TELLS else 1.0
-    judged[RECENT] += weight * (moved - _MEMORY * judged[RECENT])
-    judged[LOST] += weight * (moved - _SHORT_MEMORY * judged[LOST])
-    judged[UNRESOLVED] += weight * ((sharp and moved > _FINEST) - _MEMORY * judged[UNRESOLVED])
-    judged[STEPS] += weight * (1.0 - _MEMORY * judged[STEPS])
+    judged[RECENT] += moved - _MEMORY * judged[RECENT]
+    judged[LOST] += moved - _SHORT_MEMORY * judged[LOST]
+    judged[UNRESOLVED] += (sharp and moved > _FINEST) - _MEMORY * judged[UNRESOLVED]
+    judged[STEPS] += 1.0 - _MEMORY * judged[STEPS]
     level = max(judged[RECENT] * (1.0 / LEVEL), judged[UNRESOLVED] * (1.0 / MOST_UNRESOLVED))
     if level > judged[WORST]:
         judged[WORST] = level
