@@ -12,7 +12,7 @@ from distutils.command.install_data import install_data  # isort: skip
 
 NAME = 'alf_ros'
 XML = ElementTree.parse('package.xml')
-COMMANDS = runpy.run_path(f'{NAME}/commands.py')['COMMANDS']
+COMMANDS = runpy.run_path(f'{NAME}/commands/__init__.py')['COMMANDS']
 SCRIPTS = [f'{name} = {NAME}.__main__:executable' for name in COMMANDS]
 
 
@@ -41,7 +41,7 @@ setup(
     maintainer_email=XML.find('maintainer').get('email'),
     license=XML.findtext('license'),
     packages=find_packages(include=[NAME, f'{NAME}.*']),
-    package_data={NAME: ['py.typed', 'page/*', 'analysis/page/*']},
+    package_data={NAME: ['py.typed', 'logs/report/page/*', 'ros/view/page/*']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),

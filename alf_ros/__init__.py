@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from alf_ros.errors import AlfError, AssemblyError, InputError, StepError
-    from alf_ros.sample import Sample
-    from alf_ros.scene import Scene, load_scene
-    from alf_ros.simulation import Simulation
-    from alf_ros.state import State
+    from alf_ros.scene.scene import Scene, load_scene
+    from alf_ros.simulation.sample import Sample
+    from alf_ros.simulation.simulation import Simulation
+    from alf_ros.simulation.state import State
 
 __all__ = [
     'AlfError',
@@ -31,11 +31,11 @@ _HOME = {
     'AssemblyError': 'errors',
     'InputError': 'errors',
     'StepError': 'errors',
-    'Sample': 'sample',
-    'Scene': 'scene',
-    'load_scene': 'scene',
-    'Simulation': 'simulation',
-    'State': 'state',
+    'Sample': 'simulation.sample',
+    'Scene': 'scene.scene',
+    'load_scene': 'scene.scene',
+    'Simulation': 'simulation.simulation',
+    'State': 'simulation.state',
 }
 
 

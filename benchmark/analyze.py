@@ -22,10 +22,11 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from alf_ros import load_scene, settings  # noqa: E402
-from alf_ros.log_run import RECORDED, LogRun, RunWriter, full_names  # noqa: E402
+from alf_ros import load_scene  # noqa: E402
 from alf_ros.logs import load  # noqa: E402
-from alf_ros.provenance import versions  # noqa: E402
+from alf_ros.logs.provenance import versions  # noqa: E402
+from alf_ros.ros.recording.run_writer import RECORDED, LogRun, RunWriter, full_names  # noqa: E402
+from alf_ros.simulation import setup as settings  # noqa: E402
 
 Rows = list[tuple[str, Any, str]]
 RUN = 60.0  # s, the part that is repeated

@@ -41,18 +41,19 @@ def measured(path: Path) -> dict[str, float]:
     """One run, in this process."""
     started = time.perf_counter()
     sys.path.insert(0, str(ROOT))
-    from alf_ros import Simulation, document, load_scene
+    from alf_ros import Simulation, load_scene
+    from alf_ros.scene.text import yaml_document
 
-    parsing, read = [0.0], document.read
+    parsing, read = [0.0], yaml_document.read
 
-    def timed(path: Path) -> document.Entry:
+    def timed(path: Path) -> yaml_document.Entry:
         began = time.perf_counter()
         try:
             return read(path)
         finally:
             parsing.append(time.perf_counter() - began)
 
-    document.read = timed  # of the scene, and of the mechanism that it names
+    yaml_document.read = timed  # of the scene, and of the mechanism that it names
     marks = [time.perf_counter()]
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     scene = load_scene(path)
@@ -79,7 +80,7 @@ def write_out(path: Path) -> None:
     """Put every item of the mechanism in a scene file in a line of its own."""
     sys.path.insert(0, str(ROOT))
     from alf_ros import load_scene
-    from alf_ros.serialise import entry, serialise
+    from alf_ros.scene.text.yaml_writer import entry, serialise
 
     mechanism = load_scene(path).mechanism
     points = {p.name: {'at': list(p.at), 'fixed': p.fixed} for p in mechanism.points}
@@ -117,7 +118,7 @@ def main() -> None:
         write_out(options.write_out)
         return
     sys.path.insert(0, str(ROOT))
-    from alf_ros.hard_cases import about
+    from alf_ros.commands.hard_cases import about
 
     found: list[dict[str, Any]] = []
     with tempfile.TemporaryDirectory() as folder:

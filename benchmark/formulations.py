@@ -17,17 +17,18 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from alf_ros import Simulation, StepError, reference_motion  # noqa: E402
-from alf_ros.formulations import NAMES  # noqa: E402
-from alf_ros.hard_cases import about  # noqa: E402
-from alf_ros.reference_motion import Motion  # noqa: E402
+from alf_ros import Simulation, StepError  # noqa: E402
+from alf_ros.commands.hard_cases import about  # noqa: E402
+from alf_ros.simulation.formulations import NAMES  # noqa: E402
+from alf_ros.studies.exact import motions  # noqa: E402
+from alf_ros.studies.exact.motions import Motion  # noqa: E402
 
 PAPER = [0.01 / k for k in (5, 8, 10, 13, 19, 31)]
 ODD = [5e-3 / (2.0 + more) for more in (0.0, 0.13, 0.26, 0.39, 0.52, 0.65)]
 CASES = [
-    (reference_motion.paper('slider_crank'), PAPER),
-    (reference_motion.paper('double_four_bar'), PAPER),
-    (reference_motion.change_point(), ODD),
+    (motions.paper('slider_crank'), PAPER),
+    (motions.paper('double_four_bar'), PAPER),
+    (motions.change_point(), ODD),
 ]
 
 

@@ -26,7 +26,7 @@ from rclpy.serialization import serialize_message
 from real_time import OUTPUT, ROOT, Listener, Rows, cpu_seconds, simulator
 from sensor_msgs.msg import JointState
 
-from alf_ros.provenance import versions
+from alf_ros.logs.provenance import versions
 
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 FLOOD = 10_000.0

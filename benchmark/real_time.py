@@ -34,7 +34,7 @@ from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.node import Node  # noqa: E402
 from sensor_msgs.msg import JointState  # noqa: E402
 
-from alf_ros.provenance import versions  # noqa: E402
+from alf_ros.logs.provenance import versions  # noqa: E402
 
 RATE = 1000.0
 OUTPUT = 'output.txt'

@@ -21,7 +21,7 @@ from real_time import ROOT, Listener, Rows, cpu_seconds, simulator  # sets the p
 from diagnostic_msgs.msg import DiagnosticArray
 
 from alf_ros.logs import load
-from alf_ros.provenance import versions
+from alf_ros.logs.provenance import versions
 
 RATE = 1000.0
 

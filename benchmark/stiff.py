@@ -20,12 +20,12 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from alf_ros import Scene  # noqa: E402
-from alf_ros.hard_cases import about  # noqa: E402
-from alf_ros.scene import scene_from_text  # noqa: E402
-from alf_ros.simulation import Simulation  # noqa: E402
-from alf_ros.work_reference import SPACING, Reference, course  # noqa: E402
-from alf_ros.work_report import Price, curves, price  # noqa: E402
-from alf_ros.work_trial import Point, Setting, measure  # noqa: E402
+from alf_ros.commands.hard_cases import about  # noqa: E402
+from alf_ros.scene.scene import scene_from_text  # noqa: E402
+from alf_ros.simulation.simulation import Simulation  # noqa: E402
+from alf_ros.studies.work_precision.measurement import Point, Setting, measure  # noqa: E402
+from alf_ros.studies.work_precision.reference import SPACING, Reference, course  # noqa: E402
+from alf_ros.studies.work_precision.report import Price, curves, price  # noqa: E402
 
 RESULTS = ROOT / 'benchmark' / 'results'
 RATES = tuple(10.0 ** (0.5 * k) for k in range(3, 11))  # 1/s

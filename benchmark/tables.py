@@ -18,9 +18,9 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from alf_ros.work_precision import point_of  # noqa: E402
-from alf_ros.work_report import TARGETS, Summary, curves, price, sentence, table  # noqa: E402
-from alf_ros.work_trial import Point, Setting  # noqa: E402
+from alf_ros.commands.work_precision import point_of  # noqa: E402
+from alf_ros.studies.work_precision.measurement import Point, Setting  # noqa: E402
+from alf_ros.studies.work_precision.report import TARGETS, Summary, curves, price, sentence, table  # noqa: E402
 
 RESULTS = ROOT / 'benchmark' / 'results'
 DOCUMENTS = ('README.md', 'doc/performance.md')

@@ -13,7 +13,7 @@ from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
 from alf_ros import load_scene
-from alf_ros.urdf import urdf
+from alf_ros.exchange.urdf_export import urdf
 
 
 def robot_state_publisher(context):

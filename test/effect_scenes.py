@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from alf_ros import Simulation
-from alf_ros.scene import scene_from_text
+from alf_ros.scene.scene import scene_from_text
 
 # a point mass in the plane, free; m = 2 kg
 MASS = """

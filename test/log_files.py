@@ -8,9 +8,10 @@ from mcap_ros2.reader import read_ros2_messages
 from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import String
 
-from alf_ros import load_scene, settings
-from alf_ros.log_run import LogRun
+from alf_ros import load_scene
 from alf_ros.logs import journal
+from alf_ros.ros.recording.run_writer import LogRun
+from alf_ros.simulation import setup as settings
 
 JOURNAL = '/simulator/inputs'
 

@@ -13,9 +13,9 @@ from typing import Any
 
 from hypothesis import strategies
 
-from alf_ros import document
-from alf_ros.document import Entry
-from alf_ros.scene import load_scene
+from alf_ros.scene.scene import load_scene
+from alf_ros.scene.text import yaml_document
+from alf_ros.scene.text.yaml_document import Entry
 
 CONFIG = Path(__file__).resolve().parents[1] / 'config'
 
@@ -247,7 +247,7 @@ def mutants(draw: Any) -> str:
     """The text of a scene with one to three mistakes."""
     text = draw(strategies.sampled_from(SOURCES))
     random = draw(strategies.randoms(use_true_random=False))
-    tree = taken_apart(document.parse(text, None))
+    tree = taken_apart(yaml_document.parse(text, None))
     for _ in range(random.choice((1, 1, 2, 3))):
         (disturb if random.randrange(3) else change)(tree, random)
     text = written(tree)

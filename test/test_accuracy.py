@@ -9,16 +9,18 @@ import numpy as np
 import pytest
 from effect_scenes import MASS
 
-from alf_ros import InputError, Simulation, load_scene, reference_motion, settings
-from alf_ros.reference_motion import Motion
-from alf_ros.scene import Solver, joined, scene_from_text
-from alf_ros.scene_changes import with_changes
+from alf_ros import InputError, Simulation, load_scene
+from alf_ros.scene.overrides import with_changes
+from alf_ros.scene.scene import Solver, joined, scene_from_text
+from alf_ros.simulation import setup as settings
+from alf_ros.studies.exact import motions
+from alf_ros.studies.exact.motions import Motion
 
 MOTIONS = [
-    reference_motion.paper('slider_crank'),
-    reference_motion.paper('double_four_bar'),
-    reference_motion.change_point(),
-    reference_motion.four_bars(10),
+    motions.paper('slider_crank'),
+    motions.paper('double_four_bar'),
+    motions.change_point(),
+    motions.four_bars(10),
 ]
 
 

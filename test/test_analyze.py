@@ -18,18 +18,17 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
 from alf_ros import Simulation, load_scene
-from alf_ros.analysis import gathered
-from alf_ros.analysis.account import account
-from alf_ros.analysis.analyze import main
-from alf_ros.analysis.gathered import Label, gather
-from alf_ros.analysis.motion import mechanism, motion
-from alf_ros.analysis.nearness import distances
-from alf_ros.analysis.orders import MOST_HELD, MOST_TEXTS, Orders
-from alf_ros.analysis.page import page
-from alf_ros.analysis.trace import Frames, Trace
+from alf_ros.commands.analyze import main
+from alf_ros.commands.fork import fork
 from alf_ros.errors import InputError
-from alf_ros.fork import fork
 from alf_ros.logs import load
+from alf_ros.logs.report.commands import MOST_HELD, MOST_TEXTS, Orders
+from alf_ros.logs.report.decimation import Frames, Trace
+from alf_ros.logs.report.gather import Label, gather
+from alf_ros.logs.report.html import page
+from alf_ros.logs.report.motion import mechanism, motion
+from alf_ros.logs.report.singularity_distance import distances
+from alf_ros.logs.report.summary import account
 
 needs_chromium = pytest.mark.skipif(not CHROMIUM, reason='no chromium here: apt install chromium')
 
@@ -176,7 +175,7 @@ def test_distances_are_those_of_samples(planar):
 
 
 def test_of_too_many_states_only_the_diagnostics_tell_passes(recorded, monkeypatch):
-    monkeypatch.setattr(gathered, 'MOST_STATES', 500)
+    monkeypatch.setattr('alf_ros.logs.report.gather.MOST_STATES', 500)
     found = account(load(recorded))
     simulation = Simulation(load_scene('slider_crank'), watch=True)
     simulation.step(2000)

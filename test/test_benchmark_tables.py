@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from alf_ros.work_trial import Point, Setting
+from alf_ros.studies.work_precision.measurement import Point, Setting
 
 ROOT = Path(__file__).resolve().parents[1]
 

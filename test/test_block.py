@@ -6,9 +6,19 @@ import numpy as np
 import pytest
 
 from alf_ros.arrays import Floats, Integers, Unit
-from alf_ros.kernel.block import add, add_outer, block, cross, dot, packed, put, subtract, times
-from alf_ros.kernel.each import each
-from alf_ros.kernel.jit import compiled
+from alf_ros.kernel.numba_ext.block import (
+    add,
+    add_outer,
+    block,
+    cross,
+    dot,
+    packed,
+    put,
+    subtract,
+    times,
+)
+from alf_ros.kernel.numba_ext.jit import compiled
+from alf_ros.kernel.numba_ext.plain_loops import each
 
 
 @compiled

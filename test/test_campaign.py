@@ -8,11 +8,13 @@ import statistics
 import numpy as np
 import pytest
 
-from alf_ros import campaign, exact, hard_cases, reduced
+from alf_ros.commands import hard_cases
 from alf_ros.kernel import adaptive
-from alf_ros.reduced import Cost, evaluations_for
-from alf_ros.starting_states import TIMES, starting_states
-from alf_ros.trial import Result, execute
+from alf_ros.studies.exact import cost, one_freedom
+from alf_ros.studies.exact.cost import Cost, evaluations_for
+from alf_ros.studies.exact.starting_states import TIMES, starting_states
+from alf_ros.studies.hard_cases import campaign
+from alf_ros.studies.hard_cases.trial import Result, execute
 
 MECHANISMS = ('slider_crank', 'double_four_bar')
 
@@ -65,8 +67,8 @@ def test_the_full_campaign_has_every_promised_run() -> None:
     assert 'campaign' in hard_cases.CASES
 
 
-@pytest.mark.parametrize('alone', [exact.slider_crank(), exact.four_bars(2)])
-def test_inertia_is_that_of_the_energy(alone: exact.OneFreedom) -> None:
+@pytest.mark.parametrize('alone', [one_freedom.slider_crank(), one_freedom.four_bars(2)])
+def test_inertia_is_that_of_the_energy(alone: one_freedom.OneFreedom) -> None:
     """d/dt of ½ I θ̇² is the power of gravity, a function of θ only: θ̈ = (τ - ½ I' θ̇²) / I."""
     for theta in (0.3, 1.7, 4.0):
         inertia, slope = alone.inertia(theta)
@@ -92,7 +94,7 @@ def test_the_one_freedom_alone_follows_its_tolerance(name: str) -> None:
 
 
 def test_the_share_of_a_step_is_that_of_the_kernel() -> None:
-    assert reduced.SHARE == adaptive._SHARE
+    assert cost.SHARE == adaptive._SHARE
 
 
 def test_evaluations_for_an_error_lie_between_those_measured() -> None:

@@ -5,9 +5,9 @@ import pytest
 from numba import njit
 
 from alf_ros import Simulation, kernel, load_scene
-from alf_ros.kernel import chart
-from alf_ros.model import allocate, compile_model
-from alf_ros.scene import scene_from_text
+from alf_ros.kernel import arc_coordinates as chart
+from alf_ros.model.compile import allocate, compile_model
+from alf_ros.scene.scene import scene_from_text
 
 ARM = """
 mechanism:

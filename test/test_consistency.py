@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from alf_ros import AssemblyError, Simulation, load_scene
-from alf_ros.soundness import BAD, NOTE, examine
+from alf_ros.inspection.soundness import BAD, NOTE, examine
 
 STEPS = {'rk4': 1e-3, 'dop853': 5e-3, 'dop853_adaptive': 1e-2, 'esdirk43': 5e-3}
 

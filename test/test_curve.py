@@ -8,9 +8,9 @@ from effect_scenes import ROTOR, simulate
 from scipy.interpolate import BPoly
 
 from alf_ros import InputError, Simulation
-from alf_ros.curve import Curve, through
-from alf_ros.saved_states import as_data, from_data, read_curve
-from alf_ros.scene import scene_from_text
+from alf_ros.effects.contract.trajectory import Curve, through
+from alf_ros.scene.scene import scene_from_text
+from alf_ros.simulation.saved_states import as_data, from_data, read_curve
 
 J = 0.5
 TIMES = [0.3, 0.8, 1.0, 2.5]

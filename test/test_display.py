@@ -10,10 +10,10 @@ from scipy.spatial.transform import Rotation
 from visualization_msgs.msg import Marker, MarkerArray
 
 from alf_ros import Simulation, load_scene
-from alf_ros.display import Display, standard_scale
-from alf_ros.markers import markers
-from alf_ros.transforms import transforms
-from alf_ros.urdf import urdf
+from alf_ros.exchange.urdf_export import urdf
+from alf_ros.ros.messages.markers import markers
+from alf_ros.ros.messages.tf import transforms
+from alf_ros.simulation.display_geometry import Display, standard_scale
 
 # Coupler with three points, hung upside down: its joint to the crank is at its second point.
 BENT = {

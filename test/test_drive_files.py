@@ -9,7 +9,7 @@ import pytest
 from test_drives import ARM, GRAVITY, pendulum
 
 from alf_ros import AssemblyError, InputError, Simulation, load_scene
-from alf_ros.scene import scene_from_text
+from alf_ros.scene.scene import scene_from_text
 
 
 def test_a_table_begins_and_ends_at_rest(tmp_path: Any) -> None:

@@ -13,7 +13,7 @@ from test_joints import scene_of
 from alf_ros import Simulation, load_scene
 from alf_ros.arrays import Floats
 from alf_ros.mechanism import ANGLES, LENGTHS
-from alf_ros.scene import scene_from_text
+from alf_ros.scene.scene import scene_from_text
 
 COORDINATES = [
     (2, 'revolute', 'joint', 'angle'),

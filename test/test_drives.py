@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import quad, solve_ivp
 
 from alf_ros import InputError, Simulation, load_scene
-from alf_ros.scene import scene_from_text
+from alf_ros.scene.scene import scene_from_text
 
 G = 9.81
 GRAVITY = {'gravity': {'acceleration': [0, -G]}}

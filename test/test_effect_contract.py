@@ -12,8 +12,10 @@ import pytest
 from numba import types
 from numba.core.registry import CPUDispatcher
 
-from alf_ros import InputError, Simulation, document, effects, kernel, load_scene, settings
-from alf_ros.scene import scene_from_text
+from alf_ros import InputError, Simulation, effects, kernel, load_scene
+from alf_ros.scene.scene import scene_from_text
+from alf_ros.scene.text import yaml_document
+from alf_ros.simulation import setup as settings
 
 PLANAR = """
 mechanism:
@@ -62,14 +64,16 @@ mechanism:
 initial: {velocities: {A: [~, 1.5, ~], B: [~, ~, 0.2], C: [~, ~, 2], E: [~, ~, 0.7]}}
 """
 # by kind: `planar` and `spatial` do everything that it can do, `without` has no strength
-EXAMPLES = document.read(Path(__file__).parent / 'data/effect_examples.yaml').mapping()
+EXAMPLES = yaml_document.read(Path(__file__).parent / 'data/effect_examples.yaml').mapping()
 LOADED = [('joint_friction', f'{which}_loaded') for which in ('planar', 'spatial')]
 CASES = [(kind, which) for kind in EXAMPLES for which in ('planar', 'spatial')] + LOADED
 CONSERVATIVE = ('gravity', 'spring', 'torsion_spring', 'joint_stop', 'ground_contact')
 
 
 def simulation(kind: str, which: str, **options: Any) -> Simulation:
-    fields = document.parse(SPATIAL if which.startswith('spatial') else PLANAR, None).mapping()
+    fields = yaml_document.parse(
+        SPATIAL if which.startswith('spatial') else PLANAR, None
+    ).mapping()
     chosen = {kind: EXAMPLES[kind].mapping()[which]}
     return Simulation(load_scene({**fields, 'effects': chosen}), **{'step': 1e-3, **options})
 
@@ -105,7 +109,10 @@ def test_compiled_is_what_is_written(
     energy = kernel.potential_energy(sim._applied.assembled.effects, sim.t, q, sample._near)
     module = effects.load(kind)
     packed = module.pack(list(sim.scene.effects), sim.model.layout)
-    shared = [importlib.import_module(f'alf_ros.{name}') for name in ('measure', 'table')]
+    shared = [
+        importlib.import_module(f'alf_ros.effects.contract.{name}')
+        for name in ('scalars', 'piecewise')
+    ]
     as_python(monkeypatch, module, *shared)
     near, data, python = sample._near, (packed.slots, packed.params), np.zeros(q.size)
     module.force.__wrapped__(sim.t, q, qd, near, *data, python)
@@ -203,7 +210,10 @@ def test_a_run_in_python_is_the_compiled_run(
     for name in ('force', 'potential', 'friction'):
         if hasattr(module, name):
             monkeypatch.setattr(module, name, InPython(getattr(module, name)))
-    shared = [importlib.import_module(f'alf_ros.{name}') for name in ('measure', 'table')]
+    shared = [
+        importlib.import_module(f'alf_ros.effects.contract.{name}')
+        for name in ('scalars', 'piecewise')
+    ]
     as_python(monkeypatch, module, *shared)
     python = simulation(kind, which)
     python.step(60)

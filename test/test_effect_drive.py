@@ -11,7 +11,7 @@ from effect_scenes import DISC, MASS, ROTOR, ROTOR_IN_SPACE, TWO_ROTORS, simulat
 from scipy.interpolate import CubicSpline
 
 from alf_ros import InputError, Simulation, load_scene
-from alf_ros.scene import scene_from_text
+from alf_ros.scene.scene import scene_from_text
 
 J = 0.5
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from alf_ros import InputError, Simulation, effects, load_scene
-from alf_ros.scene import scene_from_text
+from alf_ros.scene.scene import scene_from_text
 
 ROOT = Path(__file__).resolve().parents[1]
 DOC = (ROOT / 'doc/effects.md').read_text('utf-8')

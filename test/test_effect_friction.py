@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from alf_ros import Simulation, StepError, load_scene, state_vector
-from alf_ros.saved_states import as_data, from_data
+from alf_ros import Simulation, StepError, load_scene
+from alf_ros.simulation import state_vector
+from alf_ros.simulation.saved_states import as_data, from_data
 
 Floats = NDArray[np.float64]
 G = 9.81

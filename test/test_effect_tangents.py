@@ -49,7 +49,10 @@ class Alone:
 
 
 def written(monkeypatch: pytest.MonkeyPatch, kind: str) -> None:
-    shared = [importlib.import_module(f'alf_ros.{name}') for name in ('measure', 'table')]
+    shared = [
+        importlib.import_module(f'alf_ros.effects.contract.{name}')
+        for name in ('scalars', 'piecewise')
+    ]
     as_python(monkeypatch, effects.load(kind), *shared)
 
 

@@ -3,8 +3,8 @@
 import pytest
 
 from alf_ros import InputError, Simulation, load_scene
-from alf_ros.effect_values import effect_values, with_effect_values
-from alf_ros.scene import scene_from_text
+from alf_ros.scene.effect_values import effect_values, with_effect_values
+from alf_ros.scene.scene import scene_from_text
 
 GRAVITY = {'acceleration': [0, -9.81]}
 PUSH, TWIST = {'on': 'coupler', 'force': [0, 5.0], 'at': 'A'}, {'on': 'crank', 'torque': 0.1}

@@ -11,7 +11,7 @@ from test_simulation import PENDULUM
 
 from alf_ros import InputError, Simulation, load_scene
 from alf_ros.effects import Effect, contract, load
-from alf_ros.scene import scene_from_text
+from alf_ros.scene.scene import scene_from_text
 
 FRAMES = """
 effects:
@@ -95,7 +95,7 @@ def test_effects_that_do_not_fit_are_refused() -> None:
 def test_what_is_not_named_is_not_imported() -> None:
     code = (
         'import sys\n'
-        'from alf_ros import Simulation, scene\n'
+        'from alf_ros import Simulation; from alf_ros.scene import scene\n'
         f'for more in ("", "effects: {{torsion_spring: {{joint: pin, stiffness: 1}}}}"):\n'
         f'    sim = Simulation(scene.scene_from_text({PENDULUM!r} + more))\n'
         '    sim.step(3); sim.sample().energy; sim.sample().joint_efforts\n'

@@ -10,9 +10,9 @@ import pytest
 
 from alf_ros import Simulation, effects
 from alf_ros.__main__ import main
-from alf_ros.effects_command import table
-from alf_ros.price import price_list
-from alf_ros.scene import scene_from_text
+from alf_ros.commands.effects import table
+from alf_ros.inspection.effect_costs import price_list
+from alf_ros.scene.scene import scene_from_text
 
 SCENE = """
 name: priced

@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from alf_ros.expression import ExpressionError, evaluate, reserved
+from alf_ros.scene.text.expression import ExpressionError, evaluate, reserved
 
 NAMES = {'L': 2.0, 'm': 0.5, 'k': 3.0}
 

@@ -13,12 +13,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from alf_ros import exact, figure_plot, figure_scan, figures, table_one
-from alf_ros.comparison import EXAMPLES, Comparison
+from alf_ros.commands import figures
 from alf_ros.errors import InputError, StepError
-from alf_ros.formulations.adams import Adams
-from alf_ros.published import PublishedRun, Setting
-from alf_ros.scene import load_scene
+from alf_ros.scene.scene import load_scene
+from alf_ros.simulation.formulations.adams import Adams
+from alf_ros.studies.exact import one_freedom
+from alf_ros.studies.paper import plot, scan, table_one
+from alf_ros.studies.paper.formulations import EXAMPLES, Comparison
+from alf_ros.studies.paper.published import PublishedRun, Setting
 
 DATA = Path(__file__).parent / 'data'
 
@@ -109,7 +111,7 @@ def test_pictures_are_drawn(fixed: Path, published: tuple[Path, str]) -> None:
 
 
 def test_panels_carry_the_figures_of_the_paper(four_bars: Comparison) -> None:
-    left, right = figure_plot._panels(four_bars, [four_bars.truth])
+    left, right = plot._panels(four_bars, [four_bars.truth])
     shown = [panel.title for panel in [*left, *right] if panel.margin]
     assert [title.startswith('after figs. 10-13: ') for title in shown] == 6 * [True]
     assert ' '.join(shown).count('acceleration') == ' '.join(shown).count('energy') == 1
@@ -140,13 +142,13 @@ def test_finding_reproduces_around_its_tolerance(four_bars: Comparison) -> None:
     """Not of one run, which chance decides, but of most."""
     lost = {}
     for name in ('alf1', 'alf2_literal'):
-        said = figure_scan.neighbours(four_bars, name, Setting(), (0.8, 0.87, 0.95, 1.05, 1.25))
+        said = scan.neighbours(four_bars, name, Setting(), (0.8, 0.87, 0.95, 1.05, 1.25))
         lost[name] = int(re.search(r'lost in (\d) of 5', said).group(1))
     assert lost['alf1'] >= 3 and lost['alf2_literal'] <= 1, lost
 
 
 def test_scan_has_a_line_for_each_penalty(four_bars: Comparison) -> None:
-    lines = figure_scan.table(four_bars, 'alf1', Setting(), (1e-4, 1e-5), (1e7, 1e9)).splitlines()
+    lines = scan.table(four_bars, 'alf1', Setting(), (1e-4, 1e-5), (1e7, 1e9)).splitlines()
     assert lines[0] == 'double_four_bar, alf1: when it is lost, s'
     assert lines[1].split() == ['α', '\\', 'tolerance', '1e-04', '1e-05']
     assert [line.split()[0] for line in lines[2:]] == ['1e+07', '1e+09']
@@ -162,7 +164,7 @@ def test_published_runs_follow_the_motion(
 ) -> None:
     """Up to the first pass, with an error that follows the tolerance."""
     times = four_bars.times[:30]
-    wanted = exact.four_bars(2).motion(math.pi / 2, -1.0, times)[-1]
+    wanted = one_freedom.four_bars(2).motion(math.pi / 2, -1.0, times)[-1]
     errors = []
     for tolerance in (1e-5, 1e-8):
         run = PublishedRun(
@@ -177,7 +179,7 @@ def test_published_runs_follow_the_motion(
 def test_a_run_that_takes_too_long_ends(monkeypatch: pytest.MonkeyPatch) -> None:
     for integrator in ('adams', 'vode'):
         run = PublishedRun(load_scene('slider_crank'), 'alf1', Setting(integrator=integrator))
-        monkeypatch.setattr('alf_ros.published.MOST', 50)
+        monkeypatch.setattr('alf_ros.studies.paper.published.MOST', 50)
         with pytest.raises(StepError, match='more than 50 evaluations'):
             list(run.states(np.linspace(0.0, 1.0, 11)))
 

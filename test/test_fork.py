@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 from log_files import make, push
 
-from alf_ros import Simulation, load_scene, settings
+from alf_ros import Simulation, load_scene
 from alf_ros.__main__ import main
-from alf_ros.effect_values import with_effect_values
-from alf_ros.log_run import LogRun
 from alf_ros.logs import load
 from alf_ros.logs.comparison import compare
 from alf_ros.logs.rerun import in_order, read_state
+from alf_ros.ros.recording.run_writer import LogRun
+from alf_ros.scene.effect_values import with_effect_values
+from alf_ros.simulation import setup as settings
 
 
 def eventful(folder, scene='slider_crank', recorded=None, **solver):

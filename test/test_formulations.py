@@ -8,12 +8,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from alf_ros import Scene, Simulation, formulations, kernel, load_scene, reference_motion, scene
+from alf_ros import Scene, Simulation, kernel, load_scene
 from alf_ros.effects import contract
 from alf_ros.errors import AlfError, InputError, StepError
-from alf_ros.formulations import Formulation
 from alf_ros.kernel import Phase
-from alf_ros.model import Model
+from alf_ros.model.compile import Model
+from alf_ros.scene import scene
+from alf_ros.simulation import formulations
+from alf_ros.simulation.formulations import Formulation
+from alf_ros.studies.exact import motions
 
 PENALTY = ('penalty', 'canonical')  # right up to 1/α
 ITERATED = ('alf1', 'alf2_literal')
@@ -244,7 +247,7 @@ def test_forces_are_those_of_the_time_of_the_stage(name: str) -> None:
 @pytest.mark.parametrize('mechanism', ['slider_crank', 'double_four_bar'])
 def test_classical_matrices_are_singular_in_a_singular_position(name: str, mechanism: str) -> None:
     """6.1: started in it, no step can be taken, and the state stays what it was."""
-    sim = Simulation(reference_motion.start(mechanism, 0.0, -2.0).scene(), formulation=name)
+    sim = Simulation(motions.start(mechanism, 0.0, -2.0).scene(), formulation=name)
     before = sim.state
     with pytest.raises(StepError, match='alf2') as caught:
         sim.step(10)
@@ -256,7 +259,7 @@ def test_classical_matrices_are_singular_in_a_singular_position(name: str, mecha
 
 @pytest.mark.parametrize('name', ['alf2', *ITERATED])
 def test_augmented_ones_go_on_from_it(name: str) -> None:
-    motion = reference_motion.start('slider_crank', 0.0, -2.0)
+    motion = motions.start('slider_crank', 0.0, -2.0)
     q, _ = end(motion.scene(), name, 1e-3, 3.0)
     assert q == pytest.approx(motion.exact()[-1], abs=1e-6)
 
@@ -289,7 +292,7 @@ def test_independent_coordinates_do_not_outlast_a_turn_of_the_crank() -> None:
 @pytest.mark.parametrize('name', formulations.NAMES)
 def test_a_general_passage_loses_all_but_alf2(name: str) -> None:
     """Six chance steps through 4 change points: alf2 within its h⁴ in all, the others not."""
-    motion = reference_motion.change_point()
+    motion = motions.change_point()
     exact = motion.exact()[-1]
     errors = []
     for odd in (0.0, 0.13, 0.26, 0.39, 0.52, 0.65):

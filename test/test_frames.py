@@ -9,7 +9,7 @@ import pytest
 from ros_node import wrench
 
 from alf_ros import Simulation, load_scene
-from alf_ros.command_messages import read_wrench
+from alf_ros.ros.simulator.command_messages import read_wrench
 
 MASS, MOMENT, COM, ANGLE = 2.0, 0.3, np.array([0.4, 0.25]), 0.7
 C, S = np.cos(ANGLE), np.sin(ANGLE)

@@ -6,8 +6,8 @@ from ros_node import wrench
 from scipy.spatial.transform import Rotation
 
 from alf_ros import Simulation, load_scene
-from alf_ros.command_messages import read_wrench
-from alf_ros.display import poses
+from alf_ros.ros.simulator.command_messages import read_wrench
+from alf_ros.simulation.display_geometry import poses
 
 MASS, MOMENTS, COM = 2.0, [0.3, 0.4, 0.5], np.array([0.3, 0.2, 0.1])
 TURN = Rotation.from_rotvec([0.5, -0.4, 0.9])

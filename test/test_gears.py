@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from alf_ros import Simulation
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
-from alf_ros.scene import scene_from_text
+from alf_ros.scene.scene import scene_from_text
 
 PAIR = """
 mechanism:

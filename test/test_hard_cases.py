@@ -13,9 +13,10 @@ import numpy as np
 import pytest
 from scipy.special import ellipj, ellipk
 
-from alf_ros import exact, hard_cases, reference_motion
 from alf_ros.__main__ import main
-from alf_ros.trial import Result, Run, execute, observed_order
+from alf_ros.commands import hard_cases
+from alf_ros.studies.exact import motions, one_freedom
+from alf_ros.studies.hard_cases.trial import Result, Run, execute, observed_order
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -23,12 +24,12 @@ ROOT = Path(__file__).resolve().parents[1]
 @pytest.mark.parametrize(
     ('alone', 'data'),
     [
-        (exact.slider_crank(), 'slider_crank_6_2'),
-        (exact.four_bars(2), 'n_fourbar_N2'),
-        (exact.four_bars(10), 'n_fourbar_N10'),
+        (one_freedom.slider_crank(), 'slider_crank_6_2'),
+        (one_freedom.four_bars(2), 'n_fourbar_N2'),
+        (one_freedom.four_bars(10), 'n_fourbar_N10'),
     ],
 )
-def test_one_freedom_follows_the_exact_solution(alone: exact.OneFreedom, data: str) -> None:
+def test_one_freedom_follows_the_exact_solution(alone: one_freedom.OneFreedom, data: str) -> None:
     samples = json.loads((ROOT / f'test/data/{data}.json').read_text())['samples']
     first = samples[0]
     times = [sample['t'] for sample in samples]
@@ -44,12 +45,12 @@ def test_four_bars_are_the_pendulum_of_jacobi() -> None:
     m = (2 * frequency / fastest) ** 2
     times = np.linspace(0.0, 1.5, 16)
     *_, amplitude = ellipj(fastest * times / 2 + ellipk(m), m)
-    angles = exact.four_bars(n).angles(math.pi / 2, -speed, times)
+    angles = one_freedom.four_bars(n).angles(math.pi / 2, -speed, times)
     assert angles == pytest.approx(1.5 * math.pi - 2 * amplitude, abs=1e-11)
 
 
-@pytest.mark.parametrize('alone', [exact.slider_crank(), exact.four_bars(3)])
-def test_tangent_is_the_derivative_of_the_position(alone: exact.OneFreedom) -> None:
+@pytest.mark.parametrize('alone', [one_freedom.slider_crank(), one_freedom.four_bars(3)])
+def test_tangent_is_the_derivative_of_the_position(alone: one_freedom.OneFreedom) -> None:
     for theta in (0.0, 0.7, math.pi / 2, 4.0):
         slope = (alone.position(theta + 1e-5) - alone.position(theta - 1e-5)) / 2e-5
         assert alone.tangent(theta) == pytest.approx(slope, abs=1e-9)
@@ -57,7 +58,7 @@ def test_tangent_is_the_derivative_of_the_position(alone: exact.OneFreedom) -> N
 
 def test_change_point_keeps_its_lengths_and_its_energy() -> None:
     times = np.linspace(0.0, 4.0, 4001)
-    A, B = np.split(exact.change_point(times), 2, axis=1)
+    A, B = np.split(one_freedom.change_point(times), 2, axis=1)
     assert np.hypot(*A.T) == pytest.approx(1.0, abs=1e-14)
     assert np.hypot(*(B - A).T) == pytest.approx(2.0, abs=1e-14)
     assert np.hypot(*(B - [4.0, 0.0]).T) == pytest.approx(3.0, abs=1e-14)
@@ -110,7 +111,7 @@ def test_the_full_suite_has_every_promised_run() -> None:
 
 
 def failing(bound: float, integrator: str, h: float) -> hard_cases.Row:
-    run = Run(reference_motion.change_point(), integrator, h, bound)
+    run = Run(motions.change_point(), integrator, h, bound)
     return hard_cases.Row('change_point', 'change_point', (run,))
 
 
@@ -138,7 +139,7 @@ def test_a_case_that_fails_is_told(
 def test_order_below_that_of_the_method_fails(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    motion = reference_motion.paper('slider_crank')
+    motion = motions.paper('slider_crank')
     runs = tuple(Run(motion, 'rk4', h, 0.1) for h in (1e-2, 8e-3, 6e-3, 4e-3))
     monkeypatch.setitem(
         hard_cases.CASES, 'order', lambda quick: iter([hard_cases.Row('order', 'x', runs, 7.5)])
@@ -149,7 +150,7 @@ def test_order_below_that_of_the_method_fails(
 
 def test_observed_order() -> None:
     def results(errors: list[float]) -> list[Result]:
-        motion = reference_motion.change_point()
+        motion = motions.change_point()
         steps = [0.01 / 2**k for k in range(len(errors))]
         return [
             Result(Run(motion, 'rk4', h, 1.0), error, 0.0, 0.0, 1.0, '')
@@ -164,7 +165,7 @@ def test_observed_order() -> None:
 
 
 def test_a_run_is_judged_by_the_worst_of_its_samples() -> None:
-    result = execute(Run(reference_motion.paper('slider_crank'), 'rk4', 2e-3, 1e-6))
+    result = execute(Run(motions.paper('slider_crank'), 'rk4', 2e-3, 1e-6))
     assert result.verdict == 'passed'
     assert 1e-9 < result.position < 1e-6
     assert result.energy_bound == pytest.approx(2 * 9.81 * 1e-6)

@@ -14,8 +14,8 @@ from test_rolling import SKATE
 from test_simulation import same
 
 from alf_ros import InputError, Scene, Simulation, StepError, load_scene
-from alf_ros.integrator import TABLEAUX
-from alf_ros.scene import scene_from_text
+from alf_ros.model.tableaux import TABLEAUX
+from alf_ros.scene.scene import scene_from_text
 
 G = 9.81
 
@@ -288,7 +288,7 @@ import numpy as np
 
 from alf_ros.arrays import Floats, Integers
 from alf_ros.effects import contract
-from alf_ros.measure import Measures, component, numbers_of, place, push_component
+from alf_ros.effects.contract.scalars import Measures, component, numbers_of, place, push_component
 
 MULTIPLE = True
 

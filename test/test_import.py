@@ -11,9 +11,9 @@ import pytest
 
 from alf_ros import Simulation, load_scene
 from alf_ros.arrays import Floats
+from alf_ros.commands.import_ import imported, main
 from alf_ros.errors import InputError
-from alf_ros.import_command import imported, main
-from alf_ros.scene import scene_from_text
+from alf_ros.scene.scene import scene_from_text
 
 DURATION = 1.0
 

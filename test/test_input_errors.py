@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 import yaml
 
-from alf_ros import document
 from alf_ros.errors import InputError
-from alf_ros.scene import Solver, load_scene, scene_from_text
+from alf_ros.scene.scene import Solver, load_scene, scene_from_text
+from alf_ros.scene.text import yaml_document
 
 SCENE = """\
 mechanism:
@@ -272,11 +272,13 @@ MISTAKES = {
 
 
 @pytest.mark.parametrize(('old', 'new', 'blame', 'message'), MISTAKES.values(), ids=MISTAKES)
-@pytest.mark.parametrize('loader', [document._Loader, yaml.SafeLoader], ids=['libyaml', 'python'])
+@pytest.mark.parametrize(
+    'loader', [yaml_document._Loader, yaml.SafeLoader], ids=['libyaml', 'python']
+)
 def test_mistake(
     loader: type, old: str, new: str, blame: str, message: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(document, '_Loader', loader)
+    monkeypatch.setattr(yaml_document, '_Loader', loader)
     assert SCENE.count(old) == 1, 'the case is ambiguous'
     text = SCENE.replace(old, new)
     with pytest.raises(InputError, match=message) as caught:
@@ -317,11 +319,13 @@ def test_the_scene_of_the_mistakes_is_right() -> None:
         (b'%YAML 1.1\n---\nmechanism: x\n...\n', 'no mechanism of this name'),
     ],
 )
-@pytest.mark.parametrize('loader', [document._Loader, yaml.SafeLoader], ids=['libyaml', 'python'])
+@pytest.mark.parametrize(
+    'loader', [yaml_document._Loader, yaml.SafeLoader], ids=['libyaml', 'python']
+)
 def test_whole_files(
     loader: type, content: bytes, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(document, '_Loader', loader)
+    monkeypatch.setattr(yaml_document, '_Loader', loader)
     path = tmp_path / 'bad.yaml'
     path.write_bytes(content)
     with pytest.raises(InputError, match=message) as caught:

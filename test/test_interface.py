@@ -143,7 +143,7 @@ def test_parameters(found):
 
 
 def test_reasons_of_refusals():
-    from alf_ros.command_messages import REASONS
+    from alf_ros.ros.simulator.command_messages import REASONS
 
     documented = {name for names, _ in table('Commands')[4:] for name in names}
     assert set(REASONS) <= documented

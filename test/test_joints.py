@@ -12,13 +12,13 @@ import pytest
 
 from alf_ros import AssemblyError, Simulation, kernel
 from alf_ros.arrays import Floats
-from alf_ros.form import Form
-from alf_ros.layout import Layout
 from alf_ros.mechanism import GROUND, Joint
-from alf_ros.mechanism_joints import PLANAR, SPATIAL
-from alf_ros.model import Model, hold
-from alf_ros.rows import joint_rows
-from alf_ros.scene import Scene, scene_from_text
+from alf_ros.mechanism.affine import Form
+from alf_ros.mechanism.natural_coordinates import Layout
+from alf_ros.model.compile import Model, hold
+from alf_ros.model.constraints.rows import joint_rows
+from alf_ros.scene.mechanism_file.joints import PLANAR, SPATIAL
+from alf_ros.scene.scene import Scene, scene_from_text
 
 PLANE = """
 mechanism:

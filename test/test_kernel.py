@@ -9,9 +9,9 @@ import pytest
 
 from alf_ros import Simulation, kernel, load_scene
 from alf_ros.arrays import Floats
-from alf_ros.model import Model, allocate, compile_model
-from alf_ros.rank import effective_rank
-from alf_ros.scene import scene_from_text
+from alf_ros.model.compile import Model, allocate, compile_model
+from alf_ros.model.rank import effective_rank
+from alf_ros.scene.scene import scene_from_text
 
 # a truss of bars, with a body of four points and an off-axis centre of mass, a guide askew, fixed
 # ends

@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from alf_ros import Simulation, exact, landing, load_scene
+from alf_ros import Simulation, load_scene
 from alf_ros.arrays import Floats
-from alf_ros.trial import execute
+from alf_ros.studies.exact import one_freedom
+from alf_ros.studies.hard_cases import landing
+from alf_ros.studies.hard_cases.trial import execute
 
-CRANK = exact.slider_crank()
+CRANK = one_freedom.slider_crank()
 ASIDE = (0.0, 1e-12, -1e-9, 1e-7, -1e-6, 1e-5)  # s
 
 
@@ -61,17 +63,19 @@ def test_effort_at_a_dead_centre_is_its_limit(aside: float) -> None:
 
 
 def test_a_weight_that_a_dead_centre_cannot_hold_has_no_limit() -> None:
-    sim = piston(2.0 * math.pi, 0.2, exact.GRAVITY)
+    sim = piston(2.0 * math.pi, 0.2, one_freedom.GRAVITY)
     sim.step(20)
     sample = sim.sample()
     assert math.isnan(sample.drive_efforts['piston'][0])
     assert sample.reactions['crank_pin'].indeterminate
-    assert sample.reactions['crank_pin'].force[1] == pytest.approx(exact.GRAVITY, abs=1e-6)
+    assert sample.reactions['crank_pin'].force[1] == pytest.approx(one_freedom.GRAVITY, abs=1e-6)
     assert np.isfinite(sample.qdd).all()
-    later = piston(2.0 * math.pi, 0.2, exact.GRAVITY)
+    later = piston(2.0 * math.pi, 0.2, one_freedom.GRAVITY)
     later.step(21)  # 10 ms behind it there is a force
     angle = 2.0 * math.pi * 0.01
-    exactly = (2.0 * math.pi) ** 2 * math.cos(angle) - exact.GRAVITY / (2.0 * math.tan(angle))
+    exactly = (2.0 * math.pi) ** 2 * math.cos(angle) - one_freedom.GRAVITY / (
+        2.0 * math.tan(angle)
+    )
     assert later.sample().drive_efforts['piston'][0] == pytest.approx(exactly, rel=1e-8)
 
 
@@ -121,7 +125,7 @@ def test_a_stiff_stop_beside_the_position(
         rates, (0, 0.3), (theta, rate), 'DOP853', times, rtol=1e-11, atol=1e-13, max_step=5e-5
     )
     effects = {
-        'gravity': {'acceleration': [0, -exact.GRAVITY]},
+        'gravity': {'acceleration': [0, -one_freedom.GRAVITY]},
         'joint_stop': {'joint': 'crank_pin', 'upper': stop, 'stiffness': stiffness},
     }
     sim = Simulation(

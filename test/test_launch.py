@@ -12,7 +12,7 @@ import yaml
 from ros_node import ROOT, START_LIMIT, read_log
 
 from alf_ros import load_scene
-from alf_ros.urdf import urdf
+from alf_ros.exchange.urdf_export import urdf
 
 pytest.importorskip('launch_ros', reason='launch_ros comes with a ROS 2 installation')
 

@@ -13,10 +13,11 @@ import pytest
 from effect_scenes import MASS, ROTOR, ROTOR_IN_SPACE
 from test_drives import BELT
 
-from alf_ros import InputError, Simulation, StepError, load_scene, state_vector
-from alf_ros.sample import Sample
-from alf_ros.saved_states import as_data, from_data
-from alf_ros.scene import scene_from_text
+from alf_ros import InputError, Simulation, StepError, load_scene
+from alf_ros.scene.scene import scene_from_text
+from alf_ros.simulation import state_vector
+from alf_ros.simulation.sample import Sample
+from alf_ros.simulation.saved_states import as_data, from_data
 
 G = 9.81
 METHODS: list[dict[str, Any]] = [

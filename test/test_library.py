@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation
 from alf_ros import Sample, Simulation, load_scene
 from alf_ros.arrays import Floats
 from alf_ros.resources import folder
-from alf_ros.scene import scene_from_text
+from alf_ros.scene.scene import scene_from_text
 
 DATA = Path(__file__).parent / 'data'
 SCENES = sorted(path.stem for path in folder('scenes')[0].glob('*.yaml'))

@@ -18,10 +18,11 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import Imu, JointState, MultiDOFJointState
 from std_msgs.msg import Empty, Float64, Header, String
 
-from alf_ros import Simulation, bag, load_scene
+from alf_ros import Simulation, load_scene
 from alf_ros.errors import InputError
-from alf_ros.logs import container, export, journal, load
+from alf_ros.logs import journal, load, mcap_chunks, tables
 from alf_ros.logs.cdr import Decoder
+from alf_ros.ros.recording import rosbag2_metadata
 
 ROOT = Path(__file__).resolve().parents[1]
 TICKS = 400
@@ -221,14 +222,14 @@ MESSAGES = [
 
 @pytest.mark.parametrize('message', MESSAGES, ids=lambda m: type(m).__name__)
 def test_cdr_is_read_as_ros_wrote_it(message):
-    name = bag.type_name(type(message))
+    name = rosbag2_metadata.type_name(type(message))
     data = serialize_message(message)
-    read = Decoder(name, bag.definition(name)).read(data)
+    read = Decoder(name, rosbag2_metadata.definition(name)).read(data)
     assert same(message, read), read
     for size in (0, 3, len(data) // 2):
         if size < len(data) - 4:
             with pytest.raises(InputError):
-                Decoder(name, bag.definition(name)).read(data[:size])
+                Decoder(name, rosbag2_metadata.definition(name)).read(data[:size])
 
 
 def same(message, read):
@@ -305,7 +306,7 @@ def test_another_bag_is_refused(tmp_path):
 
 def test_csv_reads_back_bit_for_bit(path, tmp_path):
     log = load(path)
-    written = export.to_csv(log, tmp_path / 'csv')
+    written = tables.to_csv(log, tmp_path / 'csv')
     assert {file.name for file in written} == {
         'inputs.jsonl',
         'joint_states.csv',
@@ -328,18 +329,18 @@ def test_csv_reads_back_bit_for_bit(path, tmp_path):
     assert [json.loads(line) for line in entries] == log.inputs
     (tmp_path / 'file').write_text('')
     with pytest.raises(InputError, match='cannot be written'):
-        export.to_csv(log, tmp_path / 'file')
+        tables.to_csv(log, tmp_path / 'file')
 
 
 def test_frames_and_parquet_hold_the_same_numbers(path, tmp_path):
     pandas = pytest.importorskip('pandas')
     pytest.importorskip('pyarrow')
     log = load(path)
-    frame = export.frame(log, 'joint_states')
+    frame = tables.frame(log, 'joint_states')
     assert frame.index.name == 't' and list(frame.columns[:2]) == ['stamp', 'position.crank_pin']
     knee = log.read('joint_states').columns['position'][:, 1]
     assert np.array_equal(frame['position.knee'], knee)
-    written = export.to_parquet(log, tmp_path / 'parquet')
+    written = tables.to_parquet(log, tmp_path / 'parquet')
     (file,) = (file for file in written if file.name == 'joint_states.parquet')
     assert np.array_equal(pandas.read_parquet(file)['position.knee'], knee)
 
@@ -353,7 +354,7 @@ class Block:
             raise ImportError('blocked: ' + name, name=name)
 
 sys.meta_path.insert(0, Block())
-from alf_ros.logs import load, export
+from alf_ros.logs import load, tables
 log = load(sys.argv[1])
 assert len(log.states.t) == 401 and len(log.inputs) == 2
 from alf_ros.logs.comparison import compare
@@ -376,7 +377,7 @@ def test_a_log_needs_neither_ros_nor_mcap_to_be_read(path):
 
 def test_a_length_that_cannot_be_ends_the_reading(path, tmp_path):
     whole = rewritten(path, tmp_path)
-    first = next(container.blocks(whole, container.Contents()))
+    first = next(mcap_chunks.blocks(whole, mcap_chunks.Contents()))
     (tmp_path / 'a_0.mcap').write_bytes(
         whole.read_bytes()[: first.read] + struct.pack('<BQ', 6, 1 << 60) + bytes(100)
     )

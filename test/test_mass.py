@@ -8,9 +8,9 @@ from scipy.spatial.transform import Rotation
 
 from alf_ros import Simulation, kernel
 from alf_ros.arrays import Floats
-from alf_ros.linearised import Linearised
-from alf_ros.model import Model, compile_model
-from alf_ros.scene import scene_from_text
+from alf_ros.model.compile import Model, compile_model
+from alf_ros.model.dense_linearisation import Linearised
+from alf_ros.scene.scene import scene_from_text
 
 # what carries the body: points, and vectors; all that can stand in a file
 SPATIAL = {

@@ -10,13 +10,15 @@ from builtin_interfaces.msg import Time
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
-from alf_ros import Simulation, diagnostics, load_scene, state_vector
-from alf_ros.display import Display
+from alf_ros import Simulation, load_scene
 from alf_ros.errors import StepError
-from alf_ros.messages import to_time
-from alf_ros.modes import near as near_level
-from alf_ros.stamps import stamp_ns
-from alf_ros.topics import TOPICS
+from alf_ros.logs.stamps import stamp_ns
+from alf_ros.model.softest_modes import near as near_level
+from alf_ros.ros.messages.templates import to_time
+from alf_ros.ros.messages.topics import TOPICS
+from alf_ros.ros.simulator import diagnostics
+from alf_ros.simulation import state_vector
+from alf_ros.simulation.display_geometry import Display
 
 HANGING_ROD = {
     'name': 'hanging_rod',

@@ -21,10 +21,12 @@ from mutants import PLANE, SOURCES, SPACE, mutants
 from verdict import RAN, REFUSED, STOPPED, serve
 from yaml_core import data
 
-from alf_ros import document, effects, schema
-from alf_ros.scene import FORMULATIONS
+from alf_ros import effects
+from alf_ros.scene import json_schema
+from alf_ros.scene.scene import FORMULATIONS
+from alf_ros.scene.text import yaml_document
 
-SCHEMA = schema.scene_schema(effects.own())
+SCHEMA = json_schema.scene_schema(effects.own())
 PATIENCE = 120.0  # s; the longest take a few on an idle machine
 
 
@@ -93,7 +95,7 @@ def test_every_mutant_runs_or_ends_in_one_line(judge: Judge, request) -> None:
         outcome, details = judge(text)
         assert outcome in (RAN, REFUSED, STOPPED), f'{outcome}: {details}\n{text}'
         if outcome == RAN:  # what the loader accepts, an editor must not underline
-            jsonschema.validate(data(document.parse(text, None)), SCHEMA)
+            jsonschema.validate(data(yaml_document.parse(text, None)), SCHEMA)
 
     campaign()
     print(dict(judge.found))

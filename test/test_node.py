@@ -26,10 +26,11 @@ from sensor_msgs.msg import JointState, MultiDOFJointState
 from std_msgs.msg import Float64, String
 from std_srvs.srv import SetBool, Trigger
 
-from alf_ros import Simulation, load_scene, parameters
-from alf_ros.parameters import OFFERED
-from alf_ros.settings import default_rate, steps_per_tick
-from alf_ros.topics import TF
+from alf_ros import Simulation, load_scene
+from alf_ros.ros.messages.topics import TF
+from alf_ros.ros.simulator import parameters
+from alf_ros.ros.simulator.parameters import OFFERED
+from alf_ros.simulation.setup import default_rate, steps_per_tick
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 

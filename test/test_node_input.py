@@ -9,8 +9,8 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
 from alf_ros import Simulation
-from alf_ros.saved_states import read_curve
-from alf_ros.scene import scene_from_text
+from alf_ros.scene.scene import scene_from_text
+from alf_ros.simulation.saved_states import read_curve
 
 
 @pytest.fixture

@@ -10,11 +10,12 @@ from ros_node import Diagnostics, Peer, SimulatorProcess, wrench
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-from alf_ros import Simulation, effects, load_scene, startup
+from alf_ros import Simulation, effects, load_scene
 from alf_ros.__main__ import main
-from alf_ros.call_cost import call_costs
+from alf_ros.inspection.call_cost import call_costs
 from alf_ros.logs import load
-from alf_ros.scene import scene_from_text
+from alf_ros.ros.simulator import startup_report
+from alf_ros.scene.scene import scene_from_text
 
 
 @pytest.fixture
@@ -79,6 +80,6 @@ def test_every_effect_has_a_cost():
 def test_long_lists_are_short_lines():
     simulation = Simulation(load_scene('slider_crank'))
     outputs = {'on': [f'topic_{n}' for n in range(20)], 'subscribed': [], 'off': []}
-    assert startup.lines(simulation, outputs)[2].endswith(
+    assert startup_report.lines(simulation, outputs)[2].endswith(
         'topic_13 and 6 more; when subscribed: none; off: none'
     )

@@ -14,10 +14,10 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
 from alf_ros import Simulation
-from alf_ros.effect_values import with_effect_values
 from alf_ros.logs import load
 from alf_ros.logs.comparison import compare
-from alf_ros.scene import scene_from_text
+from alf_ros.scene.effect_values import with_effect_values
+from alf_ros.scene.scene import scene_from_text
 
 SCENE = """
 mechanism: slider_crank

@@ -8,7 +8,7 @@ from test_display import TOP
 from visualization_msgs.msg import MarkerArray
 
 from alf_ros import Simulation
-from alf_ros.scene import scene_from_text
+from alf_ros.scene.scene import scene_from_text
 
 
 @pytest.fixture

@@ -4,8 +4,8 @@ import math
 
 from ros_node import Diagnostics, Peer, SimulatorProcess
 
-from alf_ros.analysis.reports import Reports
 from alf_ros.logs import load
+from alf_ros.logs.report.diagnostics import Reports
 
 LONG = {'solver__step': 0.05, 'solver__integrator': 'rk4', 'rate': 20.0}
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from alf_ros.pacing import BACKLOG, Pacer
+from alf_ros.ros.simulator.pacing import BACKLOG, Pacer
 
 
 def run(pacer, times):

@@ -64,7 +64,11 @@ def check_prefix(prefix):
 
 def check_pages(package):
     """What `view` and `analyze` show in a browser."""
-    for page in ('page/index.html', 'page/stage.js', 'analysis/page/analysis.html'):
+    for page in (
+        'ros/view/page/index.html',
+        'logs/report/page/stage.js',
+        'logs/report/page/analysis.html',
+    ):
         assert (package / page).is_file()
 
 

@@ -12,13 +12,14 @@ import pytest
 from log_files import make
 from scipy.spatial.transform import Rotation
 
-from alf_ros import AssemblyError, InputError, Simulation, load_scene, settings
+from alf_ros import AssemblyError, InputError, Simulation, load_scene
 from alf_ros.arrays import Floats
-from alf_ros.control import Control
-from alf_ros.log_run import LogRun
 from alf_ros.logs import load
 from alf_ros.logs.comparison import compare
-from alf_ros.placement import spin
+from alf_ros.ros.recording.run_writer import LogRun
+from alf_ros.ros.simulator.control import Control
+from alf_ros.simulation import setup as settings
+from alf_ros.simulation.placement import spin
 
 ROOT = Path(__file__).resolve().parents[1]
 SCENES = sorted(path.stem for path in (ROOT / 'config/scenes').glob('*.yaml'))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from alf_ros import Simulation
-from alf_ros.scene import Scene, scene_from_text
+from alf_ros.scene.scene import Scene, scene_from_text
 
 FREE = {
     'spherical': 3,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from alf_ros import Simulation, load_scene
-from alf_ros.scene import scene_from_text
+from alf_ros.scene.scene import scene_from_text
 
 G = 9.81
 

@@ -22,10 +22,10 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, MultiDOFJointState
 from std_msgs.msg import Float64, String
 
-from alf_ros import bag
 from alf_ros.errors import InputError
-from alf_ros.recorder import Recorder
-from alf_ros.topics import BEST_EFFORT, LATCHED, RELIABLE
+from alf_ros.ros.messages.topics import BEST_EFFORT, LATCHED, RELIABLE
+from alf_ros.ros.recording import rosbag2_metadata
+from alf_ros.ros.recording.recorder import Recorder
 
 ROOT = Path(__file__).resolve().parents[1]
 TEXT = 'mechanism: slider_crank\n# "quotes", ünïcode: {a: [1, 2]}\n'
@@ -216,12 +216,12 @@ def test_the_file_is_indexed_and_says_what_rosbag2_looks_for(log):
 
 
 def test_a_definition_holds_every_type_once():
-    text = bag.definition('sensor_msgs/msg/MultiDOFJointState')
+    text = rosbag2_metadata.definition('sensor_msgs/msg/MultiDOFJointState')
     held = [line for line in text.splitlines() if line.startswith('MSG: ')]
     assert len(held) == len(set(held))
     assert {'MSG: geometry_msgs/Quaternion', 'MSG: builtin_interfaces/Time'} <= set(held)
     assert text.startswith(
-        (bag._file('sensor_msgs/msg/MultiDOFJointState', '.msg')).read_text()[:40]
+        (rosbag2_metadata._file('sensor_msgs/msg/MultiDOFJointState', '.msg')).read_text()[:40]
     )
 
 
@@ -299,8 +299,8 @@ def test_a_disk_that_fills_up_stops_the_log_and_nothing_else(tmp_path):
         from pathlib import Path
         from rclpy.serialization import serialize_message
         from std_msgs.msg import String
-        from alf_ros.topics import RELIABLE
-        from alf_ros.recorder import Recorder
+        from alf_ros.ros.messages.topics import RELIABLE
+        from alf_ros.ros.recording.recorder import Recorder
         import random
         resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
         recorder = Recorder(Path({str(tmp_path)!r}), 'scene', {{}})

@@ -16,11 +16,12 @@ from rosbags.highlevel import AnyReader
 from std_srvs.srv import SetBool, Trigger
 from test_recorder import JAVASCRIPT, NODE, PACKAGES
 
-from alf_ros import load_scene, settings
-from alf_ros.log_run import LogRun
+from alf_ros import load_scene
 from alf_ros.logs import load
 from alf_ros.logs.comparison import compare
-from alf_ros.recorder import Split
+from alf_ros.ros.recording.recorder import Split
+from alf_ros.ros.recording.run_writer import LogRun
+from alf_ros.simulation import setup as settings
 
 SPACE = 400_000  # bytes
 
@@ -150,7 +151,7 @@ def test_the_node_splits_and_thins_out(tmp_path):
 
 @pytest.mark.skipif(not NODE, reason='no node and npm')
 def test_the_readers_of_foxglove_read_split_recovered_and_bare_logs(tmp_path):
-    from alf_ros.recover import recover
+    from alf_ros.commands.recover import recover
 
     install = ['npm', 'install', '--silent', '--no-audit', '--no-fund', *PACKAGES]
     subprocess.run(install, cwd=tmp_path, check=True, timeout=120)

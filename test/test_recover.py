@@ -20,7 +20,7 @@ from rosbags.highlevel import AnyReader
 from rosgraph_msgs.msg import Clock
 
 from alf_ros.__main__ import main
-from alf_ros.logs import container, load
+from alf_ros.logs import load, mcap_chunks
 from alf_ros.logs.comparison import compare
 
 KILLS = 200 if os.environ.get('ALF_ROS_LONG') else 8
@@ -118,7 +118,7 @@ def test_a_broken_chunk_loses_its_messages_only(tmp_path, capsys):
     path, _ = make(tmp_path, 'slider_crank', 1000)
     spoilt = rewritten(path, tmp_path)
     data = bytearray(spoilt.read_bytes())
-    middle = list(container.blocks(spoilt, container.Contents()))[5]
+    middle = list(mcap_chunks.blocks(spoilt, mcap_chunks.Contents()))[5]
     data[middle.read - 100] ^= 4
     spoilt.write_bytes(data)
     assert main(['recover', str(spoilt)]) == 0

@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import quad
 
 from alf_ros import Simulation, load_scene
-from alf_ros.scene import Scene, scene_from_text
+from alf_ros.scene.scene import Scene, scene_from_text
 
 TIMES = [0.1 * k for k in range(51)]
 RATE = 1.3  # rad/s, of the skate

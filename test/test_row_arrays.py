@@ -8,14 +8,15 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from alf_ros import InputError, form, load_scene, resources
+from alf_ros import InputError, load_scene, resources
 from alf_ros.arrays import Floats
-from alf_ros.coordinates import counted
 from alf_ros.kernel import Mass, Rows
-from alf_ros.mass import mass_of
-from alf_ros.model import Model, compile_model, constraints, hold
-from alf_ros.row import linear
-from alf_ros.row_arrays import rows_of
+from alf_ros.mechanism import affine
+from alf_ros.model.compile import Model, compile_model, constraints, hold
+from alf_ros.model.constraints.joint_coordinates import counted
+from alf_ros.model.constraints.packing import rows_of
+from alf_ros.model.constraints.row import linear
+from alf_ros.model.mass import mass_of
 
 SCENES = sorted(resources.library('scenes'))
 
@@ -43,7 +44,7 @@ def test_renumbered_is_made_in_that_order(scene: str) -> None:
 def test_what_is_held_joins_the_rows(scene: str, velocities: bool) -> None:
     model = model_of(scene)
     D, layout = model.layout.dimension, model.layout
-    extra = [linear(f'held {n}', np.eye(D)[0], form.of_block(n, D), 0.5) for n in (1, 0)]
+    extra = [linear(f'held {n}', np.eye(D)[0], affine.of_block(n, D), 0.5) for n in (1, 0)]
     system, names, at = hold(model, extra, velocities)
     every = [*constraints(model.mechanism, layout), *extra]
     wanted = [row for row in every if velocities or not getattr(row, 'velocity', False)]

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from alf_ros import Simulation
 from alf_ros.arrays import Floats
-from alf_ros.scene import scene_from_text
+from alf_ros.scene.scene import scene_from_text
 
 LENGTHS = 1.0, 2.0, 2.2, 2.5  # crank, coupler, rocker, ground; m
 RATE = 4.0  # rad/s

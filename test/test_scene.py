@@ -16,12 +16,12 @@ import numpy as np
 import pytest
 import yaml
 
-from alf_ros import document
 from alf_ros.effects import Effect, constant_wrench, gravity
 from alf_ros.mechanism import Body, Frame, Joint, Mechanism, Point
 from alf_ros.resources import folder
-from alf_ros.scene import UNSAID, Scene, Solver, load_scene, scene_from_text
-from alf_ros.serialise import entry, serialise
+from alf_ros.scene.scene import UNSAID, Scene, Solver, load_scene, scene_from_text
+from alf_ros.scene.text import yaml_document
+from alf_ros.scene.text.yaml_writer import entry, serialise
 
 SCENES = sorted(path.stem for path in folder('scenes')[0].glob('*.yaml'))
 MECHANISMS = sorted(path.stem for path in folder('mechanisms')[0].glob('*.yaml'))
@@ -372,23 +372,25 @@ def _random_text(rng: random.Random) -> str:
     )
 
 
-def _plain(node: document.Entry) -> object:
+def _plain(node: yaml_document.Entry) -> object:
     """What an entry holds, without its place; a scalar with what it could be taken for."""
     if isinstance(node.value, tuple):
         return [_plain(item) for item in node.value]
     if isinstance(node.value, dict):
         return {key: _plain(value) for key, value in node.value.items()}
-    null, boolean = node.is_null, node.plain and node.value in document.BOOLEAN
+    null, boolean = node.is_null, node.plain and node.value in yaml_document.BOOLEAN
     return (None if null else node.value, null, boolean)
 
 
-@pytest.mark.parametrize('loader', [document._Loader, yaml.SafeLoader], ids=['libyaml', 'python'])
+@pytest.mark.parametrize(
+    'loader', [yaml_document._Loader, yaml.SafeLoader], ids=['libyaml', 'python']
+)
 def test_whatever_is_written_reads_back(loader: type, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(document, '_Loader', loader)
+    monkeypatch.setattr(yaml_document, '_Loader', loader)
     rng = random.Random(7)
     for _ in range(150):
         data = entry({_random_text(rng): _random_value(rng, 3) for _ in range(4)})
         text = serialise(data)
-        read = document.parse(text, None)
+        read = yaml_document.parse(text, None)
         assert _plain(read) == _plain(data)
         assert serialise(read) == text

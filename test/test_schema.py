@@ -11,13 +11,19 @@ import jsonschema
 import pytest
 from yaml_core import data
 
-from alf_ros import document, effects, schema, schema_command
-from alf_ros.document import Entry
+from alf_ros import effects
+from alf_ros.commands import schema as schema_command
 from alf_ros.errors import InputError
-from alf_ros.scene import load_scene
+from alf_ros.scene import json_schema
+from alf_ros.scene.scene import load_scene
+from alf_ros.scene.text import yaml_document
+from alf_ros.scene.text.yaml_document import Entry
 
 CONFIG = Path(__file__).resolve().parents[1] / 'config'
-MADE = {'mechanism': schema.mechanism_schema(), 'scene': schema.scene_schema(effects.own())}
+MADE = {
+    'mechanism': json_schema.mechanism_schema(),
+    'scene': json_schema.scene_schema(effects.own()),
+}
 JUDGE = {kind: jsonschema.Draft7Validator(made) for kind, made in MADE.items()}
 FILES = [(kind, path) for kind in MADE for path in sorted((CONFIG / f'{kind}s').glob('*.yaml'))]
 EACH_FILE = pytest.mark.parametrize(
@@ -41,13 +47,13 @@ def test_what_is_shipped_is_what_the_loader_reads(kind: str) -> None:
 
 @EACH_FILE
 def test_every_file_of_the_library_validates(kind: str, path: Path) -> None:
-    JUDGE[kind].validate(data(document.read(path)))
+    JUDGE[kind].validate(data(yaml_document.read(path)))
 
 
 @pytest.mark.parametrize('page', ['README.md', 'doc/first_mechanism.md'])
 def test_files_of_the_tutorials_validate(page: str) -> None:
     text = (CONFIG.parent / page).read_text(encoding='utf-8')
-    found = [document.parse(block, page) for block in DOCUMENTED.findall(text)]
+    found = [yaml_document.parse(block, page) for block in DOCUMENTED.findall(text)]
     scenes = [entry for entry in found if 'mechanism' in entry.mapping()]
     assert scenes
     for entry in scenes:
@@ -98,7 +104,7 @@ def test_every_misspelt_key_has_line_and_suggestion(kind: str, path: Path, tmp_p
     text = path.read_text(encoding='utf-8')
     source = tmp_path / path.name
     found = 0
-    for key, entry in keys(document.parse(text, None)):
+    for key, entry in keys(yaml_document.parse(text, None)):
         assert entry.line is not None
         for wrong in misspelt(text, key, entry.line):
             source.write_text(wrong, encoding='utf-8')
@@ -107,6 +113,6 @@ def test_every_misspelt_key_has_line_and_suggestion(kind: str, path: Path, tmp_p
             said = str(caught.value)
             assert said.startswith(f'{source}:{entry.line}: ') and '\n' not in said
             assert f'did you mean {key!r}?' in said, said
-            assert not JUDGE[kind].is_valid(data(document.parse(wrong, None))), said
+            assert not JUDGE[kind].is_valid(data(yaml_document.parse(wrong, None))), said
             found += 1
     assert found >= 1

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from alf_ros import AssemblyError, InputError, Simulation, StepError, load_scene
-from alf_ros.scene import UNSAID, Scene, Solver, scene_from_text
+from alf_ros.scene.scene import UNSAID, Scene, Solver, scene_from_text
 
 PENDULUM = """
 mechanism:

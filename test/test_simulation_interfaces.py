@@ -22,7 +22,7 @@ pytest.importorskip('simulation_interfaces', reason='comes with a ROS 2 installa
 from simulation_interfaces import action, srv
 from simulation_interfaces.msg import Result, SimulationState, SimulatorFeatures
 
-from alf_ros.entities import entity_state
+from alf_ros.ros.simulator.entities import entity_state
 
 STOPPED, PLAYING, PAUSED, QUITTING = 0, 1, 2, 3
 FLAGS = 'set_pose', 'set_twist', 'set_acceleration'

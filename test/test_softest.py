@@ -9,12 +9,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from alf_ros import Simulation, kernel, load_scene, state_vector
-from alf_ros.analysis.nearness import distances, passes
+from alf_ros import Simulation, kernel, load_scene
 from alf_ros.kernel.data import EPS
-from alf_ros.model import Model
-from alf_ros.modes import NIL
+from alf_ros.logs.report.singularity_distance import distances, passes
+from alf_ros.model.compile import Model
+from alf_ros.model.softest_modes import NIL
 from alf_ros.resources import library
+from alf_ros.simulation import state_vector
 
 Floats = np.ndarray
 SCENES = sorted(library('scenes'))

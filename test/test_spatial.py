@@ -10,10 +10,10 @@ import pytest
 
 from alf_ros import Simulation
 from alf_ros.arrays import Floats
-from alf_ros.form import Form
 from alf_ros.mechanism import GROUND
-from alf_ros.sample import Sample
-from alf_ros.scene import scene_from_text
+from alf_ros.mechanism.affine import Form
+from alf_ros.scene.scene import scene_from_text
+from alf_ros.simulation.sample import Sample
 
 BRICARD = json.loads((Path(__file__).parent / 'data/A04_bricard.json').read_text())
 

@@ -11,11 +11,13 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from alf_ros import AssemblyError, Simulation, StepError, assembly, branching, exact, load_scene
+from alf_ros import AssemblyError, Simulation, StepError, load_scene
 from alf_ros.arrays import Floats
+from alf_ros.inspection.soundness import BAD, NOTE, OK, examine
+from alf_ros.model import assembly, singular_branches
 from alf_ros.resources import library
-from alf_ros.scene import INTEGRATORS, Scene, scene_from_text
-from alf_ros.soundness import BAD, NOTE, OK, examine
+from alf_ros.scene.scene import INTEGRATORS, Scene, scene_from_text
+from alf_ros.studies.exact import one_freedom
 
 GRAVITY = {'gravity': {'acceleration': [0, -9.81]}}
 UPRIGHT = {'A': [0, 1], 'B': [0, 0]}  # the slider lies on the pin of the crank
@@ -66,7 +68,7 @@ def test_a_speed_that_fits_one_branch_is_completed_on_it() -> None:
     assert found['A'] == pytest.approx([-2, 0], abs=1e-12)
     assert found['B'] == pytest.approx([-4, 0], abs=1e-12)
     position = simulation.singular_start
-    assert position is not None and position.kind == branching.CROSSING
+    assert position is not None and position.kind == singular_branches.CROSSING
     assert [branch.dimension for branch in position.branches] == [1, 1]
 
 
@@ -92,8 +94,8 @@ def test_at_rest_without_more() -> None:
         assert not Simulation(scene(**speeds)).state.qd.any()
 
 
-FOLDED = exact.OneFreedom(  # both rods turn as one about the pin
-    lambda theta, rate: -1.5 * exact.GRAVITY * math.cos(theta),
+FOLDED = one_freedom.OneFreedom(  # both rods turn as one about the pin
+    lambda theta, rate: -1.5 * one_freedom.GRAVITY * math.cos(theta),
     lambda theta: np.array([np.cos(theta), np.sin(theta), 0.0, 0.0]),
     lambda theta: np.array([-np.sin(theta), np.cos(theta), 0.0, 0.0]),
     lambda theta: (2.0 / 3.0, 0.0),
@@ -102,7 +104,7 @@ FOLDED = exact.OneFreedom(  # both rods turn as one about the pin
 
 @pytest.mark.parametrize('integrator', INTEGRATORS)
 def test_on_either_branch_the_motion_is_exact(integrator: str) -> None:
-    for alone, b in ((exact.slider_crank(), -4.0), (FOLDED, 0.0)):
+    for alone, b in ((one_freedom.slider_crank(), -4.0), (FOLDED, 0.0)):
         wanted = alone.motion(math.pi / 2, 2.0, [0.0, 0.1, 0.25])
         solver = {'integrator': integrator, 'step': 1e-3, 'tolerance': 1e-10}
         simulation = Simulation(scene(A=[-2, 0], B=[b, 0], solver=solver))
@@ -169,7 +171,7 @@ def test_two_four_bars() -> None:
     for k in range(3):
         assert velocities(flat)[f'B{k}'] == pytest.approx([0, -3], abs=1e-12)
     position = flat.singular_start
-    assert position is not None and position.kind == branching.CROSSING
+    assert position is not None and position.kind == singular_branches.CROSSING
     rates = []
     for branch in position.branches:
         places = branch.directions[0].reshape(-1, 2)
@@ -188,7 +190,7 @@ def test_two_four_bars_on_a_branch_where_one_stands_still() -> None:
     """Crank 0 stays, coupler 1 turns on crank 1: a pendulum of inertia 2 and first moment 5/2."""
     rate = -2.0
     wanted = solve_ivp(
-        lambda t, y: [y[1], -1.25 * exact.GRAVITY * math.cos(y[0])],
+        lambda t, y: [y[1], -1.25 * one_freedom.GRAVITY * math.cos(y[0])],
         [0, 0.2],
         [0.0, rate],
         method='DOP853',
@@ -206,7 +208,7 @@ def test_two_four_bars_on_a_branch_where_one_stands_still() -> None:
 
 def test_two_four_bars_against_the_exact_motion() -> None:
     simulation = Simulation(scene('double_four_bar', FLAT, B0=[0, -3]))
-    wanted = exact.four_bars(2).motion(0.0, -3.0, [0.0, 0.3])[-1]
+    wanted = one_freedom.four_bars(2).motion(0.0, -3.0, [0.0, 0.3])[-1]
     simulation.step(300)
     assert simulation.sample().q == pytest.approx(wanted, abs=1e-8)
 
@@ -244,7 +246,7 @@ def change_point_rates(
     def rates(t: float, y: Floats) -> list[float]:
         phi, rate = y
         _, d = slope(points, phi)
-        push = -0.5 * exact.GRAVITY * (d[1] + (d[1] + d[3]) + 2.0 * d[3])
+        push = -0.5 * one_freedom.GRAVITY * (d[1] + (d[1] + d[3]) + 2.0 * d[3])
         h = 1e-4
         bend = (inertia(phi - 2 * h) - 8 * inertia(phi - h) + 8 * inertia(phi + h)) / (12 * h)
         bend -= inertia(phi + 2 * h) / (12 * h)
@@ -360,8 +362,8 @@ def test_the_library_starts_as_before(name: str) -> None:
     assert simulation.singular_start is None
     wanted = assembly.complete(simulation.model, state.q, loaded.velocities)
     assert state.qd.tobytes() == wanted.tobytes()
-    here = branching.position(simulation.model, state.q)
-    assert here.kind == branching.SMOOTH and here.can_begin(state.qd)
+    here = singular_branches.position(simulation.model, state.q)
+    assert here.kind == singular_branches.SMOOTH and here.can_begin(state.qd)
 
 
 def test_many_freedoms_gained_at_once() -> None:
@@ -370,9 +372,9 @@ def test_many_freedoms_gained_at_once() -> None:
     every = {f'B{k}': [0, -2] for k in range(11)}
     simulation = Simulation(parallelogram(flat, 10, **every))
     assert simulation.singular_start is not None
-    assert simulation.singular_start.kind == branching.MANY
+    assert simulation.singular_start.kind == singular_branches.MANY
     simulation.step(100)
-    wanted = exact.four_bars(10).motion(0.0, -2.0, [0.0, 0.1])[-1]
+    wanted = one_freedom.four_bars(10).motion(0.0, -2.0, [0.0, 0.1])[-1]
     assert simulation.sample().q == pytest.approx(wanted, abs=1e-8)
     assert 'not enumerated' in refused(parallelogram(flat, 10, B0=[0, -2]))
     wrong = every | {'B7': [0, 1]}
@@ -385,7 +387,7 @@ def test_a_thousand_freedoms_gained_at_once() -> None:
     every = {f'B{k}': [0, -2] for k in range(n + 1)}
     simulation = Simulation(parallelogram(flat, n, **every))
     simulation.step(20)
-    wanted = exact.four_bars(n).motion(0.0, -2.0, [0.0, 0.02])[-1]
+    wanted = one_freedom.four_bars(n).motion(0.0, -2.0, [0.0, 0.02])[-1]
     assert simulation.sample().q == pytest.approx(wanted, abs=1e-7)
     assert 'no motion begins' in refused(parallelogram(flat, n, **(every | {'B7': [0, 1]})))
     assert 'not enumerated' in refused(parallelogram(flat, n, B0=[0, -2]))
@@ -496,7 +498,7 @@ def test_from_rest_on_the_branch_where_forces_do_most(integrator: str, step: flo
     for sign in (1.0, -1.0):
         acceleration = change_point_rates(change_point(sign))(0.0, np.array([math.pi, 0.0]))[1]
         _, d = slope(change_point(sign), math.pi)
-        push = -0.5 * exact.GRAVITY * (d[1] + (d[1] + d[3]) + 2.0 * d[3])
+        push = -0.5 * one_freedom.GRAVITY * (d[1] + (d[1] + d[3]) + 2.0 * d[3])
         works[sign] = push * acceleration
     points = change_point(max(works, key=lambda sign: works[sign]))
     phi = solve_ivp(
@@ -518,7 +520,7 @@ def test_from_rest_on_the_branch_where_forces_do_most(integrator: str, step: flo
 def test_two_four_bars_fall_together(integrator: str) -> None:
     solver = {'integrator': integrator, 'tolerance': 1e-10}
     simulation = Simulation(scene('double_four_bar', FLAT, solver=solver))
-    wanted = exact.four_bars(2).motion(0.0, 0.0, [0.0, 0.3])[-1]
+    wanted = one_freedom.four_bars(2).motion(0.0, 0.0, [0.0, 0.3])[-1]
     simulation.step(300)
     assert simulation.sample().q == pytest.approx(wanted, abs=1e-8)
 

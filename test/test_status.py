@@ -5,7 +5,7 @@ import pty
 import re
 import time
 
-from alf_ros.status import Status
+from alf_ros.ros.terminal import Status
 
 
 def test_a_terminal_gets_one_live_line_that_messages_do_not_break():

@@ -10,10 +10,10 @@ import pytest
 from effect_scenes import MASS, ROTOR
 
 from alf_ros import Scene, Simulation, StepError, load_scene
-from alf_ros.integrator import TABLEAUX
-from alf_ros.resolution import Resolution, nice
-from alf_ros.scene import scene_from_text
-from alf_ros.stiffness import stiffest
+from alf_ros.model.tableaux import TABLEAUX
+from alf_ros.scene.scene import scene_from_text
+from alf_ros.simulation.resolution import Resolution, nice
+from alf_ros.simulation.stiffness import stiffest
 
 SCENES = sorted(
     path.stem for path in (Path(__file__).parents[1] / 'config' / 'scenes').glob('*.yaml')

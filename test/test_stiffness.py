@@ -10,8 +10,8 @@ import pytest
 from effect_scenes import MASS, ROTOR, ROTOR_IN_SPACE
 
 from alf_ros import Simulation, StepError
-from alf_ros.scene import scene_from_text
-from alf_ros.stiffness import Mode, stiffest
+from alf_ros.scene.scene import scene_from_text
+from alf_ros.simulation.stiffness import Mode, stiffest
 
 M, J, G = 2.0, 0.5, 9.81
 LINKED = 'between: [O, P]'

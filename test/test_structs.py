@@ -10,7 +10,7 @@ from numba import njit
 from numba.core.errors import TypingError
 
 from alf_ros.arrays import Floats, Indices, Integers
-from alf_ros.structs import Struct, vector
+from alf_ros.kernel.numba_ext.structs import Struct, vector
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,8 +7,8 @@ from builtin_interfaces.msg import Duration, Time
 from effect_scenes import ROTOR, simulate
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from alf_ros.command_messages import Refused
-from alf_ros.trajectories import MOST_POINTS, read_trajectory
+from alf_ros.ros.simulator.command_messages import Refused
+from alf_ros.ros.simulator.trajectory_command import MOST_POINTS, read_trajectory
 
 PD = 'motor: {joint: pin, position: 0.25, position_gain: 40, velocity_gain: 9}'
 

@@ -23,13 +23,14 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from alf_ros import load_scene, settings
+from alf_ros import load_scene
 from alf_ros.__main__ import main
-from alf_ros.fork import fork
-from alf_ros.log_run import LogRun
+from alf_ros.commands.fork import fork
 from alf_ros.logs import load
 from alf_ros.logs.comparison import compare
-from alf_ros.simulation import Simulation
+from alf_ros.ros.recording.run_writer import LogRun
+from alf_ros.simulation import setup as settings
+from alf_ros.simulation.simulation import Simulation
 
 LIBRARY = sorted(path.stem for path in (ROOT / 'config/scenes').glob('*.yaml'))
 SAMPLE = ['slider_crank', 'rolling_disk', 'stewart_platform']

@@ -16,7 +16,7 @@ from ros_node import LIMIT, ROOT, START_LIMIT, Diagnostics, Peer, SimulatorProce
 from sensor_msgs.msg import JointState
 
 from alf_ros.errors import AlfError
-from alf_ros.view_server import FILES, PAGE, Broadcast, Server
+from alf_ros.ros.view.server import FILES, PAGE, Broadcast, Server
 
 
 @pytest.fixture

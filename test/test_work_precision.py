@@ -9,12 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from alf_ros import load_scene, reference_motion, work_precision
+from alf_ros import load_scene
 from alf_ros.__main__ import main
-from alf_ros.simulation import Simulation
-from alf_ros.work_reference import reference
-from alf_ros.work_report import Summary, best, curves, price, sentence
-from alf_ros.work_trial import Point, Setting, measure, settings
+from alf_ros.commands import work_precision
+from alf_ros.simulation.simulation import Simulation
+from alf_ros.studies.exact import motions
+from alf_ros.studies.work_precision.measurement import Point, Setting, measure, settings
+from alf_ros.studies.work_precision.reference import reference
+from alf_ros.studies.work_precision.report import Summary, best, curves, price, sentence
 
 FEW = ['--duration', '1', '--formulation', 'alf2', 'independent', '--integrator', 'rk4']
 FEW += ['--iterations', '10', '--step', '5e-3', '2.5e-3']
@@ -81,7 +83,7 @@ def test_goes_on_where_it_was_stopped(folder: Path, capsys: pytest.CaptureFixtur
 
 
 def test_errors_are_those_against_the_exact_motion() -> None:
-    scene, motion = load_scene('double_four_bar'), reference_motion.paper('double_four_bar')
+    scene, motion = load_scene('double_four_bar'), motions.paper('double_four_bar')
     against = reference(scene, 2.0)
     point = measure(scene, Setting('alf2', 'rk4', 10, 4e-3), against)
     sim = Simulation(scene, step=4e-3)

@@ -11,8 +11,8 @@ import numpy as np
 
 from alf_ros import Simulation
 from alf_ros.errors import AlfError, InputError
-from alf_ros.sample import Sample
-from alf_ros.scene import scene_from_text
+from alf_ros.scene.scene import scene_from_text
+from alf_ros.simulation.sample import Sample
 
 RAN, REFUSED, STOPPED = 'ran', 'refused', 'stopped'
 STEPS = 3

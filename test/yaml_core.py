@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from alf_ros.document import BOOLEAN, Entry
+from alf_ros.scene.text.yaml_document import BOOLEAN, Entry
 
 # The core schema of YAML 1.2.2, section 10.3.2.
 INTEGER = re.compile(r'[-+]?[0-9]+')

@@ -14,8 +14,7 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from types import ModuleType
 
-from alf_ros import effect_file
-from alf_ros.effects.contract import Effect
+from alf_ros.effects.contract import Effect, user_file
 from alf_ros.errors import InputError
 
 __all__ = ['Effect', 'full_name', 'kinds', 'load', 'origin', 'own', 'short_name']
@@ -44,8 +43,8 @@ def full_name(name: str, folder: Path) -> str:
 
     Raises KeyError if there is no such effect, InputError if it is not the file that is meant.
     """
-    if effect_file.is_file_name(name):
-        return effect_file.full_name(name, folder)
+    if user_file.is_file_name(name):
+        return user_file.full_name(name, folder)
     if name not in kinds():
         raise KeyError(name)
     return name
@@ -53,7 +52,7 @@ def full_name(name: str, folder: Path) -> str:
 
 def short_name(kind: str) -> str:
     """What an effect is called where there is one of it: of a file, its name."""
-    return effect_file.stem(kind) if effect_file.is_file_name(kind) else kind
+    return user_file.stem(kind) if user_file.is_file_name(kind) else kind
 
 
 def origin(kind: str) -> str:
@@ -61,7 +60,7 @@ def origin(kind: str) -> str:
 
     Raises KeyError if there is none.
     """
-    if effect_file.is_file_name(kind) or kind in own():
+    if user_file.is_file_name(kind) or kind in own():
         return ''
     point = _registered()[kind]
     package = f'{point.dist.name} {point.dist.version} ' if point.dist else ''
@@ -74,8 +73,8 @@ def load(kind: str) -> ModuleType:
 
     Raises KeyError if there is none, InputError if somebody else's is not what an effect is.
     """
-    if effect_file.is_file_name(kind):
-        return effect_file.load(kind)
+    if user_file.is_file_name(kind):
+        return user_file.load(kind)
     if kind in own():
         return importlib.import_module(f'{__name__}.{kind}')
     point = _registered()[kind]
@@ -84,4 +83,4 @@ def load(kind: str) -> ModuleType:
     except Exception as error:  # whatever somebody's package raises
         told = f'{type(error).__name__}: {error}'
         raise InputError(f'cannot be loaded from its package: {told}', value=kind) from None
-    return effect_file.checked(module, module.__file__ or kind)
+    return user_file.checked(module, module.__file__ or kind)

@@ -1,6 +1,7 @@
 """A constant force F (N) and torque τ (N m) on a body, or a force on a point.
 
-Both are affine in q, whether they stand still or turn with the body: see `alf_ros/affine.py`.
+Both are affine in q, whether they stand still or turn with the body: see
+`effects/contract/affine_force.py`.
 Wrenches that come from outside while a scene runs are packed by this file too: they differ only
 in who changes their numbers.
 """
@@ -12,14 +13,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from alf_ros import affine
-from alf_ros.affine import Affine
 from alf_ros.effects import contract
-from alf_ros.form import constant
-from alf_ros.layout import Layout
+from alf_ros.effects.contract import affine_force
+from alf_ros.effects.contract.affine_force import Affine
+from alf_ros.mechanism.affine import constant
+from alf_ros.mechanism.natural_coordinates import Layout
 
 MULTIPLE = True
-force = affine.force
+force = affine_force.force
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 
 from alf_ros.arrays import Floats, Integers
 from alf_ros.effects import contract
-from alf_ros.layout import Layout
-from alf_ros.measure import Measures, numbers_of, place, push, scalar
-from alf_ros.table import Points, interpolate, law, slope
+from alf_ros.effects.contract.piecewise import Points, interpolate, law, slope
+from alf_ros.effects.contract.scalars import Measures, numbers_of, place, push, scalar
+from alf_ros.mechanism.natural_coordinates import Layout
 
 MULTIPLE = True
 

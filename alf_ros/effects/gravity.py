@@ -14,7 +14,7 @@ import numpy as np
 
 from alf_ros.arrays import Floats, Integers
 from alf_ros.effects import contract
-from alf_ros.layout import Layout, place
+from alf_ros.mechanism.natural_coordinates import Layout, place
 
 MULTIPLE = False
 

@@ -16,8 +16,15 @@ import numpy as np
 
 from alf_ros.arrays import Floats, Integers
 from alf_ros.effects import contract
-from alf_ros.layout import Layout
-from alf_ros.measure import Measures, component, numbers_of, place, push_component, shared
+from alf_ros.effects.contract.scalars import (
+    Measures,
+    component,
+    numbers_of,
+    place,
+    push_component,
+    shared,
+)
+from alf_ros.mechanism.natural_coordinates import Layout
 
 MULTIPLE = True
 

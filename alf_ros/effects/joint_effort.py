@@ -11,14 +11,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from alf_ros import affine
-from alf_ros.affine import Affine
 from alf_ros.effects import contract
-from alf_ros.layout import Layout
+from alf_ros.effects.contract import affine_force
+from alf_ros.effects.contract.affine_force import Affine
 from alf_ros.mechanism import GROUND
+from alf_ros.mechanism.natural_coordinates import Layout
 
 MULTIPLE = True
-force = affine.force
+force = affine_force.force
 
 
 @dataclass(frozen=True)

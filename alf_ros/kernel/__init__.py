@@ -5,6 +5,8 @@ what differs from the print. `data` says what passes between the files.
 """
 
 from alf_ros.kernel.adaptive import advance_adaptively
+from alf_ros.kernel.applied_forces import add_friction, applied_forces, potential_energy
+from alf_ros.kernel.augmented_solve import accelerate, augmented, begin_balance, finish
 from alf_ros.kernel.constraints import (
     add_transposed,
     convective,
@@ -44,18 +46,16 @@ from alf_ros.kernel.data import (
     Watch,
     Work,
 )
-from alf_ros.kernel.factor import linearise
-from alf_ros.kernel.forces import add_friction, applied_forces, potential_energy
 from alf_ros.kernel.implicit import advance_implicitly
-from alf_ros.kernel.iteration import accelerate, augmented, begin_balance, finish
+from alf_ros.kernel.inverse_trace import mass_trace
+from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.prescribed import prescribed_at
-from alf_ros.kernel.softest import carried_over, softest
+from alf_ros.kernel.singularity_monitor import follow, turning
+from alf_ros.kernel.softest_modes import carried_over, softest
 from alf_ros.kernel.step import advance
-from alf_ros.kernel.substitution import solve
-from alf_ros.kernel.trace import mass_trace
-from alf_ros.kernel.turns import nearby
-from alf_ros.kernel.watch import follow, turning
+from alf_ros.kernel.triangular_solve import solve
+from alf_ros.kernel.unwrapping import nearby
 
 __all__ = [
     'COLLAPSED',

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Floats, Unit
-from alf_ros.kernel.block import Block, add, block, dot, packed, put, subtract, times
 from alf_ros.kernel.data import ONE, Rows
-from alf_ros.kernel.each import each
-from alf_ros.kernel.jit import compiled, inlined, inner
+from alf_ros.kernel.numba_ext.block import Block, add, block, dot, packed, put, subtract, times
+from alf_ros.kernel.numba_ext.jit import compiled, inlined, inner
+from alf_ros.kernel.numba_ext.plain_loops import each
 
 
 @compiled

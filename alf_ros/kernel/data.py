@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from alf_ros.arrays import Addresses, Floats, Indices, Integers
-from alf_ros.structs import Struct
+from alf_ros.kernel.numba_ext.structs import Struct
 
 OK, NOT_POSITIVE, NOT_FINITE, NOT_CLOSED, COLLAPSED, JAMMED, TOO_MANY, NOT_SETTLED = range(8)
 TOO_LONG = 8

@@ -14,7 +14,6 @@ import numpy as np
 
 from alf_ros.arrays import Unit
 from alf_ros.kernel.adaptive import ENDED, MOST, embedded, relative
-from alf_ros.kernel.aside import BLIND, evaluate_aside, evaluate_there, linearise_aside
 from alf_ros.kernel.data import (
     COLLAPSED,
     EPS,
@@ -34,26 +33,24 @@ from alf_ros.kernel.data import (
     Watch,
     Work,
 )
-from alf_ros.kernel.factor import linearise
-from alf_ros.kernel.jit import compiled, expanded, inner
-from alf_ros.kernel.mass import add_mass_times
-from alf_ros.kernel.prescribed import prescribe
-from alf_ros.kernel.rank import begin_with_det, note_det
-from alf_ros.kernel.soft import add_soft_times, weigh
-from alf_ros.kernel.stage import stage
-from alf_ros.kernel.step import (
-    accept,
-    end_step,
-    evaluate_first,
-    fall_back,
-    keep,
-    mark,
-    nearness,
+from alf_ros.kernel.effect_jacobians import add_soft_times, weigh
+from alf_ros.kernel.interpolated_stages import (
+    BLIND,
+    evaluate_aside,
+    evaluate_there,
+    linearise_aside,
 )
+from alf_ros.kernel.ldl import linearise
+from alf_ros.kernel.lost_rank import begin_with_det, note_det
+from alf_ros.kernel.mass import add_mass_times
+from alf_ros.kernel.numba_ext.jit import compiled, expanded, inner
+from alf_ros.kernel.numba_ext.vectors import copy, furthest, largest, zero
+from alf_ros.kernel.prescribed import prescribe
+from alf_ros.kernel.singularity_monitor import note
+from alf_ros.kernel.stage import stage
+from alf_ros.kernel.step import accept, end_step, evaluate_first, fall_back, keep, mark, nearness
 from alf_ros.kernel.step_error import free_part, judge
 from alf_ros.kernel.tally import ALL, tally
-from alf_ros.kernel.vectors import copy, furthest, largest, zero
-from alf_ros.kernel.watch import note
 
 _PASSES = 30  # of Newton's method, at most
 _SETTLED = 1e-3  # part of the tolerance to which it is finished

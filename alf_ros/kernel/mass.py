@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Floats, Unit
-from alf_ros.kernel.block import add, block
 from alf_ros.kernel.data import ONE, Mass
-from alf_ros.kernel.each import each
-from alf_ros.kernel.jit import compiled, inner
+from alf_ros.kernel.numba_ext.block import add, block
+from alf_ros.kernel.numba_ext.jit import compiled, inner
+from alf_ros.kernel.numba_ext.plain_loops import each
 
 
 @compiled

@@ -13,11 +13,11 @@ from numba import types
 from numba.extending import intrinsic
 
 from alf_ros.arrays import Floats, Unit
-from alf_ros.kernel.block import block, dot
+from alf_ros.kernel.applied_forces import call
 from alf_ros.kernel.constraints import along_gradients, convective, jacobian_rate
 from alf_ros.kernel.data import ONE, System, Work
-from alf_ros.kernel.forces import call
-from alf_ros.kernel.jit import compiled, inner
+from alf_ros.kernel.numba_ext.block import block, dot
+from alf_ros.kernel.numba_ext.jit import compiled, inner
 
 
 @intrinsic

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from alf_ros.arrays import Unit
+from alf_ros.kernel.augmented_solve import accelerate, accelerate_freely, apply, velocities
 from alf_ros.kernel.data import OK, Forces, System, Work
-from alf_ros.kernel.iteration import accelerate, accelerate_freely, apply, velocities
-from alf_ros.kernel.jit import inner
-from alf_ros.kernel.manifold import place
+from alf_ros.kernel.numba_ext.jit import inner
+from alf_ros.kernel.projection import place
 
 _ROOM = 4.0  # how often what a stage is moved onto Φ = 0 must go into that distance
 

@@ -6,8 +6,9 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Unit
-from alf_ros.kernel.aside import BLIND, end_aside, evaluate_aside, evaluate_there
-from alf_ros.kernel.chart import fold, fold_again, lay, lead, unfold
+from alf_ros.kernel.arc_coordinates import fold, fold_again, lay, lead, unfold
+from alf_ros.kernel.augmented_residuals import begin_accelerations
+from alf_ros.kernel.augmented_solve import accelerate, augmented, begin_balance, velocities
 from alf_ros.kernel.constraints import violation
 from alf_ros.kernel.data import (
     JAMMED,
@@ -25,19 +26,18 @@ from alf_ros.kernel.data import (
     Watch,
     Work,
 )
-from alf_ros.kernel.factor import linearise
-from alf_ros.kernel.iteration import accelerate, augmented, begin_balance, velocities
-from alf_ros.kernel.jit import compiled, expanded, inner
-from alf_ros.kernel.manifold import project
+from alf_ros.kernel.interpolated_stages import BLIND, end_aside, evaluate_aside, evaluate_there
+from alf_ros.kernel.ldl import linearise
+from alf_ros.kernel.lost_rank import begin_with_det, fallen, lost, note_det
+from alf_ros.kernel.numba_ext.jit import compiled, expanded, inner
+from alf_ros.kernel.numba_ext.vectors import copy, furthest, largest, zero
 from alf_ros.kernel.prescribed import prescribe
-from alf_ros.kernel.rank import begin_with_det, fallen, lost, note_det
-from alf_ros.kernel.residuals import begin_accelerations
+from alf_ros.kernel.projection import project
+from alf_ros.kernel.singularity_monitor import note
 from alf_ros.kernel.stage import stage
 from alf_ros.kernel.step_error import judge
 from alf_ros.kernel.tally import ALL, tally
-from alf_ros.kernel.turns import count_turns, nearby
-from alf_ros.kernel.vectors import copy, furthest, largest, zero
-from alf_ros.kernel.watch import note
+from alf_ros.kernel.unwrapping import count_turns, nearby
 
 
 @inner

@@ -22,8 +22,8 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Unit
-from alf_ros.kernel.aside import linearise_aside
-from alf_ros.kernel.chart import straighten
+from alf_ros.kernel.arc_coordinates import straighten
+from alf_ros.kernel.augmented_solve import augmented
 from alf_ros.kernel.data import (
     FOUR,
     NOTHING,
@@ -37,13 +37,13 @@ from alf_ros.kernel.data import (
     System,
     Work,
 )
-from alf_ros.kernel.each import each
-from alf_ros.kernel.factor import linearise
-from alf_ros.kernel.iteration import augmented
-from alf_ros.kernel.jit import inner
+from alf_ros.kernel.effect_jacobians import add_soft_times
+from alf_ros.kernel.interpolated_stages import linearise_aside
+from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.mass import add_mass_times
-from alf_ros.kernel.soft import add_soft_times
-from alf_ros.kernel.vectors import copy, largest, zero
+from alf_ros.kernel.numba_ext.jit import inner
+from alf_ros.kernel.numba_ext.plain_loops import each
+from alf_ros.kernel.numba_ext.vectors import copy, largest, zero
 
 # where `Work.judged` holds what
 RECENT = 0  # sum of the errors of about the last 1000 steps, of the size

@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from alf_ros import provenance
+from alf_ros.logs import provenance
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError, StepError
 from alf_ros.logs import journal, progress
 from alf_ros.logs.log import Log
 from alf_ros.logs.rerun import Rerun, in_order
 from alf_ros.logs.series import COMPONENTS, Series
-from alf_ros.readings import READINGS, Reading
-from alf_ros.sample import Sample
+from alf_ros.simulation.observables import READINGS, Reading
+from alf_ros.simulation.sample import Sample
 
 
 @dataclass(frozen=True)

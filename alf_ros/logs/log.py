@@ -16,13 +16,13 @@ from typing import Any
 
 import numpy as np
 
-from alf_ros import effect_file
+from alf_ros.effects.contract import user_file
 from alf_ros.arrays import Floats, Integers
 from alf_ros.errors import InputError
-from alf_ros.logs import container, journal, progress
-from alf_ros.logs.container import Contents
+from alf_ros.logs import mcap_chunks, journal, progress
+from alf_ros.logs.mcap_chunks import Contents
 from alf_ros.logs.series import ChannelReader, Series, joined
-from alf_ros.scene import Scene, scene_from_text
+from alf_ros.scene.scene import Scene, scene_from_text
 
 _PART = re.compile(r'(.*?)(?:_(\d+))?\.mcap')
 _INPUTS = '~/inputs'
@@ -68,7 +68,7 @@ class Log:
         self.files = _files(self.path)
         self._size = sum(file.stat().st_size for file in self.files)
         contents = Contents()
-        for _ in container.blocks(self.files[0], contents):
+        for _ in mcap_chunks.blocks(self.files[0], contents):
             break
         if 'alf_ros' not in contents.metadata:
             raise InputError(
@@ -107,14 +107,14 @@ class Log:
         `trust` says that its code may run. Raises InputError otherwise.
         """
         for name, text in self.info.get('files', {}).items():
-            if not effect_file.is_there(name):
+            if not user_file.is_there(name):
                 if not trust:
                     raise InputError(
                         'the log brings the code of an effect whose file is not here any more',
                         value=name.partition('#')[0],
                         expected='trust in it (--trust)',
                     )
-                effect_file.provide(name, text)
+                user_file.provide(name, text)
         return scene_from_text(self.scene_text, str(self.path))
 
     @cached_property
@@ -200,11 +200,11 @@ class Log:
 
     def _blocks(
         self, found: Survey, report: progress.Report
-    ) -> Iterator[tuple[container.Block, Contents]]:
+    ) -> Iterator[tuple[mcap_chunks.Block, Contents]]:
         before = 0
         for file in self.files:
             contents = Contents()
-            for block in container.blocks(file, contents):
+            for block in mcap_chunks.blocks(file, contents):
                 yield block, contents
                 report((before + block.read) / self._size)
             before += file.stat().st_size

@@ -8,16 +8,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from alf_ros.effect_values import with_effect_values
+from alf_ros.scene.effect_values import with_effect_values
 from alf_ros.errors import InputError
 from alf_ros.logs.log import Log
 from alf_ros.logs.series import Series
-from alf_ros.saved_states import from_data, read_curve
-from alf_ros.scene import Solver
-from alf_ros.settings import on_grid
-from alf_ros.simulation import Simulation
-from alf_ros.state import State
-from alf_ros.stamps import stamp_ns
+from alf_ros.simulation.saved_states import from_data, read_curve
+from alf_ros.scene.scene import Solver
+from alf_ros.simulation.setup import on_grid
+from alf_ros.simulation.simulation import Simulation
+from alf_ros.simulation.state import State
+from alf_ros.logs.stamps import stamp_ns
 
 
 class Event(NamedTuple):

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from alf_ros.arrays import Floats, Integers
 from alf_ros.errors import InputError
 from alf_ros.logs.cdr import Decoder
-from alf_ros.logs.container import Block, Bytes, Channel
+from alf_ros.logs.mcap_chunks import Block, Bytes, Channel
 
 _STAMP = slice(4, 12)  # of a header, which is the first field where there is one
 _JOINT_STATE = 'sensor_msgs/msg/JointState'

@@ -29,16 +29,17 @@ HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 sys.path.insert(0, str(ROOT))
 
-from alf_ros import Simulation, load_scene, reference_motion  # noqa: E402
-from alf_ros.hard_cases import about  # noqa: E402
+from alf_ros import Simulation, load_scene  # noqa: E402
+from alf_ros.commands.hard_cases import about  # noqa: E402
+from alf_ros.studies.exact import motions  # noqa: E402
 
 SURVIVAL = range(5, 61)  # k of h = 0.01 s / k
 COARSE, FINE = (1, 2, 3, 4), (80, 120, 160, 240)
-TEN = reference_motion.four_bars(10, reference_motion.TEN_SECONDS)  # as many as in the library
+TEN = motions.four_bars(10, motions.TEN_SECONDS)  # as many as in the library
 # motion, and angle (rad) and rate (rad/s) of the cranks at the start
 STARTS = {
-    'slider_crank': (reference_motion.paper('slider_crank'), math.pi / 4, 2.0 * math.sqrt(2.0)),
-    'double_four_bar': (reference_motion.paper('double_four_bar'), math.pi / 2, -1.0),
+    'slider_crank': (motions.paper('slider_crank'), math.pi / 4, 2.0 * math.sqrt(2.0)),
+    'double_four_bar': (motions.paper('double_four_bar'), math.pi / 2, -1.0),
     'n_four_bar': (TEN, math.pi / 2, -1.0),
 }
 LONGEST = 2.5  # s of processor time that a run may take; smaller steps are left out

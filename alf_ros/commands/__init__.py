@@ -1,0 +1,24 @@
+"""The commands of this package, in the order in which help lists them.
+
+A command is a module with a docstring, whose first line is its help, and
+`main(argv: Sequence[str] | None = None) -> int`. A line here makes it `python -m alf_ros <name>`
+and `ros2 run alf_ros <name>`: setup.py reads this table too, so nothing may be imported here.
+"""
+
+COMMANDS = {
+    'simulator': 'alf_ros.commands.simulator',
+    'view': 'alf_ros.commands.view',
+    'check': 'alf_ros.commands.check',
+    'hard_cases': 'alf_ros.commands.hard_cases',
+    'work_precision': 'alf_ros.commands.work_precision',
+    'figures': 'alf_ros.commands.figures',
+    'analyze': 'alf_ros.commands.analyze',
+    'verify': 'alf_ros.commands.verify',
+    'recover': 'alf_ros.commands.recover',
+    'fork': 'alf_ros.commands.fork',
+    'replay': 'alf_ros.commands.replay',
+    'effects': 'alf_ros.commands.effects',
+    'schema': 'alf_ros.commands.schema',
+    'import': 'alf_ros.commands.import_',
+    'export': 'alf_ros.commands.export',
+}

@@ -1,0 +1,77 @@
+"""Show logs in one HTML file: motion, plots, commands, diagnostics; and write them as tables."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from alf_ros.commands.parser import Parser
+from alf_ros.errors import InputError
+from alf_ros.logs import load, tables
+from alf_ros.logs.log import Log
+from alf_ros.logs.progress import Progress
+from alf_ros.logs.report.html import page
+from alf_ros.logs.report.summary import account
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Write the page of logs, and tables if asked for; returns 0. Raises InputError."""
+    parser = Parser(
+        prog='analyze',
+        description='Write one HTML file that shows logs in a browser, also offline: the moving '
+        'mechanism, joints, reactions, energy, constraints, commands and diagnostics. Several '
+        'logs lie over each other.',
+    )
+    parser.add_argument(
+        'logs', metavar='LOG', nargs='+', help='the folder of a log, or one .mcap file'
+    )
+    parser.add_argument('-o', '--output', metavar='FILE', help='the page (beside the first log)')
+    parser.add_argument('--csv', metavar='FOLDER', help='also write a table for each topic')
+    parser.add_argument('--parquet', metavar='FOLDER', help='the same for pandas and others')
+    options = parser.parse_args(argv)
+    logs = [load(path) for path in options.logs]
+    target = Path(options.output).expanduser() if options.output else _beside(logs)
+    accounts = []
+    for log in logs:
+        bar = Progress(log.path.name)
+        try:
+            accounts.append(account(log, bar))
+        finally:
+            bar.close()
+    try:
+        target.write_text(page(accounts), 'utf-8')
+    except OSError as error:
+        raise InputError(f'cannot be written: {error.strerror}', file=str(target)) from None
+    print(f'{target}: {target.stat().st_size / 1e6:.1f} MB')
+    for made in accounts:
+        for fault in made.faults:
+            print(f'  {made.name}: {fault}')
+    names = [made.name for made in accounts]
+    for folder, write in ((options.csv, tables.to_csv), (options.parquet, tables.to_parquet)):
+        if folder is not None:
+            for log, below in zip(logs, _folders(Path(folder).expanduser(), names), strict=True):
+                bar = Progress(str(below))
+                try:
+                    paths = write(log, below, bar)
+                finally:
+                    bar.close()
+                print(f'{below}: {len(paths)} files')
+    return 0
+
+
+def _folders(folder: Path, names: Sequence[str]) -> list[Path]:
+    """Of the tables of each log: of one the folder itself, of several one below it for each."""
+    if len(names) == 1:
+        return [folder]
+    before = [names[:n].count(name) for n, name in enumerate(names)]
+    return [
+        folder / (f'{name}_{count}' if count else name)
+        for name, count in zip(names, before, strict=True)
+    ]
+
+
+def _beside(logs: Sequence[Log]) -> Path:
+    """Where the page is put if nobody says: next to the first log, with its name."""
+    path = logs[0].path.resolve()
+    stem = path.stem if path.is_file() else path.name
+    return path.parent / (f'{stem}.html' if len(logs) == 1 else f'{stem}_compared.html')

@@ -1,0 +1,82 @@
+"""Simulate a scene as a ROS 2 node: topics, commands, services, diagnostics, an MCAP log."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+from collections.abc import Sequence
+from typing import Any, NoReturn
+
+import rclpy
+from rclpy.parameter import Parameter
+from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import remove_ros_args
+
+from alf_ros.errors import InputError
+from alf_ros.ros.executor import spin
+from alf_ros.ros.simulator.node import Simulator, Stop
+from alf_ros.ros.terminal import Status
+
+# The writer thread may hold the interpreter that long (s) before a tick gets it; Python's 5 ms are
+# several ticks.
+SWITCH_INTERVAL = 2e-4
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        raise InputError(f'{message} (see --help)')
+
+
+def _overrides(argv: Sequence[str]) -> list[Parameter[Any]]:
+    """Options of the command line as node parameters."""
+    parser = _Parser(
+        prog='simulator',
+        description='Run a scene as the ROS 2 node `simulator`. Ctrl-C stops and closes the log.',
+        epilog='Each option stands for a node parameter; more with --ros-args -p name:=value.',
+    )
+    parser.add_argument('--scene', metavar='NAME', help='a name under config/scenes, or a path')
+    parser.add_argument('--duration', type=float, metavar='S', help='simulated seconds to run')
+    parser.add_argument('--log-folder', metavar='DIR', help='where logs go (default: logs)')
+    parser.add_argument('--no-record', action='store_true', help='write no log')
+    options = parser.parse_args(argv)
+    given = {
+        'scene': options.scene,
+        'duration': options.duration,
+        'record.folder': options.log_folder,
+        'record.enabled': False if options.no_record else None,
+    }
+    return [Parameter(key, value=value) for key, value in given.items() if value is not None]
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the node until its duration is over, Ctrl-C or SIGTERM. Returns 0.
+
+    Raises AlfError, which the command line tells in one line.
+    """
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    try:
+        own = remove_ros_args(arguments)
+    except Exception as error:  # rclpy's exceptions for this have no common root
+        raise InputError(f'{type(error).__name__}: {error}', key='--ros-args') from None
+    overrides = _overrides(own)
+    sys.setswitchinterval(SWITCH_INTERVAL)
+    stop = Stop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, stop)
+    try:
+        # rclpy's own handlers would shut the context down under the feet of a tick.
+        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+        node = Simulator(Status(), stop, overrides)
+        stop.gentle = True
+        node.begin()
+        try:
+            spin(node)
+        finally:
+            node.close()
+    finally:
+        rclpy.try_shutdown()
+        # the interpreter would put the default back while it ends: a second Ctrl-C comes too late
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN)
+    return 0

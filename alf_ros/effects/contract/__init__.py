@@ -1,0 +1,178 @@
+"""What an effect is: one file in this folder, named after the effect, that holds
+
+`Parameters`
+    a frozen dataclass; every field's metadata says its `kind` (see `scene_effects`), `unit` and
+    `doc`; fields with defaults are optional.
+`MULTIPLE`
+    whether a scene may name it several times.
+`pack(effects, layout) -> Packed`
+    all instances of the effect in a scene as two flat arrays, once, before the run.
+`force(t, q, qd, near, slots, params, Q)`
+    compiled by `@force`; ADDS its generalised forces into Q and only reads the rest. All blocks
+    of the layout are in q, q̇ and Q, the fixed ones too, so that no effect has to ask which is
+    which. `near` holds every counted angle (`coordinates.measured`) with its turns, as it was
+    where the step began, to a quarter turn: the angle a = atan2(y, x) of a stage plus
+    2π round((near - a) / 2π) is continuous up to a quarter turn a step, and a function of the
+    state.
+`potential(t, q, near, slots, params)` (optional)
+    compiled by `@potential`; the energy stored, J.
+`friction(t, q, qd, near, loads, slots, params, Q)` and `loaded(parameters)` (optional)
+    compiled by `@friction`: adds what depends on the reactions of joints, which it changes itself.
+    `loads` holds the size of one reaction (N) for each instance, that of the joint or joint
+    coordinate that `loaded` names; where it says None, zero. The kernel finds the loads and
+    reactions that agree.
+
+`tangent(t, q, qd, near, loads, slots, params, n, stiff, G)` (optional)
+    compiled by `@tangent`, for an implicit method that asks: how the effect yields in direction
+    n, one of `Packed.directions`. Of an effort F on a scalar x: writes -∂F/∂x and -∂F/∂ẋ into
+    `stiff`, and ADDS ∂x/∂q into G.
+
+The kernel calls them through their addresses: naming another set of effects compiles nothing but
+the effects that are new. The arguments are pointers, so nothing is checked and nothing is
+allocated. What several effects call (`scalars`, `piecewise`) becomes part of each of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from numba import cfunc, types
+from numba.extending import models, register_model
+
+from alf_ros.arrays import Floats, Integers
+from alf_ros.digest import digest
+
+# what effects call: numba's cache looks only at the file of the effect itself
+_STAMP = digest('effects/contract')[:8]
+
+
+class Pointer(types.CPointer):
+    """A pointer of C, of another type whenever the code that effects share is another."""
+
+    def __init__(self, number: types.Number) -> None:
+        super().__init__(number)
+        self.name: str = f'{number}*@{_STAMP}'  # of the instance: caches keep it
+
+    @property
+    def key(self) -> str:
+        return self.name
+
+
+register_model(Pointer)(models.PointerModel)
+_numbers, _integers = Pointer(types.float64), Pointer(types.int64)
+FORCE = types.void(
+    types.float64, _numbers, _numbers, _numbers, _integers, _numbers, _numbers
+)  # t, q, qd, near, slots, params, Q
+FRICTION = types.void(
+    types.float64, _numbers, _numbers, _numbers, _numbers, _integers, _numbers, _numbers
+)  # t, q, qd, near, loads, slots, params, Q
+TANGENT = types.void(
+    types.float64,
+    _numbers,
+    _numbers,
+    _numbers,
+    _numbers,
+    _integers,
+    _numbers,
+    types.int64,
+    _numbers,
+    _numbers,
+)  # t, q, qd, near, loads, slots, params, n, stiff, G
+POTENTIAL = types.float64(types.float64, _numbers, _numbers, _integers, _numbers)
+_options: dict[str, Any] = {'cache': True, 'error_model': 'numpy'}
+
+
+@dataclass(frozen=True)
+class Effect:
+    """An effect as a scene names it: `kind` is its file, `name` the instance."""
+
+    kind: str
+    name: str
+    parameters: Any
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """The joint coordinates it acts on."""
+        kinds = ((field.name, field.metadata['kind']) for field in fields(self.parameters))
+        names = (getattr(self.parameters, name) for name, kind in kinds if kind == 'coordinate')
+        return tuple(name for name in names if name is not None)
+
+    @property
+    def label(self) -> str:
+        """What tells it from all other effects of a scene."""
+        kind = Path(self.kind.partition('#')[0]).stem
+        return self.name if self.name.startswith(kind) else f'{kind}.{self.name}'
+
+
+@dataclass(frozen=True)
+class Packed:
+    """What the compiled functions of an effect read: `slots` are indices, `params` numbers.
+
+    directions: the blocks that each direction of `tangent` moves.
+    """
+
+    slots: Integers
+    params: Floats
+    directions: tuple[tuple[int, ...], ...] = ()
+
+
+def force(function: Callable[..., None]) -> Any:
+    """Compile `force(t, q, qd, near, slots, params, Q)`; cached beside its file."""
+    return cfunc(FORCE, **_options)(function)
+
+
+def potential(function: Callable[..., float]) -> Any:
+    """Compile `potential(t, q, near, slots, params)`; cached beside its file."""
+    return cfunc(POTENTIAL, **_options)(function)
+
+
+def friction(function: Callable[..., None]) -> Any:
+    """Compile `friction(t, q, qd, near, loads, slots, params, Q)`; cached beside its file."""
+    return cfunc(FRICTION, **_options)(function)
+
+
+class Tangent:
+    """A `tangent`, compiled when somebody asks for its address."""
+
+    def __init__(self, function: Callable[..., None]) -> None:
+        self.function = function
+
+    @cached_property
+    def _compiled(self) -> Any:
+        return cfunc(TANGENT, **_options)(self.function)
+
+    @property
+    def address(self) -> int:
+        """Of the compiled function."""
+        return int(self._compiled.address)
+
+
+def tangent(function: Callable[..., None]) -> Tangent:
+    """Compile `tangent(t, q, qd, near, loads, slots, params, n, stiff, G)` when asked for it."""
+    return Tangent(function)
+
+
+def not_negative(parameters: Any, *names: str) -> None:
+    """Raise ValueError if a parameter is less than zero; one that is not given is not."""
+    for name in names:
+        value = getattr(parameters, name)
+        if value is not None and not value >= 0.0:
+            raise ValueError(f'{name} must not be negative, it is {value:g}')
+
+
+def positive(parameters: Any, *names: str) -> None:
+    """Raise ValueError unless parameters are greater than zero, or not given."""
+    for name in names:
+        value = getattr(parameters, name)
+        if value is not None and not value > 0.0:
+            raise ValueError(f'{name} must be greater than zero, it is {value:g}')
+
+
+def either(parameters: Any, *names: str) -> None:
+    """Raise ValueError unless one of the parameters is given, and only one."""
+    if sum(getattr(parameters, name) is not None for name in names) != 1:
+        raise ValueError(f'give one of {", ".join(names)}')

@@ -1,0 +1,112 @@
+"""Functions given by points or curves, packed for effects: piecewise polynomials.
+
+Through points they are linear, or cubic (C², natural ends).
+params: [pieces, x of the points …, (x₀, c₀ … c₅, ∫) per piece]: in a piece f = Σ c_i (x - x₀)^i,
+and ∫ is the integral of f from the first point to x₀.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from alf_ros.arrays import Floats
+from alf_ros.effects.contract.scalars import shared
+from alf_ros.effects.contract.trajectory import Curve
+
+Points = Sequence[Sequence[float]]
+
+
+def pieces(points: Points, column: int = 1, cubic: bool = False, hold: bool = False) -> Floats:
+    """A function through (x, f), f in `column`; beyond the ends straight on, or held.
+
+    Raises ValueError unless x ascends and there are two points (one, if held).
+    """
+    x = np.array([point[0] for point in points])
+    f = np.array([point[column] for point in points])
+    if np.any(np.diff(x) <= 0.0):
+        raise ValueError('the first column of a table must ascend')
+    if x.size < (1 if hold else 2):
+        raise ValueError('a table needs two points at least')
+    c = np.zeros((x.size - 1, 4))
+    if x.size > 1:
+        c[:, 0], c[:, 1] = f[:-1], np.diff(f) / np.diff(x)
+    if cubic and x.size > 2:
+        c = CubicSpline(x, f, bc_type='natural').c[::-1].T
+    slopes = [0.0, 0.0]
+    if not hold:
+        h = x[-1] - x[-2]
+        slopes = [c[0, 1], c[-1, 1] + h * (2.0 * c[-1, 2] + 3.0 * h * c[-1, 3])]
+    h = np.diff(x)
+    areas = h * (c[:, 0] + h * (c[:, 1] / 2.0 + h * (c[:, 2] / 3.0 + h * c[:, 3] / 4.0)))
+    sums = np.concatenate([[0.0], np.cumsum(areas)])
+    inner = np.column_stack([x[:-1], c, np.zeros((x.size - 1, 2)), sums[:-1]])
+    first = [x[0], f[0], slopes[0], 0.0, 0.0, 0.0, 0.0, 0.0]
+    last = [x[-1], f[-1], slopes[1], 0.0, 0.0, 0.0, 0.0, sums[-1]]
+    return np.concatenate([[x.size], x, first, inner.ravel(), last])
+
+
+def law(factor: float | None, points: Points | None) -> Floats:
+    """f = factor x, or piecewise linear through points (x, f). Raises ValueError."""
+    if points is None:
+        points = [(0.0, 0.0), (1.0, factor or 0.0)]
+    if len(points[0]) != 2:
+        raise ValueError('this table has two columns')
+    return pieces(points)
+
+
+def signal(value: float | Points | Curve) -> Floats:
+    """A function of time: a number, a curve, or points (t, f), linear between, held beyond.
+
+    The integral of a curve is nobody's business: it is not there.
+    """
+    if isinstance(value, Curve):
+        inner = np.column_stack([value.pieces, np.zeros(len(value.pieces))])
+        first = [*inner[0, :2], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+        return np.concatenate([[len(inner)], inner[:, 0], first, inner.ravel()])
+    points = [(0.0, value)] if isinstance(value, (int, float)) else value
+    if len(points[0]) != 2:
+        raise ValueError('a table of a function of time has two columns')
+    return pieces(points, hold=True)
+
+
+@shared
+def _piece(params: Floats, at: int, x: float) -> int:
+    points = int(params[at])
+    low, high = 0, points  # number of points that are not beyond x
+    while low < high:
+        middle = (low + high) // 2
+        if params[at + 1 + middle] <= x:
+            low = middle + 1
+        else:
+            high = middle
+    return at + 1 + points + 8 * low
+
+
+@shared
+def interpolate(params: Floats, at: int, x: float) -> float:
+    """f(x) of the table at params[at]."""
+    p = _piece(params, at, x)
+    d = x - params[p]
+    upper = params[p + 4] + d * (params[p + 5] + d * params[p + 6])
+    return params[p + 1] + d * (params[p + 2] + d * (params[p + 3] + d * upper))
+
+
+@shared
+def slope(params: Floats, at: int, x: float) -> float:
+    """df/dx."""
+    p = _piece(params, at, x)
+    d = x - params[p]
+    upper = 3.0 * params[p + 4] + d * (4.0 * params[p + 5] + d * 5.0 * params[p + 6])
+    return params[p + 2] + d * (2.0 * params[p + 3] + d * upper)
+
+
+@shared
+def integral(params: Floats, at: int, x: float) -> float:
+    """∫ f from the first point of the table to x; of points, so at most cubic."""
+    p = _piece(params, at, x)
+    d = x - params[p]
+    inner = params[p + 2] / 2.0 + d * (params[p + 3] / 3.0 + d * params[p + 4] / 4.0)
+    return params[p + 7] + d * (params[p + 1] + d * inner)

@@ -1,0 +1,214 @@
+"""A mechanism as URDF: its spanning tree, for viewers and robot_state_publisher. No ROS needed.
+
+A link per body, with the body's frame, and for each joint of the tree a `continuous` or
+`prismatic` one of the same name (of several freedoms: the names of its coordinates, with links
+between), so that `joint_states` move it. A slider is a `prismatic` joint with a link of its own
+(`<joint>_slide`), for what slides on it may turn as well. URDF knows no loops: the joints that
+close them are left out, as are bodies that no joint known to URDF holds.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from xml.etree import ElementTree
+
+import numpy as np
+
+from alf_ros.arrays import Floats
+from alf_ros.mechanism import GROUND, Body, Joint, Mechanism
+from alf_ros.simulation.display_geometry import in_space, size
+
+WORLD = 'world'
+# Radius of a bar as a part of the mechanism's size.
+_RADIUS = 0.01
+_X, _Z = np.eye(3)[0], np.eye(3)[2]
+# What moves between the two frames of a joint in space: suffix of the coordinate, type, axis.
+_MOTIONS: dict[str, tuple[tuple[str, str, Floats], ...]] = {
+    'revolute': (('', 'continuous', _Z),),
+    'prismatic': (('', 'prismatic', _Z),),
+    'cylindrical': (('_length', 'prismatic', _Z), ('_angle', 'continuous', _Z)),
+    'universal': (('_first', 'continuous', _Z), ('_second', 'continuous', _X)),
+    'weld': (),
+}
+
+
+def urdf(
+    mechanism: Mechanism,
+    prefix: str = '',
+    free: Mapping[str, tuple[Floats, Floats]] | None = None,
+) -> str:
+    """URDF of a mechanism; `prefix` stands before the names of its links.
+
+    free: place (3,) m and axes (3, 3) in columns of bodies; given, one that is not in the tree is
+    there on a `floating` joint.
+    """
+    robot = ElementTree.Element('robot', name=mechanism.name)
+    tree = list(_tree(mechanism))
+    left_out = outside(mechanism)
+    if left_out and free is None:
+        text = f' held by no joint that URDF knows: {", ".join(left_out)} '
+        robot.append(ElementTree.Comment(text))
+    ElementTree.SubElement(robot, 'link', name=WORLD)
+    bodies = {body.name: body for body in mechanism.bodies}
+    radius = _RADIUS * size(mechanism)
+    for joint, parent, child in tree:
+        _add_link(robot, bodies[child], prefix, radius)
+        above = WORLD if parent == GROUND else prefix + parent
+        _add_joint_of_tree(robot, joint, above, child, prefix)
+    for name, (place, axes) in (free or {}).items():
+        if name in left_out:
+            _add_link(robot, bodies[name], prefix, radius)
+            _add_joint(robot, f'{name}_free', 'floating', WORLD, prefix + name, place, axes)
+    for joint in mechanism.joints:
+        if joint.kind == 'slider' and joint.parent == GROUND:
+            slide = f'{prefix}{joint.name}_slide'
+            ElementTree.SubElement(robot, 'link', name=slide)
+            axis, through = in_space(np.array([joint.frames[0].axes[0], joint.frames[0].origin]))
+            _add_joint(robot, joint.name, 'prismatic', WORLD, slide, through, np.eye(3), axis)
+    ElementTree.indent(robot)
+    return ElementTree.tostring(robot, 'unicode', xml_declaration=True) + '\n'
+
+
+def closing(mechanism: Mechanism) -> tuple[Joint, ...]:
+    """The joints that are not in the tree: they close its loops, or URDF does not know them."""
+    used = {joint.name for joint, _, _ in _tree(mechanism)}
+    return tuple(joint for joint in mechanism.joints if joint.name not in used)
+
+
+def outside(mechanism: Mechanism) -> list[str]:
+    """The bodies that are not in the tree."""
+    held = {child for _, _, child in _tree(mechanism)}
+    return [body.name for body in mechanism.bodies if body.name not in held]
+
+
+def _tree(mechanism: Mechanism) -> Iterator[tuple[Joint, str, str]]:
+    """(joint, known body, new body) of a spanning tree from the ground, nearest first."""
+    known, ring = {GROUND}, [GROUND]
+    touching: dict[str, list[Joint]] = {}
+    for joint in mechanism.joints:
+        if joint.kind in _MOTIONS:
+            touching.setdefault(joint.parent, []).append(joint)
+            touching.setdefault(joint.child, []).append(joint)
+    while ring:
+        following = []
+        for body in ring:
+            for joint in touching.get(body, []):
+                other = joint.child if joint.parent == body else joint.parent
+                if other not in known:
+                    known.add(other)
+                    following.append(other)
+                    yield joint, body, other
+        ring = following
+
+
+def frame(joint: Joint, body: str) -> tuple[Floats, Floats]:
+    """Where a joint sits on a body or the ground: place (3,) m, axes (3, 3) in columns.
+
+    The angle of a planar revolute joint is that between the frames of its bodies.
+    """
+    side = joint.frames[body == joint.child]
+    (place,) = in_space(np.array([side.origin]))
+    axes = np.eye(3)
+    if len(side.origin) == 3:
+        axes = np.array(side.axes).T
+    elif joint.kind != 'revolute':
+        axes[:2, :2] = np.array(side.axes).T
+    return place, axes
+
+
+def _motions(joint: Joint, forwards: bool) -> list[tuple[str, str, Floats]]:
+    """(name, type, axis) of the joints in a row from one body to the other."""
+    planar = len(joint.frames[0].origin) == 2
+    found = [(joint.name + suffix, kind, axis) for suffix, kind, axis in _MOTIONS[joint.kind]]
+    if planar and joint.kind == 'prismatic':
+        found = [(joint.name, 'prismatic', _X)]
+    # joint_states tell the child's motion against the parent: the other way round, minus it
+    return found if forwards else [(name, kind, -axis) for name, kind, axis in reversed(found)]
+
+
+def _add_joint_of_tree(
+    robot: ElementTree.Element, joint: Joint, above: str, child: str, prefix: str
+) -> None:
+    """From the link above to the joint's frame there, along its freedoms, to the child's frame."""
+    forwards = joint.child == child
+    place, axes = frame(joint, joint.parent if forwards else joint.child)
+    inner, turn = frame(joint, child)
+    at_origin = not inner.any() and np.array_equal(turn, np.eye(3))
+    motions = _motions(joint, forwards)
+    for n, (name, kind, axis) in enumerate(motions):
+        last = n == len(motions) - 1
+        below = f'{prefix}{child}' if last and at_origin else f'{prefix}{child}_at_{name}'
+        if below != prefix + child:
+            ElementTree.SubElement(robot, 'link', name=below)
+        _add_joint(robot, name, kind, above, below, place, axes, axis)
+        above, place, axes = below, np.zeros(3), np.eye(3)
+    if not at_origin or not motions:  # a link begins at its joint, a body at its origin
+        place, axes = place - axes @ turn.T @ inner, axes @ turn.T
+        _add_joint(robot, f'{joint.name}_to_{child}', 'fixed', above, prefix + child, place, axes)
+
+
+def _numbers(values: Iterable[float]) -> str:
+    return ' '.join(repr(float(value) + 0.0) for value in values)
+
+
+def _angles(R: Floats) -> Floats:
+    """Roll, pitch, yaw (rad) of a rotation matrix; where roll and yaw are one, it is all roll."""
+    level = math.hypot(R[0, 0], R[1, 0])
+    pitch = math.atan2(-R[2, 0], level)
+    if level < 1e-9:
+        return np.array([math.atan2(-R[1, 2], R[1, 1]), pitch, 0.0])
+    roll, yaw = math.atan2(R[2, 1], R[2, 2]), math.atan2(R[1, 0], R[0, 0])
+    return np.array([roll, pitch, yaw])
+
+
+def _add_joint(
+    robot: ElementTree.Element,
+    name: str,
+    kind: str,
+    parent: str,
+    child: str,
+    place: Floats,
+    axes: Floats,
+    axis: Floats | None = None,
+) -> None:
+    joint = ElementTree.SubElement(robot, 'joint', name=name, type=kind)
+    ElementTree.SubElement(joint, 'parent', link=parent)
+    ElementTree.SubElement(joint, 'child', link=child)
+    ElementTree.SubElement(joint, 'origin', xyz=_numbers(place), rpy=_numbers(_angles(axes)))
+    if axis is not None:
+        ElementTree.SubElement(joint, 'axis', xyz=_numbers(axis))
+    if kind == 'prismatic':  # required by the format; the simulation has no such limits
+        limits = {'lower': '-1e9', 'upper': '1e9', 'effort': '1e9', 'velocity': '1e9'}
+        ElementTree.SubElement(joint, 'limit', limits)
+
+
+def _add_link(robot: ElementTree.Element, body: Body, prefix: str, radius: float) -> None:
+    link = ElementTree.SubElement(robot, 'link', name=prefix + body.name)
+    if body.mass > 0.0:
+        inertial = ElementTree.SubElement(link, 'inertial')
+        (com,) = in_space(np.array([body.com]))
+        ElementTree.SubElement(inertial, 'origin', xyz=_numbers(com))
+        ElementTree.SubElement(inertial, 'mass', value=repr(body.mass))
+        # Of a planar body only that about z is known, and only that matters.
+        J = np.array(body.inertia)
+        J = J if J.ndim == 2 else J * np.eye(3)
+        moments = {
+            f'i{a}{b}': repr(float(J['xyz'.index(a), 'xyz'.index(b)]))
+            for a, b in map(tuple, _PAIRS)
+        }
+        ElementTree.SubElement(inertial, 'inertia', moments)
+    places = in_space(np.array(body.local))
+    closing = places[:1] if len(places) > 2 else places[:0]
+    for one, other in zip(places, [*places[1:], *closing], strict=False):
+        x, y, z = other - one
+        visual = ElementTree.SubElement(link, 'visual')
+        # A cylinder lies along its z axis: tilted, then turned.
+        turn = _numbers((0.0, math.atan2(math.hypot(x, y), z), math.atan2(y, x)))
+        ElementTree.SubElement(visual, 'origin', xyz=_numbers(0.5 * (one + other)), rpy=turn)
+        shape = ElementTree.SubElement(visual, 'geometry')
+        length = repr(math.hypot(x, y, z))
+        ElementTree.SubElement(shape, 'cylinder', length=length, radius=repr(radius))
+
+
+_PAIRS = (*zip('xxx', 'xyz', strict=True), *zip('yyz', 'yzz', strict=True))

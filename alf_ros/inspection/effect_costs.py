@@ -1,0 +1,117 @@
+"""What the effects of a scene cost in it, and what difference they make."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.integrate import trapezoid
+
+from alf_ros.arrays import Floats
+from alf_ros.effects import Effect
+from alf_ros.errors import StepError
+from alf_ros.scene.scene import Scene
+from alf_ros.simulation.simulation import Simulation
+from alf_ros.simulation.stiffness import Mode, stiffest
+
+_ROUNDS = 30  # the quickest of so many counts: on a busy machine the others measure its neighbours
+_INSTANTS = 100  # of the run, at which stiffness is looked at
+_CALL = 2e-3  # s, roughly, that one measurement takes
+
+
+@dataclass(frozen=True)
+class Price:
+    """Of one effect: `added` alone to nothing, and `removed` from all (µs per step).
+
+    change: largest distance (m) of a point from where it would be without the effect; inf if the
+    run comes to no end without it. work: what it gave to the motion in the run, J. mode: the
+    fastest that it alone gave to the free motion.
+    """
+
+    effect: str
+    added: float
+    removed: float
+    change: float
+    work: float
+    mode: Mode
+
+
+@dataclass(frozen=True)
+class PriceList:
+    """Prices, the cost of a step (µs) without and with all effects, how far the same
+    measurement differs from itself (µs), and the fastest mode of all effects together."""
+
+    prices: tuple[Price, ...]
+    bare: float
+    whole: float
+    resolution: float
+    mode: Mode
+
+
+def price_list(scene: Scene, duration: float) -> PriceList:
+    """Prices in runs of `duration` (s). Raises StepError if the scene itself does not run."""
+    effects = scene.effects
+    sets: list[Sequence[Effect]] = [(), effects, effects]
+    for effect in effects:
+        sets += [(effect,), tuple(other for other in effects if other is not effect)]
+    sims = [Simulation(replace(scene, effects=tuple(chosen))) for chosen in sets]
+    bare, whole, again, *others = _costs(sims)
+    path, work = _path(sims[1], duration), _work(sims[1], duration)
+    modes, fastest = _modes(sims[1], duration)
+    prices = []
+    for n, effect in enumerate(effects):
+        change = math.inf
+        try:
+            other = _path(sims[4 + 2 * n], duration)
+            change = float(np.linalg.norm(path - other, axis=2).max())
+        except StepError:
+            pass  # nothing else held the mechanism back
+        added, removed = others[2 * n] - bare, min(whole, again) - others[2 * n + 1]
+        label = effect.label
+        prices.append(Price(label, added, removed, change, work[label], modes[label]))
+    return PriceList(tuple(prices), bare, min(whole, again), abs(whole - again), fastest)
+
+
+def _modes(sim: Simulation, duration: float) -> tuple[dict[str, Mode], Mode]:
+    sim.reset()
+    every = max(1, math.ceil(duration / sim.h / _INSTANTS))
+    return stiffest(sim.run(duration, every=every))
+
+
+def _costs(sims: Sequence[Simulation]) -> list[float]:
+    """µs per step of each, from its start, measured in turns."""
+    sims[0].step()
+    started = time.perf_counter()
+    sims[0].step(10)
+    steps = max(5, round(_CALL / (time.perf_counter() - started) * 10))
+    least = [math.inf] * len(sims)
+    for _ in range(_ROUNDS):
+        for n, sim in enumerate(sims):
+            sim.reset()
+            started = time.perf_counter()
+            try:
+                sim.step(steps)
+            except StepError:
+                pass  # as far as it came
+            done = max(sim.step_index, 1)
+            least[n] = min(least[n], 1e6 * (time.perf_counter() - started) / done)
+    return least
+
+
+def _path(sim: Simulation, duration: float) -> Floats:
+    """(steps, points, D) places of all points at every step, m."""
+    sim.reset()
+    names = sim.model.point_names
+    return np.array([[s.points[name] for name in names] for s in sim.run(duration)])
+
+
+def _work(sim: Simulation, duration: float) -> dict[str, float]:
+    """What each effect gives to the motion, J, by the trapezoidal rule over the steps."""
+    sim.reset()
+    powers = [sample.powers for sample in sim.run(duration)]
+    return {
+        label: sim.h * float(trapezoid([power[label] for power in powers])) for label in powers[0]
+    }

@@ -1,0 +1,284 @@
+"""Draw a mechanism: bodies as bars and plates, joints as symbols, fixed points on hatched ground.
+
+In the plane as it lies there; in space from the side above, and from the front. Pale: where points
+go on the way that was swept, and in red the first singular position on it.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from alf_ros.arrays import Floats
+from alf_ros.inspection.convex_outline import outline
+from alf_ros.inspection.plot_axes import INK, Plane, Space
+from alf_ros.inspection.soundness import Soundness
+from alf_ros.mechanism import GROUND, Joint
+from alf_ros.mechanism.affine import Form
+
+# Okabe & Ito: told apart by all eyes
+COLOURS = ('#0072b2', '#d55e00', '#009e73', '#cc79a7', '#56b4e9', '#e69f00')
+PALE, RED = '#9aa5af', '#c0272d'
+MOST_NAMES = 24  # points; with more there are none written
+_VIEWS = ((22.0, -60.0, 'from the side above'), (0.0, -90.0, 'from the front, along y'))
+
+
+def draw(path: Path, found: Soundness) -> None:
+    """Write the picture.
+
+    Raises ImportError without matplotlib, OSError if it cannot be written.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    model = found.model
+    picture = _Picture(found)
+    width, height = (picture.high - picture.low)[[0, -1]]
+    scale = min(9.0 / width, 7.5 / height)
+    canvases: list[Plane | Space]
+    if model.layout.dimension == 2:
+        size = max(5.0, scale * width + 1.0), max(2.5, scale * height + 1.2)
+        figure = Figure(figsize=size, layout='constrained')
+        canvases = [Plane(figure.add_subplot())]
+    else:
+        figure = Figure(figsize=(15.0, 7.5))
+        canvases = [
+            Space(figure.add_subplot(1, 2, n + 1, projection='3d'), *view)
+            for n, view in enumerate(_VIEWS)
+        ]
+        figure.subplots_adjust(left=0.0, right=0.95, bottom=0.04, top=0.9, wspace=0.2)
+    FigureCanvasAgg(figure)
+    for canvas in canvases:
+        picture.on(canvas)
+        canvas.finish(picture.low, picture.high)
+    verdict = 'sound' if found.sound else 'NOT SOUND'
+    freedoms = next((a.answer for a in found.answers if a.question == 'mobility'), '')
+    title = f'{model.mechanism.name}: {verdict}. {freedoms}'
+    if len(picture.way):
+        title += '\npale: where the points go'
+        title += '; red: a singular position' if picture.singular is not None else ''
+    figure.suptitle(title, color=INK, fontsize=11)
+    figure.savefig(path, dpi=110)
+
+
+class _Picture:
+    """One drawing of what was found. `low` and `high` (D,) are the box it needs, m."""
+
+    def __init__(self, found: Soundness) -> None:
+        self.model, self.layout = found.model, found.model.layout
+        self.canvas: Any = None
+        D = self.layout.dimension
+        self.q = found.q.reshape(-1, D)
+        self.places = {name: self.q[block] for name, block in self.layout.of_point.items()}
+        walk = found.walk
+        self.way = np.array(walk.positions if walk.whole else []).reshape(-1, len(self.q), D)
+        self.singular = walk.singular[0].reshape(-1, D) if walk.whole and walk.singular else None
+        them = np.array(list(self.places.values()))
+        points = self.way[:, list(self.layout.of_point.values())].reshape(-1, D)
+        rims = [
+            place + sign * abs(radius)
+            for joint in self.model.mechanism.joints
+            if joint.kind in ('no_slip', 'disk', 'rack', 'gear', 'rolling')
+            for place, radius in zip(
+                self.places_of(joint)[::-1], (joint.value, joint.of_parent), strict=True
+            )
+            for sign in (1.0, -1.0)
+        ]
+        them = np.vstack([them, points, *rims])
+        middle, half = 0.5 * (them.max(axis=0) + them.min(axis=0)), 0.5 * np.ptp(them, axis=0)
+        bars = [np.linalg.norm(body.local[1]) for body in self.layout.bodies if body.local[1:]]
+        self.size = min(0.03 * float(half.max()), 0.1 * float(min(bars, default=np.inf)))  # m
+        half = np.maximum(1.1 * half, 0.25 * half.max()) + 3.0 * self.size
+        self.low, self.high = middle - half, middle + half
+
+    def on(self, canvas: Plane | Space) -> None:
+        """Draw all of it."""
+        self.canvas = canvas
+        self.draw_way()
+        self.draw_bodies()
+        for point in self.model.mechanism.points:
+            if point.fixed:
+                self._foot(np.array(point.at))
+        for joint in self.model.mechanism.joints:
+            self.draw_joint(joint)
+        self.write_names()
+
+    def places_of(self, joint: Joint) -> tuple[Floats, Floats]:
+        """(D,) where the parent has it, and where the child."""
+        base, tip = joint.frames
+        return (
+            self.value(self.layout.place(joint.parent, base.origin)),
+            self.value(self.layout.place(joint.child, tip.origin)),
+        )
+
+    def value(self, f: Form) -> Floats:
+        """Of a form at this position."""
+        return f.value(self.q)
+
+    # --------------------------------------------------------------------------------------- parts
+
+    def draw_way(self) -> None:
+        """The paths of the points, and the first singular position."""
+        for point in self.model.mechanism.points:
+            if len(self.way) and not point.fixed:
+                block = self.layout.of_point[point.name]
+                path = np.vstack([self.way[:, block], self.way[:1, block]])
+                self.canvas.line(path, color=PALE, linewidth=0.8, alpha=0.7, zorder=1)
+        if self.singular is not None:
+            for body in self.layout.bodies:
+                bar = self.singular[[self.layout.of_point[name] for name in body.points]]
+                self.canvas.line(bar, color=RED, linewidth=1.2, alpha=0.7, zorder=2)
+
+    def draw_bodies(self) -> None:
+        """A bar between two points, a plate through more, from the place of a joint if it has one
+        point only."""
+        for number, body in enumerate(self.layout.bodies):
+            colour = COLOURS[number % len(COLOURS)]
+            corners = [self.places[name] for name in body.points]
+            corners += [
+                self.value(
+                    self.layout.place(body.name, joint.frames[joint.child == body.name].origin)
+                )
+                for joint in self.model.mechanism.joints
+                if body.name in (joint.parent, joint.child) and joint.point is None
+            ]
+            if body.mass > 0.0:
+                corners.append(self.value(self.layout.place(body.name, body.com)))
+            hull = outline(np.array(corners))
+            if len(hull) > 2:
+                self.canvas.plate(hull, colour)
+                hull = np.vstack([hull, hull[:1]])
+            width = 4.0 if len(hull) == 2 else 1.5
+            self.canvas.line(
+                hull, color=colour, linewidth=width, solid_capstyle='round', alpha=0.85, zorder=4
+            )
+            if body.mass > 0.0:
+                com = self.value(self.layout.place(body.name, body.com))
+                self.canvas.line(com[None], color=colour, marker='x', markersize=5, zorder=5)
+
+    def _foot(self, at: Floats) -> None:
+        s = 1.3 * self.size
+        across, up = np.eye(self.layout.dimension)[[0, -1]]
+        left, right = at - 1.8 * s * up - s * across, at - 1.8 * s * up + s * across
+        style = {'color': INK, 'linewidth': 1.0, 'zorder': 6}
+        self.canvas.line(np.array([at, left, right, at]), **style)
+        self._hatched(left - 0.6 * s * across, right + 0.6 * s * across, -up)
+
+    def _hatched(self, start: Floats, end: Floats, below: Floats) -> None:
+        """A line of the ground, hatched below."""
+        s = self.size
+        along = (end - start) / np.linalg.norm(end - start)
+        self.canvas.line(np.array([start, end]), color=INK, linewidth=1.2, zorder=6)
+        for distance in np.arange(0.4 * s, float(np.linalg.norm(end - start)) + 1e-9, 0.7 * s):
+            top = start + distance * along
+            stroke = np.array([top, top + 0.7 * s * (below - 0.7 * along)])
+            self.canvas.line(stroke, color=INK, linewidth=0.8, zorder=6)
+
+    def write_names(self) -> None:
+        """Points by name, if there are not too many."""
+        if len(self.places) > MOST_NAMES:
+            return
+        at: dict[tuple[float, ...], list[str]] = {}
+        for name, place in self.places.items():
+            key = tuple(np.round(place / self.size, 1).tolist())
+            at.setdefault(key, []).append(name)
+        for names in at.values():
+            self.canvas.text(
+                self.places[names[0]], ', '.join(names), color=INK, fontsize=9, zorder=9
+            )
+
+    # -------------------------------------------------------------------------------------- joints
+
+    def draw_joint(self, joint: Joint) -> None:
+        """Its symbol, where the child has it."""
+        base, tip = joint.frames
+        there, at = self.places_of(joint)
+        axes = [self.value(self.layout.direction(joint.parent, axis)) for axis in base.axes]
+        own = [self.value(self.layout.direction(joint.child, axis)) for axis in tip.axes]
+        s, planar = self.size, self.layout.dimension == 2
+        dot: dict[str, Any] = {'markeredgecolor': INK, 'color': 'white', 'zorder': 8}
+        along, side = axes[0 if planar else 2], axes[1 if planar else 0]
+        kind = joint.kind
+        if kind in ('revolute', 'spherical', 'cylindrical', 'universal') and not planar:
+            if kind != 'spherical':
+                self._bar(at, along, 2.2 * s if kind == 'revolute' else 3.0 * s)
+            if kind == 'universal':
+                self._bar(at, own[0], 2.2 * s)
+            if kind == 'cylindrical':
+                self._box(at, along, side, 1.6 * s, 0.8 * s)
+            filled = {'spherical': INK, 'universal': PALE}.get(kind, 'white')
+            self.canvas.line(at[None], **{**dot, 'color': filled}, marker='o', markersize=6)
+        elif kind == 'revolute':
+            self.canvas.line(at[None], **dot, marker='o', markersize=7)
+        elif kind in ('slider', 'prismatic'):
+            if kind == 'slider' or joint.parent == GROUND:
+                rail = there + along * ((at - there) @ along) if kind == 'slider' else at
+                low = rail - 0.9 * s * side
+                self._hatched(low - 5.0 * s * along, low + 5.0 * s * along, -side)
+            else:
+                self._bar(at, along, 5.0 * s)
+            self._box(at, along, side, 1.8 * s, 0.9 * s)
+            if kind == 'slider':
+                self.canvas.line(at[None], **dot, marker='o', markersize=5)
+        elif kind == 'weld':
+            self.canvas.line(at[None], color=INK, marker='s', markersize=6, zorder=8)
+        elif kind == 'planar':
+            self._box(at, axes[0], axes[1], 4.0 * s, 4.0 * s)
+            self._bar(at, along, 1.5 * s)
+        elif kind == 'blade':
+            self._bar(at, own[0], 3.5 * s, width=3.0)
+        elif kind == 'distance':
+            line = np.array([there, at])
+            self.canvas.line(line, color=INK, linewidth=1.2, linestyle='--', zorder=5)
+            self.canvas.line(line, color=INK, linestyle='', marker='o', markersize=5, zorder=8)
+        elif kind in ('gear', 'rolling'):
+            self._pitch_circle(at, joint.value)
+            self._pitch_circle(there, joint.of_parent)
+        elif kind == 'rack':
+            self._pitch_circle(at, joint.value)
+            low = at - joint.value * axes[1]
+            line = np.array([low - 1.5 * joint.value * along, low + 1.5 * joint.value * along])
+            self.canvas.line(line, color=INK, linewidth=1.0, linestyle='-.', zorder=5)
+        elif kind in ('no_slip', 'disk'):
+            self._wheel(joint, at, axes)
+
+    def _pitch_circle(self, at: Floats, radius: float) -> None:
+        angle = np.linspace(0.0, 2.0 * np.pi, 91)[:, None]
+        circle = at + radius * np.hstack([np.cos(angle), np.sin(angle)])
+        self.canvas.line(circle, color=INK, linewidth=1.0, linestyle='-.', zorder=5)
+
+    def _wheel(self, joint: Joint, at: Floats, axes: list[Floats]) -> None:
+        """A circle of its radius, and the ground under it."""
+        R, x, up = joint.value, axes[0], axes[-1]
+        y = up
+        if self.layout.dimension == 3:  # it rolls across its axle
+            axle = self._axle(joint)
+            across = np.asarray(np.cross(axle, up), dtype=float)
+            size = float(np.linalg.norm(across))
+            x = across / size if size > 1e-6 else x
+            if joint.kind == 'disk':
+                y = np.asarray(np.cross(x, axle), dtype=float)
+        angle = np.linspace(0.0, 2.0 * np.pi, 61)[:, None]
+        rim = at + R * (np.cos(angle) * x + np.sin(angle) * y)
+        self.canvas.line(rim, color=INK, linewidth=1.5, zorder=5)
+        low = at - R * y
+        self._hatched(low - 1.5 * R * x, low + 1.5 * R * x, -up)
+
+    def _axle(self, joint: Joint) -> Floats:
+        """That of a disk; else the axis about which a wheel has most inertia, in the world."""
+        if joint.kind == 'disk':
+            return self.value(self.layout.direction(joint.child, joint.frames[1].axes[2]))
+        J = np.array(self.layout.body[joint.child].inertia)
+        axis = np.linalg.eigh(J)[1][:, 2]
+        return self.value(self.layout.direction(joint.child, tuple(axis)))
+
+    def _bar(self, at: Floats, along: Floats, half: float, width: float = 1.5) -> None:
+        line = np.array([at - half * along, at + half * along])
+        self.canvas.line(line, color=INK, linewidth=width, zorder=7)
+
+    def _box(self, at: Floats, along: Floats, side: Floats, long: float, wide: float) -> None:
+        corners = [(1, 1), (1, -1), (-1, -1), (-1, 1), (1, 1)]
+        line = np.array([at + a * long * along + b * wide * side for a, b in corners])
+        self.canvas.line(line, color=INK, linewidth=1.2, zorder=7)

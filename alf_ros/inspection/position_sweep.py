@@ -1,0 +1,113 @@
+"""A walk through the positions of a mechanism, along its free directions, to find singular ones.
+
+Nothing is driven and no force acts: each step goes on in the direction of the last one, as far as
+the constraints leave it free, and is projected onto Φ = 0. With one freedom the walk comes round
+to where it began, unless the mechanism moves on for ever; with several it is a sample.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from alf_ros.arrays import Floats
+from alf_ros.model.dense_linearisation import DEPENDENT, Linearised
+
+_STEP = 0.03  # of the shortest bar
+_MOST, _SAMPLE = 1200, 480  # positions: of one way, of several together
+_LABOUR = 5e8  # n³ times positions
+_LEAST = 20  # positions: with fewer there is no walk
+_SUSPECT = 0.3  # singular value, of its usual one, below which a dip is looked at
+_SINGULAR = 1e-5  # and below which its bottom counts as singular
+
+
+@dataclass
+class Sweep:
+    """Where the walk went: positions (blocks D,), the singular ones, whether it came round."""
+
+    positions: list[Floats] = field(default_factory=list)
+    singular: list[Floats] = field(default_factory=list)
+    whole: bool = False
+
+
+def sweep(start: Linearised) -> Sweep:
+    """Walk from an ordinary position along each free direction, forth and back."""
+    found = Sweep([start.q])
+    freedoms = start.free.shape[1]
+    if not freedoms:
+        return found
+    n = start.model.n
+    most = int(min(_MOST, _LABOUR / n**3))
+    if freedoms > 1:
+        most = min(most, _SAMPLE) // (2 * freedoms)
+    if most < _LEAST:
+        return found
+    for direction in start.free.T:
+        for sense in (1.0, -1.0):
+            if not found.whole:
+                _walk(start, sense * direction, most, found)
+    return found
+
+
+def _walk(start: Linearised, direction: Floats, most: int, found: Sweep) -> None:
+    """One walk. `found` is added to."""
+    model, rank = start.model, start.rank
+    D = model.layout.dimension
+    step = _STEP * _shortest(start)
+    usual = start.singular_values[rank - 1] if rank else 1.0
+    at, before, back = start, math.inf, start  # back: the position before
+    weak = usual
+    for count in range(most):
+        direction = direction / np.linalg.norm(direction.reshape(-1, D), axis=1).max()
+        ahead = at.closed(step * direction, rank)
+        if ahead is None:
+            return
+        value = float(ahead.singular_values[rank - 1]) if rank else 1.0
+        if weak <= min(before, value) and weak < _SUSPECT * usual:
+            bottom = _bottom(back, ahead, rank)
+            if bottom is not None and bottom.singular_values[rank - 1] < _SINGULAR * usual:
+                same = 1e-3 * model.size
+                if all(np.abs(bottom.q - other).max() > same for other in found.singular):
+                    found.singular.append(bottom.q)
+        gone = ahead.q[: model.n] - at.q[: model.n]
+        back, before, at, weak = at, weak, ahead, value
+        found.positions.append(at.q)
+        home = at.q[: model.n] - start.q[: model.n]
+        alone = start.free.shape[1] == 1
+        if alone and count > 2 and np.abs(home).max() <= 1.01 * step and home @ gone > -1e-9:
+            found.whole = True
+            return
+        free = at.free if at.rank == rank else np.eye(model.n)
+        onward = free @ (free.T @ gone)
+        # beside a singular position the tangent may turn away in no time: go straight through
+        straight = np.linalg.norm(onward) > 0.5 * np.linalg.norm(gone)
+        direction = onward if straight else gone
+
+
+def _bottom(back: Linearised, ahead: Linearised, rank: int) -> Linearised | None:
+    """The position between two at which the rank-th singular value is least: golden section."""
+    n, ratio = back.model.n, 0.5 * (math.sqrt(5.0) - 1.0)
+    span = ahead.q[:n] - back.q[:n]
+
+    def there(s: float) -> tuple[float, Linearised | None]:
+        at = back.closed(s * span, rank)
+        return (math.inf, None) if at is None else (float(at.singular_values[rank - 1]), at)
+
+    low, high = 0.0, 1.0
+    left, right = there(high - ratio), there(low + ratio)
+    while high - low > 0.1 * DEPENDENT:
+        if left[0] < right[0]:
+            high, right = low + ratio * (high - low), left
+            left = there(high - ratio * (high - low))
+        else:
+            low, left = high - ratio * (high - low), right
+            right = there(low + ratio * (high - low))
+    return min(left, right, key=lambda found: found[0])[1]
+
+
+def _shortest(at: Linearised) -> float:
+    """Length of the shortest body, m; of the drawing if none has a length."""
+    spans = [np.linalg.norm(body.local[1]) for body in at.model.mechanism.bodies if body.local[1:]]
+    return float(min(spans, default=at.model.size))

@@ -1,0 +1,331 @@
+"""Whether a mechanism is sound: its loops close, it can move, what moves has mass, and the motion
+from where it starts is one.
+
+Redundant rows, reactions that rigid bodies leave open and singular positions on the way are no
+faults: they are told, because other programs stumble over them and because forces depend on them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from alf_ros import kernel
+from alf_ros.arrays import Floats
+from alf_ros.errors import AssemblyError
+from alf_ros.inspection.position_sweep import Sweep, sweep
+from alf_ros.model import assembly, singular_branches
+from alf_ros.model.compile import Model, allocate, compile_model
+from alf_ros.model.constraints.drives import offset
+from alf_ros.model.constraints.rows import joint_rows, rigidity
+from alf_ros.model.dense_linearisation import Linearised, moving
+from alf_ros.model.singular_branches import Position
+from alf_ros.scene.scene import Scene
+from alf_ros.simulation.reactions import Reactions
+from alf_ros.simulation.simulation import Simulation
+
+OK, NOTE, BAD = 'ok', 'note', 'BAD'
+LARGEST = 4000  # coordinates: matrices are dense here
+
+
+@dataclass(frozen=True)
+class Answer:
+    """One line of the table: ok, note (worth knowing) or BAD (not sound)."""
+
+    verdict: str
+    question: str
+    answer: str
+
+
+@dataclass(frozen=True, eq=False)
+class Soundness:
+    """What was found. `q` is the closed position (blocks D, m), the drawn one if none is."""
+
+    model: Model
+    q: Floats
+    answers: tuple[Answer, ...]
+    walk: Sweep
+
+    @property
+    def sound(self) -> bool:
+        """Whether no answer is BAD."""
+        return all(answer.verdict != BAD for answer in self.answers)
+
+
+def examine(scene: Scene) -> Soundness:
+    """Look at the mechanism of a scene where the scene starts it.
+
+    Raises AssemblyError if nothing moves or has mass, or if it is too large for dense matrices.
+    """
+    # what it could do is asked of it free, so that a walk can take the place of its drives
+    model = compile_model(replace(scene.mechanism, drives=()), scene.solver.penalty)
+    if model.n > LARGEST:
+        raise AssemblyError(f'{model.n} coordinates, too many to look at: {LARGEST} at most')
+    model = _without_rotors(model)
+    drawn = Linearised(model, model.q)
+    if drawn.massless.shape[1]:
+        return Soundness(model, model.q, (*_size(drawn), _mass(drawn)), Sweep())
+    try:
+        at = Linearised(model, assembly.close(model, scene.positions))
+    except AssemblyError as error:
+        closed = Answer(BAD, 'loops', str(error.message))
+        return Soundness(model, model.q, (closed, *_size(drawn)), Sweep())
+    usual = _ordinary(at)
+    walk = sweep(usual)
+    answers = [_closing(at), *_size(at), _mobility(at, usual), _redundant(usual)]
+    answers += _drives(scene, at, usual.model.n - usual.rank)
+    answers += [_reactions(usual), _mass(at)]
+    answers += _start(scene, at, any(answer.verdict == BAD for answer in answers))
+    return Soundness(model, at.q, (*answers, _on_the_way(usual, walk)), walk)
+
+
+def _without_rotors(model: Model) -> Model:
+    """The model without the inertia of rotors (`armature`), which adds coordinates and rows but no
+    freedom; with it, where it is all the mass that something has."""
+    if not model.mechanism.rotors:
+        return model
+    try:
+        bare = compile_model(replace(model.mechanism, rotors=()), model.penalty)
+    except AssemblyError:
+        return model
+    return model if Linearised(bare, bare.q).massless.shape[1] else bare
+
+
+def _ordinary(at: Linearised) -> Linearised:
+    """The position itself, or one near it where more rows are independent."""
+    random = np.random.default_rng(0)
+    model, best = at.model, at
+    for distance in (0.01, 0.05, 0.05):
+        q = np.array(at.q)
+        q[: model.n] += distance * model.size * random.standard_normal(model.n)
+        try:
+            near = Linearised(model, assembly.close(model, {}, q))
+        except AssemblyError:
+            continue
+        if near.rank > best.rank:
+            best = near
+    return best
+
+
+# ------------------------------------------------------------------------------------ the answers
+
+
+def _closing(at: Linearised) -> Answer:
+    model = at.model
+    moved = np.linalg.norm((at.q - model.q).reshape(-1, model.layout.dimension), axis=1)
+    by_point = {name: float(moved[block]) for name, block in model.layout.of_point.items()}
+    far = [name for name in by_point if by_point[name] > 1e-9 * model.size]
+    far.sort(key=lambda name: -by_point[name])
+    if not far:
+        return Answer(OK, 'loops', 'closed as drawn')
+    listed = _list([f'{name} {by_point[name]:.3g} m' for name in far])
+    verdict = NOTE if by_point[far[0]] > 0.01 * model.size else OK
+    return Answer(verdict, 'loops', f'closed; from where it is drawn moved {listed}')
+
+
+def _size(at: Linearised) -> Iterator[Answer]:
+    model = at.model
+    velocity = model.system.rows.velocity
+    rows = f'{_count(len(model.row_names), "constraint row")}, rank {at.rank}'
+    if velocity:
+        rows += f'; {velocity} of velocities'
+    points = sum(not point.fixed for point in model.mechanism.points)
+    vectors = sum(not vector.fixed for vector in model.mechanism.vectors)
+    of = _count(points, 'point') + (f' and {_count(vectors, "vector")}' if vectors else '')
+    yield Answer(OK, 'size', f'{model.n} coordinates of {of}; {rows}')
+
+
+def _mobility(at: Linearised, usual: Linearised) -> Answer:
+    freedoms = usual.model.n - usual.rank
+    if not freedoms:
+        return Answer(BAD, 'mobility', 'none: it is a structure and cannot move')
+    text = _count(freedoms, 'freedom')
+    places = usual.model.n - usual.rank_of_positions
+    if places != freedoms:
+        text += f' of velocity, {places} of position'
+    return Answer(OK, 'mobility', text)
+
+
+def _drives(scene: Scene, at: Linearised, freedoms: int) -> Iterator[Answer]:
+    """Whether each motion that is prescribed takes a freedom, of which there are so many, and
+    begins where the mechanism is drawn."""
+    drives = scene.mechanism.drives
+    if not drives:
+        return
+    motions = sum(motion is not None for drive in drives for motion in drive.motion)
+    model = compile_model(scene.mechanism, scene.solver.penalty)
+    off = ', '.join(_off(scene, model, at))
+    try:
+        there = _ordinary(Linearised(model, assembly.close(model, scene.positions)))
+    except AssemblyError as error:
+        begins = f'; {off}' if off else ''
+        yield Answer(BAD, 'drives', f'{error.message}{begins}')
+        return
+    left = model.n - there.rank
+    text = f'{_count(motions, "motion")} for {_count(freedoms, "freedom")}'
+    if freedoms - left < motions:
+        yield Answer(BAD, 'drives', f'{text}: they take {freedoms - left} only, and jam elsewhere')
+        return
+    text = f'{text}; {left or "none"} left free'
+    yield Answer(NOTE, 'drives', f'{text}; {off}') if off else Answer(OK, 'drives', text)
+
+
+def _off(scene: Scene, model: Model, at: Linearised) -> Iterator[str]:
+    """How far each drive begins from where the mechanism is drawn, or would begin without it."""
+    layout, D = model.layout, model.layout.dimension
+    drawn, closed = np.array(model.q), np.array(model.q)
+    for name, components in scene.positions.items():
+        is_point = name in layout.of_point
+        block = layout.of_point[name] if is_point else layout.of_vector[name]
+        for axis, value in enumerate(components):
+            if value is not None:
+                unit = 1.0 if is_point else layout.length
+                drawn.reshape(-1, D)[block, axis] = unit * value
+    for kind in ('of_point', 'of_vector'):
+        blocks = getattr(at.model.layout, kind)
+        for name, block in getattr(layout, kind).items():
+            closed.reshape(-1, D)[block] = at.q.reshape(-1, D)[blocks[name]]
+    for drive in scene.mechanism.drives:
+        is_angle = drive.kind == 'angle'
+        off = min(offset(drive, layout, q) for q in (drawn, closed))
+        if off > (1e-6 if is_angle else 1e-6 * model.size):
+            yield f'{drive.name} begins {off:.3g} {"rad" if is_angle else "m"} from the drawing'
+
+
+def _redundant(usual: Linearised) -> Answer:
+    count = len(usual.model.row_names) - usual.rank
+    if not count:
+        return Answer(OK, 'redundant rows', 'none')
+    owner = _owners(usual.model)
+    names = list(dict.fromkeys(owner[usual.model.row_names[row]] for row in usual.dependent))
+    return Answer(NOTE, 'redundant rows', f'{count}, among those of {_list(names)}')
+
+
+def _reactions(usual: Linearised) -> Answer:
+    model = usual.model
+    if len(model.row_names) == usual.rank:
+        return Answer(OK, 'reactions', 'all determinate')
+    work = allocate(model, model.system, 0)
+    kernel.linearise(model.unit, model.system, work, usual.q)
+    reactions = Reactions(model)
+    flags = reactions.indeterminate(reactions.on_cut_blocks(usual.q), work)
+    names = [name for name, flag in zip(model.joint_names, flags, strict=True) if flag]
+    if not names:
+        return Answer(OK, 'reactions', 'all determinate')
+    return Answer(NOTE, 'reactions', f'rigid bodies leave open those of {_list(names)}')
+
+
+def _mass(at: Linearised) -> Answer:
+    count = at.massless.shape[1]
+    if not count:
+        return Answer(OK, 'mass', 'in every direction that is free')
+    names = moving(at.model, at.massless[:, 0])
+    points = [name for name in names if name in at.model.layout.of_point]
+    cure = f'give mass to what carries {_list(points)}'
+    if not points:
+        bodies = [body.name for body in at.model.mechanism.bodies if {*names} & {*body.vectors}]
+        cure = f'{_list(bodies)} may turn without inertia'
+    return Answer(BAD, 'mass', f'none in {_count(count, "free direction")}: {cure}')
+
+
+def _start(scene: Scene, at: Linearised, is_known_bad: bool) -> Iterator[Answer]:
+    """Whether the scene's start is one that a motion begins with, as the simulation judges it."""
+    solver = replace(scene.solver, accuracy=None, formulation='alf2')
+    simulation, fault = None, None
+    try:
+        simulation = Simulation(replace(scene, solver=solver))
+    except AssemblyError as error:
+        fault = error
+    dependent, _, sigma = assembly.ordinary(at.model, at.q)
+    here = singular_branches.position(at.model.accustomed(sigma, dependent), at.q)
+    gained = len(here.lost) - dependent
+    if simulation is not None and simulation.singular_start is not None:
+        if not scene.mechanism.drives or simulation.singular_start.is_driven:
+            here, gained = simulation.singular_start, max(gained, 1)
+    if simulation is not None and simulation.adjustment is not None:
+        yield Answer(NOTE, 'redundant lengths', str(simulation.adjustment))
+    yield _place_of_start(here, gained)
+    question = 'initial velocities'
+    if simulation is None:
+        of_velocities = fault is not None and fault.key == 'initial.velocities'
+        if fault is not None and (of_velocities or not is_known_bad):
+            yield Answer(BAD, question if of_velocities else 'start', fault.message)
+    elif simulation.state.qd[: simulation.model.n].any():
+        yield Answer(OK, question, 'fit the constraints')
+    elif simulation.singular_start is not None:
+        yield _from_rest(here, simulation)
+
+
+def _place_of_start(here: Position, gained: int) -> Answer:
+    question = 'initial position'
+    if here.kind == singular_branches.SHAKY and not any(b.dimension for b in here.branches):
+        names = _list(moving(here.model, here.free[0, : here.model.n]))
+        text = f'infinitesimally mobile only (shaky): {names} may yield, but no motion begins'
+        return Answer(BAD, question, text)
+    if gained <= 0:
+        return Answer(OK, question, 'not singular')
+    text = f'singular: {_count(gained, "freedom")} more than around it; '
+    if here.kind in (singular_branches.CURVED, singular_branches.MANY):
+        return Answer(NOTE, question, f'{text}branches not enumerated ({here.kind})')
+    branches = _count(len(here.branches), 'branch', 'es')
+    return Answer(
+        NOTE, question, f'{text}{here.kind}, {branches}: {singular_branches.described(here)}'
+    )
+
+
+def _from_rest(here: Position, simulation: Simulation) -> Answer:
+    """What the rule for a start at rest in a singular position does."""
+    question, departure = 'initial velocities', simulation.departure
+    if departure is not None:
+        alone = singular_branches.described(here, None, [departure])
+        return Answer(NOTE, question, f'at rest: leaves along {alone}, where forces do most')
+    if here.kind in (singular_branches.CURVED, singular_branches.MANY):
+        text = 'at rest: leaves, if a force acts, on the branch nearest to what it asks for'
+        return Answer(NOTE, question, text)
+    return Answer(OK, question, 'at rest, and stays there: no force acts along a branch')
+
+
+def _on_the_way(usual: Linearised, walk: Sweep) -> Answer:
+    question = 'singular positions'
+    if len(walk.positions) < 2:
+        return Answer(OK, question, 'not looked for')
+    looked = f'{len(walk.positions)} positions, ' + (
+        'all the way round' if walk.whole else 'a part of the way'
+    )
+    if not walk.singular:
+        return Answer(OK, question, f'none found ({looked})')
+    first = _place(usual.model, walk.singular[0])
+    return Answer(NOTE, question, f'{len(walk.singular)} found ({looked}); at {first}')
+
+
+def _place(model: Model, q: Floats) -> str:
+    """Some points that move, and where they are."""
+    places = q.reshape(-1, model.layout.dimension)
+    points = [point.name for point in model.mechanism.points if not point.fixed]
+    parts = []
+    for name in points[:3]:
+        numbers = ', '.join(
+            f'{x + 0.0:.4g}' for x in np.round(places[model.layout.of_point[name]], 6)
+        )
+        parts.append(f'{name} [{numbers}]')
+    return ', '.join(parts) + (' ...' if len(points) > 3 else '')
+
+
+def _owners(model: Model) -> dict[str, str]:
+    """The joint, body or vector that each row is of."""
+    owner = {f'{vector.name}_unit': vector.name for vector in model.mechanism.vectors}
+    for body in model.mechanism.bodies:
+        owner.update((row.name, body.name) for row in rigidity(body, model.layout))
+    for joint in model.mechanism.joints:
+        owner.update((row.name, joint.name) for row in joint_rows(joint, model.layout))
+    return owner
+
+
+def _list(names: Sequence[str], most: int = 6) -> str:
+    return ', '.join(names[:most]) + (f' and {len(names) - most} more' if names[most:] else '')
+
+
+def _count(n: int, what: str, plural: str = 's') -> str:
+    return f'{n} {what}{"" if n == 1 else plural}'

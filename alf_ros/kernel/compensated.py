@@ -1,0 +1,80 @@
+"""Φ(q) to twice the digits of q, for places beside a singular position.
+
+There a combination of rows is about to lose its direction: what Φ is off by in it, e, moves the
+place by e / x along the other branch and bends the path by e / x³, x the distance. How little q is
+rounded does not matter, as the gradient of just that combination is as small as x; only what
+rounding Φ itself brings does. Products and sums are therefore kept with what they are rounded by
+(Dekker 1971; Ogita, Rump & Oishi 2005, algorithms 3.1 and 3.3 with a fused multiply-add).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import types
+from numba.extending import intrinsic
+
+from alf_ros.arrays import Floats, Unit
+from alf_ros.kernel.data import ONE, Rows
+from alf_ros.kernel.numba_ext.jit import inlined, inner
+
+
+@intrinsic
+def _fused(typing: Any, a: Any, b: Any, c: Any) -> Any:
+    """a b + c, rounded once."""
+
+    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return builder.fma(*args)
+
+    return types.float64(a, b, c), code
+
+
+@inlined
+def _product(a: float, b: float) -> tuple[float, float]:
+    """a b, and what it is rounded by."""
+    p = a * b
+    return p, _fused(a, b, -p)
+
+
+@inlined
+def _sum(a: float, b: float) -> tuple[float, float]:
+    """a + b, and what it is rounded by."""
+    s = a + b
+    z = s - a
+    return s, (a - (s - z)) + (b - z)
+
+
+@inner
+def violation_twofold(unit: Unit, rows: Rows, q: Floats, phi: Floats) -> None:
+    """Φ(q), as `violation`."""
+    D = np.uint64(len(unit))
+    m1 = rows.i.size
+    for r in range(m1):
+        i, j = rows.i[r] * D, rows.j[r] * D
+        high, low = -rows.length2[r], 0.0
+        for a in range(D):
+            d, rest = _sum(q[i + a], -q[j + a])
+            square, less = _product(d, d)
+            high, lost = _sum(high, square)
+            low += lost + less + 2.0 * d * rest
+        phi[r] = 0.5 * (high + low)
+    for r in range(rows.c.size):
+        high, low = rows.c[r], 0.0
+        for e in range(rows.first[r], rows.first[r + ONE]):
+            i = rows.block[e] * D
+            for a in range(D):
+                part, less = _product(rows.b[e * D + a], q[i + a])
+                high, lost = _sum(high, part)
+                low += lost + less
+            for n in range(rows.first_term[e], rows.first_term[e + ONE]):
+                j = rows.term_block[n] * D
+                for a in range(D):
+                    for c in range(D):
+                        term, rest = _product(0.5 * rows.term[(n * D + a) * D + c], q[j + c])
+                        part, less = _product(q[i + a], term)
+                        high, lost = _sum(high, part)
+                        low += lost + less + q[i + a] * rest
+        phi[m1 + r] = high + low
+    for r in range(m1 + rows.c.size, phi.size):
+        phi[r] = 0.0

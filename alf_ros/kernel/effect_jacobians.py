@@ -1,0 +1,102 @@
+"""M̂ = M + hγ C + (hγ)² K, what stands for M in a step of an implicit method.
+
+C and K are sums Σ c g gᵀ, Σ k g gᵀ over directions g in which effects yield: c = -∂F/∂ẋ and
+k = -∂F/∂x of an effort F on a scalar x, g = ∂x/∂q. Negative ones count as zero, so that M̂ stays
+positive. For an explicit method there are no directions, and nothing is done.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+from alf_ros.arrays import Floats, Unit
+from alf_ros.kernel.applied_forces import call
+from alf_ros.kernel.data import ONE, THREE, TWO, Forces, Soft, System, Work
+from alf_ros.kernel.numba_ext.block import add, add_outer, block, dot, packed, put
+from alf_ros.kernel.numba_ext.jit import inner
+
+
+@intrinsic
+def _tangent(
+    typing: Any,
+    at: Any,
+    t: Any,
+    q: Any,
+    qd: Any,
+    near: Any,
+    loads: Any,
+    m: Any,
+    slots: Any,
+    i: Any,
+    params: Any,
+    j: Any,
+    n: Any,
+    stiff: Any,
+    G: Any,
+) -> Any:
+    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        call(context, builder, sig, args, ir.VoidType())
+        return context.get_dummy_value()
+
+    return types.void(at, t, q, qd, near, loads, m, slots, i, params, j, n, stiff, G), code
+
+
+@inner
+def weigh(unit: Unit, system: System, forces: Forces, work: Work, t: float, step: float) -> None:
+    """Directions and weights hγ c + (hγ)² k, `step` = hγ (s), at q, q̇ in `work`."""
+    soft, effects = system.soft, forces.effects
+    for r in range(soft.weight.size):
+        e = soft.effect[r]
+        for s in range(soft.first[r], soft.first[r + ONE]):
+            put(soft.gradient, soft.block[s], packed(unit, 0.0, 0.0, 0.0))
+        _tangent(
+            effects.tangent[e],
+            t,
+            work.q,
+            work.qd,
+            work.near,
+            forces.bearings.loads,
+            effects.loads_at[e],
+            effects.slots,
+            effects.slots_at[e],
+            effects.params,
+            effects.params_at[e],
+            soft.number[r],
+            soft.stiff,
+            soft.gradient,
+        )
+        for s in range(soft.first[r], soft.first[r + ONE]):
+            put(soft.g, s, block(unit, soft.gradient, soft.block[s]))
+        soft.weight[r] = step * max(0.0, soft.stiff[1]) + step * step * max(0.0, soft.stiff[0])
+
+
+@inner
+def add_soft_times(unit: Unit, soft: Soft, s: float, v: Floats, out: Floats) -> None:
+    """out += s (M̂ - M) v on movable blocks."""
+    for r in range(soft.weight.size):
+        along = 0.0
+        for e in range(soft.first[r], soft.movable[r]):
+            along += dot(block(unit, soft.g, e), block(unit, v, soft.block[e]))
+        along *= s * soft.weight[r]
+        if along != 0.0:
+            for e in range(soft.first[r], soft.movable[r]):
+                add(out, soft.block[e], along * block(unit, soft.g, e))
+
+
+@inner
+def add_soft(unit: Unit, soft: Soft, diagonal: Floats, off: Floats) -> None:
+    """M̂ - M on the pattern, lower blocks."""
+    for r in range(soft.weight.size):
+        w = soft.weight[r]
+        if w == 0.0:
+            continue
+        for e in range(soft.first[r], soft.movable[r]):
+            g = block(unit, soft.g, e)
+            add_outer(unit, diagonal, soft.block[e], w * g, g)
+        for n in range(THREE * soft.first_pair[r], THREE * soft.first_pair[r + ONE], THREE):
+            e, f, at = soft.pair[n], soft.pair[n + ONE], soft.pair[n + TWO]
+            add_outer(unit, off, at, w * block(unit, soft.g, e), block(unit, soft.g, f))

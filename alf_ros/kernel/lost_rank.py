@@ -1,0 +1,80 @@
+"""Whether a row has lost its direction where a step ends.
+
+In a singular position itself no solve feels the lost row, so the rank is counted there: where a
+stage of the step was near such a position, and where det A has fallen. A row of singular value σ
+takes part in det A with 1 + penalty σ².
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from alf_ros.arrays import Unit
+from alf_ros.kernel.data import FOUR, ONE, THREE, TWO, ZERO, System, Work
+from alf_ros.kernel.inverse_trace import mass_trace
+from alf_ros.kernel.numba_ext.jit import inner
+
+_FALLEN = 8.0  # of log det A: a row for which solves are not slow, s > 100, and is lost then
+_FALLEN_BY = np.exp(_FALLEN)
+_SMALL, _LARGE = 1e-200, 1e200  # between which products are kept
+
+
+@inner
+def inverse_det(unit: Unit, work: Work) -> tuple[float, float]:
+    """(c, d) with 1 / det A = c exp(d); the factor in `work` holds reciprocal pivots. d is 0 as
+    long as the product can be held without it."""
+    D, n, diagonal = np.uint64(len(unit)), np.uint64(work.p.size), work.diagonal
+    product, exponent = 1.0, 0.0
+    paired = n - n % FOUR
+    for a in range(ZERO, paired, FOUR):  # by fours: a product waits for the one before
+        b, c, d = a + ONE, a + TWO, a + THREE
+        first = diagonal[a * D + a % D] * diagonal[b * D + b % D]
+        product *= first * (diagonal[c * D + c % D] * diagonal[d * D + d % D])
+        if not _SMALL < product < _LARGE:
+            exponent += np.log(product)
+            product = 1.0
+    for a in range(paired, n):
+        product *= diagonal[a * D + a % D]
+    return product, exponent
+
+
+@inner
+def note_det(unit: Unit, work: Work) -> None:
+    """Keep det A as that of the end of a step."""
+    work.inverse_det[2], work.inverse_det[3] = inverse_det(unit, work)
+
+
+@inner
+def begin_with_det(work: Work) -> None:
+    """What was that of the end of a step is that of the begin of the next."""
+    work.inverse_det[0], work.inverse_det[1] = work.inverse_det[2], work.inverse_det[3]
+
+
+@inner
+def fallen(work: Work) -> bool:
+    """Whether det A at the end of the step is a small part of what it was where it began."""
+    before, product = work.inverse_det[0], work.inverse_det[2]
+    difference = work.inverse_det[3] - work.inverse_det[1]
+    if difference == 0.0:
+        return product > _FALLEN_BY * before
+    return difference + np.log(product) - np.log(before) > _FALLEN
+
+
+@inner
+def lost(unit: Unit, system: System, work: Work) -> bool:
+    """Whether the rank is less than at ordinary positions, by the factor in `work`.
+
+    With the M̂ of an implicit method the rank cannot be told from the factor: then it may be.
+    """
+    if system.soft.weight.size > 0:
+        return True
+    trace = mass_trace(
+        unit,
+        system.pattern,
+        work.diagonal,
+        work.off,
+        work.column,
+        work.inverse,
+        work.inverse_off,
+    )
+    return work.p.size - trace < system.rank - 0.5

@@ -1,0 +1,254 @@
+"""Structs of arrays that compiled code takes as one pointer.
+
+numba hands an array on as seven words, and a tuple of arrays as seven words for each: with the
+arrays of a mechanism that costs more than its mechanics, in every step and in compiling it. A
+`Struct` keeps its arrays in Python, beside a table of their addresses and sizes; compiled code
+gets the address of the table, reads `struct.name[i]` and `struct.name.size`, and writes
+`struct.name[i]`. Nothing counts references, checks bounds or wraps negative indices: as with any
+argument, the struct outlives the call.
+
+The arrays of a `constant` struct are not written while compiled code runs, so that what it has
+read once it need not read again.
+"""
+
+from __future__ import annotations
+
+import operator
+from dataclasses import dataclass, fields
+from typing import Any, ClassVar, TypeVar, get_args, get_type_hints
+
+import numpy as np
+from llvmlite import ir
+from numba import from_dtype, types
+from numba.core import cgutils
+from numba.core.typing.templates import (
+    AbstractTemplate,
+    AttributeTemplate,
+    infer_getattr,
+    infer_global,
+    signature,
+)
+from numba.extending import (
+    NativeValue,
+    intrinsic,
+    lower_builtin,
+    lower_getattr_generic,
+    make_attribute_wrapper,
+    models,
+    register_model,
+    unbox,
+)
+
+from alf_ros.digest import digest
+
+
+def _stamp(package: str) -> str:
+    """Digest of the compiled code of the kernel, and of the package that declares a struct.
+
+    numba's cache looks only at the file of the function called; as a part of the type's name this
+    makes it look at the rest too.
+    """
+    return digest(*dict.fromkeys(('kernel', package)))[:8]
+
+
+S = TypeVar('S', bound='Struct')
+
+_SCALARS = {np.uint64: types.uint64, float: types.float64}
+_word = ir.IntType(64)
+
+
+class VectorType(types.Type):
+    """A pointer to numbers and how many they are; `constant` if nobody writes them."""
+
+    def __init__(self, number: types.Number, constant: bool) -> None:
+        self.number, self.constant = number, constant
+        super().__init__(f'{"const " if constant else ""}{number}*@{_stamp("kernel")}')
+
+
+class StructType(types.Type):
+    """A pointer to a table of words; `parts`: (name, first word, type) of each field."""
+
+    def __init__(
+        self, name: str, package: str, parts: tuple[tuple[str, int, types.Type], ...]
+    ) -> None:
+        self.parts = parts
+        super().__init__(f'{name}@{_stamp(package)}')
+
+
+@dataclass(frozen=True, eq=False)
+class Struct:
+    """Base of structs: frozen dataclasses of arrays, numbers (float, np.uint64) and structs.
+
+    Raises TypeError for an array of another type than annotated, or one that is not contiguous.
+    """
+
+    constant: ClassVar[bool] = False
+    _table: ClassVar[Any]
+    _types: ClassVar[dict[type[Struct], StructType]] = {}
+
+    def __post_init__(self) -> None:
+        kind = self._numba_type()
+        words: list[int] = []
+        for name, _, part in kind.parts:
+            value = getattr(self, name)
+            if isinstance(part, VectorType):
+                if from_dtype(value.dtype) != part.number or not value.flags.c_contiguous:
+                    raise TypeError(f'{type(self).__name__}.{name} is no array of {part.number}')
+                words += (value.ctypes.data, value.size)
+            else:
+                words.append(_word_of(value))
+        table = np.array(words, dtype=np.uint64)
+        for name, value in (
+            ('_table', table),
+            ('_address', table.ctypes.data),
+            ('_numba_type_', kind),  # where numba looks for the type of an argument
+        ):
+            object.__setattr__(self, name, value)
+
+    @classmethod
+    def empty(cls: type[S]) -> S:
+        """One without any numbers; what is a number is zero."""
+        values: list[Any] = []
+        for hint in (get_type_hints(cls)[field.name] for field in fields(cls)):
+            if hint in _SCALARS:
+                values.append(hint(0))
+            elif isinstance(hint, type) and issubclass(hint, Struct):
+                values.append(hint.empty())
+            else:
+                values.append(np.zeros(0, dtype=get_args(get_args(hint)[1])[0]))
+        return cls(*values)
+
+    @classmethod
+    def _numba_type(cls) -> StructType:
+        if cls not in Struct._types:
+            hints, parts, word = get_type_hints(cls), [], 0
+            ours, _, package = cls.__module__.rpartition('.')[0].partition('.')
+            package = package.replace('.', '/') if ours == 'alf_ros' else 'kernel'
+            for field in fields(cls):
+                hint = hints[field.name]
+                part: types.Type = _SCALARS.get(hint, types.none)
+                if isinstance(hint, type) and issubclass(hint, Struct):
+                    part = hint._numba_type()
+                elif part is types.none:
+                    (number,) = get_args(get_args(hint)[1])
+                    part = VectorType(from_dtype(np.dtype(number)), cls.constant)
+                parts.append((field.name, word, part))
+                word += 2 if isinstance(part, VectorType) else 1
+            Struct._types[cls] = StructType(cls.__name__, package, tuple(parts))
+        return Struct._types[cls]
+
+
+def _word_of(value: Struct | np.uint64 | float) -> int:
+    if isinstance(value, Struct):
+        return int(value._table.ctypes.data)
+    return int(np.float64(value).view(np.uint64) if isinstance(value, float) else value)
+
+
+# ------------------------------------------------------------------------ what numba has to know
+
+
+@register_model(VectorType)
+class _VectorModel(models.StructModel):
+    def __init__(self, manager: Any, kind: VectorType) -> None:
+        members = [('data', types.CPointer(kind.number)), ('size', types.uint64)]
+        super().__init__(manager, kind, members)
+
+
+make_attribute_wrapper(VectorType, 'size', 'size')
+register_model(StructType)(models.OpaqueModel)
+
+
+@unbox(StructType)
+def _unbox(kind: StructType, struct: Any, c: Any) -> NativeValue:
+    address = c.pyapi.object_getattr_string(struct, '_address')
+    pointer = c.pyapi.long_as_voidptr(address)
+    c.pyapi.decref(address)
+    return NativeValue(pointer)
+
+
+@infer_getattr
+class _StructAttribute(AttributeTemplate):
+    key = StructType
+
+    def generic_resolve(self, kind: StructType, name: str) -> types.Type | None:
+        return next((part for field, _, part in kind.parts if field == name), None)
+
+
+def load(builder: Any, pointer: Any, constant: bool, align: int | None = None) -> Any:
+    """What stands at a pointer; `constant`: it need not be read again."""
+    value = builder.load(pointer, align=align)
+    if constant:
+        value.set_metadata('invariant.load', builder.module.add_metadata([]))
+    return value
+
+
+@lower_getattr_generic(StructType)
+def _field(context: Any, builder: Any, kind: StructType, table: Any, name: str) -> Any:
+    word, part = next((word, part) for field, word, part in kind.parts if field == name)
+    words = builder.bitcast(table, _word.as_pointer())
+
+    def read(n: int) -> Any:
+        return load(builder, builder.gep(words, [_word(n)]), True)
+
+    if isinstance(part, VectorType):
+        vector = cgutils.create_struct_proxy(part)(context, builder)
+        number = context.get_value_type(part.number)
+        vector.data = builder.inttoptr(read(word), number.as_pointer())
+        vector.size = read(word + 1)
+        return vector._getvalue()
+    if isinstance(part, StructType):
+        return builder.inttoptr(read(word), table.type)
+    return builder.bitcast(read(word), context.get_value_type(part))
+
+
+def _index(kind: Any) -> types.Type:
+    return types.int64 if types.unliteral(kind).signed else types.uint64
+
+
+@infer_global(operator.getitem)
+class _GetItem(AbstractTemplate):
+    def generic(self, args: Any, kws: Any) -> Any:
+        vector, index = args
+        if isinstance(vector, VectorType) and isinstance(index, types.Integer):
+            return signature(vector.number, vector, _index(index))
+        return None
+
+
+@infer_global(operator.setitem)
+class _SetItem(AbstractTemplate):
+    def generic(self, args: Any, kws: Any) -> Any:
+        vector, index, _ = args
+        writable = isinstance(vector, VectorType) and not vector.constant
+        if writable and isinstance(index, types.Integer):
+            return signature(types.void, vector, _index(index), vector.number)
+        return None
+
+
+def element(context: Any, builder: Any, kind: VectorType, vector: Any, at: Any) -> Any:
+    """Where number `at` of a vector stands: code that compiled code contains."""
+    data = cgutils.create_struct_proxy(kind)(context, builder, value=vector).data
+    return builder.gep(data, [at])
+
+
+@lower_builtin(operator.getitem, VectorType, types.Integer)
+def _get(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    return load(builder, element(context, builder, sig.args[0], *args), sig.args[0].constant)
+
+
+@lower_builtin(operator.setitem, VectorType, types.Integer, types.Number)
+def _set(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    builder.store(args[2], element(context, builder, sig.args[0], *args[:2]))
+    return context.get_dummy_value()
+
+
+@intrinsic
+def vector(typing: Any, array: Any) -> Any:
+    """The numbers of a contiguous array (any shape), as a struct hands them on."""
+
+    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        of = cgutils.create_struct_proxy(sig.args[0])(context, builder, value=args[0])
+        to = cgutils.create_struct_proxy(sig.return_type)(context, builder)
+        to.data, to.size = of.data, of.nitems
+        return to._getvalue()
+
+    return VectorType(array.dtype, False)(array), code

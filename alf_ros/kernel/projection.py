@@ -1,0 +1,213 @@
+"""Onto Φ = 0: stages and the ends of steps, along M, with the factor that is there anyway."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from alf_ros.arrays import Floats, Unit
+from alf_ros.kernel.augmented_solve import finish
+from alf_ros.kernel.compensated import violation_twofold
+from alf_ros.kernel.constraints import add_transposed, forms, times_jacobian, violation
+from alf_ros.kernel.data import EPS, NOT_CLOSED, NOT_POSITIVE, OK, Rows, System, Work
+from alf_ros.kernel.ldl import assemble, linearise, solve_on
+from alf_ros.kernel.numba_ext.block import add, block, dot, subtract
+from alf_ros.kernel.numba_ext.jit import expanded, inner
+from alf_ros.kernel.numba_ext.plain_loops import each
+from alf_ros.kernel.numba_ext.vectors import zero
+from alf_ros.kernel.triangular_solve import solve
+
+_ROOM = 4.0  # times the gap: σ below which a mode may be made by it
+_CLOSED = 0.6  # rounding units: what a position is off by turns its rows beside a singular one
+_ROUNDED = 0.3  # the same, of a stage
+_TOLD = 0.1  # part of what is too close to a singular position
+_FURTHEST = 0.1  # part of the distance to a singular position that a correction may go across
+
+
+@inner
+def opening(unit: Unit, rows: Rows, q: Floats, phi: Floats) -> float:
+    """Φ(q), and how far the widest row is open, m."""
+    violation(unit, rows, q, phi)
+    return _widest(rows, phi)
+
+
+@inner
+def opening_twofold(unit: Unit, rows: Rows, q: Floats, phi: Floats) -> float:
+    """The same, to twice the digits of q."""
+    violation_twofold(unit, rows, q, phi)
+    return _widest(rows, phi)
+
+
+@inner
+def _opening(unit: Unit, rows: Rows, q: Floats, phi: Floats, twofold: bool) -> float:
+    """The same, `twofold` to twice the digits of q."""
+    if not twofold:
+        return opening(unit, rows, q, phi)
+    return opening_twofold(unit, rows, q, phi)
+
+
+@inner
+def _widest(rows: Rows, phi: Floats) -> float:
+    gap = 0.0
+    for r in range(phi.size):
+        gap = max(gap, abs(phi[r]) * rows.scale[r])
+    return gap
+
+
+@inner
+def correct(unit: Unit, system: System, work: Work) -> None:
+    """q -= A⁻¹ Φ_qᵀ α Φ, Φ in r2, with the Jacobian and the factor of one and the same place.
+
+    Φ_q of another place would put α times the difference on the free directions.
+    """
+    delta, phi = work.delta, work.r2
+    for r in range(phi.size):
+        phi[r] *= -system.rows.alpha[r]
+    zero(delta)
+    add_transposed(unit, system.rows, work.gf, work.g2f, phi, delta)
+    solve(unit, system.pattern, work.diagonal, work.off, delta)
+    for a in range(work.p.size):
+        work.q[a] += delta[a]
+
+
+@inner
+def correct_exactly(unit: Unit, system: System, work: Work, gap: float, furthest: float) -> None:
+    """The same, also in the direction of a row that is about to lose it.
+
+    Off Φ = 0 by `gap` (m), rows that depend on others look as if they were about that far from it:
+    such modes are left alone, and those that ask for more than `furthest` (m) times their σ.
+    """
+    faintest = _ROOM * gap / system.size
+    _correct_modes(unit, system, work, _ROUNDED * EPS * system.size, faintest, furthest)
+
+
+@inner
+def correct_at_last(unit: Unit, system: System, work: Work) -> None:
+    """The same for what rounding left, with Φ to twice the digits: in directions that are still
+    told apart from those of rows that depend on others."""
+    faintest = _TOLD * system.close * system.ordinary
+    _correct_modes(unit, system, work, 0.0, faintest, np.inf)
+
+
+@inner
+def _correct_modes(
+    unit: Unit, system: System, work: Work, noise: float, faintest: float, furthest: float
+) -> None:
+    phi = work.r2
+    for r in range(phi.size):
+        phi[r] = -phi[r]
+        work.y[r] = 0.0
+    zero(work.shift)
+    finish(unit, system, work, work.shift, 1e-3, noise, faintest, furthest)
+    for a in range(work.p.size):
+        work.q[a] += work.shift[a]
+
+
+@inner
+def project(unit: Unit, system: System, work: Work, wholly: bool) -> int:
+    """Bring q in `work` onto Φ = 0 along M, with Φ_q and factor of that place; returns the result.
+
+    It begins with those of the last stage, which is near; where that converges slowly they are
+    made anew. Very close to a singular position a row cannot tell how far off its point is, and
+    what is left of the gap is let be. `wholly`: beside a singular position, where the last
+    correction counts also for what is closed.
+    """
+    size = system.size
+    before = np.inf
+    fresh, wanting = False, wholly
+    for _ in range(50):
+        gap = _opening(unit, system.rows, work.q, work.r2, wholly)
+        closed = gap <= _CLOSED * EPS * size
+        if closed or (fresh and gap > 0.5 * before and gap <= 1e-10 * size):
+            if not linearise(unit, system, work, work.q):
+                return NOT_CLOSED
+            if not wanting:
+                return OK
+            wanting = False
+            correct_at_last(unit, system, work)
+            continue
+        if fresh or gap > 0.1 * before:
+            if not linearise(unit, system, work, work.q):
+                return NOT_CLOSED
+            fresh = True
+        before = gap
+        if fresh:
+            correct_exactly(unit, system, work, gap, _FURTHEST * size)
+        else:
+            correct(unit, system, work)
+    return NOT_CLOSED
+
+
+@expanded
+def place(unit: Unit, system: System, work: Work, wholly: bool) -> int:
+    """Put the stage `target` onto Φ = 0, by one correction or `wholly`.
+
+    Off Φ = 0 by e and σ from a singular position the free directions are turned by e / σ: that,
+    not α, is what breaks steps there. On it the equations go through the position smoothly. The
+    correction is linearised at q, a guess that is nearer to Φ = 0 than the stage. Φ_q and factor
+    are those of that guess, or `wholly` of the place.
+    """
+    if wholly:
+        return _place_wholly(unit, system, work)
+    assemble(unit, system, work, work.q)
+    _begin_correction(unit, system, work)
+    if not solve_on(unit, system, work):
+        return NOT_POSITIVE
+    for a in range(work.p.size):
+        work.q[a] = work.target[a] + work.delta[a]
+    return OK
+
+
+@inner
+def _begin_correction(unit: Unit, system: System, work: Work) -> None:
+    """δ = -Φ_qᵀ α (Φ + Φ_q (target - q)), of the guess q in `work`."""
+    rows, delta, phi, m1 = system.rows, work.delta, work.r2, system.rows.i.size
+    u, g, g2 = work.shift, work.gf, work.g2f
+    for a in range(work.p.size):
+        u[a] = work.target[a] - work.q[a]
+        delta[a] = 0.0
+    for r in each(0, rows.both):
+        i, j, d = rows.i[r], rows.j[r], block(unit, g, r)
+        open_by = 0.5 * (dot(d, d) - rows.length2[r])
+        v = (rows.alpha[r] * (open_by + dot(d, block(unit, u, i) - block(unit, u, j)))) * d
+        subtract(delta, i, v)
+        add(delta, j, v)
+    for r in each(rows.both, m1):
+        i, d = rows.i[r], block(unit, g, r)
+        open_by = 0.5 * (dot(d, d) - rows.length2[r])
+        subtract(delta, i, (rows.alpha[r] * (open_by + dot(d, block(unit, u, i)))) * d)
+    if rows.movable.size == 0:
+        return
+    forms(unit, rows, work.q, phi)
+    for r in each(0, rows.movable.size):
+        s = phi[m1 + r]
+        for e in each(rows.first[r], rows.movable[r]):
+            s += dot(block(unit, g2, e), block(unit, u, rows.block[e]))
+        s *= rows.alpha[m1 + r]
+        for e in each(rows.first[r], rows.movable[r]):
+            subtract(delta, rows.block[e], s * block(unit, g2, e))
+
+
+@inner
+def _place_wholly(unit: Unit, system: System, work: Work) -> int:
+    if not linearise(unit, system, work, work.q):
+        return NOT_POSITIVE
+    gap = _opening(unit, system.rows, work.q, work.r2, True)
+    zero(work.delta)
+    for a in range(work.p.size):
+        work.delta[a] = work.target[a] - work.q[a]
+        work.q[a] = work.target[a]
+        gap = max(gap, abs(work.delta[a]))
+    times_jacobian(unit, system.rows, work.g, work.g2, work.delta, work.y)
+    for r in range(work.r2.size):
+        work.r2[r] += work.y[r]
+    before = np.inf
+    for _ in range(6):
+        correct_exactly(unit, system, work, gap, np.inf)
+        gap = _opening(unit, system.rows, work.q, work.r2, True)
+        if not linearise(unit, system, work, work.q):
+            return NOT_POSITIVE
+        if gap <= _ROUNDED * EPS * system.size or gap > 0.5 * before:
+            break
+        before = gap
+    correct_at_last(unit, system, work)
+    return OK if linearise(unit, system, work, work.q) else NOT_POSITIVE

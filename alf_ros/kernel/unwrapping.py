@@ -1,0 +1,31 @@
+"""Counted angles: x, y of each, of which it is atan2(y, x), and its turns."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from alf_ros.arrays import Floats, Integers
+from alf_ros.kernel.numba_ext.jit import compiled, inner
+
+
+@inner
+def count_turns(before: Floats, after: Floats, turns: Integers) -> None:
+    """Count the passages of each (x, y) over the negative x axis."""
+    for n in range(turns.size):
+        x0, y0, x1, y1 = before[2 * n], before[2 * n + 1], after[2 * n], after[2 * n + 1]
+        if (y0 < 0.0) != (y1 < 0.0):
+            if x0 * y1 - x1 * y0 > 0.0:  # counter-clockwise
+                turns[n] += 1 if y1 < 0.0 else 0
+            else:
+                turns[n] -= 1 if y0 < 0.0 else 0
+
+
+@compiled
+def nearby(xy: Floats, turns: Integers, near: Floats) -> None:
+    """Each angle with its turns (rad), to a quarter turn.
+
+    As good as the angle itself to those who unwrap a stage of the step that begins there, and
+    without an arcus tangent for those who do not.
+    """
+    for n in range(turns.size):
+        near[n] = 2.0 * np.pi * turns[n] + (-0.5 * np.pi if xy[2 * n + 1] < 0.0 else 0.5 * np.pi)

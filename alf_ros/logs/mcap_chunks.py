@@ -1,0 +1,272 @@
+"""MCAP files, read from the front: chunk by chunk, whole or cut off, in bounded memory.
+
+The format is that of https://mcap.dev/spec. Nothing of an index is needed, because a log that was
+killed has none; and no message becomes an object, because a log may have ten million.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from alf_ros.arrays import Integers
+from alf_ros.errors import InputError
+from alf_ros.kernel.numba_ext.jit import compiled
+
+MAGIC = b'\x89MCAP0\r\n'
+SCHEMA, CHANNEL, MESSAGE, CHUNK, METADATA, DATA_END = 0x03, 0x04, 0x05, 0x06, 0x0C, 0x0F
+# Longest record that is believed; a length beyond it is a broken file.
+_LONGEST = 1 << 32
+_HEAD = 31  # bytes of a message record before its data
+
+Bytes = NDArray[np.uint8]
+
+
+@dataclass
+class Channel:
+    """A topic in a file: its type, the definition of the type, and how it was offered."""
+
+    id: int
+    topic: str
+    encoding: str
+    metadata: dict[str, str]
+    type: str
+    definition: str
+
+
+@dataclass
+class Contents:
+    """What a file says of itself, as far as it was read: `damage` is the first place that cannot
+    be read, '' if there is none."""
+
+    channels: dict[int, Channel] = field(default_factory=dict)
+    metadata: dict[str, dict[str, str]] = field(default_factory=dict)
+    profile: str = ''
+    damage: str = ''
+
+
+@dataclass(frozen=True)
+class Block:
+    """The messages of one chunk in the order written.
+
+    `data` are the bytes of the chunk; message k of channel `channel[k]`, with stamp `stamp[k]`
+    (ns) and number `sequence[k]` of its topic, lies at `start[k]` to `end[k]`.
+    """
+
+    data: Bytes
+    channel: Integers
+    sequence: Integers
+    stamp: Integers
+    start: Integers
+    end: Integers
+    read: int  # bytes of the file up to here
+
+    def message(self, k: int) -> bytes:
+        """The data of message k."""
+        return self.data[self.start[k] : self.end[k]].tobytes()
+
+
+def blocks(path: Path, contents: Contents, begin: int = 0) -> Iterator[Block]:
+    """Every whole chunk of a file; `contents` grows as they are read.
+
+    `begin`: the byte at which a chunk begins, to leave out those before; `contents` must know
+    their channels.
+
+    A file that is cut off ends at its last whole chunk; chunks with a wrong checksum are passed
+    over. Raises InputError if it is no MCAP file at all.
+    """
+    schemas: dict[int, tuple[str, str]] = {}
+    with _opened(path) as stream:
+        head = stream.read(len(MAGIC))
+        if head != MAGIC[: len(head)]:
+            raise InputError('not an MCAP file', file=str(path))
+        stream.seek(max(begin, len(head)))
+        while True:
+            at = stream.tell()
+            try:
+                code, content = _record(stream)
+                if code == DATA_END:
+                    stream.seek(max(0, path.stat().st_size - len(MAGIC)))
+                    if stream.read() != MAGIC:
+                        raise _Damaged('index cut off', ends=True)
+                    return
+                if code == CHUNK:
+                    yield _block(_unpacked(content, path), contents, schemas, stream.tell())
+                elif code == MESSAGE:  # of a file without chunks
+                    record = struct.pack('<BQ', code, len(content)) + content
+                    yield _block(record, contents, schemas, stream.tell())
+                else:
+                    _note(code, content, contents, schemas)
+            except _Damaged as damaged:
+                contents.damage = contents.damage or f'{damaged} at byte {at}'
+                if damaged.ends:
+                    return
+
+
+class _Damaged(Exception):
+    """What cannot be read: a record, or, where the file `ends` with it, all that is left."""
+
+    def __init__(self, what: str, ends: bool = False) -> None:
+        super().__init__(what)
+        self.ends = ends
+
+
+def _opened(path: Path) -> BinaryIO:
+    try:
+        return open(path, 'rb')
+    except OSError as error:
+        raise InputError(f'cannot be read: {error.strerror}', file=str(path)) from None
+
+
+def _record(stream: BinaryIO) -> tuple[int, bytes]:
+    head = stream.read(9)
+    if len(head) < 9:
+        raise _Damaged('cut off', ends=True)
+    code, length = struct.unpack('<BQ', head)
+    if length > _LONGEST:
+        raise _Damaged('broken', ends=True)
+    content = stream.read(length)
+    if len(content) < length:
+        raise _Damaged('cut off', ends=True)
+    return code, content
+
+
+def _unpacked(content: bytes, path: Path) -> bytes:
+    """The records of a chunk."""
+    try:
+        _, _, size, crc = struct.unpack_from('<QQQI', content)
+        compression, at = _text(content, 28)
+        (length,) = struct.unpack_from('<Q', content, at)
+        if size > _LONGEST:
+            raise _Damaged('broken chunk')
+        packed = content[at + 8 : at + 8 + length]
+        data = _decompressed(compression, packed, size, path)
+    except (struct.error, UnicodeDecodeError, IndexError):
+        raise _Damaged('broken chunk') from None
+    if len(data) != size or (crc and zlib.crc32(data) != crc):
+        raise _Damaged('chunk with a wrong checksum')
+    return data
+
+
+def _decompressed(compression: str, packed: bytes, size: int, path: Path) -> bytes:
+    # The compressor is imported where a file needs it.
+    if not compression:
+        return packed
+    if compression == 'zstd':
+        import zstandard
+
+        try:
+            return zstandard.ZstdDecompressor().decompress(packed, max_output_size=size)
+        except zstandard.ZstdError:
+            raise _Damaged('broken chunk') from None
+    if compression == 'lz4':
+        import lz4.frame
+
+        try:
+            return bytes(lz4.frame.decompress(packed))
+        except RuntimeError:
+            raise _Damaged('broken chunk') from None
+    raise InputError('unknown compression', file=str(path), value=compression)
+
+
+def _block(
+    records: bytes, contents: Contents, schemas: dict[int, tuple[str, str]], read: int
+) -> Block:
+    data = np.frombuffer(records, np.uint8)
+    starts = _starts(data)
+    if starts.size and starts[-1] < 0:
+        raise _Damaged('broken chunk')
+    codes = data[starts]
+    for at in starts[codes != MESSAGE]:
+        (length,) = struct.unpack_from('<Q', records, at + 1)
+        _note(int(data[at]), records[at + 9 : at + 9 + length], contents, schemas)
+    starts = starts[codes == MESSAGE]
+    channel = _integers(data, starts + 9, '<u2')
+    if set(np.unique(channel)) - contents.channels.keys():
+        raise _Damaged('message without a channel')
+    return Block(
+        data,
+        channel,
+        _integers(data, starts + 11, '<u4'),
+        _integers(data, starts + 15, '<i8'),
+        starts + _HEAD,
+        starts + 9 + _integers(data, starts + 1, '<i8'),
+        read,
+    )
+
+
+@compiled
+def _starts(data: Bytes) -> Integers:
+    """Where each record starts; -1 is the last if they do not fill the chunk."""
+    starts = np.empty(data.size // 9 + 1, np.int64)
+    count, at = 0, np.int64(0)
+    while at < data.size:
+        length, whole = np.int64(-1), at + 9 <= data.size
+        if whole:
+            length = np.int64(0)
+            for k in range(8):
+                length |= np.int64(data[at + 1 + k]) << (8 * k)
+            least = _HEAD - 9 if data[at] == MESSAGE else 0
+            whole = least <= length <= data.size - at - 9
+        starts[count] = at if whole else -1
+        count += 1
+        if not whole:
+            break
+        at += 9 + length
+    return starts[:count].copy()
+
+
+def _integers(data: Bytes, at: Integers, kind: str) -> Integers:
+    """Little-endian integers at these places."""
+    size = np.dtype(kind).itemsize
+    return data[at[:, None] + np.arange(size)].view(kind)[:, 0].astype(np.int64)
+
+
+def _note(
+    code: int, content: bytes, contents: Contents, schemas: dict[int, tuple[str, str]]
+) -> None:
+    """Keep what a record says that is no message."""
+    try:
+        if code == SCHEMA:
+            (id_,) = struct.unpack_from('<H', content)
+            name, at = _text(content, 2)
+            _, at = _text(content, at)
+            schemas[id_] = name, _text(content, at)[0]
+        elif code == CHANNEL:
+            id_, schema = struct.unpack_from('<HH', content)
+            topic, at = _text(content, 4)
+            encoding, at = _text(content, at)
+            name, definition = schemas.get(schema, ('', ''))
+            found = Channel(id_, topic, encoding, _map(content, at), name, definition)
+            contents.channels[id_] = found
+        elif code == METADATA:
+            name, at = _text(content, 0)
+            contents.metadata[name] = _map(content, at)
+        elif code == 0x01:
+            contents.profile, _ = _text(content, 0)
+    except (struct.error, UnicodeDecodeError, IndexError):
+        raise _Damaged('broken record') from None
+
+
+def _text(content: bytes, at: int) -> tuple[str, int]:
+    (length,) = struct.unpack_from('<I', content, at)
+    end = at + 4 + length
+    if end > len(content):
+        raise IndexError
+    return content[at + 4 : end].decode(), end
+
+
+def _map(content: bytes, at: int) -> dict[str, str]:
+    (length,) = struct.unpack_from('<I', content, at)
+    at, end, found = at + 4, at + 4 + length, {}
+    while at < end:
+        key, at = _text(content, at)
+        found[key], at = _text(content, at)
+    return found

@@ -1,0 +1,83 @@
+"""What a run was computed with: versions of everything that may change a digit."""
+
+from __future__ import annotations
+
+import json
+import platform
+from collections.abc import Mapping
+from dataclasses import asdict
+from importlib import metadata
+from typing import TYPE_CHECKING, Any
+
+from llvmlite import binding
+
+from alf_ros.effects.contract import user_file
+from alf_ros import effects
+from alf_ros.resources import version
+from alf_ros.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from alf_ros.simulation.setup import Setup
+
+_PACKAGES = ('numpy', 'numba', 'llvmlite', 'scipy', 'rclpy')
+
+
+def versions() -> dict[str, str]:
+    """Versions of this package, Python and the libraries, the processor and the platform."""
+    found = {'alf_ros': version(), 'python': platform.python_version()}
+    for package in _PACKAGES:
+        try:
+            found[package] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            found[package] = 'unknown'
+    return {**found, **_compiler(), 'cpu': _cpu(), 'platform': platform.platform()}
+
+
+def start(setup: Setup, ahead: int, topics: Mapping[str, str]) -> dict[str, Any]:
+    """What a log says of a run besides the scene's text: stamps are `ahead` (ns) of the simulated
+    time; where `topics` are, by the names users write."""
+    scene, simulation = setup.scene, setup.simulation
+    return {
+        'scene': scene.name,
+        'scene_sha256': scene.hash,
+        'solver': asdict(simulation.solver),
+        'ledger': simulation.ledger,
+        'steps_per_tick': setup.steps,
+        'stamps_ahead_ns': ahead,
+        'topics': dict(topics),
+        **_of_effects(scene),
+        'versions': versions(),
+    }
+
+
+def record(about: Mapping[str, Any], scene: Scene) -> dict[str, str]:
+    """The same as texts, with the scene's: the Metadata record of a log."""
+    texts = {k: v if isinstance(v, str) else json.dumps(v) for k, v in about.items()}
+    return {**texts, 'scene_text': scene.text}
+
+
+def _of_effects(scene: Scene) -> dict[str, Any]:
+    """What the text of a scene does not say: `files`, the texts of effects that are files
+    (by full name), and `effects`, where those of other packages come from (by kind)."""
+    kinds = dict.fromkeys(effect.kind for effect in scene.effects)
+    files = {kind: user_file.source(kind) for kind in kinds if user_file.is_file_name(kind)}
+    origins = {kind: effects.origin(kind) for kind in kinds}
+    return {'files': files, 'effects': {kind: said for kind, said in origins.items() if said}}
+
+
+def _compiler() -> dict[str, str]:
+    """LLVM, and the processor as it knows it: what instructions the compiled code may have."""
+    llvm = '.'.join(map(str, binding.llvm_version_info))
+    return {'llvm': llvm, 'llvm_cpu': binding.get_host_cpu_name()}
+
+
+def _cpu() -> str:
+    """Model of the processor; Linux says it in /proc, elsewhere the machine type has to do."""
+    try:
+        with open('/proc/cpuinfo', encoding='utf-8') as info:
+            for line in info:
+                if line.startswith('model name'):
+                    return line.partition(':')[2].strip()
+    except OSError:
+        pass
+    return platform.processor() or platform.machine()

@@ -1,0 +1,257 @@
+"""Which block of the natural coordinates a point or vector of a body is, and what a place or a
+direction on a body is in terms of them.
+
+Two layouts of one mechanism are used. In the assembled one, bodies that meet at a point or share a
+vector share its block: the step integrates that. In the cut one every body owns its blocks: it
+tells what acts on each body alone, hence the reactions in the joints.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
+
+import numpy as np
+
+from alf_ros.arrays import Floats
+from alf_ros.mechanism import affine
+from alf_ros.mechanism.affine import Form
+from alf_ros.mechanism.parts import GROUND, Body, Mechanism, Numbers
+
+TURN = np.array([[0.0, -1.0], [1.0, 0.0]])  # J, a quarter turn
+_APART = 0.5  # sine from which on directions are well apart
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """What carries bodies of one shape: r = P_0 + Σ c_k d_k with c = `inverse` (k, D) times the
+    local place.
+
+    Blocks are counted on the body, points then vectors: `local` holds each in the body frame (D,),
+    m, `ends` are those that make d_k: P_k (then `is_point`) or a vector. A planar body has d_1
+    alone; d_2 = J d_1.
+    """
+
+    local: tuple[Floats, ...]
+    points: int
+    ends: tuple[int, ...]
+    inverse: Floats
+
+    @property
+    def is_point(self) -> tuple[bool, ...]:
+        """Of each end."""
+        return tuple(n < self.points for n in self.ends)
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """Blocks of a mechanism: `movable` of them first, `blocks` in all.
+
+    `of_point` and `of_vector` give the block of a point or vector on its own (in the cut layout,
+    that of the first body that has it), `of_body` those of each body: points, then vectors.
+    `of_prescribed` are the blocks that move as functions of time, `of_auxiliary` those that
+    belong to no body otherwise (`auxiliary`).
+    """
+
+    mechanism: Mechanism
+    movable: int
+    blocks: int
+    of_point: Mapping[str, int]
+    of_vector: Mapping[str, int]
+    of_body: Mapping[str, tuple[int, ...]]
+    of_auxiliary: Mapping[str, int]
+    of_prescribed: Mapping[str, int]
+    _shapes: dict[tuple[object, ...], Shape] = field(default_factory=dict)
+
+    def renumbered(self, place: Sequence[int]) -> Layout:
+        """The same with other numbers for the blocks: `place` (blocks,) of each."""
+
+        def moved(blocks: Mapping[str, int]) -> dict[str, int]:
+            return {name: place[n] for name, n in blocks.items()}
+
+        return replace(
+            self,
+            of_point=moved(self.of_point),
+            of_vector=moved(self.of_vector),
+            of_body={name: tuple(place[n] for n in own) for name, own in self.of_body.items()},
+            of_auxiliary=moved(self.of_auxiliary),
+            of_prescribed=moved(self.of_prescribed),
+        )
+
+    @property
+    def body(self) -> Mapping[str, Body]:
+        """Bodies by name."""
+        return self.mechanism.body
+
+    @property
+    def dimension(self) -> int:
+        """2 in the plane, 3 in space."""
+        return self.mechanism.dimension
+
+    @cached_property
+    def length(self) -> float:
+        """Length of the blocks of unit vectors, m: that of the drawing, so that every natural
+        coordinate is a length, and every mass one."""
+        places = np.array([point.at for point in self.mechanism.points])
+        return float(np.ptp(places, axis=0).max(initial=0.0)) or 1.0
+
+    @property
+    def bodies(self) -> tuple[Body, ...]:
+        """All bodies, in the order of the file."""
+        return self.mechanism.bodies
+
+    def shape(self, name: str) -> Shape:
+        """What carries a body; of all bodies of one shape at once, for there may be many."""
+        body = self.mechanism.body[name]
+        key = body.local, body.axes
+        if key not in self._shapes:
+            self._shapes[key] = _shape(self.dimension, self.length, body)
+        return self._shapes[key]
+
+    def direction(self, body: str, local: Numbers) -> Form:
+        """A direction fixed in a body (or in the ground), from the body frame."""
+        if body == GROUND:
+            return affine.constant(local)
+        return direction(self.shape(body), local).on(self.of_body[body])
+
+    def place(self, body: str, local: Numbers) -> Form:
+        """A place fixed in a body (or in the ground), from the body frame (m)."""
+        if body == GROUND:
+            return affine.constant(local)
+        return place(self.shape(body), local).on(self.of_body[body])
+
+    def placed(self, name: str, at: str | None = None) -> Form:
+        """The centre of mass of a body, its point `at`, or a point of the mechanism.
+
+        Raises ValueError if `at` is not a point of the body.
+        """
+        if name not in self.body:
+            return affine.of_block(self.of_point[name], self.dimension)
+        body = self.body[name]
+        if at is None:
+            return self.place(name, body.com)
+        if at in body.points:
+            return self.place(name, body.local[body.points.index(at)])
+        raise ValueError(f'{at!r} is no point of {name!r}, which has {", ".join(body.points)}')
+
+    def turns(self, name: str) -> bool:
+        """Whether it has an orientation: a torque and a frame of its own make sense."""
+        if name not in self.body:
+            return False
+        return len(self.shape(name).ends) >= (1 if self.dimension == 2 else 3)
+
+
+@lru_cache(maxsize=1024)
+def direction(shape: Shape, local: Numbers) -> Form:
+    """A direction fixed in a body, from its frame, in the body's own blocks."""
+    c, D = shape.inverse @ np.asarray(local, dtype=float), shape.inverse.shape[1]
+    total = Form({}, np.zeros(D))
+    for end, is_point, weight in zip(shape.ends, shape.is_point, c, strict=False):
+        d = affine.of_block(end, D)
+        if is_point:
+            d = d - affine.of_block(0, D)
+        total = total + d.times(weight * np.eye(2) + c[1] * TURN if D == 2 else weight)
+    return total
+
+
+@lru_cache(maxsize=1024)
+def place(shape: Shape, local: Numbers) -> Form:
+    """A place fixed in a body, from its frame (m), in the body's own blocks."""
+    return affine.of_block(0, shape.inverse.shape[1]) + direction(shape, local)
+
+
+def _shape(dimension: int, length: float, body: Body) -> Shape:
+    points = len(body.points)
+    places = [np.array(place, dtype=float) for place in body.local]
+    places += [length * np.array(axis) for axis in body.axes]
+    # the second point, then vectors, then further points: what is independent carries
+    order = [*range(1, min(2, points)), *range(points, len(places)), *range(2, points)]
+    found = independent([places[n] for n in order], 1 if dimension == 2 else 3)
+    ends = tuple(order[k] for k in found)
+    directions = [places[n] for n in ends]
+    if dimension == 2 and directions:
+        directions.append(TURN @ directions[0])
+    inverse: Floats = np.zeros((0, dimension))
+    if directions:
+        inverse = np.asarray(np.linalg.pinv(np.array(directions).T), dtype=float)
+    inverse.flags.writeable = False
+    return Shape(tuple(places), points, ends, inverse)
+
+
+def independent(directions: Sequence[Floats], most: int, least: float = 1e-6) -> list[int]:
+    """Which of the directions to choose as a basis, `most` of them: the first one that is not
+    zero, then the first that is well apart from those chosen, or else the one farthest apart.
+
+    `least` is the sine below which a direction counts as dependent.
+    """
+    chosen: list[int] = []
+    axes: list[Floats] = []
+    while len(chosen) < most:
+        apart = []
+        for d in directions:
+            size = np.linalg.norm(d)
+            unit = d / size if size > 0.0 else d
+            apart.append(
+                float(np.linalg.norm(unit - sum(((unit @ a) * a for a in axes), 0.0 * d)))
+            )
+        good = [k for k, sine in enumerate(apart) if sine > _APART]
+        best = good[0] if good else int(np.argmax(apart)) if apart else -1
+        if best < 0 or apart[best] < least:
+            break
+        d = directions[best] / np.linalg.norm(directions[best])
+        d = d - sum(((d @ a) * a for a in axes), 0.0 * d)
+        chosen.append(best)
+        axes.append(d / np.linalg.norm(d))
+    return chosen
+
+
+def cut(mechanism: Mechanism) -> Layout:
+    """The layout in which every body owns its points and vectors."""
+    of_body: dict[str, tuple[int, ...]] = {}
+    of_point: dict[str, int] = {}
+    of_vector: dict[str, int] = {}
+    of_auxiliary: dict[str, int] = {}
+    of_prescribed: dict[str, int] = {}
+    n = 0
+    for body in mechanism.bodies:
+        points = tuple(range(n, n + len(body.points)))
+        n += len(points)
+        vectors = tuple(range(n, n + len(body.vectors)))
+        n += len(vectors)
+        of_body[body.name] = points + vectors
+        for name, block in zip(body.points, points, strict=True):
+            of_point.setdefault(name, block)
+        for name, block in zip(body.vectors, vectors, strict=True):
+            of_vector.setdefault(name, block)
+    for names, places in ((mechanism.points, of_point), (mechanism.vectors, of_vector)):
+        for item in names:  # of no body: nothing of a body acts there
+            if item.name not in places:
+                places[item.name] = n
+                n += 1
+    for name in mechanism.auxiliary:
+        of_auxiliary[name], n = n, n + 1
+    for each in mechanism.prescribed:
+        of_prescribed[each.name], n = n, n + 1
+    return Layout(mechanism, n, n, of_point, of_vector, of_body, of_auxiliary, of_prescribed)
+
+
+def assembled(
+    mechanism: Mechanism,
+    of_point: Mapping[str, int],
+    of_vector: Mapping[str, int],
+    of_auxiliary: Mapping[str, int],
+) -> Layout:
+    """The layout in which points and vectors are shared, at the blocks given."""
+    of_body = {
+        body.name: tuple(of_point[p] for p in body.points)
+        + tuple(of_vector[v] for v in body.vectors)
+        for body in mechanism.bodies
+    }
+    movable = sum(not item.fixed for item in mechanism.blocks) + len(of_auxiliary)
+    first = len(of_point) + len(of_vector) + len(of_auxiliary)
+    of_prescribed = {item.name: n for n, item in enumerate(mechanism.prescribed, first)}
+    blocks = first + len(of_prescribed)
+    return Layout(
+        mechanism, movable, blocks, of_point, of_vector, of_body, of_auxiliary, of_prescribed
+    )

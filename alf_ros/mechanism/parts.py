@@ -1,0 +1,244 @@
+"""A mechanism: points, vectors, bodies and joints, as plain frozen data without arrays.
+
+SI units throughout. World frame: planar mechanisms lie in the x-y plane, positive angles turn
+counter-clockwise about +z (REP-103).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+from alf_ros.mechanism.time_function import Signal, cosine, rate, sine
+
+GROUND = 'ground'
+LENGTHS = ('slider', 'prismatic', 'cylindrical')
+ANGLES = ('revolute', 'cylindrical', 'universal')
+
+Numbers = tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """A named point; `at` is where it is drawn (m, world frame)."""
+
+    name: str
+    at: Numbers
+    fixed: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Vector:
+    """A named unit vector in space; `along` is its direction as drawn (world frame)."""
+
+    name: str
+    along: Numbers
+    fixed: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Body:
+    """A rigid body carried by its points and unit vectors.
+
+    The body frame has its origin at the first point and its x axis towards the second. `local`
+    holds each point in that frame (m), `axes` each vector, `com` the centre of mass (m). `inertia`
+    is about the centre of mass (kg m^2): in the plane a number, in space the rows of a 3x3 matrix.
+    In space a body is carried by three independent directions (to points, or vectors), or is a
+    rod or a point, which have no orientation about themselves.
+    """
+
+    name: str
+    points: tuple[str, ...]
+    local: tuple[Numbers, ...]
+    mass: float
+    com: Numbers
+    inertia: float | tuple[Numbers, ...]
+    vectors: tuple[str, ...] = ()
+    axes: tuple[Numbers, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """Where a joint sits on a body: `origin` (m) and orthonormal `axes`, in the body frame.
+
+    On the ground, in the world frame. The x axis is that along which a planar joint slides, the z
+    axis that about which (and along which) a spatial one moves.
+    """
+
+    origin: Numbers
+    axes: tuple[Numbers, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Joint:
+    """A joint between `parent` and `child` (bodies, or 'ground').
+
+    kind: in the plane 'revolute', 'slider', 'prismatic', 'weld', 'gear', 'rolling', 'rack',
+    'blade', 'no_slip'; in space 'spherical', 'revolute', 'universal', 'cylindrical', 'prismatic',
+    'planar', 'weld', 'distance', 'perpendicular', 'no_slip', 'disk'. `frames` are those of the
+    joint on parent and child. What the two share is named `point` and `vector` (the axis): it
+    needs no constraint. `value` is what the kind needs besides: of a 'distance' m; of what rolls
+    the radius of the child, m. A gear has that of its parent too (`of_parent`, m); the smaller of
+    an internal pair is negative. `motion`, if it has any, is a function of time: of a 'blade' the
+    angle by which it is turned on its body (rad), of 'no_slip' and 'disk' the velocity of what
+    they roll on: along each axis of the parent's frame (m/s), in space then its spin about the
+    normal through the frame's origin (rad/s).
+    """
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    frames: tuple[Frame, Frame]
+    point: str | None = None
+    vector: str | None = None
+    value: float = 0.0
+    of_parent: float = 0.0
+    motion: tuple[Signal, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Coordinate:
+    """One freedom of a joint: an angle (rad), at `place` less that at `less`, or a length (m).
+
+    `place` counts angles or lengths, whichever it is; `less` is -1 for none.
+    """
+
+    name: str
+    joint: Joint
+    is_angle: bool
+    place: int
+    less: int = -1
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """What is prescribed as a function of time (rheonomic), and what that takes is an effort.
+
+    kind: 'angle' (rad) or 'length' (m) of a joint coordinate, 'distance' (m) between two points,
+    'point' (m), the place of one. `of`: the name of the coordinate, or of the points. `motion` has
+    one function, of a point one for each axis, None where it is free. `from_ground`: the angle is
+    measured from axes that do not move.
+    """
+
+    name: str
+    kind: str
+    of: tuple[str, ...]
+    motion: tuple[Signal | None, ...]
+    from_ground: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Rotor:
+    """What turns or slides as the joint coordinate `of` does, geared to it; its inertia as seen
+    from there: kg m^2, or kg."""
+
+    name: str
+    of: str
+    inertia: float
+
+
+@dataclass(frozen=True, slots=True)
+class Prescribed:
+    """A block that moves as functions of time: m, or a unit vector in the frame of a joint."""
+
+    name: str
+    components: tuple[Signal | None, ...]
+    is_direction: bool
+
+
+@dataclass(frozen=True)
+class Mechanism:
+    """Points, vectors, bodies and joints in the order of the file. The graph is undirected."""
+
+    name: str
+    points: tuple[Point, ...]
+    bodies: tuple[Body, ...]
+    joints: tuple[Joint, ...]
+    vectors: tuple[Vector, ...] = ()
+    dimension: int = 2
+    drives: tuple[Drive, ...] = ()
+    rotors: tuple[Rotor, ...] = ()
+
+    @cached_property
+    def body(self) -> dict[str, Body]:
+        """Bodies by name."""
+        return {body.name: body for body in self.bodies}
+
+    @cached_property
+    def coordinates(self) -> tuple[Coordinate, ...]:
+        """The coordinates of all joints."""
+        return tuple(_coordinates(self))
+
+    @cached_property
+    def coordinate(self) -> dict[str, Coordinate]:
+        """The coordinates of all joints, by name."""
+        return {each.name: each for each in self.coordinates}
+
+    @cached_property
+    def prescribed(self) -> tuple[Prescribed, ...]:
+        """What moves as a function of time: for the drives, then for joints, by their names."""
+        found = [_of_drive(drive) for drive in self.drives]
+        for joint in self.joints:
+            if joint.motion and joint.kind == 'blade':
+                found.append(_turning(joint.name, joint.motion[0]))
+            elif joint.motion:
+                found.append(Prescribed(joint.name, tuple(map(rate, joint.motion)), False))
+        return tuple(found)
+
+    @cached_property
+    def auxiliary(self) -> tuple[str, ...]:
+        """Blocks that belong to no body: of rotors, and what rows need besides (`auxiliary`).
+
+        By a name of the file, or with a dot after it, which no name of a file has.
+        """
+        names = [rotor.name for rotor in self.rotors]
+        names += [d.name for d in self.drives if d.kind == 'angle' and not d.from_ground]
+        for joint in self.joints:
+            if joint.kind == 'disk':
+                names += [f'{joint.name}.down', f'{joint.name}.arm']
+            elif joint.kind == 'blade' and joint.motion:
+                names.append(joint.name)
+        return tuple(names)
+
+    @property
+    def blocks(self) -> tuple[Point | Vector, ...]:
+        """What the natural coordinates are made of: points, then vectors."""
+        return (*self.points, *self.vectors)
+
+
+def _of_drive(drive: Drive) -> Prescribed:
+    if drive.kind == 'angle':
+        assert drive.motion[0] is not None
+        return _turning(drive.name, drive.motion[0])
+    return Prescribed(drive.name, drive.motion, False)
+
+
+def _turning(name: str, angle: Signal) -> Prescribed:
+    return Prescribed(name, (cosine(angle), sine(angle)), True)
+
+
+def _coordinates(mechanism: Mechanism) -> Iterator[Coordinate]:
+    body = {body.name: n for n, body in enumerate(mechanism.bodies)}
+    planar, angles, lengths = mechanism.dimension == 2, 0, 0
+    for joint in mechanism.joints:
+        several = _count(joint, planar) > 1
+        if joint.kind in ANGLES and planar:
+            less = body.get(joint.parent, -1) if joint.parent != GROUND else -1
+            yield Coordinate(joint.name, joint, True, body[joint.child], less)
+        elif joint.kind in ANGLES:
+            for suffix in ('first', 'second') if joint.kind == 'universal' else ('angle',):
+                name = f'{joint.name}_{suffix}' if several else joint.name
+                yield Coordinate(name, joint, True, angles)
+                angles += 1
+        if joint.kind in LENGTHS:
+            name = f'{joint.name}_length' if several else joint.name
+            yield Coordinate(name, joint, False, lengths)
+            lengths += 1
+
+
+def _count(joint: Joint, planar: bool) -> int:
+    if joint.kind == 'universal':
+        return 2
+    return (joint.kind in ANGLES) + (joint.kind in LENGTHS)

@@ -1,0 +1,1 @@
+"""A mechanism as read-only arrays: constraint rows, mass, symbolic factor; closing it."""

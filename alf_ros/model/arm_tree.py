@@ -1,0 +1,50 @@
+"""Which block of a mechanism turns about which: a tree over blocks of the same body."""
+
+from __future__ import annotations
+
+from collections import defaultdict, deque
+
+import numpy as np
+
+from alf_ros.kernel import FREE, ORIGIN, Arms
+from alf_ros.mechanism.natural_coordinates import Layout
+
+
+def arms_of(layout: Layout) -> Arms:
+    """Each point of a body turns about another of its points, vectors about themselves.
+
+    The tree grows from the ground, by as few bodies as it takes; what floats hangs on one of its
+    points, which turns about none.
+    """
+    neighbours: dict[int, list[tuple[int, ...]]] = defaultdict(list)
+    about = np.full(layout.movable, FREE, dtype=np.int64)
+    for body in layout.bodies:
+        blocks = layout.of_body[body.name]
+        points = blocks[: len(body.points)]
+        for block in points:
+            neighbours[block].append(points)
+        for block in blocks[len(points) :]:
+            if block < layout.movable:
+                about[block] = ORIGIN
+    order: list[int] = []
+    near = deque(block for block in neighbours if block >= layout.movable)
+    seen = set(near)
+    floating = iter(list(neighbours))
+    while True:
+        while near:
+            block = near.popleft()
+            if block < layout.movable:
+                order.append(block)
+            for points in neighbours[block]:
+                for other in points:
+                    if other not in seen:
+                        seen.add(other)
+                        near.append(other)
+                        about[other] = block
+        start = next((block for block in floating if block not in seen), None)
+        if start is None:
+            break
+        seen.add(start)
+        near.append(start)
+    order += sorted(set(range(layout.movable)) - set(order))
+    return Arms(order=np.array(order, dtype=np.uint32), about=about)

@@ -1,0 +1,438 @@
+"""Closing the loops of the drawn positions, and completing the velocities from those given.
+
+What the user holds becomes linear rows beside the mechanism's own, so that the leading matrix of
+the step does both: positions move along M onto Φ = 0, velocities are those of least kinetic
+energy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from alf_ros import kernel
+from alf_ros.arrays import Floats
+from alf_ros.errors import AssemblyError
+from alf_ros.kernel import System, Work
+from alf_ros.kernel.data import NOTHING
+from alf_ros.mechanism import Joint, affine
+from alf_ros.model.compile import Model, allocate, hold
+from alf_ros.model.constraints.drives import is_aligned
+from alf_ros.model.constraints.meshing import slips, toothed
+from alf_ros.model.constraints.row import Row, linear
+from alf_ros.model.prescribed import prescribe
+from alf_ros.model.rank import distance, effective_rank
+
+_SOFT = 0.05  # σ from which down it may be that of a place beside a singular position
+_FIRMER = 20.0  # times, that of an ordinary place near it
+
+# components of points and vectors by name; None leaves one free
+Given = Mapping[str, Sequence[float | None]]
+
+
+def close(model: Model, given: Given, start: Floats | None = None, least: float = 1e-13) -> Floats:
+    """Positions q (blocks D, m) that satisfy Φ = 0 and the given ones, nearest to the drawing.
+
+    `start` (blocks D, m) is where to begin instead of the drawing. They are closed to `least` of
+    the size, or as far as rounding allows. Raises AssemblyError with the constraints that stay
+    open.
+    """
+    system, names, _ = hold(model, held(model, given), velocities=False)
+    work = allocate(model, system, 1)
+    work.q[:] = model.q if start is None else start
+    gap = _settle(model, system, work, least)
+    _check(model, work, names, gap, 1e-10)
+    return np.array(work.q)
+
+
+def follow(
+    model: Model, path: Sequence[tuple[float, Given]], start: Floats, tolerance: float
+) -> list[Floats]:
+    """Positions q (blocks D, m) where a path, given at some s > 0, leads from `start`, at s = 0.
+
+    All of the path give the same components. What the constraints do not allow on the way is met
+    as nearly as they allow, at the end to `tolerance` of the size. Each begins where the two
+    before it lead: so a path crosses singular positions, and stays on its branch. What is free
+    besides moves no more than it must along M. Gears and racks stay in mesh, wheels may slip.
+    Raises AssemblyError with the constraints that stay open.
+    """
+    rows = [held(model, given) for _, given in path]
+    places = [0.0, *(s for s, _ in path)]
+    system, names, _ = hold(model, rows[-1], velocities=False)
+    mesh = _mesh(model, rows[-1])
+    work = allocate(model, system, 1)
+    work.q[:] = start
+    found = [np.array(start)]
+    for k, given in enumerate(rows, 1):
+        c = system.rows.c.copy()
+        c[c.size - len(given) :] = [row.c for row in given]  # these stand last
+        here = replace(system, rows=replace(system.rows, c=c))
+        # near a singular position what is open by e leaves a way of √e to go
+        gap = _settle(model, here, work, 1e-15 if k < len(rows) else 0.0)
+        if mesh is not None:
+            gap = _in_mesh(model, here, work, mesh, found[-1])
+        found.append(np.array(work.q))
+        if k < len(rows):
+            further = (places[k + 1] - places[k]) / (places[k] - places[k - 1])
+            work.q[: model.n] += further * _led(model, system, work, *found[-2:])[: model.n]
+    _check(model, work, [*names, *(mesh.names if mesh else ())], gap, tolerance)
+    return found[1:]
+
+
+def _led(model: Model, system: System, work: Work, before: Floats, now: Floats) -> Floats:
+    """What led from q to q, m, without what was free to go elsewhere: it would go on and on.
+
+    In a singular position more is free than before it or behind it: the lesser of the two counts.
+    """
+    step, found = now - before, []
+    momenta = np.zeros(model.n)
+    kernel.add_mass_times(model.unit, system.mass, 1.0, step, momenta)
+    for place in (before, now):
+        work.q[:] = place
+        _linearised(model, system, work)
+        free = np.zeros_like(work.q)
+        work.r2[:] = 0.0
+        kernel.augmented(model.unit, system, work, momenta, free, 100, 1e-15, 1.0)
+        found.append(free)
+    return np.asarray(step - min(found, key=lambda free: float(np.linalg.norm(free))))
+
+
+def _check(model: Model, work: Work, names: Sequence[str], gap: Floats, tolerance: float) -> None:
+    """Raise AssemblyError if a row is open by more than `tolerance` of the size."""
+    if gap.size and not gap.max() <= tolerance * model.size:
+        raise AssemblyError(
+            f'the mechanism cannot be closed: {_worst(names, gap, "m")}', key='initial.positions'
+        )
+    for drive in model.mechanism.drives:
+        if not is_aligned(drive, model.layout, work.q):
+            raise AssemblyError(
+                f'drive {drive.name} begins more than a right angle from the drawing',
+                key=f'drives.{drive.name}',
+            )
+
+
+def _settle(model: Model, system: System, work: Work, least: float) -> Floats:
+    """Move work.q along M to where its rows are closed to `least` of the size, or as far as that
+    goes; returns by how much each stays open, m."""
+    q, best, fraction = np.array(work.q), np.inf, 1.0
+    for _ in range(200):
+        gap = _gaps(model, system, work)
+        if not gap.size or gap.max() <= least * model.size:
+            break
+        if gap.max() < best:
+            best, q[:], fraction = gap.max(), work.q, 1.0
+        else:  # the full step overshot: take half of it from the best place so far
+            fraction *= 0.5
+            if fraction < 1e-3:
+                work.q[:] = q
+                break
+        work.q[:] = q
+        _, violation = _linearised(model, system, work)
+        work.delta[:] = 0.0
+        rows = system.rows
+        kernel.add_transposed(
+            model.unit, rows, work.g, work.g2, -rows.alpha * violation, work.delta
+        )
+        kernel.solve(model.unit, system.pattern, work.diagonal, work.off, work.delta)
+        work.q[: model.n] += fraction * work.delta[: model.n]
+    return _gaps(model, system, work)
+
+
+@dataclass(frozen=True)
+class _Mesh:
+    """Joints with teeth, and the system whose rows of velocities are theirs alone."""
+
+    joints: tuple[Joint, ...]
+    names: list[str]
+    system: System
+    rows: list[int]  # theirs, in the kernel's order
+
+
+def _mesh(model: Model, given: list[Row]) -> _Mesh | None:
+    """What keeps teeth in mesh while the given rows stay as they are; None without teeth."""
+    joints = toothed(model.layout)
+    if not joints:
+        return None
+    system, names, _ = hold(model, [replace(row, c=0.0) for row in given], velocities=True)
+    own = [joint.name for joint in joints]
+    first = len(names) - system.rows.velocity
+    found = {name: first + n for n, name in enumerate(names[first:])}
+    rows = [found[name] for name in own]
+    alpha = system.rows.alpha.copy()
+    alpha[[n for n in found.values() if n not in rows]] = 0.0  # what has no teeth may slip
+    return _Mesh(joints, own, replace(system, rows=replace(system.rows, alpha=alpha)), rows)
+
+
+def _in_mesh(model: Model, system: System, work: Work, mesh: _Mesh, before: Floats) -> Floats:
+    """Move work.q to where no tooth has slipped since `before`, or as far as that goes; returns by
+    how much each row stays open, m, then each joint with teeth."""
+    moving = allocate(model, mesh.system, 1)
+    gap = _gaps(model, system, work)
+    for _ in range(20):
+        slip = slips(model.layout, mesh.joints, before, work.q)
+        if np.abs(slip).max() <= 1e-13 * model.size:
+            break
+        moving.q[:] = work.q
+        _linearised(model, mesh.system, moving)
+        x = np.zeros_like(work.q)
+        moving.r2[:] = 0.0
+        moving.r2[mesh.rows] = -slip
+        kernel.augmented(model.unit, mesh.system, moving, moving.p, x, 100, 1e-15, 1.0)
+        work.q[: model.n] += x[: model.n]
+        gap = _settle(model, system, work, 1e-13)
+    slip = slips(model.layout, mesh.joints, before, work.q)
+    return np.concatenate([gap, np.abs(slip)])
+
+
+def complete(
+    model: Model,
+    q: Floats,
+    given: Given,
+    t: float = 0.0,
+    near: Floats | None = None,
+    tolerance: float = 1e-9,
+    beside: bool = False,
+) -> Floats:
+    """Velocities q̇ (blocks D, m/s) with Φ_q q̇ = 0 at t (s) and the given ones, of least kinetic
+    energy; or those that `near` (blocks D, m/s) become by an impulse, M q̇ + Φ_qᵀ y = M q̇_near.
+
+    `beside` a singular position rows that are about to lose their direction count in full. Raises
+    AssemblyError with the constraints that contradict the velocities given, by more than
+    `tolerance` of the largest.
+    """
+    rows = held(model, given)
+    values = np.array([-row.c for row in rows])
+    rates = [replace(row, c=0.0) for row in rows]
+    system, names, own = hold(model, rates, velocities=True)
+    work = allocate(model, system, 1)
+    work.q[:] = q
+    prescribe(system, t, work.q, work.qd, work.qdd)
+    _linearised(model, system, work)
+    wanted, x = np.zeros(len(names)), np.array(work.qd)
+    wanted[own] = values
+    if near is not None:
+        kernel.add_mass_times(model.unit, system.mass, 1.0, near, work.p)
+    kernel.times_jacobian(model.unit, system.rows, work.g, work.g2, x, work.r2)
+    work.r2[:] = wanted - work.r2
+    rate = np.zeros_like(wanted)
+    count, slowest = kernel.augmented(model.unit, system, work, work.p, x, 100, 1e-15, 1.0)
+    if beside and count == 100 and slowest > 0.5:
+        x = _finished(model, system, work, x, wanted)
+    kernel.times_jacobian(model.unit, system.rows, work.g, work.g2, x, rate)
+    wrong = np.abs(rate - wanted) * system.rows.scale
+    speeds = [values, work.qd] if near is None else [values, work.qd, near]
+    if wrong.size and wrong.max() > tolerance * max(
+        NOTHING, *(np.abs(each).max(initial=0.0) for each in speeds)
+    ):
+        raise AssemblyError(
+            f'the velocities given contradict each other: {_worst(names, wrong, "m/s")}',
+            key='initial.velocities',
+        )
+    return x
+
+
+def _finished(model: Model, system: System, work: Work, x: Floats, wanted: Floats) -> Floats:
+    """What a solve for velocities that rounds alone do not end comes to, as in `kernel.solved`;
+    or x itself, where rows that contradict each other do not let it end."""
+    y, rate, open_by = np.array(x), np.zeros_like(wanted), []
+    for rest in range(3):
+        if rest:
+            kernel.augmented(model.unit, system, work, work.p, y, 1, 0.0, 1.0)
+        kernel.finish(model.unit, system, work, y, kernel.SOLVED, 0.0, 0.0, np.inf)
+    for each in (x, y):
+        kernel.times_jacobian(model.unit, system.rows, work.g, work.g2, each, rate)
+        open_by.append(np.max(np.abs(rate - wanted) * system.rows.scale, initial=0.0))
+    return y if open_by[1] < open_by[0] else x
+
+
+def opening(model: Model, q: Floats, qd: Floats) -> float:
+    """Largest speed (m/s) at which a constraint opens, with q, q̇ (blocks D, m, m/s)."""
+    work = allocate(model, model.system, 1)
+    work.q[:] = q
+    _linearised(model, model.system, work)
+    rate = np.zeros_like(work.r2)
+    kernel.times_jacobian(model.unit, model.system.rows, work.g, work.g2, qd, rate)
+    return float(np.max(np.abs(rate) * model.system.rows.scale, initial=0.0))
+
+
+def brought_back(model: Model, q: Floats, qd: Floats, t: float) -> tuple[Floats, Floats]:
+    """Positions and velocities (blocks D, m, m/s) near these that satisfy the constraints at t.
+
+    Along M: the velocities are those after an impulse of the constraints, M q̇ + Φ_qᵀ y = p with
+    p = M q̇ of the ones given. Raises AssemblyError with the constraints that stay open.
+    """
+    system, work, p = model.system, allocate(model, model.system, 1), np.zeros(model.n)
+    work.q[:] = q
+    prescribe(system, t, work.q, work.qd, work.qdd)
+    work.q[:] = q = close(model, {}, work.q)
+    _linearised(model, system, work)
+    kernel.add_mass_times(model.unit, system.mass, 1.0, qd, p)
+    x = np.array(work.qd)
+    kernel.times_jacobian(model.unit, system.rows, work.g, work.g2, x, work.r2)
+    work.r2[:] = -work.r2
+    kernel.augmented(model.unit, system, work, p, x, 100, 1e-15, 1.0)
+    return q, x
+
+
+def ordinary(model: Model, q: Floats) -> tuple[int, Floats, float]:
+    """What is ordinary near q: how many rows depend on the others, a place, and its distance σ.
+
+    q (blocks D, m) itself may be a singular position, so that places around it are looked at too,
+    and if rows depend on others there, places with drives elsewhere.
+    """
+    random = np.random.default_rng(0)
+    work = allocate(model, model.system, 1)
+    best, places, closed = -1, [q], 0
+    for turn in range(12):
+        near, away = np.array(q), 0.05 * model.size if turn else 0.0
+        if turn >= 4 and best == len(model.row_names):
+            break
+        if 4 <= turn < 8:  # what is long may close nearer only
+            if closed:
+                continue
+            away = 0.05 * min(model.size, _shortest(model))
+        if turn >= 8:  # with drives where they begin there may be no other place
+            if not model.mechanism.prescribed:
+                break
+            _displace(model, near, 0.05 * random.standard_normal())
+        near[: model.n] += away * random.standard_normal(model.n)
+        if turn:
+            try:
+                near = close(model, {}, near)
+                closed += 1
+            except AssemblyError:
+                continue
+        rank = _rank(model, work, near)
+        if rank > best:
+            best, places = rank, []
+        if rank == best:
+            places.append(near)
+    # many rows may be lost together, as where all cranks of a row lie flat: they are found again
+    # where all points go the same way
+    away = 0.05 * min(model.size, _shortest(model))
+    for axis, way in product(range(model.layout.dimension), (away, -away)):
+        if best == len(model.row_names):
+            break
+        near = np.array(q)
+        near[axis : model.n : model.layout.dimension] += (
+            0.05 * way * min(model.size, _shortest(model))
+        )
+        try:
+            near = close(model, {}, near)
+        except AssemblyError:
+            continue
+        rank = _rank(model, work, near)
+        if rank > best:
+            best, places = rank, [near]
+    rank = max(best, 0)
+    place, sigma = places[0], _softness(model, work, places[0], rank)
+    if sigma < _SOFT and np.array_equal(places[0], q):
+        for other in places[1:]:  # q is beside a singular position, or the mechanism is soft
+            found = _softness(model, work, other, rank)
+            if found > _FIRMER * sigma:
+                place, sigma = other, found
+    return len(model.row_names) - rank, place, sigma
+
+
+def _shortest(model: Model) -> float:
+    """The shortest distance that a row keeps, m."""
+    return float(np.sqrt(model.system.rows.length2.min(initial=np.inf)))
+
+
+def _displace(model: Model, q: Floats, by: float) -> None:
+    """Move prescribed blocks of q (blocks D, m) in place, by so many radians or parts of the size:
+    a mechanism that is driven into a singular position may have no other one there."""
+    layout = model.layout
+    places = q.reshape(-1, layout.dimension)
+    for item in model.mechanism.prescribed:
+        block = places[layout.of_prescribed[item.name]]
+        if item.is_direction:
+            x, y = block[:2]
+            block[:2] = np.cos(by) * x - np.sin(by) * y, np.sin(by) * x + np.cos(by) * y
+        else:
+            driven = [component is not None for component in item.components]
+            block[: len(driven)][driven] += by * model.size
+
+
+def _rank(model: Model, work: Work, q: Floats) -> int:
+    """The rank of Φ_q, -1 if A has no factor; with the penalty of the model, or one that tells
+    modes as soft as those of a chain of thousands of bars."""
+    found, off = -1, 1.0
+    for penalty in (model.penalty, 1e10):
+        stiff = model.with_penalty(penalty)
+        if not kernel.linearise(model.unit, stiff.system, work, q):
+            break
+        rank = effective_rank(stiff, work)
+        away = abs(rank - np.rint(rank))  # not a number, for a penalty that overflows
+        if away < off:
+            found, off = round(rank), away
+        if off < 0.02:
+            break
+    return found
+
+
+def within(model: Model, q: Floats, dependent_rows: int) -> bool:
+    """Whether q (blocks D, m) is a singular position, as near as stages are not trusted there."""
+    work = allocate(model, model.system, 1)
+    if not kernel.linearise(model.unit, model.system, work, q):
+        return False
+    missing = len(model.row_names) - dependent_rows - effective_rank(model, work)
+    sigma = distance(missing, model.penalty)
+    return bool(sigma < model.system.close * model.system.ordinary)
+
+
+def _softness(model: Model, work: Work, q: Floats, rank: int) -> float:
+    """The distance σ at an ordinary place, with the smallest penalty that can tell it.
+
+    With a large one what is missing from the rank would be lost in rounding.
+    """
+    if rank == 0:
+        return 1.0
+    for penalty in (1e4, 1e6, 1e8, 1e10):
+        soft = model.with_penalty(penalty)
+        if not kernel.linearise(model.unit, soft.system, work, q):
+            break
+        missing = rank - effective_rank(soft, work)
+        if 0.0 < missing < 0.5:
+            return float(distance(missing, penalty))
+    return 1e-5
+
+
+def held(model: Model, given: Given) -> list[Row]:
+    """One more linear row for each component given; those of vectors are in their own length."""
+    layout, D = model.layout, model.layout.dimension
+    rows = []
+    for name, components in given.items():
+        is_point = name in layout.of_point
+        block = layout.of_point[name] if is_point else layout.of_vector[name]
+        unit = 1.0 if is_point else layout.length
+        for axis, value in enumerate(components):
+            if value is not None:
+                row = f'{name} ({"xyz"[axis]} given)'
+                rows.append(linear(row, np.eye(D)[axis], affine.of_block(block, D), unit * value))
+    return rows
+
+
+def _linearised(model: Model, system: System, work: Work) -> tuple[bool, Floats]:
+    phi = np.zeros(system.rows.alpha.size)
+    good = kernel.linearise(model.unit, system, work, work.q)
+    if not good:
+        raise AssemblyError('a point that moves has neither mass nor constraint', key='points')
+    kernel.violation(model.unit, system.rows, work.q, phi)
+    return good, phi
+
+
+def _gaps(model: Model, system: System, work: Work) -> Floats:
+    """How far open each row is, m."""
+    phi = np.zeros(system.rows.alpha.size)
+    kernel.violation(model.unit, system.rows, work.q, phi)
+    return np.abs(phi) * system.rows.scale
+
+
+def _worst(names: Sequence[str], gap: Floats, unit: str) -> str:
+    order = np.argsort(-gap, kind='stable')
+    shown = [n for n in order[:6] if gap[n] > 0.05 * gap.max()]
+    return ', '.join(f'{names[n]} is off by {gap[n]:.3g} {unit}' for n in shown)

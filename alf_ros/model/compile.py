@@ -1,0 +1,340 @@
+"""Mechanism -> Model: flat read-only arrays for the kernel, and the names that go with them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from alf_ros import kernel
+from alf_ros.arrays import Floats, Integers, Unit
+from alf_ros.errors import AssemblyError
+from alf_ros.kernel import Chart, Rows, Soft, System, Work
+from alf_ros.kernel.data import EPS
+from alf_ros.kernel.step_error import JUDGED
+from alf_ros.mechanism import Coordinate, Mechanism, Point, Vector
+from alf_ros.mechanism import natural_coordinates as layouts
+from alf_ros.mechanism.natural_coordinates import Layout
+from alf_ros.model.arm_tree import arms_of
+from alf_ros.model.constraints import auxiliary
+from alf_ros.model.constraints.drives import drive_rows
+from alf_ros.model.constraints.joint_coordinates import counted, length_row
+from alf_ros.model.constraints.packing import renumbered, rows_of, with_more
+from alf_ros.model.constraints.rotors import rotor_rows
+from alf_ros.model.constraints.row import Constraint, Row
+from alf_ros.model.constraints.rows import joint_rows, rigidity, unit_rows
+from alf_ros.model.gc_pause import paused
+from alf_ros.model.mass import mass_of
+from alf_ros.model.mass import renumbered as renumbered_mass
+from alf_ros.model.prescribed import prescribe, prescribed
+from alf_ros.model.symbolic_factor import elimination_order, pattern_of
+
+_PATIENCE = 1e-4  # of two rounds of a solve, the ratio above which it is called slow; at least
+_ROUNDED = 300.0  # times ε penalty: what rounding leaves of a round, at most
+_NEAR = 0.05  # of the ratio at a place that is too close to a singular position
+_CLOSE = 5e-4  # distance to a singular position below which a stage is interpolated, at σ = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """A mechanism compiled for the kernel. All arrays are read-only."""
+
+    mechanism: Mechanism
+    layout: Layout
+    system: System
+    lengths: Rows  # of the joint coordinates that are lengths, m
+    penalty: float  # α without dimension
+    q: Floats  # (blocks D,) as drawn, fixed points and vectors included
+    coordinates: tuple[Coordinate, ...]
+    point_names: tuple[str, ...]  # movable points, then fixed ones, each in the order of the file
+    point_block: Integers  # (points,) block of each named point
+    coordinate_block: Integers  # (movable,) blocks of movable points, vectors, auxiliary ones
+    row_names: tuple[str, ...]
+    row: Integers  # (rows,) place in the kernel of each named row
+
+    @property
+    def unit(self) -> Unit:
+        """A tuple as long as space has dimensions: what tells the kernel its D."""
+        return (0.0,) * self.layout.dimension
+
+    @property
+    def size(self) -> float:
+        """Largest extent of the drawing, m."""
+        return self.system.size
+
+    @property
+    def mass_scale(self) -> float:
+        """Mean of the diagonal of M, kg."""
+        return self.system.mean
+
+    @property
+    def n(self) -> int:
+        """Number of natural coordinates (movable ones)."""
+        return self.layout.movable * self.layout.dimension
+
+    def accustomed(self, sigma: float, dependent_rows: int) -> Model:
+        """The same, knowing the least singular value σ of its ordinary positions, and how many
+        rows depend on the others there.
+
+        x = σ / ordinary is about the distance to a singular position. Rounding e on Φ turns a row
+        by e / (ordinary x²), and q̈ by 1 / x more: so `close` goes with its cube root.
+        """
+        close = _CLOSE * (0.5 / sigma) ** (1.0 / 3.0)
+        rank = float(len(self.row_names) - dependent_rows)
+        system = replace(self.system, ordinary=sigma, rank=rank, close=close)
+        return replace(self, system=_patient(system))
+
+    def with_penalty(self, penalty: float) -> Model:
+        """The same with another penalty."""
+        rows = self.system.rows
+        alpha = rows.alpha * (penalty / self.penalty)
+        alpha.flags.writeable = False
+        system = replace(self.system, rows=replace(rows, alpha=alpha), penalty=penalty)
+        return replace(self, system=_patient(system), penalty=penalty)
+
+    @cached_property
+    def body_names(self) -> tuple[str, ...]:
+        return tuple(body.name for body in self.mechanism.bodies)
+
+    @cached_property
+    def joint_names(self) -> tuple[str, ...]:
+        return tuple(joint.name for joint in self.mechanism.joints)
+
+    @cached_property
+    def coordinate_names(self) -> tuple[str, ...]:
+        """Names of the joint coordinates: of a joint that has one, its own."""
+        return tuple(coordinate.name for coordinate in self.coordinates)
+
+
+def constraints(mechanism: Mechanism, layout: Layout) -> list[Constraint]:
+    """All rows: bodies in the order of the file, unit vectors, joints, drives, rotors."""
+    rows: list[Constraint] = [row for body in mechanism.bodies for row in rigidity(body, layout)]
+    rows += unit_rows(layout)
+    rows += [row for joint in mechanism.joints for row in joint_rows(joint, layout)]
+    rows += [row for drive in mechanism.drives for row in drive_rows(drive, layout)]
+    return rows + [row for rotor in mechanism.rotors for row in rotor_rows(rotor, layout)]
+
+
+@paused()
+def compile_model(mechanism: Mechanism, penalty: float) -> Model:
+    """Analyse a mechanism once: coordinates, rows, mass matrix, elimination order, pattern of the
+    factor.
+
+    `penalty` is α without dimension, in masses that a row feels.
+    Raises AssemblyError if nothing has mass, or nothing moves.
+    """
+    draft = _draft(mechanism)
+    rows, mass = constraints(mechanism, draft), mass_of(draft)
+    arrays, kernel_order = rows_of(rows, draft)
+    place = np.arange(draft.blocks)
+    place[: draft.movable] = elimination_order(mass, arrays)
+    layout = draft.renumbered(place.tolist())
+    mass, arrays = renumbered_mass(mass, place), renumbered(arrays, place, layout.movable)
+    if not mass.diagonal.sum() > 0.0:
+        raise AssemblyError('nothing that moves has mass', key='bodies')
+    q = _drawn(layout)
+    coordinates = mechanism.coordinates
+    lengths = [length_row(each.joint, layout) for each in coordinates if not each.is_angle]
+    system = System(
+        mass=mass,
+        rows=arrays,
+        pattern=pattern_of(layout, mass, arrays),
+        soft=Soft.empty(),
+        prescribed=prescribed(layout),
+        arms=arms_of(layout),
+        angles=counted(layout),
+        size=layout.length,
+        mean=float(mass.diagonal.mean()),
+        penalty=penalty,
+        ordinary=1.0,
+        rank=0.0,
+        close=0.0,
+        patience=_PATIENCE,
+    )
+    unused = np.zeros_like(q)
+    prescribe(system, 0.0, q, unused, unused)
+    if not np.isfinite(q).all():
+        raise AssemblyError('a motion has no value at t = 0', key='drives')
+    for name, n in layout.of_auxiliary.items():
+        q.reshape(-1, layout.dimension)[n] = auxiliary.place(name, layout, q)
+    block = {**layout.of_point, **layout.of_vector}
+    points = sorted(mechanism.points, key=lambda point: point.fixed)
+    model = Model(
+        mechanism=mechanism,
+        layout=layout,
+        system=replace(system, rows=_scaled(system, q, layout, penalty)),
+        lengths=rows_of(lengths, layout)[0],
+        penalty=penalty,
+        q=q,
+        coordinates=coordinates,
+        point_names=tuple(point.name for point in points),
+        point_block=np.array([layout.of_point[point.name] for point in points]),
+        coordinate_block=np.array(
+            [block[item.name] for item in mechanism.blocks if not item.fixed]
+            + list(layout.of_auxiliary.values())
+        ),
+        row_names=tuple(row.name for row in rows),
+        row=np.argsort(kernel_order),
+    )
+    _freeze(model)
+    return model
+
+
+def _draft(mechanism: Mechanism) -> Layout:
+    """The layout whose movable blocks stand in the order of the file."""
+    items: list[tuple[int, Point | Vector]] = [(0, point) for point in mechanism.points]
+    items += [(1, vector) for vector in mechanism.vectors]
+    movable = [(kind, item.name) for kind, item in items if not item.fixed]
+    movable += [(2, name) for name in mechanism.auxiliary]
+    if not movable:
+        raise AssemblyError('nothing moves: every point is fixed', key='points')
+    at: tuple[dict[str, int], ...] = ({}, {}, {})
+    fixed = ((kind, item.name) for kind, item in items if item.fixed)
+    for block, (kind, name) in enumerate((*movable, *fixed)):
+        at[kind][name] = block
+    return layouts.assembled(mechanism, *at)
+
+
+def _drawn(layout: Layout) -> Floats:
+    """(blocks D,) points and vectors as drawn; what is neither is zero."""
+    q = np.zeros((layout.blocks, layout.dimension))
+    for point in layout.mechanism.points:
+        q[layout.of_point[point.name]] = point.at
+    for vector in layout.mechanism.vectors:
+        q[layout.of_vector[vector.name]] = layout.length * np.array(vector.along)
+    return q.ravel()
+
+
+def hold(model: Model, extra: Sequence[Row], velocities: bool) -> tuple[System, list[str], slice]:
+    """The model's system with more rows; with or without those that bind velocities only.
+
+    Returns the names of its rows in the kernel's order too, and where the additional ones stand.
+    """
+    own, order = model.system.rows, np.argsort(model.row)
+    names = [model.row_names[n] for n in order]
+    if not extra and (velocities or not own.velocity):
+        return model.system, names, slice(0, 0)
+    at = own.i.size + own.c.size
+    names[at:] = [row.name for row in extra] + (names[at:] if velocities else [])
+    rows = with_more(own, rows_of(extra, model.layout)[0], velocities)
+    system = replace(
+        model.system, rows=rows, pattern=pattern_of(model.layout, model.system.mass, rows)
+    )
+    system = replace(system, rows=_scaled(system, model.q, model.layout, model.penalty))
+    return system, names, slice(at, at + len(extra))
+
+
+def _patient(system: System) -> System:
+    """With the ratio from which on a solve is called slow: above what rounding leaves of a round,
+    and far below that of a place that is too close to a singular position."""
+    sigma = system.close * system.ordinary
+    near = 1.0 / (1.0 + system.penalty * sigma**2)
+    patience = max(_PATIENCE, min(_ROUNDED * EPS * system.penalty, _NEAR * near))
+    return replace(system, patience=patience)
+
+
+def _scaled(system: System, q: Floats, layout: Layout, penalty: float) -> Rows:
+    """The rows with scale 1 / |Φ_q,r| and α_r = penalty / (Φ_q,r M⁻¹ Φ_q,rᵀ), both as drawn.
+
+    What the denominator is one over is the mass that the row feels: of the lightest it holds. For
+    M stands its diagonal, and for what has no mass the mean.
+    """
+    rows, D = system.rows, layout.dimension
+    g, g2 = np.zeros(rows.i.size * D), np.zeros(rows.b.size)
+    kernel.jacobian((0.0,) * D, rows, q, g, g2)
+    light = np.zeros(layout.blocks)  # 1 / mass of each block; fixed ones do not move
+    mass = system.mass.diagonal
+    light[: mass.size] = 1.0 / np.where(mass > 0.0, mass, system.mean)
+    square, entry = ((each.reshape(-1, D) ** 2).sum(axis=1) for each in (g, g2))
+
+    def sums(weight: Floats) -> Floats:
+        """Σ |Φ_q,r,b|² weight_b over the movable blocks b of each row."""
+        ends = square * weight[rows.i]
+        ends[: int(rows.both)] += (square * weight[rows.j])[: int(rows.both)]
+        entries = entry * weight[rows.block]
+        others = [entries[s:e].sum() for s, e in zip(rows.first[:-1], rows.movable, strict=True)]
+        total = np.concatenate([ends, np.array(others, dtype=float)])
+        return np.where(total > 0.0, total, 1.0)
+
+    scale = 1.0 / np.sqrt(sums(np.ones(layout.blocks)))
+    return replace(rows, alpha=penalty / sums(light), scale=scale)
+
+
+def allocate(model: Model, system: System, stages: int) -> Work:
+    """The workspace of the kernel for a system and a method of so many stages; without stages
+    only for solves at a place."""
+    D, n = model.layout.dimension, model.n
+    rows, pattern, whole = system.rows, system.pattern, model.q.size
+    columns = np.diff(pattern.first.astype(np.int64))
+    m, angles = rows.alpha.size, system.angles.c.size
+    sizes = {
+        'diagonal': n * D,
+        'off': pattern.row.size * D * D,
+        'inverse_det': 4,
+        'inverse': n * D if stages else 0,
+        'inverse_off': pattern.row.size * D * D if stages else 0,
+        'column': int(columns.max(initial=0)) * D * D,
+        'g': rows.i.size * D,
+        'g2': rows.block.size * D,
+        'g2d': rows.block.size * D,
+        'gf': rows.i.size * D,
+        'g2f': rows.block.size * D,
+        'q': whole,
+        'qd': whole,
+        'qdd': whole,
+        'p': n,
+        'Q': whole,
+        'delta': whole,
+        'r2': m,
+        'y': m,
+        'z': m,
+        'w': m,
+        'shift': whole,
+        'k': stages * 3 * n,
+        'total': 3 * n,
+        'base': whole,
+        'before_q': n,
+        'before_qd': n,
+        'sum': n,
+        'sum_q': n,
+        'sum_qd': n,
+        'places': 16 * n if stages else 0,
+        'given': whole,
+        'curve': n,
+        'lead': 1,
+        'bend': whole,
+        'pull': whole,
+        'along': whole,
+        'target': whole,
+        'good_q': whole,
+        'good_qd': whole,
+        'angle': angles,
+        'angle_before': angles,
+        'near': angles // 2,
+    }
+    return Work(
+        evaluations=np.zeros(1, dtype=np.int64),
+        rounded=np.zeros(1, dtype=np.int64),
+        aside=np.zeros(1, dtype=np.int64),
+        judged=np.zeros(JUDGED),
+        chart=Chart(
+            **{name: np.zeros(n) for name in ('t', 'n', 'rate', 'momentum', 'rest', 'w')},
+            **{name: np.zeros(n // D) for name in ('curvature', 'sin', 'cos', 'rho')},
+            b=np.zeros(n if D == 3 else 0),
+            first=np.zeros(whole),
+            arcs=np.zeros(1, dtype=np.int64),
+        ),
+        good_turns=np.zeros(angles // 2, dtype=np.int64),
+        **{name: np.zeros(size) for name, size in sizes.items()},
+    )
+
+
+def _freeze(model: Model) -> None:
+    system = model.system
+    for part in (system.mass, system.rows, system.pattern, system.angles, model.lengths):
+        for array in vars(part).values():
+            if isinstance(array, np.ndarray):
+                array.flags.writeable = False
+    model.q.flags.writeable = False

@@ -1,0 +1,80 @@
+"""Joint coordinates: continuous angles, turns counted, and lengths.
+
+An angle is measured by two rows, x and y, of which it is atan2(y, x); the kernel counts the
+passages of (x, y) over the negative x axis. In the plane these are the x axes of the bodies, and
+the coordinate of a joint is the child's angle less the parent's; in space they are the child's x
+axis in the parent's frame of the joint, so that the coordinate is zero as drawn.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from alf_ros.kernel import Rows
+from alf_ros.mechanism import Coordinate, Joint, affine
+from alf_ros.mechanism.affine import Form
+from alf_ros.mechanism.natural_coordinates import Layout, Shape, direction
+from alf_ros.model.constraints.packing import of_shapes, rows_of
+from alf_ros.model.constraints.row import Row, linear, product
+
+
+def counted(layout: Layout) -> Rows:
+    """The rows x, y of every angle whose turns are counted."""
+    if layout.dimension == 2:
+        return of_shapes(layout, _turned)
+    angles = (each for each in layout.mechanism.coordinates if each.is_angle)
+    return rows_of([row for each in angles for row in angle_rows(each, layout)], layout)[0]
+
+
+def angle_rows(coordinate: Coordinate, layout: Layout) -> list[Row]:
+    """The rows x, y of the angle that a joint coordinate is, and of that which it is less."""
+    if layout.dimension == 2:
+        bodies = [layout.bodies[n].name for n in (coordinate.place, coordinate.less) if n >= 0]
+        return [
+            row.on(layout.of_body[body], body)
+            for body in bodies
+            for row in _turned(layout.shape(body))
+        ]
+    X, Y, d = angle_axes(coordinate, layout)
+    return [product('x', X, d), product('y', Y, d)]
+
+
+@lru_cache(maxsize=1024)
+def _turned(shape: Shape) -> list[Row]:
+    """x, y of the x axis of bodies of a shape in the plane, on their own blocks."""
+    d = direction(shape, (1.0, 0.0)) if shape.ends else affine.constant((1.0, 0.0))
+    return [linear('', axis, d) for axis in np.eye(2)]
+
+
+def _axes(joint: Joint, layout: Layout) -> tuple[list[Form], list[Form]]:
+    """The axes of the joint on the parent and on the child."""
+    both = zip((joint.parent, joint.child), joint.frames, strict=True)
+    parent, child = ([layout.direction(body, a) for a in frame.axes] for body, frame in both)
+    return parent, child
+
+
+def angle_axes(coordinate: Coordinate, layout: Layout) -> tuple[Form, Form, Form]:
+    """Directions X, Y and d of which a joint coordinate is the angle atan2(Y·d, X·d)."""
+    joint = coordinate.joint
+    if layout.dimension == 3:
+        suffix = 'second' if coordinate.name == f'{joint.name}_second' else ''
+        return _measured_from(joint, suffix, layout)
+    X, Y = (layout.direction(joint.parent, axis) for axis in ((1.0, 0.0), (0.0, 1.0)))
+    return X, Y, layout.direction(joint.child, (1.0, 0.0))
+
+
+def _measured_from(joint: Joint, suffix: str, layout: Layout) -> tuple[Form, Form, Form]:
+    parent, child = _axes(joint, layout)
+    if suffix == 'second':  # about the child's x, which is the cross of a universal joint
+        return child[2], child[1], parent[2]
+    return parent[0], parent[1], child[0]
+
+
+def length_row(joint: Joint, layout: Layout) -> Row:
+    """How far the child is along x of the parent's frame in the plane, along z in space."""
+    base, tip = joint.frames
+    gap = layout.place(joint.child, tip.origin) - layout.place(joint.parent, base.origin)
+    axis = layout.direction(joint.parent, base.axes[0 if layout.dimension == 2 else 2])
+    return product(joint.name, axis, gap)

@@ -1,0 +1,151 @@
+"""A mechanism at one position as dense matrices: Φ_q, its singular values, the free directions, M.
+
+For questions that are asked once, such as those of `check`; the step has its own, sparse ways.
+Rows are scaled to length one as drawn, and every coordinate is a length: all numbers compare.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from alf_ros import kernel
+from alf_ros.arrays import Floats
+from alf_ros.model.compile import Model
+
+DEPENDENT = 1e-7  # singular value, of the largest, from which down rows count as dependent
+MASSLESS = 1e-12  # mass of a direction, of the largest, from which down it counts as none
+
+
+@dataclass(frozen=True, eq=False)
+class Linearised:
+    """`model` at q (blocks D, m)."""
+
+    model: Model
+    q: Floats
+
+    @cached_property
+    def phi(self) -> Floats:
+        """(rows,) Φ, m, in the order of `row_names`; 0 for rows that bind velocities only."""
+        rows = self.model.system.rows
+        phi = np.zeros(rows.alpha.size)
+        kernel.violation(self.model.unit, rows, self.q, phi)
+        return (phi * rows.scale)[self.model.row]
+
+    @cached_property
+    def jacobian(self) -> Floats:
+        """(rows, n) Φ_q, and N of rows that bind velocities only."""
+        model, rows, D = self.model, self.model.system.rows, self.model.layout.dimension
+        g, g2 = np.zeros(rows.i.size * D), np.zeros(rows.b.size)
+        kernel.jacobian(model.unit, rows, self.q, g, g2)
+        held, m = rows.i.size, rows.alpha.size
+        whole = np.zeros((m, model.layout.blocks, D))
+        whole[np.arange(held), rows.i] += g.reshape(-1, D)
+        whole[np.arange(held), rows.j] -= g.reshape(-1, D)
+        owner = np.repeat(np.arange(held, m), rows.first[1:] - rows.first[:-1])
+        whole[owner, rows.block] = g2.reshape(-1, D)
+        scaled = whole[:, : model.layout.movable].reshape(m, model.n) * rows.scale[:, None]
+        return np.asarray(scaled[model.row])
+
+    @cached_property
+    def _decomposed(self) -> tuple[Floats, Floats, Floats]:
+        """U (rows, rows), singular values (n,) with zeros behind, Vᵀ (n, n)."""
+        U, s, Vt = np.linalg.svd(self.jacobian)
+        return U, np.concatenate([s, np.zeros(self.model.n - min(s.size, self.model.n))]), Vt
+
+    @property
+    def singular_values(self) -> Floats:
+        """(n,) of the scaled Φ_q, descending, zeros behind if there are fewer rows."""
+        return self._decomposed[1]
+
+    @cached_property
+    def rank(self) -> int:
+        """Number of independent rows."""
+        s = self.singular_values
+        return int((s > DEPENDENT * s.max(initial=1e-300)).sum())
+
+    @cached_property
+    def rank_of_positions(self) -> int:
+        """Number of independent rows among those that bind positions.
+
+        In the plane gears, racks and wheels on a line bind them too, and rotors that are geared to
+        joints anywhere: their rows are of velocities, but can be integrated.
+        """
+        rolls = {
+            joint.name
+            for joint in self.model.mechanism.joints
+            if joint.kind in ('gear', 'rolling', 'rack', 'no_slip')
+        }
+        if self.model.layout.dimension == 3:
+            rolls.clear()
+        rolls |= {rotor.name for rotor in self.model.mechanism.rotors}
+        names = self.model.row_names
+        first = len(names) - self.model.system.rows.velocity  # in the kernel's order
+        places = self.model.row.tolist()
+        kept = [n for n, name in enumerate(names) if places[n] < first or name in rolls]
+        s = np.linalg.svd(self.jacobian[kept], compute_uv=False)
+        return int((s > DEPENDENT * s.max(initial=1e-300)).sum())
+
+    @cached_property
+    def free(self) -> Floats:
+        """(n, n - rank) orthonormal directions of the free motion."""
+        return np.asarray(self._decomposed[2][self.rank :].T)
+
+    @cached_property
+    def dependent(self) -> list[int]:
+        """Rows of which one may be left out without a change of the motion."""
+        U = self._decomposed[0][:, self.rank :]
+        return [int(r) for r in np.flatnonzero(np.linalg.norm(U, axis=1) > 1e-6)]
+
+    @cached_property
+    def massless(self) -> Floats:
+        """(n, k) directions of the free motion in which nothing has mass."""
+        model, V = self.model, self.free
+        MV = np.zeros_like(V)
+        for column in range(V.shape[1]):
+            out = np.zeros(model.n)
+            v = np.concatenate([V[:, column], np.zeros(model.q.size - model.n)])
+            kernel.add_mass_times(model.unit, model.system.mass, 1.0, v, out)
+            MV[:, column] = out
+        masses, directions = np.linalg.eigh(V.T @ MV)
+        return np.asarray(V @ directions[:, masses < MASSLESS * model.system.mean])
+
+    def closed(self, step: Floats, rank: int) -> Linearised | None:
+        """The position nearest to q + step (n, m) where Φ = 0, or None if it is not found.
+
+        Of the singular values the `rank` largest are used: away from Φ = 0 rows that depend on the
+        others look independent, and would pull back along the free motion. What is small among
+        them is softened, so that it works at singular positions too.
+        """
+        n, size = self.model.n, self.model.size
+        q = self.q.copy()
+        q[:n] += step
+        at = tangent = Linearised(self.model, q)
+        before = np.inf
+        for _ in range(60):
+            gap = float(np.abs(at.phi).max(initial=0.0))
+            if gap < 1e-13 * size or gap > 1e3 * size:
+                break
+            if gap > 0.1 * before:  # the decomposition is no longer that of this place
+                tangent = at
+            before = gap
+            U, s, Vt = tangent._decomposed
+            s = s[:rank]
+            soft = s / (s**2 + (1e-8 * s.max(initial=0.0)) ** 2)
+            q = at.q.copy()
+            q[:n] -= Vt[:rank].T @ (soft * (U[:, :rank].T @ at.phi))
+            at = Linearised(self.model, q)
+        return at if np.abs(at.phi).max(initial=0.0) < 1e-9 * size else None
+
+
+def moving(model: Model, direction: Floats) -> list[str]:
+    """Points and vectors that move in a direction (n,), by name, those that move most."""
+    D = model.layout.dimension
+    speed = np.linalg.norm(direction.reshape(-1, D), axis=1)
+    layout = model.layout
+    known = {**layout.of_auxiliary, **layout.of_vector, **layout.of_point}
+    names = {b: n for n, b in known.items()}
+    order = np.argsort(-speed, kind='stable')
+    return [names[int(block)] for block in order if speed[block] > 0.1 * speed.max()]

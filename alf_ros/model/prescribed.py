@@ -1,0 +1,40 @@
+"""What moves as a function of time, as the kernel wants it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from alf_ros import kernel
+from alf_ros.arrays import Floats
+from alf_ros.kernel import Prescribed, System
+from alf_ros.mechanism.natural_coordinates import Layout
+from alf_ros.mechanism.time_function import signal
+
+
+def prescribed(layout: Layout) -> Prescribed:
+    """The prescribed blocks of a mechanism; where there are none, nothing is compiled for them."""
+    items = layout.mechanism.prescribed
+    if not items:
+        nothing = np.zeros(0, dtype=np.int64)
+        return Prescribed(np.zeros(0, dtype=np.uint64), nothing, np.zeros(0), np.zeros(0))
+    from alf_ros.model import time_program
+
+    outputs = {}
+    for item in items:
+        unit = layout.length if item.is_direction else 1.0  # directions are blocks as long as that
+        for axis, component in enumerate(item.components):
+            if component is not None:
+                place = layout.of_prescribed[item.name] * layout.dimension + axis
+                outputs[place] = signal(unit * component)
+    slots, params = time_program.program(outputs)
+    address = np.array([time_program.run.address], dtype=np.uint64)
+    return Prescribed(address, slots, params, np.zeros(3 * int(slots[0])))
+
+
+def prescribe(system: System, t: float, q: Floats, qd: Floats, qdd: Floats) -> None:
+    """Put the prescribed blocks of a system, if it has any, where they are at t (s).
+
+    q, q̇, q̈ (blocks D) are written in place.
+    """
+    if system.prescribed.program.size:
+        kernel.prescribed_at(system, t, q, qd, qdd)

@@ -1,0 +1,163 @@
+"""The pattern of A = M + Φ_qᵀ α Φ_q and of its factor, analysed once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+import scipy.sparse as sparse
+from scipy.sparse.linalg import splu
+
+from alf_ros.arrays import Indices, Integers
+from alf_ros.kernel import Mass, Pattern, Rows
+from alf_ros.kernel.numba_ext.jit import compiled
+from alf_ros.mechanism.natural_coordinates import TURN, Layout
+from alf_ros.model.constraints.packing import indices
+
+
+def elimination_order(mass: Mass, rows: Rows) -> Integers:
+    """New place of every movable block: SuperLU's symmetric minimum degree order."""
+    n = mass.diagonal.size
+    (i, j), pairs = _bound(mass, rows), _entry_pairs(rows)
+    i = np.concatenate([i, rows.block[pairs[:, 0]]])
+    j = np.concatenate([j, rows.block[pairs[:, 1]]])
+    half = sparse.coo_matrix((np.ones(i.size), (i, j)), shape=(n, n)).tocsr()
+    whole = half + half.T
+    whole.data[:] = -1.0
+    graph = (whole + sparse.diags(np.asarray(-whole.sum(axis=1)).ravel() + 1.0)).tocsc()
+    options = {'SymmetricMode': True}
+    factor = splu(graph, permc_spec='MMD_AT_PLUS_A', diag_pivot_thresh=0.0, options=options)
+    return np.array(factor.perm_c, dtype=np.int64)
+
+
+def _bound(mass: Mass, rows: Rows) -> tuple[Integers, Integers]:
+    """Pairs of blocks that a mass or a distance binds."""
+    both = int(rows.both)
+    i = np.concatenate([mass.i, rows.i[:both]]).astype(np.int64)
+    j = np.concatenate([mass.j, rows.j[:both]]).astype(np.int64)
+    return np.maximum(i, j), np.minimum(i, j)
+
+
+def _entry_pairs(rows: Rows) -> Integers:
+    """(pairs, 3): two entries of movable blocks, the second before the first, and their row."""
+    first, count = rows.first[:-1].astype(np.int64), rows.movable - rows.first[:-1]
+    found = []
+    for m in range(2, int(count.max(initial=0)) + 1):
+        own = np.flatnonzero(count == m)
+        e, f = np.tril_indices(m, -1)
+        row = np.repeat(own, e.size)
+        at = first[row]
+        found.append(np.stack([at + np.tile(e, own.size), at + np.tile(f, own.size), row], 1))
+    pairs = np.concatenate([np.zeros((0, 3), dtype=np.int64), *found])
+    return pairs[np.argsort(pairs[:, 2], kind='stable')]
+
+
+def pattern_of(
+    layout: Layout, mass: Mass, rows: Rows, cliques: Iterable[Sequence[int]] = ()
+) -> Pattern:
+    """Symbolic factorisation: the fill, and where the product of two blocks of a column goes.
+
+    `cliques`: blocks that something else binds together.
+    """
+    D, n = layout.dimension, layout.movable
+    (i, j), pairs = _bound(mass, rows), _entry_pairs(rows)
+    e, f, row = pairs.T
+    more = [(b, a) for clique in cliques for b in clique for a in clique if a < b]
+    bound = np.concatenate(
+        [
+            np.stack([i, j], axis=1),
+            np.stack([rows.block[e], rows.block[f]], axis=1).astype(np.int64),
+            np.array(more, dtype=np.int64).reshape(-1, 2),
+        ]
+    )
+    i_of_a, j_of_a = np.divmod(np.unique(bound[:, 0] * n + bound[:, 1]), n)
+    first, below = _fill(np.searchsorted(i_of_a, np.arange(n + 1)), j_of_a)
+    keys = np.repeat(np.arange(n), np.diff(first)) * n + below
+
+    def place(i: Indices | Integers, j: Indices | Integers) -> Integers:
+        """Where blocks below the diagonal stand."""
+        return np.searchsorted(keys, j.astype(np.int64) * n + i)
+
+    diagonal = mass.diagonal[:, None, None] * np.eye(D)
+    off = np.zeros((below.size, D, D))
+    off[place(mass.i, mass.j)] = mass.k[:, None, None] * np.eye(D)
+    if mass.skew.size:
+        off[place(mass.i[mass.skew], mass.j[mass.skew])] += mass.w[:, None, None] * TURN
+    masses = mass.i.size
+    entries = place(rows.block[e], rows.block[f])
+    bars, at = place(i[masses:], j[masses:]), np.full(below.size, -1)
+    at[place(mass.i, mass.j)] = np.arange(masses)
+    pair = at[bars]
+    own = np.flatnonzero(pair >= 0)
+    own = own[np.unique(pair[own], return_index=True)[1]]  # of rows that bind the same, one
+    bar = np.zeros(bars.size)
+    bar[own] = mass.k[pair[own]]
+    return Pattern(
+        first=indices(first),
+        row=indices(below),
+        target=indices(_targets(first, below)),
+        mass_diagonal=diagonal.ravel(),
+        mass_off=off.ravel(),
+        distance=indices(bars),
+        bar=bar,
+        apart=indices(np.setdiff1d(np.arange(masses), pair[own])),
+        pair=indices(np.stack([e, f, entries, rows.i.size + row], axis=1)),
+    )
+
+
+@compiled
+def _fill(start: Integers, column: Integers) -> tuple[Integers, Integers]:
+    """The columns of L below the diagonal, by `first` and rows, ascending.
+
+    `column` [`start` [i] .. `start` [i + 1]] are those of A in row i. Row i of L is what is
+    reached from there on the elimination tree: Davis, Direct Methods for Sparse Linear Systems
+    (2006), ch. 4.
+    """
+    n = start.size - 1
+    parent, seen = np.full(n, -1), np.full(n, -1)
+    first = np.zeros(n + 1, dtype=np.int64)
+    for i in range(n):
+        seen[i] = i
+        for s in range(start[i], start[i + 1]):
+            k = column[s]
+            while seen[k] != i:
+                if parent[k] < 0:
+                    parent[k] = i
+                seen[k] = i
+                first[k + 1] += 1
+                k = parent[k]
+    for k in range(n):
+        first[k + 1] += first[k]
+    end, rows = first[:-1].copy(), np.zeros(first[n], dtype=np.int64)
+    seen[:] = -1
+    for i in range(n):
+        seen[i] = i
+        for s in range(start[i], start[i + 1]):
+            k = column[s]
+            while seen[k] != i:
+                seen[k] = i
+                rows[end[k]] = i
+                end[k] += 1
+                k = parent[k]
+    return first, rows
+
+
+@compiled
+def _targets(first: Integers, row: Integers) -> Integers:
+    """Where the product of two blocks of a column goes: by columns, first block, second block."""
+    size = 0
+    for k in range(first.size - 1):
+        m = first[k + 1] - first[k]
+        size += m * (m - 1) // 2
+    target = np.zeros(size, dtype=np.int64)
+    at = 0
+    for k in range(first.size - 1):
+        start, m = first[k], first[k + 1] - first[k]
+        for r in range(m):  # the rest of this column is part of that of its r-th block
+            place = first[row[start + r]]
+            for s in range(r + 1, m):
+                while row[place] != row[start + s]:
+                    place += 1
+                target[at + s * (s - 1) // 2 + r] = place
+        at += m * (m - 1) // 2
+    return target

@@ -1,0 +1,138 @@
+"""Runge-Kutta methods as their tableaux; the kernel steps any of them.
+
+`rk4`, `dop853` and, for stiff scenes, `esdirk43` take the step of the scene; `dop853_adaptive` and
+`esdirk43_adaptive` take as many steps between two grid points as their tolerance asks for.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from scipy.integrate import DOP853
+
+from alf_ros.arrays import Floats
+from alf_ros.kernel import Method
+
+
+class Tableau(NamedTuple):
+    """Butcher's a (s, s), b (s,), c (s,), the order, and the weights of embedded errors: (2, s) of
+    an adaptive explicit method, (1, s) of an adaptive implicit one, else (0,); `estimate`: (2, s)
+    the weights by which fixed steps are judged (`kernel/step_error.py`), else (0,), and `sharp`
+    the part of h q̈ that their error reaches at about 0.7 of the stability limit."""
+
+    a: Floats
+    b: Floats
+    c: Floats
+    order: int
+    embedded: Floats = np.zeros(0)
+    estimate: Floats = np.zeros(0)
+    sharp: float = math.inf
+
+    @property
+    def implicit(self) -> bool:
+        """Whether stages depend on themselves."""
+        return bool(np.diag(self.a).any())
+
+
+# Scales the lower of two embedded differences such that they are equal a third below the stability
+# limit on the imaginary axis, and that the estimate is the error of the method far below.
+_AT_ONE = {'rk4': 1.0 / 1.9, 'dop853': 0.1}
+
+
+def _rk4() -> Tableau:
+    """Kutta (1901), the classical method."""
+    a = np.zeros((4, 4))
+    a[1, 0], a[2, 1], a[3, 2] = 0.5, 0.5, 1.0
+    # the fourth stage is of order 2, the second one a step of Euler's method
+    estimate = np.array([[1.0, 2.0, -4.0, 1.0], [-6.0, 6.0, 0.0, 0.0]]) / 6.0
+    estimate[1] *= _AT_ONE['rk4']
+    b, c = np.array([1.0, 2.0, 2.0, 1.0]) / 6.0, np.array([0.0, 0.5, 0.5, 1.0])
+    return Tableau(a, b, c, 4, estimate=estimate, sharp=0.2)
+
+
+# Dormand & Prince of order 8 (Hairer, Nørsett & Wanner 1993, II.5 and II.10), as SciPy has it
+_A, _B, _C = (np.ascontiguousarray(part) for part in (DOP853.A, DOP853.B, DOP853.C))
+_PAIR = np.array([DOP853.E5[:-1], DOP853.E3[:-1]])
+_SCALE = np.array([[1.0], [_AT_ONE['dop853']]])
+_DOP853 = Tableau(_A, _B, _C, 8, estimate=_PAIR * _SCALE, sharp=0.05)
+
+
+def _esdirk43() -> Tableau:
+    """The implicit part of ARK4(3)6L[2]SA: L-stable, stiffly accurate, stages of order 2. Kennedy
+    & Carpenter, Appl. Numer. Math. 44 (2003), 139, Appendix C."""
+    a = np.zeros((6, 6))
+    a[1, 0] = 1 / 4
+    a[2, :2] = 8611 / 62500, -1743 / 31250
+    a[3, :3] = 5012029 / 34652500, -654441 / 2922500, 174375 / 388108
+    a[4, :4] = (
+        15267082809 / 155376265600,
+        -71443401 / 120774400,
+        730878875 / 902184768,
+        2285395 / 8070912,
+    )
+    a[5, :5] = 82889 / 524892, 0.0, 15625 / 83664, 69875 / 102672, -2260 / 8211
+    a[1:, 1:] += np.eye(5) / 4
+    b = a[5].copy()
+    lower = np.array(
+        [
+            4586570599 / 29645900160,
+            0.0,
+            178811875 / 945068544,
+            814220225 / 1159782912,
+            -3700637 / 11593932,
+            61727 / 225920,
+        ]
+    )
+    return Tableau(a, b, a.sum(axis=1), 4, embedded=(b - lower)[None])
+
+
+_ESDIRK43 = _esdirk43()
+
+
+TABLEAUX = {
+    'rk4': _rk4(),
+    'dop853': _DOP853,
+    'dop853_adaptive': _DOP853._replace(embedded=_PAIR, estimate=np.zeros(0)),
+    'esdirk43': _ESDIRK43._replace(
+        embedded=np.zeros(0), estimate=np.vstack([_ESDIRK43.embedded, np.zeros((1, 6))])
+    ),
+    'esdirk43_adaptive': _ESDIRK43,
+}
+
+
+def _guess(c: Floats) -> Floats:
+    """(s, s) weights that extrapolate a stage from those before: a polynomial through all."""
+    weights = np.zeros((c.size, c.size))
+    for s in range(1, c.size):
+        for m in range(s):
+            others = np.delete(c[:s], m)
+            weights[s, m] = np.prod((c[s] - others) / (c[m] - others))
+    return weights
+
+
+def method(integrator: str, iterations: int, tolerance: float) -> Method:
+    """What the kernel has to know of the solver section of a scene."""
+    tableau = TABLEAUX[integrator]
+    a, b, c, _, embedded, estimate, sharp = tableau
+    return Method(
+        a,
+        b,
+        c,
+        embedded,
+        estimate,
+        sharp,
+        guess=_guess(c) if tableau.implicit else np.zeros(0),
+        iterations=np.uint64(iterations),
+        tolerance=tolerance,
+    )
+
+
+def first_pace(h: float, size: float, qd: Floats) -> float:
+    """The first step (s) that an adaptive method tries, on a grid of h (s): what is fastest of q̇
+    (m/s) goes a fifth of the size (m) in it.
+
+    A step of a radian can be far off and its embedded errors small, by chance.
+    """
+    return float(min(h, 0.2 * size / max(np.abs(qd).max(initial=0.0), 1e-300)))

@@ -1,0 +1,1 @@
+"""All that imports rclpy, messages or mcap. No physics."""

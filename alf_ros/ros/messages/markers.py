@@ -1,0 +1,110 @@
+"""`~/markers`: the mechanism as RViz and Foxglove draw it, in the world frame.
+
+Four markers, told apart by their namespace: `links` (lines between the points of each body),
+`joints` (balls), `reactions` (of parent on child) and `applied` (wrenches held), as arrows. Each
+is one list of points, so that a large mechanism stays one message of four markers.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from geometry_msgs.msg import Point, Vector3
+from std_msgs.msg import ColorRGBA, Header
+from visualization_msgs.msg import Marker, MarkerArray
+
+from alf_ros.arrays import Floats
+from alf_ros.ros.messages.templates import STAMP, WORLD, Template, Write
+from alf_ros.simulation.display_geometry import (
+    POINTS_PER_ARROW,
+    Display,
+    arrows,
+    held_forces,
+    in_space,
+    segments,
+    size,
+    standard_scale,
+)
+
+if TYPE_CHECKING:
+    from alf_ros.model.compile import Model
+    from alf_ros.simulation.sample import Sample
+
+# Width of a line as a part of the mechanism's size; balls are three times as large.
+_WIDTH = 0.01
+_COLORS = {
+    'links': (0.55, 0.6, 0.65),
+    'joints': (0.9, 0.9, 0.9),
+    'reactions': (0.9, 0.45, 0.1),
+    'applied': (0.1, 0.6, 0.9),
+}
+
+
+def markers(model: Model, display: Display) -> Write:
+    """The writer of `~/markers`; arrows are drawn to `display.force_scale`."""
+    mechanism = model.mechanism
+    width, standard = _WIDTH * size(mechanism), standard_scale(mechanism)
+    ends = [name for body in mechanism.bodies for name in segments(body)]
+    pins = [joint.point for joint in mechanism.joints if joint.point is not None]
+    # A joint without a point of its own has its arrow nowhere.
+    known = np.array([joint.point is not None for joint in mechanism.joints], dtype=bool)
+    templates: dict[int, Template] = {}  # by number of arrows of wrenches held
+
+    def template(held: int) -> Template:
+        if held not in templates:
+            templates.clear()  # one at a time: commands rarely come and go
+            counts = [len(ends), len(pins), *(POINTS_PER_ARROW * n for n in (len(pins), held))]
+            templates[held] = Template(
+                lambda marks: _message(marks, counts, width), [3 * n for n in counts if n]
+            )
+        return templates[held]
+
+    def write(sample: Sample, ns: int) -> bytes:
+        scale = display.force_scale or standard
+        tails = _places(sample, pins)
+        places, forces = held_forces(sample)
+        reactions = in_space(sample.reaction_forces[known])
+        filled = template(len(places))
+        filled.stamp(ns)
+        lists = [
+            _places(sample, ends),
+            tails,
+            arrows(tails, scale * reactions),
+            arrows(places, scale * forces),
+        ]
+        blocks = iter(filled.blocks)
+        for points in lists:
+            if points.size:
+                next(blocks)[:] = points.ravel()
+        return filled.bytes()
+
+    return write
+
+
+def _places(sample: Sample, names: list[str]) -> Floats:
+    """(n, 3) m."""
+    points = sample.points
+    dimension = sample.model.mechanism.dimension
+    return in_space(np.array([points[name] for name in names]).reshape(-1, dimension))
+
+
+def _message(marks: list[float], counts: list[int], width: float) -> MarkerArray:
+    marks = list(marks)
+    array = MarkerArray()
+    for (name, color), count in zip(_COLORS.items(), counts, strict=True):
+        marker = Marker(header=Header(stamp=STAMP, frame_id=WORLD), ns=name, id=0)
+        balls = name == 'joints'
+        marker.type = Marker.SPHERE_LIST if balls else Marker.LINE_LIST
+        # What has no points is taken away: viewers complain of an empty list.
+        marker.action = Marker.ADD if count else Marker.DELETE
+        marker.pose.orientation.w = 1.0
+        thick = 3.0 * width if balls else width
+        marker.scale = Vector3(x=thick, y=thick, z=thick) if balls else Vector3(x=thick)
+        r, g, b = color
+        marker.color = ColorRGBA(r=r, g=g, b=b, a=1.0)
+        if count:
+            mark = marks.pop(0)
+            marker.points = [Point(x=mark, y=mark, z=mark)] * count
+        array.markers.append(marker)
+    return array

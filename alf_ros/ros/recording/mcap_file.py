@@ -1,0 +1,168 @@
+"""One MCAP file of a log. What `flush` handed to the system is whole whatever happens later."""
+
+from __future__ import annotations
+
+import errno
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import yaml
+from mcap.writer import CompressionType, Writer
+
+from alf_ros.ros.recording import rosbag2_metadata
+
+if TYPE_CHECKING:
+    from rclpy.qos import QoSProfile
+
+CHUNK_SIZE = 4 << 20
+
+
+class _Stream:
+    """A file without a buffer of its own; `good` is how far its chunks are whole."""
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.good, self.size = path, 0, 0
+        self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
+
+    def write(self, data: bytes) -> int:
+        """All of it, or OSError."""
+        left = memoryview(data)
+        while left:
+            written = os.write(self._file, left)
+            self.size += written
+            left = left[written:]
+        return len(data)
+
+    def tell(self) -> int:
+        """Bytes written so far."""
+        return self.size
+
+    def flush(self) -> None:
+        """There is nothing to flush."""
+
+    def check(self) -> None:
+        """Raise OSError if the file is no longer where it was: what is written would be lost."""
+        if not os.path.samestat(os.stat(self.path), os.fstat(self._file)):
+            raise OSError(errno.ENOENT, os.strerror(errno.ENOENT))
+
+    def cut(self) -> None:
+        """Back to what is whole."""
+        if self._file >= 0:
+            os.ftruncate(self._file, self.good)
+
+    def close(self) -> None:
+        """Close the file. Further calls do nothing."""
+        file, self._file = self._file, -1
+        if file >= 0:
+            os.close(file)
+
+
+class LogFile:
+    """Messages as an MCAP file that rosbag2 and Foxglove open; methods raise OSError.
+
+    `info` (str -> str) becomes the Metadata record `alf_ros`.
+    """
+
+    def __init__(self, path: Path, info: dict[str, str]) -> None:
+        self.path = path
+        self.channels: dict[str, rosbag2_metadata.Channel] = {}
+        self.start, self.end = 2**63, 0  # stamps, ns
+        self._schemas: dict[str, int] = {}
+        self._info = info
+        self._stream = _Stream(path)
+        self._writer = Writer(
+            self._stream,  # type: ignore[arg-type]
+            chunk_size=CHUNK_SIZE,
+            compression=CompressionType.ZSTD,
+        )
+        self._writer.start(profile='ros2', library='alf_ros')
+        self._writer.add_metadata('alf_ros', info)
+        self._stream.good = self._stream.size
+
+    @property
+    def size(self) -> int:
+        """Bytes in the file."""
+        return self._stream.size
+
+    @property
+    def count(self) -> int:
+        """Messages in the file."""
+        return sum(channel.count for channel in self.channels.values())
+
+    @property
+    def span(self) -> int:
+        """From the first stamp to the last, ns."""
+        return max(0, self.end - self.start)
+
+    def add(
+        self, topic: str, kind: type, qos: QoSProfile, stamp: int, data: bytes, number: int
+    ) -> None:
+        """Write one serialised message, the `number`th of its topic."""
+        channel = self.channels.get(topic)
+        if channel is None:
+            name = rosbag2_metadata.type_name(kind)
+            channel = self.register(
+                topic,
+                name,
+                rosbag2_metadata.definition(name),
+                rosbag2_metadata.type_hash(name),
+                rosbag2_metadata.qos_text(qos),
+            )
+        self.add_to(channel, stamp, data, number)
+
+    def register(
+        self, topic: str, name: str, definition: str, type_hash: str, qos: str
+    ) -> rosbag2_metadata.Channel:
+        """A topic of type `name`."""
+        if name not in self._schemas:
+            schema = self._writer.register_schema(name, 'ros2msg', definition.encode())
+            self._schemas[name] = schema
+        about = {'offered_qos_profiles': qos, 'topic_type_hash': type_hash}
+        id_ = self._writer.register_channel(topic, 'cdr', self._schemas[name], about)
+        channel = self.channels[topic] = rosbag2_metadata.Channel(id_, topic, name, qos, type_hash)
+        return channel
+
+    def add_to(
+        self, channel: rosbag2_metadata.Channel, stamp: int, data: bytes, number: int
+    ) -> None:
+        """Write one serialised message of a registered topic."""
+        self._writer.add_message(channel.id, stamp, data, stamp, number)
+        channel.count += 1
+        self.start, self.end = min(self.start, stamp), max(self.end, stamp)
+
+    def note(self, name: str, about: dict[str, str]) -> None:
+        """Write a Metadata record."""
+        self._writer.add_metadata(name, about)
+
+    def flush(self) -> None:
+        """Close the chunk and hand it to the system."""
+        # The writer closes chunks by size only and offers no other way.
+        self._writer._Writer__finalize_chunk()  # type: ignore[attr-defined]
+        self._stream.check()
+        self._stream.good = self._stream.size
+
+    def finish(self) -> None:
+        """Write the summary and close the file."""
+        text = yaml.safe_dump(
+            rosbag2_metadata.metadata([self.summary()], self.channels.values(), self._info),
+            sort_keys=False,
+            allow_unicode=True,
+        )
+        self._writer.add_metadata('rosbag2', {'serialized_metadata': text})
+        self._writer.finish()
+        self._stream.check()
+        self._stream.close()
+
+    def summary(self) -> rosbag2_metadata.File:
+        """What metadata.yaml says of the file."""
+        return rosbag2_metadata.File(
+            self.path.name, min(self.start, self.end), self.end, self.count
+        )
+
+    def abandon(self) -> None:
+        """Close the file with its whole chunks only, after an error."""
+        try:
+            self._stream.cut()
+        finally:
+            self._stream.close()

@@ -1,0 +1,1 @@
+"""The node that steps a simulation and publishes it."""

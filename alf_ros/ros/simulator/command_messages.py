@@ -1,0 +1,130 @@
+"""Commands as they come: ROS messages to what the simulation takes, or refused with a reason."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from difflib import get_close_matches
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+from alf_ros.ros.messages.templates import WORLD
+
+if TYPE_CHECKING:
+    from geometry_msgs.msg import WrenchStamped
+    from sensor_msgs.msg import JointState
+
+REASONS = (
+    'unknown_name',
+    'unknown_frame',
+    'not_finite',
+    'out_of_plane',
+    'no_orientation',
+    'wrong_length',
+    'repeated_name',
+    'no_value',
+    'not_controlled',
+    'wrong_time',
+    'moving_end',
+    'wrong_type',
+)
+
+
+# By joint: whether a motor controls its position, and its velocity.
+Controlled = Mapping[str, tuple[bool, bool]]
+
+
+class Refused(Exception):
+    """A command cannot be taken: `reason` is one of REASONS, the text says it to a human."""
+
+    def __init__(self, reason: str, text: str) -> None:
+        self.reason = reason
+        super().__init__(text)
+
+
+def read_wrench(
+    message: WrenchStamped,
+    name: str,
+    bodies: Collection[str],
+    points: Collection[str],
+    frame_prefix: str = '',
+    dimension: int = 2,
+) -> dict[str, Any]:
+    """Wrench for body or movable point `name`: keywords of `Simulation.apply_wrench`.
+
+    Force (N) at the body's centre of mass or at the point, torque (N m; in the plane about +z).
+    `frame_id` '' or
+    'world': world axes; the body's own name, also behind `frame_prefix`: its axes, turning with
+    it. Raises Refused.
+    """
+    force, torque, frame = message.wrench.force, message.wrench.torque, message.header.frame_id
+    is_body = name in bodies
+    if not is_body and name not in points:
+        hint = _hint(name, (*bodies, *points))
+        raise Refused('unknown_name', f'unknown body or movable point {hint}')
+    of_body = is_body and frame in (name, frame_prefix + name)
+    if frame not in ('', WORLD) and not of_body:
+        own = f' or {name!r}' if is_body else ''
+        raise Refused('unknown_frame', f'{name}: frame {frame!r} is not {WORLD!r}{own}')
+    if not all(map(math.isfinite, (force.x, force.y, force.z, torque.x, torque.y, torque.z))):
+        raise Refused('not_finite', f'{name}: a wrench must be finite')
+    if dimension == 2 and (force.z or torque.x or torque.y):
+        raise Refused('out_of_plane', f'{name}: force.z, torque.x and torque.y must be 0')
+    planar = dimension == 2
+    return {
+        'name': name,
+        'force': (force.x, force.y) if planar else (force.x, force.y, force.z),
+        'torque': torque.z if planar else (torque.x, torque.y, torque.z),
+        'frame': 'body' if of_body else 'world',
+    }
+
+
+def check_names(topic: str, names: Sequence[str], joints: Collection[str]) -> None:
+    """Raises Refused if one is unknown or stands there twice."""
+    for name in names:
+        if name not in joints:
+            raise Refused('unknown_name', f'unknown joint {_hint(name, tuple(joints))}')
+    if len(set(names)) != len(names):
+        raise Refused('repeated_name', f'{topic} names a joint twice')
+
+
+def read_joints(
+    message: JointState, joints: Collection[str], controlled: Controlled
+) -> dict[str, dict[str, float]]:
+    """What is commanded, by joint: `effort` (N m or N), `position` (rad or m), `velocity`.
+
+    NaN is no command, as ros2_control has it. A position or velocity that no motor controls is
+    refused, unless the joint has an effort: whoever sends a whole joint state means that.
+    Raises Refused.
+    """
+    given = {'effort': message.effort, 'position': message.position, 'velocity': message.velocity}
+    given = {field: values for field, values in given.items() if values}
+    if not given:
+        raise Refused('no_value', 'joint_commands without effort, position and velocity')
+    for field, values in given.items():
+        if len(values) != len(message.name):
+            text = f'{len(message.name)} names, {len(values)} values of {field}'
+            raise Refused('wrong_length', f'joint_commands: {text}')
+        if any(map(math.isinf, values)):
+            raise Refused('not_finite', f'joint_commands: {field} must be finite')
+    check_names('joint_commands', message.name, joints)
+    commands = {}
+    for n, name in enumerate(message.name):
+        command = {field: v[n] for field, v in given.items() if not math.isnan(v[n])}
+        for field, followed in zip(('position', 'velocity'), controlled[name], strict=True):
+            if field in command and not followed:
+                if 'effort' not in command:
+                    raise Refused('not_controlled', f'no motor controls the {field} of {name!r}')
+                del command[field]
+        if command:
+            commands[name] = command
+    if not commands:
+        raise Refused('not_finite', 'joint_commands: not one finite number')
+    return commands
+
+
+@lru_cache(maxsize=64)
+def _hint(name: str, known: tuple[str, ...]) -> str:
+    """The name and the nearest one known; kept, for a wrong publisher repeats itself."""
+    near = get_close_matches(name, known, 1, 0.5)
+    return f'{name!r}, did you mean {near[0]!r}' if near else repr(name)

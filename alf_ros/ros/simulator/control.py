@@ -1,0 +1,225 @@
+"""Playing, paused, stepping: the state machine of the simulator, behind all its services."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from rclpy.task import Future
+
+from alf_ros.errors import AlfError, InputError
+from alf_ros.simulation.setup import on_grid
+
+if TYPE_CHECKING:
+    from alf_ros.arrays import Floats
+    from alf_ros.ros.simulator.inputs import Inputs
+    from alf_ros.ros.simulator.pacing import Pacer
+    from alf_ros.ros.simulator.run import Run
+    from alf_ros.simulation.saved_states import SavedStates
+    from alf_ros.simulation.setup import Setup
+
+# Longest time (s) of ticks in one call, so that commands and services get their turn.
+BURST = 0.01
+
+
+class WrongState(AlfError):
+    """A transition that the present state does not allow."""
+
+
+class Control:
+    """What the run does next; every transition falls between two ticks.
+
+    Playing, ticks come as the pacer says. Paused, there are none, but for those of `step`, which
+    come as fast as they can. A failed step pauses. `report` is called then, `pace` when another
+    beat is needed, `end` when the run is over.
+    """
+
+    def __init__(
+        self,
+        run: Run,
+        pacer: Pacer,
+        inputs: Inputs,
+        saved: SavedStates,
+        report: Callable[[], None],
+        pace: Callable[[], None],
+        end: Callable[[], None],
+    ) -> None:
+        self.run, self.inputs, self.paused = run, inputs, True
+        self._pacer, self._saved = pacer, saved
+        self._report, self._pace, self._end = report, pace, end
+        self._asked = self._left = self._dropped = 0
+        self._each: Callable[[int], None] | None = None
+        self._stepped: Future[None] = Future()
+        self._stepped.set_result(None)
+
+    @property
+    def stepping(self) -> bool:
+        """Whether steps that were asked for are still to be made."""
+        return self._left > 0
+
+    @property
+    def state(self) -> str:
+        """One word for people and diagnostics."""
+        if self.run.failure:
+            return 'failed'
+        if self.stepping:
+            return 'stepping'
+        return 'paused' if self.paused else 'playing'
+
+    def advance(self, now: float) -> None:
+        """Make the ticks that are due at `now` (s, steady clock)."""
+        due = self._left if self.paused else self._pacer.due(now)
+        self.inputs.apply()
+        for _ in range(due):
+            # The last of some steps is looked at: it is shown as well.
+            self.run.tick(whole=self.paused and self._left == 1)
+            if self.paused:
+                self._left -= 1
+                if self._each is not None and not self.run.failure:
+                    self._each(self._asked - self._left)
+            else:
+                self._pacer.done()
+            if self.run.failure:
+                self.pause()
+                self._report()
+            if self.run.over:
+                self._end()
+            if self.run.failure or self.run.over or time.monotonic() - now > BURST:
+                break
+        if self.paused and due and (self._left == 0 or self.run.over):
+            self._finish_steps()
+
+    # -------------------------------------------------------------------------------- transitions
+
+    def play(self) -> str:
+        """Go on. After a failure this tries again."""
+        if not self.paused:
+            return 'already playing'
+        self._finish_steps()
+        self.paused = False
+        self._pacer.start()
+        return 'playing'
+
+    def pause(self) -> str:
+        """Stand still; steps not yet made are dropped."""
+        if self.paused and not self.stepping:
+            return 'already paused'
+        self.paused = True
+        self._finish_steps()
+        return 'paused'
+
+    async def step(self, count: int, each: Callable[[int], None] | None = None) -> str:
+        """Make `count` ticks and return when they are published; `each` gets the number made.
+
+        Raises WrongState unless paused, StepError for a step that fails.
+        """
+        if not self.paused:
+            raise WrongState('playing: pause first')
+        if self.stepping:
+            raise WrongState(f'stepping: {self._left} of {self._asked} still to be made')
+        self._asked = self._left = count
+        self._dropped, self._each = 0, each
+        self._stepped = Future()
+        self.advance(time.monotonic())
+        if self.stepping:
+            self._pace()
+            await self._stepped
+        if self.run.failure:
+            raise self.run.failure
+        made = self._asked - self._dropped
+        if self._dropped and not self.run.over:
+            raise WrongState(f'stopped after {made} of {self._asked}, at {self.run}')
+        return str(self.run)
+
+    def quit(self) -> str:
+        """End the node, with its log closed."""
+        self._end()
+        return 'ending'
+
+    def reset(self, keep_time: bool) -> str:
+        """The initial state, nothing held; with `keep_time` stamps go on, else they start again.
+        A new log begins. Raises InputError, the run being reset, if there can be none."""
+        self._finish_steps()
+        self._report()  # the last word of the log that ends here
+        self.inputs.clear()
+        self._pacer.start()
+        self.run.begin(keep_time=keep_time)
+        return str(self.run)
+
+    def change(self, setup: Setup, effects: dict[str, Any]) -> None:
+        """Go on at the same state with other settings, noted in the log."""
+        tick = self.run.setup.tick
+        self.inputs.use(setup.simulation)
+        self.run.change(setup, effects)
+        if setup.tick != tick:
+            self._pacer.set_tick(setup.tick)
+            self._pace()
+
+    def load(self, setup: Setup) -> None:
+        """Another scene, paused at its start, with a log of its own.
+
+        Raises InputError, the scene being loaded, if there can be none.
+        """
+        self.pause()
+        self._report()
+        self.inputs.load(setup.simulation)
+        self.run.setup = setup
+        self._pacer.set_tick(setup.tick)
+        self._pace()
+        self.run.begin()
+
+    def save(self, name: str) -> str:
+        """Keep the present state under `name`."""
+        self.inputs.apply()
+        setup = self.run.setup
+        return f'{name}: {self.run}, {self._saved.save(name, setup.scene, setup.simulation)}'
+
+    def restore(self, name: str) -> str:
+        """The state kept under `name`, with what it held; stamps go on. A new log begins.
+
+        Raises InputError, and changes nothing, if there is none that fits.
+        """
+        setup = self.run.setup
+        before = setup.simulation.state
+        state, step, q = self._saved.find(name, setup.scene, before)
+        state = on_grid(state, step, setup.simulation.h)
+        try:
+            setup.simulation.restore(state)
+            setup.simulation.step(0)
+            if setup.simulation.sample().q.tolist() != q:
+                raise InputError('kept with another order of coordinates', key=name)
+        except (InputError, KeyError) as error:
+            setup.simulation.restore(before)
+            raise InputError(f'not a state of this scene: {error}', key='state.name') from None
+        setup.simulation.restore(before)
+        self._finish_steps()
+        self._report()
+        self.inputs.hold(state.inputs)
+        self._pacer.start()
+        self.run.begin(state, keep_time=True)
+        return f'{name}: {self.run}'
+
+    def place(self, body: str, pose: Floats | None, twist: Floats | None) -> str:
+        """A body elsewhere, or with another velocity (`Simulation.place`); stamps go on. A new log
+        begins.
+
+        Raises InputError, and changes nothing, if that cannot be.
+        """
+        self.inputs.apply()
+        simulation = self.run.simulation
+        before = simulation.state
+        simulation.place(body, pose, twist)
+        state = simulation.state
+        simulation.restore(before)
+        self._report()
+        self._pacer.start()
+        self.run.begin(state, keep_time=True)
+        return f'{body}: {self.run}'
+
+    def _finish_steps(self) -> None:
+        """Whoever waits for steps gets an answer; what is not made yet is dropped."""
+        self._dropped, self._left = self._left, 0
+        if not self._stepped.done():
+            self._stepped.set_result(None)
+            self._pace()

@@ -1,0 +1,213 @@
+"""/diagnostics: one status per task, with the same keys in the same order every time.
+
+Values are numbers as text, SI, the unit in the key. Levels: OK, WARN (look), ERROR (stopped).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+
+from alf_ros.errors import StepError
+from alf_ros.model.softest_modes import near
+
+if TYPE_CHECKING:
+    from alf_ros.ros.recording.recorder import Recorder
+    from alf_ros.ros.simulator.inputs import Inputs
+    from alf_ros.ros.simulator.pacing import Pacer
+    from alf_ros.simulation.sample import Sample
+    from alf_ros.simulation.simulation import Simulation
+
+CONSTRAINTS = (
+    'position_violation_m',
+    'velocity_violation_m_per_s',
+    'rank',
+    'redundant',
+    'singular',
+    'distance_to_singular',
+)
+# Part of the ticks that may come late: on a busy desktop some always do.
+MOST_LATE = 0.05
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+
+
+@dataclass(frozen=True)
+class Report:
+    """What one task says."""
+
+    task: str
+    level: bytes
+    message: str
+    values: Mapping[str, object]
+
+
+def solver(simulation: Simulation, state: str, failure: StepError | None) -> Report:
+    """Steps made, iterations and cost; after a failed step its reason and the remedy.
+
+    WARN for steps that are too long, and for an accuracy that was asked for and cannot be met.
+    """
+    sample, settings, budget = simulation.sample(), simulation.solver, simulation.accuracy
+    found = sample.diagnostics
+    measured = not math.isnan(found.resolution.error)
+    values = {
+        'state': state,
+        'simulated_time_s': sample.t,
+        'step_index': sample.step,
+        'iterations': found.iterations,
+        'step_cost_s': found.step_cost,
+        'integrator': settings.integrator,
+        'tolerance': settings.tolerance,
+        'step_error': found.resolution.error if measured else 'unknown',
+        'adequate_step_s': found.adequate_step if measured else 'unknown',
+        'accuracy_asked_m': settings.accuracy or 'no',
+        'accuracy_estimate_m': budget.estimate if budget else 'unknown',
+        'accuracy_horizon_s': budget.horizon if budget else 'unknown',
+        'reason': failure.reason if failure else '',
+        'remedy': failure.remedy if failure else '',
+    }
+    if not failure and found.trouble:
+        return Report('solver', WARN, found.trouble, values)
+    if not failure and budget and not budget.met:
+        message = f'accuracy of {budget.asked:g} m not met: {budget.estimate:.2g} m at best'
+        return Report('solver', WARN, message, values)
+    return Report('solver', ERROR if failure else OK, str(failure) if failure else state, values)
+
+
+def constraints(sample: Sample, closest: float = math.inf) -> Report:
+    """Violations, and what the rows say of the position: rank and redundant rows.
+
+    WARN at a singular position, and when one was passed since the last report: `closest` is the
+    least distance since then.
+    """
+    found = sample.diagnostics
+    try:
+        closest = min(closest, found.distance)
+        values = (
+            found.position_violation,
+            found.velocity_violation,
+            found.rank,
+            found.redundant,
+            found.singular,
+            closest,
+        )
+    except StepError as error:
+        unknown = dict.fromkeys(CONSTRAINTS, 'unknown')
+        return Report('constraints', ERROR, str(error), unknown)
+    told = dict(zip(CONSTRAINTS, values, strict=True))
+    if found.singular:
+        message = 'singular position: the reactions are not unique here'
+        return Report('constraints', WARN, message, told)
+    if closest < near(sample.model):
+        return Report('constraints', WARN, 'passed near a singular position', told)
+    return Report('constraints', OK, f'{found.redundant} redundant rows', told)
+
+
+def energy(sample: Sample, initial: float) -> Report:
+    """Total mechanical energy and its change since the run began, by drives and friction too."""
+    values = {
+        'energy_j': sample.energy,
+        'initial_energy_j': initial,
+        'change_j': sample.energy - initial,
+    }
+    return Report('energy', OK, f'{sample.energy:.6g} J', values)
+
+
+def balance(sample: Sample) -> float:
+    """Kinetic energy less all works, J: it stays as it is. 0 without a ledger."""
+    works = sample.state.works.values()
+    return sample.kinetic_energy - sum(works) if works else 0.0
+
+
+def work(sample: Sample, initial: float) -> Report:
+    """Work of each effect, of inputs and drives since the start, and what is missing to the
+    change of kinetic energy: the error of the steps."""
+    lost = balance(sample) - initial
+    values = {f'{name}_j': work for name, work in sample.works.items()}
+    return Report('work', OK, f'{lost:.1e} J not accounted for', {**values, 'missing_j': lost})
+
+
+@dataclass(frozen=True)
+class Pace:
+    """What a pacer had counted at some time: ticks, overruns, real time lost (s)."""
+
+    ticks: int
+    overruns: int
+    lost: float
+
+
+def timing(pacer: Pacer, paused: bool, before: Pace) -> Report:
+    """Real-time factor achieved, overruns, lateness. WARN when real time was lost since `before`,
+    or more than one tick in twenty came late."""
+    values = {
+        'real_time_factor': pacer.achieved,
+        'wanted_real_time_factor': pacer.factor,
+        'tick_s': pacer.tick,
+        'ticks': pacer.ticks,
+        'overruns': pacer.overruns,
+        'lost_real_time_s': pacer.lost,
+        'lateness_p50_s': pacer.lateness[0],
+        'lateness_p99_s': pacer.lateness[1],
+    }
+    lost = pacer.lost - before.lost
+    if lost > 0.0:
+        return Report('timing', WARN, f'too slow: {lost:.3g} s of real time lost', values)
+    late, ticks = pacer.overruns - before.overruns, pacer.ticks - before.ticks
+    if late > MOST_LATE * ticks:
+        return Report('timing', WARN, f'{late} overruns in the last {ticks} ticks', values)
+    message = 'paused' if paused else f'real-time factor {pacer.achieved:.3f}'
+    return Report('timing', OK, message, values)
+
+
+def commands(inputs: Inputs) -> Report:
+    """Commands accepted, refused by reason, timed out. WARN for some seconds after a trouble."""
+    values = {
+        'accepted': inputs.accepted,
+        'held': inputs.held,
+        'refused': sum(inputs.refused.values()),
+        **{f'refused_{reason}': count for reason, count in inputs.refused.items()},
+        'timed_out': inputs.timed_out,
+        'timeout_s': inputs.timeout,
+        'last_trouble': inputs.last_trouble,
+    }
+    if inputs.troubled:
+        return Report('commands', WARN, inputs.last_trouble, values)
+    return Report('commands', OK, f'{inputs.accepted} accepted', values)
+
+
+def record(recorder: Recorder | None) -> Report:
+    """The log: messages written and dropped. WARN after a drop, ERROR when writing failed."""
+    values = {
+        'file': str(recorder.path) if recorder else '',
+        'written_messages': recorder.written if recorder else 0,
+        'dropped_messages': recorder.dropped if recorder else 0,
+        'error': recorder.error if recorder else '',
+    }
+    if recorder is None:
+        return Report('record', OK, 'off', values)
+    if recorder.error:
+        return Report('record', ERROR, recorder.error, values)
+    if recorder.dropped:
+        return Report('record', WARN, f'{recorder.dropped} messages dropped', values)
+    return Report('record', OK, recorder.path.name, values)
+
+
+def array(node: str, hardware_id: str, stamp: Time, reports: list[Report]) -> DiagnosticArray:
+    """The message: status names are `<node>: <task>`."""
+    message = DiagnosticArray()
+    message.header.stamp = stamp
+    message.status = [
+        DiagnosticStatus(
+            level=report.level,
+            name=f'{node}: {report.task}',
+            message=report.message,
+            hardware_id=hardware_id,
+            values=[KeyValue(key=key, value=str(value)) for key, value in report.values.items()],
+        )
+        for report in reports
+    ]
+    return message

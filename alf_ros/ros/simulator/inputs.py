@@ -1,0 +1,310 @@
+"""Commands from ROS: wrenches on bodies and points; efforts, targets and trajectories of joints.
+
+A command is taken whole or refused whole. It acts from the next tick on, the last one of several,
+and is held until replaced, or becomes zero when it was not renewed for the timeout. What acts goes
+to the journal with the number of steps made before it; a refusal changes nothing and is counted.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+from geometry_msgs.msg import WrenchStamped
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory
+
+from alf_ros import effects
+from alf_ros.effects.contract.trajectory import Curve
+from alf_ros.errors import InputError
+from alf_ros.ros.simulator.command_messages import REASONS, Refused, read_joints, read_wrench
+from alf_ros.ros.simulator.trajectory_command import Trajectory, read_trajectory
+from alf_ros.simulation.applied import OVER_TIME
+from alf_ros.simulation.input_checks import follows
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+    from rclpy.subscription import Subscription
+
+    from alf_ros.simulation.applied import Inputs as HeldInputs
+    from alf_ros.simulation.simulation import Simulation
+
+# Up to this many bodies and points are subscribed to at start; a larger mechanism when somebody
+# publishes. As many unknown names are listened to, to say that they are unknown.
+SUBSCRIBED_AT_START = 32
+# How long (s) a refusal or a timeout keeps the diagnostics at WARN.
+WARNING_TIME = 5.0
+_TOKEN = re.compile(r'[A-Za-z_][A-Za-z0-9_]*')
+_WRENCH = 'geometry_msgs/msg/WrenchStamped'
+_QUEUE = QoSProfile(depth=10)
+
+Journal = Callable[[dict[str, Any]], None]
+
+
+class Inputs:
+    """Subscribes, applies to `simulation`, and counts.
+
+    `journal` gets a mapping for every change of what is applied; `alarm` is called on the first
+    trouble after a quiet time; `ahead` says by how much (ns) stamps are ahead of simulated time.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        simulation: Simulation,
+        journal: Journal,
+        alarm: Callable[[], None],
+        ahead: Callable[[], int],
+    ) -> None:
+        self.timeout = 0.0
+        self.frame_prefix = ''
+        self.accepted = 0
+        self.timed_out = 0
+        self.refused = dict.fromkeys(REASONS, 0)
+        self.last_trouble = ''
+        self._trouble_time = -math.inf
+        self._held: dict[tuple[str, str], float] = {}  # (kind, name) -> renewed at, s
+        self._waiting: dict[tuple[str, tuple[str, ...]], Any] = {}
+        self._node, self._journal, self._alarm, self._ahead = node, journal, alarm, ahead
+        self._prefix = f'{node.get_fully_qualified_name()}/wrench/'
+        self._subscriptions: list[Subscription] = []
+        self._ready_for_curves = False
+        node.create_subscription(JointState, 'joint_commands', self._on_joints, _QUEUE)
+        self._curves = node.create_subscription(
+            JointTrajectory, '~/joint_trajectory', self._on_trajectory, _QUEUE
+        )
+        self.load(simulation)
+
+    def load(self, simulation: Simulation) -> None:
+        """Take commands for this mechanism from now on, and for no other."""
+        self.clear()
+        for subscription in self._subscriptions:
+            self._node.destroy_subscription(subscription)
+        self._subscriptions.clear()
+        self._seen: set[tuple[str, str]] = set()
+        self._unknown = 0
+        self.use(simulation)
+        mechanism = simulation.model.mechanism
+        # Dictionaries for their order and their quick look-up.
+        self._bodies = dict.fromkeys(simulation.model.body_names)
+        self._points = dict.fromkeys(point.name for point in mechanism.points if not point.fixed)
+        self._joints = dict.fromkeys(simulation.model.coordinate_names)
+        names = self._bodies | self._points
+        unfit = [name for name in names if not _TOKEN.fullmatch(name)]
+        if unfit:
+            text = f'no wrench topic for names that ROS topics cannot have: {", ".join(unfit[:8])}'
+            self._node.get_logger().warning(text)
+        if len(names) <= SUBSCRIBED_AT_START:
+            for name in names:
+                if name not in unfit:
+                    self._subscribe(name)
+
+    def use(self, simulation: Simulation) -> None:
+        """Apply commands to this simulation of the same mechanism from now on."""
+        self._simulation = simulation
+        names, effects = simulation.model.coordinate_names, simulation.scene.effects
+        self._controlled = {name: follows(effects, name) for name in names}
+
+    def hold(self, inputs: HeldInputs) -> None:
+        """What a restored state holds counts as commanded now."""
+        self.clear()
+        now = time.monotonic()
+        kinds = {'wrench': inputs.wrenches, 'effort': inputs.efforts, 'target': inputs.targets}
+        self._held = {(kind, name): now for kind, held in kinds.items() for name in held}
+
+    @property
+    def held(self) -> int:
+        """Number of commands in force."""
+        return len(self._held)
+
+    @property
+    def troubled(self) -> bool:
+        """Whether a command was refused or timed out lately."""
+        return time.monotonic() - self._trouble_time < WARNING_TIME
+
+    def watch(self) -> None:
+        """Subscribe to wrench topics that got a publisher; note those that can never be right.
+
+        And compile what trajectories need when somebody is about to send some: few do, and a start
+        should not wait for it.
+        """
+        if not self._ready_for_curves and self._node.count_publishers(self._curves.topic_name):
+            effects.load(OVER_TIME)
+            self._ready_for_curves = True
+        for topic, types in self._node.get_topic_names_and_types():
+            if not topic.startswith(self._prefix):
+                continue
+            name = topic[len(self._prefix) :]
+            for kind in types:
+                if (name, kind) in self._seen or not self._node.count_publishers(topic):
+                    continue
+                if kind == _WRENCH:
+                    self._subscribe(name)
+                else:
+                    self._seen.add((name, kind))
+                    self._refuse(Refused('wrong_type', f'{topic} is a {kind}, not a {_WRENCH}'))
+
+    def expire(self, now: float) -> None:
+        """Zero what was not renewed within the timeout (s of the steady clock)."""
+        if self.timeout <= 0.0 or not self._held:
+            return
+        for (kind, name), renewed in list(self._held.items()):
+            if now - renewed <= self.timeout:
+                continue
+            if self._lasts(kind, name):
+                self._held[kind, name] = now
+                continue
+            del self._held[kind, name]
+            if kind == 'wrench':
+                force = (0.0,) * self._simulation.model.layout.dimension
+                zero = {'name': name, 'force': force, 'torque': 0.0, 'frame': 'world'}
+                self._apply_wrench(zero, cause='timeout')
+            else:
+                field = 'effort' if kind == 'effort' else 'velocity'
+                self._apply_joints({name: {field: 0.0}}, cause='timeout')
+            self.timed_out += 1
+            self._trouble(f'{kind} of {name} not renewed for {self.timeout:g} s: now zero')
+
+    def _lasts(self, kind: str, name: str) -> bool:
+        """Whether it needs no renewal: a position, or a trajectory that is under way."""
+        inputs = self._simulation.state.inputs
+        if kind == 'target':
+            return inputs.targets[name].position is not None
+        effort = inputs.efforts[name] if kind == 'effort' else None
+        return isinstance(effort, Curve) and self._simulation.t < effort.end
+
+    def clear(self) -> None:
+        """Forget what is held, and what came for it: the simulation was reset."""
+        self._held.clear()
+        self._waiting.clear()
+
+    def _subscribe(self, name: str) -> None:
+        self._seen.add((name, _WRENCH))
+        if name not in self._bodies and name not in self._points:
+            self._unknown += 1
+            if self._unknown > SUBSCRIBED_AT_START:
+                return
+        self._subscriptions.append(
+            self._node.create_subscription(
+                WrenchStamped,
+                f'~/wrench/{name}',
+                lambda message: self._on_wrench(message, name),
+                _QUEUE,
+            )
+        )
+
+    def _on_wrench(self, message: WrenchStamped, name: str) -> None:
+        known, prefix = (self._bodies, self._points), self.frame_prefix
+        dimension = self._simulation.model.layout.dimension
+        with self._refusing():
+            wrench = read_wrench(message, name, *known, prefix, dimension)
+            self._take('wrench', (name,), wrench)
+
+    def _on_joints(self, message: JointState) -> None:
+        with self._refusing():
+            commands = read_joints(message, self._joints, self._controlled)
+            self._take('joints', tuple(commands), commands)
+
+    def _on_trajectory(self, message: JointTrajectory) -> None:
+        with self._refusing():
+            trajectory = read_trajectory(message, self._joints, self._controlled)
+            self._take('trajectory', tuple(message.joint_names), trajectory)
+
+    @contextmanager
+    def _refusing(self) -> Iterator[None]:
+        try:
+            yield
+        except Refused as refused:
+            self._refuse(refused)
+
+    def _take(self, kind: str, names: tuple[str, ...], command: Any) -> None:
+        """Keep it for the next tick, in place of one for the same names that still waits."""
+        self._waiting.pop((kind, names), None)
+        self._waiting[kind, names] = command
+        self.accepted += 1
+
+    def apply(self) -> None:
+        """To be called before every tick, and while there are none: what came acts from now on."""
+        if not self._waiting:
+            return
+        waiting, self._waiting = self._waiting, {}
+        applies: dict[str, Callable[[Any], None]] = {
+            'wrench': self._apply_wrench,
+            'joints': self._apply_joints,
+            'trajectory': self._apply_trajectory,
+        }
+        for (kind, _), command in waiting.items():
+            try:
+                applies[kind](command)
+            except Refused as refused:
+                self.accepted -= 1
+                self._refuse(refused)
+
+    def _apply_wrench(self, wrench: dict[str, Any], cause: str = 'command') -> None:
+        with self._whole():
+            self._simulation.apply_wrench(**wrench)
+        self._note('wrench', wrench, cause)
+
+    def _apply_joints(
+        self, commands: Mapping[str, Mapping[str, Any]], cause: str = 'command'
+    ) -> None:
+        efforts = {name: said['effort'] for name, said in commands.items() if 'effort' in said}
+        wanted = ('position', 'velocity')
+        targets = {
+            name: {key: said.get(key) for key in wanted}
+            for name, said in commands.items()
+            if said.keys() & set(wanted)
+        }
+        with self._whole():
+            for name, effort in efforts.items():
+                self._simulation.apply_effort(name, effort)
+            for name, target in targets.items():
+                self._simulation.apply_target(name, **target)
+        for name, effort in efforts.items():
+            self._note('effort', {'name': name, 'effort': effort}, cause)
+        for name, target in targets.items():
+            self._note('target', {'name': name, **target}, cause)
+
+    def _apply_trajectory(self, trajectory: Trajectory) -> None:
+        positions, efforts = trajectory.curves(self._simulation.sample(), self._ahead())
+        commands: dict[str, dict[str, Curve]] = {}
+        for field, curves in (('position', positions), ('effort', efforts)):
+            for name, curve in curves.items():
+                commands.setdefault(name, {})[field] = curve
+        self._apply_joints(commands, cause='trajectory')
+
+    def _note(self, kind: str, what: Mapping[str, Any], cause: str) -> None:
+        """It acts from the next step on."""
+        told = {k: v.pieces if isinstance(v, Curve) else v for k, v in what.items()}
+        self._journal({'kind': kind, 'cause': cause, **told})
+        if cause != 'timeout':
+            self._held[kind, what['name']] = time.monotonic()
+
+    @contextmanager
+    def _whole(self) -> Iterator[None]:
+        """Take back what was applied if a part of it cannot act."""
+        before = self._simulation.state
+        try:
+            yield
+            # Packs what is held now, so that what cannot act shows here and not in a tick.
+            self._simulation.step(0)
+        except InputError as error:
+            self._simulation.restore(before)
+            # All else was checked: this is a torque on a point, or on a body of one point.
+            raise Refused('no_orientation', str(error)) from None
+
+    def _refuse(self, refused: Refused) -> None:
+        self.refused[refused.reason] += 1
+        self._trouble(f'refused: {refused}')
+
+    def _trouble(self, text: str) -> None:
+        quiet = not self.troubled
+        self.last_trouble, self._trouble_time = text, time.monotonic()
+        self._node.get_logger().warning(text, throttle_duration_sec=1.0)
+        if quiet:
+            self._alarm()

@@ -1,0 +1,308 @@
+"""The node `simulator`: parameters, timers and services around a run."""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.task import Future
+
+from alf_ros.errors import AlfError, InputError, StepError
+from alf_ros.ros.recording.recorder import Split
+from alf_ros.ros.simulator import parameters, startup_report
+from alf_ros.ros.simulator.outputs import Outputs
+from alf_ros.ros.simulator.pacing import SHORTEST_BEAT, Pacer
+from alf_ros.ros.simulator.services import Services
+from alf_ros.ros.terminal import LOOK_PERIOD, Status
+from alf_ros.simulation.display_geometry import Display
+
+if TYPE_CHECKING:
+    from rclpy.timer import Timer
+
+    from alf_ros.simulation.setup import Setup
+    from alf_ros.simulation.simulation import Simulation
+
+
+class Stop:
+    """Handler of SIGINT and SIGTERM: the node looks at `asked` and finishes between two ticks.
+
+    Until `gentle` is set there is no log to close, and the process ends at once: an exception in
+    the middle of a compilation would leave the compiler in a state that it does not survive.
+    """
+
+    def __init__(self) -> None:
+        self.asked = self.gentle = False
+
+    def __call__(self, signum: int, frame: object) -> None:
+        self.asked = True
+        if not self.gentle:
+            os._exit(0)
+
+
+class Simulator(Node):
+    """The node `simulator`: runs a scene against the steady clock; holds no physics.
+
+    `finished` is done when the parameter `duration` was reached or a stop was asked for.
+    Raises InputError for anything it cannot start with.
+    """
+
+    def __init__(self, status: Status, stop: Stop, overrides: list[Parameter[Any]]) -> None:
+        super().__init__('simulator', parameter_overrides=overrides)
+        self.finished: Future[None] = Future()
+        self._status, self._stop = status, stop
+        self._loading = False
+        self._next: tuple[Setup, dict[str, Any]] | None = None  # what the next parameters make
+
+        scene = parameters.declare(self, [parameters.SCENE])['scene']
+        # Imported late: loading the solver takes a good part of the start.
+        from alf_ros.scene.effect_values import with_effect_values
+        from alf_ros.scene.scene import load_scene
+        from alf_ros.simulation import setup as settings
+
+        self._settings = settings
+        drawn = load_scene(scene)
+        solver = parameters.declare(self, parameters.solver_specs(drawn.solver))
+        effects = parameters.declare(self, parameters.effect_specs(drawn))
+        rate = settings.default_rate(solver['solver.step'])
+        values = parameters.declare(self, parameters.node_specs(rate))
+        display = Display(values['frame_prefix'])
+        rates = _below('record.rate', values)
+        self._outputs = Outputs(self, values['record.topics'], rates, display)
+        parameters.check_names(self)
+
+        status.enabled = values['status_line']
+        status.say(f'scene {drawn.name}: preparing')
+        with status.say_if_slow('compiling, the first time only ...', 2.0):
+            given = {spec.name: spec.default for spec in parameters.effect_specs(drawn)}
+            changed = {name: value for name, value in effects.items() if value != given[name]}
+            own, said = _below('solver', solver), _below('solver', self._parameter_overrides)
+            chosen = settings.chosen(own, solver['accuracy'], said)
+            scene = with_effect_values(drawn, changed)
+            setup = settings.made(scene, chosen, values['rate'], values['ledger'])
+            self._assemble(setup, values)
+        self._show_solver(setup)
+        self._on_parameters([self.get_parameter(key) for key in values])
+        self.add_on_set_parameters_callback(self._judge)
+        self.add_post_set_parameters_callback(self._on_parameters)
+        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(LOOK_PERIOD, self._on_look, clock=self._steady)
+        self._timer: Timer | None = None
+        self._pace()
+
+    def _assemble(self, setup: Setup, values: dict[str, Any]) -> None:
+        """Make the parts, and use all compiled code once, so that no tick waits for it."""
+        from alf_ros.ros.simulator.control import Control
+        from alf_ros.ros.simulator.inputs import Inputs
+        from alf_ros.ros.simulator.reporting import Reporting
+        from alf_ros.ros.simulator.run import Run
+        from alf_ros.simulation.saved_states import SavedStates
+
+        folder = Path(values['record.folder']) if values['record.enabled'] else None
+        split = Split(values['record.max_size'], values['record.max_duration'])
+        run = Run(setup, self._outputs, values['duration'], folder, split)
+        self._pacer = Pacer(setup.tick, values['real_time_factor'])
+        # The alarm looks the report up when it comes: that needs the control, which needs this.
+        inputs = Inputs(
+            self,
+            setup.simulation,
+            run.note,
+            lambda: self._reporting.diagnose(),
+            lambda: run.ahead,
+        )
+        inputs.frame_prefix = values['frame_prefix']
+        saved = SavedStates(Path(values['state.folder']) if values['state.folder'] else None)
+        self._control = Control(
+            run, self._pacer, inputs, saved, self._on_event, self._pace, self._finish
+        )
+        self._reporting = Reporting(self, self._control, self._pacer, self._outputs, self._status)
+        Services(self, self._control)
+        try:
+            from alf_ros.ros.simulator.simulation_interfaces import SimulationServices
+        except ModuleNotFoundError as error:
+            # Only a ROS 2 installation has simulation_interfaces.
+            if (error.name or '').partition('.')[0] != 'simulation_interfaces':
+                raise
+        else:
+            self._standard = SimulationServices(self, self._control)
+        self._playing_first = not values['start_paused']
+        self._warm_up(setup.simulation)
+
+    def _warm_up(self, simulation: Simulation) -> None:
+        """Use what ticks, reports and commands will use, compiled code above all."""
+        from alf_ros import effects
+        from alf_ros.simulation.applied import from_outside
+
+        for kind in sorted(from_outside(simulation.model)):
+            effects.load(kind)
+        self._outputs.prepare(simulation)
+        try:
+            self._outputs.warm_up(simulation.sample())
+            self._reporting.warm_up()
+        except StepError:
+            pass  # the first tick will say so, with the log open
+
+    def _pace(self) -> None:
+        """Call the timer as often as ticks come."""
+        if self._timer is not None:
+            self.destroy_timer(self._timer)
+        beat = SHORTEST_BEAT if self._control.stepping else self._pacer.beat
+        self._timer = self.create_timer(beat, self._on_timer, clock=self._steady)
+
+    # --------------------------------------------------------------------------------------- run
+
+    def begin(self) -> None:
+        """Start a run at t = 0 with a log of its own. Raises InputError if there can be none."""
+        control = self._control
+        control.run.begin()
+        if self._playing_first:
+            control.play()
+        simulation, recorder = control.run.simulation, control.run.recorder
+        state = 'paused' if control.paused else f'real-time factor {self._pacer.factor:g}'
+        log = f'log {recorder.path}' if recorder else 'no log'
+        self._say_what_is_on()
+        step, tick = simulation.h, self._pacer.tick
+        self._status.say(f'running: step {step:g} s, tick {tick:g} s, {state}; {log}')
+
+    def _say_what_is_on(self) -> None:
+        for line in startup_report.lines(self._control.run.simulation, self._outputs.switched()):
+            self._status.say(line)
+
+    def close(self) -> None:
+        """End the log, with a last report in it."""
+        run = self._control.run
+        recorder = run.recorder
+        try:
+            self._reporting.diagnose()
+        finally:
+            run.close()
+        text = f'stopped at {run}'
+        if recorder is not None:
+            text += f'; log {recorder.path}, {recorder.written} messages'
+            text += f', {recorder.dropped} dropped' if recorder.dropped else ''
+            text += f', {recorder.error}' if recorder.error else ''
+        self._status.say(text)
+
+    def _on_timer(self) -> None:
+        now = time.monotonic()
+        self._control.inputs.expire(now)
+        if self._stop.asked:
+            self._finish()
+        if not self.finished.done():
+            self._control.advance(now)
+
+    def _on_look(self) -> None:
+        if self._stop.asked:
+            self._finish()
+        self._control.inputs.watch()
+        self._reporting.look()
+
+    def _on_event(self) -> None:
+        """A step failed, or a log ends: that is reported at once."""
+        if self._control.run.failure:
+            self.get_logger().error(str(self._control.run.failure))
+        self._reporting.diagnose()
+
+    def _finish(self) -> None:
+        if not self.finished.done():
+            self.finished.set_result(None)
+
+    # -------------------------------------------------------------------------------- parameters
+
+    def _judge(self, changed: list[Parameter[Any]]) -> SetParametersResult:
+        """On-set callback: rejects with the reason, all or nothing."""
+        if self._loading:
+            return SetParametersResult(successful=True)
+        reason = next(filter(None, map(parameters.refusal, changed)), '')
+        self._next = None
+        if not reason:
+            try:
+                self._next = self._prepared({p.name: parameters.plain(p.value) for p in changed})
+            except AlfError as error:
+                reason = str(error)
+        return SetParametersResult(successful=not reason, reason=reason)
+
+    def _prepared(self, values: dict[str, Any]) -> tuple[Setup, dict[str, Any]] | None:
+        """What the run will be with these parameters, or None if it stays as it is."""
+        solver = _below('solver', values)
+        if 'scene' in values:
+            solver |= {'accuracy': values['accuracy']} if values.get('accuracy') else {}
+            with self._status.say_if_slow(f'loading {values["scene"]} ...', 2.0):
+                ledger, rate = self.get_parameter('ledger').value, values.get('rate')
+                return self._settings.loaded(values['scene'], solver, rate, ledger), values
+        if 'accuracy' in values:
+            before = self._control.run.setup.simulation.solver
+            solver |= self._settings.asked(before, values['accuracy'])
+        effects = {k: v for k, v in values.items() if k.startswith('effects.')}
+        if not solver and not effects and 'rate' not in values:
+            return None
+        rate = values.get('rate', self.get_parameter('rate').value)
+        return self._settings.changed(self._control.run.setup, solver, effects, rate), effects
+
+    def _on_parameters(self, changed: list[Parameter[Any]]) -> None:
+        """Post-set callback: takes effect at once, which is between two ticks."""
+        if self._loading:
+            return
+        if self._next is not None:
+            (setup, values), self._next = self._next, None
+            if 'scene' in values:
+                self._load(setup)
+            else:
+                self._control.change(setup, values)
+                self._show_solver(setup)
+        self._thin_out()
+        modes = {parameters.mode_of(name): name for name in self._outputs.optional}
+        for parameter in changed:
+            if parameter.name in modes:
+                mode = parameters.MODES[parameter.value]
+                self._outputs.optional[modes[parameter.name]].mode = mode
+            elif parameter.name == 'force_scale':
+                self._outputs.display.force_scale = parameter.value
+            elif parameter.name == 'command_timeout':
+                self._control.inputs.timeout = parameter.value
+            elif parameter.name == 'real_time_factor' and parameter.value != self._pacer.factor:
+                self._pacer.set_factor(parameter.value)
+                self._pace()
+
+    def _show_solver(self, setup: Setup) -> None:
+        """The parameters say what runs: an accuracy picks some of them, and they can end it."""
+        before, self._loading = self._loading, True
+        try:
+            specs = parameters.solver_specs(setup.simulation.solver)
+            self.set_parameters([Parameter(spec.name, value=spec.default) for spec in specs])
+        finally:
+            self._loading = before
+
+    def _thin_out(self) -> None:
+        rate, wanted = (self.get_parameter(name).value for name in ('rate', 'display_rate'))
+        self._outputs.shown_every = max(1, round(rate / wanted))
+
+    def _load(self, setup: Setup) -> None:
+        """Another scene, paused at its start; its parameters say what it says."""
+        self._loading = True
+        try:
+            for name in self.get_parameters_by_prefix('effects'):
+                self.undeclare_parameter(f'effects.{name}')
+            parameters.declare(self, parameters.effect_specs(setup.scene), override=False)
+            self._show_solver(setup)
+            self.set_parameters([Parameter('rate', value=1.0 / setup.tick)])
+        finally:
+            self._loading = False
+        self._warm_up(setup.simulation)
+        try:
+            self._control.load(setup)
+        except InputError as error:
+            self.get_logger().error(f'no log: {error}')
+        self._status.say(f'scene {setup.scene.name}: loaded, paused')
+        self._say_what_is_on()
+
+
+def _below(prefix: str, values: dict[str, Any]) -> dict[str, Any]:
+    """The values below `prefix`, without it."""
+    dotted = f'{prefix}.'
+    return {k[len(dotted) :]: v for k, v in values.items() if k.startswith(dotted)}

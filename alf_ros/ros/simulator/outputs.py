@@ -1,0 +1,181 @@
+"""Publishers: only what somebody asked for is computed; the same bytes are sent and logged."""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Collection, Mapping
+from typing import TYPE_CHECKING
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.serialization import serialize_message
+from std_msgs.msg import String
+
+from alf_ros.errors import InputError
+from alf_ros.exchange.urdf_export import urdf
+from alf_ros.ros.messages.topics import LATCHED, RELIABLE, TOPICS
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+    from rclpy.qos import QoSProfile
+
+    from alf_ros.ros.recording.recorder import Recorder
+    from alf_ros.scene.scene import Scene
+    from alf_ros.simulation.display_geometry import Display
+    from alf_ros.simulation.sample import Sample
+    from alf_ros.simulation.simulation import Simulation
+
+
+class Output:
+    """One topic. `mode` is 'auto' (published while somebody subscribes), 'on' or 'off'; what is
+    sent goes to `recorder` as well if there is one. Raises InputError for a bad QoS override.
+    """
+
+    def __init__(self, node: Node, name: str, message_type: type, qos: QoSProfile) -> None:
+        self.mode = 'auto'
+        self.recorder: Recorder | None = None
+        self.essential = False  # to repeat the run
+        self.rate = 0.0  # of messages in the log, Hz; 0: all
+        self._recorded = -1  # period of the last message in the log
+        self.type = message_type
+        # rclpy writes overrides into the profile it is given.
+        self.qos = copy.copy(qos)
+        options = QoSOverridingOptions.with_default_policies()
+        try:
+            self._publisher = node.create_publisher(
+                message_type, name, self.qos, qos_overriding_options=options
+            )
+        except RuntimeError as error:
+            raise InputError(str(error), key=f'qos_overrides.{name}') from None
+        self.topic = self._publisher.topic_name
+
+    @property
+    def published(self) -> bool:
+        """Whether a message now would be published."""
+        if self.mode == 'auto':
+            return bool(self._publisher.get_subscription_count())
+        return self.mode == 'on'
+
+    @property
+    def wanted(self) -> bool:
+        """Whether a message now would go anywhere."""
+        return self.recorder is not None or self.published
+
+    def wanted_at(self, ns: int) -> bool:
+        """Whether a message of this stamp would go anywhere: a log may want only some."""
+        return self.published or (self.recorder is not None and self._due(ns))
+
+    def record(self, recorder: Recorder | None) -> None:
+        """From now on log to `recorder`."""
+        self.recorder, self._recorded = recorder, -1
+
+    def _due(self, ns: int) -> bool:
+        """Whether the log wants a message of this stamp: the first of each period of `rate`."""
+        return not self.rate or self._period(ns) != self._recorded
+
+    def _period(self, ns: int) -> int:
+        return math.floor(ns * 1e-9 * self.rate + 1e-6)
+
+    def send(self, data: bytes, ns: int, record: bool = True) -> None:
+        """The same bytes go to the subscribers and, at stamp `ns`, to the log."""
+        if self.published:
+            self._publisher.publish(data)
+        if record and self.recorder is not None and self._due(ns):
+            self._recorded = self._period(ns)
+            self.recorder.write(self.topic, self.type, self.qos, ns, data, self.essential)
+
+
+class Outputs:
+    """All topics of the simulator.
+
+    `optional`: those that parameters switch, by name; `journal` and `scene` are in every log, for
+    without them no run could be repeated. What is only shown is sent at every `shown_every`th
+    tick. `rates` (Hz, by key): of messages in the log. `display`: how it is shown.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        recorded: Collection[str],
+        rates: Mapping[str, float],
+        display: Display,
+    ) -> None:
+        self.display, self.shown_every = display, 1
+        self.samples = {
+            topic.name: Output(node, topic.name, topic.type, topic.qos) for topic in TOPICS
+        }
+        self.diagnostics = Output(node, '/diagnostics', DiagnosticArray, RELIABLE)
+        self.journal = Output(node, '~/inputs', String, RELIABLE)
+        self.scene = Output(node, '~/scene', String, LATCHED)
+        self.scene.mode = 'on'
+        self.description = Output(node, 'robot_description', String, LATCHED)
+        self.optional = {
+            **self.samples,
+            '/diagnostics': self.diagnostics,
+            'robot_description': self.description,
+        }
+        self._recorded = [output for name, output in self.optional.items() if name in recorded]
+        self._recorded += [self.journal, self.scene]
+        for topic in TOPICS:
+            self.samples[topic.name].rate = rates[topic.key]
+        self.journal.essential = self.scene.essential = True
+        self._shown = {topic.name for topic in TOPICS if topic.shown}
+        self._ticks = 0
+        self._undescribed: Scene | None = None
+
+    @property
+    def topics(self) -> dict[str, str]:
+        """Where each topic of samples is after remapping, by the name a user writes."""
+        return {name: output.topic for name, output in self.samples.items()}
+
+    def prepare(self, simulation: Simulation) -> None:
+        """Make the messages for a simulation."""
+        writers = {topic.name: topic.make(simulation, self.display) for topic in TOPICS}
+        self._write = {name: write for name, write in writers.items() if write is not None}
+
+    def switched(self) -> dict[str, list[str]]:
+        """Topics that have something to say: what is `on` (recorded, or always published), what
+        waits until somebody is `subscribed`, what is `off`."""
+        said: dict[str, list[str]] = {'on': [], 'subscribed': [], 'off': []}
+        for name, output in self.optional.items():
+            if name not in self.samples or name in self._write:
+                on = output.recorder is not None or output.mode == 'on'
+                said['on' if on else 'off' if output.mode == 'off' else 'subscribed'].append(name)
+        return said
+
+    def warm_up(self, sample: Sample) -> None:
+        """Write every message once, so that no tick has to wait for a compiler."""
+        for write in self._write.values():
+            write(sample, 1)
+
+    def describe(self, scene: Scene, ns: int) -> None:
+        """A run begins, or its effects change: say which scene it is, and its URDF when somebody
+        wants it."""
+        self._ticks = 0
+        self.scene.send(serialize_message(String(data=scene.text)), ns)
+        self._undescribed = scene
+        self.look(ns)
+
+    def look(self, ns: int) -> None:
+        """To be called now and then: who subscribes to robot_description late gets it as well."""
+        scene = self._undescribed
+        if scene is not None and self.description.wanted:
+            text = urdf(scene.mechanism, self.display.frame_prefix)
+            self.description.send(serialize_message(String(data=text)), ns)
+            self._undescribed = None
+
+    def record(self, recorder: Recorder | None) -> None:
+        """From now on log to `recorder`."""
+        for output in self._recorded:
+            output.record(recorder)
+
+    def send(self, sample: Sample, ns: int, record: bool = True, whole: bool = False) -> None:
+        """Publish and log what is wanted of `sample`, all with the stamp `ns`; `whole` also what
+        is not shown at every tick."""
+        self._ticks += not whole
+        shown = whole or self._ticks % self.shown_every == 0
+        for name, write in self._write.items():
+            output = self.samples[name]
+            if (shown or name not in self._shown) and output.wanted_at(ns):
+                output.send(write(sample, ns), ns, record)

@@ -1,0 +1,306 @@
+"""The parameters of the simulator node: names, defaults, ranges, what may change at run time."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+)
+from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
+from rclpy.parameter import Parameter
+
+from alf_ros.errors import InputError
+from alf_ros.ros.messages.topics import TF, TOPICS
+from alf_ros.scene.text.yaml_document import LARGEST
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+    from alf_ros.scene.scene import Scene, Solver
+
+# YAML, and so every ROS command line, turns an unquoted on or off into a boolean.
+MODES = {'auto': 'auto', 'on': 'on', 'off': 'off', True: 'on', False: 'off'}
+OFFERED = (*(topic.name for topic in TOPICS), '/diagnostics', 'robot_description')
+TOPIC_NAMES = OFFERED if TF in OFFERED else (*OFFERED, TF)
+_DEFAULT_MODE = {TF: 'off'}
+RECORDED = [
+    'joint_states',
+    '~/reactions',
+    '~/constraints',
+    '~/drives',
+    '~/state',
+    '~/energy',
+    '~/work',
+    '/diagnostics',
+]
+# A saved state's name is a file's name.
+_STATE_NAME = re.compile(r'[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}')
+# Numbers of effects are parameters up to this many: declaring one takes a tenth of a millisecond.
+MOST_EFFECT_VALUES = 512
+
+_KINDS = {
+    bool: 'true or false',
+    int: 'a whole number',
+    float: 'a number',
+    str: 'a text',
+    list: 'a list',
+}
+
+
+@dataclass(frozen=True)
+class Spec:
+    """One parameter. `limits` are inclusive; what shapes the run or its log is `fixed`; only what
+    is `untyped` may have a value of another type than the default."""
+
+    name: str
+    default: Any
+    description: str
+    limits: tuple[float, float] | None = None
+    fixed: bool = True
+    untyped: bool = False
+
+    def descriptor(self) -> ParameterDescriptor:
+        """The descriptor as `ros2 param describe` shows it."""
+        descriptor = ParameterDescriptor(
+            description=self.description, read_only=self.fixed, dynamic_typing=self.untyped
+        )
+        if self.limits is not None and isinstance(self.default, float):
+            low, high = self.limits
+            limits = FloatingPointRange(from_value=float(low), to_value=float(high))
+            descriptor.floating_point_range = [limits]
+        elif self.limits is not None:
+            low, high = self.limits
+            descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=int(high))]
+        return descriptor
+
+
+SCENE = Spec(
+    'scene',
+    'slider_crank',
+    'Scene: a name under config/scenes, or a path; setting it loads it, paused at its start',
+    fixed=False,
+)
+
+
+def solver_specs(solver: Solver) -> list[Spec]:
+    """`solver.*` and `accuracy`: defaults are what the scene says, limits those of `Solver`."""
+    return [
+        Spec(
+            'accuracy',
+            solver.accuracy or 0.0,
+            'Position error, m, for which integrator and tolerance are picked; 0: as they are',
+            (0.0, 1e6),
+            fixed=False,
+        ),
+        Spec('solver.step', solver.step, 'Solver step, s', (1e-12, 1e6), fixed=False),
+        Spec(
+            'solver.integrator',
+            solver.integrator,
+            'Such as rk4 or dop853; esdirk43 where effects are stiff',
+            fixed=False,
+        ),
+        Spec(
+            'solver.formulation', solver.formulation, 'Equations solved, such as alf2', fixed=False
+        ),
+        Spec(
+            'solver.penalty',
+            solver.penalty,
+            'Penalty, without dimension',
+            (1e-60, 1e40),
+            fixed=False,
+        ),
+        Spec(
+            'solver.iterations',
+            solver.iterations,
+            'Most iterations of a solve',
+            (1, 1000),
+            fixed=False,
+        ),
+        Spec(
+            'solver.tolerance',
+            solver.tolerance,
+            'Relative error of a step (adaptive integrators)',
+            (0.0, 1.0),
+            fixed=False,
+        ),
+    ]
+
+
+def effect_specs(scene: Scene) -> list[Spec]:
+    """`effects.*`: the numbers of the scene's effects; none if there are too many."""
+    # Imported late: loading the solver takes a good part of the start.
+    from alf_ros.scene.effect_values import effect_values
+
+    values = effect_values(scene)
+    if len(values) > MOST_EFFECT_VALUES:
+        return []
+    limits = (-LARGEST, LARGEST)
+    return [
+        Spec(name, v.value, v.doc, limits if type(v.value) is float else None, fixed=False)
+        for name, v in values.items()
+    ]
+
+
+def node_specs(rate: float) -> list[Spec]:
+    """Everything but scene, solver and effects; `rate` (Hz) is the default one of the scene."""
+    modes = 'auto: when somebody subscribes; on: always; off: never'
+    return [
+        Spec(
+            'rate',
+            rate,
+            'Ticks, and so messages, per simulated second, Hz; 1/rate is a whole number of steps',
+            (1e-6, 1e5),
+            fixed=False,
+        ),
+        Spec(
+            'real_time_factor',
+            1.0,
+            'Simulated seconds per second; 0 runs as fast as it can',
+            (0.0, 1e3),
+            fixed=False,
+        ),
+        Spec('step_count', 1, 'Ticks that one call of ~/step makes', (1, 10**9), fixed=False),
+        Spec(
+            'command_timeout',
+            0.0,
+            'Seconds (steady clock) after which a command not renewed becomes zero; 0 holds it',
+            (0.0, 3600.0),
+            fixed=False,
+        ),
+        Spec('ledger', False, 'Keep account of the work of each effect: ~/work, diagnostics'),
+        Spec('start_paused', False, 'Start paused: ~/pause false plays, ~/step makes ticks'),
+        Spec('duration', 0.0, 'Simulated seconds to run; 0 runs until stopped', (0.0, 1e9)),
+        Spec('status_line', True, 'Print a live status line (plain lines if not on a terminal)'),
+        Spec('state.name', 'default', 'Name for ~/save_state and ~/restore_state', fixed=False),
+        Spec('state.folder', 'states', 'Folder of saved states; empty: only in memory'),
+        Spec('record.enabled', True, 'Record an MCAP log'),
+        Spec('record.folder', 'logs', 'Folder in which each run makes a folder for its log'),
+        Spec('record.topics', RECORDED, f'Recorded topics, of {", ".join(TOPIC_NAMES)}'),
+        Spec(
+            'record.max_size',
+            0,
+            'Bytes after which a log goes on in another file, bytes; 0: never',
+            (0, 10**15),
+        ),
+        Spec(
+            'record.max_duration',
+            0.0,
+            'Simulated seconds after which a log goes on in another file, s; 0: never',
+            (0.0, 1e9),
+        ),
+        *(
+            Spec(
+                f'record.rate.{name.rpartition("/")[2]}',
+                0.0,
+                f'Messages of {name} in the log per simulated second, Hz; 0: all',
+                (0.0, 1e5),
+            )
+            for name in dict.fromkeys((*(topic.name for topic in TOPICS), TF))
+        ),
+        Spec(
+            'display_rate',
+            30.0,
+            'Messages per simulated second on ~/markers and tf, Hz, at most `rate`',
+            (1e-6, 1e5),
+            fixed=False,
+        ),
+        Spec(
+            'force_scale',
+            0.0,
+            'Length of the arrows of forces, m/N; 0: that of its weight is a quarter of its size',
+            (0.0, 1e6),
+            fixed=False,
+        ),
+        Spec('frame_prefix', '', 'Stands before the names of bodies as frames, such as left/'),
+        *(
+            Spec(
+                mode_of(name),
+                _DEFAULT_MODE.get(name, 'auto'),
+                f'Publish {name}: {modes}',
+                fixed=False,
+                untyped=True,
+            )
+            for name in TOPIC_NAMES
+        ),
+    ]
+
+
+def mode_of(topic: str) -> str:
+    """Name of the parameter that says whether `topic` is published."""
+    return f'publish.{topic.rpartition("/")[2]}'
+
+
+def declare(node: Node, specs: Iterable[Spec], override: bool = True) -> dict[str, Any]:
+    """Declare parameters and return their values; `override` by what was given at the start.
+
+    Raises InputError, one line, for a value of the wrong type or out of range.
+    """
+    values = {}
+    overrides = node._parameter_overrides
+    for spec in specs:
+        given = overrides.get(spec.name) if override else None
+        if given is not None:
+            overrides[spec.name] = given = _as_number(given, spec.default)
+        expected = _KINDS[type(spec.default)]
+        if spec.limits is not None:
+            expected += f' from {spec.limits[0]:g} to {spec.limits[1]:g}'
+        try:
+            parameter = node.declare_parameter(
+                spec.name, spec.default, spec.descriptor(), ignore_override=not override
+            )
+        except (InvalidParameterTypeException, InvalidParameterValueException):
+            value = given.value if given is not None else spec.default
+            raise InputError(
+                'bad value of a parameter', key=spec.name, value=value, expected=expected
+            ) from None
+        values[spec.name] = plain(parameter.value)
+        reason = refusal(parameter)
+        if reason:
+            raise InputError(reason)
+    return values
+
+
+def plain(value: Any) -> Any:
+    """The value of a parameter, arrays as lists."""
+    return value if isinstance(value, (bool, int, float, str)) else list(value)
+
+
+def _as_number(given: Parameter[Any], default: object) -> Parameter[Any]:
+    """`duration:=10` on a command line is an integer; nobody means to be refused for that."""
+    if isinstance(default, float) and type(given.value) is int:
+        return Parameter(given.name, value=float(given.value))
+    if isinstance(default, list) and given.type_ == Parameter.Type.INTEGER_ARRAY:
+        return Parameter(given.name, value=[float(number) for number in given.value])
+    return given
+
+
+def check_names(node: Node) -> None:
+    """Refuse parameters given at start that the node does not have: rclpy would ignore them."""
+    for name in node._parameter_overrides:
+        if not node.has_parameter(name):
+            known = sorted(node.get_parameters_by_prefix(''))
+            raise InputError('unknown parameter of the node', value=name, choices=known)
+
+
+def refusal(parameter: Parameter[Any]) -> str:
+    """Why a value cannot be had, beyond what type and range say; '' if it can."""
+    name, value = parameter.name, parameter.value
+    if name.startswith('publish.') and (type(value) not in (str, bool) or value not in MODES):
+        return str(InputError('not a mode', key=name, value=value, expected='auto, on or off'))
+    if name == 'record.topics':
+        for topic in value:
+            if topic not in TOPIC_NAMES:
+                return str(InputError('unknown topic', key=name, value=topic, choices=TOPIC_NAMES))
+    asked = name == mode_of(TF) and MODES[value] != 'off'
+    if TF not in OFFERED and (asked or (name == 'record.topics' and TF in value)):
+        return f'{name}: tf needs tf2_msgs, which comes with a ROS 2 installation: source one'
+    if name == 'state.name' and not _STATE_NAME.fullmatch(value):
+        wanted = "letters, digits, '_', '.', '-'; at most 100"
+        return str(InputError('not a name', key=name, value=value, expected=wanted))
+    return ''

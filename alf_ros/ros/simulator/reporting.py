@@ -1,0 +1,127 @@
+"""What the simulator says of itself: /diagnostics, and the line on the terminal."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from rclpy.serialization import serialize_message
+
+from alf_ros.errors import StepError
+from alf_ros.ros.messages.templates import to_time
+from alf_ros.ros.simulator import diagnostics
+from alf_ros.ros.simulator.diagnostics import Pace
+from alf_ros.ros.terminal import LOOK_PERIOD, PLAIN_PERIOD, Status
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+    from alf_ros.ros.recording.recorder import Recorder
+    from alf_ros.ros.simulator.control import Control
+    from alf_ros.ros.simulator.outputs import Outputs
+    from alf_ros.ros.simulator.pacing import Pacer
+    from alf_ros.simulation.simulation import Simulation
+
+# Diagnostics come every fourth time.
+LOOKS_PER_DIAGNOSIS = 4
+
+
+class Reporting:
+    """Reports once a second, and at once when something goes wrong or well again."""
+
+    def __init__(
+        self, node: Node, control: Control, pacer: Pacer, outputs: Outputs, status: Status
+    ) -> None:
+        # Several simulators on one machine share the topic: the namespace tells them apart.
+        self._logger = node.get_logger()
+        self._lost: Recorder | None = None  # whose error was said
+        self._warned: tuple[int, Simulation] | None = None  # whose steps were said to be too long
+        self._name = node.get_fully_qualified_name().lstrip('/')
+        self._control, self._pacer, self._outputs = control, pacer, outputs
+        self._status = status
+        self._looks = 0
+        self._alarms: tuple[bool, ...] = ()
+        self._before = Pace(0, 0, 0.0)  # at the last regular diagnosis
+
+    def look(self) -> None:
+        """To be called every `LOOK_PERIOD`."""
+        self._looks += 1
+        self._outputs.look(self._control.run.stamp)
+        run = self._control.run
+        recorder = run.recorder
+        if recorder is not None and recorder.error and recorder is not self._lost:
+            self._lost = recorder
+            run.lose_log()
+            text = f'recording has stopped, the simulation goes on: {recorder.error}'
+            self._logger.error(text)
+        self._warn(run.simulation)
+        alarms = (
+            run.simulation.resolution.too_long,
+            self._control.inputs.troubled,
+            self._pacer.lost > self._before.lost,
+            recorder is not None and bool(recorder.dropped or recorder.error),
+        )
+        regular = self._looks % LOOKS_PER_DIAGNOSIS == 0
+        if regular or alarms != self._alarms:
+            self._alarms = alarms
+            self.diagnose()
+        if regular:
+            self._before = Pace(self._pacer.ticks, self._pacer.overruns, self._pacer.lost)
+            if self._control.paused:
+                # Who came late, or missed the message, sees the state as well.
+                run.send(record=False, whole=True)
+        if self._status.live or self._looks % round(PLAIN_PERIOD / LOOK_PERIOD) == 0:
+            self._status.show(self._line())
+
+    def _warn(self, simulation: Simulation) -> None:
+        """Say once that the steps of a run are too long."""
+        run = self._control.run.number, simulation
+        if run != self._warned and simulation.resolution.too_long:
+            self._warned = run
+            self._logger.warning(simulation.sample().diagnostics.trouble)
+
+    def warm_up(self) -> None:
+        """Compute once what reports need, so that no tick has to wait for a compiler."""
+        diagnostics.constraints(self._control.run.simulation.sample())
+
+    def diagnose(self) -> None:
+        """Publish and log the diagnostics, if anybody wants them."""
+        output, run = self._outputs.diagnostics, self._control.run
+        if not output.wanted:
+            return
+        sample, ns = run.simulation.sample(), run.stamp
+        reports = [
+            diagnostics.solver(run.simulation, self._control.state, run.failure),
+            diagnostics.constraints(sample, run.closest),
+            diagnostics.energy(sample, run.initial_energy),
+            *([diagnostics.work(sample, run.balance)] if run.simulation.ledger else []),
+            diagnostics.timing(self._pacer, self._control.paused, self._before),
+            diagnostics.commands(self._control.inputs),
+            diagnostics.record(run.recorder),
+        ]
+        run.closest = math.inf
+        mechanism = run.setup.scene.mechanism.name
+        message = diagnostics.array(self._name, mechanism, to_time(ns), reports)
+        output.send(serialize_message(message), ns)
+
+    def _line(self) -> str:
+        run = self._control.run
+        sample, recorder = run.simulation.sample(), run.recorder
+        state = {'failed': 'FAILED', 'playing': ''}.get(self._control.state, self._control.state)
+        if not state and self._pacer.achieved:  # known after the first second
+            state = f'real-time factor {self._pacer.achieved:.2f}'
+        try:
+            violation = f'{sample.diagnostics.position_violation:.0e} m'
+        except StepError:
+            violation = 'unknown'
+        parts = [
+            f't {sample.t:.2f} s',
+            state,
+            f'E {sample.energy:.6g} J',
+            f'violation {violation}',
+            f'overruns {self._pacer.overruns}',
+            f'log {recorder.path.name}' if recorder else 'no log',
+        ]
+        if recorder is not None and recorder.dropped:
+            parts.append(f'{recorder.dropped} messages dropped')
+        return '  '.join(filter(None, parts))

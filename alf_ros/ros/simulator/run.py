@@ -1,0 +1,158 @@
+"""A run of a scene: its ticks, their stamps, what they publish, and its log."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from pathlib import Path
+from typing import Any
+
+from rclpy.serialization import serialize_message
+from std_msgs.msg import String
+
+from alf_ros.errors import StepError
+from alf_ros.logs import journal, provenance
+from alf_ros.logs.stamps import stamp_ns
+from alf_ros.ros.recording.recorder import Recorder, Split
+from alf_ros.ros.simulator import diagnostics
+from alf_ros.ros.simulator.outputs import Outputs
+from alf_ros.simulation.saved_states import as_data
+from alf_ros.simulation.setup import Setup
+from alf_ros.simulation.simulation import Simulation
+from alf_ros.simulation.state import State
+
+
+class Run:
+    """Ticks of a setup; after `duration` (simulated s, 0: never) it is `over`.
+
+    A failed step leaves the last good state and its reason in `failure`. Every `begin` makes a log
+    of its own in `log_folder`, so that a log is always one run from its start.
+    """
+
+    def __init__(
+        self,
+        setup: Setup,
+        outputs: Outputs,
+        duration: float,
+        log_folder: Path | None,
+        split: Split | None = None,
+    ) -> None:
+        self.setup = setup
+        self.recorder: Recorder | None = None
+        self.failure: StepError | None = None
+        self.initial_energy = 0.0
+        self.balance = 0.0  # J, kinetic energy less all works, where the run began
+        self.closest = math.inf  # to a singular position, since somebody set it back
+        # This run, counted since the start of the node, and the step where it began.
+        self.number = self.first_step = 0
+        self.ahead = 0  # ns by which stamps are ahead of the simulated time
+        self._outputs, self._duration = outputs, duration
+        self._folder, self._split = log_folder, split
+        self._chain = ''  # digest of the journal so far
+
+    @property
+    def simulation(self) -> Simulation:
+        """The simulation that runs."""
+        return self.setup.simulation
+
+    @property
+    def stamp(self) -> int:
+        """Stamp (ns) of the present state: never zero, which means "no time yet" in ROS."""
+        return stamp_ns(self.simulation.t, self.ahead)
+
+    @property
+    def over(self) -> bool:
+        """Whether the duration has been reached."""
+        return 0 < self._last_step <= self.simulation.step_index
+
+    @property
+    def _last_step(self) -> int:
+        return max(1, round(self._duration / self.simulation.h)) if self._duration else 0
+
+    def begin(self, state: State | None = None, keep_time: bool = False) -> None:
+        """Start from `state`, or the initial one.
+
+        With `keep_time` the stamps go on a tick after the last, whatever the time of the state is;
+        otherwise they are its time. Raises InputError if there can be no log.
+        """
+        later = self.ahead + round((self.simulation.t + self.setup.tick) * 1e9)
+        self.close()
+        if state is None:
+            self.simulation.reset()
+        else:
+            self.simulation.restore(state)
+        self.ahead = later - round(self.simulation.t * 1e9) if keep_time else 0
+        self.failure = None
+        self.number += 1
+        self.first_step = self.simulation.step_index
+        scene = self.setup.scene
+        about = provenance.start(self.setup, self.ahead, self._outputs.topics)
+        if state is not None:
+            about['state'] = as_data(state)
+        if self._folder is not None:
+            info = provenance.record(about, scene)
+            self.recorder = Recorder(self._folder, scene.name, info, split=self._split)
+        self._chain = ''
+        self._outputs.record(self.recorder)
+        self._outputs.describe(scene, self.stamp)
+        self.note({'kind': 'start', **about})
+        sample = self.simulation.sample()
+        self.initial_energy = sample.energy
+        self.balance = diagnostics.balance(sample)
+        self.send(whole=True)
+
+    def change(self, setup: Setup, effects: dict[str, Any]) -> None:
+        """Go on with other settings at the same state; `effects` are the numbers that changed."""
+        self.setup = setup
+        self.note({'kind': 'settings', **self._settings(), 'effects': effects})
+        if effects:
+            self._outputs.describe(setup.scene, self.stamp)
+
+    def _settings(self) -> dict[str, Any]:
+        solver = dataclasses.asdict(self.simulation.solver)
+        return {'solver': solver, 'steps_per_tick': self.setup.steps}
+
+    def tick(self, whole: bool = False) -> None:
+        """Make one tick's steps, fewer at the end of the run, and send what came out; `whole` also
+        what is not shown at every tick."""
+        steps = self.setup.steps
+        if self._last_step:
+            steps = min(steps, self._last_step - self.simulation.step_index)
+        try:
+            self.simulation.step(steps)
+        except StepError as error:
+            self.failure = error
+        else:
+            self.failure = None
+            self.send(whole=whole)
+
+    def send(self, record: bool = True, whole: bool = False) -> None:
+        """Publish and log the present state; `whole` also what is not shown at every tick."""
+        try:
+            sample = self.simulation.sample()
+            self._outputs.send(sample, self.stamp, record, whole)
+            if self._outputs.diagnostics.wanted:
+                self.closest = min(self.closest, sample.diagnostics.distance_if_known)
+        except StepError as error:
+            self.failure = error
+
+    def note(self, entry: dict[str, Any]) -> None:
+        """Write to the journal what acts from the step that follows the steps made so far."""
+        if self._outputs.journal.wanted:
+            step, t = self.simulation.step_index, self.simulation.t
+            text, self._chain = journal.chained({'step': step, 't': t, **entry}, self._chain)
+            self._outputs.journal.send(serialize_message(String(data=text)), self.stamp)
+
+    def lose_log(self) -> None:
+        """Go on without a log that can no longer be written; `recorder` still says why."""
+        self._outputs.record(None)
+
+    def close(self) -> None:
+        """End the log."""
+        if self.recorder is not None:
+            self._outputs.record(None)
+            self.recorder.close()
+            self.recorder = None
+
+    def __str__(self) -> str:
+        return f't = {self.simulation.t:.9g} s, step {self.simulation.step_index}'

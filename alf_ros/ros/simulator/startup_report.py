@@ -1,0 +1,36 @@
+"""What a run computes and what not, for the terminal: effects with their cost, outputs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from alf_ros.simulation.simulation import Simulation
+
+_MOST = 14  # names on a line
+
+
+def lines(simulation: Simulation, outputs: Mapping[str, Sequence[str]]) -> list[str]:
+    """What was adjusted of the mechanism; effects on, each with its µs per step here and now, and
+    off; the ledger; outputs by `Outputs.switched`."""
+    # Imported late: loading the solver takes a good part of the start.
+    from alf_ros import effects
+    from alf_ros.inspection.call_cost import call_costs
+
+    costs = [f'{label} {cost:.2g} µs' for label, cost in call_costs(simulation).items()]
+    named = {effect.kind for effect in simulation.scene.effects}
+    absent = [kind for kind in effects.kinds() if kind not in named]
+    on, subscribed, off = (_listed(outputs[mode]) for mode in ('on', 'subscribed', 'off'))
+    adjusted = [f'mechanism: {simulation.adjustment}'] if simulation.adjustment else []
+    return [
+        *adjusted,
+        f'effects on, per step: {_listed(costs)}; ledger {"on" if simulation.ledger else "off"}',
+        f'effects off: {_listed(absent)}',
+        f'outputs on: {on}; when subscribed: {subscribed}; off: {off}',
+    ]
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = f' and {len(names) - _MOST} more' if len(names) > _MOST else ''
+    return ', '.join(names[:_MOST]) + more if names else 'none'

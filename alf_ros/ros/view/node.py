@@ -1,0 +1,192 @@
+"""The live view as a ROS node: what it hears of a simulator, as a picture.
+
+The simulator publishes at every tick. A page needs thirty pictures a second, so topics are read
+best effort with a queue of one, when the view has time: what came between is never unpacked.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Any
+
+import yaml
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import JointState, MultiDOFJointState
+from std_msgs.msg import Float64, String
+from visualization_msgs.msg import MarkerArray
+
+from alf_ros.resources import library
+from alf_ros.ros.messages.topics import BEST_EFFORT, LATCHED
+from alf_ros.simulation.display_geometry import POINTS_PER_ARROW
+
+if TYPE_CHECKING:
+    from rclpy.subscription import Subscription
+
+# A simulator that said nothing for this long (s) is gone: paused it speaks once a second.
+SILENCE = 3.0
+
+Json = dict[str, Any]
+
+
+class ViewNode(Node):
+    """Hears the simulator of that name in its own namespace.
+
+    `picture`: what is to be drawn, None if nothing is new; `about`: what changes now and then.
+    Both are made anew by `look`, never changed.
+    """
+
+    def __init__(self, simulator: str) -> None:
+        super().__init__('view')
+        self.picture: Json | None = None
+        self.about: Json = {}
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self)
+        self._simulator = simulator
+        # As in the status names of its diagnostics.
+        self._task = f'{self.get_namespace()}/{simulator}: '.lstrip('/')
+        self._scenes = list(library('scenes'))
+        self._listening: list[Subscription] = []
+        self._forget()
+
+    def _forget(self) -> None:
+        self._heard: Json = {}
+        self._last = -math.inf
+        self._new = False
+        self._state, self._runs = 'away', 0
+        self._scene: Json = {}
+        self._joints: list[str] = []
+        self._reacting: list[str] = []
+        self._reports: list[tuple[str, int, str]] = []
+
+    def follow(self, wanted: bool) -> None:
+        """Subscribe while somebody looks on: what nobody asks for is not computed."""
+        if wanted and not self._listening:
+            # Several nodes report: a queue of one would lose the simulator's.
+            reports = QoSProfile(depth=10)
+            topics: list[tuple[str, type, Callable[[Any], None], QoSProfile]] = [
+                ('~/markers', MarkerArray, self._on_markers, BEST_EFFORT),
+                ('joint_states', JointState, self._on_joints, BEST_EFFORT),
+                ('~/reactions', MultiDOFJointState, self._on_reactions, BEST_EFFORT),
+                ('~/constraints', JointState, self._on_constraints, BEST_EFFORT),
+                ('~/energy', Float64, self._on_energy, BEST_EFFORT),
+                ('~/scene', String, self._on_scene, LATCHED),
+                ('/diagnostics', DiagnosticArray, self._on_reports, reports),
+            ]
+            self._listening = [
+                self.create_subscription(kind, name.replace('~', self._simulator), hear, qos)
+                for name, kind, hear, qos in topics
+            ]
+        elif not wanted and self._listening:
+            for subscription in self._listening:
+                self.destroy_subscription(subscription)
+            self._listening = []
+            self._forget()
+
+    def look(self) -> None:
+        """Take what has come, at most once from each source, and make the picture of it."""
+        for _ in range(len(self._listening) + sum(1 for _ in self.clients)):
+            self._executor.spin_once(timeout_sec=0.0)
+        if time.monotonic() - self._last > SILENCE:
+            self._state = 'away'
+        self.picture = dict(self._heard) if self._new else None
+        self._new = False
+        self.about = {
+            'simulator': self._simulator,
+            'state': self._state,
+            'run': self._runs,
+            'scene': self._scene.get('name', ''),
+            'spatial': self._scene.get('mechanism', {}).get('space') == 'spatial',
+            'joints': self._joints,
+            'reacting': self._reacting,
+            'reports': self._reports,
+            'scenes': self._scenes,
+        }
+
+    def show_state(self, state: str) -> None:
+        """What a service just answered, until the next report."""
+        self._state = state
+
+    def _note(self, **heard: Any) -> None:
+        self._heard.update(heard)
+        self._last, self._new = time.monotonic(), True
+        if self._state == 'away':
+            self._state = 'playing'  # the next report knows better
+
+    def _on_scene(self, message: String) -> None:
+        """A run begins: another simulator, another scene, or this one from its start.
+
+        Unless only numbers of its effects are others: then the run goes on.
+        """
+        before, self._scene = self._scene, yaml.safe_load(message.data)
+        if before != self._scene and _without_effects(before) == _without_effects(self._scene):
+            return
+        self._runs += 1
+        self._heard.clear()
+        self._joints, self._reacting = [], []
+        self._note()
+
+    def _on_joints(self, message: JointState) -> None:
+        self._joints = list(message.name)
+        self._note(
+            t=_seconds(message.header),
+            position=_short(message.position),
+            velocity=_short(message.velocity),
+            effort=_short(message.effort),
+        )
+
+    def _on_reactions(self, message: MultiDOFJointState) -> None:
+        self._reacting = list(message.joint_names)
+        forces = (wrench.force for wrench in message.wrench)
+        self._note(force=_short(math.hypot(f.x, f.y, f.z) for f in forces))
+
+    def _on_constraints(self, message: JointState) -> None:
+        error, rate = (max(map(abs, v), default=0.0) for v in (message.position, message.velocity))
+        self._note(t=_seconds(message.header), violation=_short([error, rate]))
+
+    def _on_energy(self, message: Float64) -> None:
+        # All digits: what matters is how little it changes.
+        self._note(energy=message.data if math.isfinite(message.data) else None)
+
+    def _on_markers(self, message: MarkerArray) -> None:
+        drawn: Json = {}
+        for marker in message.markers:
+            points = marker.points
+            if marker.ns in ('reactions', 'applied'):  # tail and tip: the page draws the rest
+                starts = range(0, len(points), POINTS_PER_ARROW)
+                points = [points[at + end] for at in starts for end in (0, 1)]
+            drawn[marker.ns] = _short(x for p in points for x in (p.x, p.y, p.z))
+        if message.markers:
+            drawn['t'] = _seconds(message.markers[0].header)
+        self._note(**drawn)
+
+    def _on_reports(self, message: DiagnosticArray) -> None:
+        found = [status for status in message.status if status.name.startswith(self._task)]
+        if not found:
+            return
+        self._note()
+        names = (status.name[len(self._task) :] for status in found)
+        self._reports = [
+            (name, status.level[0], status.message)
+            for name, status in zip(names, found, strict=True)
+        ]
+        for status in found:
+            values = {value.key: value.value for value in status.values}
+            self._state = values.get('state', self._state)
+
+
+def _without_effects(scene: Json) -> Json:
+    return {key: value for key, value in scene.items() if key != 'effects'}
+
+
+def _seconds(header: Any) -> float:
+    return float(header.stamp.sec + 1e-9 * header.stamp.nanosec)
+
+
+def _short(numbers: Iterable[float]) -> list[float | None]:
+    """Six digits, for a screen; what JSON cannot say is None."""
+    return [float(f'{x:.6g}') if math.isfinite(x) else None for x in numbers]

@@ -1,0 +1,187 @@
+"""The page of the live view, served on this machine only, with Python's own library.
+
+A browser gets the page and its script, then the pictures as server-sent events, and posts
+commands. A command is taken only from the page itself: other pages that the browser has open can
+neither read what is here nor command.
+"""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any
+
+from alf_ros.errors import AlfError, InputError
+from alf_ros.logs.report.html import PAGE as SHARED  # so that both look alike
+
+HOST = '127.0.0.1'
+PAGE = Path(__file__).with_name('page')
+FILES = {
+    '/': (PAGE / 'index.html', 'text/html; charset=utf-8'),
+    '/look.css': (SHARED / 'look.css', 'text/css; charset=utf-8'),
+    '/stage.js': (SHARED / 'stage.js', 'text/javascript; charset=utf-8'),
+    '/view.js': (PAGE / 'view.js', 'text/javascript; charset=utf-8'),
+}
+POLICY = (
+    "default-src 'self'; img-src data:; style-src 'self' 'unsafe-inline'; frame-ancestors 'none'"
+)
+LARGEST_COMMAND = 1 << 16
+# A reader who has gone is noticed when something is sent to him: at least this often (s).
+HEARTBEAT = 1.0
+
+
+class Broadcast:
+    """The newest picture, for any number of readers: who is slow misses some."""
+
+    def __init__(self) -> None:
+        self._changed = threading.Condition()
+        self._about = self._picture = ''
+        self._versions = [0, 0]
+        self._readers = 0
+
+    @property
+    def wanted(self) -> bool:
+        """Whether anybody reads."""
+        return self._readers > 0
+
+    def put(self, about: dict[str, Any], picture: dict[str, Any] | None) -> None:
+        """What is known now; a picture of None is the last one still."""
+        text = json.dumps(about)
+        if text == self._about and picture is None:
+            return
+        with self._changed:
+            if text != self._about:
+                self._about = text
+                self._versions[0] += 1
+            if picture is not None:
+                self._picture = json.dumps(picture)
+                self._versions[1] += 1
+            self._changed.notify_all()
+
+    def read(self) -> Iterator[str]:
+        """Events for one reader, without end; at every heartbeat at least an empty one."""
+        seen = [-1, -1]
+        with self._reading():
+            while True:
+                with self._changed:
+                    if self._versions == seen:
+                        self._changed.wait(HEARTBEAT)
+                    parts = (('about', self._about), ('picture', self._picture))
+                    pairs = zip(parts, self._versions, seen, strict=True)
+                    events = [part for part, version, before in pairs if version != before]
+                    seen = list(self._versions)
+                yield (
+                    ''.join(f'event: {e}\ndata: {data}\n\n' for e, data in events if data)
+                    or ':\n\n'
+                )
+
+    @contextmanager
+    def _reading(self) -> Iterator[None]:
+        with self._changed:
+            self._readers += 1
+        try:
+            yield
+        finally:
+            with self._changed:
+                self._readers -= 1
+
+
+class Server(ThreadingHTTPServer):
+    """Serves `broadcast` at `url` while entered; commands go to `obey`, whose AlfErrors are told.
+
+    Raises InputError if the port is taken.
+    """
+
+    daemon_threads = True
+
+    def __init__(self, port: int, broadcast: Broadcast, obey: Callable[[object], str]) -> None:
+        self.broadcast, self.obey = broadcast, obey
+        try:
+            super().__init__((HOST, port), _Request)
+        except OSError as error:
+            raise InputError(
+                f'cannot be had: {error.strerror}', key='--port', value=port, expected='a free one'
+            ) from None
+        self.url = f'http://localhost:{self.server_port}/'
+        threading.Thread(target=self.serve_forever, name='page', daemon=True).start()
+
+    def __exit__(self, *_: object) -> None:
+        self.shutdown()
+        self.server_close()
+
+
+class _Request(BaseHTTPRequestHandler):
+    server: Server
+
+    def do_GET(self) -> None:
+        if not self._is_ours():
+            return
+        if self.path == '/events':
+            self._stream()
+        elif self.path in FILES:
+            path, kind = FILES[self.path]
+            self._answer(200, path.read_bytes(), kind)
+        else:
+            self.send_error(404)
+
+    def do_POST(self) -> None:
+        if not self._is_ours():
+            return
+        length = self.headers.get('Content-Length', '')
+        # Another page cannot send this type without asking first, and is not answered.
+        if self.path != '/command' or self.headers.get_content_type() != 'application/json':
+            self.send_error(404)
+        elif not length.isdecimal() or int(length) > LARGEST_COMMAND:
+            self.send_error(413)
+        else:
+            self._obey(self.rfile.read(int(length)))
+
+    def _is_ours(self) -> bool:
+        """Whether it was asked for by the name of this machine, and not by another page."""
+        hosts = {f'{name}:{self.server.server_port}' for name in (HOST, 'localhost')}
+        origin = self.headers.get('Origin')
+        ours = self.headers.get('Host') in hosts
+        ours = ours and (origin is None or origin.removeprefix('http://') in hosts)
+        if not ours:
+            self.send_error(403)
+        return ours
+
+    def _obey(self, body: bytes) -> None:
+        try:
+            said, done = self.server.obey(json.loads(body)), True
+        except (AlfError, ValueError) as error:
+            said, done = str(error), False
+        answer = json.dumps({'done': done, 'said': said})
+        self._answer(200, answer.encode(), 'application/json')
+
+    def _stream(self) -> None:
+        self._head(200, 'text/event-stream')
+        self.end_headers()
+        events = self.server.broadcast.read()
+        try:
+            for text in events:
+                self.wfile.write(text.encode())
+        except OSError:
+            pass  # the page was closed
+        finally:
+            events.close()  # type: ignore[attr-defined]
+
+    def _answer(self, code: int, body: bytes, kind: str) -> None:
+        self._head(code, kind)
+        self.send_header('Content-Length', str(len(body)))
+        self.end_headers()
+        self.wfile.write(body)
+
+    def _head(self, code: int, kind: str) -> None:
+        self.send_response(code)
+        self.send_header('Content-Type', kind)
+        self.send_header('Cache-Control', 'no-store')
+        self.send_header('Content-Security-Policy', POLICY)
+        self.send_header('X-Content-Type-Options', 'nosniff')
+
+    def log_message(self, *_: object) -> None:
+        """A line for every request is of no use to anybody."""

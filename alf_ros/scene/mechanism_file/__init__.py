@@ -1,0 +1,173 @@
+"""A mechanism file to a Mechanism: every key read, every mistake refused with its line.
+
+What a mechanism as a whole must satisfy (pins closed once, nothing immovable) is in
+mechanism_check.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+from alf_ros.mechanism import GROUND, Body, Drive, Joint, Mechanism, Point, Vector
+from alf_ros.mechanism.natural_coordinates import Layout, cut
+from alf_ros.scene.mechanism_file.bodies import BodyReader
+from alf_ros.scene.mechanism_file.drives import DriveReader
+from alf_ros.scene.mechanism_file.joints import JointReader, unit
+from alf_ros.scene.mechanism_file.orientation_vectors import orient
+from alf_ros.scene.mechanism_file.topology_check import check
+from alf_ros.scene.text import repetition
+from alf_ros.scene.text.expression import reserved
+from alf_ros.scene.text.repetition import Item
+from alf_ros.scene.text.yaml_document import Entry
+
+VERSION = 1
+KEYS = (
+    'alf',
+    'name',
+    'description',
+    'space',
+    'parameters',
+    'points',
+    'vectors',
+    'bodies',
+    'joints',
+    'drives',
+)
+REQUIRED = ('alf', 'points', 'bodies')
+SPACES = ('planar', 'spatial')
+POINT = ('at', 'fixed')  # the first is required
+VECTOR = ('along', 'fixed')  # likewise
+WORLD = 'world'
+
+
+@dataclass
+class _Parts:
+    """What has been read so far. `entries` tells where each name was declared, for errors."""
+
+    points: dict[str, Point] = field(default_factory=dict)
+    vectors: dict[str, Vector] = field(default_factory=dict)
+    bodies: dict[str, Body] = field(default_factory=dict)
+    entries: dict[str, Entry] = field(default_factory=dict)
+
+    def declare(self, item: Item) -> None:
+        """Points, vectors, bodies and joints share one set of names, as topics and frames do."""
+        name, entry = item.name, item.entry
+        if not repetition.NAME.fullmatch(name):
+            expected = 'a letter, then letters, digits or _, 100 at most'
+            raise entry.error('not a name', value=name, expected=expected)
+        if name in (GROUND, WORLD):
+            raise entry.error('this name is taken by the frame of the world', value=name)
+        if name in self.entries:
+            first = self.entries[name]
+            line = f' in line {first.line}' if first.line else ''
+            raise entry.error(f'this name is already that of {first.path}{line}', value=name)
+        self.entries[name] = entry
+
+
+class Found(NamedTuple):
+    """A mechanism, cut, the values of its parameters, and what was read without references to
+    files."""
+
+    layout: Layout
+    values: dict[str, float]
+    root: Entry
+    drives: Entry | None
+
+
+def read_mechanism(
+    root: Entry, name: str, overrides: Mapping[str, Entry], drives: Entry | None = None
+) -> Found:
+    """The mechanism in `root`, of whose parameters `overrides` replaces some; with the `drives` of
+    a scene besides its own.
+
+    `name` is used if the file gives none. Raises InputError.
+    """
+    fields = root.mapping(KEYS, REQUIRED)
+    if fields['alf'].integer({}) != VERSION:
+        raise fields['alf'].error('unknown version of the format', expected=str(VERSION))
+    spatial = 'space' in fields and fields['space'].text(SPACES) == 'spatial'
+    dimension = 3 if spatial else 2
+    if 'vectors' in fields and not spatial:
+        raise fields['vectors'].error('vectors are for space: spatial')
+    if 'name' in fields:
+        name = repetition.title(fields['name'])
+    values = read_parameters(fields.get('parameters'), overrides)
+    parts = _Parts()
+    for point in _points(fields['points'], values, parts, dimension):
+        parts.points[point.name] = point
+    if 'vectors' in fields:
+        for vector in _vectors(fields['vectors'], values, parts):
+            parts.vectors[vector.name] = vector
+    bodies = BodyReader(parts.points, parts.vectors, dimension)
+    for item, body in bodies.read(fields['bodies'], values):
+        parts.declare(item)
+        parts.bodies[body.name] = body
+    if not parts.bodies:
+        raise fields['bodies'].error('a mechanism needs a body')
+    joints: list[Joint] = []
+    if 'joints' in fields:
+        joint_reader = JointReader(
+            parts.points, parts.vectors, parts.bodies, bodies.poses, dimension
+        )
+        for item, joint in joint_reader.read(fields['joints'], values):
+            parts.declare(item)
+            joints.append(joint)
+    if spatial:
+        orient(parts.bodies, parts.vectors, bodies.poses, joints, parts.entries)
+    mechanism = Mechanism(
+        name,
+        tuple(parts.points.values()),
+        tuple(parts.bodies.values()),
+        tuple(joints),
+        tuple(parts.vectors.values()),
+        dimension,
+    )
+    if 'drives' in fields or drives is not None:
+        reader = DriveReader(mechanism)
+        found: list[Drive] = []
+        for section in (fields.get('drives'), drives):
+            for item, drive in reader.read(section, values) if section is not None else ():
+                parts.declare(item)
+                found.append(drive)
+        mechanism = replace(mechanism, drives=tuple(found))
+        root = reader.tables.without_files(root)
+        drives = drives and reader.tables.without_files(drives)
+    layout = cut(mechanism)
+    check(layout, parts.entries)
+    return Found(layout, values, root, drives)
+
+
+def read_parameters(section: Entry | None, overrides: Mapping[str, Entry]) -> dict[str, float]:
+    """Values in order; each may use those before it."""
+    own = {} if section is None else section.mapping()
+    for key, entry in overrides.items():
+        if key not in own:
+            raise entry.error('no such parameter of the mechanism', value=key, choices=own)
+    values: dict[str, float] = {}
+    for key, entry in own.items():
+        if not repetition.NAME.fullmatch(key) or reserved(key):
+            raise entry.error('this name cannot be that of a parameter', value=key)
+        values[key] = overrides.get(key, entry).number(values)
+    return values
+
+
+def _points(
+    section: Entry, values: Mapping[str, float], parts: _Parts, dimension: int
+) -> Iterator[Point]:
+    for item in repetition.repeated(section, repetition.keys(POINT, POINT[:1]), values):
+        parts.declare(item)
+        at = item.fields['at'].vector(dimension, item.names)
+        yield Point(item.name, at, _fixed(item))
+
+
+def _vectors(section: Entry, values: Mapping[str, float], parts: _Parts) -> Iterator[Vector]:
+    for item in repetition.repeated(section, repetition.keys(VECTOR, VECTOR[:1]), values):
+        parts.declare(item)
+        along = unit(item.fields['along'], 3, item.names)
+        yield Vector(item.name, tuple(map(float, along)), _fixed(item))
+
+
+def _fixed(item: Item) -> bool:
+    return 'fixed' in item.fields and item.fields['fixed'].boolean()

@@ -1,0 +1,102 @@
+"""What must hold for a mechanism as a whole, whatever it was read from.
+
+At every point or vector the bodies that carry it, and the ground if it is fixed, must be connected
+by the declared joints as a tree: a missing one would be a connection without a name, one more
+would make the split of the reaction among them arbitrary.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+
+from alf_ros.mechanism import GROUND, Joint, Mechanism
+from alf_ros.mechanism.natural_coordinates import Layout
+from alf_ros.model.constraints.drives import drive_rows
+from alf_ros.model.constraints.rows import joint_rows, rigidity
+from alf_ros.scene.text.yaml_document import Entry
+
+
+def check(layout: Layout, entries: Mapping[str, Entry]) -> None:
+    """Raise InputError at the entry (by name in `entries`) that is wrong; the layout is cut."""
+    mechanism = layout.mechanism
+    fixed = {item.name for item in mechanism.blocks if item.fixed}
+    enough = 2 if mechanism.dimension == 2 else 3  # fixed places that leave no freedom
+    for body in mechanism.bodies:
+        held = [name for name in (*body.points, *body.vectors) if name in fixed]
+        if len(held) >= enough or held == [*body.points, *body.vectors]:
+            message = f'body {body.name!r} cannot move: fixed at {" and ".join(held)}'
+            raise entries[body.name].error(message)
+    _check_shared(mechanism, 'point', fixed, entries)
+    _check_shared(mechanism, 'vector', fixed, entries)
+    _check_row_names(layout, entries)
+
+
+def _check_shared(
+    mechanism: Mechanism, kind: str, fixed: Collection[str], entries: Mapping[str, Entry]
+) -> None:
+    """What several bodies carry must be connected by joints there."""
+    items = mechanism.points if kind == 'point' else mechanism.vectors
+    carriers: dict[str, list[str]] = {item.name: [] for item in items}
+    for body in mechanism.bodies:
+        for name in body.points if kind == 'point' else body.vectors:
+            carriers[name].append(body.name)
+    pins: dict[str, list[Joint]] = {}
+    for joint in mechanism.joints:
+        if getattr(joint, kind) is not None:
+            pins.setdefault(getattr(joint, kind), []).append(joint)
+    for name, bodies in carriers.items():
+        if not bodies and name not in fixed:
+            raise entries[name].error(f'{kind} {name!r} is of no body and not fixed')
+        _check_pin(name, [GROUND] * (name in fixed) + bodies, pins.get(name, []), entries)
+
+
+def _check_pin(
+    point: str, members: list[str], joints: list[Joint], entries: Mapping[str, Entry]
+) -> None:
+    """Union-find over the members of one pin: its joints must be a spanning tree."""
+    above = {member: member for member in members}
+
+    def root(member: str) -> str:
+        while above[member] != member:
+            above[member] = member = above[above[member]]
+        return member
+
+    for joint in joints:
+        parent, child = root(joint.parent), root(joint.child)
+        if parent == child:
+            raise entries[joint.name].error(
+                f'joint {joint.name!r} is one too many: '
+                f'{joint.parent} and {joint.child} are already connected at {point}',
+            )
+        above[child] = parent
+    for member in members[1:]:
+        if root(member) != root(members[0]):
+            both = f'[{members[0]}, {member}]'
+            raise entries[member].error(
+                f'{members[0]} and {member} meet at {point}, but no joint connects them there',
+                expected=f'{{type: revolute, between: {both}, at: {point}}} among the joints',
+            )
+
+
+def _check_row_names(layout: Layout, entries: Mapping[str, Entry]) -> None:
+    """Rows are named after bodies, vectors and joints; two of one name could not be told apart."""
+    owners: dict[str, str] = {}
+    for row, owner in _row_names(layout):
+        if row in owners:
+            raise entries[owner].error(
+                f'{owner!r} and {owners[row]!r} both have a constraint {row!r}: rename one'
+            )
+        owners[row] = owner
+
+
+def _row_names(layout: Layout) -> Iterator[tuple[str, str]]:
+    """Each with the name of what it is the row of."""
+    mechanism = layout.mechanism
+    for body in mechanism.bodies:
+        yield from ((row.name, body.name) for row in rigidity(body, layout))
+    for vector in mechanism.vectors:
+        yield f'{vector.name}_unit', vector.name
+    for joint in mechanism.joints:
+        yield from ((row.name, joint.name) for row in joint_rows(joint, layout))
+    for drive in mechanism.drives:
+        yield from ((row.name, drive.name) for row in drive_rows(drive, layout))

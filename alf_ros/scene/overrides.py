@@ -1,0 +1,101 @@
+"""A scene with some of its values changed by name, as a command line says them.
+
+`coupler.mass=1.1` is a field of a body, joint, point, vector, effect or the solver of that name;
+`L=1.2` a parameter of the mechanism; anything can be said in full, as the scene's text has it:
+`mechanism.bodies.coupler.mass`, `effects.spring.0.stiffness`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+from alf_ros import effects
+from alf_ros.errors import InputError
+from alf_ros.scene.scene import PICKED, Scene, load_scene
+from alf_ros.scene.text import yaml_document
+from alf_ros.scene.text.yaml_document import Entry
+
+_PARTS = ('bodies', 'joints', 'points', 'vectors', 'parameters')
+
+
+def read(assignments: Sequence[str]) -> dict[str, str]:
+    """`NAME=VALUE` texts as a mapping. Raises InputError."""
+    found = {}
+    for text in assignments:
+        name, given, value = text.partition('=')
+        if not given or not name or not value.strip():
+            raise InputError('not a change', key='--set', value=text, expected='NAME=VALUE')
+        found[name.strip()] = value.strip()
+    return found
+
+
+def with_changes(scene: Scene, changes: Mapping[str, str]) -> Scene:
+    """The scene with other values, YAML as in a scene file. Raises InputError for an unknown name,
+    or a value that cannot be there."""
+    if not changes:
+        return scene
+    root = yaml_document.parse(scene.text, '<scene>')
+    for name, text in changes.items():
+        value = yaml_document.parse(f'value: {text}', f'--set {name}').mapping()['value']
+        place = _place(root, name)
+        root = _replaced(_without_rivals(root, place), place, value, name)
+    return dataclasses.replace(load_scene(root.mapping()), file=scene.file)
+
+
+def _place(root: Entry, name: str) -> tuple[str, ...]:
+    """The keys that lead to what is meant."""
+    first, *rest = name.split('.')
+    fields = root.mapping()
+    mechanism = fields['mechanism'].mapping()
+    if first in ('mechanism', 'effects', 'initial', 'solver'):
+        return (first, *rest)
+    places: dict[str, list[tuple[str, ...]]] = {}
+    for part in _PARTS:
+        entry = mechanism.get(part)
+        for key in entry.mapping() if entry is not None else ():
+            if (part == 'parameters') != bool(rest):
+                places.setdefault(key, []).append(('mechanism', part, key))
+    for kind, entry in fields['effects'].mapping().items() if 'effects' in fields else ():
+        if rest:
+            places.setdefault(effects.short_name(kind), []).append(('effects', kind))
+            for key, instance in entry.value.items() if isinstance(entry.value, dict) else ():
+                if isinstance(instance.value, dict):
+                    places.setdefault(key, []).append(('effects', kind, key))
+    found = places.get(first, [])
+    if not found:
+        raise InputError('nothing of this name', key='--set', value=first, choices=places)
+    if len(found) > 1:
+        ways = ' or '.join('.'.join((*place, *rest)) for place in found)
+        raise InputError('several things of this name', key='--set', value=first, expected=ways)
+    return (*found[0], *rest)
+
+
+def _without_rivals(root: Entry, place: tuple[str, ...]) -> Entry:
+    """The scene without what an accuracy that is set would pick, or the other way round."""
+    rivals = {'accuracy': PICKED, **dict.fromkeys(PICKED, ('accuracy',))}
+    if place[0] != 'solver' or place[-1] not in rivals or 'solver' not in root.mapping():
+        return root
+    section = root.mapping()['solver']
+    kept = {k: v for k, v in section.mapping().items() if k not in rivals[place[-1]]}
+    solver = dataclasses.replace(section, value=kept)
+    return dataclasses.replace(root, value={**root.mapping(), 'solver': solver})
+
+
+def _replaced(node: Entry, place: Sequence[str], value: Entry, name: str) -> Entry:
+    """The node with what stands at `place` replaced."""
+    if not place:
+        return value
+    key, *rest = place
+    if isinstance(node.value, tuple):
+        if not key.isdigit() or int(key) >= len(node.value):
+            expected = f'0 to {len(node.value) - 1}'
+            raise InputError('no such place in a list', key=name, value=key, expected=expected)
+        items = list(node.value)
+        items[int(key)] = _replaced(items[int(key)], rest, value, name)
+        return dataclasses.replace(node, value=tuple(items))
+    fields = node.mapping()
+    if key not in fields and rest:
+        raise InputError('no such part', key=name, value=key, choices=fields)
+    inner = _replaced(fields[key], rest, value, name) if key in fields else value
+    return dataclasses.replace(node, value={**fields, key: inner})

@@ -1,0 +1,323 @@
+"""A scene: which mechanism, which effects, the initial state, how accurate.
+
+Whatever a file gets wrong is refused here, with its line, before anything is computed.
+`Scene.text` is one document without references to others: it is what gets logged, and it loads to
+an equal scene.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import os
+import re
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from numbers import Integral, Real
+from pathlib import Path
+from typing import Any
+
+from alf_ros import resources
+from alf_ros.effects import Effect
+from alf_ros.errors import InputError
+from alf_ros.kernel import Method
+from alf_ros.mechanism import Mechanism, Point, Vector
+from alf_ros.model.gc_pause import paused
+from alf_ros.model.tableaux import TABLEAUX, method
+from alf_ros.scene.effects_section import read_effects, with_rotors
+from alf_ros.scene.mechanism_file import read_mechanism
+from alf_ros.scene.text import yaml_document
+from alf_ros.scene.text.repetition import title
+from alf_ros.scene.text.yaml_document import Entry
+from alf_ros.scene.text.yaml_writer import entry as as_entry
+from alf_ros.scene.text.yaml_writer import serialise
+
+INTEGRATORS = tuple(TABLEAUX)
+FORMULATIONS = (
+    'alf2',
+    'alf1',
+    'alf2_literal',
+    'canonical',
+    'penalty',
+    'baumgarte',
+    'lagrange_canonical',
+    'independent',
+)
+
+KEYS = (
+    'name',
+    'description',
+    'mechanism',
+    'parameters',
+    'drives',
+    'effects',
+    'initial',
+    'solver',
+)
+REQUIRED = ('mechanism',)
+INITIAL = ('positions', 'velocities')
+
+_SUFFIXES = ('.yaml', '.yml')
+PICKED = ('integrator', 'tolerance')  # by an accuracy
+CHOICES = {'integrator': INTEGRATORS, 'formulation': FORMULATIONS}
+NUMBERS = {  # smallest, largest, whole, what is expected
+    'step': (1e-12, 1e6, False, 's, from 1e-12 to 1e6'),
+    'penalty': (
+        yaml_document.SMALLEST,
+        yaml_document.LARGEST,
+        False,
+        'a number from 1e-60 to 1e40',
+    ),
+    'iterations': (1, 1000, True, 'a whole number from 1 to 1000'),
+    'tolerance': (0.0, 1.0, False, 'a number from 0 to 1'),
+    'accuracy': (1e-60, 1e6, False, 'm, from 1e-60 to 1e6'),
+}
+
+Components = tuple[float | None, ...]
+
+
+@dataclass(frozen=True)
+class Solver:
+    """How the motion is computed.
+
+    step: h (s). penalty: α relative to the scale of the masses, without dimension. The iterations
+    of a solve stop after `iterations`. tolerance: relative error of a step that an adaptive
+    integrator allows; it takes as many as that needs in each `step`. accuracy: a position error
+    (m) for which a simulation picks integrator and tolerance. Raises InputError.
+    """
+
+    step: float = 1e-3
+    integrator: str = 'rk4'
+    formulation: str = 'alf2'
+    penalty: float = 1e8
+    iterations: int = 10
+    tolerance: float = 1e-8
+    accuracy: float | None = None
+
+    def __post_init__(self) -> None:
+        for name, value in dataclasses.asdict(self).items():
+            fault = None if value is None else _setting_fault(name, value)
+            if fault:
+                raise InputError(key=name, value=value, **fault)
+
+    @property
+    def method(self) -> Method:
+        """What the kernel has to know of it."""
+        return method(self.integrator, self.iterations, self.tolerance)
+
+
+def joined(settings: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings of a solver with changes: an accuracy picks again, and what it picks ends it."""
+    found = {**settings, **changes}
+    if 'accuracy' not in changes and not changes.keys().isdisjoint((*PICKED, 'formulation')):
+        found.pop('accuracy', None)
+    elif found.get('accuracy') is not None:
+        found = {k: v for k, v in found.items() if k not in PICKED or k in changes}
+    return found
+
+
+@dataclass(frozen=True)
+class Scene:
+    """All that is needed to run.
+
+    `positions` (m) and `velocities` (m/s) are by movable point, world frame; a component that is
+    None is free, as is every point that is not named. `says_solver`: whether the section
+    says anything; otherwise `solver` is `UNSAID`, unless a simulation is given settings.
+    """
+
+    name: str
+    mechanism: Mechanism
+    effects: tuple[Effect, ...]
+    positions: Mapping[str, Components]
+    velocities: Mapping[str, Components]
+    solver: Solver
+    text: str
+    file: str | None = field(default=None, compare=False)
+    says_solver: bool = field(default=True, compare=False)
+
+    @property
+    def hash(self) -> str:
+        """SHA-256 of the text, hexadecimal."""
+        return hashlib.sha256(self.text.encode()).hexdigest()
+
+
+@paused()
+def load_scene(
+    source: str | Path | Mapping[str, Any], parameters: Mapping[str, float] | None = None
+) -> Scene:
+    """The scene of a name under config/scenes, a YAML file, or a mapping with a scene's keys.
+
+    `parameters` replaces parameters of the mechanism, also those that the scene sets.
+    Raises InputError.
+    """
+    if isinstance(source, Mapping):
+        return _read_scene(as_entry(source), 'scene', Path(), parameters)
+    known = str(source)
+    path = _path(known)
+    if path is None:
+        scenes = resources.library('scenes')
+        if known not in scenes:
+            raise _no_scene(known, scenes)
+        path = scenes[known]
+    return _read_scene(yaml_document.read(path), _stem(path), path.parent, parameters)
+
+
+@paused()
+def scene_from_text(
+    text: str, file: str = '<text>', parameters: Mapping[str, float] | None = None
+) -> Scene:
+    """The scene in a YAML text; errors name it `file`. Raises InputError."""
+    return _read_scene(yaml_document.parse(text, file), 'scene', Path(), parameters)
+
+
+def _read_scene(
+    root: Entry, name: str, folder: Path, parameters: Mapping[str, float] | None
+) -> Scene:
+    fields = root.mapping(KEYS, REQUIRED)
+    nothing = as_entry({})
+    if 'name' in fields:
+        name = title(fields['name'])
+    given = fields.get('parameters', nothing).mapping()
+    given |= {key: as_entry(v, path=f'parameters.{key}') for key, v in (parameters or {}).items()}
+    source, mechanism_name = _mechanism(fields['mechanism'], name, folder)
+    found = read_mechanism(source, mechanism_name, given, fields.get('drives'))
+    mechanism, values = found.layout.mechanism, found.values
+
+    positions, velocities = _initial(fields.get('initial', nothing), mechanism, values)
+    asked = fields.get('solver', nothing)
+    says_solver = bool(asked.mapping())
+    solver = _solver(asked, values) if says_solver else UNSAID
+    effects, section = read_effects(fields.get('effects', nothing), found.layout, values, folder)
+    mechanism = with_rotors(mechanism, effects)
+
+    whole: dict[str, object] = {
+        **fields,
+        'name': name,
+        'mechanism': _with(found.root, mechanism.name, given),
+    }
+    if found.drives is not None:
+        whole['drives'] = found.drives
+    settings = dataclasses.asdict(solver)
+    if solver.accuracy is None:
+        del settings['accuracy']
+    whole['solver'] = joined(settings, {})
+    if 'effects' in fields:
+        whole['effects'] = section
+    whole.pop('parameters', None)
+    text = serialise(as_entry({key: whole[key] for key in KEYS if key in whole}))
+    return Scene(
+        name,
+        mechanism,
+        effects,
+        positions,
+        velocities,
+        solver,
+        text,
+        root.file,
+        says_solver,
+    )
+
+
+def _with(source: Entry, name: str, given: Mapping[str, Entry]) -> dict[str, object]:
+    """The mapping of a mechanism with its name and the `given` parameters in it."""
+    fields: dict[str, object] = {'alf': None, 'name': name, **source.mapping()}
+    if given and 'parameters' in fields:
+        fields['parameters'] = {**source.mapping()['parameters'].mapping(), **given}
+    return fields
+
+
+def _mechanism(entry: Entry, name: str, folder: Path) -> tuple[Entry, str]:
+    """The mapping that a scene's `mechanism` stands for, and the name it has without saying so."""
+    if isinstance(entry.value, dict):
+        return entry, name
+    text = entry.text()
+    path = _path(text)
+    if path is None:
+        known = resources.library('mechanisms')
+        if text not in known:
+            raise entry.error('no mechanism of this name', choices=known)
+        path = known[text]
+    else:
+        path = folder / path
+        if not os.path.isfile(path):
+            raise entry.error('no such file', value=str(path))
+    return yaml_document.read(path), _stem(path)
+
+
+def _path(source: str) -> Path | None:
+    """The path that `source` is, or None for a name."""
+    is_path = source.endswith(_SUFFIXES) or '/' in source or os.sep in source
+    return Path(source).expanduser() if is_path else None
+
+
+def _stem(path: Path) -> str:
+    """The name of a file that does not name itself."""
+    return re.sub(r'[^\w.-]', '_', path.stem)[:100]
+
+
+def _no_scene(name: str, scenes: Collection[str]) -> InputError:
+    if name in resources.library('mechanisms'):
+        message = f'a mechanism, not a scene; write a scene file with "mechanism: {name}"'
+        return InputError(message, key='scene', value=name)
+    return InputError('no scene of this name', key='scene', value=name, choices=scenes)
+
+
+def _initial(
+    section: Entry, mechanism: Mechanism, names: Mapping[str, float]
+) -> tuple[dict[str, Components], dict[str, Components]]:
+    known = {item.name: item for item in mechanism.blocks}
+    parts = section.mapping(INITIAL)
+    found: dict[str, dict[str, Components]] = {'positions': {}, 'velocities': {}}
+    for which, part in parts.items():
+        for name, entry in part.mapping().items():
+            if name not in known:
+                what = 'point' if mechanism.dimension == 2 else 'point or vector'
+                raise entry.error(f'no such {what}', value=name, choices=known)
+            if known[name].fixed:
+                raise entry.error(f'this {_kind(known[name])} is fixed', value=name)
+            found[which][name] = tuple(
+                None if item.is_null else item.number(names)
+                for item in entry.sequence(mechanism.dimension)
+            )
+    return found['positions'], found['velocities']
+
+
+def _kind(item: Point | Vector) -> str:
+    return 'vector' if isinstance(item, Vector) else 'point'
+
+
+def _solver(section: Entry, names: Mapping[str, float]) -> Solver:
+    settings: dict[str, Any] = {}
+    entries = section.mapping((*NUMBERS, *CHOICES))
+    for key, entry in entries.items():
+        if key in CHOICES:
+            settings[key] = entry.text()
+        else:
+            settings[key] = entry.integer(names) if NUMBERS[key][2] else entry.number(names)
+        fault = _setting_fault(key, settings[key])
+        if fault:
+            raise entry.error(**fault)
+    for key in PICKED if 'accuracy' in settings else ():
+        if key in settings:
+            raise entries[key].error('accuracy picks it', expected='one or the other')
+    if 'accuracy' in settings and settings.get('formulation', 'alf2') != 'alf2':
+        raise entries['accuracy'].error('only alf2 keeps to one')
+    return Solver(**settings)
+
+
+def _setting_fault(name: str, value: object) -> dict[str, Any] | None:
+    """What is wrong with one setting of the solver, as keywords of an InputError."""
+    if name in CHOICES:
+        if value in CHOICES[name]:
+            return None
+        return {'message': f'unknown {name}', 'choices': CHOICES[name]}
+    low, high, whole, expected = NUMBERS[name]
+    kind = Integral if whole else Real
+    if isinstance(value, kind) and not isinstance(value, bool) and low <= float(value) <= high:
+        return None
+    return {'message': 'not usable', 'expected': expected}
+
+
+# Of a scene that says nothing of its solver: holds 1e-6 m for 10 s in every mechanism of the
+# library that is not chaotic, as `accuracy` would, without seconds of trials at the start.
+UNSAID = Solver(integrator='dop853_adaptive')

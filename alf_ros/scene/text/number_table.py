@@ -1,0 +1,92 @@
+"""Tables of numbers, in place or in CSV files: commas between columns, lines with # and one title
+skipped."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import math
+from collections.abc import Mapping
+from pathlib import Path
+
+from alf_ros.errors import InputError
+from alf_ros.scene.text.yaml_document import LARGEST, SMALLEST, Entry
+from alf_ros.scene.text.yaml_writer import entry as as_entry
+
+Table = tuple[tuple[float, ...], ...]
+
+
+class Tables:
+    """Reads tables, and remembers what came from files, which are relative to that which names
+    them."""
+
+    def __init__(self) -> None:
+        self._from_file: dict[int, Entry] = {}
+
+    def table(self, entry: Entry, numbers: Mapping[str, float]) -> Table:
+        """The rows of a list of lists, or of the file it names. Raises InputError."""
+        if isinstance(entry.value, str):
+            folder = Path(entry.file).parent if entry.file is not None else Path()
+            rows = read(folder / entry.text())
+            self._from_file[id(entry)] = as_entry(rows)
+            return rows
+        rows = tuple(
+            tuple(item.number(numbers) for item in row.sequence()) for row in entry.sequence()
+        )
+        if not rows:
+            raise entry.error('an empty table', expected='rows of numbers, or a CSV file')
+        if any(len(row) != len(rows[0]) for row in rows):
+            raise entry.error('not a table', expected='rows of equal length')
+        return rows
+
+    def without_files(self, entry: Entry) -> Entry:
+        """The entry, what came from files written out."""
+        value = entry.value
+        if id(entry) in self._from_file:
+            return self._from_file[id(entry)]
+        if isinstance(value, dict):
+            fields = {key: self.without_files(item) for key, item in value.items()}
+            return dataclasses.replace(entry, value=fields)
+        if isinstance(value, tuple):
+            items = tuple(self.without_files(item) for item in value)
+            return dataclasses.replace(entry, value=items)
+        return entry
+
+
+def read(path: Path) -> Table:
+    """The rows of a file, all of the same length. Raises InputError."""
+    file = str(path)
+    if not path.is_file():
+        raise InputError('no such file', file=file)
+    rows: list[tuple[float, ...]] = []
+    try:
+        lines = path.read_text(encoding='utf-8-sig').splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f'cannot be read: {error}', file=file) from None
+    titled = False
+    for number, line in enumerate(lines, 1):
+        if not line.strip() or line.lstrip().startswith('#'):
+            continue
+        (cells,) = csv.reader([line])
+        row = tuple(map(_number, cells))
+        if not (rows or titled) and all(map(math.isnan, row)):
+            titled = True
+            continue
+        if any(math.isnan(x) for x in row):
+            raise InputError('not a row of numbers', file=file, line=number, value=line)
+        if rows and len(row) != len(rows[0]):
+            expected = f'{len(rows[0])} columns'
+            raise InputError('wrong number of columns', file=file, line=number, expected=expected)
+        rows.append(row)
+    if not rows:
+        raise InputError('no numbers in the file', file=file)
+    return tuple(rows)
+
+
+def _number(cell: str) -> float:
+    """The value of a cell, NaN if it has none that can be used."""
+    try:
+        value = float(cell)
+    except ValueError:
+        return math.nan
+    return value if value == 0.0 or SMALLEST <= abs(value) <= LARGEST else math.nan

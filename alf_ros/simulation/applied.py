@@ -1,0 +1,357 @@
+"""What acts on the mechanism in a run: the scene's effects and the inputs held, packed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from alf_ros import effects as registry
+from alf_ros.arrays import Addresses, Floats, Integers
+from alf_ros.effects.contract import Effect, Packed
+from alf_ros.effects.contract.trajectory import Curve
+from alf_ros.errors import InputError
+from alf_ros.kernel import Bearings, Effects, Forces, Ledger
+from alf_ros.mechanism import Joint
+from alf_ros.mechanism.natural_coordinates import Layout
+from alf_ros.model.compile import Model
+from alf_ros.model.effect_directions import Direction
+from alf_ros.simulation.reaction_friction import bearings
+from alf_ros.simulation.reactions import Reactions
+from alf_ros.simulation.work_ledger import INPUTS, ledger
+
+OVER_TIME = 'motor'  # what an effort over time, as a trajectory gives it, is packed as
+
+
+@dataclass(frozen=True)
+class Wrench:
+    """A force (N) and a torque (N m; in the plane about +z), held on a body or point.
+
+    `at` names a point of the body (default: its centre of mass); `frame` is 'world' or 'body'.
+    """
+
+    force: tuple[float, ...]
+    torque: float | tuple[float, ...] = 0.0
+    at: str | None = None
+    frame: str = 'world'
+
+
+@dataclass(frozen=True)
+class Target:
+    """What the motor on a joint is to follow, in place of what the scene says: x* (rad or m), and
+    ẋ* (rad/s or m/s) if not the slope of x*."""
+
+    position: float | Curve | None = None
+    velocity: float | None = None
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """All that is held from outside: wrenches by body or point, efforts (N m or N) and targets of
+    motors by joint."""
+
+    wrenches: Mapping[str, Wrench]
+    efforts: Mapping[str, float | Curve]
+    targets: Mapping[str, Target] = field(default_factory=dict)
+
+
+NO_INPUTS = Inputs({}, {})
+
+
+class Part(NamedTuple):
+    """Some of what acts, packed: effects, and which of all loads (`Applied.loads`) are theirs."""
+
+    effects: Effects
+    loads: list[int]
+
+
+@dataclass(frozen=True)
+class _Kind:
+    """An effect's functions (addresses; 0: none, or nobody asks), its instances packed, and those
+    of them that have a load: none, or all."""
+
+    force: int
+    potential: int
+    friction: int
+    tangent: int
+    packed: Packed
+    rubbing: Sequence[Effect]
+
+
+class _Held:
+    """An effect from outside, packed once for each layout that asks, whatever else is held."""
+
+    def __init__(self, what: Wrench | float | Curve, effect: Effect) -> None:
+        self.what = what
+        self._effect = effect
+        self._kinds: list[tuple[Layout, list[_Kind]]] = []
+
+    def kinds(self, layout: Layout) -> list[_Kind]:
+        return _once(self._kinds, (self._effect,), layout)
+
+
+class _Scene:
+    """The effects of a scene, packed once for each layout that asks, whatever is held."""
+
+    def __init__(
+        self,
+        model: Model,
+        effects: Sequence[Effect],
+        reactions: Callable[[], Reactions],
+        tangents: bool,
+    ) -> None:
+        self.effects = tuple(effects)
+        self._model, self.reactions, self._tangents = model, reactions, tangents
+        self._kinds: list[tuple[Layout, list[_Kind]]] = []
+        self._on_joints: dict[str, Part] | None = None
+
+    def kinds(self, layout: Layout) -> list[_Kind]:
+        return _once(self._kinds, self.effects, layout, self._tangents)
+
+    @property
+    def directions(self) -> list[Direction]:
+        """In which the effects yield."""
+        return [
+            Direction(e, n, blocks)
+            for e, kind in enumerate(self.kinds(self._model.layout))
+            if kind.tangent
+            for n, blocks in enumerate(kind.packed.directions)
+        ]
+
+    @cached_property
+    def _rubbing(self) -> list[Effect]:
+        """The effect that each load is for."""
+        return [each for kind in self.kinds(self._model.layout) for each in kind.rubbing]
+
+    @property
+    def load_count(self) -> int:
+        return len(self._rubbing) * self._model.layout.dimension
+
+    @cached_property
+    def bearings(self) -> Bearings:
+        """What tells the loads, without what acts on the cut mechanism."""
+        joints = {each.name: each.joint for each in self._model.coordinates}
+        loaded = (_loaded(effect) for effect in self._rubbing)
+        return bearings(self.reactions, [None if n is None else joints[n] for n in loaded])
+
+    @cached_property
+    def each(self) -> dict[str, Part]:
+        layout = self._model.layout
+        return {effect.label: self._part(layout, [effect]) for effect in self.effects}
+
+    def on_joints(self, layout: Layout) -> dict[str, Part]:
+        if self._on_joints is None:
+            groups: dict[str, list[Effect]] = {}
+            for effect in self.effects:
+                for joint in effect.coordinates:
+                    groups.setdefault(joint, []).append(effect)
+            self._on_joints = {joint: self._part(layout, group) for joint, group in groups.items()}
+        return self._on_joints
+
+    def _part(self, layout: Layout, effects: Sequence[Effect]) -> Part:
+        kinds = _kinds(effects, layout)
+        rubbing = [each for kind in kinds for each in kind.rubbing]
+        return Part(_listed(kinds), [self._rubbing.index(each) for each in rubbing])
+
+
+class Applied:
+    """Effects and inputs, packed once for each layout that asks. It never changes."""
+
+    def __init__(
+        self,
+        model: Model,
+        effects: Sequence[Effect],
+        inputs: Inputs,
+        reactions: Callable[[], Reactions],
+        weights: Floats | None = None,
+        tangents: bool = False,
+        before: Applied | None = None,
+    ) -> None:
+        """`before`, of the same effects: what it packed and still holds is used again. `weights`
+        (stages,) of the method: a ledger is kept. `tangents`: for an implicit method.
+
+        Raises InputError if an effect does not fit the mechanism.
+        """
+        self.inputs = inputs
+        self._model, self._given, self._reactions = model, effects, reactions
+        self._weights, self._tangents = weights, tangents
+        self._scene: _Scene
+        if before is not None and before.inputs.targets == inputs.targets:
+            self._scene = before._scene
+        else:
+            aimed = [_aimed(each, inputs.targets) for each in effects]
+            self._scene = _Scene(model, aimed, reactions, tangents)
+        self._elsewhere: tuple[Layout, Effects] | None = None
+        known = before._held if before is not None else {}
+        wanted = {('wrench', name): wrench for name, wrench in inputs.wrenches.items()}
+        efforts = {('effort', joint): effort for joint, effort in inputs.efforts.items()}
+        self._held: dict[tuple[str, str], _Held] = {}
+        for key, what in {**wanted, **efforts}.items():
+            again = key in known and known[key].what == what
+            self._held[key] = known[key] if again else _held(model, key[1], what)
+
+    def holding(self, inputs: Inputs) -> Applied:
+        """The same effects with other inputs."""
+        return Applied(
+            self._model, self._given, inputs, self._reactions, self._weights, self._tangents, self
+        )
+
+    @property
+    def directions(self) -> list[Direction]:
+        """In which the effects of the scene yield, for an implicit method."""
+        return self._scene.directions
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """The effects of the scene, as they act."""
+        return self._scene.effects
+
+    @cached_property
+    def assembled(self) -> Forces:
+        """For the step: bodies share their points."""
+        rub = self._scene.bearings
+        if rub.settle.size:
+            rub = replace(rub, effects=self.on(self._reactions().cut))
+        return Forces(self._pack(self._model.layout), rub, self._ledger)
+
+    @property
+    def _ledger(self) -> Ledger:
+        if self._weights is None:
+            return Ledger.empty()
+        layout = self._model.layout
+        parts = list(self.each.items())
+        parts += [(INPUTS, Part(_listed(held.kinds(layout)), [])) for held in self._held.values()]
+        return ledger(self._model, self._weights, parts)
+
+    @property
+    def load_count(self) -> int:
+        """How many numbers the loads are: R of each effect of a kind that rubs."""
+        return self._scene.load_count
+
+    @property
+    def loads(self) -> Floats:
+        """N, of each effect with friction: what was found by the last solve for accelerations."""
+        return self._scene.bearings.loads.copy()
+
+    @property
+    def each(self) -> dict[str, Part]:
+        """The effects of the scene, one by one."""
+        return self._scene.each
+
+    def on(self, layout: Layout) -> Effects:
+        """All of it for another layout: that of the reactions, with each body alone."""
+        if self._elsewhere is None or self._elsewhere[0] is not layout:
+            self._elsewhere = layout, self._pack(layout)
+        return self._elsewhere[1]
+
+    def on_joints(self, layout: Layout) -> dict[str, Part]:
+        """For another layout, what the effects of the scene exert on each joint coordinate."""
+        return self._scene.on_joints(layout)
+
+    def _pack(self, layout: Layout) -> Effects:
+        kinds = list(self._scene.kinds(layout))
+        for held in self._held.values():
+            kinds += held.kinds(layout)
+        return _listed(kinds)
+
+
+def _listed(kinds: Sequence[_Kind]) -> Effects:
+    """As the kernel wants them."""
+    slots = [kind.packed.slots for kind in kinds]
+    params = [kind.packed.params for kind in kinds]
+    loads = np.cumsum([0, *(len(kind.rubbing) for kind in kinds)], dtype=np.uint64)
+    return Effects(
+        force=np.array([kind.force for kind in kinds], dtype=np.uint64),
+        potential=np.array([kind.potential for kind in kinds], dtype=np.uint64),
+        friction=np.array([kind.friction for kind in kinds], dtype=np.uint64),
+        tangent=np.array([kind.tangent for kind in kinds], dtype=np.uint64),
+        slots=np.concatenate([np.zeros(0, dtype=np.int64), *slots]),
+        params=np.concatenate([np.zeros(0), *params]),
+        slots_at=_starts(slots),
+        params_at=_starts(params),
+        loads_at=loads[:-1].copy(),
+    )
+
+
+def _once(
+    packed: list[tuple[Layout, list[_Kind]]],
+    effects: Sequence[Effect],
+    layout: Layout,
+    tangents: bool = False,
+) -> list[_Kind]:
+    """The kinds of effects on a layout, kept in `packed`: two layouts, or three, ever ask."""
+    for known, kinds in packed:
+        if known is layout:
+            return kinds
+    packed.append((layout, _kinds(effects, layout, tangents)))
+    return packed[-1][1]
+
+
+def _kinds(effects: Sequence[Effect], layout: Layout, tangents: bool = False) -> list[_Kind]:
+    """Raises InputError if an effect does not fit the mechanism."""
+    by_kind: dict[str, list[Effect]] = {}
+    for effect in effects:
+        by_kind.setdefault(effect.kind, []).append(effect)
+    kinds = []
+    for kind, instances in by_kind.items():
+        module = registry.load(kind)
+        try:
+            packed = module.pack(instances, layout)
+        except ValueError as error:
+            names = ', '.join(effect.name for effect in instances)
+            raise InputError(str(error), key=f'{kind} ({names})') from None
+        potential = module.potential.address if hasattr(module, 'potential') else 0
+        rubs = any(_loaded(effect) is not None for effect in instances)
+        friction = module.friction.address if rubs else 0
+        rubbing = instances if rubs else ()
+        tangent = module.tangent.address if tangents and hasattr(module, 'tangent') else 0
+        kinds.append(_Kind(module.force.address, potential, friction, tangent, packed, rubbing))
+    return kinds
+
+
+def _loaded(effect: Effect) -> str | None:
+    """The joint coordinate whose reaction an effect depends on."""
+    module = registry.load(effect.kind)
+    name: str | None = module.loaded(effect.parameters) if hasattr(module, 'loaded') else None
+    return name
+
+
+def _starts(parts: Sequence[Floats] | Sequence[Integers]) -> Addresses:
+    sizes = [part.size for part in parts]
+    return np.cumsum([0, *sizes], dtype=np.uint64)[:-1]
+
+
+def _held(model: Model, name: str, what: Wrench | float | Curve) -> _Held:
+    """What is held on a body, point or joint, as an effect; an effort over time, or on one of two
+    angles, is a motor without a controller."""
+    if isinstance(what, Wrench):
+        kind, given = 'constant_wrench', (name, what.force, what.torque, what.at, what.frame)
+        return _Held(what, Effect(kind, name, registry.load(kind).Parameters(*given)))
+    joint = model.coordinates[model.coordinate_names.index(name)].joint
+    kind = OVER_TIME if isinstance(what, Curve) else _steady(joint)
+    return _Held(what, Effect(kind, name, registry.load(kind).Parameters(joint=name, effort=what)))
+
+
+def from_outside(model: Model) -> set[str]:
+    """The effects that wrenches and steady efforts on this mechanism are packed as."""
+    return {'constant_wrench', *(_steady(each.joint) for each in model.coordinates)}
+
+
+def _steady(joint: Joint) -> str:
+    """The effect that a steady effort is packed as."""
+    return 'motor' if joint.kind == 'universal' else 'joint_effort'
+
+
+def _aimed(effect: Effect, targets: Mapping[str, Target]) -> Effect:
+    """The effect, with its target if it is a motor that has one."""
+    if effect.kind != 'motor' or effect.parameters.joint not in targets:
+        return effect
+    target, given = targets[effect.parameters.joint], effect.parameters
+    if target.position is not None and given.position_gain:
+        given = replace(given, position=target.position, velocity=target.velocity)
+    elif target.velocity is not None and given.velocity_gain:
+        given = replace(given, velocity=target.velocity)
+    return replace(effect, parameters=given)

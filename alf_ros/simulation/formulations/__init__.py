@@ -1,0 +1,144 @@
+"""Other formulations of the equations of motion, to compare ALF2 with.
+
+`alf1`, `alf2_literal`, `canonical` and `penalty` are the paper's, written as printed; `baumgarte`,
+`lagrange_canonical` and `independent` the classical ones it argues against. They take the fixed
+steps of any explicit Runge-Kutta method, and use Φ, Φ_q and the effects of the kernel, the first
+four its leading matrix too. All that one carries from step to step is an array, its state y.
+"""
+
+from __future__ import annotations
+
+import importlib
+from dataclasses import dataclass
+
+from alf_ros import kernel
+from alf_ros.arrays import Floats
+from alf_ros.errors import InputError
+from alf_ros.kernel import Forces, Phase, Work
+from alf_ros.model.compile import Model
+from alf_ros.model.tableaux import TABLEAUX
+from alf_ros.scene.scene import Solver
+from alf_ros.simulation.formulations.storage import FOLDED, OPENED, SINGULAR, Settings
+
+OMEGA, MU = 10.0, 1.0  # 1/s and 1, the paper's
+
+
+@dataclass(frozen=True)
+class _Kind:
+    """The file that says how, the most iterations it means, and what is singular when it fails.
+
+    A file holds `prepare`, `start` and the compiled `rates` and `advance`. It is imported when its
+    formulation is asked for.
+    """
+
+    file: str
+    iterations: int = 1000
+    singular: str = ''
+
+
+_MATRIX = 'the classical matrix [M Φ_qᵀ; Φ_q 0] is singular here'
+_SPLIT = 'the independent coordinates chosen at the start do not determine the others here'
+_KINDS = {
+    'alf1': _Kind('alf1'),
+    'alf2_literal': _Kind('alf2'),
+    'canonical': _Kind('alf2', 1),
+    'penalty': _Kind('alf1', 1),
+    'baumgarte': _Kind('baumgarte', singular=_MATRIX),
+    'lagrange_canonical': _Kind('lagrange_canonical', singular=_MATRIX),
+    'independent': _Kind('independent', singular=_SPLIT),
+}
+NAMES = tuple(_KINDS)
+
+
+class Formulation:
+    """The formulation that a solver names, prepared for a mechanism.
+
+    q (all blocks D, m) is where the run starts; omega Ω (1/s) and mu μ are natural frequency and
+    damping ratio of the constraints, where they are stabilised. Raises InputError for an
+    integrator that adapts its step, or is implicit.
+    """
+
+    def __init__(
+        self, model: Model, solver: Solver, q: Floats, omega: float = OMEGA, mu: float = MU
+    ) -> None:
+        tableau = TABLEAUX[solver.integrator]
+        if tableau.embedded.size or tableau.implicit:
+            fixed = [n for n, t in TABLEAUX.items() if not (t.embedded.size or t.implicit)]
+            raise InputError(
+                f'the formulation {solver.formulation} takes fixed steps only, explicit ones',
+                key='integrator',
+                value=solver.integrator,
+                expected=' or '.join(fixed),
+            )
+        self._model, self._kind, self._method = model, _KINDS[solver.formulation], solver.method
+        self._module = importlib.import_module(f'{__name__}.{self._kind.file}')
+        iterations = min(solver.iterations, self._kind.iterations)
+        settings = Settings(self._method.b.size, iterations, omega, mu)
+        self._storage = self._module.prepare(model, settings, q)
+
+    def start(self, q: Floats, qd: Floats) -> Floats:
+        """Return the state y (size,) at positions q (m) and velocities q̇ (m/s), all blocks D."""
+        y: Floats = self._module.start(self._model, self._storage, q, qd)
+        return y
+
+    def advance(
+        self,
+        forces: Forces,
+        work: Work,
+        phase: Phase,
+        y: Floats,
+        t0: float,
+        first: int,
+        steps: int,
+        h: float,
+    ) -> tuple[int, int, int]:
+        """Take `steps` steps of h (s) from t0 + first h; returns (result, taken, most iterations).
+
+        y is the state, in and out, and `phase` goes with it. On failure they are those of the last
+        step that could be gone on from.
+        """
+        model, method, storage = self._model, self._method, self._storage
+        result, taken, most = self._module.advance(
+            model.unit,
+            model.system,
+            forces,
+            method,
+            work,
+            storage,
+            phase,
+            y,
+            t0,
+            first,
+            steps,
+            h,
+        )
+        return int(result), int(taken), int(most)
+
+    def rates(self, forces: Forces, work: Work, t: float, y: Floats) -> tuple[int, Floats]:
+        """Result and ẏ (size,) at t (s), y (size,), for an integrator outside.
+
+        `work` has q and q̇ of y afterwards; the blocks that are fixed must stand in it before, and
+        the angles that effects take a stage to be near to. Only `alf1` and `alf2_literal`, and
+        their first iterates `penalty` and `canonical`, are written for that.
+        """
+        model, storage = self._model, self._storage
+        storage.y[:] = y
+        result = self._module.derivative(model.unit, model.system, forces, work, storage, t)
+        return int(result), storage.k[: y.size].copy()
+
+    def failure(self, result: int) -> tuple[str, str]:
+        """Reason and remedy, for a StepError."""
+        smaller = 'take a smaller step, or the formulation alf2'
+        return {
+            SINGULAR: (self._kind.singular, 'take the formulation alf2'),
+            FOLDED: (
+                'the mechanism has no position with these independent coordinates',
+                'they were chosen at the start and are of no use here: take the formulation alf2',
+            ),
+            OPENED: ('the constraints have opened', smaller),
+            kernel.NOT_FINITE: ('the state is no longer finite', smaller),
+            kernel.NOT_POSITIVE: (
+                'the leading matrix is not positive definite',
+                'a direction has neither mass nor constraint there: give it mass',
+            ),
+        }[result]

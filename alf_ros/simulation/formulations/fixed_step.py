@@ -1,0 +1,95 @@
+"""Fixed steps of any explicit Runge-Kutta method, for any formulation: ẏ = rates(t, y)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from alf_ros.arrays import Floats, Unit
+from alf_ros.kernel.data import NOT_FINITE, OK, ONE, Forces, Method, Phase, System, Work
+from alf_ros.kernel.numba_ext.jit import expanded, inner
+from alf_ros.kernel.numba_ext.vectors import copy
+from alf_ros.kernel.prescribed import prescribe
+from alf_ros.kernel.projection import opening
+from alf_ros.kernel.step import accept, mark
+from alf_ros.simulation.formulations.storage import FOLDED, OPENED, Storage
+
+_TORN = 0.1  # opening of a constraint, relative to the mechanism, that ends a run
+
+
+# Expanded into the `advance` of each formulation: only so can a compiled function be handed to it
+# and the whole be cached, which is why those functions are alike.
+@expanded
+def runge_kutta(
+    rates: Callable[..., Any],
+    unit: Unit,
+    system: System,
+    forces: Forces,
+    method: Method,
+    work: Work,
+    storage: Storage,
+    phase: Phase,
+    y: Floats,
+    t0: float,
+    first: int,
+    steps: int,
+    h: float,
+) -> tuple[int, int, int]:
+    """Take `steps` steps of h from step number `first`; returns (result, taken, most iterations).
+
+    y is the state, in and out, and `phase` goes with it; on failure they are those of the last
+    step that could be gone on from. `rates` takes the state of a stage in storage.y, leaves its
+    rates in storage.k and its q and q̇ in `work`.
+    """
+    N, stages, start = np.uint64(y.size), method.b.size, np.uint64(0)
+    k, ys = storage.k, storage.y
+    mark(unit, system, work, phase)
+    copy(phase.q, work.q)  # with the fixed points
+    copy(phase.qd, work.qd)
+    for i in range(N):
+        ys[i] = y[i]
+    prescribe(system, t0 + first * h, work.q, work.qd, work.qdd)
+    result, most = rates(unit, system, forces, work, storage, t0 + first * h, start)
+    if result != OK:
+        return result, 0, most
+    for taken in range(steps):
+        t = t0 + (first + taken) * h
+        for s in range(ONE, stages + ONE):
+            end = s == stages
+            for i in range(N):
+                rate = 0.0
+                for m in range(s):
+                    rate += (method.b[m] if end else method.a[s * stages + m]) * k[m * N + i]
+                ys[i] = y[i] + h * rate
+            # the rates at the end are those of the first stage of the next step
+            to = start if end else s
+            ts = t0 + (first + taken + 1) * h if end else t + method.c[s] * h
+            prescribe(system, ts, work.q, work.qd, work.qdd)
+            result, count = rates(unit, system, forces, work, storage, ts, to)
+            work.evaluations[0] += 1
+            most = max(most, count)
+            if end or result != OK:
+                result = _judged(unit, system, work, storage, result)
+            if result != OK:
+                return result, taken, most
+        for i in range(N):
+            y[i] = ys[i]
+        accept(unit, system, work, phase)
+    return OK, steps, most
+
+
+@inner
+def _judged(unit: Unit, system: System, work: Work, storage: Storage, result: int) -> int:
+    """Return what is wrong with a state: that it has run away, which says more, or `result`."""
+    if result == FOLDED:
+        return result
+    check = 0.0
+    for i in range(storage.y.size):
+        check += storage.y[i]
+    if not np.isfinite(check):
+        return NOT_FINITE
+    if opening(unit, system.rows, work.q, storage.phi) > _TORN * system.size:
+        return OPENED
+    return result

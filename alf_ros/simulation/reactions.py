@@ -1,0 +1,243 @@
+"""What joints carry: the wrench of the parent on the child, from the multipliers.
+
+Each body alone, on blocks of its own, needs f = M q̈ + Φᵀλ - Q there. Constraints of a joint act
+on the child with -Φᵀλ. What is then still needed at a block that bodies share goes through the
+joints that connect them there, which form a tree with the ground: cutting one leaves the child's
+side, and the joint carries the sum of what that side needs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sparse
+from numpy.typing import NDArray
+
+from alf_ros import kernel
+from alf_ros.arrays import Floats, Integers
+from alf_ros.kernel import Work
+from alf_ros.mechanism import GROUND, Joint, natural_coordinates
+from alf_ros.model.compile import Model, constraints
+from alf_ros.model.constraints.packing import rows_of
+from alf_ros.model.constraints.row import Row
+from alf_ros.model.constraints.rows import joint_rows
+from alf_ros.model.mass import mass_of
+
+_LOST = 1e-3  # part of a reaction that is left open from which on it is flagged
+
+
+class Reactions:
+    """The cut mechanism of a model, analysed once."""
+
+    def __init__(self, model: Model) -> None:
+        mechanism = model.mechanism
+        self.model = model
+        self.cut = natural_coordinates.cut(mechanism)
+        self.mass = mass_of(self.cut)
+        rows = constraints(mechanism, self.cut)
+        self.rows, order = rows_of(rows, self.cut)
+        place = dict(zip(model.row_names, model.row.tolist(), strict=True))
+        self.source_row = np.array([place[rows[n].name] for n in order], dtype=np.int64)
+        self.source = _sources(model, self.cut)
+        self._shared_points = self._sums(mechanism.joints, 'point')
+        self._shared_vectors = self._sums(mechanism.joints, 'vector')
+        self._entries = [_Entries(self.cut, joint, place) for joint in mechanism.joints]
+
+    def _sums(self, joints: Sequence[Joint], kind: str) -> Any:
+        """(joints, cut blocks): which blocks to sum for the force of parent on child."""
+        at: dict[str, list[Joint]] = {}
+        for joint in joints:
+            if getattr(joint, kind) is not None:
+                at.setdefault(getattr(joint, kind), []).append(joint)
+        number = {joint.name: n for n, joint in enumerate(joints)}
+        i, j, signs = [], [], []
+        for name, there in at.items():
+            for joint in there:
+                side, sign = _child_side(joint, there)
+                for body in side:
+                    each = self.cut.body[body]
+                    names = each.points + each.vectors
+                    first = len(each.points) if kind == 'vector' else 0
+                    i.append(number[joint.name])
+                    j.append(self.cut.of_body[body][names.index(name, first)])
+                    signs.append(sign)
+        return sparse.csr_matrix((signs, (i, j)), shape=(len(joints), self.cut.blocks))
+
+    def shared(self, joint: Joint) -> list[tuple[int, float]]:
+        """Cut blocks, each with its sign, that sum to the force of the parent on the child at the
+        point they share; none if they share none."""
+        row = self._shared_points[[self.model.mechanism.joints.index(joint)]].tocoo()
+        return list(zip(row.col.tolist(), row.data.tolist(), strict=True))
+
+    def own_entries(self, joint: Joint) -> list[tuple[int, int]]:
+        """Entries of the cut rows whose gradients times -λ are forces of the joint on the child,
+        each with the row of the model that it belongs to."""
+        own = self._entries[self.model.mechanism.joints.index(joint)]
+        of_model = self.source_row.tolist()
+        found = []
+        held = self.rows.i.size
+        for row, block, is_point in zip(own.rows, own.blocks, own.is_point, strict=True):
+            if is_point:
+                n = of_model.index(row) - held
+                entries = range(self.rows.first[n], self.rows.first[n + 1])
+                here = next(e for e in entries if self.rows.block[e] == block)
+                found.append((here, int(row)))
+        return found
+
+    # ------------------------------------------------------------------------------ of an instant
+
+    def on_cut_blocks(self, blocks: Floats) -> Floats:
+        """(blocks D,) of the model -> (cut blocks D,)."""
+        return blocks.reshape(-1, self.cut.dimension)[self.source].ravel()
+
+    def of(self, q: Floats, qdd: Floats, lam: Floats, Q: Floats) -> tuple[Floats, Floats]:
+        """(joints, D) forces, N, and (joints, 1 or 3) torques, N m, about the joint, on the child.
+
+        q, q̈ and Q (cut blocks D,); λ (rows,) in the kernel's order.
+        """
+        unit, D = self.model.unit, self.cut.dimension
+        needed = -Q
+        g, g2 = self._jacobian(q)
+        kernel.add_mass_times(unit, self.mass, 1.0, qdd, needed)
+        kernel.add_transposed(unit, self.rows, g, g2, lam[self.source_row], needed)
+        f, places = needed.reshape(-1, D), q.reshape(-1, D)
+        force = self._shared_points @ f
+        torque = self._shared_vectors @ _moment(places, f)
+        for n, entries in enumerate(self._entries):
+            if entries.rows.size:
+                h = -lam[entries.rows][:, None] * entries.gradients(places)
+                force[n] += h[entries.is_point].sum(axis=0)
+                torque[n] += _moment(entries.arms(places), h).sum(axis=0)
+        return force, torque
+
+    def _jacobian(self, q: Floats) -> tuple[Floats, Floats]:
+        g, g2 = np.zeros(self.rows.i.size * self.cut.dimension), np.zeros(self.rows.b.size)
+        kernel.jacobian(self.model.unit, self.rows, q, g, g2)
+        return g, g2
+
+    def indeterminate(self, q: Floats, work: Work) -> NDArray[np.bool_]:
+        """(joints,) whether λ may change without a change of motion and yet change the reaction.
+
+        A component of a reaction is w·λ. It is unique if w lies in the range of Φ_q, that is if
+        the projector Φ_q A⁻¹ Φ_qᵀ α leaves it as it is. `work` holds Φ_q and the factor there.
+        """
+        D, places = self.cut.dimension, q.reshape(-1, self.cut.dimension)
+        unit, (g, g2) = self.model.unit, self._jacobian(q)
+        flags = np.zeros(len(self._entries), dtype=bool)
+        w_cut = np.zeros(self.source_row.size)
+        for n, entries in enumerate(self._entries):
+            points = self._shared_points[[n]].toarray()[0]
+            vectors = self._shared_vectors[[n]].toarray()[0]
+            gradients, arms = entries.gradients(places), entries.arms(places)
+            for move, turn in _rigid(D):
+                v = np.outer(points, move) + vectors[:, None] * _turned(turn, places)
+                kernel.times_jacobian(unit, self.rows, g, g2, v.ravel(), w_cut)
+                w = np.zeros(work.y.size)
+                w[self.source_row] = w_cut
+                each = entries.is_point[:, None] * move + _turned(turn, arms)
+                np.subtract.at(w, entries.rows, (gradients * each).sum(axis=1))
+                flags[n] |= self._lost(w, work) > _LOST
+        return flags
+
+    def _lost(self, w: Floats, work: Work) -> float:
+        """The part of w outside of the range of Φ_q, in the norm of α."""
+        model, rows = self.model, self.model.system.rows
+        x, back = np.zeros(model.q.size), np.zeros(w.size)
+        whole = np.sqrt((rows.alpha * w**2).sum())
+        if not whole > 0.0:
+            return 0.0
+        kernel.add_transposed(model.unit, rows, work.g, work.g2, rows.alpha * w, x)
+        kernel.solve(model.unit, model.system.pattern, work.diagonal, work.off, x)
+        x[model.n :] = 0.0
+        kernel.times_jacobian(model.unit, rows, work.g, work.g2, x, back)
+        return float(np.sqrt((rows.alpha * (w - back) ** 2).sum()) / whole)
+
+
+class _Entries:
+    """The entries of a joint's own rows at the blocks of the child."""
+
+    def __init__(
+        self, cut: natural_coordinates.Layout, joint: Joint, place: Mapping[str, int]
+    ) -> None:
+        own = cut.of_body[joint.child]
+        points = own[: len(cut.body[joint.child].points)]
+        rows = [(row, block) for row in joint_rows(joint, cut) for block in row.b if block in own]
+        self.rows: Integers = np.array([place[row.name] for row, _ in rows], dtype=np.int64)
+        self.blocks: Integers = np.array([block for _, block in rows], dtype=np.int64)
+        self.is_point = np.array([block in points for _, block in rows], dtype=bool)
+        self._parts: list[tuple[Row, int]] = rows
+        self._origin = cut.place(joint.child, joint.frames[1].origin)
+
+    def gradients(self, places: Floats) -> Floats:
+        """(entries, D) ∂Φ/∂q at the blocks."""
+        total = np.zeros((len(self._parts), places.shape[1]))
+        for n, (row, block) in enumerate(self._parts):
+            total[n] = row.b[block]
+            for other, T in row.terms.get(block, {}).items():
+                total[n] += T @ places[other]
+        return total
+
+    def arms(self, places: Floats) -> Floats:
+        """(entries, D) from the joint to the blocks that are points; the vectors themselves."""
+        origin = self._origin.constant + sum(
+            C @ places[block] for block, C in self._origin.parts.items()
+        )
+        return places[self.blocks] - self.is_point[:, None] * origin
+
+
+def _child_side(joint: Joint, there: Sequence[Joint]) -> tuple[set[str], float]:
+    """The bodies that hang on the child when the joint is cut at a shared block; and the sign.
+
+    The ground is never summed: if it is among them, the other side is taken, with the other sign.
+    """
+    neighbours: dict[str, list[tuple[str, str]]] = {}
+    for each in there:
+        neighbours.setdefault(each.parent, []).append((each.child, each.name))
+        neighbours.setdefault(each.child, []).append((each.parent, each.name))
+    seen, waiting = {joint.child}, [joint.child]
+    while waiting:
+        for other, through in neighbours[waiting.pop()]:
+            if through != joint.name and other not in seen:
+                seen.add(other)
+                waiting.append(other)
+    if GROUND in seen:
+        return set(neighbours) - seen, -1.0
+    return seen, 1.0
+
+
+def _sources(model: Model, cut: natural_coordinates.Layout) -> Integers:
+    """(cut blocks,) the block of the model that each is a copy of."""
+    source = np.zeros(cut.blocks, dtype=np.int64)
+    for copies, blocks in (
+        (cut.of_point, model.layout.of_point),
+        (cut.of_vector, model.layout.of_vector),
+        (cut.of_body, model.layout.of_body),
+        (cut.of_auxiliary, model.layout.of_auxiliary),
+        (cut.of_prescribed, model.layout.of_prescribed),
+    ):
+        for name in copies:
+            source[np.array(copies[name])] = blocks[name]
+    return source
+
+
+def _moment(arms: Floats, forces: Floats) -> Floats:
+    """(n, 1 or 3) moments of (n, D) forces at (n, D) arms."""
+    if arms.shape[1] == 3:
+        return np.asarray(np.cross(arms, forces), dtype=float)
+    return (arms[:, 0] * forces[:, 1] - arms[:, 1] * forces[:, 0])[:, None]
+
+
+def _rigid(D: int) -> list[tuple[Floats, Floats]]:
+    """Unit motions: (velocity (D,), spin (1 or 3,)), first along the axes, then about them."""
+    spins = 1 if D == 2 else 3
+    moves = [(e, np.zeros(spins)) for e in np.eye(D)]
+    return moves + [(np.zeros(D), e) for e in np.eye(spins)]
+
+
+def _turned(spin: Floats, arms: Floats) -> Floats:
+    """(n, D) velocities of arms that turn with a spin."""
+    if arms.shape[1] == 3:
+        return np.asarray(np.cross(spin, arms), dtype=float)
+    return spin[0] * np.stack([-arms[:, 1], arms[:, 0]], axis=1)

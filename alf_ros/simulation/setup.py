@@ -1,0 +1,126 @@
+"""What the parameters make of a scene: a simulation and its ticks; and what a change makes."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Collection, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
+from alf_ros.errors import InputError, StepError
+from alf_ros.scene.effect_values import with_effect_values
+from alf_ros.scene.scene import PICKED, Scene, Solver, joined, load_scene
+from alf_ros.simulation.simulation import Simulation
+from alf_ros.simulation.state import State
+
+# Shortest tick (s) chosen by default: at 500 Hz a small mechanism, recorded and published, takes a
+# fifth of a core, and 500 Hz is more than RViz, plots and most controllers use.
+DEFAULT_TICK = 2e-3
+
+
+@dataclass(frozen=True)
+class Setup:
+    """A scene, its simulation, and the solver steps in a tick."""
+
+    scene: Scene
+    simulation: Simulation
+    steps: int
+
+    @property
+    def tick(self) -> float:
+        """Simulated seconds of a tick."""
+        return self.steps * self.simulation.h
+
+
+def default_rate(step: float) -> float:
+    """Ticks per simulated second (Hz) for a solver step (s), if nobody says how many."""
+    return 1.0 / (step * max(1, math.ceil(DEFAULT_TICK / step * (1.0 - 1e-9))))
+
+
+def steps_per_tick(rate: float, step: float) -> int:
+    """Number of solver steps (s) in a tick at `rate` (Hz). Raises InputError if not whole."""
+    steps = 1.0 / (rate * step)
+    whole = max(1, round(steps))
+    if abs(steps - whole) > 1e-6 * whole:
+        below, above = max(1, math.floor(steps)), math.ceil(steps)
+        near = ' or '.join(f'{1.0 / (n * step):.9g}' for n in sorted({above, below}))
+        raise InputError(
+            f'a tick of 1/rate must be a whole number of solver steps of {step:g} s',
+            key='rate',
+            value=rate,
+            expected=f'{near} Hz',
+        )
+    return whole
+
+
+def made(
+    scene: Scene, solver: Mapping[str, Any], rate: float | None = None, ledger: bool = False
+) -> Setup:
+    """The setup of a scene: `solver` and `rate` (Hz) replace what it says itself.
+
+    Raises InputError, AssemblyError.
+    """
+    simulation = Simulation(scene, **solver, ledger=ledger)
+    steps = steps_per_tick(rate or default_rate(simulation.h), simulation.h)
+    with suppress(StepError):  # the first tick will say so, with the log open
+        simulation.step(0)  # compiles and packs: what cannot act shows here and not in a tick
+    return Setup(scene, simulation, steps)
+
+
+def chosen(solver: Mapping[str, Any], accuracy: float, said: Collection[str]) -> dict[str, Any]:
+    """What to give to a simulation: `solver`, of which an `accuracy` (m; 0: none) picks what
+    nobody `said`. What it picked before, as a dump of parameters says it, stays."""
+    if not accuracy:
+        return dict(solver)
+    kept = {k: v for k, v in solver.items() if k not in PICKED or k in said}
+    return {**kept, 'accuracy': accuracy}
+
+
+def asked(before: Solver, accuracy: float) -> dict[str, Any]:
+    """The change of a solver that asks for an accuracy (m); 0 goes on with what was picked."""
+    return {'accuracy': accuracy} if accuracy else {k: getattr(before, k) for k in PICKED}
+
+
+def loaded(
+    name: str, solver: Mapping[str, Any], rate: float | None = None, ledger: bool = False
+) -> Setup:
+    """The setup of another scene. Raises InputError, AssemblyError."""
+    return made(load_scene(name), solver, rate, ledger)
+
+
+def changed(
+    setup: Setup, solver: Mapping[str, Any], effects: Mapping[str, Any], rate: float
+) -> Setup:
+    """The setup with other solver settings, numbers of effects, or ticks (Hz), at the same state.
+
+    Raises InputError for what cannot be, and if the time is not a whole number of the new steps.
+    """
+    if not solver and not effects:
+        return dataclasses.replace(setup, steps=steps_per_tick(rate, setup.simulation.h))
+    scene, before = with_effect_values(setup.scene, effects), setup.simulation
+    given = joined(dataclasses.asdict(before.solver), solver)
+    simulation = Simulation(scene, **given, ledger=before.ledger)
+    if simulation.model.layout.of_auxiliary != before.model.layout.of_auxiliary:
+        text = 'a rotor begins or ends with its armature: the scene has to be loaded anew'
+        raise InputError(text, key=next(name for name in effects if name.endswith('armature')))
+    steps = steps_per_tick(rate, simulation.h)
+    simulation.restore(on_grid(before.state, before.h, simulation.h))
+    with suppress(StepError):
+        simulation.step(0)
+    return Setup(scene, simulation, steps)
+
+
+def on_grid(state: State, h: float, new: float) -> State:
+    """A state reached with steps of `h` (s), for steps of `new`: time is counted in steps."""
+    if h == new:
+        return state
+    steps = state.step * h / new
+    if abs(steps - round(steps)) > 1e-6:
+        raise InputError(
+            f't = {state.step * h:.9g} s is not a whole number of such steps: reset first',
+            key='solver.step',
+            value=new,
+        )
+    return dataclasses.replace(state, step=round(steps), pace=new)

@@ -1,0 +1,325 @@
+"""Passes through singular positions, as events.
+
+A mode of Φ_q with singular value σ and vectors z (of rows) and u (of motions) can be followed with
+a sign: σ = z·B u. Through a singular position it goes linearly, from plus to minus. So two places
+tell whether a mode vanishes between them: z·B u with the vectors of one and the B of the other has
+the other sign. What only comes near and turns back has not.
+
+After each step the kernel follows the two softest modes, and stops where their σ changes much.
+Then the step is looked at here, with parts of it made aside: as many as it takes until each part
+shows either that no mode changes its sign or where one does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from alf_ros import kernel
+from alf_ros.arrays import Floats
+from alf_ros.kernel import Modes, Phase, Watch, Work
+from alf_ros.kernel.softest_modes import STIFF
+from alf_ros.mechanism import GROUND
+from alf_ros.model.compile import Model, allocate
+from alf_ros.model.constraints.rows import joint_rows, rigidity
+from alf_ros.model.softest_modes import KNOWN, NIL, ROUNDS, begun, found, restart
+
+FOLLOWED = 2  # modes
+_SAME = 0.5  # by which σ of a mode, seen from two places, may differ of itself
+_KEPT = 0.2  # part of σ that stays of a mode which is not about to vanish
+_TURN = 0.7  # rad that rows may turn between places that are compared
+_HALVED, _CUT = 10, 30  # parts in parts, while nothing is clear, and in all
+_FINE = 1e-6  # of a step: where two places so near differ in sign, that is when
+_TOGETHER = 1e-2  # of a step: modes that vanish so soon after one another do so at one position
+_DIP = np.linspace(0.0, 1.0, 33)
+_TAKES_PART = 0.02  # share of a row in the dependency, from which on it is named
+
+
+@dataclass(frozen=True)
+class Pass:
+    """A pass through a singular position.
+
+    `t` (s); `distance` σ where the nearer of the steps around it ends; `joints` that join the
+    bodies whose constraints become dependent there; `energy_before` and `energy_after` (J) at the
+    steps around it.
+    """
+
+    t: float
+    distance: float
+    joints: tuple[str, ...]
+    energy_before: float
+    energy_after: float
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """The modes at t (s) and q (blocks D, m), the velocities q̇ too if they are known."""
+
+    t: float
+    phase: Phase
+    modes: Modes
+
+    @property
+    def sigma(self) -> float:
+        return float(self.modes.sigma[0])
+
+
+class Comparison:
+    """What the modes of two places, one soon after the other, say of the way between them."""
+
+    def __init__(self, model: Model, work: Work, a: Place, b: Place, moving: bool) -> None:
+        """`moving`: the places know their velocities."""
+
+        def seen(of: Place, at: Modes) -> list[float]:
+            unit, system = model.unit, model.system
+            count = max(1, int((of.modes.sigma < STIFF).sum()))
+            return [
+                kernel.carried_over(unit, system, work, of.modes, at.g, at.g2, i)
+                for i in range(count)
+            ]
+
+        self._a, self._b = a, b
+        ahead, back = seen(a, b.modes), seen(b, a.modes)
+        first, others = (ahead, back) if a.sigma <= b.sigma else (back, ahead)
+        self.changes_sign = first[0] < 0.0
+        self._same = abs(ahead[0] * back[0] - 1.0) <= _SAME
+        self._clear = self._same and min(first[1:] + others[1:], default=1.0) > _KEPT
+        if moving:
+            rates = [_rates(model, work, place) for place in (a, b)]
+            dt = b.t - a.t
+            if dt * max(rate for rate, _ in rates) > _TURN:
+                self._same = self._clear = False
+            slopes = [dt * slope * x.sigma for (_, slope), x in zip(rates, (a, b), strict=True)]
+            self._clear = self._clear and _cubic(a.sigma, b.sigma, *slopes).min() > 0.0
+
+    @property
+    def passes(self) -> bool:
+        """The softest mode vanishes on the way."""
+        return self._same and self.changes_sign
+
+    @property
+    def is_clear(self) -> bool:
+        """No mode vanishes on the way."""
+        return self._clear and not self.changes_sign
+
+    @property
+    def t(self) -> float:
+        """When it vanishes, s, if it goes linearly."""
+        a, b = self._a, self._b
+        return a.t + (b.t - a.t) * a.sigma / (a.sigma + b.sigma)
+
+
+def _rates(model: Model, work: Work, place: Place) -> tuple[float, float]:
+    """1/s: how fast the rows turn, at most, and σ̇ / σ of the softest mode."""
+    unit, system, modes = model.unit, model.system, place.modes
+    gd, g2d = np.zeros_like(modes.g), np.zeros_like(modes.g2)
+    rate = kernel.turning(unit, system, g2d, place.phase.qd)
+    blocks = place.phase.qd.reshape(-1, model.layout.dimension)
+    gd[:] = (blocks[system.rows.i] - blocks[system.rows.j]).ravel()
+    return rate, kernel.carried_over(unit, system, work, modes, gd, g2d, 0)
+
+
+def _cubic(a: float, b: float, slope_a: float, slope_b: float) -> Floats:
+    """Between 0 and 1, with values and slopes at the ends."""
+    x = _DIP
+    return np.asarray(
+        (1 + 2 * x) * (1 - x) ** 2 * a
+        + x**2 * (3 - 2 * x) * b
+        + x * (1 - x) ** 2 * slope_a
+        - x**2 * (1 - x) * slope_b
+    )
+
+
+# phase, number of the first step, steps, watch -> result, steps taken
+Advance = Callable[[Phase, int, int, Watch | None], tuple[int, int]]
+# phase, start (s), h (s) -> result, of one step that is no part of the run
+Aside = Callable[[Phase, float, float], int]
+Energy = Callable[[float, Phase], float]
+
+
+class Watcher:
+    """Steps, and finds the passes on the way."""
+
+    def __init__(
+        self,
+        model: Model,
+        dependent: int,
+        ordinary: Floats,
+        h: float,
+        advance: Advance,
+        aside: Aside,
+        energy: Energy,
+    ) -> None:
+        """`dependent` rows at ordinary positions, of which `ordinary` (blocks D, m) is one; h (s):
+        the step of the simulation; `advance` and `aside` take steps, `energy` is that (J) at t (s)
+        and a phase."""
+        self.passes: list[Pass] = []
+        self._model, self._h, self._redundant = model, h, dependent
+        self._advance, self._step_aside, self._energy = advance, aside, energy
+        self._work = allocate(model, model.system, 0)
+        self._ordinary = _dependency(model, ordinary)
+        self._watch: Watch | None = None
+        self._modes = begun(model, dependent, FOLLOWED)
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget all passes: the simulation goes on from another state."""
+        self.passes.clear()
+        self._known = False
+        # the last place whose σ has a sign, if that of the places since then has none
+        self._open: Place | None = None
+        self._nil: float | None = None  # s, when σ was least since then
+
+    def step(self, phase: Phase, first: int, n: int) -> tuple[int, int]:
+        """n steps from number `first`; returns (result, steps taken)."""
+        if self._modes is None:  # nothing can depend on anything
+            return self._advance(phase, first, n, None)
+        if not self._known:
+            self._begin(phase, first * self._h)
+        result, taken, watch = kernel.OK, 0, self._watch
+        assert watch is not None
+        while taken < n and result == kernel.OK:
+            result, more = self._advance(phase, first + taken, n - taken, watch)
+            taken += more
+            if more and watch.look[0]:
+                self._look_at(watch)
+        return result, taken
+
+    def _begin(self, phase: Phase, t: float) -> None:
+        model, modes = self._model, self._modes
+        assert modes is not None
+        if self._watch is None:
+            self._watch = Watch(
+                modes=modes,
+                quiet=np.zeros(1, dtype=np.int64),
+                look=np.zeros(1, dtype=np.int64),
+                t=np.zeros(2),
+                rate=np.zeros(1),
+                before=copy(phase),
+                after=copy(phase),
+                g2d=np.zeros_like(modes.g2),
+            )
+        watch = self._watch
+        restart(modes)
+        for name in ('q', 'qd', 'turns', 'pace', 'works'):
+            getattr(watch.after, name)[:] = getattr(phase, name)
+        watch.quiet[0], watch.look[0], watch.t[1] = 0, 0, t
+        watch.rate[0] = kernel.turning(model.unit, model.system, watch.g2d, phase.qd)
+        if kernel.linearise(model.unit, model.system, self._work, phase.q):
+            kernel.softest(model.unit, model.system, self._work, modes, ROUNDS, KNOWN)
+        self._known = True
+
+    def _look_at(self, watch: Watch) -> None:
+        """At the last step, in which a singular position may have been passed."""
+        before, after = float(watch.t[0]), float(watch.t[1])
+        a, b = self._place(before, watch.before), self._place(after, watch.after)
+        if a is None or b is None:
+            return
+        if b.sigma < NIL or a.sigma < NIL:
+            self._across(a, b)
+            return
+        last = -np.inf
+        for t in self._search(a, b, _HALVED, _CUT):
+            if t - last > _TOGETHER * self._h:
+                self._found(t, a, b)
+            last = t
+
+    def _across(self, a: Place, b: Place) -> None:
+        """From or to places without a sign: those before and behind them are compared."""
+        if b.sigma < NIL:
+            if a.sigma >= NIL:
+                self._open, self._nil = a, b.t
+            return
+        if self._open is not None and self._nil is not None:
+            told = Comparison(self._model, self._work, self._open, b, moving=False)
+            if told.changes_sign:
+                self._found(self._nil, self._open, b)
+        self._open = self._nil = None
+
+    def _search(self, a: Place, b: Place, halved: int, cut: int) -> list[float]:
+        """When modes vanish between two places, s."""
+        told = Comparison(self._model, self._work, a, b, moving=True)
+        if told.is_clear:
+            return []
+        fine = b.t - a.t <= _FINE * self._h
+        if fine or (told.passes and cut == 0) or (not told.passes and halved == 0):
+            return [told.t] if told.changes_sign else []
+        t = told.t if told.passes else 0.5 * (a.t + b.t)
+        edge = 0.1 * _FINE * self._h
+        middle = self._aside(a, min(max(t, a.t + edge), b.t - edge))
+        if middle is not None and middle.sigma < NIL:
+            if told.passes:
+                return [middle.t]
+            middle = self._aside(a, a.t + 0.37 * (b.t - a.t))
+        if middle is None or middle.sigma < NIL:
+            return [told.t] if told.changes_sign else []
+        halved -= not told.passes
+        return self._search(a, middle, halved, cut - 1) + self._search(middle, b, halved, cut - 1)
+
+    def _aside(self, a: Place, t: float) -> Place | None:
+        """Where a step from a leads until t (s); None if it fails."""
+        phase = copy(a.phase)
+        result = self._step_aside(phase, a.t, t - a.t)
+        return self._place(t, phase) if result == kernel.OK else None
+
+    def _place(self, t: float, phase: Phase) -> Place | None:
+        return place(self._model, self._work, self._redundant, t, copy(phase))
+
+    def _found(self, t: float, a: Place, b: Place) -> None:
+        there = self._aside(a, t) if t > a.t else a
+        q = (there or a).phase.q
+        joints = _joints(self._model, _dependency(self._model, q) - self._ordinary)
+        energies = self._energy(a.t, a.phase), self._energy(b.t, b.phase)
+        self.passes.append(Pass(t, min(a.sigma, b.sigma), joints, *energies))
+
+
+def place(model: Model, work: Work, redundant: int, t: float, phase: Phase) -> Place | None:
+    """The modes of a phase; None if A has no factor there."""
+    if not kernel.linearise(model.unit, model.system, work, phase.q):
+        return None
+    modes = found(model, work, redundant)
+    return None if modes is None else Place(t, phase, modes)
+
+
+def copy(phase: Phase) -> Phase:
+    """The same in arrays of its own."""
+    turns, pace, works = phase.turns.copy(), phase.pace.copy(), phase.works.copy()
+    return Phase(phase.q.copy(), phase.qd.copy(), turns, pace, works, phase.loads.copy())
+
+
+def _dependency(model: Model, q: Floats) -> Floats:
+    """(rows,) in the kernel's order: 1 - α_r Φ_r A⁻¹ Φ_rᵀ at q (blocks D, m): the part of a row
+    that others imply."""
+    rows, unit, work = model.system.rows, model.unit, allocate(model, model.system, 0)
+    kernel.linearise(unit, model.system, work, q)
+    share = np.ones(rows.alpha.size)
+    y, x, rate = np.zeros(rows.alpha.size), np.zeros(model.q.size), np.zeros(rows.alpha.size)
+    for r in range(share.size):
+        y[:], x[:] = 0.0, 0.0
+        y[r] = rows.alpha[r]
+        kernel.add_transposed(unit, rows, work.g, work.g2, y, x)
+        kernel.solve(unit, model.system.pattern, work.diagonal, work.off, x)
+        x[model.n :] = 0.0
+        kernel.times_jacobian(unit, rows, work.g, work.g2, x, rate)
+        share[r] -= rate[r]
+    return share
+
+
+def _joints(model: Model, share: Floats) -> tuple[str, ...]:
+    """The joints that join the bodies of which a row takes part in the dependency."""
+    takes_part = share[model.row] > _TAKES_PART * min(1.0, share.sum())
+    names = {model.row_names[n] for n in np.flatnonzero(takes_part)}
+    mechanism, layout = model.mechanism, model.layout
+    bodies = {
+        body.name
+        for body in mechanism.bodies
+        if any(row.name in names for row in rigidity(body, layout))
+    }
+    return tuple(
+        joint.name
+        for joint in mechanism.joints
+        if any(row.name in names for row in joint_rows(joint, layout))
+        or {joint.parent, joint.child} <= bodies | {GROUND}
+    )

@@ -1,0 +1,77 @@
+"""A state as one list of named numbers with rates, as a log keeps it, and back, bit for bit.
+
+In the order of the scene's file: the natural coordinates of movable points, vectors and auxiliary
+blocks (m; vectors in the length of the drawing, as the kernel has them) with their velocities;
+then, with zero rates, the turns of each counted angle, the pace (s), what other formulations
+carry, the works of a ledger (J), the reactions that friction depends on (N), and the step
+index.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from alf_ros.arrays import Floats
+from alf_ros.model.compile import Model
+from alf_ros.simulation.applied import Inputs
+from alf_ros.simulation.state import State
+
+
+def names(model: Model, state: State) -> tuple[str, ...]:
+    """Of all numbers of a state."""
+    axes = 'xyz'[: model.layout.dimension]
+    blocks = [block.name for block in model.mechanism.blocks if not block.fixed]
+    blocks += model.layout.of_auxiliary
+    return (
+        *(f'{name}.{axis}' for name in blocks for axis in axes),
+        *(f'turns[{k}]' for k in range(model.system.angles.c.size // 2)),
+        'pace',
+        *(f'carried[{k}]' for k in range(state.carried.size)),
+        *(f'works[{name}]' for name in state.works),
+        *(f'loads[{k}]' for k in range(state.loads.size)),
+        'step',
+    )
+
+
+def values(model: Model, state: State) -> tuple[Floats, Floats]:
+    """Numbers and rates, each as long as `names`."""
+    D = model.layout.dimension
+    q, qd = (x.reshape(-1, D)[model.coordinate_block].ravel() for x in (state.q, state.qd))
+    works = list(state.works.values())
+    rest = (state.turns, [state.pace], state.carried, works, state.loads, [state.step])
+    numbers = np.concatenate([q, *(np.asarray(part, dtype=float) for part in rest)])
+    rates = np.zeros_like(numbers)
+    rates[: qd.size] = qd
+    return numbers, rates
+
+
+def state(model: Model, like: State, numbers: Floats, rates: Floats, inputs: Inputs) -> State:
+    """The state of these numbers and rates; `like` is one of the same simulation.
+
+    A log of an earlier version has no loads: they begin at zero. Raises ValueError if there are
+    not as many numbers as that simulation has.
+    """
+    n, turns, D = model.n, like.turns.size, model.layout.dimension
+    carried, works = n + turns + 1, n + turns + 1 + like.carried.size
+    loads = works + len(like.works)
+    if numbers.size not in (loads + 1, loads + like.loads.size + 1):
+        raise ValueError(f'{numbers.size} numbers are no state of this mechanism')
+    q, qd = like.q.copy(), like.qd.copy()
+    q.reshape(-1, D)[model.coordinate_block] = numbers[:n].reshape(-1, D)
+    qd.reshape(-1, D)[model.coordinate_block] = rates[:n].reshape(-1, D)
+    return replace(
+        like,
+        step=int(numbers[-1]),
+        q=q,
+        qd=qd,
+        turns=numbers[n : n + turns].astype(np.int64),
+        pace=float(numbers[n + turns]),
+        carried=np.array(numbers[carried:works]),
+        inputs=inputs,
+        loads=np.zeros_like(like.loads)
+        if numbers.size == loads + 1
+        else np.array(numbers[loads:-1]),
+        works=dict(zip(like.works, numbers[works:loads].tolist(), strict=True)),
+    )

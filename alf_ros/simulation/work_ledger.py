@@ -1,0 +1,57 @@
+"""What the kernel needs to keep account of the work of each effect, where somebody asks for it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from alf_ros.arrays import Floats
+from alf_ros.kernel import Effects, Ledger
+from alf_ros.model.compile import Model
+from alf_ros.model.constraints.packing import indices
+
+INPUTS, DRIVES = 'inputs', 'drives'
+
+
+def accounts(labels: Sequence[str]) -> tuple[str, ...]:
+    """The names of all accounts, of a scene whose effects are called so."""
+    return (*labels, INPUTS, DRIVES)
+
+
+def ledger(
+    model: Model, weights: Floats, parts: Sequence[tuple[str, tuple[Effects, list[int]]]]
+) -> Ledger:
+    """The ledger of what acts, each with its account and which of all loads are its own.
+
+    weights (stages,): of the method. Parts that are inputs share an account.
+    """
+    from alf_ros.kernel import work_ledger as compiled
+
+    names = accounts([label for label, _ in parts if label != INPUTS])
+    each = [effects for _, (effects, _) in parts]
+    first = [loads[0] if loads else 0 for _, (_, loads) in parts]
+    return Ledger(
+        tally=np.array([compiled.note(model.layout.dimension).address], dtype=np.uint64),
+        effects=replace(_joined(each), loads_at=np.array(first, dtype=np.uint64)),
+        account=indices([names.index(label) for label, _ in parts]),
+        weights=weights,
+        rates=np.zeros(weights.size * len(names)),
+        Q=np.zeros(model.q.size),
+        good=np.zeros(len(names)),
+    )
+
+
+def _joined(parts: Sequence[Effects]) -> Effects:
+    """Lists of effects as one."""
+    if not parts:
+        return Effects.empty()
+    names = ('force', 'potential', 'friction', 'tangent', 'slots', 'params', 'loads_at')
+    whole = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+    for name in ('slots', 'params'):
+        sizes = [getattr(part, name).size for part in parts]
+        before = np.cumsum([0, *sizes[:-1]], dtype=np.uint64)
+        at = [getattr(part, f'{name}_at') + n for part, n in zip(parts, before, strict=True)]
+        whole[f'{name}_at'] = np.concatenate(at)
+    return Effects(**whole)

@@ -1,0 +1,1 @@
+"""Accuracy against exact motions, cost against accuracy, the figures of the paper."""

@@ -1,0 +1,1 @@
+"""Mechanisms through their singular positions, judged against exact motions."""
