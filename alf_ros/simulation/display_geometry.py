@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from alf_ros.arrays import Floats
-
-if TYPE_CHECKING:
-    from alf_ros.mechanism import Body, Mechanism
-    from alf_ros.simulation.sample import Sample
+from alf_ros.mechanism import Body, Mechanism
+from alf_ros.simulation.sample import Sample
 
 # An arrow is three segments: shaft and two barbs.
 POINTS_PER_ARROW = 6

@@ -7,14 +7,13 @@ is one list of points, so that a large mechanism stays one message of four marke
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from geometry_msgs.msg import Point, Vector3
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
 from alf_ros.arrays import Floats
+from alf_ros.model.compile import Model
 from alf_ros.ros.messages.templates import STAMP, WORLD, Template, Write
 from alf_ros.simulation.display_geometry import (
     POINTS_PER_ARROW,
@@ -26,10 +25,7 @@ from alf_ros.simulation.display_geometry import (
     size,
     standard_scale,
 )
-
-if TYPE_CHECKING:
-    from alf_ros.model.compile import Model
-    from alf_ros.simulation.sample import Sample
+from alf_ros.simulation.sample import Sample
 
 # Width of a line as a part of the mechanism's size; balls are three times as large.
 _WIDTH = 0.01

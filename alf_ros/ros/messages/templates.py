@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 import struct
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -19,13 +19,11 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, MultiDOFJointState
 from std_msgs.msg import Float64, Header
 
+from alf_ros.model.compile import Model
 from alf_ros.model.constraints import drives as driving
 from alf_ros.simulation import observables, state_vector
-
-if TYPE_CHECKING:
-    from alf_ros.model.compile import Model
-    from alf_ros.simulation.observables import Reading
-    from alf_ros.simulation.sample import Sample
+from alf_ros.simulation.observables import Reading
+from alf_ros.simulation.sample import Sample
 
 WORLD = 'world'
 

@@ -6,16 +6,13 @@ The bytes are put together here, because tf2_msgs comes only with a ROS 2 instal
 from __future__ import annotations
 
 import struct
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from alf_ros.model.compile import Model
 from alf_ros.ros.messages.templates import WORLD, Write
 from alf_ros.simulation.display_geometry import Display, poses
-
-if TYPE_CHECKING:
-    from alf_ros.model.compile import Model
-    from alf_ros.simulation.sample import Sample
+from alf_ros.simulation.sample import Sample
 
 _HEADER = b'\x00\x01\x00\x00'  # CDR, little endian; places count from behind it
 _STAMP = struct.Struct('<iI')

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
@@ -12,20 +11,19 @@ from sensor_msgs.msg import JointState, MultiDOFJointState
 from std_msgs.msg import Float64
 from visualization_msgs.msg import MarkerArray
 
+from alf_ros.model.compile import Model
 from alf_ros.ros.messages import templates
 from alf_ros.ros.messages.markers import markers
 from alf_ros.ros.messages.templates import Write
 from alf_ros.ros.messages.tf import transforms
 from alf_ros.simulation.display_geometry import Display
+from alf_ros.simulation.simulation import Simulation
 
 try:
     from tf2_msgs.msg import TFMessage
 except ImportError:  # not among the wheels: only a ROS 2 installation brings it
     TFMessage = None
 
-if TYPE_CHECKING:
-    from alf_ros.model.compile import Model
-    from alf_ros.simulation.simulation import Simulation
 
 # Reliable publishers match both reliable and best-effort readers.
 RELIABLE = QoSProfile(depth=10)

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rclpy.task import Future
 
+from alf_ros.arrays import Floats
 from alf_ros.errors import AlfError, InputError
-from alf_ros.simulation.setup import on_grid
-
-if TYPE_CHECKING:
-    from alf_ros.arrays import Floats
-    from alf_ros.ros.simulator.inputs import Inputs
-    from alf_ros.ros.simulator.pacing import Pacer
-    from alf_ros.ros.simulator.run import Run
-    from alf_ros.simulation.saved_states import SavedStates
-    from alf_ros.simulation.setup import Setup
+from alf_ros.ros.simulator.inputs import Inputs
+from alf_ros.ros.simulator.pacing import Pacer
+from alf_ros.ros.simulator.run import Run
+from alf_ros.simulation.saved_states import SavedStates
+from alf_ros.simulation.setup import Setup, on_grid
 
 # Longest time (s) of ticks in one call, so that commands and services get their turn.
 BURST = 0.01

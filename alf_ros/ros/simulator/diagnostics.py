@@ -8,20 +8,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from alf_ros.errors import StepError
 from alf_ros.model.softest_modes import near
-
-if TYPE_CHECKING:
-    from alf_ros.ros.recording.recorder import Recorder
-    from alf_ros.ros.simulator.inputs import Inputs
-    from alf_ros.ros.simulator.pacing import Pacer
-    from alf_ros.simulation.sample import Sample
-    from alf_ros.simulation.simulation import Simulation
+from alf_ros.ros.recording.recorder import Recorder
+from alf_ros.ros.simulator.inputs import Inputs
+from alf_ros.ros.simulator.pacing import Pacer
+from alf_ros.simulation.sample import Sample
+from alf_ros.simulation.simulation import Simulation
 
 CONSTRAINTS = (
     'position_violation_m',

@@ -4,7 +4,6 @@ are, and as somebody wants them."""
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 from simulation_interfaces.msg import EntityState
@@ -15,9 +14,7 @@ from alf_ros.mechanism import Point
 from alf_ros.ros.messages.templates import WORLD, to_time
 from alf_ros.simulation.display_geometry import in_space, poses
 from alf_ros.simulation.placement import TOLERANCE, spin, unit_quaternion
-
-if TYPE_CHECKING:
-    from alf_ros.simulation.sample import Sample
+from alf_ros.simulation.sample import Sample
 
 
 def entity_state(sample: Sample, name: str, ns: int) -> EntityState:

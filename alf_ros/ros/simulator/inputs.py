@@ -25,14 +25,13 @@ from alf_ros.errors import InputError
 from alf_ros.ros.simulator.command_messages import REASONS, Refused, read_joints, read_wrench
 from alf_ros.ros.simulator.trajectory_command import Trajectory, read_trajectory
 from alf_ros.simulation.applied import OVER_TIME
+from alf_ros.simulation.applied import Inputs as HeldInputs
 from alf_ros.simulation.input_checks import follows
+from alf_ros.simulation.simulation import Simulation
 
 if TYPE_CHECKING:
     from rclpy.node import Node
     from rclpy.subscription import Subscription
-
-    from alf_ros.simulation.applied import Inputs as HeldInputs
-    from alf_ros.simulation.simulation import Simulation
 
 # Up to this many bodies and points are subscribed to at start; a larger mechanism when somebody
 # publishes. As many unknown names are listened to, to say that they are unknown.

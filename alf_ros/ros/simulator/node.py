@@ -21,12 +21,11 @@ from alf_ros.ros.simulator.pacing import SHORTEST_BEAT, Pacer
 from alf_ros.ros.simulator.services import Services
 from alf_ros.ros.terminal import LOOK_PERIOD, Status
 from alf_ros.simulation.display_geometry import Display
+from alf_ros.simulation.setup import Setup
+from alf_ros.simulation.simulation import Simulation
 
 if TYPE_CHECKING:
     from rclpy.timer import Timer
-
-    from alf_ros.simulation.setup import Setup
-    from alf_ros.simulation.simulation import Simulation
 
 
 class Stop:

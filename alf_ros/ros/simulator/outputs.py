@@ -15,16 +15,15 @@ from std_msgs.msg import String
 from alf_ros.errors import InputError
 from alf_ros.exchange.urdf_export import urdf
 from alf_ros.ros.messages.topics import LATCHED, RELIABLE, TOPICS
+from alf_ros.ros.recording.recorder import Recorder
+from alf_ros.scene.scene import Scene
+from alf_ros.simulation.display_geometry import Display
+from alf_ros.simulation.sample import Sample
+from alf_ros.simulation.simulation import Simulation
 
 if TYPE_CHECKING:
     from rclpy.node import Node
     from rclpy.qos import QoSProfile
-
-    from alf_ros.ros.recording.recorder import Recorder
-    from alf_ros.scene.scene import Scene
-    from alf_ros.simulation.display_geometry import Display
-    from alf_ros.simulation.sample import Sample
-    from alf_ros.simulation.simulation import Simulation
 
 
 class Output:

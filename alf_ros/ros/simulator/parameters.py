@@ -17,12 +17,11 @@ from rclpy.parameter import Parameter
 
 from alf_ros.errors import InputError
 from alf_ros.ros.messages.topics import TF, TOPICS
+from alf_ros.scene.scene import Scene, Solver
 from alf_ros.scene.text.yaml_document import LARGEST
 
 if TYPE_CHECKING:
     from rclpy.node import Node
-
-    from alf_ros.scene.scene import Scene, Solver
 
 # YAML, and so every ROS command line, turns an unquoted on or off into a boolean.
 MODES = {'auto': 'auto', 'on': 'on', 'off': 'off', True: 'on', False: 'off'}

@@ -9,18 +9,17 @@ from rclpy.serialization import serialize_message
 
 from alf_ros.errors import StepError
 from alf_ros.ros.messages.templates import to_time
+from alf_ros.ros.recording.recorder import Recorder
 from alf_ros.ros.simulator import diagnostics
+from alf_ros.ros.simulator.control import Control
 from alf_ros.ros.simulator.diagnostics import Pace
+from alf_ros.ros.simulator.outputs import Outputs
+from alf_ros.ros.simulator.pacing import Pacer
 from alf_ros.ros.terminal import LOOK_PERIOD, PLAIN_PERIOD, Status
+from alf_ros.simulation.simulation import Simulation
 
 if TYPE_CHECKING:
     from rclpy.node import Node
-
-    from alf_ros.ros.recording.recorder import Recorder
-    from alf_ros.ros.simulator.control import Control
-    from alf_ros.ros.simulator.outputs import Outputs
-    from alf_ros.ros.simulator.pacing import Pacer
-    from alf_ros.simulation.simulation import Simulation
 
 # Diagnostics come every fourth time.
 LOOKS_PER_DIAGNOSIS = 4

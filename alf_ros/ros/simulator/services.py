@@ -9,11 +9,10 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from std_srvs.srv import SetBool, Trigger
 
 from alf_ros.errors import AlfError
+from alf_ros.ros.simulator.control import Control
 
 if TYPE_CHECKING:
     from rclpy.node import Node
-
-    from alf_ros.ros.simulator.control import Control
 
 
 class Services:

@@ -22,12 +22,11 @@ from simulation_interfaces.msg import Result, SimulationState, SimulatorFeatures
 from alf_ros import resources
 from alf_ros.errors import AlfError, InputError
 from alf_ros.ros.messages.templates import WORLD
+from alf_ros.ros.simulator.control import Control
 from alf_ros.ros.simulator.entities import entity_state, wanted_pose, wanted_twist
 
 if TYPE_CHECKING:
     from rclpy.node import Node
-
-    from alf_ros.ros.simulator.control import Control
 
 # Feature codes by the interface that makes them true.
 _FEATURES = {

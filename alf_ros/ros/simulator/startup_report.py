@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from alf_ros.simulation.simulation import Simulation
+from alf_ros.simulation.simulation import Simulation
 
 _MOST = 14  # names on a line
 

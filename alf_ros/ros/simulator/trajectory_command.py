@@ -14,11 +14,10 @@ from typing import TYPE_CHECKING
 
 from alf_ros.effects.contract.trajectory import Curve, Knot, through
 from alf_ros.ros.simulator.command_messages import Controlled, Refused, check_names
+from alf_ros.simulation.sample import Sample
 
 if TYPE_CHECKING:
     from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
-
-    from alf_ros.simulation.sample import Sample
 
 MOST_POINTS = 10_000
 

@@ -16,11 +16,10 @@ from std_srvs.srv import SetBool, Trigger
 
 from alf_ros.errors import AlfError
 from alf_ros.resources import library
+from alf_ros.ros.view.node import ViewNode
 
 if TYPE_CHECKING:
     from rclpy.client import Client
-
-    from alf_ros.ros.view.node import ViewNode
 
 # How long (s) an answer may take: another scene may have to be compiled.
 PATIENCE, SCENE_PATIENCE = 10.0, 180.0
