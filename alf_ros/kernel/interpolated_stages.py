@@ -204,7 +204,9 @@ def _find(
     `along`: q̇ as the step adds it up, which the branch goes along; from rest it goes along the
     acceleration. The velocity that `stage` found is no use: its row may be turned by e / x.
     Returns the iterations, and whether they were found: at a standstill that knows no direction
-    the stage stays. `lead`: what is prescribed goes on by from place to place, s.
+    the stage stays. So it does where the acceleration leads to a branch further off than the step
+    has gone: it does not feel the row that tells this branch, which q itself tells.
+    `lead`: what is prescribed goes on by from place to place, s.
     """
     n = work.p.size
     fastest = largest(phase.qd, n)
@@ -219,6 +221,16 @@ def _find(
     for a in range(n):
         work.curve[a] = bend * bend * work.bend[a]
     count = _interpolate(unit, system, forces, work, t, moving, radius, close, spacing, iterations)
+    if count > 0 and not moving:
+        gone = furthest(work.base, phase.q, n)
+        if furthest(work.sum_q, work.base, n) > gone:
+            prescribe(system, t, work.q, work.qd, work.qdd)
+            copy(work.base, work.q)
+            copy(work.base, work.target)
+            count, _x, _clear = stage(
+                unit, system, forces, work, t, radius, close, True, iterations, True
+            )
+            return count, False
     found = largest(work.sum_qd, n)
     ask = ending or furthest(work.sum_qd, work.along, n) > _TURNED * speed
     if ask and count > 0 and moving and found > _SLOW * falling:
