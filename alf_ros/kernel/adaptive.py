@@ -30,7 +30,7 @@ from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.numba_ext.jit import compiled, inner
 from alf_ros.kernel.numba_ext.vectors import copy, largest, zero
 from alf_ros.kernel.singularity_monitor import note
-from alf_ros.kernel.step import accept, begin, fall_back, keep, step
+from alf_ros.kernel.step import accept, begin, fall_back, keep, least_sigma, step
 from alf_ros.kernel.step_error import free_part
 from alf_ros.kernel.tally import ALL, tally
 
@@ -131,10 +131,11 @@ def advance_adaptively(
     pace, share = phase.pace, _SHARE * method.tolerance
     good_pace = pace[0]
     keep(forces, work, phase)
-    most, begun, sigma = 0, False, 0.0 if within else np.inf
+    most, begun = 0, False
     tries, before, longer = 0, np.inf, h  # from here; error and length of the last
     if not begin(unit, system, work, phase):
         return NOT_POSITIVE, 0, most
+    sigma = 0.0 if within else least_sigma(phase)
     for taken in range(steps):
         t, end = t0 + (first + taken) * h, t0 + (first + taken + 1) * h
         done = 0.0
@@ -175,7 +176,7 @@ def advance_adaptively(
                 done = h if parts == 1.0 else done + dt
                 pace[0] = max(pace[0], factor * dt) if dt < pace[0] else factor * dt
                 work.rounded[0] += error > 1.0
-                begun, sigma, tries = False, np.inf, 0
+                begun, sigma, tries = False, least_sigma(phase), 0
             else:
                 before, longer = error, dt
                 begun = result == OK

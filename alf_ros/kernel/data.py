@@ -278,6 +278,8 @@ class Phase(Struct):
     works: Floats  # (accounts,) J, done so far; none without a ledger
     # (loads, D) R (N) that friction depends on, as found last; zero where nothing is known
     loads: Floats = field(default_factory=lambda: np.zeros(0))
+    # (1,) 1 in a singular position, where rows may have lost rank unfelt, else 0; NaN: not known
+    within: Floats = field(default_factory=lambda: np.zeros(1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -381,13 +383,14 @@ class Work(Struct):
     curve: Floats  # (movable D,) second derivative of the branch there, m/s²
     given: Floats  # (all blocks D,) Q at that stage
     lead: Floats  # (1,) from one place to the next, s, for what is prescribed; 0 from rest
-    aside: Integers  # (1,) whether the end of the step is interpolated
+    aside: Integers  # (2,) whether the end of the step is interpolated, and a rank lost there
     sum: Floats  # (movable D,) what is interpolated from those places, and other sums: q̈
     sum_q: Floats  # (movable D,) q
     sum_qd: Floats  # (movable D,) and q̇
     good_q: Floats  # (all blocks D,) the last point of the grid that an adaptive method reached
     good_qd: Floats  # (all blocks D,)
     good_turns: Integers  # (angles,)
+    good_within: Floats  # (1,)
     chart: Chart
     angle: Floats  # (angles, 2) x, y of each
     angle_before: Floats  # (angles, 2) where the step began

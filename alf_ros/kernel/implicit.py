@@ -41,14 +41,23 @@ from alf_ros.kernel.interpolated_stages import (
     linearise_aside,
 )
 from alf_ros.kernel.ldl import linearise
-from alf_ros.kernel.lost_rank import begin_with_det, note_det
+from alf_ros.kernel.lost_rank import begin_with_det, note_det, rank_lost
 from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.numba_ext.jit import compiled, expanded, inner
 from alf_ros.kernel.numba_ext.vectors import copy, furthest, largest, zero
 from alf_ros.kernel.prescribed import prescribe
 from alf_ros.kernel.singularity_monitor import note
 from alf_ros.kernel.stage import stage
-from alf_ros.kernel.step import accept, end_step, evaluate_first, fall_back, keep, mark, nearness
+from alf_ros.kernel.step import (
+    accept,
+    end_step,
+    evaluate_first,
+    fall_back,
+    keep,
+    least_sigma,
+    mark,
+    nearness,
+)
 from alf_ros.kernel.step_error import free_part, judge
 from alf_ros.kernel.tally import ALL, tally
 
@@ -159,9 +168,10 @@ def _step(
     t: float,
     end: float,
     h: float,
-    sigma: float,
+    within: bool,
 ) -> tuple[int, int]:
-    """One step of h (s) from `phase`, at t to `end`; arguments and result as of `step.step`."""
+    """One step of h (s) from `phase`, at t to `end`; arguments as of `advance`, result as of
+    `step.step`."""
     n = work.p.size
     q, qd, rates = phase.q, phase.qd, work.k
     stages, iterations = method.b.size, np.int64(method.iterations)
@@ -171,6 +181,9 @@ def _step(
         return NOT_POSITIVE, 1
     note_det(unit, work)
     begin_with_det(work)
+    if phase.within[0] != 0.0:  # with M̂ the end of a step cannot tell
+        phase.within[0] = 1.0 if rank_lost(unit, system, work) else 0.0
+    sigma = 0.0 if within else least_sigma(phase)
     most, felt = evaluate_first(unit, system, forces, work, phase, t, iterations)
     if most < 0:
         return JAMMED, 1
@@ -313,7 +326,7 @@ def advance_implicitly(
     pace, adaptive = phase.pace, method.embedded.size > 0
     good_pace = pace[0]
     keep(forces, work, phase)
-    most, sigma = 0, 0.0 if within else np.inf
+    most, here = 0, within
     mark(unit, system, work, phase)
     for taken in range(steps):
         t, end = t0 + (first + taken) * h, t0 + (first + taken + 1) * h
@@ -330,7 +343,7 @@ def advance_implicitly(
             dt = left / parts
             to = end if parts == 1.0 else t + done + dt
             result, count = _step(
-                unit, system, forces, method, work, phase, t + done, to, dt, sigma
+                unit, system, forces, method, work, phase, t + done, to, dt, here
             )
             most = max(most, count)
             error, factor = np.inf, 0.5
@@ -352,7 +365,7 @@ def advance_implicitly(
                 copy(forces.bearings.force, phase.loads)
                 done = h if parts == 1.0 else done + dt
                 length = max(length, factor * dt) if dt < length else factor * dt
-                sigma, tries = np.inf, 0
+                here, tries = False, 0
             else:
                 before, longer = error, dt
                 tries += 1

@@ -15,6 +15,7 @@ from alf_ros.arrays import Unit
 from alf_ros.kernel.augmented_solve import accelerate_under, apply
 from alf_ros.kernel.data import JAMMED, NOT_CLOSED, OK, TWO, Forces, Phase, System, Work
 from alf_ros.kernel.ldl import linearise
+from alf_ros.kernel.lost_rank import lost
 from alf_ros.kernel.numba_ext.jit import inner
 from alf_ros.kernel.numba_ext.vectors import copy, furthest, largest, zero
 from alf_ros.kernel.prescribed import prescribe
@@ -168,7 +169,7 @@ def end_aside(
     gap = opening_twofold(unit, system.rows, work.q, work.r2)
     if not (gap <= _CLOSED * system.size and linearise(unit, system, work, work.q)):
         return NOT_CLOSED, count
-    work.aside[0] = found
+    work.aside[0], work.aside[1] = found, lost(unit, system, work)
     return OK, count
 
 

@@ -61,13 +61,8 @@ def fallen(work: Work) -> bool:
 
 
 @inner
-def lost(unit: Unit, system: System, work: Work) -> bool:
-    """Whether the rank is less than at ordinary positions, by the factor in `work`.
-
-    With the M̂ of an implicit method the rank cannot be told from the factor: then it may be.
-    """
-    if system.soft.weight.size > 0:
-        return True
+def rank_lost(unit: Unit, system: System, work: Work) -> bool:
+    """Whether the rank is less than at ordinary positions, by a factor of A without M̂."""
     trace = mass_trace(
         unit,
         system.pattern,
@@ -78,3 +73,12 @@ def lost(unit: Unit, system: System, work: Work) -> bool:
         work.inverse_off,
     )
     return work.p.size - trace < system.rank - 0.5
+
+
+@inner
+def lost(unit: Unit, system: System, work: Work) -> bool:
+    """The same by the factor in `work`, whatever it is of.
+
+    With the M̂ of an implicit method the rank cannot be told from the factor: then it may be.
+    """
+    return system.soft.weight.size > 0 or rank_lost(unit, system, work)

@@ -28,7 +28,7 @@ from alf_ros.kernel.data import (
 )
 from alf_ros.kernel.interpolated_stages import BLIND, end_aside, evaluate_aside, evaluate_there
 from alf_ros.kernel.ldl import linearise
-from alf_ros.kernel.lost_rank import begin_with_det, fallen, lost, note_det
+from alf_ros.kernel.lost_rank import begin_with_det, fallen, lost, note_det, rank_lost
 from alf_ros.kernel.numba_ext.jit import compiled, expanded, inner
 from alf_ros.kernel.numba_ext.vectors import copy, furthest, largest, zero
 from alf_ros.kernel.prescribed import prescribe
@@ -103,7 +103,7 @@ def end_step(
     itself nothing is felt of the row that tells the branch, so its rank is counted if any stage
     was beside one (`suspect`). `radius`, `close`, `falling`: as `nearness` returns.
     """
-    work.aside[0] = 0
+    work.aside[0], work.aside[1] = 0, 0
     copy(work.q, work.base)
     copy(work.qd, work.along)
     if not near:
@@ -286,6 +286,8 @@ def begin(unit: Unit, system: System, work: Work, phase: Phase) -> bool:
     factored = linearise(unit, system, work, work.q)
     note_det(unit, work)
     begin_with_det(work)
+    if np.isnan(phase.within[0]):
+        phase.within[0] = 1.0 if rank_lost(unit, system, work) else 0.0
     return factored
 
 
@@ -297,6 +299,7 @@ def keep(forces: Forces, work: Work, phase: Phase) -> None:
     copy(phase.turns, work.good_turns)
     copy(phase.works, forces.ledger.good)
     copy(phase.loads, forces.bearings.good)
+    copy(phase.within, work.good_within)
 
 
 @inner
@@ -307,6 +310,7 @@ def fall_back(forces: Forces, work: Work, phase: Phase) -> None:
     copy(work.good_turns, phase.turns)
     copy(forces.ledger.good, phase.works)
     copy(forces.bearings.good, phase.loads)
+    copy(work.good_within, phase.within)
 
 
 @inner
@@ -319,6 +323,13 @@ def accept(unit: Unit, system: System, work: Work, phase: Phase) -> None:
     nearby(work.angle, phase.turns, work.near)
     copy(work.q, phase.q)
     copy(work.qd, phase.qd)
+    phase.within[0] = float(work.aside[1])
+
+
+@inner
+def least_sigma(phase: Phase) -> float:
+    """0 in a singular position, which exactly there is not felt; else infinite."""
+    return 0.0 if phase.within[0] > 0.0 else np.inf
 
 
 @compiled
@@ -343,9 +354,10 @@ def advance(
     says that `phase` is a singular position, which exactly there is not felt: nothing asks for the
     direction that a row has lost.
     """
-    most, sigma = 0, 0.0 if within else np.inf
+    most = 0
     if not begin(unit, system, work, phase):
         return NOT_POSITIVE, 0, most
+    sigma = 0.0 if within else least_sigma(phase)
     for taken in range(steps):
         t, end = t0 + (first + taken) * h, t0 + (first + taken + 1) * h
         result, count = step(unit, system, forces, method, work, phase, t, end, h, sigma, False)
@@ -354,10 +366,10 @@ def advance(
             result = judge(unit, system, method, work, h)
         if result != OK:
             return result, taken, most
-        sigma = np.inf
         tally(forces.ledger.tally, system, forces, work, phase, t, method.b.size, h, ALL)
         accept(unit, system, work, phase)
         copy(forces.bearings.force, phase.loads)
+        sigma = least_sigma(phase)
         if watch is not None:  # known when it is compiled: who does not watch does without
             if note(unit, system, work, watch, phase, end):
                 return OK, taken + 1, most  # to be looked at

@@ -273,6 +273,7 @@ def allocate(model: Model, system: System, stages: int) -> Work:
         'diagonal': n * D,
         'off': pattern.row.size * D * D,
         'inverse_det': 4,
+        'good_within': 1,
         'inverse': n * D if stages else 0,
         'inverse_off': pattern.row.size * D * D if stages else 0,
         'column': int(columns.max(initial=0)) * D * D,
@@ -317,7 +318,7 @@ def allocate(model: Model, system: System, stages: int) -> Work:
     return Work(
         evaluations=np.zeros(1, dtype=np.int64),
         rounded=np.zeros(1, dtype=np.int64),
-        aside=np.zeros(1, dtype=np.int64),
+        aside=np.zeros(2, dtype=np.int64),
         judged=np.zeros(JUDGED),
         chart=Chart(
             **{name: np.zeros(n) for name in ('t', 'n', 'rate', 'momentum', 'rest', 'w')},

@@ -136,8 +136,8 @@ class Simulation:
         except AssemblyError as error:
             raise AssemblyError(error.message, file=scene.file, key=error.key) from None
         self._watcher: Watcher | None = None
-        # t (s), state and `_beside` of the last step aside
-        self._aside: tuple[float, State, bool | None] | None = None
+        # t (s), state, `_beside` and `Phase.within` of the last step aside
+        self._aside: tuple[float, State, bool | None, Floats] | None = None
         self._iterations = 0
         self._step_cost = math.nan
         # whether the end of the last step was interpolated beside a singular position
@@ -496,6 +496,7 @@ class Simulation:
         phase.pace[0], self._carried[:] = state.pace, state.carried
         phase.works[:] = [state.works.get(name, 0.0) for name in self.accounts]
         phase.loads[:] = state.loads if state.loads.size == phase.loads.size else 0.0
+        phase.within[0] = math.nan if state.step else 0.0
         # a state may come from a log, which holds what moves freely
         prescribe(self.model.system, self.t, phase.q, phase.qd, np.zeros_like(phase.q))
         self._work.judged[:] = 0.0
@@ -600,14 +601,15 @@ class Simulation:
         on from the last instant that was asked for: otherwise each instant would cost all steps
         since the grid point.
         """
-        start, state, beside = self._aside or (self.t, self.state, self._beside)
+        here = self.t, self.state, self._beside, self._phase.within
+        start, state, beside, within = self._aside or here
         if t < start or not self._method.embedded.size:
-            start, state, beside = self.t, self.state, self._beside
+            start, state, beside, within = here
         if t > start:
             works = np.array([state.works[name] for name in self.accounts])
             pace, carried = np.array([state.pace]), state.carried.copy()
             arrays = state.q.copy(), state.qd.copy(), state.turns.copy()
-            phase = Phase(*arrays, pace, works, state.loads.copy())
+            phase = Phase(*arrays, pace, works, state.loads.copy(), within.copy())
             with self._unjudged():
                 result, _ = self._advance(phase, carried, 0, 1, t - start, start)
             if result != kernel.OK:
@@ -623,7 +625,7 @@ class Simulation:
                 works=self._works(works),
             )
             beside = bool(self._work.aside[0])
-            self._aside = t, state, beside
+            self._aside = t, state, beside, phase.within
         return self._sample(t, state, beside)
 
     def _sample(self, t: float, state: State, beside: bool | None) -> Sample:

@@ -286,7 +286,15 @@ def place(model: Model, work: Work, redundant: int, t: float, phase: Phase) -> P
 def copy(phase: Phase) -> Phase:
     """The same in arrays of its own."""
     turns, pace, works = phase.turns.copy(), phase.pace.copy(), phase.works.copy()
-    return Phase(phase.q.copy(), phase.qd.copy(), turns, pace, works, phase.loads.copy())
+    return Phase(
+        phase.q.copy(),
+        phase.qd.copy(),
+        turns,
+        pace,
+        works,
+        phase.loads.copy(),
+        phase.within.copy(),
+    )
 
 
 def _dependency(model: Model, q: Floats) -> Floats:
