@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from alf_ros.moved import announce
+
 if TYPE_CHECKING:
     from alf_ros.errors import AlfError, AssemblyError, InputError, StepError
     from alf_ros.scene.scene import Scene, load_scene
@@ -37,6 +39,8 @@ _HOME = {
     'Simulation': 'simulation.simulation',
     'State': 'simulation.state',
 }
+
+announce()
 
 
 def __getattr__(name: str) -> object:

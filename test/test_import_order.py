@@ -18,6 +18,7 @@ ROOMS = (
     'arrays',
     'resources',
     'digest',
+    'moved',
     'kernel',
     'mechanism',
     'model',

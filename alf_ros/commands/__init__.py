@@ -1,4 +1,4 @@
-"""The commands of this package, in the order in which help lists them.
+"""The commands: one verb, one file, one line in the table; parse, call, print.
 
 A command is a module with a docstring, whose first line is its help, and
 `main(argv: Sequence[str] | None = None) -> int`. A line here makes it `python -m alf_ros <name>`

@@ -1,4 +1,4 @@
-"""Effects: what acts on a mechanism. A scene names them; what it does not name is not imported.
+"""What acts, a file for each effect; one that the scene does not name is not imported.
 
 Besides the files of this folder a scene may name an effect that another package registers (entry
 point of the group `alf_ros.effects`, a module), or a file of its own (`my_effect.py`).

@@ -1,4 +1,4 @@
-"""The compiled maths of ALF2: Φ, Φ_q, A = M + Φ_qᵀαΦ_q, its LDLᵀ, the augmented solve, the step.
+"""The compiled mathematics: A = M + Φ_qᵀαΦ_q and its LDLᵀ, augmented solves, the step.
 
 Equation numbers are those of Bayo & Avello, Nonlinear Dynamics 5 (1994); doc/method.md derives
 what differs from the print. `data` says what passes between the files.

@@ -1,4 +1,4 @@
-"""Logs of the simulator without ROS: `load` one, look at it, run it again.
+"""Logs without ROS: `load` one, look at it, run it again.
 
     log = load('logs/slider_crank_20260101T000000Z')
     log.scene_text, log.versions, log.inputs      # what was run, with what, what was commanded

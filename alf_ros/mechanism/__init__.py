@@ -1,4 +1,4 @@
-"""What exists: points, vectors, bodies, joints and drives as frozen data, and its coordinates.
+"""What exists: points, bodies, joints and drives as frozen data, and its coordinates.
 
 No YAML and no compiled code.
 """
