@@ -111,7 +111,7 @@ VALUES = (
     '0 1 -1 2 0.5 -0.001 1e-9 1e-100 1e-320 1e9 1e99 -1e99 1e100 1e308 1e999 0x10 1_0 nan .nan '
     'inf -.inf true false yes ~ null [] {} "" [0] [0,0] [1,0,0] [[]] [[0,0],[1,1]] {k:1} <k> L pi '
     '1/0 9**9**9 sqrt(-1) é ∞ 世界 "\\u00e9" name.csv rod point ground world x x.yaml /dev/zero '
-    'effect.py alf1 alf2_literal canonical penalty baumgarte lagrange_canonical independent '
+    'effect.py alf1 alf2_as_printed canonical penalty baumgarte lagrange_canonical independent '
     'dop853 dop853_adaptive spatial planar revolute prismatic weld slider spherical body cubic'
 ).split() + ['a' * 300, '{for: {k: [0, 3]}}', '[1, 2, 3, 4, 5]', '{about_com: 1}', '- -', '"a b"']
 FLOW = '    '  # indented so far a mapping is on one line

@@ -13,7 +13,7 @@ from alf_ros.scene.scene import scene_from_text
 
 G = 9.81
 GRAVITY = {'gravity': {'acceleration': [0, -G]}}
-OTHERS = ['alf1', 'canonical', 'alf2_literal', 'baumgarte', 'lagrange_canonical']
+OTHERS = ['alf1', 'canonical', 'alf2_as_printed', 'baumgarte', 'lagrange_canonical']
 METHODS = [('rk4', 1e-3), ('dop853', 1e-2), ('dop853_adaptive', 0.05)]
 
 

@@ -19,7 +19,7 @@ from alf_ros.simulation.formulations import Formulation
 from alf_ros.studies.exact import motions
 
 PENALTY = ('penalty', 'canonical')  # right up to 1/α
-ITERATED = ('alf1', 'alf2_literal')
+ITERATED = ('alf1', 'alf2_as_printed')
 CLASSICAL = ('baumgarte', 'lagrange_canonical', 'independent')
 GRAVITY = {'gravity': {'acceleration': [0, -9.81]}}
 
@@ -129,7 +129,7 @@ def test_iterations_remove_the_error_of_the_penalty(name: str) -> None:
 
 
 def test_one_iteration_is_the_penalty_method() -> None:
-    for whole, alone in (('alf1', 'penalty'), ('alf2_literal', 'canonical')):
+    for whole, alone in (('alf1', 'penalty'), ('alf2_as_printed', 'canonical')):
         one = end(double_pendulum(), whole, 1e-3, 0.1, iterations=1)
         assert np.array_equal(one, end(double_pendulum(), alone, 1e-3, 0.1))
 
@@ -184,8 +184,8 @@ def test_accelerations_are_those_of_the_dense_equations(name: str) -> None:
     ('name', 'solver'),
     [
         ('lagrange_canonical', {}),
-        ('alf2_literal', {}),
-        ('alf2_literal', {'penalty': 1e2, 'iterations': 3}),  # where each residual still counts
+        ('alf2_as_printed', {}),
+        ('alf2_as_printed', {'penalty': 1e2, 'iterations': 3}),  # where each residual still counts
         ('canonical', {'penalty': 1e4}),
     ],
 )
@@ -393,7 +393,7 @@ def test_adaptive_steps_are_refused(name: str) -> None:
         ('baumgarte', 3.0),  # Φ̈ + 2ΩμΦ̇ + Ω²Φ = 0 from rest: (1 + Ωt) exp(-Ωt)
         ('alf1', 3.0),
         ('penalty', 3.0),
-        ('alf2_literal', -1.0),  # Φ̇ + 2ΩμΦ + Ω²∫Φ = 0: (1 - Ωt) exp(-Ωt)
+        ('alf2_as_printed', -1.0),  # Φ̇ + 2ΩμΦ + Ω²∫Φ = 0: (1 - Ωt) exp(-Ωt)
         ('canonical', -1.0),
     ],
 )
@@ -417,3 +417,12 @@ def test_omega_and_mu_close_what_stands_open(name: str, left: float) -> None:
     formulation.advance(sim._applied.assembled, sim._work, phase, y, 0.0, 0, 400, 1e-3)
     wanted = left * math.exp(-2.0) * before
     assert opening() == pytest.approx(wanted, abs=1e-4 * np.abs(before).max())
+
+
+def test_an_old_name_stays_valid_in_files() -> None:
+    scene = load_scene('four_bar')
+    old = Simulation(scene, formulation='alf2_literal')
+    new = Simulation(scene, formulation='alf2_as_printed')
+    assert old.solver == new.solver
+    source = {'mechanism': 'four_bar', 'solver': {'formulation': 'alf2_literal'}}
+    assert load_scene(source).solver.formulation == 'alf2_as_printed'

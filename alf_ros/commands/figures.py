@@ -53,7 +53,7 @@ def _show(
     for curve in curves:
         nearest = '' if curve.nearest is None else f', the nearest at {curve.nearest:.0e} rad'
         print(
-            f'{comparison.example.mechanism:16}{curve.name:14}{curve.verdict():16}'
+            f'{comparison.example.mechanism:16}{curve.name:17}{curve.verdict():16}'
             f'{curve.position_error.max():.1e} m, {curve.energy_error.max():.1e} J, '
             f'gap {curve.gap.max():.1e} m, {curve.evaluations} evaluations{nearest}'
             f'{f"; stopped: {curve.stopped}" if curve.stopped else ""}'
@@ -87,7 +87,7 @@ def _published(folder: Path, comparisons: Sequence[Comparison], setting: Setting
         curves.append(comparison.simulated('alf2', ours))
         name = f'{comparison.example.mechanism}_published'
         written += _show(folder, name, title, comparison, curves)
-    print(f'{SAID}\n{_finding(lost["alf1"], lost["alf2_literal"])}')
+    print(f'{SAID}\n{_finding(lost["alf1"], lost["alf2_as_printed"])}')
     return written
 
 

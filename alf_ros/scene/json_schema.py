@@ -280,6 +280,7 @@ def _solver() -> Schema:
         text = _DEFINITIONS['number']['anyOf'][1]
         fields[name] = {'description': expected, **_any(number, text)}
     fields |= {name: {'enum': list(choices)} for name, choices in scene.CHOICES.items()}
+    fields['formulation']['enum'] += scene.RENAMED
     for item in dataclasses.fields(scene.Solver):
         fields[item.name]['default'] = item.default
     return _mapping(fields, ())

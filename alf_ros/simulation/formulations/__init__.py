@@ -1,6 +1,6 @@
 """Other formulations of the equations of motion, to compare ALF2 with.
 
-`alf1`, `alf2_literal`, `canonical` and `penalty` are the paper's, written as printed; `baumgarte`,
+`alf1`, `alf2_as_printed`, `canonical` and `penalty` are of the paper, as printed; `baumgarte`,
 `lagrange_canonical` and `independent` the classical ones it argues against. They take the fixed
 steps of any explicit Runge-Kutta method, and use Φ, Φ_q and the effects of the kernel, the first
 four its leading matrix too. All that one carries from step to step is an array, its state y.
@@ -40,8 +40,8 @@ _MATRIX = 'the classical matrix [M Φ_qᵀ; Φ_q 0] is singular here'
 _SPLIT = 'the independent coordinates chosen at the start do not determine the others here'
 _KINDS = {
     'alf1': _Kind('alf1'),
-    'alf2_literal': _Kind('alf2'),
-    'canonical': _Kind('alf2', 1),
+    'alf2_as_printed': _Kind('alf2_as_printed'),
+    'canonical': _Kind('alf2_as_printed', 1),
     'penalty': _Kind('alf1', 1),
     'baumgarte': _Kind('baumgarte', singular=_MATRIX),
     'lagrange_canonical': _Kind('lagrange_canonical', singular=_MATRIX),
@@ -118,7 +118,7 @@ class Formulation:
         """Result and ẏ (size,) at t (s), y (size,), for an integrator outside.
 
         `work` has q and q̇ of y afterwards; the blocks that are fixed must stand in it before, and
-        the angles that effects take a stage to be near to. Only `alf1` and `alf2_literal`, and
+        the angles that effects take a stage to be near to. Only `alf1` and `alf2_as_printed`, and
         their first iterates `penalty` and `canonical`, are written for that.
         """
         model, storage = self._model, self._storage

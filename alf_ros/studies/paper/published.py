@@ -71,7 +71,7 @@ INTEGRATORS = {'adams': _adams, 'vode': _vode}
 
 
 class PublishedRun:
-    """A run of a scene with `alf1` or `alf2_literal` in the setting of the paper."""
+    """A run of a scene with `alf1` or `alf2_as_printed` in the setting of the paper."""
 
     def __init__(self, scene: Scene, formulation: str, setting: Setting) -> None:
         model = compile_model(scene.mechanism, Solver().penalty)

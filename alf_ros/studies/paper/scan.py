@@ -11,7 +11,7 @@ import numpy as np
 from alf_ros.studies.paper.formulations import Comparison
 from alf_ros.studies.paper.published import Setting
 
-LITERAL = ('alf1', 'alf2_literal')
+LITERAL = ('alf1', 'alf2_as_printed')
 TOLERANCES = (1e-4, 1e-5, 1e-6, 1e-7)
 PENALTIES = (1e5, 1e6, 1e7, 1e8, 1e9)
 NEIGHBOURS = np.geomspace(0.8, 1.25, 11)  # times a tolerance
@@ -48,7 +48,7 @@ def neighbours(
     ends = f'{min(factors) * setting.tolerance:.3g} .. {max(factors) * setting.tolerance:.3g}'
     lost = sum(times.values())
     return (
-        f'{comparison.example.mechanism:16}{formulation:14}lost in {lost} of {len(found)} runs '
+        f'{comparison.example.mechanism:16}{formulation:17}lost in {lost} of {len(found)} runs '
         f'with tolerances {ends}{f": {at}" if at else ""}'
     )
 

@@ -84,12 +84,12 @@ def settings(
     """Every combination that means something; `steps` (s) are STEPS if not given.
 
     Formulations other than alf2 take fixed explicit steps only. Those that do not iterate are run
-    with the last of `iterations` alone; with one iteration alf1 is penalty, and alf2_literal
+    with the last of `iterations` alone; with one iteration alf1 is penalty, and alf2_as_printed
     canonical.
     """
     for formulation in formulations:
         counts = iterations if formulation == 'alf2' else iterations[-1:]
-        if formulation in ('alf1', 'alf2_literal'):
+        if formulation in ('alf1', 'alf2_as_printed'):
             counts = [count for count in iterations if count > 1]
         for integrator in integrators:
             adaptive = bool(TABLEAUX[integrator].embedded.size)

@@ -12,7 +12,7 @@ from alf_ros.studies.work_precision.report import Curve, Summary, curves
 COLOURS = {  # Okabe & Ito, and three more
     'alf2': '#0072b2',
     'alf1': '#d55e00',
-    'alf2_literal': '#e69f00',
+    'alf2_as_printed': '#e69f00',
     'canonical': '#cc79a7',
     'penalty': '#7f4fa3',
     'baumgarte': '#009e73',
