@@ -12,7 +12,7 @@ from alf_ros.logs.log import Log
 from alf_ros.logs.mcap_chunks import Contents, blocks
 from alf_ros.logs.progress import Progress, Report, silent
 from alf_ros.ros.recording import rosbag2_metadata
-from alf_ros.ros.recording.mcap_file import LogFile
+from alf_ros.ros.recording.mcap_file import LogFile, write_metadata
 
 
 def recover(log: Log, folder: Path, report: Report = silent) -> list[LogFile]:
@@ -30,7 +30,7 @@ def recover(log: Log, folder: Path, report: Report = silent) -> list[LogFile]:
             for read in _copied(file, copy):
                 report((before + read) / size)
             before += file.stat().st_size
-        rosbag2_metadata.write_metadata(folder, made, log.record)
+        write_metadata(folder, made, log.record)
     except FileExistsError:
         raise InputError('is there already', key='--output', value=str(folder)) from None
     except OSError as error:
