@@ -40,8 +40,8 @@ _MATRIX = 'the classical matrix [M Φ_qᵀ; Φ_q 0] is singular here'
 _SPLIT = 'the independent coordinates chosen at the start do not determine the others here'
 _KINDS = {
     'alf1': _Kind('alf1'),
-    'alf2_literal': _Kind('alf2'),
-    'canonical': _Kind('alf2', 1),
+    'alf2_literal': _Kind('alf2_as_printed'),
+    'canonical': _Kind('alf2_as_printed', 1),
     'penalty': _Kind('alf1', 1),
     'baumgarte': _Kind('baumgarte', singular=_MATRIX),
     'lagrange_canonical': _Kind('lagrange_canonical', singular=_MATRIX),
