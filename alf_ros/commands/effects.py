@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import argparse
 import csv
 import dataclasses
 import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 from alf_ros import effects
 from alf_ros.commands.hard_cases import about
+from alf_ros.commands.parser import Parser, add_folder, writing_into
 from alf_ros.errors import InputError
 from alf_ros.inspection import effect_costs_plot
 from alf_ros.inspection.effect_costs import PriceList, price_list
@@ -107,14 +107,9 @@ def _write(path: Path, found: PriceList) -> None:
             writer.writerow([price.effect, *numbers, *made, *_exact(price.mode)])
 
 
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise InputError(f'{message} (see --help)')
-
-
 def main(argv: Sequence[str] | None = None) -> int:
     """List the effects, or price those of a scene. Returns 0; raises InputError, StepError."""
-    parser = _Parser(
+    parser = Parser(
         prog='effects',
         description='Without SCENE: all effects with their parameters, defaults and units. With '
         'SCENE: what each of its effects costs on this machine and what difference it makes, also '
@@ -124,9 +119,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument(
         '--duration', type=float, default=1.0, metavar='S', help='simulated seconds (default: 1)'
     )
-    parser.add_argument(
-        '--folder', default='effects', metavar='DIR', help='for results (default: effects)'
-    )
+    add_folder(parser, 'effects', 'for results')
     options = parser.parse_args(argv)
     if options.scene is None:
         print(listing())
@@ -140,17 +133,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         raise InputError('this scene has no effects', key='SCENE', value=options.scene)
     found = price_list(scene, options.duration)
     print(table(found))
-    folder = Path(options.folder).expanduser()
     written = [f'{scene.name}.csv']
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
+    with writing_into(options.folder) as folder:
         _write(folder / written[0], found)
         try:
             effect_costs_plot.draw(folder / f'{scene.name}.png', scene.name, found)
             written.append(f'{scene.name}.png')
         except ImportError as error:
             print(f'alf_ros effects: no picture: {error}', file=sys.stderr)
-    except OSError as error:
-        raise InputError(str(error.strerror), key='--folder', value=str(folder)) from None
     print(f'{" and ".join(written)} in {folder}')
     return 0

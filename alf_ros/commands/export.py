@@ -6,20 +6,18 @@ that are not in the tree.
 
 from __future__ import annotations
 
-import argparse
 import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 from xml.etree import ElementTree
 
 from scipy.spatial.transform import Rotation
 
 from alf_ros import resources
-from alf_ros.commands.assignments import assignment
 from alf_ros.commands.check import load
-from alf_ros.errors import InputError
+from alf_ros.commands.parser import Parser, add_numbers, numbers, writing
 from alf_ros.exchange.robot import AXES
 from alf_ros.exchange.urdf_export import WORLD, closing, frame, outside, urdf
 from alf_ros.mechanism import GROUND, Joint
@@ -27,11 +25,6 @@ from alf_ros.scene.scene import Scene
 from alf_ros.scene.text.yaml_writer import entry, serialise
 from alf_ros.simulation.display_geometry import poses
 from alf_ros.simulation.simulation import Simulation
-
-
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise InputError(f'{message} (see --help)')
 
 
 def exported(scene: Scene) -> tuple[str, str, list[str]]:
@@ -85,7 +78,7 @@ def _loop(joint: Joint, planar: bool) -> dict[str, Any] | None:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Export a mechanism. Returns 0; raises InputError."""
-    parser = _Parser(
+    parser = Parser(
         prog='export',
         description='Write the spanning tree of a mechanism as URDF, for RViz and others. What it '
         'does not carry over is listed on stderr.',
@@ -97,15 +90,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         metavar='SIDE.yaml',
         help='write what closes its loops as well, as `import --loops` reads it',
     )
-    parser.add_argument(
-        '--set',
-        metavar='NAME=NUMBER',
-        nargs='+',
-        default=[],
-        help='parameters of the mechanism to replace',
-    )
+    add_numbers(parser)
     options = parser.parse_args(argv)
-    scene = load(options.file, dict(map(assignment, options.set)))
+    scene = load(options.file, numbers(options.set))
     text, side, left_out = exported(scene)
     if options.loops is None:
         text = urdf(scene.mechanism)
@@ -113,11 +100,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         left_out += [f'loops (see --loops): {joint.name}' for joint in closing(scene.mechanism)]
         left_out += [f'bodies (see --loops): {name}' for name in outside(scene.mechanism)]
     for key, path, content in (('-o', options.output, text), ('--loops', options.loops, side)):
-        try:
-            if path is not None:
+        if path is not None:
+            with writing(key, path):
                 Path(path).expanduser().write_text(content, encoding='utf-8')
-        except OSError as error:
-            raise InputError(str(error.strerror), key=key, value=path) from None
     if options.output is None:
         print(text, end='')
     for line in dict.fromkeys(left_out):

@@ -14,10 +14,10 @@ import csv
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NoReturn
 
 import numpy as np
 
+from alf_ros.commands.parser import Parser, add_folder, writing_into
 from alf_ros.errors import InputError
 from alf_ros.studies.paper import plot, scan, table_one
 from alf_ros.studies.paper.formulations import EXAMPLES, SPACING, Comparison, Curve
@@ -124,22 +124,15 @@ def _scan(comparisons: Sequence[Comparison], setting: Setting) -> None:
             print(scan.neighbours(comparison, name, setting), flush=True)
 
 
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise InputError(f'{message} (see --help)')
-
-
 def _options(argv: Sequence[str] | None) -> argparse.Namespace:
-    parser = _Parser(
+    parser = Parser(
         prog='figures',
         description='Draw the comparison of the paper: ALF1, ALF2 as printed, ALF2 as built here, '
         'and the exact motion of the slider-crank and the two four-bars, in the setting of the '
         'paper and with fixed steps.',
     )
     setting = Setting()
-    parser.add_argument(
-        '--folder', default='figures', metavar='DIR', help='for results (default: figures)'
-    )
+    add_folder(parser, 'figures', 'for results')
     parser.add_argument(
         '--tolerance',
         type=float,
@@ -219,16 +212,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     if options.scan:
         _scan(comparisons, setting)
         return 0
-    folder = Path(options.folder).expanduser()
     solver = {'step': options.step, 'penalty': options.penalty or 1e8}
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
+    with writing_into(options.folder) as folder:
         written = []
         if options.setting != 'fixed':
             written += _published(folder, comparisons, setting)
         if options.setting != 'paper':
             written += _fixed(folder, comparisons, solver)
-    except OSError as error:
-        raise InputError(str(error.strerror), key='--folder', value=str(folder)) from None
     print(f'{", ".join(written)} in {folder}')
     return 0

@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 
 from alf_ros.commands.parser import add_trust, of_log
+from alf_ros.commands.progress import ProgressBar
 from alf_ros.errors import AssemblyError, InputError, StepError
 from alf_ros.logs import load
 from alf_ros.logs.log import Log
-from alf_ros.logs.progress import Progress, Report, silent
+from alf_ros.logs.progress import Report, silent
 from alf_ros.logs.rerun import Rerun
 from alf_ros.logs.resume import resume
 from alf_ros.model import assembly
@@ -160,30 +161,29 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     add_trust(parser)
     options = parser.parse_args(argv)
-    log, bar = load(options.log), Progress('fork')
+    log = load(options.log)
     own = log.path.parent if log.path.is_dir() else log.path.parent.parent
     new = Path(options.output).expanduser() if options.output else None
     troubles: list[str] = []
     try:
-        made = fork(
-            log,
-            options.at,
-            overrides.read(options.set),
-            new.parent if new else own,
-            new.name if new else '',
-            options.duration,
-            options.trust,
-            bar,
-            troubles.append,
-        )
+        with ProgressBar('fork') as bar:
+            made = fork(
+                log,
+                options.at,
+                overrides.read(options.set),
+                new.parent if new else own,
+                new.name if new else '',
+                options.duration,
+                options.trust,
+                bar,
+                troubles.append,
+            )
     except StepError as error:
-        bar.close()
         print(f'a step fails: {error}')
         return 1
     except OSError as error:
         raise InputError(str(error), key='--output') from None
     finally:
-        bar.close()
         for trouble in troubles:
             print(f'alf_ros fork: {trouble}', file=sys.stderr)
     log = load(made)

@@ -6,7 +6,6 @@ its energy error (J) and the largest gap of a constraint (m). See doc/hard_cases
 
 from __future__ import annotations
 
-import argparse
 import csv
 import math
 import platform
@@ -16,10 +15,11 @@ import time
 from collections.abc import Iterable, Iterator, Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import NoReturn, TextIO
+from typing import TextIO
 
 import numpy as np
 
+from alf_ros.commands.parser import Parser, add_folder, writing_into
 from alf_ros.commands.progress import ProgressBar
 from alf_ros.errors import InputError
 from alf_ros.model.tableaux import TABLEAUX
@@ -240,7 +240,7 @@ def _run_all(rows: Sequence[Row], stream: TextIO) -> list[list[Result]]:
     print(about(), file=stream)
     writer = csv.writer(stream, lineterminator='\n')
     writer.writerow(COLUMNS)
-    bar = ProgressBar(sum(len(row.runs) for row in rows))
+    bar = ProgressBar(total=sum(len(row.runs) for row in rows))
     print(HEADER, flush=True)
     done = []
     for row in rows:
@@ -265,21 +265,14 @@ def _run_all(rows: Sequence[Row], stream: TextIO) -> list[list[Result]]:
     return done
 
 
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise InputError(f'{message} (see --help)')
-
-
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the cases; returns 0 if all passed, 1 if not. Raises InputError."""
-    parser = _Parser(
+    parser = Parser(
         prog='hard_cases',
         description='Run mechanisms through their singular positions and judge the error. '
         'Exit code: 0 if all passed, 1 if one failed, 2 for what cannot be run.',
     )
-    parser.add_argument(
-        '--folder', default='hard_cases', metavar='DIR', help='for results (default: hard_cases)'
-    )
+    add_folder(parser, 'hard_cases', 'for results')
     parser.add_argument('--quick', action='store_true', help='a reduced form, under a minute')
     parser.add_argument(
         '--case', nargs='+', default=[], metavar='NAME', help=f'only these: {", ".join(CASES)}'
@@ -290,9 +283,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             raise InputError('no such case', key='--case', value=name, choices=CASES)
     chosen = [name for name in CASES if name in options.case or not options.case]
     rows = [row for name in chosen for row in CASES[name](options.quick)]
-    folder = Path(options.folder).expanduser()
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
+    with writing_into(options.folder) as folder:
         with open(folder / 'hard_cases.csv', 'w', newline='', encoding='utf-8') as stream:
             results = _run_all(rows, stream)
         written = ['hard_cases.csv']
@@ -303,8 +294,6 @@ def main(argv: Sequence[str] | None = None) -> int:
                 written.append('hard_cases.png')
         except ImportError as error:
             print(f'alf_ros hard_cases: no picture: {error}', file=sys.stderr)
-    except OSError as error:
-        raise InputError(str(error.strerror), key='--folder', value=str(folder)) from None
     failed = sum(_judge(row, done) != 'passed' for row, done in zip(rows, results, strict=True))
     print(f'{len(rows) - failed} of {len(rows)} passed; {" and ".join(written)} in {folder}')
     return 1 if failed else 0

@@ -6,11 +6,12 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from alf_ros.commands.parser import of_log
+from alf_ros.commands.progress import ProgressBar
 from alf_ros.errors import InputError
 from alf_ros.logs import load
 from alf_ros.logs.log import Log
 from alf_ros.logs.mcap_chunks import Contents, blocks
-from alf_ros.logs.progress import Progress, Report, silent
+from alf_ros.logs.progress import Report, silent
 from alf_ros.ros.recording import rosbag2_metadata
 from alf_ros.ros.recording.mcap_file import LogFile, write_metadata
 
@@ -74,11 +75,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     log = load(options.log)
     stem = log.path.with_suffix('') if log.path.is_file() else log.path
     folder = Path(options.output or f'{stem}_recovered').expanduser()
-    bar = Progress('recover')
-    try:
+    with ProgressBar('recover') as bar:
         made = recover(log, folder, bar)
-    finally:
-        bar.close()
     count = sum(file.count for file in made)
     end = f', to t = {log.end:.9g} s' if count else ''
     print(f'{folder}: {count} messages{end}')

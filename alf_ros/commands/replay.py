@@ -21,10 +21,10 @@ from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool
 
 from alf_ros.commands.parser import add_trust, of_log
+from alf_ros.commands.progress import ProgressBar
 from alf_ros.errors import AlfError, InputError
 from alf_ros.logs import load
 from alf_ros.logs.log import Log
-from alf_ros.logs.progress import Progress
 from alf_ros.ros.executor import spin
 from alf_ros.ros.messages.templates import to_time
 from alf_ros.ros.messages.topics import BEST_EFFORT
@@ -192,11 +192,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     switches = {'loop': options.loop, 'start_paused': options.paused}
     given.update({key: True for key, value in switches.items() if value})
     overrides = [Parameter(k, value=v) for k, v in given.items() if v is not None]
-    log, bar, status = load(options.log), Progress('reading'), Status()
-    try:
+    log, status = load(options.log), Status()
+    with ProgressBar('reading') as bar:
         source: Source = Redriven(log, options.trust) if options.redrive else Recorded(log, bar)
-    finally:
-        bar.close()
     try:
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
         node = Replay(log, source, overrides, status)

@@ -6,10 +6,10 @@ import sys
 from collections.abc import Sequence
 
 from alf_ros.commands.parser import add_trust, of_log
+from alf_ros.commands.progress import ProgressBar
 from alf_ros.logs import load
 from alf_ros.logs.comparison import Result, compare
 from alf_ros.logs.log import Log
-from alf_ros.logs.progress import Progress
 
 _MOST = 12  # variables told one by one
 
@@ -51,11 +51,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     add_trust(parser)
     options = parser.parse_args(argv)
-    log, bar = load(options.log), Progress('verify')
-    try:
+    log = load(options.log)
+    with ProgressBar('verify') as bar:
         result = compare(log, options.trust, bar)
-    finally:
-        bar.close()
     print(told(log, result))
     if result.trouble:
         print(f'alf_ros verify: {result.trouble}', file=sys.stderr)

@@ -8,13 +8,13 @@ import sys
 import threading
 from collections.abc import Sequence
 from contextlib import ExitStack
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING
 
 import rclpy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
-from alf_ros.errors import InputError
+from alf_ros.commands.parser import Parser
 from alf_ros.ros.view.node import ViewNode
 from alf_ros.ros.view.operator import Operator
 from alf_ros.ros.view.server import Broadcast, Server
@@ -26,13 +26,8 @@ if TYPE_CHECKING:
 RATE = 30.0
 
 
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise InputError(f'{message} (see --help)')
-
-
 def _options(argv: Sequence[str]) -> argparse.Namespace:
-    parser = _Parser(
+    parser = Parser(
         prog='view',
         description='Serve a page that shows a running `simulator` and commands it. Only this '
         'machine can open it. Ctrl-C ends it; the simulator runs on.',

@@ -13,9 +13,9 @@ import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NoReturn
 
 from alf_ros.commands.hard_cases import about
+from alf_ros.commands.parser import Parser, add_folder, writing_into
 from alf_ros.commands.progress import ProgressBar
 from alf_ros.digest import digest
 from alf_ros.errors import InputError
@@ -81,7 +81,7 @@ def identity() -> str:
 
 def sweep(scene: Scene, plan: Sequence[Setting], against: Reference, store: Store) -> Summary:
     """Measure what is not in the store yet; returns all points of the plan."""
-    points, bar = [], ProgressBar(len(plan))
+    points, bar = [], ProgressBar(total=len(plan))
     for setting in plan:
         bar.show(f'{scene.name}: {setting.formulation}, {setting}')
         wanted = _keys(scene, setting, against)
@@ -145,21 +145,16 @@ def _undated(text: str) -> str:
     return text.rpartition(',')[0]
 
 
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise InputError(f'{message} (see --help)')
-
-
 def _options(argv: Sequence[str] | None) -> argparse.Namespace:
-    parser = _Parser(
+    parser = Parser(
         prog='work_precision',
         description='Measure what accuracy costs: processor time per simulated second against '
         'errors, relative to the exact motion where it is known, else to a run that converged. '
         'Run it again to go on where it was stopped.',
     )
     parser.add_argument('scene', nargs='+', metavar='SCENE', help='a name or a path')
+    add_folder(parser, 'work_precision')
     add = parser.add_argument
-    add('--folder', default='work_precision', metavar='DIR', help='(default: work_precision)')
     add('--duration', type=float, metavar='S', help='simulated (default: 10, or the exact motion)')
     add('--formulation', nargs='+', metavar='NAME', help='only these')
     add('--integrator', nargs='+', metavar='NAME', help='only these')
@@ -197,10 +192,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Measure, write, draw; returns 0. Raises InputError."""
     options = _options(argv)
     scenes = [load_scene(source) for source in options.scene]
-    folder = Path(options.folder).expanduser()
     summaries = []
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
+    with writing_into(options.folder) as folder:
         store = Store(folder / 'work_precision.csv')
         for scene in scenes:
             plan = _plan(scene, options)
@@ -213,12 +206,11 @@ def main(argv: Sequence[str] | None = None) -> int:
             summaries.append(summary)
         report = work_report.markdown(summaries, about())
         (folder / 'work_precision.md').write_text(report, encoding='utf-8')
-        for summary in summaries:
-            pictures = [folder / f'{summary.scene}.{kind}' for kind in ('png', 'svg')]
-            plot.draw(pictures, summary)
-    except OSError as error:
-        raise InputError(str(error.strerror), key='--folder', value=str(folder)) from None
-    except ImportError as error:
-        print(f'alf_ros work_precision: no picture: {error}', file=sys.stderr)
+        try:
+            for summary in summaries:
+                pictures = [folder / f'{summary.scene}.{kind}' for kind in ('png', 'svg')]
+                plot.draw(pictures, summary)
+        except ImportError as error:
+            print(f'alf_ros work_precision: no picture: {error}', file=sys.stderr)
     print(f'work_precision.csv, .md and pictures in {folder}')
     return 0
