@@ -2,56 +2,13 @@
 
 from __future__ import annotations
 
-import re
 import sys
-import textwrap
 from collections.abc import Sequence
-from pathlib import Path
 
-from alf_ros import resources
 from alf_ros.commands.parser import Parser, add_folder, add_numbers, numbers, writing_into
-from alf_ros.errors import InputError
 from alf_ros.inspection import mechanism_plot
-from alf_ros.inspection.soundness import Soundness, examine
-from alf_ros.scene.scene import Scene, load_scene
-from alf_ros.scene.text import yaml_document
-
-_WIDTH = 100
-
-
-def load(source: str, parameters: dict[str, float]) -> Scene:
-    """The scene of a name or a file; a mechanism alone is put into an empty one.
-
-    Raises InputError.
-    """
-    is_file = source.endswith(('.yaml', '.yml')) or '/' in source
-    if is_file:
-        root = yaml_document.read(Path(source).expanduser())
-        alone = isinstance(root.value, dict) and 'alf' in root.value
-        name = re.sub(r'[^\w.-]', '_', Path(source).stem)[:100]
-    else:
-        scenes, mechanisms = (
-            {path.stem for each in resources.folder(kind) for path in each.glob('*.yaml')}
-            for kind in ('scenes', 'mechanisms')
-        )
-        alone, name = source in mechanisms - scenes, source
-        if source not in scenes | mechanisms:
-            message = 'neither a scene nor a mechanism of this name'
-            raise InputError(message, key='check', value=source, choices=scenes | mechanisms)
-    if alone:
-        return load_scene({'name': name, 'mechanism': source}, parameters)
-    return load_scene(source, parameters)
-
-
-def table(found: Soundness, name: str) -> str:
-    """The answers as lines of text."""
-    lines = [f'{name}: is this mechanism sound?', '']
-    for answer in found.answers:
-        start = f'  {answer.verdict:5}{answer.question:20}'
-        lines += textwrap.wrap(
-            answer.answer, _WIDTH, initial_indent=start, subsequent_indent=' ' * len(start)
-        )
-    return '\n'.join([*lines, '', 'sound' if found.sound else 'NOT SOUND'])
+from alf_ros.inspection.soundness import examine, table
+from alf_ros.scene.library import load
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -6,17 +6,11 @@ register as effects on this machine.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 
 from alf_ros import effects
 from alf_ros.commands.parser import Parser, add_folder, writing_into
-from alf_ros.scene.json_schema import Schema, mechanism_schema, scene_schema
-
-
-def text(schema: Schema) -> str:
-    """A schema as the text of its file."""
-    return json.dumps(schema, indent=1, ensure_ascii=False) + '\n'
+from alf_ros.scene.json_schema import mechanism_schema, scene_schema, text
 
 
 def main(argv: Sequence[str] | None = None) -> int:
