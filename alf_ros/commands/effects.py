@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from alf_ros import effects
-from alf_ros.commands.hard_cases import about
 from alf_ros.commands.parser import Parser, add_folder, writing_into
 from alf_ros.errors import InputError
 from alf_ros.inspection import effect_costs_plot
 from alf_ros.inspection.effect_costs import PriceList, price_list
+from alf_ros.logs.provenance import about
 from alf_ros.scene.scene import load_scene
 from alf_ros.simulation.stiffness import Mode
 
