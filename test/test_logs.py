@@ -359,7 +359,7 @@ log = load(sys.argv[1])
 assert len(log.states.t) == 401 and len(log.inputs) == 2
 from alf_ros.logs.comparison import compare
 assert compare(log).equal
-for wanted in (lambda: export.frame(log, 'energy'), lambda: export.to_parquet(log, None)):
+for wanted in (lambda: tables.frame(log, 'energy'), lambda: tables.to_parquet(log, None)):
     try:
         wanted()
     except Exception as error:
