@@ -39,6 +39,8 @@ _FIELD = re.compile(
 )
 _BEGIN = b'\x00\x01\x00\x00'  # the header: CDR, little endian
 _HEADER = len(_BEGIN)
+# The stamp of a std_msgs/Header, which is the first field where there is one.
+FIRST_STAMP = slice(_HEADER, _HEADER + STAMP.size)
 
 
 class _Field(NamedTuple):
