@@ -1,7 +1,8 @@
 """Run the mechanisms through their singular positions and judge the error against exact motions.
 
-Every run is judged by its position error (m) against the equation of the one freedom (exact.py),
-its energy error (J) and the largest gap of a constraint (m). See doc/hard_cases.md.
+Every run is judged by its position error (m) against the equation of the one freedom
+(studies/exact), its energy error (J) and the largest gap of a constraint (m). See
+doc/hard_cases.md.
 """
 
 from __future__ import annotations
