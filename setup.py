@@ -59,7 +59,7 @@ setup(
     python_requires='>=3.10',
     install_requires=['numpy', 'scipy', 'numba', 'PyYAML'],
     extras_require={
-        'record': ['mcap', 'zstandard'],
+        'record': ['mcap>=1.5', 'zstandard'],
         'plot': ['matplotlib'],
         'import': ['urdf-parser-py', 'mujoco'],
         'view': ['foxglove-sdk'],

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from types import ModuleType
 
 _NOW = {
-    'alf_ros.fork': 'alf_ros.commands.fork',
+    'alf_ros.fork': 'alf_ros.ros.recording.fork',
     'alf_ros.logs.export': 'alf_ros.logs.tables',
     'alf_ros.measure': 'alf_ros.effects.contract.scalars',
     'alf_ros.table': 'alf_ros.effects.contract.piecewise',

@@ -26,7 +26,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from alf_ros.arrays import Floats  # noqa: E402
-from alf_ros.commands.hard_cases import about  # noqa: E402
+from alf_ros.logs.provenance import about  # noqa: E402
 
 MECHANISMS = ('slider_crank', 'four_bar', 'jansen_leg', 'stewart_platform')
 WORKER = """

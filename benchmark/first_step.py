@@ -118,7 +118,7 @@ def main() -> None:
         write_out(options.write_out)
         return
     sys.path.insert(0, str(ROOT))
-    from alf_ros.commands.hard_cases import about
+    from alf_ros.logs.provenance import about
 
     found: list[dict[str, Any]] = []
     with tempfile.TemporaryDirectory() as folder:

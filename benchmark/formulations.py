@@ -18,7 +18,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from alf_ros import Simulation, StepError  # noqa: E402
-from alf_ros.commands.hard_cases import about  # noqa: E402
+from alf_ros.logs.provenance import about  # noqa: E402
 from alf_ros.simulation.formulations import NAMES  # noqa: E402
 from alf_ros.studies.exact import motions  # noqa: E402
 from alf_ros.studies.exact.motions import Motion  # noqa: E402

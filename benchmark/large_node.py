@@ -23,7 +23,7 @@ from real_time import ROOT, cpu_seconds, simulator  # sets the path and the doma
 # isort: split
 from recording import RATE, Reports, gained, mean, worst
 
-from alf_ros.commands.hard_cases import about
+from alf_ros.logs.provenance import about
 
 COLUMNS = (
     'subscribers,recorded,ticks_per_s,overruns,lost_real_time_s,lateness_p50_us,lateness_p99_us,'

@@ -33,7 +33,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from alf_ros import Scene, Simulation, kernel, load_scene  # noqa: E402
-from alf_ros.commands.hard_cases import about  # noqa: E402
+from alf_ros.logs.provenance import about  # noqa: E402
 
 RESULTS = ROOT / 'benchmark' / 'results'
 SIZES = (10, 30, 100, 300, 1000, 3000, 10_000, 30_000, 100_000)  # bars

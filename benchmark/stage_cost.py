@@ -23,7 +23,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from alf_ros import Simulation, load_scene  # noqa: E402
-from alf_ros.commands.hard_cases import about  # noqa: E402
+from alf_ros.logs.provenance import about  # noqa: E402
 
 FOUR_BARS = (2, 10, 40, 200, 1000, 10_000, 100_000)
 REPETITIONS = 15

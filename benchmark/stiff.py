@@ -20,12 +20,12 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from alf_ros import Scene  # noqa: E402
-from alf_ros.commands.hard_cases import about  # noqa: E402
+from alf_ros.logs.provenance import about  # noqa: E402
 from alf_ros.scene.scene import scene_from_text  # noqa: E402
 from alf_ros.simulation.simulation import Simulation  # noqa: E402
-from alf_ros.studies.work_precision.measurement import Point, Setting, measure  # noqa: E402
+from alf_ros.studies.work_precision.measurement import Measurement, Setting, measure  # noqa: E402
 from alf_ros.studies.work_precision.reference import SPACING, Reference, course  # noqa: E402
-from alf_ros.studies.work_precision.report import Price, curves, price  # noqa: E402
+from alf_ros.studies.work_precision.report import CostToReach, cost_to_reach, curves  # noqa: E402
 
 RESULTS = ROOT / 'benchmark' / 'results'
 RATES = tuple(10.0 ** (0.5 * k) for k in range(3, 11))  # 1/s
@@ -101,11 +101,11 @@ def reference(scene: Scene, duration: float) -> Reference:
     return Reference(times, found, f'tolerance {FINE:.0e}', error, math.nan)
 
 
-def measured(rate: float, duration: float) -> tuple[Reference, list[Point]]:
+def measured(rate: float, duration: float) -> tuple[Reference, list[Measurement]]:
     """All settings; the finer ones of a curve only until the target is well met."""
     scene = scene_of(rate)
     against = reference(scene, duration)
-    points: list[Point] = []
+    points: list[Measurement] = []
     done: set[str] = set()
     for setting in settings(rate):
         if setting.integrator not in done:
@@ -115,13 +115,13 @@ def measured(rate: float, duration: float) -> tuple[Reference, list[Point]]:
     return against, points
 
 
-def costs(points: list[Point]) -> dict[str, Price]:
+def costs(points: list[Measurement]) -> dict[str, CostToReach]:
     """What the target costs with each integrator that meets it."""
-    found = {curve[1]: price(points, TARGET) for curve, points in curves(points).items()}
+    found = {curve[1]: cost_to_reach(points, TARGET) for curve, points in curves(points).items()}
     return {integrator: each for integrator, each in found.items() if each is not None}
 
 
-def draw(found: dict[float, dict[str, Price]]) -> None:
+def draw(found: dict[float, dict[str, CostToReach]]) -> None:
     """benchmark/results/stiff.png."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -145,7 +145,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description='What a stiff spring costs each integrator.')
     parser.add_argument('--duration', type=float, default=3.0, metavar='S', help='of each run')
     options = parser.parse_args()
-    found: dict[float, dict[str, Price]] = {}
+    found: dict[float, dict[str, CostToReach]] = {}
     with open(RESULTS / 'stiff.csv', 'w', encoding='utf-8', newline='') as stream:
         stream.write(f'{about()}\n')
         table = csv.writer(stream)

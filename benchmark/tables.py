@@ -18,9 +18,16 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from alf_ros.commands.work_precision import point_of  # noqa: E402
-from alf_ros.studies.work_precision.measurement import Point, Setting  # noqa: E402
-from alf_ros.studies.work_precision.report import TARGETS, Summary, curves, price, sentence, table  # noqa: E402
+from alf_ros.studies.work_precision.measurement import Measurement, Setting  # noqa: E402
+from alf_ros.studies.work_precision.report import (  # noqa: E402
+    TARGETS,
+    Summary,
+    cost_to_reach,
+    curves,
+    sentence,
+    table,
+)
+from alf_ros.studies.work_precision.sweep import measurement_of  # noqa: E402
 
 RESULTS = ROOT / 'benchmark' / 'results'
 DOCUMENTS = ('README.md', 'doc/performance.md')
@@ -59,16 +66,18 @@ def work_precision() -> str:
             float(mine[0][f'reference_{what}']) for what in ('error_m', 'force_error_N')
         )
         duration, kind = float(mine[0]['duration_s']), mine[0]['reference']
-        summary = Summary(scene, duration, kind, error, force, [point_of(row) for row in mine])
+        summary = Summary(
+            scene, duration, kind, error, force, [measurement_of(row) for row in mine]
+        )
         parts += [f'**{sentence(summary)}**\n', f'{table(summary)}\n']
         parts += [f'![{scene}: cost and errors](../benchmark/results/{scene}.png)\n']
     return '\n'.join(parts)
 
 
-def peer_points() -> tuple[str, dict[str, dict[str, list[Point]]]]:
+def peer_points() -> tuple[str, dict[str, dict[str, list[Measurement]]]]:
     """By mechanism and engine, the most accurate first."""
     about, found = rows('peers.csv')
-    points: dict[str, dict[str, list[Point]]] = {}
+    points: dict[str, dict[str, list[Measurement]]] = {}
     for row in found:
         step, tolerance = (float(row[k]) if row[k] else None for k in ('step_s', 'tolerance'))
         error, cpu = (
@@ -76,7 +85,7 @@ def peer_points() -> tuple[str, dict[str, dict[str, list[Point]]]]:
         )
         setting = Setting(row['peer'], '', 0, step or 0.1, tolerance)
         nothing = (math.nan,) * 3
-        point = Point(setting, cpu, 1, 0.0, 0.0, error, *nothing, row['failure'])
+        point = Measurement(setting, cpu, 1, 0.0, 0.0, error, *nothing, row['failure'])
         points.setdefault(row['mechanism'], {}).setdefault(row['peer'], []).append(point)
     for engines in points.values():
         for curve in engines.values():
@@ -90,18 +99,18 @@ def engine_versions() -> list[str]:
     return list(dict.fromkeys(row['about'].partition(',')[0] for row in found))
 
 
-def survived(curve: list[Point]) -> list[Point]:
+def survived(curve: list[Measurement]) -> list[Measurement]:
     """The runs of the sweep."""
     low, high = (factor * step for factor, step in zip((0.999, 1.001), SURVIVAL, strict=True))
     return [p for p in curve if p.setting.tolerance is None and low < p.setting.step < high]
 
 
-def lost(point: Point) -> bool:
+def lost(point: Measurement) -> bool:
     """Whether a run did not end, or ended on another motion."""
     return bool(point.failure) or not point.position < LOST
 
 
-def cheapest(curve: list[Point], error: float) -> float:
+def cheapest(curve: list[Measurement], error: float) -> float:
     """Of the runs below an error (m), lucky ones too; infinite if there is none."""
     return min((p.cpu for p in curve if not p.failure and p.position <= error), default=math.inf)
 
@@ -133,18 +142,20 @@ def peers() -> str:
 def stiff() -> str:
     """What an error costs with each integrator, for every rate of the load on its spring."""
     about, found = rows('stiff.csv')
-    points: dict[float, list[Point]] = {}
+    points: dict[float, list[Measurement]] = {}
     for row in found:
         tolerance = float(row['tolerance']) if row['tolerance'] else None
         setting = Setting('alf2', row['integrator'], 0, float(row['step_s']), tolerance)
         numbers = (float(row[k]) for k in ('evaluations_per_s', 'position_m'))
-        point = Point(setting, float(row['cpu_ms_per_s']), 0, math.nan, *numbers, *3 * [math.nan])
+        point = Measurement(
+            setting, float(row['cpu_ms_per_s']), 0, math.nan, *numbers, *3 * [math.nan]
+        )
         point = dataclasses.replace(point, failure=row['failure'])
         points.setdefault(float(row['rate_per_s']), []).append(point)
     names = list(dict.fromkeys(row['integrator'] for row in found))
     body = []
     for rate, mine in points.items():
-        of = {curve[1]: price(each, STIFF) for curve, each in curves(mine).items()}
+        of = {curve[1]: cost_to_reach(each, STIFF) for curve, each in curves(mine).items()}
         cells = ['-' if of[name] is None else f'{of[name].cpu:.3g}' for name in names]
         body.append([f'{rate:.0f}', *cells])
     said = f'{about}. ms of processor time per simulated second for {1e3 * STIFF:g} mm'

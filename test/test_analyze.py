@@ -19,7 +19,6 @@ from std_msgs.msg import Float64
 
 from alf_ros import Simulation, load_scene
 from alf_ros.commands.analyze import main
-from alf_ros.commands.fork import fork
 from alf_ros.errors import InputError
 from alf_ros.logs import load
 from alf_ros.logs.report.commands import MOST_HELD, MOST_TEXTS, Orders
@@ -29,6 +28,7 @@ from alf_ros.logs.report.html import page
 from alf_ros.logs.report.motion import mechanism, motion
 from alf_ros.logs.report.singularity_distance import distances
 from alf_ros.logs.report.summary import account
+from alf_ros.ros.recording.fork import fork
 
 needs_chromium = pytest.mark.skipif(not CHROMIUM, reason='no chromium here: apt install chromium')
 

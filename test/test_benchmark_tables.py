@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from alf_ros.studies.work_precision.measurement import Point, Setting
+from alf_ros.studies.work_precision.measurement import Measurement, Setting
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -88,8 +88,8 @@ def test_three_mechanisms_and_an_engine_that_lacks_one(monkeypatch: pytest.Monke
 
 
 def test_what_is_lost() -> None:
-    def point(error: float, failure: str = '') -> Point:
-        return Point(Setting('x', '', 0, 1e-3), 1.0, 1, 0, 0, error, 0, 0, 0, failure)
+    def point(error: float, failure: str = '') -> Measurement:
+        return Measurement(Setting('x', '', 0, 1e-3), 1.0, 1, 0, 0, error, 0, 0, 0, failure)
 
     assert tables.lost(point(math.nan, 'stopped')) and tables.lost(point(0.5))
     assert tables.lost(point(math.nan)) and not tables.lost(point(1e-3))

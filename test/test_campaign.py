@@ -8,33 +8,33 @@ import statistics
 import numpy as np
 import pytest
 
-from alf_ros.commands import hard_cases
 from alf_ros.kernel import adaptive
 from alf_ros.studies.exact import cost, one_freedom
 from alf_ros.studies.exact.cost import Cost, evaluations_for
 from alf_ros.studies.exact.starting_states import TIMES, starting_states
 from alf_ros.studies.hard_cases import campaign
-from alf_ros.studies.hard_cases.trial import Result, execute
+from alf_ros.studies.hard_cases.cases import CASES
+from alf_ros.studies.hard_cases.trial import RunResult, execute
 
 MECHANISMS = ('slider_crank', 'double_four_bar')
 
 
 @pytest.fixture(scope='module')
-def results() -> list[list[Result]]:
+def results() -> list[list[RunResult]]:
     return [[execute(run) for run in row.runs] for row in campaign.rows(quick=True)]
 
 
-def test_no_run_fails_and_each_is_within_its_bound(results: list[list[Result]]) -> None:
+def test_no_run_fails_and_each_is_within_its_bound(results: list[list[RunResult]]) -> None:
     assert [r.verdict for row in results for r in row] == ['passed'] * sum(map(len, results))
 
 
-def test_the_error_falls_with_the_tolerance(results: list[list[Result]]) -> None:
+def test_the_error_falls_with_the_tolerance(results: list[list[RunResult]]) -> None:
     medians = [statistics.median(r.position for r in row) for row in results]
     for name in (slice(0, 4), slice(4, 8)):
         assert all(b < 0.1 * a for a, b in zip(medians[name], medians[name][1:], strict=False))
 
 
-def test_it_costs_what_the_one_freedom_costs(results: list[list[Result]]) -> None:
+def test_it_costs_what_the_one_freedom_costs(results: list[list[RunResult]]) -> None:
     rows = campaign.rows(quick=True)
     for row, done in zip(rows, results, strict=True):
         if row.ratio is not None:  # below 1e-10 rounding decides what it costs
@@ -64,7 +64,7 @@ def test_the_full_campaign_has_every_promised_run() -> None:
     assert [len(row.runs) for row in rows] == [90] * 20
     assert {run.penalty for row in rows for run in row.runs} == {1e7, 1e9, 1e11}
     assert min(run.tolerance for row in rows for run in row.runs) == pytest.approx(1e-12)
-    assert 'campaign' in hard_cases.CASES
+    assert 'campaign' in CASES
 
 
 @pytest.mark.parametrize('alone', [one_freedom.slider_crank(), one_freedom.four_bars(2)])

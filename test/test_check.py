@@ -12,10 +12,10 @@ from matplotlib.image import imread
 
 from alf_ros import Simulation, load_scene
 from alf_ros import __main__ as program
-from alf_ros.commands.check import load, table
-from alf_ros.inspection.soundness import BAD, NOTE, OK, Soundness, examine
+from alf_ros.inspection.soundness import BAD, NOTE, OK, Soundness, examine, table
 from alf_ros.model.dense_linearisation import Linearised
 from alf_ros.resources import folder
+from alf_ros.scene.library import load
 from alf_ros.scene.scene import scene_from_text
 
 SCENES = sorted(path.stem for path in folder('scenes')[0].glob('*.yaml'))

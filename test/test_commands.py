@@ -1,12 +1,19 @@
 """`python -m alf_ros`: what it lists, and how every command ends."""
 
+import io
+import os
+import re
 import subprocess
 import sys
+from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from alf_ros import __main__ as program
 from alf_ros.commands import COMMANDS
+from alf_ros.commands.parser import Parser, numbers, writing_into
+from alf_ros.commands.progress import ProgressBar
 from alf_ros.errors import InputError, StepError
 
 BLOCK = """
@@ -122,3 +129,89 @@ def test_a_reader_that_leaves_early_is_no_error():
     assert writer.stderr.read() == b''
     writer.stderr.close()
     writer.wait()
+
+
+# ------------------------------------------------------------------- what commands have in common
+
+
+def test_all_commands_have_one_parser():
+    """So that every mistake is answered alike."""
+    folder = Path(program.__file__).parent
+    made = {
+        path.relative_to(folder).as_posix()
+        for path in folder.rglob('*.py')
+        if 'ArgumentParser' in path.read_text(encoding='utf-8')
+    }
+    assert made == {'commands/parser.py'}
+    with pytest.raises(InputError, match=r'--no.*\(see --help\)'):
+        Parser(prog='try').parse_args(['--no'])
+
+
+def test_numbers_are_expressions_by_name():
+    assert numbers(['a=1.5', 'b=2*3']) == {'a': 1.5, 'b': 6.0}
+    for text in ('a', 'a=', 'a=x'):
+        with pytest.raises(InputError, match='NAME=NUMBER'):
+            numbers([text])
+
+
+def test_a_file_that_cannot_be_written_is_told_by_its_option(tmp_path):
+    with writing_into(str(tmp_path / 'new' / 'folder')) as folder:
+        assert folder.is_dir()
+    (tmp_path / 'file').write_text('')
+    with pytest.raises(InputError, match='--folder: Not a directory'):
+        with writing_into(str(tmp_path / 'file' / 'below')):
+            pass
+    with pytest.raises(InputError, match='--folder: No such file'):
+        with writing_into(str(tmp_path)) as folder:
+            (folder / 'absent' / 'file').write_text('')
+
+
+class Terminal(io.StringIO):
+    """What stderr is on a terminal of 60 columns."""
+
+    def isatty(self):
+        return True
+
+    def seen(self):
+        return re.split(r'\r\x1b\[K', self.getvalue())[1:]
+
+
+@pytest.fixture
+def terminal(monkeypatch):
+    stderr = Terminal()
+    monkeypatch.setattr('alf_ros.commands.progress.sys', SimpleNamespace(stderr=stderr))
+    monkeypatch.setattr(os, 'get_terminal_size', lambda _: os.terminal_size((60, 24)))
+    return stderr
+
+
+def test_a_bar_counts_runs(terminal):
+    with ProgressBar(total=2) as bar:
+        bar.show('a')
+        bar.show('b' * 99)
+        bar.clear()
+        bar.clear()
+    first, second, *removed = terminal.seen()
+    assert first == f'[{"." * 30}] 0/2  a'
+    assert second.startswith(f'[{"#" * 15}{"." * 15}] 1/2') and len(second) < 60
+    assert removed == ['']  # once
+
+
+def test_a_bar_shows_the_part_of_what_takes_long(terminal, monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr('alf_ros.commands.progress.time.monotonic', lambda: now[0])
+    monkeypatch.setattr(os, 'get_terminal_size', lambda _: os.terminal_size((0, 0)))
+    with ProgressBar('verify') as bar:
+        for now[0], part in ((0.2, 0.1), (1.0, 0.25), (1.05, 0.3), (3.0, 1.0)):
+            bar(part)
+    assert terminal.seen() == [
+        f'verify [{"#" * 8}{"." * 22}]  25%, 3 s left',
+        f'verify [{"#" * 30}] 100%, 0 s left',
+        '',
+    ]
+
+
+def test_no_bar_where_there_is_no_terminal(capsys):
+    with ProgressBar('quiet', total=2) as bar:
+        bar.show('a')
+        bar(1.0)
+    assert capsys.readouterr() == ('', '')

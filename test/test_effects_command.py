@@ -10,8 +10,8 @@ import pytest
 
 from alf_ros import Simulation, effects
 from alf_ros.__main__ import main
-from alf_ros.commands.effects import table
-from alf_ros.inspection.effect_costs import price_list
+from alf_ros.inspection.effect_costs import effect_costs
+from alf_ros.inspection.effects_table import table
 from alf_ros.scene.scene import scene_from_text
 
 SCENE = """
@@ -64,14 +64,14 @@ def test_prices_of_a_scene(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
 
 def test_work_of_all_effects_is_the_kinetic_energy_gained() -> None:
     scene = scene_from_text(SCENE)
-    found = price_list(scene, 0.5)
+    found = effect_costs(scene, 0.5)
     sim = Simulation(scene)
     start, end = sim.run(0.5, every=500)
     weight = 1.0 * 9.81  # of each of the two rods
     rise = sum(
         weight * 0.5 * (end.points[name] - start.points[name])[1] for name in ('O', 'A', 'A', 'B')
     )
-    work = {price.effect: price.work for price in found.prices}
+    work = {effect.label: effect.work for effect in found.effects}
     assert work['gravity'] == pytest.approx(-rise, abs=1e-4)
     taken = sum(work.values()) - work['gravity']
     assert end.energy - start.energy == pytest.approx(taken, abs=1e-4)
@@ -86,8 +86,8 @@ def test_an_effect_without_which_nothing_runs() -> None:
         'effects:\n  drag: {on: P, quadratic: 1}\n  constant_wrench:\n'
         '    left: {on: P, force: [-1e39, 0]}\n    right: {on: P, force: [1e39, 0]}\n'
     )
-    found = price_list(scene, 0.01)
-    changes = {price.effect: price.change for price in found.prices}
+    found = effect_costs(scene, 0.01)
+    changes = {effect.label: effect.change for effect in found.effects}
     assert changes == {
         'drag': 0.0,
         'constant_wrench.left': math.inf,

@@ -11,9 +11,10 @@ from scipy.spatial.transform import Rotation
 
 from alf_ros import Simulation, load_scene
 from alf_ros.arrays import Floats
-from alf_ros.commands.export import exported, main
-from alf_ros.commands.import_ import imported
+from alf_ros.commands.export import main
 from alf_ros.errors import InputError
+from alf_ros.exchange.export import exported
+from alf_ros.exchange.import_file import imported
 from alf_ros.exchange.urdf_export import urdf
 
 SCENES = sorted(path.stem for path in Path(__file__).parents[1].glob('config/scenes/*.yaml'))

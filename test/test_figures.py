@@ -19,6 +19,7 @@ from alf_ros.scene.scene import load_scene
 from alf_ros.simulation.formulations.adams import Adams
 from alf_ros.studies.exact import one_freedom
 from alf_ros.studies.paper import plot, scan, table_one
+from alf_ros.studies.paper.figures import FORMULATIONS
 from alf_ros.studies.paper.formulations import EXAMPLES, Comparison
 from alf_ros.studies.paper.published import PublishedRun, Setting
 
@@ -97,7 +98,7 @@ def test_alf2_is_nearest(fixed: Path) -> None:
     for mechanism in ('slider_crank', 'double_four_bar'):
         curves = table(fixed / f'{mechanism}.csv')
         for column in ('position_error_m', 'energy_error_J', 'constraint_error_m'):
-            worst = {name: curves[name][column].max() for name in figures.FORMULATIONS}
+            worst = {name: curves[name][column].max() for name in FORMULATIONS}
             assert min(worst, key=worst.__getitem__) == 'alf2', (mechanism, column)
         assert curves['alf2']['position_error_m'].max() < 1e-8
 

@@ -14,9 +14,9 @@ import pytest
 from scipy.special import ellipj, ellipk
 
 from alf_ros.__main__ import main
-from alf_ros.commands import hard_cases
 from alf_ros.studies.exact import motions, one_freedom
-from alf_ros.studies.hard_cases.trial import Result, Run, execute, observed_order
+from alf_ros.studies.hard_cases.cases import CASES
+from alf_ros.studies.hard_cases.trial import RunResult, RunSpec, TableRow, execute, observed_order
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -85,7 +85,7 @@ def test_all_hard_cases_pass(quick: tuple[subprocess.CompletedProcess, Path]) ->
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stderr == ''  # no progress bar where there is no terminal
     lines = done.stdout.splitlines()[2:-1]
-    assert {line.split()[0] for line in lines} == set(hard_cases.CASES)
+    assert {line.split()[0] for line in lines} == set(CASES)
     assert all(line.endswith('  passed') for line in lines)
 
 
@@ -94,9 +94,7 @@ def test_results_are_written(quick: tuple[subprocess.CompletedProcess, Path]) ->
     comment, *rows = (folder / 'hard_cases.csv').read_text().splitlines()
     assert comment.startswith('# ') and f'Python {sys.version.split()[0]}' in comment
     found = list(csv.DictReader(rows))
-    assert len(found) == sum(
-        len(row.runs) for case in hard_cases.CASES.values() for row in case(True)
-    )
+    assert len(found) == sum(len(row.runs) for case in CASES.values() for row in case(True))
     for row in found:
         assert 0.0 <= float(row['position_error_m']) < float(row['position_bound_m'])
         assert 0.0 <= float(row['energy_error_J']) < float(row['energy_bound_J'])
@@ -104,15 +102,15 @@ def test_results_are_written(quick: tuple[subprocess.CompletedProcess, Path]) ->
 
 
 def test_the_full_suite_has_every_promised_run() -> None:
-    rows = list(hard_cases.CASES['survival'](False))
+    rows = list(CASES['survival'](False))
     assert [len(row.runs) for row in rows] == [56, 60, 56, 60]
     assert max(run.h for run in rows[0].runs) == 2e-3
     assert all(run.bound == 1e-9 for run in rows[1].runs if run.h <= 4e-3)
 
 
-def failing(bound: float, integrator: str, h: float) -> hard_cases.Row:
-    run = Run(motions.change_point(), integrator, h, bound)
-    return hard_cases.Row('change_point', 'change_point', (run,))
+def failing(bound: float, integrator: str, h: float) -> TableRow:
+    run = RunSpec(motions.change_point(), integrator, h, bound)
+    return TableRow('change_point', 'change_point', (run,))
 
 
 @pytest.mark.parametrize(
@@ -123,13 +121,13 @@ def failing(bound: float, integrator: str, h: float) -> hard_cases.Row:
     ],
 )
 def test_a_case_that_fails_is_told(
-    row: hard_cases.Row,
+    row: TableRow,
     told: str,
     monkeypatch: pytest.MonkeyPatch,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setitem(hard_cases.CASES, 'change_point', lambda quick: iter([row]))
+    monkeypatch.setitem(CASES, 'change_point', lambda quick: iter([row]))
     assert main(['hard_cases', '--case', 'change_point', '--folder', str(tmp_path)]) == 1
     assert 'FAILED: 1 of 1' in capsys.readouterr().out
     assert told in (tmp_path / 'hard_cases.csv').read_text()
@@ -140,20 +138,18 @@ def test_order_below_that_of_the_method_fails(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     motion = motions.paper('slider_crank')
-    runs = tuple(Run(motion, 'rk4', h, 0.1) for h in (1e-2, 8e-3, 6e-3, 4e-3))
-    monkeypatch.setitem(
-        hard_cases.CASES, 'order', lambda quick: iter([hard_cases.Row('order', 'x', runs, 7.5)])
-    )
+    runs = tuple(RunSpec(motion, 'rk4', h, 0.1) for h in (1e-2, 8e-3, 6e-3, 4e-3))
+    monkeypatch.setitem(CASES, 'order', lambda quick: iter([TableRow('order', 'x', runs, 7.5)]))
     assert main(['hard_cases', '--case', 'order', '--folder', str(tmp_path)]) == 1
     assert 'FAILED: order below 7.5' in capsys.readouterr().out
 
 
 def test_observed_order() -> None:
-    def results(errors: list[float]) -> list[Result]:
+    def results(errors: list[float]) -> list[RunResult]:
         motion = motions.change_point()
         steps = [0.01 / 2**k for k in range(len(errors))]
         return [
-            Result(Run(motion, 'rk4', h, 1.0), error, 0.0, 0.0, 1.0, '')
+            RunResult(RunSpec(motion, 'rk4', h, 1.0), error, 0.0, 0.0, 1.0, '')
             for h, error in zip(steps, errors, strict=True)
         ]
 
@@ -165,7 +161,7 @@ def test_observed_order() -> None:
 
 
 def test_a_run_is_judged_by_the_worst_of_its_samples() -> None:
-    result = execute(Run(motions.paper('slider_crank'), 'rk4', 2e-3, 1e-6))
+    result = execute(RunSpec(motions.paper('slider_crank'), 'rk4', 2e-3, 1e-6))
     assert result.verdict == 'passed'
     assert 1e-9 < result.position < 1e-6
     assert result.energy_bound == pytest.approx(2 * 9.81 * 1e-6)

@@ -11,8 +11,9 @@ import pytest
 
 from alf_ros import Simulation, load_scene
 from alf_ros.arrays import Floats
-from alf_ros.commands.import_ import imported, main
+from alf_ros.commands.import_ import main
 from alf_ros.errors import InputError
+from alf_ros.exchange.import_file import imported
 from alf_ros.scene.scene import scene_from_text
 
 DURATION = 1.0

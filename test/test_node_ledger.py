@@ -12,7 +12,7 @@ from std_srvs.srv import Trigger
 
 from alf_ros import Simulation, effects, load_scene
 from alf_ros.__main__ import main
-from alf_ros.inspection.call_cost import call_costs
+from alf_ros.inspection.effect_costs import call_costs
 from alf_ros.logs import load
 from alf_ros.ros.simulator import startup_report
 from alf_ros.scene.scene import scene_from_text

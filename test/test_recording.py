@@ -151,7 +151,7 @@ def test_the_node_splits_and_thins_out(tmp_path):
 
 @pytest.mark.skipif(not NODE, reason='no node and npm')
 def test_the_readers_of_foxglove_read_split_recovered_and_bare_logs(tmp_path):
-    from alf_ros.commands.recover import recover
+    from alf_ros.ros.recording.recover import recover
 
     install = ['npm', 'install', '--silent', '--no-audit', '--no-fund', *PACKAGES]
     subprocess.run(install, cwd=tmp_path, check=True, timeout=120)

@@ -42,7 +42,7 @@ def test_what_is_shipped_is_what_the_loader_reads(kind: str) -> None:
     jsonschema.Draft7Validator.check_schema(MADE[kind])
     shipped = (CONFIG / 'schema' / f'{kind}.json').read_text(encoding='utf-8')
     message = 'run: python -m alf_ros schema --folder config/schema'
-    assert shipped == schema_command.text(MADE[kind]), message
+    assert shipped == json_schema.text(MADE[kind]), message
 
 
 @EACH_FILE

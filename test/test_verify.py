@@ -25,9 +25,9 @@ from std_srvs.srv import Trigger
 
 from alf_ros import load_scene
 from alf_ros.__main__ import main
-from alf_ros.commands.fork import fork
 from alf_ros.logs import load
 from alf_ros.logs.comparison import compare
+from alf_ros.ros.recording.fork import fork
 from alf_ros.ros.recording.run_writer import LogRun
 from alf_ros.simulation import setup as settings
 from alf_ros.simulation.simulation import Simulation

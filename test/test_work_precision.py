@@ -11,12 +11,12 @@ import pytest
 
 from alf_ros import load_scene
 from alf_ros.__main__ import main
-from alf_ros.commands import work_precision
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.studies.exact import motions
-from alf_ros.studies.work_precision.measurement import Point, Setting, measure, settings
+from alf_ros.studies.work_precision import sweep
+from alf_ros.studies.work_precision.measurement import Measurement, Setting, measure, settings
 from alf_ros.studies.work_precision.reference import reference
-from alf_ros.studies.work_precision.report import Summary, best, curves, price, sentence
+from alf_ros.studies.work_precision.report import Summary, best, cost_to_reach, curves, sentence
 
 FEW = ['--duration', '1', '--formulation', 'alf2', 'independent', '--integrator', 'rk4']
 FEW += ['--iterations', '10', '--step', '5e-3', '2.5e-3']
@@ -57,7 +57,7 @@ def test_what_it_writes(folder: Path) -> None:
 def test_goes_on_where_it_was_stopped(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = folder / 'work_precision.csv'
     lines = path.read_text(encoding='utf-8').splitlines()
-    kept = dict(zip(work_precision.COLUMNS, lines[2].split(','), strict=True))
+    kept = dict(zip(sweep.COLUMNS, lines[2].split(','), strict=True))
     lines[2] = lines[2].replace(f',{kept["cpu_ms_per_s"]},', ',12345,')  # known when seen again
     lines[3] = lines[3].replace(kept['version'], '0.0.0')
     path.write_text('\n'.join([*lines[:5], lines[5][:70]]), encoding='utf-8')
@@ -65,7 +65,7 @@ def test_goes_on_where_it_was_stopped(folder: Path, capsys: pytest.CaptureFixtur
     assert '(2 of 4 settings measured now)' in capsys.readouterr().out
     rows = read(folder)
     assert len(rows) == 4 and sum(row['cpu_ms_per_s'] == '12345' for row in rows) == 1
-    assert {row['version'] for row in rows} == {work_precision.identity()}
+    assert {row['version'] for row in rows} == {sweep.identity()}
     # another duration is another measurement; the other rows stay
     assert (
         main(
@@ -128,15 +128,15 @@ def test_every_combination_once() -> None:
     assert {s.tolerance for s in plan if s.integrator == 'rk4'} == {None}
 
 
-def points(*found: tuple[float, float, float], failed: float | None = None) -> list[Point]:
+def points(*found: tuple[float, float, float], failed: float | None = None) -> list[Measurement]:
     """(tolerance, ms, error) of one curve."""
     made = [
-        Point(Setting('alf2', 'dop853_adaptive', 10, 0.1, r), cpu, 3, 0, 0, e, 0, 0, 0)
+        Measurement(Setting('alf2', 'dop853_adaptive', 10, 0.1, r), cpu, 3, 0, 0, e, 0, 0, 0)
         for r, cpu, e in found
     ]
     if failed is not None:
         setting = Setting('alf2', 'dop853_adaptive', 10, 0.1, failed)
-        made.append(Point(setting, 0.01, 3, 0, 0, *[math.nan] * 4, 'stopped'))
+        made.append(Measurement(setting, 0.01, 3, 0, 0, *[math.nan] * 4, 'stopped'))
     return made
 
 
@@ -144,9 +144,9 @@ def test_what_an_error_costs() -> None:
     some = points((1e-4, 1.0, 1e-4), (1e-6, 2.0, 1e-6), (1e-8, 4.0, 1e-8), failed=1e-2)
     (curve,) = curves(some).values()
     for error, cost in ((1e-4, 1.0), (1e-6, 2.0), (1e-5, 2.0**0.5), (1e-7, 8.0**0.5), (1.0, 1.0)):
-        found = price(curve, error)
+        found = cost_to_reach(curve, error)
         assert found is not None and found.cpu == pytest.approx(cost)
-    assert price(curve, 1e-9) is None
+    assert cost_to_reach(curve, 1e-9) is None
     # a lucky run does not count: finer ones are above
     lucky = points((1e-4, 1.0, 1e-9), (1e-6, 2.0, 1e-5), (1e-8, 4.0, 1e-8))
     found = best(lucky, 1e-7)

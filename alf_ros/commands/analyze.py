@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from alf_ros.commands.parser import Parser
+from alf_ros.commands.progress import ProgressBar
 from alf_ros.errors import InputError
 from alf_ros.logs import load, tables
 from alf_ros.logs.log import Log
-from alf_ros.logs.progress import Progress
 from alf_ros.logs.report.html import page
 from alf_ros.logs.report.summary import account
 
@@ -33,11 +33,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     target = Path(options.output).expanduser() if options.output else _beside(logs)
     accounts = []
     for log in logs:
-        bar = Progress(log.path.name)
-        try:
+        with ProgressBar(log.path.name) as bar:
             accounts.append(account(log, bar))
-        finally:
-            bar.close()
     try:
         target.write_text(page(accounts), 'utf-8')
     except OSError as error:
@@ -50,11 +47,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     for folder, write in ((options.csv, tables.to_csv), (options.parquet, tables.to_parquet)):
         if folder is not None:
             for log, below in zip(logs, _folders(Path(folder).expanduser(), names), strict=True):
-                bar = Progress(str(below))
-                try:
+                with ProgressBar(str(below)) as bar:
                     paths = write(log, below, bar)
-                finally:
-                    bar.close()
                 print(f'{below}: {len(paths)} files')
     return 0
 

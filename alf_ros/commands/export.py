@@ -6,86 +6,18 @@ that are not in the tree.
 
 from __future__ import annotations
 
-import argparse
-import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NoReturn
-from xml.etree import ElementTree
 
-from scipy.spatial.transform import Rotation
-
-from alf_ros import resources
-from alf_ros.commands.assignments import assignment
-from alf_ros.commands.check import load
-from alf_ros.errors import InputError
-from alf_ros.exchange.robot import AXES
-from alf_ros.exchange.urdf_export import WORLD, closing, frame, outside, urdf
-from alf_ros.mechanism import GROUND, Joint
-from alf_ros.scene.scene import Scene
-from alf_ros.scene.text.yaml_writer import entry, serialise
-from alf_ros.simulation.display_geometry import poses
-from alf_ros.simulation.simulation import Simulation
-
-
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise InputError(f'{message} (see --help)')
-
-
-def exported(scene: Scene) -> tuple[str, str, list[str]]:
-    """URDF and side file of a scene's mechanism, and what they do not carry over.
-
-    Bodies that are not in the tree are there all the same, on `floating` joints.
-    Raises InputError if the mechanism cannot be assembled.
-    """
-    mechanism = scene.mechanism
-    sample = Simulation(scene).sample()
-    frames = [(x[:3], Rotation.from_quat(x[3:]).as_matrix()) for x in poses(sample)]
-    names = [body.name for body in mechanism.bodies]
-    text = urdf(mechanism, free=dict(zip(names, frames, strict=True)))
-    tree = ElementTree.fromstring(text)
-    links = {link.get('name') for link in tree.iter('link')}
-    moved = {joint.get('name') for joint in tree.iter('joint')}
-    positions = {name: state.position for name, state in sample.joints.items() if name in moved}
-    left_out = [f'effects: {effect.kind}' for effect in scene.effects]
-    loops: dict[str, Any] = {}
-    for joint in closing(mechanism):
-        made = _loop(joint, len(mechanism.points[0].at) == 2)
-        if made is None or not links.issuperset(made['between']):
-            left_out.append(f'joints: {joint.name} ({joint.kind})')
-        else:
-            loops[joint.name if joint.name not in moved else f'{joint.name}_pin'] = made
-    version = resources.version()
-    head = f'# What closes the URDF of {scene.name}. Exported by alf_ros {version}.\n'
-    head += ''.join(f'# Not carried over: {line}\n' for line in dict.fromkeys(left_out))
-    side = serialise(entry({'positions': positions, 'loops': loops}))
-    return text, re.sub(r'[^\x20-\x7e\n\xa0-\ud7ff]', '?', head) + side, left_out
-
-
-def _loop(joint: Joint, planar: bool) -> dict[str, Any] | None:
-    """A joint of the side file, in the frame of its parent; None for what it does not know."""
-    parent = WORLD if joint.parent == GROUND else joint.parent
-    if joint.kind == 'slider':  # what slides along the rail is a link, and turns on a pin
-        (x, y), slide = joint.frames[1].origin, f'{joint.name}_slide'
-        between, at = [joint.child, slide], [x, y, 0.0]
-        return {'type': 'revolute', 'between': between, 'at': at, 'axis': [0.0, 0.0, 1.0]}
-    if joint.kind not in AXES:
-        return None
-    place, axes = frame(joint, joint.parent)
-    x, _, z = axes.T.tolist()
-    found = {'type': joint.kind, 'between': [parent, joint.child], 'at': place.tolist()}
-    if AXES[joint.kind] == 1:
-        found['axis'] = x if planar and joint.kind == 'prismatic' else z
-    elif AXES[joint.kind] == 2:
-        found['axes'] = [z, x]
-    return found
+from alf_ros.commands.parser import Parser, add_numbers, numbers, writing
+from alf_ros.exchange.export import exported, tree
+from alf_ros.scene.library import load
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Export a mechanism. Returns 0; raises InputError."""
-    parser = _Parser(
+    parser = Parser(
         prog='export',
         description='Write the spanning tree of a mechanism as URDF, for RViz and others. What it '
         'does not carry over is listed on stderr.',
@@ -97,27 +29,16 @@ def main(argv: Sequence[str] | None = None) -> int:
         metavar='SIDE.yaml',
         help='write what closes its loops as well, as `import --loops` reads it',
     )
-    parser.add_argument(
-        '--set',
-        metavar='NAME=NUMBER',
-        nargs='+',
-        default=[],
-        help='parameters of the mechanism to replace',
-    )
+    add_numbers(parser)
     options = parser.parse_args(argv)
-    scene = load(options.file, dict(map(assignment, options.set)))
+    scene = load(options.file, numbers(options.set))
     text, side, left_out = exported(scene)
     if options.loops is None:
-        text = urdf(scene.mechanism)
-        left_out = [f'effects: {effect.kind}' for effect in scene.effects]
-        left_out += [f'loops (see --loops): {joint.name}' for joint in closing(scene.mechanism)]
-        left_out += [f'bodies (see --loops): {name}' for name in outside(scene.mechanism)]
+        text, left_out = tree(scene)
     for key, path, content in (('-o', options.output, text), ('--loops', options.loops, side)):
-        try:
-            if path is not None:
+        if path is not None:
+            with writing(key, path):
                 Path(path).expanduser().write_text(content, encoding='utf-8')
-        except OSError as error:
-            raise InputError(str(error.strerror), key=key, value=path) from None
     if options.output is None:
         print(text, end='')
     for line in dict.fromkeys(left_out):

@@ -10,136 +10,30 @@ instant) and a picture.
 from __future__ import annotations
 
 import argparse
-import csv
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NoReturn
 
-import numpy as np
-
+from alf_ros.commands.parser import Parser, add_folder, writing_into
 from alf_ros.errors import InputError
-from alf_ros.studies.paper import plot, scan, table_one
-from alf_ros.studies.paper.formulations import EXAMPLES, SPACING, Comparison, Curve
+from alf_ros.studies.paper import figures, plot, scan, table_one
+from alf_ros.studies.paper.figures import Figure
+from alf_ros.studies.paper.formulations import EXAMPLES, SPACING, Comparison
 from alf_ros.studies.paper.published import INTEGRATORS, Setting
 from alf_ros.studies.paper.scan import LITERAL
 
-FORMULATIONS = (*LITERAL, 'alf2')
 SETTINGS = ('paper', 'fixed')
-SAID = 'The paper: in the two four-bars ALF1 is lost after 3.3 s, ALF2 gets through.'
-_LONGEST = 1.0  # s: the grid of the adaptive steps of alf2; as its tolerance asks in between
-
-
-def _write(path: Path, comparison: Comparison, curves: Sequence[Curve]) -> None:
-    example = comparison.example
-    columns = ['formulation', 't_s']
-    columns += [f'{example.coordinate} {unit}' for unit in ('m', 'm/s', 'm/s2')]
-    columns += ['energy_J', *(f'lambda {row}' for row in example.rows)]
-    columns += ['position_error_m', 'energy_error_J', 'constraint_error_m']
-    with open(path, 'w', newline='', encoding='utf-8') as stream:
-        writer = csv.writer(stream, lineterminator='\n')
-        writer.writerow([column.replace(' ', '_') for column in columns])
-        for curve in curves:
-            for row in np.column_stack(curve.columns()):
-                writer.writerow([curve.name, *(f'{number:.12g}' for number in row)])
-
-
-def _show(
-    folder: Path, name: str, title: str, comparison: Comparison, curves: Sequence[Curve]
-) -> list[str]:
-    """Print, write and draw runs of an example; returns the names of the files written."""
-    written = [f'{name}.csv']
-    _write(folder / written[0], comparison, [comparison.truth, *curves])
-    for curve in curves:
-        nearest = '' if curve.nearest is None else f', the nearest at {curve.nearest:.0e} rad'
-        print(
-            f'{comparison.example.mechanism:16}{curve.name:17}{curve.verdict():16}'
-            f'{curve.position_error.max():.1e} m, {curve.energy_error.max():.1e} J, '
-            f'gap {curve.gap.max():.1e} m, {curve.evaluations} evaluations{nearest}'
-            f'{f"; stopped: {curve.stopped}" if curve.stopped else ""}'
-        )
-    try:
-        heading = f'{comparison.example.section}; {title}'
-        plot.draw(folder / f'{name}.png', heading, comparison, [comparison.truth, *curves])
-        written.append(f'{name}.png')
-    except ImportError as error:
-        print(f'alf_ros figures: no picture: {error}', file=sys.stderr)
-    return written
-
-
-def _published(folder: Path, comparisons: Sequence[Comparison], setting: Setting) -> list[str]:
-    """Both examples in the setting of the paper, and whether its finding shows."""
-    title = (
-        f'{setting.integrator}, tolerance {setting.tolerance:g}, α = {setting.penalty:g} '
-        f'(alf2: dop853_adaptive)'
-    )
-    print(f'Setting of the paper: {title}')
-    written = []
-    lost: dict[str, float | None] = {}
-    for comparison in comparisons:
-        curves = [comparison.published(name, setting) for name in LITERAL]
-        lost = {curve.name: curve.lost for curve in curves}
-        ours = {
-            'integrator': 'dop853_adaptive',
-            'step': _LONGEST,
-            'tolerance': setting.tolerance,
-        }
-        curves.append(comparison.simulated('alf2', ours))
-        name = f'{comparison.example.mechanism}_published'
-        written += _show(folder, name, title, comparison, curves)
-    print(f'{SAID}\n{_finding(lost["alf1"], lost["alf2_as_printed"])}')
-    return written
-
-
-def _finding(alf1: float | None, alf2: float | None) -> str:
-    """What the two four-bars show of what the paper says."""
-    here = ', '.join(
-        f'{name} gets through' if at is None else f'{name} is lost at {at:.2f} s'
-        for name, at in (('ALF1', alf1), ('ALF2 as printed', alf2))
-    )
-    agrees = alf1 is not None and alf2 is None
-    says = 'reproduces' if agrees else 'does not reproduce'
-    return f'Here {here}: the finding {says}. At which pass a run is lost is chance: see --scan.'
-
-
-def _fixed(folder: Path, comparisons: Sequence[Comparison], solver: dict[str, float]) -> list[str]:
-    """Both examples with fixed steps."""
-    title = f'rk4, {1e3 * solver["step"]:g} ms, α = {solver["penalty"]:g}'
-    print(f'Fixed steps: {title}')
-    written = []
-    for comparison in comparisons:
-        curves = [comparison.simulated(name, solver) for name in FORMULATIONS]
-        written += _show(folder, comparison.example.mechanism, title, comparison, curves)
-    return written
-
-
-def _scan(comparisons: Sequence[Comparison], setting: Setting) -> None:
-    print(f'{setting.integrator}; "-": gets through 10 s')
-    for comparison in comparisons:
-        for name in LITERAL:
-            print(f'\n{scan.table(comparison, name, setting)}', flush=True)
-    print(f'\nα = {setting.penalty:g}:')
-    for comparison in comparisons:
-        for name in LITERAL:
-            print(scan.neighbours(comparison, name, setting), flush=True)
-
-
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise InputError(f'{message} (see --help)')
 
 
 def _options(argv: Sequence[str] | None) -> argparse.Namespace:
-    parser = _Parser(
+    parser = Parser(
         prog='figures',
         description='Draw the comparison of the paper: ALF1, ALF2 as printed, ALF2 as built here, '
         'and the exact motion of the slider-crank and the two four-bars, in the setting of the '
         'paper and with fixed steps.',
     )
     setting = Setting()
-    parser.add_argument(
-        '--folder', default='figures', metavar='DIR', help='for results (default: figures)'
-    )
+    add_folder(parser, 'figures', 'for results')
     parser.add_argument(
         '--tolerance',
         type=float,
@@ -219,16 +113,51 @@ def main(argv: Sequence[str] | None = None) -> int:
     if options.scan:
         _scan(comparisons, setting)
         return 0
-    folder = Path(options.folder).expanduser()
     solver = {'step': options.step, 'penalty': options.penalty or 1e8}
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
+    with writing_into(options.folder) as folder:
         written = []
         if options.setting != 'fixed':
             written += _published(folder, comparisons, setting)
         if options.setting != 'paper':
-            written += _fixed(folder, comparisons, solver)
-    except OSError as error:
-        raise InputError(str(error.strerror), key='--folder', value=str(folder)) from None
+            print(f'Fixed steps: {figures.fixed_title(solver)}')
+            for comparison in comparisons:
+                written += _show(folder, figures.fixed(comparison, solver))
     print(f'{", ".join(written)} in {folder}')
     return 0
+
+
+def _published(folder: Path, comparisons: Sequence[Comparison], setting: Setting) -> list[str]:
+    """Both examples in the setting of the paper, and whether its finding shows."""
+    print(f'Setting of the paper: {figures.published_title(setting)}')
+    made, written = [], []
+    for comparison in comparisons:
+        made.append(figures.published(comparison, setting))
+        written += _show(folder, made[-1])
+    print(f'{figures.SAID}\n{figures.finding(made[-1].runs)}')
+    return written
+
+
+def _show(folder: Path, figure: Figure) -> list[str]:
+    """Write, print and draw the runs of an example; returns the names of the files written."""
+    written = [f'{figure.name}.csv']
+    figure.write(folder / written[0])
+    for line in figure.lines():
+        print(line)
+    try:
+        picture = folder / f'{figure.name}.png'
+        plot.draw(picture, figure.heading, figure.comparison, list(figure.curves))
+        written.append(picture.name)
+    except ImportError as error:
+        print(f'alf_ros figures: no picture: {error}', file=sys.stderr)
+    return written
+
+
+def _scan(comparisons: Sequence[Comparison], setting: Setting) -> None:
+    print(f'{setting.integrator}; "-": gets through 10 s')
+    for comparison in comparisons:
+        for name in LITERAL:
+            print(f'\n{scan.table(comparison, name, setting)}', flush=True)
+    print(f'\nα = {setting.penalty:g}:')
+    for comparison in comparisons:
+        for name in LITERAL:
+            print(scan.neighbours(comparison, name, setting), flush=True)

@@ -1,11 +1,15 @@
-"""What the commands on logs read from their command lines."""
+"""The parser of every command, and the options that several commands share."""
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from typing import NoReturn
 
 from alf_ros.errors import InputError
+from alf_ros.scene.text.expression import ExpressionError, evaluate
 
 
 class Parser(argparse.ArgumentParser):
@@ -29,3 +33,54 @@ def add_trust(parser: Parser) -> None:
         action='store_true',
         help='run the code of effects in the log whose files are no longer here',
     )
+
+
+def add_folder(parser: Parser, default: str, what: str = '') -> None:
+    """The option --folder, for `what` a command writes; see `writing_into`."""
+    parser.add_argument(
+        '--folder', default=default, metavar='DIR', help=f'{what} (default: {default})'.lstrip()
+    )
+
+
+def add_numbers(
+    parser: Parser,
+    metavar: str = 'NAME=NUMBER',
+    what: str = 'parameters of the mechanism to replace',
+) -> None:
+    """The option --set, numbers by name; `numbers` reads them."""
+    parser.add_argument('--set', metavar=metavar, nargs='+', default=[], help=what)
+
+
+def numbers(assignments: Iterable[str]) -> dict[str, float]:
+    """The numbers of --set by name; each is an expression of constants. Raises InputError."""
+    return dict(map(_number, assignments))
+
+
+def _number(text: str) -> tuple[str, float]:
+    name, given, value = text.partition('=')
+    try:
+        return name, evaluate(value if given else '', {})
+    except ExpressionError as error:
+        message = f'not a parameter: {error}'
+        raise InputError(message, key='--set', value=text, expected='NAME=NUMBER') from None
+
+
+@contextmanager
+def writing_into(folder: str) -> Iterator[Path]:
+    """Makes the folder of --folder and yields its path.
+
+    Raises InputError if the folder, or a file written in the block, cannot be written.
+    """
+    path = Path(folder).expanduser()
+    with writing('--folder', path):
+        path.mkdir(parents=True, exist_ok=True)
+        yield path
+
+
+@contextmanager
+def writing(option: str, path: str | Path) -> Iterator[None]:
+    """Raises InputError that names the option and its path where the block raises OSError."""
+    try:
+        yield
+    except OSError as error:
+        raise InputError(str(error.strerror), key=option, value=str(path)) from None

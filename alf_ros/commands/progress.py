@@ -1,27 +1,63 @@
-"""A bar that counts, for commands that make many runs."""
+"""The progress bar of the commands."""
 
 from __future__ import annotations
 
 import os
 import sys
+import time
+
+_WIDTH = 30
+_PERIOD = 0.1  # s between two pictures of a part
+_FIRST = 0.5  # s before the first of them: what is quick needs none
 
 
 class ProgressBar:
-    """How many of `total` are done, in one line of a terminal; nothing where stderr is none."""
+    """How far a command is, in one line on stderr; nothing where stderr is no terminal.
 
-    def __init__(self, total: int) -> None:
-        self._total, self._done, self._shown = max(total, 1), 0, sys.stderr.isatty()
+    For work that reports the part done, call the bar: it is a `Report` of `logs.progress`. For
+    `total` runs one after the other call `show` before each. At the end of a `with` block the bar
+    is removed.
+    """
+
+    def __init__(self, what: str = '', total: int = 1) -> None:
+        self._what, self._total, self._done = what, max(total, 1), 0
+        self._start = time.monotonic()
+        self._next = self._start + _FIRST
+        self._live, self._shown = sys.stderr.isatty(), False
+
+    def __enter__(self) -> ProgressBar:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.clear()
+
+    def __call__(self, part: float) -> None:
+        """Show the part that is done, 0 to 1, and how long the rest will take."""
+        now = time.monotonic()
+        if self._live and now >= self._next:
+            self._next = now + _PERIOD
+            left = (now - self._start) * (1.0 - part) / part if part > 0.0 else 0.0
+            bar = _bar(round(_WIDTH * part))
+            self._print(f'{self._what} {bar} {part:4.0%}, {left:.0f} s left')
 
     def show(self, what: str) -> None:
-        """Say what comes next; it counts as done at the following call."""
-        if self._shown:
-            full = 30 * self._done // self._total
-            bar = '#' * full + '.' * (30 - full)
-            text = f'\r\x1b[K[{bar}] {self._done}/{self._total}  {what}'
-            print(text[: os.get_terminal_size(2).columns], end='', file=sys.stderr, flush=True)
+        """Say which run comes next; it counts as done at the following call."""
+        if self._live:
+            bar = _bar(_WIDTH * self._done // self._total)
+            self._print(f'{bar} {self._done}/{self._total}  {what}')
         self._done += 1
 
     def clear(self) -> None:
-        """Remove the bar."""
+        """Remove the bar, so that other lines can be printed; the next call shows it again."""
         if self._shown:
             print('\r\x1b[K', end='', file=sys.stderr, flush=True)
+        self._shown = False
+
+    def _print(self, text: str) -> None:
+        columns = os.get_terminal_size(2).columns or None  # 0: the terminal does not know
+        print(f'\r\x1b[K{text}'[:columns], end='', file=sys.stderr, flush=True)
+        self._shown = True
+
+
+def _bar(full: int) -> str:
+    return f'[{"#" * full}{"." * (_WIDTH - full)}]'

@@ -2,66 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from alf_ros.commands.parser import of_log
-from alf_ros.errors import InputError
+from alf_ros.commands.progress import ProgressBar
 from alf_ros.logs import load
-from alf_ros.logs.log import Log
-from alf_ros.logs.mcap_chunks import Contents, blocks
-from alf_ros.logs.progress import Progress, Report, silent
-from alf_ros.ros.recording import rosbag2_metadata
-from alf_ros.ros.recording.mcap_file import LogFile
-
-
-def recover(log: Log, folder: Path, report: Report = silent) -> list[LogFile]:
-    """Write every whole chunk of a log, with an index and metadata.yaml, into a new folder.
-
-    Raises InputError if that cannot be written.
-    """
-    try:
-        folder.mkdir(parents=True)
-        size, before, made = sum(file.stat().st_size for file in log.files), 0, []
-        for number, file in enumerate(log.files):
-            target = folder / f'{folder.name}_{number}.mcap'
-            copy = LogFile(target, log.record)
-            made.append(copy)
-            for read in _copied(file, copy):
-                report((before + read) / size)
-            before += file.stat().st_size
-        rosbag2_metadata.write_metadata(folder, made, log.record)
-    except FileExistsError:
-        raise InputError('is there already', key='--output', value=str(folder)) from None
-    except OSError as error:
-        text = f'cannot be written: {error.strerror}'
-        raise InputError(text, key='--output', value=str(folder)) from None
-    return made
-
-
-def _copied(file: Path, copy: LogFile) -> Iterator[int]:
-    """Copy a file message by message; after every chunk, how far it has been read."""
-    contents = Contents()
-    channels: dict[int, rosbag2_metadata.Channel] = {}
-    for block in blocks(file, contents):
-        for k, id_ in enumerate(block.channel.tolist()):
-            if id_ not in channels:
-                told = contents.channels[id_]
-                channels[id_] = copy.register(
-                    told.topic,
-                    told.type,
-                    told.definition,
-                    told.metadata.get('topic_type_hash', ''),
-                    told.metadata.get('offered_qos_profiles', ''),
-                )
-            number = int(block.sequence[k])
-            copy.add_to(channels[id_], int(block.stamp[k]), block.message(k), number)
-        copy.flush()
-        yield block.read
-    for name, about in contents.metadata.items():
-        if name not in ('alf_ros', 'rosbag2'):
-            copy.note(name, about)
-    copy.finish()
+from alf_ros.ros.recording.recover import recover
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -74,11 +21,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     log = load(options.log)
     stem = log.path.with_suffix('') if log.path.is_file() else log.path
     folder = Path(options.output or f'{stem}_recovered').expanduser()
-    bar = Progress('recover')
-    try:
+    with ProgressBar('recover') as bar:
         made = recover(log, folder, bar)
-    finally:
-        bar.close()
     count = sum(file.count for file in made)
     end = f', to t = {log.end:.9g} s' if count else ''
     print(f'{folder}: {count} messages{end}')

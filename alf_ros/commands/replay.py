@@ -4,169 +4,21 @@ from __future__ import annotations
 
 import signal
 import sys
-import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import rclpy
-from rcl_interfaces.msg import SetParametersResult
-from rclpy.clock import Clock as SteadyClock
-from rclpy.clock import ClockType
-from rclpy.duration import Duration
-from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
-from rclpy.task import Future
 from rclpy.utilities import remove_ros_args
-from rosgraph_msgs.msg import Clock
-from std_srvs.srv import SetBool
 
 from alf_ros.commands.parser import add_trust, of_log
-from alf_ros.errors import AlfError, InputError
+from alf_ros.commands.progress import ProgressBar
+from alf_ros.errors import InputError
 from alf_ros.logs import load
-from alf_ros.logs.log import Log
-from alf_ros.logs.progress import Progress
 from alf_ros.ros.executor import spin
-from alf_ros.ros.messages.templates import to_time
-from alf_ros.ros.messages.topics import BEST_EFFORT
-from alf_ros.ros.replay.sources import Item, Recorded, Redriven, Source, stamp_of
-from alf_ros.ros.simulator.parameters import Spec, declare
-from alf_ros.ros.terminal import LOOK_PERIOD, Status
-
-BEAT = 1e-3  # s between two looks at what is due
-_MOST = 1000  # messages in one call, so that services and parameters get their turn
-_CLOCK = '/clock'
-_PATIENCE = 1.0  # s, with readers at the end
-
-
-class Replay(Node):
-    """The node `replay`: every message of `source` at its time, and the clock.
-
-    `finished` is done at the end of the log, unless it loops, or when `stop` was called.
-    Raises InputError for parameters out of range.
-    """
-
-    def __init__(self, log: Log, source: Source, given: list[Parameter], status: Status) -> None:
-        super().__init__('replay', parameter_overrides=given)
-        self.finished: Future[None] = Future()
-        self.failure: AlfError | None = None
-        self._log, self._source, self._status = log, source, status
-        self._spans = float(log.time(source.first)), float(log.time(source.last))
-        values = declare(self, _specs(self._spans))
-        self._rate, self._loop = values['rate'], values['loop']
-        self.paused = values['start_paused']
-        self._outputs = {
-            topic: self.create_publisher(kind, topic, qos)
-            for topic, (kind, qos) in source.topics.items()
-        }
-        own_clock = _CLOCK not in self._outputs
-        self._ticker = self.create_publisher(Clock, _CLOCK, BEST_EFFORT) if own_clock else None
-        self.published = 0
-        self._stamp = source.first
-        self._go_to(values['seek'])
-        self.create_service(SetBool, '~/pause', self._on_pause)
-        self.add_on_set_parameters_callback(self._judge)
-        self.add_post_set_parameters_callback(self._on_parameters)
-        steady = SteadyClock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(BEAT, self._on_timer, clock=steady)
-        self.create_timer(LOOK_PERIOD, self._on_look, clock=steady)
-
-    def stop(self, *_: object) -> None:
-        """End now."""
-        if not self.finished.done():
-            self.finished.set_result(None)
-
-    def deliver(self) -> None:
-        """Wait until those who hear reliably have heard all of it, for a second at most."""
-        end = time.monotonic() + _PATIENCE
-        for output in self._outputs.values():
-            left = max(0.0, end - time.monotonic())
-            output.wait_for_all_acked(Duration(seconds=left))
-
-    @property
-    def t(self) -> float:
-        """Simulated time of the last message, s."""
-        return float(self._log.time(self._stamp))
-
-    def _go_to(self, t: float) -> None:
-        """Go on from a simulated time (s)."""
-        stamp = stamp_of(self._log, t)
-        self._items: Iterator[Item] = self._source.items(stamp)
-        self._next = next(self._items, None)
-        self._stamp = stamp
-        self._told = 0  # the last stamp on the clock
-        self._anchor()
-
-    def _anchor(self) -> None:
-        """From now on time goes by from the present stamp."""
-        self._since, self._from = time.monotonic(), self._stamp
-
-    def _on_timer(self) -> None:
-        if self.paused or self.finished.done():
-            return
-        passed = (time.monotonic() - self._since) * self._rate * 1e9
-        now = self._from + round(passed) if self._rate else self._source.last
-        try:
-            for _ in range(_MOST):
-                if self._next is None or self._next.stamp > now:
-                    break
-                self._publish(self._next)
-                self._next = next(self._items, None)
-        except AlfError as error:
-            self.failure = error
-            self.stop()
-        if self._next is None:
-            if self._loop:
-                self._go_to(self._spans[0])
-            else:
-                self.stop()
-
-    def _publish(self, item: Item) -> None:
-        self._stamp = item.stamp
-        if self._ticker is not None and item.stamp != self._told:
-            self._told = item.stamp
-            self._ticker.publish(Clock(clock=to_time(item.stamp)))
-        self._outputs[item.topic].publish(item.data)
-        self.published += 1
-
-    def _on_look(self) -> None:
-        if self._status.live:
-            state = 'paused' if self.paused else f'rate {self._rate:g}'
-            self._status.show(f't {self.t:.2f} of {self._spans[1]:.2f} s  {state}')
-
-    def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        self.paused = request.data
-        self._anchor()
-        response.success = True
-        response.message = f'{"paused" if self.paused else "playing"} at t = {self.t:.9g} s'
-        return response
-
-    def _judge(self, changed: list[Parameter]) -> SetParametersResult:
-        """The limits are those of the descriptors; a log that is run again may fail to begin."""
-        for parameter in changed:
-            if parameter.name == 'seek':
-                try:
-                    self._go_to(parameter.value)
-                except AlfError as error:
-                    return SetParametersResult(successful=False, reason=str(error))
-        return SetParametersResult(successful=True)
-
-    def _on_parameters(self, changed: list[Parameter]) -> None:
-        for parameter in changed:
-            if parameter.name == 'rate':
-                self._rate = parameter.value
-                self._anchor()
-            elif parameter.name == 'loop':
-                self._loop = parameter.value
-
-
-def _specs(spans: tuple[float, float]) -> list[Spec]:
-    first, last = spans
-    return [
-        Spec('rate', 1.0, 'Logged seconds per second; 0: as fast as it can', (0.0, 1e3), False),
-        Spec('loop', False, 'Begin again at the end', fixed=False),
-        Spec('seek', first, 'Goes on from there when set, simulated s', (first, last), False),
-        Spec('start_paused', False, 'Start paused: ~/pause with false plays'),
-    ]
+from alf_ros.ros.replay.node import Replay
+from alf_ros.ros.replay.sources import Recorded, Redriven, Source
+from alf_ros.ros.terminal import Status
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -192,11 +44,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     switches = {'loop': options.loop, 'start_paused': options.paused}
     given.update({key: True for key, value in switches.items() if value})
     overrides = [Parameter(k, value=v) for k, v in given.items() if v is not None]
-    log, bar, status = load(options.log), Progress('reading'), Status()
-    try:
+    log, status = load(options.log), Status()
+    with ProgressBar('reading') as bar:
         source: Source = Redriven(log, options.trust) if options.redrive else Recorded(log, bar)
-    finally:
-        bar.close()
     try:
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
         node = Replay(log, source, overrides, status)

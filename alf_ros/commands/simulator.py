@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import argparse
 import signal
 import sys
 from collections.abc import Sequence
-from typing import Any, NoReturn
+from typing import Any
 
 import rclpy
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
+from alf_ros.commands.parser import Parser
 from alf_ros.errors import InputError
 from alf_ros.ros.executor import spin
 from alf_ros.ros.simulator.node import Simulator, Stop
@@ -23,14 +23,9 @@ from alf_ros.ros.terminal import Status
 SWITCH_INTERVAL = 2e-4
 
 
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise InputError(f'{message} (see --help)')
-
-
 def _overrides(argv: Sequence[str]) -> list[Parameter[Any]]:
     """Options of the command line as node parameters."""
-    parser = _Parser(
+    parser = Parser(
         prog='simulator',
         description='Run a scene as the ROS 2 node `simulator`. Ctrl-C stops and closes the log.',
         epilog='Each option stands for a node parameter; more with --ros-args -p name:=value.',

@@ -7,32 +7,17 @@ import signal
 import sys
 import threading
 from collections.abc import Sequence
-from contextlib import ExitStack
-from typing import TYPE_CHECKING, NoReturn
 
 import rclpy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
-from alf_ros.errors import InputError
-from alf_ros.ros.view.node import ViewNode
-from alf_ros.ros.view.operator import Operator
-from alf_ros.ros.view.server import Broadcast, Server
-
-if TYPE_CHECKING:
-    from alf_ros.ros.view.foxglove import FoxgloveBridge
-
-# Pictures a second (Hz): as many as the simulator draws if nobody says otherwise.
-RATE = 30.0
-
-
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise InputError(f'{message} (see --help)')
+from alf_ros.commands.parser import Parser
+from alf_ros.ros.view.serve import serve
 
 
 def _options(argv: Sequence[str]) -> argparse.Namespace:
-    parser = _Parser(
+    parser = Parser(
         prog='view',
         description='Serve a page that shows a running `simulator` and commands it. Only this '
         'machine can open it. Ctrl-C ends it; the simulator runs on.',
@@ -68,27 +53,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         signal.signal(number, lambda *_: stop.set())
     rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     try:
-        node = ViewNode(options.simulator)
-        operator = Operator(node, options.simulator)
-        broadcast = Broadcast()
-        with ExitStack() as serving:
-            server = serving.enter_context(Server(options.port, broadcast, operator.obey))
-            print(f'view: {server.url}', flush=True)
-            if options.foxglove is not None:
-                bridge = serving.enter_context(_bridge(options))
-                print(f'view: Foxglove at {bridge.url}', flush=True)
-            while not stop.wait(1.0 / RATE):
-                node.follow(broadcast.wanted)
-                node.look()
-                operator.work()
-                broadcast.put(node.about, node.picture)
+        serve(options.simulator, options.port, options.foxglove, stop, _say)
     finally:
         rclpy.try_shutdown()
     return 0
 
 
-def _bridge(options: argparse.Namespace) -> FoxgloveBridge:
-    # Imported here: who looks at the page alone need not have it.
-    from alf_ros.ros.view.foxglove import FoxgloveBridge
-
-    return FoxgloveBridge(options.simulator, options.foxglove)
+def _say(text: str) -> None:
+    print(f'view: {text}', flush=True)

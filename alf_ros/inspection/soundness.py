@@ -7,6 +7,7 @@ faults: they are told, because other programs stumble over them and because forc
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -28,6 +29,7 @@ from alf_ros.simulation.simulation import Simulation
 
 OK, NOTE, BAD = 'ok', 'note', 'BAD'
 LARGEST = 4000  # coordinates: matrices are dense here
+_WIDTH = 100  # characters of a line of the table
 
 
 @dataclass(frozen=True)
@@ -79,6 +81,17 @@ def examine(scene: Scene) -> Soundness:
     answers += [_reactions(usual), _mass(at)]
     answers += _start(scene, at, any(answer.verdict == BAD for answer in answers))
     return Soundness(model, at.q, (*answers, _on_the_way(usual, walk)), walk)
+
+
+def table(found: Soundness, name: str) -> str:
+    """The answers as lines of text."""
+    lines = [f'{name}: is this mechanism sound?', '']
+    for answer in found.answers:
+        start = f'  {answer.verdict:5}{answer.question:20}'
+        lines += textwrap.wrap(
+            answer.answer, _WIDTH, initial_indent=start, subsequent_indent=' ' * len(start)
+        )
+    return '\n'.join([*lines, '', 'sound' if found.sound else 'NOT SOUND'])
 
 
 def _without_rotors(model: Model) -> Model:

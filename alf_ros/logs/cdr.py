@@ -1,17 +1,23 @@
-"""ROS messages from their bytes and the definition in the log: no ROS needed.
+"""CDR, the bytes of ROS messages, read and written without ROS.
 
 CDR as ROS 2 writes it (XCDR1, little endian): every number lies at a multiple of its own size,
-counted from behind the four bytes of the header.
+counted from behind the four bytes of the header. A `Decoder` reads messages by the definition in a
+log, an `Encoder` puts one together, and a `Template` is one of which only numbers change.
 """
 
 from __future__ import annotations
 
 import re
 import struct
+from collections.abc import Iterable
 from functools import lru_cache
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from alf_ros.errors import InputError
+
+STAMP = struct.Struct('<iI')  # builtin_interfaces/Time: s, ns
 
 _PRIMITIVE = {
     'bool': '?',
@@ -31,7 +37,10 @@ _PRIMITIVE = {
 _FIELD = re.compile(
     r'(?P<type>[\w/]+)(<=\d+)?(?P<array>\[(?P<size>\d*|<=\d+)\])?\s+(?P<name>[a-z]\w*)\b(?!\s*=)'
 )
-_HEADER = 4
+_BEGIN = b'\x00\x01\x00\x00'  # the header: CDR, little endian
+_HEADER = len(_BEGIN)
+# The stamp of a std_msgs/Header, which is the first field where there is one.
+FIRST_STAMP = slice(_HEADER, _HEADER + STAMP.size)
 
 
 class _Field(NamedTuple):
@@ -117,6 +126,65 @@ class _Reader:
             raise struct.error
         self._at += length
         return raw[:-1].decode()
+
+
+class Encoder:
+    """A message as it grows, field by field in the order of its definition."""
+
+    def __init__(self) -> None:
+        self.data = bytearray(_BEGIN)
+
+    def align(self, size: int) -> int:
+        """Pad to a multiple of `size` (bytes). Returns the place of what comes next."""
+        self.data += bytes(-(len(self.data) - _HEADER) % size)
+        return len(self.data)
+
+    def integer(self, value: int) -> None:
+        """Write a uint32, or the length of a sequence."""
+        self.align(4)
+        self.data += struct.pack('<I', value)
+
+    def text(self, value: str) -> None:
+        """Write a string."""
+        raw = value.encode() + b'\0'
+        self.integer(len(raw))
+        self.data += raw
+
+    def stamp(self) -> int:
+        """Leave room for a stamp. Returns its place."""
+        at = self.align(4)
+        self.data += bytes(STAMP.size)
+        return at
+
+    def numbers(self, count: int) -> int:
+        """Leave room for `count` float64. Returns their place."""
+        at = self.align(8)
+        self.data += bytes(8 * count)
+        return at
+
+
+class Template:
+    """A message of which only stamps and numbers change.
+
+    `stamps` are the places of its stamps in `data`, `blocks` place and count of its float64. Write
+    numbers into the arrays `blocks`, which are views of the message.
+    """
+
+    def __init__(
+        self, data: bytes | bytearray, stamps: Iterable[int], blocks: Iterable[tuple[int, int]]
+    ) -> None:
+        self._data, self._stamps = bytearray(data), list(stamps)
+        self.blocks = [np.frombuffer(self._data, np.float64, count, at) for at, count in blocks]
+
+    def stamp(self, ns: int) -> None:
+        """Write the stamp (ns)."""
+        parts = divmod(ns, 1_000_000_000)
+        for at in self._stamps:
+            STAMP.pack_into(self._data, at, *parts)
+
+    def bytes(self) -> bytes:
+        """The message as it is now."""
+        return bytes(self._data)
 
 
 @lru_cache(maxsize=64)

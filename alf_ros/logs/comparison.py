@@ -19,6 +19,8 @@ from alf_ros.logs.series import COMPONENTS, Series
 from alf_ros.simulation.observables import READINGS, Reading
 from alf_ros.simulation.sample import Sample
 
+_MOST = 12  # variables told one by one
+
 
 @dataclass(frozen=True)
 class Difference:
@@ -75,6 +77,34 @@ class Result:
 def compare(log: Log, trust: bool = False, report: progress.Report = progress.silent) -> Result:
     """Run a log again and compare. Raises InputError for one that cannot be run."""
     return _Comparison(log, trust).run(report)
+
+
+def told(log: Log, result: Result) -> str:
+    """The result as lines of text."""
+    lines = [f'{log.info["scene"]}: {result.steps} instants, {result.inputs} inputs']
+    for key, (there, here) in result.versions.items():
+        lines.append(f'  other {key}: {there} in the log, {here} here')
+    if result.damage:
+        lines.append(f'  not closed: {result.damage}')
+    lines += [f'  wrong: {fault}' for fault in result.faults]
+    if result.first is not None:
+        lines.append(f'  first: {result.first}')
+        if result.first.cause:
+            lines.append(f'  last input before it: {result.first.cause}')
+        lines.append('  largest difference of each variable:')
+        worst = sorted(result.variables.items(), key=lambda item: -item[1].worst.size)
+        for name, variable in worst[:_MOST]:
+            size, step = variable.worst.size, variable.worst.step
+            lines.append(
+                f'    {name:40} {size:.3g} at step {step}, differs {variable.count} times'
+            )
+        if len(worst) > _MOST:
+            lines.append(f'    and {len(worst) - _MOST} more')
+    if result.equal:
+        lines.append(f'EQUAL: {result.compared} messages, bit for bit')
+    else:
+        lines.append('DIFFERS' if result.first is not None else 'NOT AS IT WAS WRITTEN')
+    return '\n'.join(lines)
 
 
 class _Comparison:

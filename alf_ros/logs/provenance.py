@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 import platform
+import time
 from collections.abc import Mapping
 from dataclasses import asdict
 from importlib import metadata
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from llvmlite import binding
 
@@ -15,9 +16,9 @@ from alf_ros.effects.contract import user_file
 from alf_ros import effects
 from alf_ros.resources import version
 from alf_ros.scene.scene import Scene
+from alf_ros.simulation.setup import Setup
 
-if TYPE_CHECKING:
-    from alf_ros.simulation.setup import Setup
+
 
 _PACKAGES = ('numpy', 'numba', 'llvmlite', 'scipy', 'rclpy')
 
@@ -31,6 +32,13 @@ def versions() -> dict[str, str]:
         except metadata.PackageNotFoundError:
             found[package] = 'unknown'
     return {**found, **_compiler(), 'cpu': _cpu(), 'platform': platform.platform()}
+
+
+def about() -> str:
+    """The processor and the versions that results of this machine depend on, as a comment line."""
+    libraries = ', '.join(f'{name} {metadata.version(name)}' for name in ('numpy', 'scipy', 'numba'))
+    python = platform.python_version()
+    return f'# {_cpu()}, Python {python}, {libraries}, {time.strftime("%Y-%m-%d")}'
 
 
 def start(setup: Setup, ahead: int, topics: Mapping[str, str]) -> dict[str, Any]:

@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 
 from alf_ros.arrays import Floats, Integers
 from alf_ros.errors import InputError
-from alf_ros.logs.cdr import Decoder
+from alf_ros.logs.cdr import FIRST_STAMP, Decoder
 from alf_ros.logs.mcap_chunks import Block, Bytes, Channel
 
-_STAMP = slice(4, 12)  # of a header, which is the first field where there is one
 _JOINT_STATE = 'sensor_msgs/msg/JointState'
 _WRENCHES = 'sensor_msgs/msg/MultiDOFJointState'
 COMPONENTS = tuple(f'{what}.{axis}' for what in ('force', 'torque') for axis in 'xyz')
@@ -90,7 +89,7 @@ class _Layout:
         fixed = np.ones(self.size, bool)
         fixed[self.numbers] = False
         if kind != _NUMBER:
-            fixed[_STAMP] = False
+            fixed[FIRST_STAMP] = False
         self._fixed = np.flatnonzero(fixed)
         self._wanted = np.frombuffer(data, np.uint8)[self._fixed]
         self.names, self.shapes = _shapes(kind, message)

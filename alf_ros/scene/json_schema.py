@@ -9,6 +9,7 @@ names refer to; whatever the loader accepts, it accepts.
 from __future__ import annotations
 
 import dataclasses
+import json
 from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import Any
 
@@ -324,3 +325,8 @@ def scene_schema(kinds: Collection[str]) -> Schema:
     fields = {key: about[key] for key in scene.KEYS}
     head = {'$schema': _DRAFT, 'title': 'Scene of alf_ros', 'definitions': definitions}
     return head | _mapping(fields, scene.REQUIRED)
+
+
+def text(schema: Schema) -> str:
+    """A schema as the text of its file."""
+    return json.dumps(schema, indent=1, ensure_ascii=False) + '\n'

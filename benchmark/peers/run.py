@@ -30,7 +30,7 @@ ROOT = HERE.parents[1]
 sys.path.insert(0, str(ROOT))
 
 from alf_ros import Simulation, load_scene  # noqa: E402
-from alf_ros.commands.hard_cases import about  # noqa: E402
+from alf_ros.logs.provenance import about  # noqa: E402
 from alf_ros.studies.exact import motions  # noqa: E402
 
 SURVIVAL = range(5, 61)  # k of h = 0.01 s / k

@@ -13,8 +13,9 @@ from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
 from alf_ros.arrays import Floats
+from alf_ros.logs.cdr import Template
 from alf_ros.model.compile import Model
-from alf_ros.ros.messages.templates import STAMP, WORLD, Template, Write
+from alf_ros.ros.messages.templates import STAMP, WORLD, Write, template
 from alf_ros.simulation.display_geometry import (
     POINTS_PER_ARROW,
     Display,
@@ -47,11 +48,11 @@ def markers(model: Model, display: Display) -> Write:
     known = np.array([joint.point is not None for joint in mechanism.joints], dtype=bool)
     templates: dict[int, Template] = {}  # by number of arrows of wrenches held
 
-    def template(held: int) -> Template:
+    def by_arrows(held: int) -> Template:
         if held not in templates:
             templates.clear()  # one at a time: commands rarely come and go
             counts = [len(ends), len(pins), *(POINTS_PER_ARROW * n for n in (len(pins), held))]
-            templates[held] = Template(
+            templates[held] = template(
                 lambda marks: _message(marks, counts, width), [3 * n for n in counts if n]
             )
         return templates[held]
@@ -61,7 +62,7 @@ def markers(model: Model, display: Display) -> Write:
         tails = _places(sample, pins)
         places, forces = held_forces(sample)
         reactions = in_space(sample.reaction_forces[known])
-        filled = template(len(places))
+        filled = by_arrows(len(places))
         filled.stamp(ns)
         lists = [
             _places(sample, ends),

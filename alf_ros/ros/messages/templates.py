@@ -7,7 +7,6 @@ Every message of a step carries the same stamp: the simulated time of the state 
 from __future__ import annotations
 
 import re
-import struct
 from collections.abc import Callable
 from typing import Any
 
@@ -19,6 +18,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, MultiDOFJointState
 from std_msgs.msg import Float64, Header
 
+from alf_ros.logs import cdr
 from alf_ros.model.compile import Model
 from alf_ros.model.constraints import drives as driving
 from alf_ros.simulation import observables, state_vector
@@ -27,9 +27,8 @@ from alf_ros.simulation.sample import Sample
 
 WORLD = 'world'
 
-# A stamp that no run has, for templates; in CDR, little endian.
+# A stamp that no run has, for templates.
 STAMP = Time(sec=0x5EED5EED, nanosec=0x1EAF1EAF)
-_STAMP = struct.Struct('<iI')
 
 Write = Callable[['Sample', int], bytes]
 
@@ -40,34 +39,22 @@ def to_time(ns: int) -> Time:
     return Time(sec=seconds, nanosec=nanoseconds)
 
 
-class Template:
-    """A serialised message of which only stamps and numbers change.
+def template(make: Callable[[list[float]], Any], counts: list[int]) -> cdr.Template:
+    """A message of any type, serialised once, of which only stamps and numbers change.
 
     To fill and serialise a message object costs a microsecond for each number; its bytes have the
     numbers in blocks at fixed places. `make(marks)` builds the message with one value all over
     each block, and `STAMP` wherever the stamp belongs; the places of the blocks (`counts` of
     float64 each) and stamps are found by looking for them.
     """
-
-    def __init__(self, make: Callable[[list[float]], Any], counts: list[int]) -> None:
-        marks = [1.0 / (7 + k) for k in range(len(counts))]
-        self._data = bytearray(serialize_message(make(marks)))
-        self.blocks = []
-        at = 0
-        for mark, count in zip(marks, counts, strict=True):
-            at = self._data.index(np.full(count, mark).tobytes(), at)
-            self.blocks.append(np.frombuffer(self._data, np.float64, count, at))
-        stamp = _STAMP.pack(STAMP.sec, STAMP.nanosec)
-        self._stamps = [found.start() for found in re.finditer(re.escape(stamp), self._data)]
-
-    def stamp(self, ns: int) -> None:
-        """Write the stamp (ns)."""
-        for at in self._stamps:
-            _STAMP.pack_into(self._data, at, *divmod(ns, 1_000_000_000))
-
-    def bytes(self) -> bytes:
-        """The message as it is now."""
-        return bytes(self._data)
+    marks = [1.0 / (7 + k) for k in range(len(counts))]
+    data = serialize_message(make(marks))
+    blocks, at = [], 0
+    for mark, count in zip(marks, counts, strict=True):
+        at = data.index(np.full(count, mark).tobytes(), at)
+        blocks.append((at, count))
+    stamp = re.escape(cdr.STAMP.pack(STAMP.sec, STAMP.nanosec))
+    return cdr.Template(data, (found.start() for found in re.finditer(stamp, data)), blocks)
 
 
 def joint_states(model: Model) -> Write | None:
@@ -114,13 +101,13 @@ def _joint_state(names: tuple[str, ...], reading: Reading) -> Write | None:
         arrays |= {key: [mark] * count for key, mark in zip(reading.fields, marks, strict=True)}
         return JointState(header=Header(stamp=STAMP), name=list(names), **arrays)
 
-    template = Template(make, [count] * len(reading.fields))
+    message = template(make, [count] * len(reading.fields))
 
     def write(sample: Sample, ns: int) -> bytes:
-        template.stamp(ns)
-        for block, value in zip(template.blocks, reading.values(sample), strict=True):
+        message.stamp(ns)
+        for block, value in zip(message.blocks, reading.values(sample), strict=True):
             block[:] = value
-        return template.bytes()
+        return message.bytes()
 
     return write
 
@@ -139,24 +126,24 @@ def reactions(model: Model) -> Write | None:
         message.wrench = [Wrench(force=vector, torque=vector)] * count
         return message
 
-    template = Template(make, [6 * count])
-    wrenches = template.blocks[0].reshape(count, 6)
+    message = template(make, [6 * count])
+    wrenches = message.blocks[0].reshape(count, 6)
 
     def write(sample: Sample, ns: int) -> bytes:
-        template.stamp(ns)
+        message.stamp(ns)
         (wrenches[:],) = observables.REACTIONS.values(sample)
-        return template.bytes()
+        return message.bytes()
 
     return write
 
 
 def energy(model: Model) -> Write:
     """`~/energy`: total mechanical energy (J)."""
-    template = Template(lambda marks: Float64(data=marks[0]), [1])
+    message = template(lambda marks: Float64(data=marks[0]), [1])
 
     def write(sample: Sample, ns: int) -> bytes:
-        (template.blocks[0][:],) = observables.ENERGY.values(sample)
-        return template.bytes()
+        (message.blocks[0][:],) = observables.ENERGY.values(sample)
+        return message.bytes()
 
     return write
 
@@ -168,10 +155,10 @@ def work(accounts: tuple[str, ...]) -> Write | None:
 
 def clock(model: Model) -> Write:
     """`/clock`: the simulated time."""
-    template = Template(lambda marks: Clock(clock=STAMP), [])
+    message = template(lambda marks: Clock(clock=STAMP), [])
 
     def write(sample: Sample, ns: int) -> bytes:
-        template.stamp(ns)
-        return template.bytes()
+        message.stamp(ns)
+        return message.bytes()
 
     return write

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -137,8 +138,7 @@ class LogFile:
 
     def flush(self) -> None:
         """Close the chunk and hand it to the system."""
-        # The writer closes chunks by size only and offers no other way.
-        self._writer._Writer__finalize_chunk()  # type: ignore[attr-defined]
+        self._writer.flush()
         self._stream.check()
         self._stream.good = self._stream.size
 
@@ -166,3 +166,10 @@ class LogFile:
             self._stream.cut()
         finally:
             self._stream.close()
+
+
+def write_metadata(folder: Path, files: Sequence[LogFile], info: Mapping[str, str]) -> None:
+    """Write metadata.yaml beside the files of a log. Raises OSError."""
+    channels = [channel for file in files for channel in file.channels.values()]
+    summaries = [file.summary() for file in files]
+    rosbag2_metadata.write_metadata(folder, summaries, channels, info)

@@ -15,8 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from alf_ros.errors import InputError
-from alf_ros.ros.recording import rosbag2_metadata
-from alf_ros.ros.recording.mcap_file import LogFile
+from alf_ros.ros.recording.mcap_file import LogFile, write_metadata
 
 if TYPE_CHECKING:
     from rclpy.qos import QoSProfile
@@ -131,7 +130,7 @@ class Recorder:
     def _run(self) -> None:
         try:
             self._write_files()
-            rosbag2_metadata.write_metadata(self.folder, [*self._finished, self._file], self.info)
+            write_metadata(self.folder, [*self._finished, self._file], self.info)
         except Exception as error:
             # Nothing that happens to the log, such as a full disk, may stop the simulation: it is
             # reported, and `write` counts what is lost from here on.

@@ -21,8 +21,6 @@ from alf_ros.errors import AlfError
 if TYPE_CHECKING:
     from rclpy.qos import QoSProfile
 
-    from alf_ros.ros.recording.mcap_file import LogFile
-
 # Version 8 is the last one with QoS policies as integers, and what rosbag2 assumes for a bare file
 # whose `rosbag2` record was lost, as after a kill.
 METADATA_VERSION = 8
@@ -180,10 +178,14 @@ def _span(start: int, end: int, count: int) -> dict[str, Any]:
     }
 
 
-def write_metadata(folder: Path, files: Sequence[LogFile], info: Mapping[str, str]) -> None:
-    """Write metadata.yaml beside the files of a log."""
-    channels = [channel for file in files for channel in file.channels.values()]
-    about = metadata([file.summary() for file in files], channels, info)
+def write_metadata(
+    folder: Path, files: Sequence[File], channels: Iterable[Channel], info: Mapping[str, str]
+) -> None:
+    """Write metadata.yaml beside the files of a log; `channels` of all of them.
+
+    Raises OSError if it cannot be written.
+    """
+    about = metadata(files, channels, info)
     document = {'rosbag2_bagfile_information': about}
     text = yaml.safe_dump(document, sort_keys=False, allow_unicode=True)
     (folder / 'metadata.yaml').write_text(text, 'utf-8')

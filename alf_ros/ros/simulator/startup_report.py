@@ -14,7 +14,7 @@ def lines(simulation: Simulation, outputs: Mapping[str, Sequence[str]]) -> list[
     off; the ledger; outputs by `Outputs.switched`."""
     # Imported late: loading the solver takes a good part of the start.
     from alf_ros import effects
-    from alf_ros.inspection.call_cost import call_costs
+    from alf_ros.inspection.effect_costs import call_costs
 
     costs = [f'{label} {cost:.2g} µs' for label, cost in call_costs(simulation).items()]
     named = {effect.kind for effect in simulation.scene.effects}

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from alf_ros.studies.exact.starting_states import GRID, StartingState, starting_states
-from alf_ros.studies.hard_cases.trial import Row, Run
+from alf_ros.studies.hard_cases.trial import RunSpec, TableRow
 
 FACTOR = 100.0  # error over tolerance
 FINEST = 1e-10  # tolerance down to which evaluations count; below is rounding
@@ -20,7 +20,7 @@ MOST = 1.5  # times the evaluations of the one freedom alone, down to FINEST
 PENALTIES = (1e7, 1e9, 1e11)
 
 
-def rows(quick: bool) -> Iterator[Row]:
+def rows(quick: bool) -> Iterator[TableRow]:
     """A row for each tolerance."""
     for name in ('slider_crank', 'double_four_bar'):
         starts = starting_states(name)[:: 5 if quick else 1]
@@ -31,11 +31,11 @@ def rows(quick: bool) -> Iterator[Row]:
                 for penalty in PENALTIES
             )
             counts = tolerance > 0.5 * FINEST
-            yield Row('campaign', name, runs, ratio=MOST if counts else None)
+            yield TableRow('campaign', name, runs, ratio=MOST if counts else None)
 
 
-def _run(start: StartingState, tolerance: float, penalty: float) -> Run:
+def _run(start: StartingState, tolerance: float, penalty: float) -> RunSpec:
     bound = max(FACTOR * tolerance, ROUNDING)
-    return Run(
+    return RunSpec(
         start.motion, 'dop853_adaptive', GRID, bound, tolerance, penalty, lambda: start.costs
     )

@@ -20,7 +20,7 @@ from alf_ros.scene.scene import load_scene
 from alf_ros.studies.exact import one_freedom
 from alf_ros.studies.exact.motions import Motion
 from alf_ros.studies.exact.one_freedom import OneFreedom
-from alf_ros.studies.hard_cases.trial import Row, Run
+from alf_ros.studies.hard_cases.trial import RunSpec, TableRow
 
 GRID = 0.1  # s: a multiple of every step
 _TIMES = (0.0, GRID, 2 * GRID, 3 * GRID)
@@ -234,7 +234,7 @@ _SETTINGS: tuple[tuple[str, tuple[tuple[float, float | None, float], ...]], ...]
 )
 
 
-def rows(quick: bool) -> Iterator[Row]:
+def rows(quick: bool) -> Iterator[TableRow]:
     """Landings and starts, a row for each mechanism and integrator."""
     random = np.random.default_rng(_SEED)
     slowest, fastest = np.log10(_SPEEDS).tolist()
@@ -246,9 +246,9 @@ def rows(quick: bool) -> Iterator[Row]:
         starts = [0.0] if setting != 'driven five-bar' else []
         for integrator, settings in _SETTINGS:
             runs = tuple(
-                Run(passage.motion(when), integrator, h, bound, tolerance)
+                RunSpec(passage.motion(when), integrator, h, bound, tolerance)
                 for h, tolerance, bound in settings
                 for passage in passages
                 for when in (*whens, *starts)
             )
-            yield Row('landing', setting, runs)
+            yield TableRow('landing', setting, runs)

@@ -6,14 +6,14 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from alf_ros.studies.hard_cases.trial import Result
+from alf_ros.studies.hard_cases.trial import RunResult
 
 COLOURS = ('#0072b2', '#d55e00', '#009e73', '#cc79a7')  # Okabe & Ito: told apart by all eyes
 TICKS = [m * 10.0**e for e in range(-9, 6) for m in (1, 2, 5)]  # ms
 LOWEST, HIGHEST, TOP = 1e-15, 1.0, 30.0  # m; runs that did not end stand between HIGHEST and TOP
 
 
-def draw(path: Path, results: Sequence[Result]) -> None:
+def draw(path: Path, results: Sequence[RunResult]) -> None:
     """Write the picture: position error (m) against step (ms), bounds, and failures.
 
     Raises ImportError without matplotlib, OSError if the file cannot be written.
@@ -64,7 +64,7 @@ def draw(path: Path, results: Sequence[Result]) -> None:
     figure.savefig(path, dpi=120)
 
 
-def _place(result: Result) -> tuple[float, float]:
+def _place(result: RunResult) -> tuple[float, float]:
     """Step (ms) and error (m) as drawn."""
     if result.failure:
         return 1e3 * result.run.h, math.sqrt(HIGHEST * TOP)

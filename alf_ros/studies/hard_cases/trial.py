@@ -18,7 +18,7 @@ LARGEST_GAP = 1e-12  # m, of a constraint
 
 
 @dataclass(frozen=True)
-class Run:
+class RunSpec:
     """A motion, computed with the step `h` (s), or with `tolerance` on a grid of `h`.
 
     `bound` (m) is on its position error. `penalty`: in place of that of the scene. `reduced`: what
@@ -42,10 +42,10 @@ class Run:
 
 
 @dataclass(frozen=True)
-class Result:
+class RunResult:
     """Largest errors of a run; NaN, and the reason in `failure`, if it did not come to its end."""
 
-    run: Run
+    run: RunSpec
     position: float
     energy: float
     constraint: float
@@ -77,19 +77,19 @@ class Result:
 
 
 @dataclass(frozen=True)
-class Row:
+class TableRow:
     """A line of the table: runs of one mechanism; `order` is the lowest one that will do,
     `ratio` the highest median of the evaluations over those of the one freedom alone.
     """
 
     case: str
     setting: str
-    runs: tuple[Run, ...]
+    runs: tuple[RunSpec, ...]
     order: float | None = None
     ratio: float | None = None
 
 
-def execute(run: Run) -> Result:
+def execute(run: RunSpec) -> RunResult:
     """One run, and its largest errors at the times of its motion."""
     position = energy = constraint = 0.0
     bound = math.nan
@@ -107,11 +107,11 @@ def execute(run: Run) -> Result:
                 energy = max(energy, abs(sample.energy - first.energy))
             constraint = max(constraint, sample.diagnostics.position_violation)
     except AlfError as error:
-        return Result(run, math.nan, math.nan, math.nan, bound, str(error))
-    return Result(run, position, energy, constraint, bound, '', sim.evaluations)
+        return RunResult(run, math.nan, math.nan, math.nan, bound, str(error))
+    return RunResult(run, position, energy, constraint, bound, '', sim.evaluations)
 
 
-def observed_order(results: Iterable[Result]) -> float:
+def observed_order(results: Iterable[RunResult]) -> float:
     """Slope of log error over log step; NaN where the errors do not lie along one.
 
     That is: fewer than four steps, less than two decades, or a correlation below 0.9. Only errors

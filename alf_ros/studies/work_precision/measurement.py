@@ -53,7 +53,7 @@ class Setting:
 
 
 @dataclass(frozen=True)
-class Point:
+class Measurement:
     """A measured setting.
 
     cpu: ms per simulated second, median of `repetitions`; preparation: s until the first step was
@@ -103,7 +103,7 @@ def settings(
                     yield setting
 
 
-def measure(scene: Scene, setting: Setting, against: Reference) -> Point:
+def measure(scene: Scene, setting: Setting, against: Reference) -> Measurement:
     """Run it for its errors, then again and again for its time."""
     started = time.perf_counter()
     duration = against.times[-1]
@@ -114,7 +114,7 @@ def measure(scene: Scene, setting: Setting, against: Reference) -> Point:
         return _failed(scene, setting, error, duration)
     except AlfError as error:  # a formulation that this scene is too much for
         nothing = (math.nan,) * 6
-        return Point(setting, math.nan, 0, *nothing, str(error).partition('\n')[0])
+        return Measurement(setting, math.nan, 0, *nothing, str(error).partition('\n')[0])
     preparation = time.perf_counter() - started
     try:
         found = course(simulation, against.times)
@@ -137,7 +137,7 @@ def measure(scene: Scene, setting: Setting, against: Reference) -> Point:
         simulation.reset()
         times.append(_timed(simulation, steps))
     cpu = 1e3 * statistics.median(times) / (steps * simulation.h)
-    return Point(setting, cpu, len(times), preparation, evaluations, *errors)
+    return Measurement(setting, cpu, len(times), preparation, evaluations, *errors)
 
 
 def _timed(simulation: Simulation, steps: int) -> float:
@@ -147,7 +147,7 @@ def _timed(simulation: Simulation, steps: int) -> float:
     return time.thread_time() - started
 
 
-def _failed(scene: Scene, setting: Setting, error: StepError, duration: float) -> Point:
+def _failed(scene: Scene, setting: Setting, error: StepError, duration: float) -> Measurement:
     """What the run cost as far as it came."""
     simulation = Simulation(scene, **dataclasses.asdict(setting))
     spent = []
@@ -162,4 +162,4 @@ def _failed(scene: Scene, setting: Setting, error: StepError, duration: float) -
     cpu = 1e3 * statistics.median(spent) / ((simulation.step_index + 1) * simulation.h)
     nothing = (math.nan,) * 6
     text = f'stopped at {error.t:.3g} s: {error.reason}'
-    return Point(setting, cpu, FEWEST, *nothing, text)
+    return Measurement(setting, cpu, FEWEST, *nothing, text)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from alf_ros.studies.work_precision.measurement import Point
+from alf_ros.studies.work_precision.measurement import Measurement
 from alf_ros.studies.work_precision.report import Curve, Summary, curves
 
 COLOURS = {  # Okabe & Ito, and three more
@@ -26,7 +26,7 @@ MARKERS = {
     'esdirk43': '^',
     'esdirk43_adaptive': 'v',
 }
-PANELS: tuple[tuple[str, Callable[[Point], float]], ...] = (
+PANELS: tuple[tuple[str, Callable[[Measurement], float]], ...] = (
     ('largest position error, m', lambda point: point.position),
     ('largest energy error, J', lambda point: point.energy),
     ('largest gap of a constraint, m', lambda point: point.gap),
@@ -71,8 +71,8 @@ def draw(paths: Sequence[Path], summary: Summary) -> None:
 def _panel(
     axes: Any,
     label: str,
-    error: Callable[[Point], float],
-    found: dict[Curve, list[Point]],
+    error: Callable[[Measurement], float],
+    found: dict[Curve, list[Measurement]],
     handles: dict[str, Any],
 ) -> None:
     points = [point for curve in found.values() for point in curve]

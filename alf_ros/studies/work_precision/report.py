@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from alf_ros.studies.work_precision.measurement import Point
+from alf_ros.studies.work_precision.measurement import Measurement
 
 TARGETS = (1e-3, 1e-6, 1e-9)  # m
 Curve = tuple[str, str, int]
@@ -21,32 +21,32 @@ class Summary:
     reference: str
     error: float
     force_error: float
-    points: Sequence[Point]
+    points: Sequence[Measurement]
 
 
-def curves(points: Iterable[Point]) -> dict[Curve, list[Point]]:
+def curves(points: Iterable[Measurement]) -> dict[Curve, list[Measurement]]:
     """Points that differ in accuracy alone, the most accurate first."""
-    found: dict[Curve, list[Point]] = {}
+    found: dict[Curve, list[Measurement]] = {}
     for point in points:
         found.setdefault(point.setting.curve, []).append(point)
     return {k: sorted(v, key=lambda p: p.setting.effort) for k, v in found.items()}
 
 
 @dataclass(frozen=True)
-class Price:
+class CostToReach:
     """What an error costs: ms per simulated second, with the setting next below that error."""
 
     cpu: float
-    point: Point
+    point: Measurement
 
 
-def price(curve: Sequence[Point], error: float) -> Price | None:
+def cost_to_reach(curve: Sequence[Measurement], error: float) -> CostToReach | None:
     """What `error` (m) costs along a curve, or None if it is not reached.
 
     A point counts as the worst of it and all that are finer, so that a run that is lucky in its
     error does not; at the fine end rounding may be above it. Between points logarithms are linear.
     """
-    last: tuple[float, Point] | None = None
+    last: tuple[float, Measurement] | None = None
     for point in curve:
         worst = point.position if last is None else max(last[0], point.position)
         if not point.failure and worst <= error:
@@ -57,13 +57,13 @@ def price(curve: Sequence[Point], error: float) -> Price | None:
             if not point.failure and 0.0 < below < error and 0.0 < point.cpu < cpu:
                 part = math.log(error / below) / math.log(worst / below)
                 cpu *= (point.cpu / cpu) ** part
-            return Price(cpu, found)
-    return None if last is None else Price(last[1].cpu, last[1])
+            return CostToReach(cpu, found)
+    return None if last is None else CostToReach(last[1].cpu, last[1])
 
 
-def best(points: Iterable[Point], error: float) -> Price | None:
+def best(points: Iterable[Measurement], error: float) -> CostToReach | None:
     """The lowest of all curves."""
-    found = [price(curve, error) for curve in curves(points).values()]
+    found = [cost_to_reach(curve, error) for curve in curves(points).values()]
     return min((p for p in found if p is not None), key=lambda p: p.cpu, default=None)
 
 
@@ -93,7 +93,7 @@ def table(summary: Summary) -> str:
     ]
     rows = []
     for (formulation, integrator, iterations), curve in curves(summary.points).items():
-        reached = [price(curve, target) for target in TARGETS]
+        reached = [cost_to_reach(curve, target) for target in TARGETS]
         costs = [found.cpu if found else math.inf for found in reached]
         ended = [point for point in curve if not point.failure]
         finest = min(ended, key=lambda p: p.position, default=None)

@@ -1,0 +1,137 @@
+"""A log continued from one of its instants, with changes, into a log of its own."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from alf_ros.errors import AssemblyError, InputError
+from alf_ros.logs.log import Log
+from alf_ros.logs.progress import Report, silent
+from alf_ros.logs.rerun import Rerun
+from alf_ros.logs.resume import resume
+from alf_ros.model import assembly
+from alf_ros.ros.recording.run_writer import LogRun, ticks
+from alf_ros.scene import overrides
+from alf_ros.scene.scene import PICKED, joined
+from alf_ros.simulation import state_vector
+from alf_ros.simulation.observables import READINGS
+from alf_ros.simulation.setup import Setup, on_grid, steps_per_tick
+from alf_ros.simulation.simulation import Simulation
+from alf_ros.simulation.state import State
+
+_OPEN = 1e-9  # of the size: constraints that a changed mechanism leaves open further are closed
+
+
+def fork(
+    log: Log,
+    at: float,
+    changes: Mapping[str, str],
+    folder: Path,
+    name: str = '',
+    duration: float | None = None,
+    trust: bool = False,
+    report: Report = silent,
+    warn: Callable[[str], None] = lambda _: None,
+) -> Path:
+    """Continue a log from its last instant up to `at` (s), for `duration` (s) or to its end.
+
+    `changes` are those of `scene.overrides`. The inputs that the log has from there on act at the
+    same times. `warn` is called with a text if the steps are too long. Returns the folder of the
+    new log, made in `folder`. Raises InputError for what cannot be, StepError if a step fails, the
+    log being whole up to it.
+    """
+    resumed = resume(log, at, trust)
+    rerun = resumed.rerun
+    before, steps = rerun.simulation, rerun.steps_per_tick
+    tick, start = steps * before.h, before.t
+    changed = {k.partition('.')[2] for k in changes if k.startswith('solver.')}
+    state = before.state
+    if changes:
+        state = _change(rerun, changes, changed)
+    simulation = rerun.simulation
+    steps = steps_per_tick(1.0 / tick, simulation.h)
+    end = log.end if duration is None else start + duration
+    parent = {
+        'log': log.path.name,
+        'seal': log.inputs[0].get('seal', ''),
+        'step': before.step_index,
+        't': start,
+        'changes': dict(changes),
+    }
+    recorded = [r.name for r in READINGS.values() if log.topic(r.name) in log.survey.counts]
+    setup = Setup(rerun.scene, simulation, steps)
+    run = LogRun(
+        folder,
+        setup,
+        state=state,
+        ahead=log.ahead,
+        topics=log.info.get('topics'),
+        recorded=recorded,
+        about={'parent': parent},
+        name=name,
+    )
+    try:
+        run.send()
+        for t in ticks(run, rerun, _kept(resumed.rest, rerun, changed), end):
+            report((t - start) / max(end - start, t - start))
+    finally:
+        run.close()
+        if rerun.trouble:
+            warn(rerun.trouble)
+    return run.recorder.folder
+
+
+def _change(rerun: Rerun, changes: Mapping[str, str], changed: set[str]) -> State:
+    """Let `rerun` go on with changes; returns the state in which the changed mechanism begins."""
+    before = rerun.simulation
+    scene = overrides.with_changes(rerun.scene, changes)
+    own = {key: getattr(scene.solver, key) for key in changed}
+    solver = dataclasses.asdict(before.solver)
+    if own:
+        solver = joined(solver, own)
+    after = Simulation(scene, **solver, ledger=before.ledger)
+    start = before.state
+    if start.loads.size != after.state.loads.size:  # other effects rub: nothing is known of them
+        start = dataclasses.replace(start, loads=np.zeros_like(after.state.loads))
+    numbers, rates = state_vector.values(before.model, start)
+    names = [
+        state_vector.names(before.model, start),
+        state_vector.names(after.model, after.state),
+    ]
+    if names[0] != names[1]:
+        raise InputError('the state of the log is none of the changed scene', key='--set')
+    if after.state.carried.size and scene.mechanism != rerun.scene.mechanism:
+        text = f'{after.solver.formulation} cannot go on with another mechanism'
+        raise InputError(text, key='--set')
+    state = state_vector.state(after.model, after.state, numbers, rates, start.inputs)
+    after.restore(on_grid(state, before.h, after.h))
+    found = after.sample().diagnostics
+    if max(found.position_violation, found.velocity_violation) > _OPEN * after.model.size:
+        try:
+            q, qd = assembly.brought_back(after.model, state.q, state.qd, after.t)
+        except AssemblyError as error:
+            raise InputError(f'from this instant, {error.message}', key='--set') from None
+        after.restore(dataclasses.replace(after.state, q=q, qd=qd))
+    rerun.scene, rerun.simulation = scene, after
+    return after.state
+
+
+def _kept(rest: list[dict[str, Any]], rerun: Rerun, changed: set[str]) -> list[dict[str, Any]]:
+    """Settings to come do not take back what the fork has changed."""
+    solver = dataclasses.asdict(rerun.simulation.solver)
+    if not changed.isdisjoint(('accuracy', *PICKED)):
+        changed = changed.union(('accuracy', *PICKED))
+    own = {key: solver[key] for key in changed}
+    kept = []
+    for entry in rest:
+        if entry['kind'] == 'settings':
+            tick = entry['steps_per_tick'] * entry['solver']['step']
+            entry = {**entry, 'solver': {**entry['solver'], **own}}
+            entry['steps_per_tick'] = steps_per_tick(1.0 / tick, entry['solver']['step'])
+        kept.append(entry)
+    return kept

@@ -1,0 +1,50 @@
+"""The view at work: a node that follows the simulator, and the servers that show what it hears."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from contextlib import ExitStack
+
+from alf_ros.ros.view.foxglove import FoxgloveBridge
+from alf_ros.ros.view.node import ViewNode
+from alf_ros.ros.view.operator import Operator
+from alf_ros.ros.view.server import Broadcast, Server
+
+# Pictures a second (Hz): as many as the simulator draws if nobody says otherwise.
+RATE = 30.0
+
+
+def serve(
+    simulator: str,
+    port: int,
+    foxglove: int | None,
+    stop: threading.Event,
+    say: Callable[[str], None],
+) -> None:
+    """Show the node `simulator` at `port` (0: any), and to Foxglove if given a port, until `stop`.
+
+    rclpy must be initialised. `say` is called with where each can be opened. Raises InputError if
+    a port is taken or foxglove-sdk is not there.
+    """
+    node = ViewNode(simulator)
+    operator = Operator(node, simulator)
+    broadcast = Broadcast()
+    with ExitStack() as serving:
+        server = serving.enter_context(Server(port, broadcast, operator.obey))
+        say(server.url)
+        if foxglove is not None:
+            bridge = serving.enter_context(_bridge(simulator, foxglove))
+            say(f'Foxglove at {bridge.url}')
+        while not stop.wait(1.0 / RATE):
+            node.follow(broadcast.wanted)
+            node.look()
+            operator.work()
+            broadcast.put(node.about, node.picture)
+
+
+def _bridge(simulator: str, port: int) -> FoxgloveBridge:
+    # Imported here: who looks at the page alone need not have it.
+    from alf_ros.ros.view.foxglove import FoxgloveBridge
+
+    return FoxgloveBridge(simulator, port)
