@@ -104,6 +104,15 @@ def test_a_module_imports_only_from_its_room_and_earlier_ones(module):
     assert not late, f'{module} imports {late}'
 
 
+@pytest.mark.parametrize(
+    'module', sorted(set(MODULES) - {'__init__'})
+)  # that one imports when asked
+def test_nothing_of_ours_is_hidden_from_the_interpreter(module):
+    for node in ast.walk(ast.parse(MODULES[module].read_text(encoding='utf-8'))):
+        if isinstance(node, ast.If) and 'TYPE_CHECKING' in ast.unparse(node.test):
+            assert 'alf_ros' not in ast.unparse(node)
+
+
 def test_no_circle():
     graph = {module: ours(path, at_import=True) - {module} for module, path in MODULES.items()}
     while free := [module for module, needs in graph.items() if not needs & graph.keys()]:

@@ -10,16 +10,15 @@ import dataclasses
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import StepError
+from alf_ros.model.compile import Model
 from alf_ros.scene.scene import Solver
-
-if TYPE_CHECKING:
-    from alf_ros.simulation.simulation import Simulation
+from alf_ros.simulation.state import State
 
 HORIZON = 10.0  # s of motion looked at, less where that takes too much
 SPACING = 0.1  # s between the instants compared
@@ -33,6 +32,30 @@ RETRIES = 3  # of the adaptive integrator, with a tenth of the tolerance each ti
 FIXED = {'rk4': 4, 'dop853': 12}  # evaluations in a step
 IMPLICIT = 'esdirk43_adaptive'  # where effects yield, and it takes fewer
 DEAR = 1.8  # explicit evaluations that cost as much as an implicit one (benchmark/stiff.py)
+
+
+class Trial(Protocol):
+    """What a run is asked for: a `Simulation` of the scene with other settings."""
+
+    @property
+    def model(self) -> Model: ...
+
+    @property
+    def t(self) -> float: ...
+
+    @property
+    def h(self) -> float: ...
+
+    @property
+    def state(self) -> State: ...
+
+    @property
+    def evaluations(self) -> int: ...
+
+    @property
+    def yields(self) -> bool: ...
+
+    def step(self, n: int) -> None: ...
 
 
 @dataclass(frozen=True)
@@ -55,13 +78,13 @@ class Budget:
         return self.estimate <= self.asked
 
 
-def pick(solver: Solver, made: Callable[[Solver], Simulation]) -> Budget:
+def pick(solver: Solver, made: Callable[[Solver], Trial]) -> Budget:
     """The settings for the accuracy of `solver`, on its grid; `made` makes a run of the scene."""
     return _Trials(solver, made).budget()
 
 
 class _Trials:
-    def __init__(self, solver: Solver, made: Callable[[Solver], Simulation]) -> None:
+    def __init__(self, solver: Solver, made: Callable[[Solver], Trial]) -> None:
         assert solver.accuracy is not None
         self._solver, self._accuracy, self._made = solver, solver.accuracy, made
         h = solver.step
@@ -160,7 +183,7 @@ class _Trials:
     def _path(self, solver: Solver) -> Floats:
         return self._advanced(self._made(solver))
 
-    def _advanced(self, simulation: Simulation) -> Floats:
+    def _advanced(self, simulation: Trial) -> Floats:
         """(instants, places, D): where the blocks are at each instant, as far as it comes."""
         steps = round(self._spacing / simulation.h)
         places: list[Floats] = []

@@ -45,6 +45,4 @@ def serve(
 
 def _bridge(simulator: str, port: int) -> FoxgloveBridge:
     # Imported here: who looks at the page alone need not have it.
-    from alf_ros.ros.view.foxglove import FoxgloveBridge
-
     return FoxgloveBridge(simulator, port)
