@@ -206,7 +206,9 @@ def _field(match: re.Match[str], package: str) -> _Field:
         kind = _short(kind if '/' in kind else f'{package}/{kind}')
         kind = 'std_msgs/Header' if kind.endswith('/Header') else kind
     size = match['size']
-    return _Field(match['name'], kind, bool(match['array']), int(size) if size and size.isdigit() else -1)
+    return _Field(
+        match['name'], kind, bool(match['array']), int(size) if size and size.isdigit() else -1
+    )
 
 
 def _short(name: str) -> str:

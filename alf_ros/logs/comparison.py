@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from alf_ros.logs import provenance
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError, StepError
-from alf_ros.logs import journal, progress
+from alf_ros.logs import journal, progress, provenance
 from alf_ros.logs.log import Log
 from alf_ros.logs.rerun import Rerun, in_order
 from alf_ros.logs.series import COMPONENTS, Series
@@ -35,8 +34,8 @@ class Difference:
 
     def __str__(self) -> str:
         return (
-            f'step {self.step}, t = {self.t:.9g} s: {self.variable} is {self.logged!r} in the log, '
-            f'{self.repeated!r} now, a difference of {self.size:.3g}'
+            f'step {self.step}, t = {self.t:.9g} s: {self.variable} is {self.logged!r} in the '
+            f'log, {self.repeated!r} now, a difference of {self.size:.3g}'
         )
 
     @property

@@ -16,10 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from alf_ros.effects.contract import user_file
 from alf_ros.arrays import Floats, Integers
+from alf_ros.effects.contract import user_file
 from alf_ros.errors import InputError
-from alf_ros.logs import mcap_chunks, journal, progress
+from alf_ros.logs import journal, mcap_chunks, progress
 from alf_ros.logs.mcap_chunks import Contents
 from alf_ros.logs.series import ChannelReader, Series, joined
 from alf_ros.scene.scene import Scene, scene_from_text
@@ -139,7 +139,9 @@ class Log:
                 numbers[topic] = max(numbers.get(topic, 0), number)
                 if topic == where:
                     for series in ChannelReader(channel).series(block, rows):
-                        found.inputs += [journal.read(message['data']) for message in series.messages]
+                        found.inputs += [
+                            journal.read(message['data']) for message in series.messages
+                        ]
         for topic, number in numbers.items():
             if number > found.counts[topic]:
                 found.lost[topic] = number - found.counts[topic]
@@ -262,4 +264,3 @@ def _files(path: Path) -> list[Path]:
 def _number(path: Path) -> tuple[str, int]:
     match = _PART.fullmatch(path.name)
     return (match[1], int(match[2] or 0)) if match else (path.name, 0)
-

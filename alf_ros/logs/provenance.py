@@ -12,13 +12,11 @@ from typing import Any
 
 from llvmlite import binding
 
-from alf_ros.effects.contract import user_file
 from alf_ros import effects
+from alf_ros.effects.contract import user_file
 from alf_ros.resources import version
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation.setup import Setup
-
-
 
 _PACKAGES = ('numpy', 'numba', 'llvmlite', 'scipy', 'rclpy')
 
@@ -36,7 +34,9 @@ def versions() -> dict[str, str]:
 
 def about() -> str:
     """The processor and the versions that results of this machine depend on, as a comment line."""
-    libraries = ', '.join(f'{name} {metadata.version(name)}' for name in ('numpy', 'scipy', 'numba'))
+    libraries = ', '.join(
+        f'{name} {metadata.version(name)}' for name in ('numpy', 'scipy', 'numba')
+    )
     python = platform.python_version()
     return f'# {_cpu()}, Python {python}, {libraries}, {time.strftime("%Y-%m-%d")}'
 

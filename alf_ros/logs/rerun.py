@@ -8,16 +8,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from alf_ros.scene.effect_values import with_effect_values
 from alf_ros.errors import InputError
 from alf_ros.logs.log import Log
 from alf_ros.logs.series import Series
-from alf_ros.simulation.saved_states import from_data, read_curve
+from alf_ros.logs.stamps import stamp_ns
+from alf_ros.scene.effect_values import with_effect_values
 from alf_ros.scene.scene import Solver
+from alf_ros.simulation.saved_states import from_data, read_curve
 from alf_ros.simulation.setup import on_grid
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.simulation.state import State
-from alf_ros.logs.stamps import stamp_ns
 
 
 class Event(NamedTuple):
@@ -119,5 +119,6 @@ def read_state(log: Log, simulation: Simulation) -> State:
     try:
         return from_data(log.info['state'], simulation.state)
     except (KeyError, TypeError, ValueError) as error:
-        raise InputError(f'its first state is not one of its scene: {error}', file=str(log.path)) from None
-
+        raise InputError(
+            f'its first state is not one of its scene: {error}', file=str(log.path)
+        ) from None

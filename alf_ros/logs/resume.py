@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from alf_ros.simulation import state_vector
 from alf_ros.errors import InputError
 from alf_ros.logs.log import Log
 from alf_ros.logs.rerun import Event, Rerun, in_order
+from alf_ros.simulation import state_vector
 from alf_ros.simulation.observables import READINGS
 
 _CLOSE = 1e-9  # s: stamps are whole nanoseconds

@@ -59,7 +59,6 @@ class Series:
         return found
 
 
-
 def joined(pieces: Sequence[Series]) -> Series:
     """Pieces of one topic as one. Raises InputError if their names differ."""
     first = pieces[0]

@@ -54,7 +54,8 @@ def to_csv(log: Log, folder: Path, report: progress.Report = progress.silent) ->
                 writers[series.topic] = csv.writer(stream)
                 writers[series.topic].writerow(columns)
                 paths.append(path)
-            writers[series.topic].writerows(zip(*(c.tolist() for c in columns.values())))
+            lists = (column.tolist() for column in columns.values())
+            writers[series.topic].writerows(zip(*lists, strict=True))
     except OSError as error:
         raise InputError(f'cannot be written: {error.strerror}', file=str(folder)) from None
     finally:

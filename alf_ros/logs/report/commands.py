@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from alf_ros.logs.report.decimation import Trace
 from alf_ros.arrays import Floats
 from alf_ros.logs import journal
+from alf_ros.logs.report.decimation import Trace
 
 MOST_TEXTS, MOST_HELD = 1000, 20_000
 _ROWS = 2048

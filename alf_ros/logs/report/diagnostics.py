@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from alf_ros.logs.report.decimation import Trace
 from alf_ros.arrays import Floats
+from alf_ros.logs.report.decimation import Trace
 
 _ROWS = 2048
 _MOST_TEXTS = 500

@@ -8,12 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from alf_ros.logs.report.commands import Orders
-from alf_ros.logs.report.diagnostics import Reports
-from alf_ros.logs.report.decimation import Frames, Trace
 from alf_ros.arrays import Floats
 from alf_ros.logs import progress
 from alf_ros.logs.log import Log, Survey
+from alf_ros.logs.report.commands import Orders
+from alf_ros.logs.report.decimation import Frames, Trace
+from alf_ros.logs.report.diagnostics import Reports
 from alf_ros.logs.series import NUMERIC, Series
 
 # A plot has at most so many rows, fewer where there are many signals: the page stays small.

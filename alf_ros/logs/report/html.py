@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
+from alf_ros.arrays import Floats
 from alf_ros.logs.report import panels
-from alf_ros.logs.report.summary import Account
+from alf_ros.logs.report.decimation import Trace
 from alf_ros.logs.report.gather import Label
 from alf_ros.logs.report.motion import Motion
-from alf_ros.logs.report.decimation import Trace
-from alf_ros.arrays import Floats
+from alf_ros.logs.report.summary import Account
 
 PAGE = Path(__file__).with_name('page')
 # Kinds of commands with values, and the panels of these

@@ -11,18 +11,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from alf_ros.scene.text import yaml_document
-from alf_ros.simulation import state_vector
-from alf_ros.logs.report.gather import MOST_ROWS, Gathered
-from alf_ros.logs.report.singularity_distance import distances, passes
-from alf_ros.logs.report.decimation import Frames, Trace
 from alf_ros.arrays import Floats
-from alf_ros.simulation.display_geometry import held_forces, in_space, segments, standard_scale
 from alf_ros.errors import AlfError, InputError
 from alf_ros.logs import progress
 from alf_ros.logs.log import Log
+from alf_ros.logs.report.decimation import Frames, Trace
+from alf_ros.logs.report.gather import MOST_ROWS, Gathered
+from alf_ros.logs.report.singularity_distance import distances, passes
 from alf_ros.scene.scene import KEYS, REQUIRED, Solver, scene_from_text
+from alf_ros.scene.text import yaml_document
 from alf_ros.scene.text.yaml_writer import entry, serialise
+from alf_ros.simulation import state_vector
+from alf_ros.simulation.display_geometry import held_forces, in_space, segments, standard_scale
 from alf_ros.simulation.simulation import Simulation
 
 # Of more states than these the page has every second, third … one.

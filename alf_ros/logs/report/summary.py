@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from alf_ros.logs.report.gather import Gathered, gather
-from alf_ros.logs.report.motion import Motion, mechanism, motion
-from alf_ros.logs.report.singularity_distance import reported
 from alf_ros.errors import AlfError
 from alf_ros.logs import progress
 from alf_ros.logs.log import Log
+from alf_ros.logs.report.gather import Gathered, gather
+from alf_ros.logs.report.motion import Motion, mechanism, motion
+from alf_ros.logs.report.singularity_distance import reported
 
 Text = tuple[float, int, str]
 
