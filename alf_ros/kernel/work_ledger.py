@@ -12,13 +12,13 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numba import cfunc, types
+from numba import types
 
 from alf_ros.arrays import Floats, Unit
 from alf_ros.kernel.applied_forces import add_one, add_one_friction
 from alf_ros.kernel.data import ONE, Forces, Ledger, Phase, System, Work
 from alf_ros.kernel.numba_ext.block import block, dot
-from alf_ros.kernel.numba_ext.jit import inner
+from alf_ros.kernel.numba_ext.jit import by_address, inner
 from alf_ros.kernel.numba_ext.vectors import zero
 from alf_ros.kernel.tally import APPLIED, REACTING
 
@@ -110,6 +110,4 @@ def note(dimension: int) -> Any:
     """The compiled function for 2 or 3 dimensions; its `address` is what `Ledger` holds."""
     structs = [each._numba_type() for each in (System, Forces, Work, Phase)]
     numbers = types.float64, types.uint64, types.float64, types.int64
-    return cfunc(types.void(*structs, *numbers), cache=True, error_model='numpy')(
-        _in_plane if dimension == 2 else _in_space
-    )
+    return by_address(types.void(*structs, *numbers))(_in_plane if dimension == 2 else _in_space)

@@ -39,18 +39,6 @@ from numba.extending import (
     unbox,
 )
 
-from alf_ros.digest import digest
-
-
-def _stamp(package: str) -> str:
-    """Digest of the compiled code of the kernel, and of the package that declares a struct.
-
-    numba's cache looks only at the file of the function called; as a part of the type's name this
-    makes it look at the rest too.
-    """
-    return digest(*dict.fromkeys(('kernel', package)))[:8]
-
-
 S = TypeVar('S', bound='Struct')
 
 _SCALARS = {np.uint64: types.uint64, float: types.float64}
@@ -62,17 +50,15 @@ class VectorType(types.Type):
 
     def __init__(self, number: types.Number, constant: bool) -> None:
         self.number, self.constant = number, constant
-        super().__init__(f'{"const " if constant else ""}{number}*@{_stamp("kernel")}')
+        super().__init__(f'{"const " if constant else ""}{number}*')
 
 
 class StructType(types.Type):
     """A pointer to a table of words; `parts`: (name, first word, type) of each field."""
 
-    def __init__(
-        self, name: str, package: str, parts: tuple[tuple[str, int, types.Type], ...]
-    ) -> None:
+    def __init__(self, name: str, parts: tuple[tuple[str, int, types.Type], ...]) -> None:
         self.parts = parts
-        super().__init__(f'{name}@{_stamp(package)}')
+        super().__init__(name)
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,8 +108,7 @@ class Struct:
     def _numba_type(cls) -> StructType:
         if cls not in Struct._types:
             hints, parts, word = get_type_hints(cls), [], 0
-            ours, _, package = cls.__module__.rpartition('.')[0].partition('.')
-            package = package.replace('.', '/') if ours == 'alf_ros' else 'kernel'
+            module = cls.__module__.removeprefix('alf_ros.')
             for field in fields(cls):
                 hint = hints[field.name]
                 part: types.Type = _SCALARS.get(hint, types.none)
@@ -134,7 +119,7 @@ class Struct:
                     part = VectorType(from_dtype(np.dtype(number)), cls.constant)
                 parts.append((field.name, word, part))
                 word += 2 if isinstance(part, VectorType) else 1
-            Struct._types[cls] = StructType(cls.__name__, package, tuple(parts))
+            Struct._types[cls] = StructType(f'{cls.__qualname__}@{module}', tuple(parts))
         return Struct._types[cls]
 
 
