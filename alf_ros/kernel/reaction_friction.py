@@ -31,10 +31,10 @@ from alf_ros.arrays import Floats, Unit
 from alf_ros.kernel.applied_forces import add_friction, applied_forces
 from alf_ros.kernel.augmented_solve import solved
 from alf_ros.kernel.constraints import add_transposed, jacobian, times_jacobian
-from alf_ros.kernel.data import ONE, Bearings, Forces, System, Work
+from alf_ros.kernel.data import Bearings, Forces, System, Work
 from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.numba_ext.block import block, dot, packed, put
-from alf_ros.kernel.numba_ext.jit import by_address, inner
+from alf_ros.kernel.numba_ext.jit import ONE, by_address, inner
 from alf_ros.kernel.numba_ext.vectors import copy, largest, zero
 
 MEMORY = 5  # passes that are mixed, at most

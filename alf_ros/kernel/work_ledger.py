@@ -16,11 +16,20 @@ from numba import types
 
 from alf_ros.arrays import Floats, Unit
 from alf_ros.kernel.applied_forces import add_one, add_one_friction
-from alf_ros.kernel.data import ONE, Forces, Ledger, Phase, System, Work
+from alf_ros.kernel.data import Forces, Ledger, Phase, System, Work
 from alf_ros.kernel.numba_ext.block import block, dot
-from alf_ros.kernel.numba_ext.jit import by_address, inner
+from alf_ros.kernel.numba_ext.calls import call
+from alf_ros.kernel.numba_ext.jit import ONE, by_address, inner
 from alf_ros.kernel.numba_ext.vectors import zero
-from alf_ros.kernel.tally import APPLIED, REACTING
+
+# what is noted of a stage: all of it; or, where it is interpolated, first what does not depend on
+# reactions, and then what does, place by place
+ALL, APPLIED, REACTING = np.int64(0), np.int64(1), np.int64(2)
+
+# tally(ledger.tally, system, forces, work, phase, t, s, weight, part), if there is a ledger: note
+# the power of each effect at stage s, as it stands in `work`, `weight` times; `part`: ALL, APPLIED
+# or REACTING. Past the last stage: the step, `weight` (s) long, counts.
+tally = call
 
 
 @inner

@@ -30,7 +30,6 @@ from numba.core.typing.templates import (
 )
 from numba.extending import (
     NativeValue,
-    intrinsic,
     lower_builtin,
     lower_getattr_generic,
     make_attribute_wrapper,
@@ -38,6 +37,8 @@ from numba.extending import (
     register_model,
     unbox,
 )
+
+from alf_ros.kernel.numba_ext.plain import View, flat, lowered
 
 S = TypeVar('S', bound='Struct')
 
@@ -90,6 +91,23 @@ class Struct:
             ('_numba_type_', kind),  # where numba looks for the type of an argument
         ):
             object.__setattr__(self, name, value)
+
+    def _view(self) -> View:
+        """What stands for it where nothing is compiled."""
+        view: View | None = self.__dict__.get('_plain')
+        if view is None:
+            view = View()
+            for name, _, part in self._numba_type().parts:
+                value = getattr(self, name)
+                if isinstance(part, VectorType):
+                    value = flat(value, part.constant)
+                elif isinstance(value, Struct):
+                    value = value._view()
+                else:
+                    value = np.float64(value) if isinstance(value, float) else np.uint64(value)
+                setattr(view, name, value)
+            object.__setattr__(self, '_plain', view)
+        return view
 
     @classmethod
     def empty(cls: type[S]) -> S:
@@ -226,7 +244,7 @@ def _set(context: Any, builder: Any, sig: Any, args: Any) -> Any:
     return context.get_dummy_value()
 
 
-@intrinsic
+@lowered(flat)
 def vector(typing: Any, array: Any) -> Any:
     """The numbers of a contiguous array (any shape), as a struct hands them on."""
 
