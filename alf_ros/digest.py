@@ -9,8 +9,7 @@ from pathlib import Path
 _PACKAGE = Path(__file__).resolve().parent
 
 
-@cache
-def digest(*names: str) -> str:
+def digest_now(*names: str) -> str:
     """Of all Python files below folders of this package, or of single files, named relative to it.
 
     Raises FileNotFoundError if one of the names is neither, or a folder without Python files: what
@@ -26,3 +25,6 @@ def digest(*names: str) -> str:
             total.update(f'{file.relative_to(_PACKAGE).as_posix()}\0'.encode())
             total.update(file.read_bytes() + b'\0')
     return total.hexdigest()
+
+
+digest = cache(digest_now)  # as the files were when this process asked first

@@ -16,18 +16,9 @@ from alf_ros.kernel.constraints import (
     violation,
 )
 from alf_ros.kernel.data import (
-    COLLAPSED,
     FREE,
-    JAMMED,
-    NOT_CLOSED,
-    NOT_FINITE,
-    NOT_POSITIVE,
-    NOT_SETTLED,
-    OK,
     ORIGIN,
     SOLVED,
-    TOO_LONG,
-    TOO_MANY,
     Arms,
     Bearings,
     Chart,
@@ -53,21 +44,13 @@ from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.prescribed import prescribed_at
 from alf_ros.kernel.singularity_monitor import follow, turning
 from alf_ros.kernel.softest_modes import carried_over, softest
+from alf_ros.kernel.status import Status
 from alf_ros.kernel.step import advance
 from alf_ros.kernel.triangular_solve import solve
 from alf_ros.kernel.unwrapping import nearby
 
 __all__ = [
-    'COLLAPSED',
     'FREE',
-    'JAMMED',
-    'TOO_LONG',
-    'TOO_MANY',
-    'NOT_CLOSED',
-    'NOT_FINITE',
-    'NOT_POSITIVE',
-    'NOT_SETTLED',
-    'OK',
     'ORIGIN',
     'SOLVED',
     'Arms',
@@ -84,6 +67,7 @@ __all__ = [
     'Prescribed',
     'Rows',
     'Soft',
+    'Status',
     'System',
     'Watch',
     'Work',

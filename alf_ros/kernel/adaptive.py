@@ -6,33 +6,17 @@ import numpy as np
 
 from alf_ros.arrays import Unit
 from alf_ros.kernel.arc_coordinates import straighten, straighten_momenta, turning
-from alf_ros.kernel.data import (
-    COLLAPSED,
-    JAMMED,
-    NOT_POSITIVE,
-    NOTHING,
-    OK,
-    ONE,
-    THREE,
-    TOO_MANY,
-    TWO,
-    ZERO,
-    Forces,
-    Method,
-    Phase,
-    System,
-    Watch,
-    Work,
-)
+from alf_ros.kernel.data import NOTHING, Forces, Method, Phase, System, Watch, Work
 from alf_ros.kernel.interpolated_stages import linearise_aside
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.mass import add_mass_times
-from alf_ros.kernel.numba_ext.jit import compiled, inner
+from alf_ros.kernel.numba_ext.jit import ONE, THREE, TWO, ZERO, compiled, inner
 from alf_ros.kernel.numba_ext.vectors import copy, largest, zero
 from alf_ros.kernel.singularity_monitor import note
+from alf_ros.kernel.status import COLLAPSED, JAMMED, NOT_POSITIVE, OK, TOO_MANY
 from alf_ros.kernel.step import accept, begin, fall_back, keep, least_sigma, step
 from alf_ros.kernel.step_error import free_part
-from alf_ros.kernel.tally import ALL, tally
+from alf_ros.kernel.work_ledger import ALL, tally
 
 _SHARE = 0.05  # of the tolerance for one step: errors add up along a motion
 _ROUNDING = 1e-10  # relative error of a step that may be rounding; ten times more if it stays

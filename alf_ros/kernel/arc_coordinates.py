@@ -27,10 +27,10 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Floats, Unit
-from alf_ros.kernel.data import FREE, ONE, ORIGIN, THREE, TWO, Arms, Chart, Phase, System, Work
+from alf_ros.kernel.data import FREE, ORIGIN, Arms, Chart, Phase, System, Work
 from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.numba_ext.block import Block, add, block, cross, dot, packed, put, subtract
-from alf_ros.kernel.numba_ext.jit import inlined, inner
+from alf_ros.kernel.numba_ext.jit import ONE, THREE, TWO, inlined, inner
 from alf_ros.kernel.numba_ext.plain_loops import each
 from alf_ros.kernel.numba_ext.vectors import copy, largest, zero
 

@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from llvmlite import ir
-from numba import types
-from numba.extending import intrinsic
 
 from alf_ros.arrays import Floats, Unit
 from alf_ros.kernel.applied_forces import applied_forces
@@ -20,6 +15,7 @@ from alf_ros.kernel.augmented_residuals import (
 from alf_ros.kernel.constraints import add_transposed, times_jacobian
 from alf_ros.kernel.data import EPS, NOTHING, SOLVED, Bearings, Forces, System, Work
 from alf_ros.kernel.effect_jacobians import add_soft_times
+from alf_ros.kernel.numba_ext.calls import call_for_number
 from alf_ros.kernel.numba_ext.jit import compiled, expanded, inner
 from alf_ros.kernel.numba_ext.vectors import largest, zero
 from alf_ros.kernel.prescribed import bias
@@ -192,26 +188,6 @@ def solved(
     return count + _ROUNDS, sigma
 
 
-@intrinsic
-def _settle(
-    typing: Any,
-    at: Any,
-    system: Any,
-    forces: Any,
-    work: Any,
-    t: Any,
-    iterations: Any,
-    exactly: Any,
-) -> Any:
-    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        whole = ir.IntType(64)
-        values = [*args[1:5], args[5], builder.zext(args[6], whole)]
-        function = ir.FunctionType(ir.DoubleType(), [value.type for value in values])
-        return builder.call(builder.inttoptr(args[0], function.as_pointer()), values)
-
-    return types.float64(at, system, forces, work, t, types.int64, exactly), code
-
-
 @inner
 def apply(unit: Unit, system: System, forces: Forces, work: Work, t: float) -> None:
     """Q at q, q̇ in `work`, but for friction that depends on reactions; of an implicit method with
@@ -266,7 +242,7 @@ def accelerate_under(
         bias(unit, system, work, work.r2)
         for r in range(work.r2.size):
             work.r2[r], work.y[r] = -work.r2[r], 0.0
-        sigma = _settle(
+        sigma = call_for_number(
             forces.bearings.settle[0], system, forces, work, t, np.int64(iterations), exactly
         )
         return forces.bearings.passes[1], sigma

@@ -9,32 +9,19 @@ rounding Φ itself brings does. Products and sums are therefore kept with what t
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numba import types
-from numba.extending import intrinsic
 
 from alf_ros.arrays import Floats, Unit
-from alf_ros.kernel.data import ONE, Rows
-from alf_ros.kernel.numba_ext.jit import inlined, inner
-
-
-@intrinsic
-def _fused(typing: Any, a: Any, b: Any, c: Any) -> Any:
-    """a b + c, rounded once."""
-
-    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return builder.fma(*args)
-
-    return types.float64(a, b, c), code
+from alf_ros.kernel.data import Rows
+from alf_ros.kernel.numba_ext.calls import fused
+from alf_ros.kernel.numba_ext.jit import ONE, inlined, inner
 
 
 @inlined
 def _product(a: float, b: float) -> tuple[float, float]:
     """a b, and what it is rounded by."""
     p = a * b
-    return p, _fused(a, b, -p)
+    return p, fused(a, b, -p)
 
 
 @inlined

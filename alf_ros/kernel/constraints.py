@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Floats, Unit
-from alf_ros.kernel.data import ONE, Rows
+from alf_ros.kernel.data import Rows
 from alf_ros.kernel.numba_ext.block import Block, add, block, dot, packed, put, subtract, times
-from alf_ros.kernel.numba_ext.jit import compiled, inlined, inner
+from alf_ros.kernel.numba_ext.jit import ONE, compiled, inlined, inner
 from alf_ros.kernel.numba_ext.plain_loops import each
 
 

@@ -15,18 +15,10 @@ import numpy as np
 from alf_ros.arrays import Addresses, Floats, Indices, Integers
 from alf_ros.kernel.numba_ext.structs import Struct
 
-OK, NOT_POSITIVE, NOT_FINITE, NOT_CLOSED, COLLAPSED, JAMMED, TOO_MANY, NOT_SETTLED = range(8)
-TOO_LONG = 8
-
 SOLVED = 1e-12  # relative change at which a solve is finished
 EPS = float(np.finfo(np.float64).eps)
 NOTHING = 1e-150  # speeds and accelerations below, SI: a square of it is still a number
 ORIGIN, FREE = -1, -2  # in place of a block that others turn about
-ZERO = np.uint64(0)
-ONE = np.uint64(1)
-TWO = np.uint64(2)
-THREE = np.uint64(3)
-FOUR = np.uint64(4)
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,42 +7,11 @@ positive. For an explicit method there are no directions, and nothing is done.
 
 from __future__ import annotations
 
-from typing import Any
-
-from llvmlite import ir
-from numba import types
-from numba.extending import intrinsic
-
 from alf_ros.arrays import Floats, Unit
-from alf_ros.kernel.applied_forces import call
-from alf_ros.kernel.data import ONE, THREE, TWO, Forces, Soft, System, Work
+from alf_ros.kernel.data import Forces, Soft, System, Work
 from alf_ros.kernel.numba_ext.block import add, add_outer, block, dot, packed, put
-from alf_ros.kernel.numba_ext.jit import inner
-
-
-@intrinsic
-def _tangent(
-    typing: Any,
-    at: Any,
-    t: Any,
-    q: Any,
-    qd: Any,
-    near: Any,
-    loads: Any,
-    m: Any,
-    slots: Any,
-    i: Any,
-    params: Any,
-    j: Any,
-    n: Any,
-    stiff: Any,
-    G: Any,
-) -> Any:
-    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        call(context, builder, sig, args, ir.VoidType())
-        return context.get_dummy_value()
-
-    return types.void(at, t, q, qd, near, loads, m, slots, i, params, j, n, stiff, G), code
+from alf_ros.kernel.numba_ext.calls import call
+from alf_ros.kernel.numba_ext.jit import ONE, THREE, TWO, inner
 
 
 @inner
@@ -53,7 +22,7 @@ def weigh(unit: Unit, system: System, forces: Forces, work: Work, t: float, step
         e = soft.effect[r]
         for s in range(soft.first[r], soft.first[r + ONE]):
             put(soft.gradient, soft.block[s], packed(unit, 0.0, 0.0, 0.0))
-        _tangent(
+        call(
             effects.tangent[e],
             t,
             work.q,

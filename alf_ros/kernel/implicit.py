@@ -14,25 +14,7 @@ import numpy as np
 
 from alf_ros.arrays import Unit
 from alf_ros.kernel.adaptive import ENDED, MOST, embedded, relative
-from alf_ros.kernel.data import (
-    COLLAPSED,
-    EPS,
-    JAMMED,
-    NOT_CLOSED,
-    NOT_POSITIVE,
-    NOT_SETTLED,
-    OK,
-    ONE,
-    THREE,
-    TOO_MANY,
-    ZERO,
-    Forces,
-    Method,
-    Phase,
-    System,
-    Watch,
-    Work,
-)
+from alf_ros.kernel.data import EPS, Forces, Method, Phase, System, Watch, Work
 from alf_ros.kernel.effect_jacobians import add_soft_times, weigh
 from alf_ros.kernel.interpolated_stages import (
     BLIND,
@@ -43,11 +25,20 @@ from alf_ros.kernel.interpolated_stages import (
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.lost_rank import begin_with_det, note_det, rank_lost
 from alf_ros.kernel.mass import add_mass_times
-from alf_ros.kernel.numba_ext.jit import compiled, expanded, inner
+from alf_ros.kernel.numba_ext.jit import ONE, THREE, ZERO, compiled, expanded, inner
 from alf_ros.kernel.numba_ext.vectors import copy, furthest, largest, zero
 from alf_ros.kernel.prescribed import prescribe
 from alf_ros.kernel.singularity_monitor import note
 from alf_ros.kernel.stage import stage
+from alf_ros.kernel.status import (
+    COLLAPSED,
+    JAMMED,
+    NOT_CLOSED,
+    NOT_POSITIVE,
+    NOT_SETTLED,
+    OK,
+    TOO_MANY,
+)
 from alf_ros.kernel.step import (
     accept,
     end_step,
@@ -59,7 +50,7 @@ from alf_ros.kernel.step import (
     nearness,
 )
 from alf_ros.kernel.step_error import free_part, judge
-from alf_ros.kernel.tally import ALL, tally
+from alf_ros.kernel.work_ledger import ALL, tally
 
 _PASSES = 30  # of Newton's method, at most
 _SETTLED = 1e-3  # part of the tolerance to which it is finished

@@ -13,15 +13,16 @@ import numpy as np
 
 from alf_ros.arrays import Unit
 from alf_ros.kernel.augmented_solve import accelerate_under, apply
-from alf_ros.kernel.data import JAMMED, NOT_CLOSED, OK, TWO, Forces, Phase, System, Work
+from alf_ros.kernel.data import Forces, Phase, System, Work
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.lost_rank import lost
-from alf_ros.kernel.numba_ext.jit import inner
+from alf_ros.kernel.numba_ext.jit import TWO, inner
 from alf_ros.kernel.numba_ext.vectors import copy, furthest, largest, zero
 from alf_ros.kernel.prescribed import prescribe
 from alf_ros.kernel.projection import correct_at_last, opening_twofold
 from alf_ros.kernel.stage import stage
-from alf_ros.kernel.tally import ALL, APPLIED, REACTING, tally
+from alf_ros.kernel.status import JAMMED, NOT_CLOSED, OK
+from alf_ros.kernel.work_ledger import ALL, APPLIED, REACTING, tally
 
 PLACES = 8
 BLIND = 1e-6  # distance to a singular position from which on a stage's velocity is its direction

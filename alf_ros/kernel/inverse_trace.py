@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Floats, Unit
-from alf_ros.kernel.data import ONE, TWO, Pattern
-from alf_ros.kernel.numba_ext.jit import compiled
+from alf_ros.kernel.data import Pattern
+from alf_ros.kernel.numba_ext.jit import ONE, TWO, compiled
 
 
 @compiled

@@ -6,10 +6,10 @@ import numpy as np
 
 from alf_ros.arrays import Floats, Unit
 from alf_ros.kernel.constraints import gradients
-from alf_ros.kernel.data import FOUR, ONE, TWO, ZERO, Pattern, System, Work
+from alf_ros.kernel.data import Pattern, System, Work
 from alf_ros.kernel.effect_jacobians import add_soft
 from alf_ros.kernel.numba_ext.block import Block, add, add_outer, block, dot, packed, put, subtract
-from alf_ros.kernel.numba_ext.jit import compiled, inlined, inner
+from alf_ros.kernel.numba_ext.jit import FOUR, ONE, TWO, ZERO, compiled, inlined, inner
 from alf_ros.kernel.numba_ext.plain_loops import each
 from alf_ros.kernel.numba_ext.vectors import copy
 from alf_ros.kernel.triangular_solve import eliminate, upper

@@ -10,9 +10,9 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Unit
-from alf_ros.kernel.data import FOUR, ONE, THREE, TWO, ZERO, System, Work
+from alf_ros.kernel.data import System, Work
 from alf_ros.kernel.inverse_trace import mass_trace
-from alf_ros.kernel.numba_ext.jit import inner
+from alf_ros.kernel.numba_ext.jit import FOUR, ONE, THREE, TWO, ZERO, inner
 
 _FALLEN = 8.0  # of log det A: a row for which solves are not slow, s > 100, and is lost then
 _FALLEN_BY = np.exp(_FALLEN)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Floats, Unit
-from alf_ros.kernel.data import ONE, Mass
+from alf_ros.kernel.data import Mass
 from alf_ros.kernel.numba_ext.block import add, block
-from alf_ros.kernel.numba_ext.jit import compiled, inner
+from alf_ros.kernel.numba_ext.jit import ONE, compiled, inner
 from alf_ros.kernel.numba_ext.plain_loops import each
 
 

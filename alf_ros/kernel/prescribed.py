@@ -6,50 +6,24 @@ They stand among the fixed blocks, so that Φ_q has entries for them: with s(t) 
 
 from __future__ import annotations
 
-from typing import Any
-
-from llvmlite import ir
-from numba import types
-from numba.extending import intrinsic
-
 from alf_ros.arrays import Floats, Unit
-from alf_ros.kernel.applied_forces import call
 from alf_ros.kernel.constraints import along_gradients, convective, jacobian_rate
-from alf_ros.kernel.data import ONE, System, Work
+from alf_ros.kernel.data import System, Work
 from alf_ros.kernel.numba_ext.block import block, dot
-from alf_ros.kernel.numba_ext.jit import compiled, inner
-
-
-@intrinsic
-def _run(
-    typing: Any,
-    at: Any,
-    t: Any,
-    slots: Any,
-    params: Any,
-    registers: Any,
-    q: Any,
-    qd: Any,
-    qdd: Any,
-) -> Any:
-    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        call(context, builder, sig, args, ir.VoidType())
-        return context.get_dummy_value()
-
-    return types.void(at, t, slots, params, registers, q, qd, qdd), code
+from alf_ros.kernel.numba_ext.calls import call
+from alf_ros.kernel.numba_ext.jit import ONE, compiled, inner
 
 
 @inner
 def prescribe(system: System, t: float, q: Floats, qd: Floats, qdd: Floats) -> None:
     """Put the prescribed blocks where they are at t (s), with their velocity and acceleration."""
     given = system.prescribed
-    for n in range(given.program.size):  # none or one
-        _run(given.program[n], t, given.slots, given.params, given.registers, q, qd, qdd)
+    call(given.program, t, given.slots, given.params, given.registers, q, qd, qdd)
 
 
 @compiled
 def prescribed_at(system: System, t: float, q: Floats, qd: Floats, qdd: Floats) -> None:
-    """The same for callers that are not compiled: who has no drives does not compile it."""
+    """Python entry point. Compiled when it is first used: without drives, never."""
     prescribe(system, t, q, qd, qdd)
 
 

@@ -8,12 +8,13 @@ from alf_ros.arrays import Floats, Unit
 from alf_ros.kernel.augmented_solve import finish
 from alf_ros.kernel.compensated import violation_twofold
 from alf_ros.kernel.constraints import add_transposed, forms, times_jacobian, violation
-from alf_ros.kernel.data import EPS, NOT_CLOSED, NOT_POSITIVE, OK, Rows, System, Work
+from alf_ros.kernel.data import EPS, Rows, System, Work
 from alf_ros.kernel.ldl import assemble, linearise, solve_on
 from alf_ros.kernel.numba_ext.block import add, block, dot, subtract
 from alf_ros.kernel.numba_ext.jit import expanded, inner
 from alf_ros.kernel.numba_ext.plain_loops import each
 from alf_ros.kernel.numba_ext.vectors import zero
+from alf_ros.kernel.status import NOT_CLOSED, NOT_POSITIVE, OK
 from alf_ros.kernel.triangular_solve import solve
 
 _ROOM = 4.0  # times the gap: σ below which a mode may be made by it

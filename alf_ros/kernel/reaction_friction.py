@@ -25,16 +25,16 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numba import cfunc, types
+from numba import types
 
 from alf_ros.arrays import Floats, Unit
 from alf_ros.kernel.applied_forces import add_friction, applied_forces
 from alf_ros.kernel.augmented_solve import solved
 from alf_ros.kernel.constraints import add_transposed, jacobian, times_jacobian
-from alf_ros.kernel.data import ONE, Bearings, Forces, System, Work
+from alf_ros.kernel.data import Bearings, Forces, System, Work
 from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.numba_ext.block import block, dot, packed, put
-from alf_ros.kernel.numba_ext.jit import inner
+from alf_ros.kernel.numba_ext.jit import ONE, by_address, inner
 from alf_ros.kernel.numba_ext.vectors import copy, largest, zero
 
 MEMORY = 5  # passes that are mixed, at most
@@ -604,6 +604,4 @@ def settle(dimension: int) -> Any:
     """The compiled function for 2 or 3 dimensions; its `address` is what `Bearings` holds."""
     structs = [each._numba_type() for each in (System, Forces, Work)]
     signature = types.float64(*structs, types.float64, types.int64, types.int64)
-    return cfunc(signature, cache=True, error_model='numpy')(
-        _in_plane if dimension == 2 else _in_space
-    )
+    return by_address(signature)(_in_plane if dimension == 2 else _in_space)

@@ -6,9 +6,9 @@ import numpy as np
 
 from alf_ros.arrays import Floats, Unit
 from alf_ros.kernel.constraints import jacobian_rate
-from alf_ros.kernel.data import ONE, Modes, Phase, System, Watch, Work
+from alf_ros.kernel.data import Modes, Phase, System, Watch, Work
 from alf_ros.kernel.numba_ext.block import block, dot
-from alf_ros.kernel.numba_ext.jit import compiled, inner
+from alf_ros.kernel.numba_ext.jit import ONE, compiled, inner
 from alf_ros.kernel.numba_ext.plain_loops import each
 from alf_ros.kernel.numba_ext.vectors import copy
 from alf_ros.kernel.softest_modes import STIFF, carried_over, softest

@@ -17,8 +17,8 @@ import numpy as np
 
 from alf_ros.arrays import Floats, Unit
 from alf_ros.kernel.constraints import add_transposed, times_jacobian
-from alf_ros.kernel.data import EPS, NOTHING, ONE, ZERO, Modes, System, Work
-from alf_ros.kernel.numba_ext.jit import compiled, inner
+from alf_ros.kernel.data import EPS, NOTHING, Modes, System, Work
+from alf_ros.kernel.numba_ext.jit import ONE, ZERO, compiled, inner
 from alf_ros.kernel.numba_ext.vectors import copy, zero
 from alf_ros.kernel.triangular_solve import solve
 

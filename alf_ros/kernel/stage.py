@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from alf_ros.arrays import Unit
 from alf_ros.kernel.augmented_solve import accelerate, accelerate_freely, apply, velocities
-from alf_ros.kernel.data import OK, Forces, System, Work
+from alf_ros.kernel.data import Forces, System, Work
 from alf_ros.kernel.numba_ext.jit import inner
 from alf_ros.kernel.projection import place
+from alf_ros.kernel.status import OK
 
 _ROOM = 4.0  # how often what a stage is moved onto Φ = 0 must go into that distance
 
@@ -37,13 +38,13 @@ def stage(
         work.evaluations[0] += 1
         if place(unit, system, work, wholly) != OK:
             return 0, 0.0, False
-        count, sigma = velocities(unit, system, work, iterations, wholly)
+        count, sigma = velocities(unit, system, work, iterations, wholly)  # (33)
         if sigma > 0.0 or wholly:
             if rubbing:
-                more, same = accelerate(unit, system, forces, work, t, iterations, wholly)
+                more, same = accelerate(unit, system, forces, work, t, iterations, wholly)  # (26)
             else:
                 apply(unit, system, forces, work, t)
-                more, same = accelerate_freely(unit, system, work, iterations, wholly)
+                more, same = accelerate_freely(unit, system, work, iterations, wholly)  # (26)
             if more < 0:
                 return more, 0.0, False
             if same > 0.0 or wholly:

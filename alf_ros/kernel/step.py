@@ -1,5 +1,19 @@
 """One step of an explicit Runge-Kutta method, and many of them in one call; and what a step of an
-implicit one has in common with it."""
+implicit one has in common with it.
+
+    for s = 0 … stages:                            # past the last stage: the end of the step
+        ξ, w = those of the begin + h Σ_m a_sm (ξ̇, ẇ)_m       # add_up; at the end with b_m
+        q, p = what the arcs ξ and their momenta w stand for  # unfold
+        q onto Φ(q, t) = 0:  A δq = -Φ_qᵀ α Φ                 # place; project at the end
+        q̇ from p:  M q̇ + Φ_qᵀ σ = p,  Φ_q q̇ = -Φ_t            # velocities, (33)
+        q̈, λ from Q:  M q̈ + Φ_qᵀ λ = Q,  Φ_q q̈ = -Φ̇_q q̇ - …   # accelerate, (26)
+        ṗ = Q - Φ_qᵀ λ = M q̈, as σ = 0                        # (35)
+        (ξ̇, ẇ)_s = that of q̇ and ṗ in arcs                    # fold
+
+A = M + Φ_qᵀ α Φ_q is factorised once a stage, where it is put on Φ = 0. A stage beside a singular
+position is interpolated from others along its branch (`interpolated_stages`). doc/method.md says
+why; equation numbers are the paper's.
+"""
 
 from __future__ import annotations
 
@@ -10,34 +24,20 @@ from alf_ros.kernel.arc_coordinates import fold, fold_again, lay, lead, unfold
 from alf_ros.kernel.augmented_residuals import begin_accelerations
 from alf_ros.kernel.augmented_solve import accelerate, augmented, begin_balance, velocities
 from alf_ros.kernel.constraints import violation
-from alf_ros.kernel.data import (
-    JAMMED,
-    NOT_CLOSED,
-    NOT_FINITE,
-    NOT_POSITIVE,
-    OK,
-    ONE,
-    THREE,
-    TWO,
-    Forces,
-    Method,
-    Phase,
-    System,
-    Watch,
-    Work,
-)
+from alf_ros.kernel.data import Forces, Method, Phase, System, Watch, Work
 from alf_ros.kernel.interpolated_stages import BLIND, end_aside, evaluate_aside, evaluate_there
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.lost_rank import begin_with_det, fallen, lost, note_det, rank_lost
-from alf_ros.kernel.numba_ext.jit import compiled, expanded, inner
+from alf_ros.kernel.numba_ext.jit import ONE, THREE, TWO, compiled, expanded, inner
 from alf_ros.kernel.numba_ext.vectors import copy, furthest, largest, zero
 from alf_ros.kernel.prescribed import prescribe
 from alf_ros.kernel.projection import project
 from alf_ros.kernel.singularity_monitor import note
 from alf_ros.kernel.stage import stage
+from alf_ros.kernel.status import JAMMED, NOT_CLOSED, NOT_FINITE, NOT_POSITIVE, OK
 from alf_ros.kernel.step_error import judge
-from alf_ros.kernel.tally import ALL, tally
 from alf_ros.kernel.unwrapping import count_turns, nearby
+from alf_ros.kernel.work_ledger import ALL, tally
 
 
 @inner
@@ -50,7 +50,7 @@ def evaluate_first(
     work.evaluations[0] += 1
     begin_balance(forces.bearings, phase.loads)
     prescribe(system, t, work.q, work.qd, work.qdd)
-    most, sigma = accelerate(unit, system, forces, work, t, iterations, True)
+    most, sigma = accelerate(unit, system, forces, work, t, iterations, True)  # (26)
     if most < 0:
         return most, sigma
     tally(forces.ledger.tally, system, forces, work, phase, t, np.uint64(0), 1.0, ALL)
@@ -113,7 +113,7 @@ def end_step(
         note_det(unit, work)
         near = (suspect or fallen(work)) and lost(unit, system, work)
         if not near:
-            most, _sigma = velocities(unit, system, work, iterations, True)
+            most, _sigma = velocities(unit, system, work, iterations, True)  # (33)
             return _finite(work, OK), most
         copy(work.base, work.q)
     copy(work.q, work.target)
@@ -124,7 +124,7 @@ def end_step(
         copy(work.base, work.q)
         result = project(unit, system, work, True)
         if result == OK:
-            most, _sigma = velocities(unit, system, work, iterations, True)
+            most, _sigma = velocities(unit, system, work, iterations, True)  # (33)
     else:
         moved = furthest(work.q, work.base, work.p.size)
         result, most = end_aside(
@@ -253,7 +253,7 @@ def step(
         most = max(most, count)
         if s == 0:
             copy(work.qdd, chart.first)
-        fold(unit, system, chart, work, work.qd, work.qdd, s)
+        fold(unit, system, chart, work, work.qd, work.qdd, s)  # (35)
     result, count = end_step(
         unit,
         system,

@@ -24,26 +24,15 @@ import numpy as np
 from alf_ros.arrays import Unit
 from alf_ros.kernel.arc_coordinates import straighten
 from alf_ros.kernel.augmented_solve import augmented
-from alf_ros.kernel.data import (
-    FOUR,
-    NOTHING,
-    OK,
-    ONE,
-    THREE,
-    TOO_LONG,
-    TWO,
-    ZERO,
-    Method,
-    System,
-    Work,
-)
+from alf_ros.kernel.data import NOTHING, Method, System, Work
 from alf_ros.kernel.effect_jacobians import add_soft_times
 from alf_ros.kernel.interpolated_stages import linearise_aside
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.mass import add_mass_times
-from alf_ros.kernel.numba_ext.jit import inner
+from alf_ros.kernel.numba_ext.jit import FOUR, ONE, THREE, TWO, ZERO, inner
 from alf_ros.kernel.numba_ext.plain_loops import each
-from alf_ros.kernel.numba_ext.vectors import copy, largest, zero
+from alf_ros.kernel.numba_ext.vectors import largest, zero
+from alf_ros.kernel.status import OK, TOO_LONG
 
 # where `Work.judged` holds what
 RECENT = 0  # sum of the errors of about the last 1000 steps, of the size
@@ -73,7 +62,8 @@ def free_part(unit: Unit, system: System, work: Work) -> float:
     zero(work.r2)
     zero(work.y)
     zero(work.along)
-    copy(work.p, work.delta)
+    for i in range(work.p.size):  # the blocks that do not move have no p
+        work.delta[i] = work.p[i]
     augmented(unit, system, work, work.p, work.along, 3, 1e-3, 1.0, True)
     return largest(work.along, work.p.size)
 

@@ -11,9 +11,9 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Floats, Unit
-from alf_ros.kernel.data import ONE, TWO, ZERO, Pattern, System, Work
+from alf_ros.kernel.data import Pattern, System, Work
 from alf_ros.kernel.numba_ext.block import block, packed, put
-from alf_ros.kernel.numba_ext.jit import compiled, inlined, inner
+from alf_ros.kernel.numba_ext.jit import ONE, TWO, ZERO, compiled, inlined, inner
 from alf_ros.kernel.numba_ext.plain_loops import each
 
 Three = tuple[float, float, float]

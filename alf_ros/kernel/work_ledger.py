@@ -12,15 +12,24 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numba import cfunc, types
+from numba import types
 
 from alf_ros.arrays import Floats, Unit
 from alf_ros.kernel.applied_forces import add_one, add_one_friction
-from alf_ros.kernel.data import ONE, Forces, Ledger, Phase, System, Work
+from alf_ros.kernel.data import Forces, Ledger, Phase, System, Work
 from alf_ros.kernel.numba_ext.block import block, dot
-from alf_ros.kernel.numba_ext.jit import inner
+from alf_ros.kernel.numba_ext.calls import call
+from alf_ros.kernel.numba_ext.jit import ONE, by_address, inner
 from alf_ros.kernel.numba_ext.vectors import zero
-from alf_ros.kernel.tally import APPLIED, REACTING
+
+# what is noted of a stage: all of it; or, where it is interpolated, first what does not depend on
+# reactions, and then what does, place by place
+ALL, APPLIED, REACTING = np.int64(0), np.int64(1), np.int64(2)
+
+# tally(ledger.tally, system, forces, work, phase, t, s, weight, part), if there is a ledger: note
+# the power of each effect at stage s, as it stands in `work`, `weight` times; `part`: ALL, APPLIED
+# or REACTING. Past the last stage: the step, `weight` (s) long, counts.
+tally = call
 
 
 @inner
@@ -110,6 +119,4 @@ def note(dimension: int) -> Any:
     """The compiled function for 2 or 3 dimensions; its `address` is what `Ledger` holds."""
     structs = [each._numba_type() for each in (System, Forces, Work, Phase)]
     numbers = types.float64, types.uint64, types.float64, types.int64
-    return cfunc(types.void(*structs, *numbers), cache=True, error_model='numpy')(
-        _in_plane if dimension == 2 else _in_space
-    )
+    return by_address(types.void(*structs, *numbers))(_in_plane if dimension == 2 else _in_space)

@@ -12,10 +12,11 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
-from numba import cfunc, types
+from numba import types
 from scipy.interpolate import CubicSpline
 
 from alf_ros.arrays import Floats, Integers
+from alf_ros.kernel.numba_ext.jit import by_address
 from alf_ros.mechanism.time_function import OPERATIONS, Signal
 
 _NUMBER, _TIME, _TABLE, _RATE = range(4)
@@ -26,11 +27,7 @@ _CODE = {operation: code for code, operation in enumerate(OPERATIONS)}
 _numbers, _integers = types.CPointer(types.float64), types.CPointer(types.int64)
 
 
-@cfunc(
-    types.void(types.float64, _integers, _numbers, _numbers, _numbers, _numbers, _numbers),
-    cache=True,
-    error_model='numpy',
-)
+@by_address(types.void(types.float64, _integers, _numbers, _numbers, _numbers, _numbers, _numbers))
 def run(
     t: float,
     slots: Integers,

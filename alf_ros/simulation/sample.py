@@ -29,7 +29,6 @@ from alf_ros.simulation.reactions import Reactions
 from alf_ros.simulation.resolution import Resolution
 from alf_ros.simulation.sample_limits import Limits, Place, limits
 from alf_ros.simulation.state import State
-from alf_ros.simulation.status import FAILURES
 
 # distances to a singular position: from which down efforts of drives are limits, and a pole hides
 # what it is in rounding
@@ -489,7 +488,7 @@ class Sample:
             True,
         )
         if count < 0:
-            raise StepError(FAILURES[kernel.JAMMED][0], 'see step()', self.t)
+            raise StepError(kernel.Status.JAMMED.reason, 'see step()', self.t)
         return work, self._applied.loads, sigma
 
     @cached_property

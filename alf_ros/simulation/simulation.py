@@ -17,7 +17,7 @@ from alf_ros import kernel
 from alf_ros.arrays import Floats
 from alf_ros.effects.contract.trajectory import Curve
 from alf_ros.errors import AssemblyError, InputError, StepError
-from alf_ros.kernel import Phase, Watch
+from alf_ros.kernel import Phase, Status, Watch
 from alf_ros.model import assembly, singular_branches
 from alf_ros.model.compile import allocate, compile_model
 from alf_ros.model.consistency import Adjustment, made_consistent
@@ -37,7 +37,7 @@ from alf_ros.simulation.resolution import Resolution, resolution
 from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.singular_passes import Pass, Watcher
 from alf_ros.simulation.state import State
-from alf_ros.simulation.status import FAILURES, beyond_reach
+from alf_ros.simulation.status import beyond_reach
 from alf_ros.simulation.work_ledger import DRIVES, INPUTS, accounts
 
 
@@ -296,7 +296,7 @@ class Simulation:
         if taken:
             self._beside = bool(self._work.aside[0])
             self._step_cost = (time.perf_counter() - started) / taken
-        if result != kernel.OK:
+        if result != Status.OK:
             raise StepError(*self._failure(result), self.t)
 
     def _watching(self) -> Watcher:
@@ -347,10 +347,11 @@ class Simulation:
             return found
         if self._formulation:
             return self._formulation.failure(result)
-        reason, remedy = FAILURES[result]
-        if result == kernel.JAMMED:
+        status = Status(result)
+        reason, remedy = status.reason, status.remedy
+        if status == Status.JAMMED:
             reason += f', at t = {self._applied.assembled.bearings.ended[0]:.9g} s'
-        if result == kernel.TOO_LONG:
+        if status == Status.TOO_LONG:
             longest = self.resolution.adequate
             remedy = f'take a smaller step, {longest:g} s or less, or an adaptive integrator'
         return reason, remedy
@@ -612,7 +613,7 @@ class Simulation:
             phase = Phase(*arrays, pace, works, state.loads.copy(), within.copy())
             with self._unjudged():
                 result, _ = self._advance(phase, carried, 0, 1, t - start, start)
-            if result != kernel.OK:
+            if result != Status.OK:
                 raise StepError(*self._failure(result), self.t)
             state = replace(
                 state,

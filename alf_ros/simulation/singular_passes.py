@@ -19,7 +19,7 @@ import numpy as np
 
 from alf_ros import kernel
 from alf_ros.arrays import Floats
-from alf_ros.kernel import Modes, Phase, Watch, Work
+from alf_ros.kernel import Modes, Phase, Status, Watch, Work
 from alf_ros.kernel.softest_modes import STIFF
 from alf_ros.mechanism import GROUND
 from alf_ros.model.compile import Model, allocate
@@ -178,9 +178,10 @@ class Watcher:
             return self._advance(phase, first, n, None)
         if not self._known:
             self._begin(phase, first * self._h)
-        result, taken, watch = kernel.OK, 0, self._watch
+        result: int = Status.OK
+        taken, watch = 0, self._watch
         assert watch is not None
-        while taken < n and result == kernel.OK:
+        while taken < n and result == Status.OK:
             result, more = self._advance(phase, first + taken, n - taken, watch)
             taken += more
             if more and watch.look[0]:
@@ -262,7 +263,7 @@ class Watcher:
         """Where a step from a leads until t (s); None if it fails."""
         phase = copy(a.phase)
         result = self._step_aside(phase, a.t, t - a.t)
-        return self._place(t, phase) if result == kernel.OK else None
+        return self._place(t, phase) if result == Status.OK else None
 
     def _place(self, t: float, phase: Phase) -> Place | None:
         return place(self._model, self._work, self._redundant, t, copy(phase))

@@ -40,30 +40,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from numba import cfunc, types
-from numba.extending import models, register_model
+from numba import types
 
 from alf_ros.arrays import Floats, Integers
-from alf_ros.digest import digest
+from alf_ros.kernel.numba_ext.jit import by_address
 
-# what effects call: numba's cache looks only at the file of the effect itself
-_STAMP = digest('effects/contract')[:8]
-
-
-class Pointer(types.CPointer):
-    """A pointer of C, of another type whenever the code that effects share is another."""
-
-    def __init__(self, number: types.Number) -> None:
-        super().__init__(number)
-        self.name: str = f'{number}*@{_STAMP}'  # of the instance: caches keep it
-
-    @property
-    def key(self) -> str:
-        return self.name
-
-
-register_model(Pointer)(models.PointerModel)
-_numbers, _integers = Pointer(types.float64), Pointer(types.int64)
+_numbers, _integers = types.CPointer(types.float64), types.CPointer(types.int64)
 FORCE = types.void(
     types.float64, _numbers, _numbers, _numbers, _integers, _numbers, _numbers
 )  # t, q, qd, near, slots, params, Q
@@ -83,7 +65,6 @@ TANGENT = types.void(
     _numbers,
 )  # t, q, qd, near, loads, slots, params, n, stiff, G
 POTENTIAL = types.float64(types.float64, _numbers, _numbers, _integers, _numbers)
-_options: dict[str, Any] = {'cache': True, 'error_model': 'numpy'}
 
 
 @dataclass(frozen=True)
@@ -121,18 +102,18 @@ class Packed:
 
 
 def force(function: Callable[..., None]) -> Any:
-    """Compile `force(t, q, qd, near, slots, params, Q)`; cached beside its file."""
-    return cfunc(FORCE, **_options)(function)
+    """Compile `force(t, q, qd, near, slots, params, Q)`."""
+    return by_address(FORCE)(function)
 
 
 def potential(function: Callable[..., float]) -> Any:
-    """Compile `potential(t, q, near, slots, params)`; cached beside its file."""
-    return cfunc(POTENTIAL, **_options)(function)
+    """Compile `potential(t, q, near, slots, params)`."""
+    return by_address(POTENTIAL)(function)
 
 
 def friction(function: Callable[..., None]) -> Any:
-    """Compile `friction(t, q, qd, near, loads, slots, params, Q)`; cached beside its file."""
-    return cfunc(FRICTION, **_options)(function)
+    """Compile `friction(t, q, qd, near, loads, slots, params, Q)`."""
+    return by_address(FRICTION)(function)
 
 
 class Tangent:
@@ -143,7 +124,7 @@ class Tangent:
 
     @cached_property
     def _compiled(self) -> Any:
-        return cfunc(TANGENT, **_options)(self.function)
+        return by_address(TANGENT)(self.function)
 
     @property
     def address(self) -> int:

@@ -15,10 +15,10 @@ import math
 from collections.abc import Iterable, Sequence
 
 import numpy as np
-from numba import njit
 
 from alf_ros.arrays import Floats, Integers
 from alf_ros.effects.contract import Packed
+from alf_ros.kernel.numba_ext.jit import shared as shared
 from alf_ros.mechanism import GROUND, Numbers
 from alf_ros.mechanism.affine import Form, constant
 from alf_ros.mechanism.natural_coordinates import Layout
@@ -27,8 +27,6 @@ from alf_ros.model.constraints.row import Row, linear
 
 LENGTH, ANGLE, DISTANCE, PLACE = 0, 1, 2, 3
 _HEAD, _WORDS = 2, 5
-
-shared = njit(cache=True, error_model='numpy')  # a part of each effect that calls it
 
 
 def place(layout: Layout, name: str, at: str | Numbers | None = None) -> Form:

@@ -16,17 +16,58 @@ import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
-from numba.extending import intrinsic, lower_builtin, models, register_model
+from numba.extending import lower_builtin, models, register_model
 
 from alf_ros.arrays import Floats, Unit
-from alf_ros.kernel.data import ONE, THREE, TWO
-from alf_ros.kernel.numba_ext.jit import inlined
+from alf_ros.kernel.numba_ext.jit import ONE, THREE, TWO, inlined
+from alf_ros.kernel.numba_ext.plain import lowered
 from alf_ros.kernel.numba_ext.structs import element, load
 
 Block = Any  # a value of BlockType, in compiled code
 
 _number, _index = ir.DoubleType(), ir.IntType(32)
 _ALIGNED = 8  # bytes: blocks stand where they stand
+
+
+# ---------------------------------------------------- in plain Python a block is a small array
+
+
+def _plain_block(unit: Any, v: Any, i: Any) -> Any:
+    D = len(unit)
+    return np.array([v[int(i) * D + a] for a in range(D)])
+
+
+def _plain_put(v: Any, i: Any, b: Any) -> None:
+    for a, number in enumerate(b):
+        v[int(i) * len(b) + a] = number
+
+
+def _plain_add(v: Any, i: Any, b: Any) -> None:
+    for a, number in enumerate(b):
+        v[int(i) * len(b) + a] += number
+
+
+def _plain_subtract(v: Any, i: Any, b: Any) -> None:
+    for a, number in enumerate(b):
+        v[int(i) * len(b) + a] -= number
+
+
+def _plain_packed(unit: Any, x: float, y: float, z: float) -> Any:
+    return np.array((x, y, z)[: len(unit)], dtype=np.float64)
+
+
+def _plain_dot(b: Any, c: Any) -> Any:
+    s = b[0] * c[0]
+    for a in range(1, len(b)):
+        s += b[a] * c[a]
+    return s
+
+
+def _plain_cross(b: Any, c: Any) -> Any:
+    return np.roll(b, -1) * np.roll(c, -2) - np.roll(b, -2) * np.roll(c, -1)
+
+
+# --------------------------------------------------------------------------- what LLVM is told
 
 
 class BlockType(types.Type):
@@ -49,7 +90,7 @@ def _place(context: Any, builder: Any, kind: Any, vector: Any, i: Any, D: int) -
     return builder.bitcast(pointer, ir.VectorType(_number, D).as_pointer())
 
 
-@intrinsic
+@lowered(_plain_block)
 def block(typing: Any, unit: Any, v: Any, i: Any) -> Any:
     """Block i of v (blocks D,)."""
     kind = BlockType(len(unit))
@@ -61,7 +102,7 @@ def block(typing: Any, unit: Any, v: Any, i: Any) -> Any:
     return kind(unit, v, types.uint64), code
 
 
-@intrinsic
+@lowered(_plain_put)
 def put(typing: Any, v: Any, i: Any, b: Any) -> Any:
     """Block i of v (blocks D,) = b."""
 
@@ -80,19 +121,19 @@ def _changed(operation: str, context: Any, builder: Any, sig: Any, args: Any) ->
     return context.get_dummy_value()
 
 
-@intrinsic
+@lowered(_plain_add)
 def add(typing: Any, v: Any, i: Any, b: Any) -> Any:
     """Block i of v (blocks D,) += b."""
     return types.void(v, types.uint64, b), partial(_changed, 'fadd')
 
 
-@intrinsic
+@lowered(_plain_subtract)
 def subtract(typing: Any, v: Any, i: Any, b: Any) -> Any:
     """Block i of v (blocks D,) -= b."""
     return types.void(v, types.uint64, b), partial(_changed, 'fsub')
 
 
-@intrinsic
+@lowered(_plain_packed)
 def packed(typing: Any, unit: Any, x: Any, y: Any, z: Any) -> Any:
     """(x, y) in the plane, (x, y, z) in space."""
     kind = BlockType(len(unit))
@@ -106,7 +147,7 @@ def packed(typing: Any, unit: Any, x: Any, y: Any, z: Any) -> Any:
     return kind(unit, types.float64, types.float64, types.float64), code
 
 
-@intrinsic
+@lowered(_plain_dot)
 def dot(typing: Any, b: Any, c: Any) -> Any:
     """The inner product."""
 
@@ -120,7 +161,7 @@ def dot(typing: Any, b: Any, c: Any) -> Any:
     return types.float64(b, c), code
 
 
-@intrinsic
+@lowered(_plain_cross)
 def cross(typing: Any, b: Any, c: Any) -> Any:
     """b × c, in space; in the plane nothing that counts."""
 

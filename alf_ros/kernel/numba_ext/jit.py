@@ -2,15 +2,71 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 from numba import njit
+from numba.core import sigutils
+from numba.core.ccallback import CFunc
 
-_options: dict[str, Any] = {'cache': True, 'nogil': True, 'error_model': 'numpy'}
+from alf_ros.kernel.numba_ext.cache import Cache
+from alf_ros.kernel.numba_ext.plain import PLAIN, Function, entered
 
-compiled = njit(**_options)
-# called from compiled code only: without the code that takes arguments from Python objects
-inner = njit(**_options, no_cpython_wrapper=True, no_cfunc_wrapper=True)
-inlined = njit(**_options, no_cpython_wrapper=True, no_cfunc_wrapper=True, forceinline=True)
+# whole numbers of 64 bit without sign: with those of the language sums would be floats
+ZERO = np.uint64(0)
+ONE = np.uint64(1)
+TWO = np.uint64(2)
+THREE = np.uint64(3)
+FOUR = np.uint64(4)
+
+_options: dict[str, Any] = {'nogil': True, 'error_model': 'numpy'}
+_called_inside = {'no_cpython_wrapper': True, 'no_cfunc_wrapper': True}
+
+
+def _cached(function: Callable[..., Any], **options: Any) -> Any:
+    if PLAIN:
+        return function
+    dispatcher = njit(**options)(function)
+    dispatcher._cache = cache = Cache(function)
+    dispatcher.compile = cache.guarded(dispatcher.compile)
+    return dispatcher
+
+
+def compiled(function: Callable[..., Any]) -> Any:
+    """Code that Python calls, and compiled code."""
+    return entered(function) if PLAIN else _cached(function, **_options)
+
+
+def inner(function: Callable[..., Any]) -> Any:
+    """Called from compiled code only: without code that takes arguments from Python objects."""
+    return _cached(function, **_options, **_called_inside)
+
+
+def inlined(function: Callable[..., Any]) -> Any:
+    """The same, which LLVM puts into the code that calls it."""
+    return _cached(function, **_options, **_called_inside, forceinline=True)
+
+
+def shared(function: Callable[..., Any]) -> Any:
+    """A part of each effect that calls it."""
+    return _cached(function, error_model='numpy')
+
+
 # stands in the code that calls it: a compilation less, for what is called from one or two places
-expanded = njit(nogil=True, error_model='numpy', inline='always')
+expanded = njit(**_options, inline='always')
+
+
+def by_address(signature: Any) -> Callable[[Callable[..., Any]], Any]:
+    """A C function, which the kernel calls by its `address`: who needs none compiles none."""
+
+    def compile(function: Callable[..., Any]) -> Any:
+        if PLAIN:
+            return Function(signature, function)
+        types = sigutils.normalize_signature(signature)
+        made: Any = CFunc(function, types, locals={}, options={'error_model': 'numpy'})
+        made._cache = cache = Cache(function)
+        cache.guarded(made.compile)()
+        return made
+
+    return compile

@@ -15,7 +15,9 @@ from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.core.imputils import RefType, impl_ret_untracked, iternext_impl
-from numba.extending import intrinsic, lower_builtin, models, register_model
+from numba.extending import lower_builtin, models, register_model
+
+from alf_ros.kernel.numba_ext.plain import lowered
 
 
 class _Iterator(types.SimpleIteratorType):
@@ -41,7 +43,11 @@ class _IteratorModel(models.StructModel):
         super().__init__(manager, kind, members)
 
 
-@intrinsic
+def _range(first: Any, end: Any) -> Any:
+    return range(int(first), int(end))
+
+
+@lowered(_range)
 def each(typing: Any, first: Any, end: Any) -> Any:
     """What a loop takes from first up to end, without it."""
 

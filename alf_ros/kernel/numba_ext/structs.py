@@ -30,7 +30,6 @@ from numba.core.typing.templates import (
 )
 from numba.extending import (
     NativeValue,
-    intrinsic,
     lower_builtin,
     lower_getattr_generic,
     make_attribute_wrapper,
@@ -39,17 +38,7 @@ from numba.extending import (
     unbox,
 )
 
-from alf_ros.digest import digest
-
-
-def _stamp(package: str) -> str:
-    """Digest of the compiled code of the kernel, and of the package that declares a struct.
-
-    numba's cache looks only at the file of the function called; as a part of the type's name this
-    makes it look at the rest too.
-    """
-    return digest(*dict.fromkeys(('kernel', package)))[:8]
-
+from alf_ros.kernel.numba_ext.plain import View, flat, lowered
 
 S = TypeVar('S', bound='Struct')
 
@@ -62,17 +51,15 @@ class VectorType(types.Type):
 
     def __init__(self, number: types.Number, constant: bool) -> None:
         self.number, self.constant = number, constant
-        super().__init__(f'{"const " if constant else ""}{number}*@{_stamp("kernel")}')
+        super().__init__(f'{"const " if constant else ""}{number}*')
 
 
 class StructType(types.Type):
     """A pointer to a table of words; `parts`: (name, first word, type) of each field."""
 
-    def __init__(
-        self, name: str, package: str, parts: tuple[tuple[str, int, types.Type], ...]
-    ) -> None:
+    def __init__(self, name: str, parts: tuple[tuple[str, int, types.Type], ...]) -> None:
         self.parts = parts
-        super().__init__(f'{name}@{_stamp(package)}')
+        super().__init__(name)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +92,23 @@ class Struct:
         ):
             object.__setattr__(self, name, value)
 
+    def _view(self) -> View:
+        """What stands for it where nothing is compiled."""
+        view: View | None = self.__dict__.get('_plain')
+        if view is None:
+            view = View()
+            for name, _, part in self._numba_type().parts:
+                value = getattr(self, name)
+                if isinstance(part, VectorType):
+                    value = flat(value, part.constant)
+                elif isinstance(value, Struct):
+                    value = value._view()
+                else:
+                    value = np.float64(value) if isinstance(value, float) else np.uint64(value)
+                setattr(view, name, value)
+            object.__setattr__(self, '_plain', view)
+        return view
+
     @classmethod
     def empty(cls: type[S]) -> S:
         """One without any numbers; what is a number is zero."""
@@ -122,8 +126,7 @@ class Struct:
     def _numba_type(cls) -> StructType:
         if cls not in Struct._types:
             hints, parts, word = get_type_hints(cls), [], 0
-            ours, _, package = cls.__module__.rpartition('.')[0].partition('.')
-            package = package.replace('.', '/') if ours == 'alf_ros' else 'kernel'
+            module = cls.__module__.removeprefix('alf_ros.')
             for field in fields(cls):
                 hint = hints[field.name]
                 part: types.Type = _SCALARS.get(hint, types.none)
@@ -134,7 +137,7 @@ class Struct:
                     part = VectorType(from_dtype(np.dtype(number)), cls.constant)
                 parts.append((field.name, word, part))
                 word += 2 if isinstance(part, VectorType) else 1
-            Struct._types[cls] = StructType(cls.__name__, package, tuple(parts))
+            Struct._types[cls] = StructType(f'{cls.__qualname__}@{module}', tuple(parts))
         return Struct._types[cls]
 
 
@@ -241,7 +244,7 @@ def _set(context: Any, builder: Any, sig: Any, args: Any) -> Any:
     return context.get_dummy_value()
 
 
-@intrinsic
+@lowered(flat)
 def vector(typing: Any, array: Any) -> Any:
     """The numbers of a contiguous array (any shape), as a struct hands them on."""
 

@@ -11,14 +11,14 @@ from __future__ import annotations
 import importlib
 from dataclasses import dataclass
 
-from alf_ros import kernel
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.kernel import Forces, Phase, Work
+from alf_ros.kernel.status import Status
 from alf_ros.model.compile import Model
 from alf_ros.model.tableaux import TABLEAUX
 from alf_ros.scene.scene import Solver
-from alf_ros.simulation.formulations.storage import FOLDED, OPENED, SINGULAR, Settings
+from alf_ros.simulation.formulations.storage import Settings
 
 OMEGA, MU = 10.0, 1.0  # 1/s and 1, the paper's
 
@@ -128,17 +128,11 @@ class Formulation:
 
     def failure(self, result: int) -> tuple[str, str]:
         """Reason and remedy, for a StepError."""
-        smaller = 'take a smaller step, or the formulation alf2'
-        return {
-            SINGULAR: (self._kind.singular, 'take the formulation alf2'),
-            FOLDED: (
-                'the mechanism has no position with these independent coordinates',
-                'they were chosen at the start and are of no use here: take the formulation alf2',
-            ),
-            OPENED: ('the constraints have opened', smaller),
-            kernel.NOT_FINITE: ('the state is no longer finite', smaller),
-            kernel.NOT_POSITIVE: (
-                'the leading matrix is not positive definite',
-                'a direction has neither mass nor constraint there: give it mass',
-            ),
-        }[result]
+        status = Status(result)
+        if status == Status.SINGULAR:
+            return self._kind.singular, status.remedy
+        if status == Status.NOT_FINITE:
+            return status.reason, Status.OPENED.remedy
+        if status == Status.NOT_POSITIVE:
+            return status.reason, 'a direction has neither mass nor constraint there: give it mass'
+        return status.reason, status.remedy

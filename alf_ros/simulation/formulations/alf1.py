@@ -15,12 +15,13 @@ import numpy as np
 from alf_ros.arrays import Floats, Unit
 from alf_ros.kernel.applied_forces import applied_forces
 from alf_ros.kernel.constraints import add_transposed, times_jacobian, violation
-from alf_ros.kernel.data import NOT_POSITIVE, OK, SOLVED, TWO, Forces, Method, Phase, System, Work
+from alf_ros.kernel.data import SOLVED, Forces, Method, Phase, System, Work
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.mass import add_mass_times
-from alf_ros.kernel.numba_ext.jit import compiled, inner
+from alf_ros.kernel.numba_ext.jit import TWO, compiled, inner
 from alf_ros.kernel.numba_ext.vectors import copy, zero
 from alf_ros.kernel.prescribed import bias, prescribe
+from alf_ros.kernel.status import NOT_POSITIVE, OK
 from alf_ros.kernel.triangular_solve import solve
 from alf_ros.model.compile import Model
 from alf_ros.simulation.formulations.fixed_step import runge_kutta

@@ -26,12 +26,13 @@ from alf_ros.kernel.constraints import (
     times_jacobian,
     violation,
 )
-from alf_ros.kernel.data import NOT_POSITIVE, OK, SOLVED, Forces, Method, Phase, System, Work
+from alf_ros.kernel.data import SOLVED, Forces, Method, Phase, System, Work
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.numba_ext.jit import compiled, inner
 from alf_ros.kernel.numba_ext.vectors import copy, zero
 from alf_ros.kernel.prescribed import prescribe
+from alf_ros.kernel.status import NOT_POSITIVE, OK
 from alf_ros.kernel.triangular_solve import solve
 from alf_ros.model.compile import Model
 from alf_ros.simulation.formulations.fixed_step import runge_kutta

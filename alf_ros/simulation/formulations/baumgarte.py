@@ -12,13 +12,14 @@ import numpy as np
 from alf_ros.arrays import Floats, Unit
 from alf_ros.kernel.applied_forces import applied_forces
 from alf_ros.kernel.constraints import times_jacobian, violation
-from alf_ros.kernel.data import OK, TWO, Forces, Method, Phase, System, Work
-from alf_ros.kernel.numba_ext.jit import compiled, inner
+from alf_ros.kernel.data import Forces, Method, Phase, System, Work
+from alf_ros.kernel.numba_ext.jit import TWO, compiled, inner
 from alf_ros.kernel.prescribed import bias
+from alf_ros.kernel.status import OK, SINGULAR
 from alf_ros.model.compile import Model
 from alf_ros.simulation.formulations import alf1, saddle_point
 from alf_ros.simulation.formulations.fixed_step import runge_kutta
-from alf_ros.simulation.formulations.storage import SINGULAR, Settings, Storage, allocate
+from alf_ros.simulation.formulations.storage import Settings, Storage, allocate
 
 start = alf1.start
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Floats, Indices
-from alf_ros.kernel.data import EPS, ONE
-from alf_ros.kernel.numba_ext.jit import inner
+from alf_ros.kernel.data import EPS
+from alf_ros.kernel.numba_ext.jit import ONE, inner
 
 
 @inner

@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 
 from alf_ros.arrays import Floats, Unit
-from alf_ros.kernel.data import NOT_FINITE, OK, ONE, Forces, Method, Phase, System, Work
-from alf_ros.kernel.numba_ext.jit import expanded, inner
+from alf_ros.kernel.data import Forces, Method, Phase, System, Work
+from alf_ros.kernel.numba_ext.jit import ONE, expanded, inner
 from alf_ros.kernel.numba_ext.vectors import copy
 from alf_ros.kernel.prescribed import prescribe
 from alf_ros.kernel.projection import opening
+from alf_ros.kernel.status import FOLDED, NOT_FINITE, OK, OPENED
 from alf_ros.kernel.step import accept, mark
-from alf_ros.simulation.formulations.storage import FOLDED, OPENED, Storage
+from alf_ros.simulation.formulations.storage import Storage
 
 _TORN = 0.1  # opening of a constraint, relative to the mechanism, that ends a run
 

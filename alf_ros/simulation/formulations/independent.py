@@ -20,18 +20,19 @@ from alf_ros.arrays import Floats, Indices, Unit
 from alf_ros.errors import InputError
 from alf_ros.kernel.applied_forces import applied_forces
 from alf_ros.kernel.constraints import jacobian, times_jacobian
-from alf_ros.kernel.data import OK, Forces, Method, Phase, System, Work
+from alf_ros.kernel.data import Forces, Method, Phase, System, Work
 from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.numba_ext.jit import compiled, inner
 from alf_ros.kernel.numba_ext.vectors import zero
 from alf_ros.kernel.prescribed import bias
 from alf_ros.kernel.projection import opening
+from alf_ros.kernel.status import FOLDED, OK, SINGULAR
 from alf_ros.model.assembly import ordinary
 from alf_ros.model.compile import Model
 from alf_ros.model.compile import allocate as workspace
 from alf_ros.simulation.formulations import dense_lu
 from alf_ros.simulation.formulations.fixed_step import runge_kutta
-from alf_ros.simulation.formulations.storage import FOLDED, SINGULAR, Settings, Storage, allocate
+from alf_ros.simulation.formulations.storage import Settings, Storage, allocate
 
 _CLOSED = 1e-15  # opening of a row, relative to the mechanism, at which it is closed
 _ENOUGH = 1e-10  # and at which it may be let be, if it does not close any further

@@ -13,13 +13,14 @@ import numpy as np
 from alf_ros.arrays import Floats, Unit
 from alf_ros.kernel.applied_forces import applied_forces
 from alf_ros.kernel.constraints import add_transposed, jacobian, jacobian_rate, times_jacobian
-from alf_ros.kernel.data import OK, TWO, Forces, Method, Phase, System, Work
+from alf_ros.kernel.data import Forces, Method, Phase, System, Work
 from alf_ros.kernel.mass import add_mass_times
-from alf_ros.kernel.numba_ext.jit import compiled, inner
+from alf_ros.kernel.numba_ext.jit import TWO, compiled, inner
+from alf_ros.kernel.status import OK, SINGULAR
 from alf_ros.model.compile import Model
 from alf_ros.simulation.formulations import baumgarte, saddle_point
 from alf_ros.simulation.formulations.fixed_step import runge_kutta
-from alf_ros.simulation.formulations.storage import SINGULAR, Storage
+from alf_ros.simulation.formulations.storage import Storage
 
 prepare = baumgarte.prepare
 

@@ -10,8 +10,6 @@ from alf_ros.arrays import Floats, Indices
 from alf_ros.kernel.numba_ext.structs import Struct
 from alf_ros.model.compile import Model
 
-SINGULAR, OPENED, FOLDED = 20, 21, 22  # results beside those of the kernel
-
 
 @dataclass(frozen=True)
 class Settings:

@@ -113,6 +113,6 @@ class PublishedRun:
 
     def _rates(self, t: float, y: Floats) -> Floats:
         result, rates = self._formulation.rates(self._forces, self._work, t, y)
-        if result != kernel.OK or not np.isfinite(rates).all():
+        if result != kernel.Status.OK or not np.isfinite(rates).all():
             raise StepError('the state is no longer finite', 'the motion is lost', t)
         return rates

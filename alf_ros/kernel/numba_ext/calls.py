@@ -1,0 +1,112 @@
+"""Calls of C functions by their addresses, and of single instructions of the processor."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+
+from alf_ros.kernel.numba_ext.plain import Vector, at, lowered
+from alf_ros.kernel.numba_ext.structs import VectorType
+
+
+def _passed(kind: Any) -> Any:
+    """The type in which an argument of a type is passed: whole numbers and truth in 64 bit."""
+    kind = types.unliteral(kind)
+    if isinstance(kind, types.Boolean):
+        return types.int64
+    if isinstance(kind, types.Integer):
+        return types.int64 if kind.signed else types.uint64
+    return types.float64 if isinstance(kind, types.Float) else kind
+
+
+def _values(context: Any, builder: Any, kinds: Any, arguments: Any) -> list[Any]:
+    values: list[Any] = []
+    offset = False
+    for kind, value in zip(kinds, arguments, strict=True):
+        is_vector = isinstance(kind, (types.Array, VectorType))
+        if is_vector:
+            data = cgutils.create_struct_proxy(kind)(context, builder, value=value).data
+            values.append(data)
+        elif offset and isinstance(kind, types.Integer):
+            values[-1] = builder.gep(values[-1], [value])
+        else:
+            values.append(value)
+        offset = is_vector
+    return values
+
+
+def _call(returns: Any, kind: Any, arguments: Any) -> Any:
+    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        given = cgutils.unpack_tuple(builder, args[1], len(sig.args[1]))
+        values = _values(context, builder, sig.args[1].types, given)
+        function = ir.FunctionType(returns, [value.type for value in values])
+
+        def call(address: Any) -> Any:
+            return builder.call(builder.inttoptr(address, function.as_pointer()), values)
+
+        if isinstance(sig.args[0], VectorType):
+            some = cgutils.create_struct_proxy(sig.args[0])(context, builder, value=args[0])
+            with builder.if_then(builder.icmp_unsigned('!=', some.size, some.size.type(0))):
+                call(builder.load(some.data))
+            return context.get_dummy_value()
+        value = call(args[0])
+        return context.get_dummy_value() if sig.return_type == types.void else value
+
+    address, *rest = arguments
+    passed = types.StarArgTuple.from_types(tuple(map(_passed, rest)))
+    return kind(address, passed), code
+
+
+def _call_plainly(address: Any, *arguments: Any) -> Any:
+    if isinstance(address, Vector):
+        if address.size == 0:
+            return None
+        address = address[0]
+    values: list[Any] = []
+    offset = False
+    for value in arguments:
+        if offset and isinstance(value, (int, np.integer)):
+            values[-1] = values[-1].behind(value)
+            offset = False
+            continue
+        offset = isinstance(value, (Vector, np.ndarray))
+        values.append(Vector(value) if isinstance(value, np.ndarray) else value)
+    return at(address)(*values)
+
+
+@lowered(_call_plainly)
+def call(typing: Any, address: Any, *arguments: Any) -> Any:
+    """Call the C function at an address; or that of a vector of none or one, if there is one.
+
+    Vectors are passed as pointers to their first numbers; a whole number behind one says at which
+    number the pointer begins instead. To ask here whether there is an address, and not in code of
+    its own, saves a second of compiling.
+    """
+    return _call(ir.VoidType(), types.void, (address, *arguments))
+
+
+@lowered(_call_plainly)
+def call_for_number(typing: Any, address: Any, *arguments: Any) -> Any:
+    """The same of a function that returns a float, at an address."""
+    return _call(ir.DoubleType(), types.float64, (address, *arguments))
+
+
+def _fused(a: float, b: float, c: float) -> Any:
+    if not np.isfinite(a + b + c):
+        return a * b + c
+    return np.float64(float(Fraction(float(a)) * Fraction(float(b)) + Fraction(float(c))))
+
+
+@lowered(_fused)
+def fused(typing: Any, a: Any, b: Any, c: Any) -> Any:
+    """a b + c, rounded once."""
+
+    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return builder.fma(*args)
+
+    return types.float64(a, b, c), code

@@ -1,0 +1,86 @@
+"""How a step ended: the results of the kernel and of the formulations, each with its remedy."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+_SMALLER = 'take a smaller step, or the formulation alf2'
+
+
+class Status(IntEnum):
+    """A result; `reason` says what happened, `remedy` what to do about it."""
+
+    reason: str
+    remedy: str
+
+    def __new__(cls, code: int, reason: str = '', remedy: str = '') -> Status:
+        """Make a member; its number is that of the kernel."""
+        member = int.__new__(cls, code)
+        member._value_ = code
+        member.reason = reason
+        member.remedy = remedy
+        return member
+
+    OK = 0
+    NOT_POSITIVE = (
+        1,
+        'the leading matrix is not positive definite',
+        'a direction has neither mass nor constraint there: give it mass, or check the drawing',
+    )
+    NOT_FINITE = 2, 'the state is no longer finite', 'take a smaller step or smaller forces'
+    NOT_CLOSED = (
+        3,
+        'the loops cannot be closed within the step',
+        'take a smaller step or smaller forces: the mechanism moves too far in one, or a drive '
+        'goes where the loops do not reach',
+    )
+    COLLAPSED = (
+        4,
+        'no step is small enough for the tolerance',
+        'ask for a larger tolerance, or look for a force that jumps',
+    )
+    JAMMED = (
+        5,
+        "Painlevé's paradox: no balance of friction and the reactions it depends on goes on from "
+        'that of the motion, the mechanism jams',
+        'take a shorter step, smaller coefficients or a larger slip speed, or give the load as a '
+        'number',
+    )
+    TOO_MANY = (
+        6,
+        'the tolerance takes more than 20000 steps within one',
+        'take a smaller step, soften the stiffest force, or take the integrator esdirk43_adaptive',
+    )
+    NOT_SETTLED = (
+        7,
+        'the stages of the implicit method find no balance of forces',
+        'look for a force that jumps, or take a larger tolerance',
+    )
+    TOO_LONG = (
+        8,
+        'the steps are far too long: their errors are larger than the mechanism',
+        'take a smaller step, or an adaptive integrator',
+    )
+    # of the formulations besides alf2
+    SINGULAR = 20, 'the equations are singular there', 'take the formulation alf2'
+    OPENED = 21, 'the constraints have opened', _SMALLER
+    FOLDED = (
+        22,
+        'the mechanism has no position with these independent coordinates',
+        'they were chosen at the start and are of no use here: take the formulation alf2',
+    )
+
+
+# for compiled code, which takes a member for an object
+OK = int(Status.OK)
+NOT_POSITIVE = int(Status.NOT_POSITIVE)
+NOT_FINITE = int(Status.NOT_FINITE)
+NOT_CLOSED = int(Status.NOT_CLOSED)
+COLLAPSED = int(Status.COLLAPSED)
+JAMMED = int(Status.JAMMED)
+TOO_MANY = int(Status.TOO_MANY)
+NOT_SETTLED = int(Status.NOT_SETTLED)
+TOO_LONG = int(Status.TOO_LONG)
+SINGULAR = int(Status.SINGULAR)
+OPENED = int(Status.OPENED)
+FOLDED = int(Status.FOLDED)
