@@ -15,9 +15,9 @@ from alf_ros.arrays import Floats
 from alf_ros.mechanism import GROUND, Joint
 from alf_ros.mechanism.affine import Form
 from alf_ros.mechanism.natural_coordinates import Layout
+from alf_ros.model import joints
 from alf_ros.model.compile import Model, hold
 from alf_ros.model.constraints.rows import joint_rows
-from alf_ros.scene.mechanism_file.joints import PLANAR, SPATIAL
 from alf_ros.scene.scene import Scene, scene_from_text
 
 PLANE = """
@@ -144,8 +144,8 @@ def scene_of(dimension: int, kind: str) -> Scene:
 
 
 def test_every_kind_is_here() -> None:
-    assert set(PLANAR_CASES) == set(PLANAR)
-    assert set(SPATIAL_CASES) == set(SPATIAL)
+    assert set(PLANAR_CASES) == set(joints.types(2))
+    assert set(SPATIAL_CASES) == set(joints.types(3))
 
 
 def simulation(dimension: int, kind: str) -> Simulation:

@@ -17,20 +17,12 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.mechanism import GROUND, Body, Joint, Mechanism
+from alf_ros.model.joints import type_of
 from alf_ros.simulation.display_geometry import in_space, size
 
 WORLD = 'world'
 # Radius of a bar as a part of the mechanism's size.
 _RADIUS = 0.01
-_X, _Z = np.eye(3)[0], np.eye(3)[2]
-# What moves between the two frames of a joint in space: suffix of the coordinate, type, axis.
-_MOTIONS: dict[str, tuple[tuple[str, str, Floats], ...]] = {
-    'revolute': (('', 'continuous', _Z),),
-    'prismatic': (('', 'prismatic', _Z),),
-    'cylindrical': (('_length', 'prismatic', _Z), ('_angle', 'continuous', _Z)),
-    'universal': (('_first', 'continuous', _Z), ('_second', 'continuous', _X)),
-    'weld': (),
-}
 
 
 def urdf(
@@ -61,7 +53,7 @@ def urdf(
             _add_link(robot, bodies[name], prefix, radius)
             _add_joint(robot, f'{name}_free', 'floating', WORLD, prefix + name, place, axes)
     for joint in mechanism.joints:
-        if joint.kind == 'slider' and joint.parent == GROUND:
+        if type_of(joint).urdf_rail:
             slide = f'{prefix}{joint.name}_slide'
             ElementTree.SubElement(robot, 'link', name=slide)
             axis, through = in_space(np.array([joint.frames[0].axes[0], joint.frames[0].origin]))
@@ -87,7 +79,7 @@ def _tree(mechanism: Mechanism) -> Iterator[tuple[Joint, str, str]]:
     known, ring = {GROUND}, [GROUND]
     touching: dict[str, list[Joint]] = {}
     for joint in mechanism.joints:
-        if joint.kind in _MOTIONS:
+        if type_of(joint).urdf is not None:
             touching.setdefault(joint.parent, []).append(joint)
             touching.setdefault(joint.child, []).append(joint)
     while ring:
@@ -105,24 +97,24 @@ def _tree(mechanism: Mechanism) -> Iterator[tuple[Joint, str, str]]:
 def frame(joint: Joint, body: str) -> tuple[Floats, Floats]:
     """Where a joint sits on a body or the ground: place (3,) m, axes (3, 3) in columns.
 
-    The angle of a planar revolute joint is that between the frames of its bodies.
+    An angle in the plane is that between the frames of the bodies.
     """
     side = joint.frames[body == joint.child]
     (place,) = in_space(np.array([side.origin]))
     axes = np.eye(3)
     if len(side.origin) == 3:
         axes = np.array(side.axes).T
-    elif joint.kind != 'revolute':
+    elif not any(freedom.is_angle for freedom in joint.freedoms):
         axes[:2, :2] = np.array(side.axes).T
     return place, axes
 
 
 def _motions(joint: Joint, forwards: bool) -> list[tuple[str, str, Floats]]:
     """(name, type, axis) of the joints in a row from one body to the other."""
-    planar = len(joint.frames[0].origin) == 2
-    found = [(joint.name + suffix, kind, axis) for suffix, kind, axis in _MOTIONS[joint.kind]]
-    if planar and joint.kind == 'prismatic':
-        found = [(joint.name, 'prismatic', _X)]
+    found = [
+        (joint.name + each.suffix, each.type, np.array(each.axis))
+        for each in type_of(joint).urdf or ()
+    ]
     # joint_states tell the child's motion against the parent: the other way round, minus it
     return found if forwards else [(name, kind, -axis) for name, kind, axis in reversed(found)]
 

@@ -21,7 +21,7 @@ from alf_ros.mechanism.natural_coordinates import TURN, Layout
 from alf_ros.mechanism.orientation import orientation, quaternion
 from alf_ros.model import assembly
 from alf_ros.model.compile import Model
-from alf_ros.model.constraints.meshing import toothed
+from alf_ros.model.constraints.meshing import meshing
 from alf_ros.simulation.state import State
 
 # How far, of the size, a pose may be from one that the constraints allow, and of the largest
@@ -206,7 +206,7 @@ class _Way:
         self._delta = _turn_between(self._now, whole, layout.turns(body.name))
         missing = last - _turned(self._delta) @ self._first
         self._u = np.linalg.solve(_mean_turn(self._delta), missing)
-        wheels = [abs(joint.value) for joint in toothed(layout)]
+        wheels = [abs(joint.value) for joint in meshing(layout)]
         away = float(np.linalg.norm(last - self._first)) / min([_MOVE * model.size, *wheels])
         self.steps = min(_MOST, max(float(np.linalg.norm(self._delta)) / _TURN, away))
 
