@@ -25,6 +25,7 @@ COORDINATES = [
     (3, 'cylindrical', 'joint_angle', 'angle'),
     (3, 'cylindrical', 'joint_length', 'length'),
     (3, 'prismatic', 'joint', 'length'),
+    (3, 'screw', 'joint', 'angle'),
 ]
 
 

@@ -109,6 +109,7 @@ SPATIAL_CASES = {
         '{type: universal, between: [one, two], at: A, axes: [[0, 0.6, 0.8], [1, 0, 0]]}', 2, True
     ),
     'cylindrical': Case(f'{{type: cylindrical, between: [one, two], at: A2, axis: {AXIS}}}', 2),
+    'screw': Case(f'{{type: screw, between: [one, two], at: A2, axis: {AXIS}, pitch: 0.9}}', 1),
     'prismatic': Case(f'{{type: prismatic, between: [one, two], at: A2, axis: {AXIS}}}', 1),
     'planar': Case(f'{{type: planar, between: [one, two], at: A2, axis: {AXIS}}}', 3),
     'weld': Case('{type: weld, between: [one, two], at: A2}', 0),
@@ -371,6 +372,11 @@ MEANING = {
     (3, 'revolute'): lambda gap, axes, joint: [*gap, *axes[:2, 2]],
     (3, 'universal'): lambda gap, axes, joint: [*gap, axes[2, 0]],
     (3, 'cylindrical'): lambda gap, axes, joint: [*gap[:2], *axes[:2, 2]],
+    (3, 'screw'): lambda gap, axes, joint: [
+        *gap[:2],
+        *axes[:2, 2],
+        gap[2] - joint.value * np.arctan2(axes[1, 0], axes[0, 0]),
+    ],
     (3, 'prismatic'): lambda gap, axes, joint: [*gap[:2], *(axes - np.eye(3)).ravel()],
     (3, 'planar'): lambda gap, axes, joint: [gap[2], *axes[:2, 2]],
     (3, 'weld'): lambda gap, axes, joint: [*gap, *(axes - np.eye(3)).ravel()],

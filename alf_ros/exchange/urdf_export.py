@@ -18,6 +18,7 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.mechanism import GROUND, Body, Joint, Mechanism
 from alf_ros.model.joints import type_of
+from alf_ros.model.joints.contract import UrdfJoint
 from alf_ros.simulation.display_geometry import in_space, size
 
 WORLD = 'world'
@@ -109,14 +110,13 @@ def frame(joint: Joint, body: str) -> tuple[Floats, Floats]:
     return place, axes
 
 
-def _motions(joint: Joint, forwards: bool) -> list[tuple[str, str, Floats]]:
-    """(name, type, axis) of the joints in a row from one body to the other."""
-    found = [
-        (joint.name + each.suffix, each.type, np.array(each.axis))
-        for each in type_of(joint).urdf or ()
-    ]
+def _motions(joint: Joint, forwards: bool) -> Iterator[tuple[UrdfJoint, Floats]]:
+    """The joints in a row from one body to the other, each with its axis."""
+    found = type_of(joint).urdf or ()
     # joint_states tell the child's motion against the parent: the other way round, minus it
-    return found if forwards else [(name, kind, -axis) for name, kind, axis in reversed(found)]
+    for each in found if forwards else reversed(found):
+        axis = np.array(each.axis)
+        yield each, axis if forwards else -axis
 
 
 def _add_joint_of_tree(
@@ -127,13 +127,16 @@ def _add_joint_of_tree(
     place, axes = frame(joint, joint.parent if forwards else joint.child)
     inner, turn = frame(joint, child)
     at_origin = not inner.any() and np.array_equal(turn, np.eye(3))
-    motions = _motions(joint, forwards)
-    for n, (name, kind, axis) in enumerate(motions):
-        last = n == len(motions) - 1
+    motions = list(_motions(joint, forwards))
+    for n, (each, axis) in enumerate(motions):
+        last, name = n == len(motions) - 1, joint.name + each.suffix
         below = f'{prefix}{child}' if last and at_origin else f'{prefix}{child}_at_{name}'
         if below != prefix + child:
             ElementTree.SubElement(robot, 'link', name=below)
-        _add_joint(robot, name, kind, above, below, place, axes, axis)
+        found = _add_joint(robot, name, each.type, above, below, place, axes, axis)
+        if each.mimics:
+            multiplier = repr(joint.value)
+            ElementTree.SubElement(found, 'mimic', joint=joint.name, multiplier=multiplier)
         above, place, axes = below, np.zeros(3), np.eye(3)
     if not at_origin or not motions:  # a link begins at its joint, a body at its origin
         place, axes = place - axes @ turn.T @ inner, axes @ turn.T
@@ -163,7 +166,7 @@ def _add_joint(
     place: Floats,
     axes: Floats,
     axis: Floats | None = None,
-) -> None:
+) -> ElementTree.Element:
     joint = ElementTree.SubElement(robot, 'joint', name=name, type=kind)
     ElementTree.SubElement(joint, 'parent', link=parent)
     ElementTree.SubElement(joint, 'child', link=child)
@@ -173,6 +176,7 @@ def _add_joint(
     if kind == 'prismatic':  # required by the format; the simulation has no such limits
         limits = {'lower': '-1e9', 'upper': '1e9', 'effort': '1e9', 'velocity': '1e9'}
         ElementTree.SubElement(joint, 'limit', limits)
+    return joint
 
 
 def _add_link(robot: ElementTree.Element, body: Body, prefix: str, radius: float) -> None:

@@ -69,8 +69,7 @@ class UrdfJoint(NamedTuple):
     """One joint of the row of URDF joints that a joint is.
 
     suffix: of its name, after that of the joint; `type` and `axis` (3,) as URDF has them, in the
-    joint's frame. multiple: of the first of the row, whose position times the `value` of the joint
-    it has (`mimic`).
+    joint's frame. mimics: its position is `value` times that of the joint of the same name.
     """
 
     suffix: str
