@@ -5,6 +5,8 @@ A joint is looked at between two bodies that lie askew; the second hangs on the 
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from dataclasses import dataclass
 
 import numpy as np
@@ -147,6 +149,17 @@ def scene_of(dimension: int, kind: str) -> Scene:
 def test_every_kind_is_here() -> None:
     assert set(PLANAR_CASES) == set(joints.types(2))
     assert set(SPATIAL_CASES) == set(joints.types(3))
+
+
+def test_only_what_is_named_is_imported() -> None:
+    """A mechanism of pins and a slider knows no screw, and the package no name of a type."""
+    code = (
+        'import sys, alf_ros; alf_ros.Simulation(alf_ros.load_scene("slider_crank"));'
+        'print(*sorted(n for n in sys.modules if n.startswith("alf_ros.model.joints.")))'
+    )
+    done = subprocess.run([sys.executable, '-c', code], check=True, capture_output=True, text=True)
+    kinds = {name.split('.')[3] for name in done.stdout.split()} - {'contract'}
+    assert kinds == {'revolute', 'slider'}
 
 
 def simulation(dimension: int, kind: str) -> Simulation:

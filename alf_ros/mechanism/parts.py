@@ -90,12 +90,12 @@ class Joint:
 
     kind: its type, by the name of its file in `alf_ros/model/joints`. `frames` are those of the
     joint on parent and child. What the two share is named `point` and `vector` (the axis): it
-    needs no constraint. `value` is what the kind needs besides: of a 'distance' m; of what rolls
-    the radius of the child, m; of a 'screw' its advance, m/rad. A gear has the radius of its
-    parent too (`of_parent`, m); the smaller of an internal pair is negative. `motion`, if it has
-    any, is a function of time: an angle (rad) by which a direction is `turning` (of a 'blade' on
-    its body), or the velocity of what the child rolls on: along each axis of the parent's frame
-    (m/s), in space then its spin about the normal through the frame's origin (rad/s).
+    needs no constraint. `value` is what the type needs besides: a length (m), the radius of the
+    child (m) or an advance (m/rad); `of_parent` is the radius of the parent (m), and the smaller
+    of an internal pair is negative. `motion`, if it has any, is a function of time: an angle (rad)
+    by which a direction is `turning` on the child, or the velocity of what the child rolls on:
+    along each axis of the parent's frame (m/s), in space then its spin about the normal through
+    the frame's origin (rad/s).
 
     What follows from the type is said by the type: the `freedoms` that it leaves, and the
     `auxiliary` blocks that its rows need, by what their names have after that of the joint.

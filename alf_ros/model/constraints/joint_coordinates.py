@@ -60,7 +60,7 @@ def angle_axes(coordinate: Coordinate, layout: Layout) -> tuple[Form, Form, Form
     joint = coordinate.joint
     if layout.dimension == 3:
         parent, child = _axes(joint, layout)
-        if coordinate.freedom.on_child:  # about the child's x, which is the cross of a universal
+        if coordinate.freedom.on_child:  # about the child's x
             return child[2], child[1], parent[2]
         return parent[0], parent[1], child[0]
     X, Y = (layout.direction(joint.parent, axis) for axis in ((1.0, 0.0), (0.0, 1.0)))
