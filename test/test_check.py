@@ -202,6 +202,7 @@ def test_freedoms_of_velocity_and_of_position() -> None:
             'bricard',
             'rack_and_pinion',
             'planetary_gear',
+            'screw_jack',
         )
     }
     assert mobility == {
@@ -211,6 +212,7 @@ def test_freedoms_of_velocity_and_of_position() -> None:
         'bricard': '1 freedom',
         'rack_and_pinion': '1 freedom',  # its row can be integrated
         'planetary_gear': '1 freedom',
+        'screw_jack': '1 freedom',
     }
 
 
@@ -279,6 +281,7 @@ def test_a_mechanism_alone_and_parameters() -> None:
         'governor',
         'planetary_gear',
         'rack_and_pinion',
+        'screw_jack',
     ],
 )
 def test_the_picture_shows_the_mechanism(name: str, tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from test_joints import scene_of
 
 from alf_ros import Simulation, load_scene
 from alf_ros.arrays import Floats
-from alf_ros.mechanism import ANGLES, LENGTHS
+from alf_ros.model import joints
 from alf_ros.scene.scene import scene_from_text
 
 COORDINATES = [
@@ -25,6 +25,7 @@ COORDINATES = [
     (3, 'cylindrical', 'joint_angle', 'angle'),
     (3, 'cylindrical', 'joint_length', 'length'),
     (3, 'prismatic', 'joint', 'length'),
+    (3, 'screw', 'joint', 'angle'),
 ]
 
 
@@ -34,7 +35,10 @@ def test_no_kind_is_missing() -> None:
         names = {name for D, of, name, _ in COORDINATES if (D, of) == (dimension, kind)}
         found = Simulation(scene_of(dimension, kind)).model.coordinate_names
         assert set(found) - {'pin'} == names
-    assert {kind for _, kind in cases} == {*ANGLES, *LENGTHS}
+    with_freedoms = {
+        (D, kind) for D in (2, 3) for kind, at in joints.types(D).items() if at.freedoms
+    }
+    assert cases == with_freedoms
 
 
 def carried_over(driven: Simulation, free: Simulation) -> None:

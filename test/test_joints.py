@@ -5,6 +5,8 @@ A joint is looked at between two bodies that lie askew; the second hangs on the 
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,9 +17,9 @@ from alf_ros.arrays import Floats
 from alf_ros.mechanism import GROUND, Joint
 from alf_ros.mechanism.affine import Form
 from alf_ros.mechanism.natural_coordinates import Layout
+from alf_ros.model import joints
 from alf_ros.model.compile import Model, hold
 from alf_ros.model.constraints.rows import joint_rows
-from alf_ros.scene.mechanism_file.joints import PLANAR, SPATIAL
 from alf_ros.scene.scene import Scene, scene_from_text
 
 PLANE = """
@@ -109,6 +111,7 @@ SPATIAL_CASES = {
         '{type: universal, between: [one, two], at: A, axes: [[0, 0.6, 0.8], [1, 0, 0]]}', 2, True
     ),
     'cylindrical': Case(f'{{type: cylindrical, between: [one, two], at: A2, axis: {AXIS}}}', 2),
+    'screw': Case(f'{{type: screw, between: [one, two], at: A2, axis: {AXIS}, pitch: 0.9}}', 1),
     'prismatic': Case(f'{{type: prismatic, between: [one, two], at: A2, axis: {AXIS}}}', 1),
     'planar': Case(f'{{type: planar, between: [one, two], at: A2, axis: {AXIS}}}', 3),
     'weld': Case('{type: weld, between: [one, two], at: A2}', 0),
@@ -144,8 +147,19 @@ def scene_of(dimension: int, kind: str) -> Scene:
 
 
 def test_every_kind_is_here() -> None:
-    assert set(PLANAR_CASES) == set(PLANAR)
-    assert set(SPATIAL_CASES) == set(SPATIAL)
+    assert set(PLANAR_CASES) == set(joints.types(2))
+    assert set(SPATIAL_CASES) == set(joints.types(3))
+
+
+def test_only_what_is_named_is_imported() -> None:
+    """A mechanism of pins and a slider knows no screw, and the package no name of a type."""
+    code = (
+        'import sys, alf_ros; alf_ros.Simulation(alf_ros.load_scene("slider_crank"));'
+        'print(*sorted(n for n in sys.modules if n.startswith("alf_ros.model.joints.")))'
+    )
+    done = subprocess.run([sys.executable, '-c', code], check=True, capture_output=True, text=True)
+    kinds = {name.split('.')[3] for name in done.stdout.split()} - {'contract'}
+    assert kinds == {'revolute', 'slider'}
 
 
 def simulation(dimension: int, kind: str) -> Simulation:
@@ -371,6 +385,11 @@ MEANING = {
     (3, 'revolute'): lambda gap, axes, joint: [*gap, *axes[:2, 2]],
     (3, 'universal'): lambda gap, axes, joint: [*gap, axes[2, 0]],
     (3, 'cylindrical'): lambda gap, axes, joint: [*gap[:2], *axes[:2, 2]],
+    (3, 'screw'): lambda gap, axes, joint: [
+        *gap[:2],
+        *axes[:2, 2],
+        gap[2] - joint.value * np.arctan2(axes[1, 0], axes[0, 0]),
+    ],
     (3, 'prismatic'): lambda gap, axes, joint: [*gap[:2], *(axes - np.eye(3)).ravel()],
     (3, 'planar'): lambda gap, axes, joint: [gap[2], *axes[:2, 2]],
     (3, 'weld'): lambda gap, axes, joint: [*gap, *(axes - np.eye(3)).ravel()],

@@ -152,7 +152,8 @@ def test_a_body_goes_where_it_would_go_by_itself(scene: str) -> None:
     """Of each scene: where each body is after a quarter of a second, from the start."""
     simulation = Simulation(load_scene(scene))
     simulation.step(round(0.25 / simulation.h))
-    names = simulation.model.body_names[:5]
+    # a pose says nothing of whole turns, of which a thread needs the number
+    names = [name for name in simulation.model.body_names[:5] if name != 'spindle']
     wanted = [(pose(simulation, name).copy(), twist(simulation, name)) for name in names]
     for name, (there, going) in zip(names, wanted, strict=True):
         simulation.reset()

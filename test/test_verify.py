@@ -59,9 +59,7 @@ def random_commands(peer, scene, seconds, seed):
     chosen = chance.sample(names, min(TOPICS, len(names)))
     wrenches = {name: peer.talk(f'/simulator/wrench/{name}', WrenchStamped) for name in chosen}
     joints = peer.talk('/joint_commands', JointState) if model.coordinate_names else None
-    taken = [
-        c.name for c in model.coordinates if c.joint.kind != 'universal' and turning(model, c)
-    ]
+    taken = [c.name for c in model.coordinates if c.freedom.alone and turning(model, c)]
     sent, start, ticks = 0, time.monotonic(), peer.listen('/clock', Clock, LOSSY)
     while time.monotonic() < start + seconds or len(ticks) < 100:
         peer.executor.spin_once(timeout_sec=0.0)

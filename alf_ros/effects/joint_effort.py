@@ -39,7 +39,7 @@ def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
     Q = Affine(layout.dimension)
     for effect in effects:
         p: Parameters = effect.parameters
-        if p.joint not in named or named[p.joint].joint.kind == 'universal':
+        if p.joint not in named or not named[p.joint].freedom.alone:
             raise ValueError(f'{p.joint!r} is no single free axis: a motor can drive one of two')
         joint, is_angle = named[p.joint].joint, named[p.joint].is_angle
         axis = joint.frames[0].axes[0 if planar else 2]

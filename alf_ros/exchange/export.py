@@ -16,6 +16,7 @@ from alf_ros import resources
 from alf_ros.exchange.robot import AXES
 from alf_ros.exchange.urdf_export import WORLD, closing, frame, outside, urdf
 from alf_ros.mechanism import GROUND, Joint
+from alf_ros.model.joints import type_of
 from alf_ros.scene.scene import Scene
 from alf_ros.scene.text.yaml_writer import entry, serialise
 from alf_ros.simulation.display_geometry import poses
@@ -64,7 +65,7 @@ def exported(scene: Scene) -> tuple[str, str, list[str]]:
 def _loop(joint: Joint, planar: bool) -> dict[str, Any] | None:
     """A joint of the side file, in the frame of its parent; None for what it does not know."""
     parent = WORLD if joint.parent == GROUND else joint.parent
-    if joint.kind == 'slider':  # what slides along the rail is a link, and turns on a pin
+    if type_of(joint).urdf_rail:  # what slides along the rail is a link, and turns on a pin
         (x, y), slide = joint.frames[1].origin, f'{joint.name}_slide'
         between, at = [joint.child, slide], [x, y, 0.0]
         return {'type': 'revolute', 'between': between, 'at': at, 'axis': [0.0, 0.0, 1.0]}

@@ -16,13 +16,13 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.exchange.robot import Connection, Part, Robot
 from alf_ros.mechanism import GROUND
+from alf_ros.model import joints
 from alf_ros.scene.mechanism_file.bodies import frame_axes
 from alf_ros.scene.text.repetition import NAME
 from alf_ros.scene.text.yaml_document import Entry
 from alf_ros.scene.text.yaml_writer import entry, serialise
 
 _SAME = 1e-9  # of the robot's size: places closer than that are one
-_SHARING = ('revolute', 'spherical', 'universal', 'weld')
 
 
 class _Names:
@@ -72,7 +72,8 @@ class _Points:
     def of_joint(self, connection: Connection, name: str) -> str:
         """The point at which a connection is."""
         parent, child = connection.parent, connection.child
-        if connection.kind not in _SHARING:
+        kind = joints.find(connection.kind, 3)
+        if kind is None or not kind.shares_point:
             return self.new(f'{name}_at', connection.place, [child])
         for point, bodies in self._held.items():
             # one that both have would close a circle of joints at one point

@@ -13,19 +13,12 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.mechanism import GROUND
+from alf_ros.model import joints
 
 _OPEN = 1e-6  # of the robot's size: how far the two ends of a loop may be apart as drawn
 
-# what each kind of connection needs: its number of axes
-AXES = {
-    'weld': 0,
-    'spherical': 0,
-    'revolute': 1,
-    'prismatic': 1,
-    'cylindrical': 1,
-    'planar': 1,
-    'universal': 2,
-}
+# the types of joints that other formats have, by the number of axes that each needs
+AXES = {kind: each.axes for kind, each in joints.types(3).items() if each.axes is not None}
 
 
 @dataclass(frozen=True)

@@ -17,20 +17,13 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.mechanism import GROUND, Body, Joint, Mechanism
+from alf_ros.model.joints import type_of
+from alf_ros.model.joints.contract import UrdfJoint
 from alf_ros.simulation.display_geometry import in_space, size
 
 WORLD = 'world'
 # Radius of a bar as a part of the mechanism's size.
 _RADIUS = 0.01
-_X, _Z = np.eye(3)[0], np.eye(3)[2]
-# What moves between the two frames of a joint in space: suffix of the coordinate, type, axis.
-_MOTIONS: dict[str, tuple[tuple[str, str, Floats], ...]] = {
-    'revolute': (('', 'continuous', _Z),),
-    'prismatic': (('', 'prismatic', _Z),),
-    'cylindrical': (('_length', 'prismatic', _Z), ('_angle', 'continuous', _Z)),
-    'universal': (('_first', 'continuous', _Z), ('_second', 'continuous', _X)),
-    'weld': (),
-}
 
 
 def urdf(
@@ -61,7 +54,7 @@ def urdf(
             _add_link(robot, bodies[name], prefix, radius)
             _add_joint(robot, f'{name}_free', 'floating', WORLD, prefix + name, place, axes)
     for joint in mechanism.joints:
-        if joint.kind == 'slider' and joint.parent == GROUND:
+        if type_of(joint).urdf_rail:
             slide = f'{prefix}{joint.name}_slide'
             ElementTree.SubElement(robot, 'link', name=slide)
             axis, through = in_space(np.array([joint.frames[0].axes[0], joint.frames[0].origin]))
@@ -87,7 +80,7 @@ def _tree(mechanism: Mechanism) -> Iterator[tuple[Joint, str, str]]:
     known, ring = {GROUND}, [GROUND]
     touching: dict[str, list[Joint]] = {}
     for joint in mechanism.joints:
-        if joint.kind in _MOTIONS:
+        if type_of(joint).urdf is not None:
             touching.setdefault(joint.parent, []).append(joint)
             touching.setdefault(joint.child, []).append(joint)
     while ring:
@@ -105,26 +98,25 @@ def _tree(mechanism: Mechanism) -> Iterator[tuple[Joint, str, str]]:
 def frame(joint: Joint, body: str) -> tuple[Floats, Floats]:
     """Where a joint sits on a body or the ground: place (3,) m, axes (3, 3) in columns.
 
-    The angle of a planar revolute joint is that between the frames of its bodies.
+    An angle in the plane is that between the frames of the bodies.
     """
     side = joint.frames[body == joint.child]
     (place,) = in_space(np.array([side.origin]))
     axes = np.eye(3)
     if len(side.origin) == 3:
         axes = np.array(side.axes).T
-    elif joint.kind != 'revolute':
+    elif not any(freedom.is_angle for freedom in joint.freedoms):
         axes[:2, :2] = np.array(side.axes).T
     return place, axes
 
 
-def _motions(joint: Joint, forwards: bool) -> list[tuple[str, str, Floats]]:
-    """(name, type, axis) of the joints in a row from one body to the other."""
-    planar = len(joint.frames[0].origin) == 2
-    found = [(joint.name + suffix, kind, axis) for suffix, kind, axis in _MOTIONS[joint.kind]]
-    if planar and joint.kind == 'prismatic':
-        found = [(joint.name, 'prismatic', _X)]
+def _motions(joint: Joint, forwards: bool) -> Iterator[tuple[UrdfJoint, Floats]]:
+    """The joints in a row from one body to the other, each with its axis."""
+    found = type_of(joint).urdf or ()
     # joint_states tell the child's motion against the parent: the other way round, minus it
-    return found if forwards else [(name, kind, -axis) for name, kind, axis in reversed(found)]
+    for each in found if forwards else reversed(found):
+        axis = np.array(each.axis)
+        yield each, axis if forwards else -axis
 
 
 def _add_joint_of_tree(
@@ -135,13 +127,16 @@ def _add_joint_of_tree(
     place, axes = frame(joint, joint.parent if forwards else joint.child)
     inner, turn = frame(joint, child)
     at_origin = not inner.any() and np.array_equal(turn, np.eye(3))
-    motions = _motions(joint, forwards)
-    for n, (name, kind, axis) in enumerate(motions):
-        last = n == len(motions) - 1
+    motions = list(_motions(joint, forwards))
+    for n, (each, axis) in enumerate(motions):
+        last, name = n == len(motions) - 1, joint.name + each.suffix
         below = f'{prefix}{child}' if last and at_origin else f'{prefix}{child}_at_{name}'
         if below != prefix + child:
             ElementTree.SubElement(robot, 'link', name=below)
-        _add_joint(robot, name, kind, above, below, place, axes, axis)
+        found = _add_joint(robot, name, each.type, above, below, place, axes, axis)
+        if each.mimics:
+            multiplier = repr(joint.value)
+            ElementTree.SubElement(found, 'mimic', joint=joint.name, multiplier=multiplier)
         above, place, axes = below, np.zeros(3), np.eye(3)
     if not at_origin or not motions:  # a link begins at its joint, a body at its origin
         place, axes = place - axes @ turn.T @ inner, axes @ turn.T
@@ -171,7 +166,7 @@ def _add_joint(
     place: Floats,
     axes: Floats,
     axis: Floats | None = None,
-) -> None:
+) -> ElementTree.Element:
     joint = ElementTree.SubElement(robot, 'joint', name=name, type=kind)
     ElementTree.SubElement(joint, 'parent', link=parent)
     ElementTree.SubElement(joint, 'child', link=child)
@@ -181,6 +176,7 @@ def _add_joint(
     if kind == 'prismatic':  # required by the format; the simulation has no such limits
         limits = {'lower': '-1e9', 'upper': '1e9', 'effort': '1e9', 'velocity': '1e9'}
         ElementTree.SubElement(joint, 'limit', limits)
+    return joint
 
 
 def _add_link(robot: ElementTree.Element, body: Body, prefix: str, radius: float) -> None:

@@ -16,12 +16,10 @@ from alf_ros.arrays import Floats
 from alf_ros.exchange.robot import AXES, Connection, Pose
 from alf_ros.exchange.urdf_import import UrdfReader
 from alf_ros.mechanism import GROUND
+from alf_ros.model import joints
 
 _LOOP = {kind: kind for kind in AXES} | {
-    'continuous': 'revolute',
-    'ball': 'spherical',
-    'revolute2': 'universal',
-    'fixed': 'weld',
+    other: kind for kind in AXES for other in joints.types(3)[kind].other_names
 }
 _PARALLEL = 1e-9  # 1 - cosine: how far the axes of both sides may be drawn apart
 _NONE = (0.0, 0.0, 0.0)

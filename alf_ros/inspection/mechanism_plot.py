@@ -13,14 +13,16 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.inspection.convex_outline import outline
+from alf_ros.inspection.joint_pen import PALE, JointPen, hatched
 from alf_ros.inspection.plot_axes import INK, Plane, Space
 from alf_ros.inspection.soundness import Soundness
-from alf_ros.mechanism import GROUND, Joint
+from alf_ros.mechanism import Joint
 from alf_ros.mechanism.affine import Form
+from alf_ros.model.joints import type_of
 
 # Okabe & Ito: told apart by all eyes
 COLOURS = ('#0072b2', '#d55e00', '#009e73', '#cc79a7', '#56b4e9', '#e69f00')
-PALE, RED = '#9aa5af', '#c0272d'
+RED = '#c0272d'
 MOST_NAMES = 24  # points; with more there are none written
 _VIEWS = ((22.0, -60.0, 'from the side above'), (0.0, -90.0, 'from the front, along y'))
 
@@ -34,7 +36,7 @@ def draw(path: Path, found: Soundness) -> None:
     from matplotlib.figure import Figure
 
     model = found.model
-    picture = _Picture(found)
+    picture = Picture(found)
     width, height = (picture.high - picture.low)[[0, -1]]
     scale = min(9.0 / width, 7.5 / height)
     canvases: list[Plane | Space]
@@ -63,7 +65,7 @@ def draw(path: Path, found: Soundness) -> None:
     figure.savefig(path, dpi=110)
 
 
-class _Picture:
+class Picture:
     """One drawing of what was found. `low` and `high` (D,) are the box it needs, m."""
 
     def __init__(self, found: Soundness) -> None:
@@ -80,7 +82,7 @@ class _Picture:
         rims = [
             place + sign * abs(radius)
             for joint in self.model.mechanism.joints
-            if joint.kind in ('no_slip', 'disk', 'rack', 'gear', 'rolling')
+            if type_of(joint).is_round
             for place, radius in zip(
                 self.places_of(joint)[::-1], (joint.value, joint.of_parent), strict=True
             )
@@ -164,17 +166,7 @@ class _Picture:
         left, right = at - 1.8 * s * up - s * across, at - 1.8 * s * up + s * across
         style = {'color': INK, 'linewidth': 1.0, 'zorder': 6}
         self.canvas.line(np.array([at, left, right, at]), **style)
-        self._hatched(left - 0.6 * s * across, right + 0.6 * s * across, -up)
-
-    def _hatched(self, start: Floats, end: Floats, below: Floats) -> None:
-        """A line of the ground, hatched below."""
-        s = self.size
-        along = (end - start) / np.linalg.norm(end - start)
-        self.canvas.line(np.array([start, end]), color=INK, linewidth=1.2, zorder=6)
-        for distance in np.arange(0.4 * s, float(np.linalg.norm(end - start)) + 1e-9, 0.7 * s):
-            top = start + distance * along
-            stroke = np.array([top, top + 0.7 * s * (below - 0.7 * along)])
-            self.canvas.line(stroke, color=INK, linewidth=0.8, zorder=6)
+        hatched(self.canvas, left - 0.6 * s * across, right + 0.6 * s * across, -up, self.size)
 
     def write_names(self) -> None:
         """Points by name, if there are not too many."""
@@ -189,96 +181,6 @@ class _Picture:
                 self.places[names[0]], ', '.join(names), color=INK, fontsize=9, zorder=9
             )
 
-    # -------------------------------------------------------------------------------------- joints
-
     def draw_joint(self, joint: Joint) -> None:
         """Its symbol, where the child has it."""
-        base, tip = joint.frames
-        there, at = self.places_of(joint)
-        axes = [self.value(self.layout.direction(joint.parent, axis)) for axis in base.axes]
-        own = [self.value(self.layout.direction(joint.child, axis)) for axis in tip.axes]
-        s, planar = self.size, self.layout.dimension == 2
-        dot: dict[str, Any] = {'markeredgecolor': INK, 'color': 'white', 'zorder': 8}
-        along, side = axes[0 if planar else 2], axes[1 if planar else 0]
-        kind = joint.kind
-        if kind in ('revolute', 'spherical', 'cylindrical', 'universal') and not planar:
-            if kind != 'spherical':
-                self._bar(at, along, 2.2 * s if kind == 'revolute' else 3.0 * s)
-            if kind == 'universal':
-                self._bar(at, own[0], 2.2 * s)
-            if kind == 'cylindrical':
-                self._box(at, along, side, 1.6 * s, 0.8 * s)
-            filled = {'spherical': INK, 'universal': PALE}.get(kind, 'white')
-            self.canvas.line(at[None], **{**dot, 'color': filled}, marker='o', markersize=6)
-        elif kind == 'revolute':
-            self.canvas.line(at[None], **dot, marker='o', markersize=7)
-        elif kind in ('slider', 'prismatic'):
-            if kind == 'slider' or joint.parent == GROUND:
-                rail = there + along * ((at - there) @ along) if kind == 'slider' else at
-                low = rail - 0.9 * s * side
-                self._hatched(low - 5.0 * s * along, low + 5.0 * s * along, -side)
-            else:
-                self._bar(at, along, 5.0 * s)
-            self._box(at, along, side, 1.8 * s, 0.9 * s)
-            if kind == 'slider':
-                self.canvas.line(at[None], **dot, marker='o', markersize=5)
-        elif kind == 'weld':
-            self.canvas.line(at[None], color=INK, marker='s', markersize=6, zorder=8)
-        elif kind == 'planar':
-            self._box(at, axes[0], axes[1], 4.0 * s, 4.0 * s)
-            self._bar(at, along, 1.5 * s)
-        elif kind == 'blade':
-            self._bar(at, own[0], 3.5 * s, width=3.0)
-        elif kind == 'distance':
-            line = np.array([there, at])
-            self.canvas.line(line, color=INK, linewidth=1.2, linestyle='--', zorder=5)
-            self.canvas.line(line, color=INK, linestyle='', marker='o', markersize=5, zorder=8)
-        elif kind in ('gear', 'rolling'):
-            self._pitch_circle(at, joint.value)
-            self._pitch_circle(there, joint.of_parent)
-        elif kind == 'rack':
-            self._pitch_circle(at, joint.value)
-            low = at - joint.value * axes[1]
-            line = np.array([low - 1.5 * joint.value * along, low + 1.5 * joint.value * along])
-            self.canvas.line(line, color=INK, linewidth=1.0, linestyle='-.', zorder=5)
-        elif kind in ('no_slip', 'disk'):
-            self._wheel(joint, at, axes)
-
-    def _pitch_circle(self, at: Floats, radius: float) -> None:
-        angle = np.linspace(0.0, 2.0 * np.pi, 91)[:, None]
-        circle = at + radius * np.hstack([np.cos(angle), np.sin(angle)])
-        self.canvas.line(circle, color=INK, linewidth=1.0, linestyle='-.', zorder=5)
-
-    def _wheel(self, joint: Joint, at: Floats, axes: list[Floats]) -> None:
-        """A circle of its radius, and the ground under it."""
-        R, x, up = joint.value, axes[0], axes[-1]
-        y = up
-        if self.layout.dimension == 3:  # it rolls across its axle
-            axle = self._axle(joint)
-            across = np.asarray(np.cross(axle, up), dtype=float)
-            size = float(np.linalg.norm(across))
-            x = across / size if size > 1e-6 else x
-            if joint.kind == 'disk':
-                y = np.asarray(np.cross(x, axle), dtype=float)
-        angle = np.linspace(0.0, 2.0 * np.pi, 61)[:, None]
-        rim = at + R * (np.cos(angle) * x + np.sin(angle) * y)
-        self.canvas.line(rim, color=INK, linewidth=1.5, zorder=5)
-        low = at - R * y
-        self._hatched(low - 1.5 * R * x, low + 1.5 * R * x, -up)
-
-    def _axle(self, joint: Joint) -> Floats:
-        """That of a disk; else the axis about which a wheel has most inertia, in the world."""
-        if joint.kind == 'disk':
-            return self.value(self.layout.direction(joint.child, joint.frames[1].axes[2]))
-        J = np.array(self.layout.body[joint.child].inertia)
-        axis = np.linalg.eigh(J)[1][:, 2]
-        return self.value(self.layout.direction(joint.child, tuple(axis)))
-
-    def _bar(self, at: Floats, along: Floats, half: float, width: float = 1.5) -> None:
-        line = np.array([at - half * along, at + half * along])
-        self.canvas.line(line, color=INK, linewidth=width, zorder=7)
-
-    def _box(self, at: Floats, along: Floats, side: Floats, long: float, wide: float) -> None:
-        corners = [(1, 1), (1, -1), (-1, -1), (-1, 1), (1, 1)]
-        line = np.array([at + a * long * along + b * wide * side for a, b in corners])
-        self.canvas.line(line, color=INK, linewidth=1.2, zorder=7)
+        type_of(joint).draw(JointPen(self, joint))

@@ -4,13 +4,12 @@ No YAML and no compiled code.
 """
 
 from alf_ros.mechanism.parts import (
-    ANGLES,
     GROUND,
-    LENGTHS,
     Body,
     Coordinate,
     Drive,
     Frame,
+    Freedom,
     Joint,
     Mechanism,
     Numbers,
@@ -21,13 +20,12 @@ from alf_ros.mechanism.parts import (
 )
 
 __all__ = [
-    'ANGLES',
     'GROUND',
-    'LENGTHS',
     'Body',
     'Coordinate',
     'Drive',
     'Frame',
+    'Freedom',
     'Joint',
     'Mechanism',
     'Numbers',

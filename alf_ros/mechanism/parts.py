@@ -7,14 +7,12 @@ counter-clockwise about +z (REP-103).
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 from alf_ros.mechanism.time_function import Signal, cosine, rate, sine
 
 GROUND = 'ground'
-LENGTHS = ('slider', 'prismatic', 'cylindrical')
-ANGLES = ('revolute', 'cylindrical', 'universal')
 
 Numbers = tuple[float, ...]
 
@@ -71,19 +69,36 @@ class Frame:
 
 
 @dataclass(frozen=True, slots=True)
+class Freedom:
+    """One freedom that a type of joint leaves: an angle or a length.
+
+    In space an angle is about, and a length along the z axis of the joint; in the plane a length
+    is along its x axis. `suffix`: what the coordinate's name has after that of the joint, if the
+    type leaves several. `on_child`: an angle about the child's x axis. `alone`: no other angle of
+    the joint moves its axis, so that a torque about that axis is an effort on this freedom only.
+    """
+
+    is_angle: bool
+    suffix: str = ''
+    on_child: bool = False
+    alone: bool = True
+
+
+@dataclass(frozen=True, slots=True)
 class Joint:
     """A joint between `parent` and `child` (bodies, or 'ground').
 
-    kind: in the plane 'revolute', 'slider', 'prismatic', 'weld', 'gear', 'rolling', 'rack',
-    'blade', 'no_slip'; in space 'spherical', 'revolute', 'universal', 'cylindrical', 'prismatic',
-    'planar', 'weld', 'distance', 'perpendicular', 'no_slip', 'disk'. `frames` are those of the
+    kind: its type, by the name of its file in `alf_ros/model/joints`. `frames` are those of the
     joint on parent and child. What the two share is named `point` and `vector` (the axis): it
-    needs no constraint. `value` is what the kind needs besides: of a 'distance' m; of what rolls
-    the radius of the child, m. A gear has that of its parent too (`of_parent`, m); the smaller of
-    an internal pair is negative. `motion`, if it has any, is a function of time: of a 'blade' the
-    angle by which it is turned on its body (rad), of 'no_slip' and 'disk' the velocity of what
-    they roll on: along each axis of the parent's frame (m/s), in space then its spin about the
-    normal through the frame's origin (rad/s).
+    needs no constraint. `value` is what the type needs besides: a length (m), the radius of the
+    child (m) or an advance (m/rad); `of_parent` is the radius of the parent (m), and the smaller
+    of an internal pair is negative. `motion`, if it has any, is a function of time: an angle (rad)
+    by which a direction is `turning` on the child, or the velocity of what the child rolls on:
+    along each axis of the parent's frame (m/s), in space then its spin about the normal through
+    the frame's origin (rad/s).
+
+    What follows from the type is said by the type: the `freedoms` that it leaves, and the
+    `auxiliary` blocks that its rows need, by what their names have after that of the joint.
     """
 
     name: str
@@ -96,6 +111,9 @@ class Joint:
     value: float = 0.0
     of_parent: float = 0.0
     motion: tuple[Signal, ...] = ()
+    turning: bool = False
+    auxiliary: tuple[str, ...] = ()
+    freedoms: tuple[Freedom, ...] = field(default=(), compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,6 +128,7 @@ class Coordinate:
     is_angle: bool
     place: int
     less: int = -1
+    freedom: Freedom = Freedom(True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,7 +200,7 @@ class Mechanism:
         """What moves as a function of time: for the drives, then for joints, by their names."""
         found = [_of_drive(drive) for drive in self.drives]
         for joint in self.joints:
-            if joint.motion and joint.kind == 'blade':
+            if joint.motion and joint.turning:
                 found.append(_turning(joint.name, joint.motion[0]))
             elif joint.motion:
                 found.append(Prescribed(joint.name, tuple(map(rate, joint.motion)), False))
@@ -195,11 +214,7 @@ class Mechanism:
         """
         names = [rotor.name for rotor in self.rotors]
         names += [d.name for d in self.drives if d.kind == 'angle' and not d.from_ground]
-        for joint in self.joints:
-            if joint.kind == 'disk':
-                names += [f'{joint.name}.down', f'{joint.name}.arm']
-            elif joint.kind == 'blade' and joint.motion:
-                names.append(joint.name)
+        names += [joint.name + suffix for joint in self.joints for suffix in joint.auxiliary]
         return tuple(names)
 
     @property
@@ -223,22 +238,15 @@ def _coordinates(mechanism: Mechanism) -> Iterator[Coordinate]:
     body = {body.name: n for n, body in enumerate(mechanism.bodies)}
     planar, angles, lengths = mechanism.dimension == 2, 0, 0
     for joint in mechanism.joints:
-        several = _count(joint, planar) > 1
-        if joint.kind in ANGLES and planar:
-            less = body.get(joint.parent, -1) if joint.parent != GROUND else -1
-            yield Coordinate(joint.name, joint, True, body[joint.child], less)
-        elif joint.kind in ANGLES:
-            for suffix in ('first', 'second') if joint.kind == 'universal' else ('angle',):
-                name = f'{joint.name}_{suffix}' if several else joint.name
-                yield Coordinate(name, joint, True, angles)
+        for freedom in joint.freedoms:
+            several = len(joint.freedoms) > 1
+            name = f'{joint.name}_{freedom.suffix}' if several else joint.name
+            if not freedom.is_angle:
+                yield Coordinate(name, joint, False, lengths, freedom=freedom)
+                lengths += 1
+            elif planar:
+                less = body.get(joint.parent, -1) if joint.parent != GROUND else -1
+                yield Coordinate(name, joint, True, body[joint.child], less, freedom)
+            else:
+                yield Coordinate(name, joint, True, angles, freedom=freedom)
                 angles += 1
-        if joint.kind in LENGTHS:
-            name = f'{joint.name}_length' if several else joint.name
-            yield Coordinate(name, joint, False, lengths)
-            lengths += 1
-
-
-def _count(joint: Joint, planar: bool) -> int:
-    if joint.kind == 'universal':
-        return 2
-    return (joint.kind in ANGLES) + (joint.kind in LENGTHS)

@@ -21,7 +21,7 @@ from alf_ros.kernel.data import NOTHING
 from alf_ros.mechanism import Joint, affine
 from alf_ros.model.compile import Model, allocate, hold
 from alf_ros.model.constraints.drives import is_aligned
-from alf_ros.model.constraints.meshing import slips, toothed
+from alf_ros.model.constraints.meshing import meshing, slips
 from alf_ros.model.constraints.row import Row, linear
 from alf_ros.model.prescribed import prescribe
 from alf_ros.model.rank import distance, effective_rank
@@ -153,7 +153,7 @@ class _Mesh:
 
 def _mesh(model: Model, given: list[Row]) -> _Mesh | None:
     """What keeps teeth in mesh while the given rows stay as they are; None without teeth."""
-    joints = toothed(model.layout)
+    joints = meshing(model.layout)
     if not joints:
         return None
     system, names, _ = hold(model, [replace(row, c=0.0) for row in given], velocities=True)

@@ -29,6 +29,7 @@ from alf_ros.mechanism.natural_coordinates import Layout
 from alf_ros.model.assembly import ordinary
 from alf_ros.model.compile import Model, allocate, compile_model, hold
 from alf_ros.model.constraints.rows import joint_rows, rigidity
+from alf_ros.model.joints import type_of
 from alf_ros.model.rank import distance, effective_rank
 
 LARGEST = 1e-8  # gap, of the size: lengths that differ by more are not meant to be equal
@@ -424,7 +425,7 @@ def _numbers(mechanism: Mechanism, size: float) -> Iterator[tuple[str, list[str]
             yield 'joint', names, partial(_of_joints, partial(_moved_frame, side, axis))
         for axis in turns:
             yield 'joint', names, partial(_of_joints, partial(_turned_frame, side, axis, size))
-    names = [joint.name for joint in mechanism.joints if joint.kind == 'distance']
+    names = [joint.name for joint in mechanism.joints if type_of(joint).drawn_length]
     yield 'joint', names, partial(_of_joints, _lengthened)
     names = [point.name for point in mechanism.points if point.fixed]
     for axis in range(D):

@@ -14,6 +14,7 @@ import numpy as np
 from alf_ros import kernel
 from alf_ros.arrays import Floats
 from alf_ros.model.compile import Model
+from alf_ros.model.joints import type_of
 
 DEPENDENT = 1e-7  # singular value, of the largest, from which down rows count as dependent
 MASSLESS = 1e-12  # mass of a direction, of the largest, from which down it counts as none
@@ -70,16 +71,10 @@ class Linearised:
     def rank_of_positions(self) -> int:
         """Number of independent rows among those that bind positions.
 
-        In the plane gears, racks and wheels on a line bind them too, and rotors that are geared to
-        joints anywhere: their rows are of velocities, but can be integrated.
+        Gears, racks, wheels on a line and screws bind them too, and rotors that are geared to
+        joints: their rows are of velocities, but can be integrated.
         """
-        rolls = {
-            joint.name
-            for joint in self.model.mechanism.joints
-            if joint.kind in ('gear', 'rolling', 'rack', 'no_slip')
-        }
-        if self.model.layout.dimension == 3:
-            rolls.clear()
+        rolls = {joint.name for joint in self.model.mechanism.joints if type_of(joint).integrable}
         rolls |= {rotor.name for rotor in self.model.mechanism.rotors}
         names = self.model.row_names
         first = len(names) - self.model.system.rows.velocity  # in the kernel's order

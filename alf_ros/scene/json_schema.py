@@ -14,6 +14,8 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import Any
 
 from alf_ros import effects
+from alf_ros.model import joints as joint_types
+from alf_ros.model.joints.contract import Key
 from alf_ros.scene import mechanism_file, scene
 from alf_ros.scene.mechanism_file import bodies, drives, joints
 from alf_ros.scene.text.repetition import NAME, TITLE
@@ -104,21 +106,16 @@ _BODY: dict[str, tuple[str, Callable[[int], Schema]]] = {
     'com': ('centre of mass, body frame (m)', _vector),
     'length': ('distance of its two points (m); as drawn if absent', lambda D: _NUMBER),
 }
-_JOINT: dict[str, tuple[str, Callable[[int], Schema]]] = {
-    'at': ('point where it is', lambda D: _NAME),
-    'axis': ('direction: numbers of any length, or a vector', lambda D: _axis(D)),
-    'axle': ('direction across the disk: numbers, or a vector', lambda D: _axis(D)),
-    'angle': ('by how much it is turned on its body: rad, of t', lambda D: _NUMBER),
-    'axes': ('direction on the parent, on the child', lambda D: _list(_axis(D), 2)),
-    'point': ('point that slides', lambda D: _NAME),
-    'points': ('point of the parent, of the child', lambda D: _list(_NAME, 2)),
-    'on': ('line, or plane, on which it moves', lambda D: _on(D)),
-    'radius': ('radius of the wheel (m)', lambda D: _NUMBER),
-    'centres': ('centre of the parent, of the child', lambda D: _list(_NAME, 2)),
-    'radii': ('pitch radius of the parent, of the child (m)', lambda D: _list(_NUMBER, 2)),
-    'internal': ('one wheel inside the other; false if absent', lambda D: {'type': 'boolean'}),
-    'length': ('length of the bar (m); as drawn if absent', lambda D: _NUMBER),
-    'between': ('parent and child: bodies, or ground first', lambda D: _list(_NAME, 2)),
+_BETWEEN = Key('between', 'points', 'parent and child: bodies, or ground first')
+_SHAPES: dict[str, Callable[[int], Schema]] = {  # of the keys of joints
+    'point': lambda D: _NAME,
+    'points': lambda D: _list(_NAME, 2),
+    'axis': lambda D: _axis(D),
+    'axes': lambda D: _list(_axis(D), 2),
+    'number': lambda D: _NUMBER,
+    'numbers': lambda D: _list(_NUMBER, 2),
+    'boolean': lambda D: {'type': 'boolean'},
+    'on': lambda D: _on(D),
 }
 
 
@@ -175,12 +172,12 @@ def _repeated(keys: Iterable[str], needed: Iterable[str], table: Any, D: int) ->
 
 def _joint(D: int) -> Schema:
     """Which keys there are depends on the type."""
-    types = joints.PLANAR if D == 2 else joints.SPATIAL
+    types = joint_types.types(D)
     cases = []
-    for kind, needed in types.items():
-        keys = ('between', *needed, *joints.OPTIONAL.get(kind, ()))
-        named = () if kind in joints.FREE_OF_BETWEEN else ('between',)
-        then = _repeated(keys, (*named, *needed), _JOINT, D)
+    for kind, about in types.items():
+        keys = (_BETWEEN, *about.keys, *about.optional)
+        table = {key.name: (key.doc, _SHAPES[key.shape]) for key in keys}
+        then = _repeated(table, joints.needed(about, between=True), table, D)
         then['properties']['type'] = True
         given = {'properties': {'type': {'const': kind}}, 'required': ['type']}
         cases.append({'if': given, 'then': then})

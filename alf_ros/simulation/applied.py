@@ -15,7 +15,7 @@ from alf_ros.effects.contract import Effect, Packed
 from alf_ros.effects.contract.trajectory import Curve
 from alf_ros.errors import InputError
 from alf_ros.kernel import Bearings, Effects, Forces, Ledger
-from alf_ros.mechanism import Joint
+from alf_ros.mechanism import Coordinate
 from alf_ros.mechanism.natural_coordinates import Layout
 from alf_ros.model.compile import Model
 from alf_ros.model.effect_directions import Direction
@@ -330,19 +330,19 @@ def _held(model: Model, name: str, what: Wrench | float | Curve) -> _Held:
     if isinstance(what, Wrench):
         kind, given = 'constant_wrench', (name, what.force, what.torque, what.at, what.frame)
         return _Held(what, Effect(kind, name, registry.load(kind).Parameters(*given)))
-    joint = model.coordinates[model.coordinate_names.index(name)].joint
-    kind = OVER_TIME if isinstance(what, Curve) else _steady(joint)
+    coordinate = model.coordinates[model.coordinate_names.index(name)]
+    kind = OVER_TIME if isinstance(what, Curve) else _steady(coordinate)
     return _Held(what, Effect(kind, name, registry.load(kind).Parameters(joint=name, effort=what)))
 
 
 def from_outside(model: Model) -> set[str]:
     """The effects that wrenches and steady efforts on this mechanism are packed as."""
-    return {'constant_wrench', *(_steady(each.joint) for each in model.coordinates)}
+    return {'constant_wrench', *(_steady(each) for each in model.coordinates)}
 
 
-def _steady(joint: Joint) -> str:
+def _steady(coordinate: Coordinate) -> str:
     """The effect that a steady effort is packed as."""
-    return 'motor' if joint.kind == 'universal' else 'joint_effort'
+    return 'joint_effort' if coordinate.freedom.alone else 'motor'
 
 
 def _aimed(effect: Effect, targets: Mapping[str, Target]) -> Effect:

@@ -25,7 +25,7 @@ def unit_motion(coordinate: Coordinate, cut: Layout, q: Floats) -> Floats:
     if not coordinate.is_angle:
         velocity[points] = axis
         return velocity.ravel()
-    if joint.kind == 'universal' and coordinate.name.endswith('_second'):
+    if coordinate.freedom.on_child:
         axis = cut.direction(joint.child, tip.axes[0]).value(places)
     arms = places.copy()
     arms[points] -= cut.place(joint.child, tip.origin).value(places)

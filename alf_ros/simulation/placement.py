@@ -21,7 +21,7 @@ from alf_ros.mechanism.natural_coordinates import TURN, Layout
 from alf_ros.mechanism.orientation import orientation, quaternion
 from alf_ros.model import assembly
 from alf_ros.model.compile import Model
-from alf_ros.model.constraints.meshing import toothed
+from alf_ros.model.constraints.meshing import meshing
 from alf_ros.simulation.state import State
 
 # How far, of the size, a pose may be from one that the constraints allow, and of the largest
@@ -30,6 +30,7 @@ TOLERANCE = 1e-6
 # Most that a body goes at once: rad, and of the size.
 _TURN, _MOVE = 0.2, 0.1
 _MOST = 100.0  # times
+_MOST_ON_THREADS = 2000.0  # times, by a radian of the thread
 _FIRST = 1e-2  # of such a step, before all others: tells which way the mechanism goes
 _POINTS, _APART = 8, 0.1  # before a singular position, and how far apart, in such steps
 _LARGEST = 1e40  # number that is one, as in files
@@ -206,9 +207,15 @@ class _Way:
         self._delta = _turn_between(self._now, whole, layout.turns(body.name))
         missing = last - _turned(self._delta) @ self._first
         self._u = np.linalg.solve(_mean_turn(self._delta), missing)
-        wheels = [abs(joint.value) for joint in toothed(layout)]
-        away = float(np.linalg.norm(last - self._first)) / min([_MOVE * model.size, *wheels])
-        self.steps = min(_MOST, max(float(np.linalg.norm(self._delta)) / _TURN, away))
+        wheels = [abs(joint.value) for joint in meshing(layout)]
+        away = float(np.linalg.norm(last - self._first))
+        turned = float(np.linalg.norm(self._delta))
+        self.steps = max(turned / _TURN, away / min([_MOVE * model.size, *wheels]))
+        most = _MOST
+        if D == 3 and wheels:  # threads, which turn often for a short way of anything
+            self.steps = max(self.steps, (away + turned * model.size) / min(wheels))
+            most = _MOST_ON_THREADS
+        self.steps = min(most, self.steps)
 
     def at(self, *s: float) -> list[tuple[float, assembly.Given]]:
         """What is given of the body on its way."""

@@ -7,11 +7,12 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Floats
-from alf_ros.mechanism import Joint, affine
+from alf_ros.mechanism import affine
 from alf_ros.mechanism.affine import Form
 from alf_ros.mechanism.natural_coordinates import Layout
 from alf_ros.model.constraints.joint_coordinates import angle_axes
 from alf_ros.model.constraints.row import Row, linear, plus, product
+from alf_ros.model.joints import type_of
 
 
 def turned(name: str, X: Form, Y: Form, layout: Layout) -> tuple[Form, list[Row]]:
@@ -40,29 +41,14 @@ def place(name: str, layout: Layout, q: Floats) -> Floats:
     """Where an auxiliary block is, at q (blocks D, m), as its rows will have it."""
     places = q.reshape(-1, layout.dimension)
     joints = {joint.name: joint for joint in layout.mechanism.joints}
-    owner, _, what = name.rpartition('.')
-    if owner and what == 'rotor':
+    owner, dot, what = name.rpartition('.') if '.' in name else (name, '', '')
+    if what == 'rotor':
         return np.zeros(layout.dimension)  # only its velocity counts
-    if owner:
-        joint = joints[owner]
-        axle, z = (_axis(joint, side, 2, layout).value(places) for side in (1, 0))
-        down = (z @ axle) * axle - z
-        size = float(np.linalg.norm(down))
-        down = layout.length / size * down if size > 0.0 else down
-        if what == 'down':
-            return np.asarray(down)
-        axes = (layout.direction(joint.child, tuple(e)) for e in np.eye(3))
-        return np.array([down @ u.value(places) for u in axes])
-    if name in joints:  # a blade, on its body
-        X, Y = (_axis(joints[name], 1, n, layout) for n in (0, 1))
-    else:
-        drive = next(drive for drive in layout.mechanism.drives if drive.name == name)
-        X, Y, _ = angle_axes(layout.mechanism.coordinate[drive.of[0]], layout)
+    if owner in joints:
+        block = type_of(joints[owner]).block
+        assert block is not None
+        return block(joints[owner], dot + what, layout, places)
+    drive = next(drive for drive in layout.mechanism.drives if drive.name == name)
+    X, Y, _ = angle_axes(layout.mechanism.coordinate[drive.of[0]], layout)
     c, s = places[layout.of_prescribed[name]][:2]
     return np.asarray(c * Y.value(places) - s * X.value(places))
-
-
-def _axis(joint: Joint, side: int, n: int, layout: Layout) -> Form:
-    """The n-th axis of the joint on its parent (0) or child (1)."""
-    body = (joint.parent, joint.child)[side]
-    return layout.direction(body, joint.frames[side].axes[n])

@@ -59,17 +59,12 @@ def angle_axes(coordinate: Coordinate, layout: Layout) -> tuple[Form, Form, Form
     """Directions X, Y and d of which a joint coordinate is the angle atan2(Y·d, X·d)."""
     joint = coordinate.joint
     if layout.dimension == 3:
-        suffix = 'second' if coordinate.name == f'{joint.name}_second' else ''
-        return _measured_from(joint, suffix, layout)
+        parent, child = _axes(joint, layout)
+        if coordinate.freedom.on_child:  # about the child's x
+            return child[2], child[1], parent[2]
+        return parent[0], parent[1], child[0]
     X, Y = (layout.direction(joint.parent, axis) for axis in ((1.0, 0.0), (0.0, 1.0)))
     return X, Y, layout.direction(joint.child, (1.0, 0.0))
-
-
-def _measured_from(joint: Joint, suffix: str, layout: Layout) -> tuple[Form, Form, Form]:
-    parent, child = _axes(joint, layout)
-    if suffix == 'second':  # about the child's x, which is the cross of a universal joint
-        return child[2], child[1], parent[2]
-    return parent[0], parent[1], child[0]
 
 
 def length_row(joint: Joint, layout: Layout) -> Row:

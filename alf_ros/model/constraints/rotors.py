@@ -45,7 +45,7 @@ def _rate(coordinate: Coordinate, unit: float, layout: Layout) -> list[tuple[For
         axis = layout.direction(joint.parent, base.axes[0 if D == 2 else 2])
         gap = layout.place(joint.child, tip.origin) - layout.place(joint.parent, base.origin)
         return [(axis, gap), (gap, axis)]
-    if joint.kind == 'universal':
+    if not coordinate.freedom.alone:
         raise ValueError(f'{coordinate.name!r} is one of two angles: no rotor is geared to it')
     pairs = []
     for body, frame, sign in ((joint.child, tip, unit), (joint.parent, base, -unit)):

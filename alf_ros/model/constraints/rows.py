@@ -13,17 +13,16 @@ import numpy as np
 from alf_ros.mechanism import Body, Joint, affine
 from alf_ros.mechanism.affine import Form
 from alf_ros.mechanism.natural_coordinates import Layout, Shape, direction
-from alf_ros.model.constraints import auxiliary, rolling
-from alf_ros.model.constraints.leaning_disk import disk_rows
 from alf_ros.model.constraints.row import (
     Constraint,
     Distance,
     Row,
     linear,
-    motion,
     product,
     scaled,
 )
+from alf_ros.model.joints import type_of
+from alf_ros.model.joints.contract import Frames
 
 
 def unit_rows(layout: Layout) -> Iterator[Row]:
@@ -85,75 +84,4 @@ def _rigid(shape: Shape) -> tuple[Constraint, ...]:
 
 def joint_rows(joint: Joint, layout: Layout) -> list[Row]:
     """What a joint adds to what its bodies share: nothing for a planar revolute."""
-    if joint.point is not None and joint.kind == 'revolute' and layout.dimension == 2:
-        return []  # most joints of a large mechanism: no forms for nothing
-    base, tip = joint.frames
-    gap = layout.place(joint.child, tip.origin) - layout.place(joint.parent, base.origin)
-
-    def axis(which: int, n: int) -> Form:
-        body, frame = ((joint.parent, base), (joint.child, tip))[which]
-        return layout.direction(body, frame.axes[n])
-
-    rows: list[Row] = []
-
-    def add(suffix: str, f: Form, g: Form, offset: float = 0.0) -> None:
-        name = f'{joint.name}_{suffix}' if suffix else joint.name
-        rows.append(product(name, f, g, offset))
-
-    def coincide() -> None:
-        if joint.point is None:
-            for name, e in zip('xyz', np.eye(layout.dimension), strict=False):
-                rows.append(linear(f'{joint.name}_{name}', e, gap))
-
-    def parallel() -> None:  # the z axes of parent and child
-        if joint.vector is None:
-            add('tilt_x', axis(0, 0), axis(1, 2))
-            add('tilt_y', axis(0, 1), axis(1, 2))
-
-    kind = joint.kind
-    if layout.dimension == 2:
-        if kind in ('revolute', 'weld'):
-            coincide()
-        if kind in ('slider', 'prismatic'):
-            add('' if kind == 'slider' else 'side', axis(0, 1), gap)
-        if kind in ('prismatic', 'weld'):
-            add('turn', axis(0, 1), axis(1, 0))
-        if kind == 'blade':
-            across = axis(1, 1)
-            if joint.motion:
-                across, turning = auxiliary.turned(joint.name, axis(1, 0), across, layout)
-                rows += turning
-            rows.append(motion(joint.name, (across, layout.place(joint.child, tip.origin))))
-        if kind == 'no_slip':
-            add('touch', axis(0, 1), gap, joint.value)
-        if kind in ('no_slip', 'rack'):
-            rows.append(rolling.on_a_line(joint, layout))
-        if kind == 'rolling':
-            apart = joint.of_parent + joint.value
-            touch = product(f'{joint.name}_touch', gap, gap, apart**2)
-            rows.append(scaled(0.5 / abs(apart), touch))  # so it is in m
-        if kind in ('gear', 'rolling'):
-            rows.append(rolling.of_gears(joint, layout))
-        return rows
-    if kind in ('spherical', 'revolute', 'universal', 'weld'):
-        coincide()
-    if kind in ('cylindrical', 'prismatic'):
-        add('side_x', axis(0, 0), gap)
-        add('side_y', axis(0, 1), gap)
-    if kind in ('revolute', 'cylindrical', 'prismatic', 'weld', 'planar'):
-        parallel()
-    if kind in ('prismatic', 'weld'):
-        add('turn', axis(0, 0), axis(1, 1))
-    if kind == 'universal':
-        add('cross', axis(0, 2), axis(1, 0))
-    if kind == 'perpendicular':
-        add('', axis(0, 2), axis(1, 2))
-    if kind in ('planar', 'no_slip'):
-        add('touch', axis(0, 2), gap, joint.value)
-    if kind == 'no_slip':
-        rows += rolling.on_a_plane(joint, layout)
-    if kind == 'disk':
-        rows += disk_rows(joint, layout)
-    if kind == 'distance':
-        rows.append(scaled(0.5, product(joint.name, gap, gap, joint.value**2)))
-    return rows
+    return type_of(joint).rows(Frames(joint, layout))

@@ -7,56 +7,25 @@ Every joint is a pair of frames, one on the parent and one on the child, that co
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cached_property, lru_cache
-from itertools import chain
+from typing import Any, NoReturn
 
 import numpy as np
 
 from alf_ros.arrays import Floats
+from alf_ros.errors import InputError
 from alf_ros.mechanism import GROUND, Body, Frame, Joint, Numbers, Point, Vector
 from alf_ros.mechanism.time_function import Signal, signal
-from alf_ros.scene.mechanism_file import gears
+from alf_ros.model import joints
+from alf_ros.model.joints.contract import JointType, Key, Surface
 from alf_ros.scene.mechanism_file.bodies import Pose
 from alf_ros.scene.text import repetition
 from alf_ros.scene.text.repetition import Item
 from alf_ros.scene.text.yaml_document import Entry
 
-# what each type needs besides `between`, for each dimension
-PLANAR = {
-    'revolute': ('at',),
-    'slider': ('point', 'on'),
-    'prismatic': ('at', 'axis'),
-    'weld': ('at',),
-    'gear': ('centres', 'radii'),
-    'rolling': ('centres', 'radii'),
-    'rack': ('at', 'on', 'radius'),
-    'blade': ('at', 'axis'),
-    'no_slip': ('at', 'on', 'radius'),
-}
-SPATIAL = {
-    'spherical': ('at',),
-    'revolute': ('at', 'axis'),
-    'universal': ('at', 'axes'),
-    'cylindrical': ('at', 'axis'),
-    'prismatic': ('at', 'axis'),
-    'planar': ('at', 'axis'),
-    'weld': ('at',),
-    'perpendicular': ('axes',),
-    'distance': ('points',),
-    'no_slip': ('at', 'on', 'radius'),
-    'disk': ('at', 'axle', 'on', 'radius'),
-}
-OPTIONAL = {
-    'distance': ('length',),
-    'gear': ('internal',),
-    'rolling': ('internal',),
-    'blade': ('angle',),
-}
 LINE, PLANE = ('through', 'direction'), ('through', 'normal')  # what `on` is, by dimension
 MOVING_LINE, MOVING_PLANE = ('speed',), ('velocity', 'spin')  # where it moves
-FREE_OF_BETWEEN = ('slider',)  # of which the body need not be named
-ROLLING = ('blade', 'no_slip', 'disk')  # of a body on the ground
 
 
 class JointReader:
@@ -76,143 +45,43 @@ class JointReader:
 
     def read(self, section: Entry, names: Mapping[str, float]) -> Iterator[tuple[Item, Joint]]:
         for item in repetition.repeated(section, self.fields, names):
-            kind = item.fields['type'].text()
-            read = self.slider if kind == 'slider' else self.joint
-            yield item, read(item, kind)
+            yield item, self.joint(item)
 
     def fields(self, entry: Entry) -> dict[str, Entry]:
         """The keys of a joint, which depend on its type."""
-        types = PLANAR if self.dimension == 2 else SPATIAL
-        other = SPATIAL if self.dimension == 2 else PLANAR
         if 'type' not in entry.mapping():
-            keys = chain(('for', 'type', 'between'), *types.values(), *OPTIONAL.values())
+            keys = ['for', 'type', 'between', *_keys(each.keys for each in self.types.values())]
+            for dimension in (3, 2):
+                keys += _keys(each.optional for each in joints.types(dimension).values())
             entry.mapping(tuple(dict.fromkeys(keys)), ('type',))
         each = entry.mapping()['type']
         kind = each.text()
-        if kind in other and kind not in types:
+        found = joints.find(kind, self.dimension)
+        if found is None and joints.find(kind, 5 - self.dimension) is not None:
             where = 'space' if self.dimension == 2 else 'the plane'
-            raise each.error(f'a joint of {where}', choices=types)
-        needed = types[each.text(types)]
-        allowed = ('for', 'type', 'between', *needed, *OPTIONAL.get(kind, ()))
-        between = () if kind in FREE_OF_BETWEEN else ('between',)
-        return entry.mapping(allowed, (*between, *needed))
+            raise each.error(f'a joint of {where}', choices=self.types)
+        if found is None:
+            each.text(self.types)
+        assert found is not None
+        allowed = ('for', 'type', 'between', *needed(found), *_keys([found.optional]))
+        return entry.mapping(allowed, needed(found, between=True))
 
-    def joint(self, item: Item, kind: str) -> Joint:
-        """Any joint whose bodies are named."""
-        fields = item.fields
-        parent, child = self.between(fields['between'], item)
-        if kind in ROLLING and parent != GROUND:
-            message = f'{kind} is between the ground and a body'
-            raise fields['between'].error(message, value=parent, expected=f'[ground, {child}]')
-        if kind in ('gear', 'rolling'):
-            return gears.gear(self, item, parent, child)
-        if kind == 'rack':
-            return gears.rack(self, item, parent, child)
-        if kind == 'distance':
-            return self.distance(item, parent, child)
-        if kind == 'perpendicular':
-            z, other = self.directions(fields['axes'], item)
-            place = self.points[self.bodies[child].points[0]].at
-            frames = self.at(parent, place, _frame(z)), self.at(child, place, _frame(other))
-            return Joint(item.name, kind, parent, child, frames)
-        point = self.point(fields['at'], item)
-        if kind in ('no_slip', 'disk'):
-            return self.wheel(item, child, point)
-        vector, axes = None, None
-        if kind == 'universal':
-            z, x = self.directions(fields['axes'], item)
-            if abs(z @ x) > 1e-9:
-                raise fields['axes'].error('the axes of a universal joint are perpendicular')
-            axes = np.array([x, np.cross(z, x), z])
-        elif 'axis' in fields:
-            along, vector = self.direction(fields['axis'], item)
-            axes = _frame(along)
-            if vector is not None and not all(map(self.has(vector), (parent, child))):
-                vector = None
-        carried = [self.carries(body, point) for body in (parent, child)]
-        if self.dimension == 2 and kind == 'revolute' and not all(carried):
-            for body in (parent, child):
-                self.check_on(fields['at'], point, body)
-        if not any(carried):
-            raise fields['at'].error(f'neither {parent} nor {child} carries it', value=point)
-        frames = self.frame(parent, point, axes), self.frame(child, point, axes)
-        sharing = all(carried) and kind in ('revolute', 'spherical', 'universal', 'weld')
-        motion = (fields['angle'].motion(item.names),) if 'angle' in fields else ()
-        on = point if sharing else None
-        return Joint(item.name, kind, parent, child, frames, on, vector, motion=motion)
-
-    def slider(self, item: Item, kind: str) -> Joint:
-        """A point of a body on a line of the ground; a body need not be named if there is one."""
-        fields = item.fields
-        point = self.point(fields['point'], item)
-        if self.points[point].fixed:
-            raise fields['point'].error('a fixed point cannot slide', value=point)
-        if 'between' in fields:
-            parent, child = self.between(fields['between'], item)
-            if parent != GROUND:
-                message = 'a slider is between the ground and a body'
-                raise fields['between'].error(message, value=parent, expected=f'[ground, {child}]')
-            self.check_on(fields['point'], point, child)
-        else:
-            child = self.only_carrier(point, item)
-        line = fields['on'].mapping(LINE, LINE)
-        through = line['through'].vector(2, item.names)
-        along, _ = self.direction(line['direction'], item)
-        frames = self.at(GROUND, through, _frame(along)), self.frame(child, point)
-        return Joint(item.name, kind, GROUND, child, frames)
-
-    def wheel(self, item: Item, child: str, point: str) -> Joint:
-        """A wheel, in space also a ball or disk, that rolls on a line or plane of the ground."""
-        self.check_on(item.fields['at'], point, child)
-        keys = LINE if self.dimension == 2 else PLANE
-        moving = MOVING_LINE if self.dimension == 2 else MOVING_PLANE
+    def joint(self, item: Item) -> Joint:
+        """A joint, by its type."""
         kind = item.fields['type'].text()
-        on = item.fields['on'].mapping((*keys, *(moving if kind != 'rack' else ())), keys)
-        through = on['through'].vector(self.dimension, item.names)
-        along, _ = self.direction(on[keys[1]], item)
-        radius = item.fields['radius'].number(item.names)
-        if not radius > 0.0:
-            raise item.fields['radius'].error('not a radius', expected='m, more than zero')
-        axes = _frame(along)
-        own = axes
-        if kind == 'disk':
-            axle, _ = self.direction(item.fields['axle'], item)
-            if np.linalg.norm(np.cross(axle, along)) < 1e-6:
-                raise item.fields['axle'].error('the disk lies flat: no point of it is lowest')
-            own = _frame(axle)
-        frames = self.at(GROUND, through, axes), self.frame(child, point, own)
-        motion = self.surface(on, axes, item)
-        return Joint(item.name, kind, GROUND, child, frames, value=radius, motion=motion)
+        found = joints.find(kind, self.dimension)
+        assert found is not None
+        given = GivenJoint(self, item, found)
+        if not found.finds_body:
+            given.parent, given.child = self.between(item.fields['between'], item)
+            if found.on_ground and given.parent != GROUND:
+                given.refuse_parent(f'{kind} is between the ground and a body')
+        return found.read(given)
 
-    def surface(self, on: Mapping[str, Entry], axes: Floats, item: Item) -> tuple[Signal, ...]:
-        """How what a wheel rolls on moves; nothing if it does not."""
-        if 'speed' in on:
-            return (on['speed'].motion(item.names),)
-        if 'velocity' not in on and 'spin' not in on:
-            return ()
-        velocity = [signal(0.0)] * 3
-        if 'velocity' in on:
-            velocity = [each.motion(item.names) for each in on['velocity'].sequence(3)]
-        x, y = (
-            sum((float(a) * v for a, v in zip(axis, velocity, strict=True)), signal(0.0))
-            for axis in axes[:2]
-        )
-        spin = on['spin'].motion(item.names) if 'spin' in on else signal(0.0)
-        return x, y, spin
-
-    def distance(self, item: Item, parent: str, child: str) -> Joint:
-        """A massless bar between a point of the parent and one of the child."""
-        ends = item.fields['points'].sequence(2)
-        points = [self.point(end, item) for end in ends]
-        for end, point, body in zip(ends, points, (parent, child), strict=True):
-            self.check_on(end, point, body)
-        length = math.dist(*(self.points[point].at for point in points))
-        if 'length' in item.fields:
-            length = item.fields['length'].number(item.names)
-        if not length > 0.0:
-            raise item.entry.error('a bar without length', expected='m, more than zero')
-        frames = self.frame(parent, points[0]), self.frame(child, points[1])
-        return Joint(item.name, 'distance', parent, child, frames, value=length)
+    @cached_property
+    def types(self) -> Mapping[str, JointType]:
+        """All types of this dimension; imports them."""
+        return joints.types(self.dimension)
 
     # ------------------------------------------------------------------------------------- frames
 
@@ -299,10 +168,6 @@ class JointReader:
             carried = self.bodies[body].points
             raise entry.error(f'body {body!r} does not carry it', value=point, choices=carried)
 
-    def directions(self, entry: Entry, item: Item) -> tuple[Floats, Floats]:
-        first, second = (self.direction(each, item)[0] for each in entry.sequence(2))
-        return first, second
-
     def direction(self, entry: Entry, item: Item) -> tuple[Floats, str | None]:
         """A unit direction of the world as drawn, and the name of the vector if it is one."""
         if isinstance(entry.value, str):
@@ -312,6 +177,148 @@ class JointReader:
                 raise entry.error('no such vector', value=name, expected=expected)
             return np.array(self.vectors[name].along), name
         return unit(entry, self.dimension, item.names), None
+
+
+class GivenJoint:
+    """A joint in the file, as its type sees it: `alf_ros.model.joints.contract.Given`."""
+
+    def __init__(self, reader: JointReader, item: Item, kind: JointType) -> None:
+        self._reader, self._item, self._type = reader, item, kind
+        self.shares_point = kind.shares_point
+        self.parent = self.child = GROUND
+
+    def has(self, key: str) -> bool:
+        return key in self._item.fields
+
+    def error(self, key: str, message: str, n: int | None = None, **details: Any) -> InputError:
+        return self._entry(key, n).error(message, **details)
+
+    def point(self, key: str) -> str:
+        return self._reader.point(self._entry(key), self._item)
+
+    def points(self, key: str) -> tuple[str, str]:
+        first, second = (
+            self._reader.point(each, self._item) for each in self._entry(key).sequence(2)
+        )
+        return first, second
+
+    def place(self, point: str) -> Numbers:
+        return self._reader.points[point].at
+
+    def is_fixed(self, point: str) -> bool:
+        return self._reader.points[point].fixed
+
+    def carries(self, body: str, point: str) -> bool:
+        return self._reader.carries(body, point)
+
+    def check_carries(self, key: str, point: str, body: str, n: int | None = None) -> None:
+        self._reader.check_on(self._entry(key, n), point, body)
+
+    def body(self, name: str) -> Body | None:
+        return self._reader.bodies.get(name)
+
+    def direction(self, key: str) -> tuple[Floats, str | None]:
+        along, vector = self._reader.direction(self._entry(key), self._item)
+        if vector is not None and not all(map(self._reader.has(vector), self._sides)):
+            vector = None
+        return along, vector
+
+    def directions(self, key: str) -> tuple[Floats, Floats]:
+        first, second = (
+            self._reader.direction(each, self._item)[0] for each in self._entry(key).sequence(2)
+        )
+        return first, second
+
+    def number(self, key: str) -> float:
+        return self._entry(key).number(self._item.names)
+
+    def radius(self, key: str, n: int | None = None) -> float:
+        entry = self._entry(key, n)
+        radius = entry.number(self._item.names)
+        if not radius > 0.0:
+            raise entry.error('not a radius', expected='m, more than zero')
+        return radius
+
+    def boolean(self, key: str) -> bool:
+        return self.has(key) and self._entry(key).boolean()
+
+    def motion(self, key: str) -> tuple[Signal, ...]:
+        return (self._entry(key).motion(self._item.names),) if self.has(key) else ()
+
+    def surface(self, key: str, may_move: bool = True) -> Surface:
+        reader, item = self._reader, self._item
+        keys, moving = (LINE, MOVING_LINE) if reader.dimension == 2 else (PLANE, MOVING_PLANE)
+        on = self._entry(key).mapping((*keys, *(moving if may_move else ())), keys)
+        through = on['through'].vector(reader.dimension, item.names)
+        along, _ = reader.direction(on[keys[1]], item)
+        return Surface(through, along, _moving(on, frame_axes(along), item))
+
+    def find_body(self, key: str, point: str) -> None:
+        if not self.has('between'):
+            self.parent, self.child = GROUND, self._reader.only_carrier(point, self._item)
+            return
+        self.parent, self.child = self._reader.between(self._entry('between'), self._item)
+        if self.parent != GROUND:
+            kind = self._item.fields['type'].text()
+            self.refuse_parent(f'a {kind} is between the ground and a body')
+        self.check_carries(key, point, self.child)
+
+    def refuse_parent(self, message: str) -> NoReturn:
+        """Raise what is wrong where the parent should be the ground."""
+        expected = f'[ground, {self.child}]'
+        raise self.error('between', message, value=self.parent, expected=expected)
+
+    def axes(self, along: Floats) -> Floats:
+        return frame_axes(along)
+
+    def frame(self, body: str, point: str, axes: Floats | None = None) -> Frame:
+        return self._reader.frame(body, point, axes)
+
+    def frame_at(self, body: str, place: Numbers, axes: Floats | None = None) -> Frame:
+        return self._reader.at(body, place, axes)
+
+    def joint(self, parent: Frame, child: Frame, **more: Any) -> Joint:
+        item = self._item
+        kind, frames = item.fields['type'].text(), (parent, child)
+        freedoms = self._type.freedoms
+        return Joint(item.name, kind, self.parent, self.child, frames, freedoms=freedoms, **more)
+
+    @property
+    def _sides(self) -> tuple[str, str]:
+        return self.parent, self.child
+
+    def _entry(self, key: str, n: int | None = None) -> Entry:
+        if not key:
+            return self._item.entry
+        entry = self._item.fields[key]
+        return entry if n is None else entry.sequence(2)[n]
+
+
+def needed(kind: JointType, between: bool = False) -> tuple[str, ...]:
+    """The keys that a joint of this type must have, `between` among them if asked for."""
+    first = ('between',) if between and not kind.finds_body else ()
+    return (*first, *_keys([kind.keys]))
+
+
+def _keys(groups: Iterable[tuple[Key, ...]]) -> list[str]:
+    return [key.name for group in groups for key in group]
+
+
+def _moving(on: Mapping[str, Entry], axes: Floats, item: Item) -> tuple[Signal, ...]:
+    """How what a wheel rolls on moves, along its axes in rows; nothing if it does not."""
+    if 'speed' in on:
+        return (on['speed'].motion(item.names),)
+    if 'velocity' not in on and 'spin' not in on:
+        return ()
+    velocity = [signal(0.0)] * 3
+    if 'velocity' in on:
+        velocity = [each.motion(item.names) for each in on['velocity'].sequence(3)]
+    x, y = (
+        sum((float(a) * v for a, v in zip(axis, velocity, strict=True)), signal(0.0))
+        for axis in axes[:2]
+    )
+    spin = on['spin'].motion(item.names) if 'spin' in on else signal(0.0)
+    return x, y, spin
 
 
 @lru_cache(maxsize=1024)
@@ -330,7 +337,7 @@ def unit(entry: Entry, dimension: int, names: Mapping[str, float]) -> Floats:
     return d / math.hypot(*d)
 
 
-def _frame(along: Floats) -> Floats:
+def frame_axes(along: Floats) -> Floats:
     """Axes (rows) of which x in the plane, z in space is `along`."""
     if along.size == 2:
         return np.array([along, [-along[1], along[0]]])

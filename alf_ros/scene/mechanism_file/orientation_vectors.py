@@ -15,10 +15,10 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.mechanism import Body, Joint, Vector
 from alf_ros.mechanism.natural_coordinates import independent
+from alf_ros.model.joints import type_of
 from alf_ros.scene.mechanism_file.bodies import Pose
 from alf_ros.scene.text.yaml_document import Entry
 
-_FREE = ('spherical', 'distance')  # joints that hold no axis
 _APART = 0.1  # sine of the least angle at which directions carry a body well
 
 
@@ -30,7 +30,7 @@ def orient(
     entries: dict[str, Entry],
 ) -> None:
     """Add vectors `<body>_x`, `_y`, `_z` where they are needed. Raises InputError."""
-    held = {name for joint in joints if joint.kind not in _FREE for name in _both(joint)}
+    held = {name for joint in joints if type_of(joint).holds_axis for name in _both(joint)}
     for name, body in list(bodies.items()):
         directions = [np.array(each) for each in (*body.local[1:], *body.axes)]
         rank = len(independent(directions, 3))
