@@ -11,12 +11,13 @@ ifeq ($(ROS_DISTRO),humble)
 export ROS_LOCALHOST_ONLY ?= 1
 endif
 
-.PHONY: help setup run view test benchmark clean
+.PHONY: help setup run view check test benchmark clean
 
 help:
 	@echo 'make run [SCENE=slider_crank] [DURATION=seconds] [ARGS=...]   simulate, publish, record (Ctrl-C ends it)'
 	@echo 'make view [ARGS=...]   show what runs in a web browser, at http://localhost:8080'
 	@echo 'make setup [PYTHON=python3.12]   only prepare .venv (run and test do it themselves)'
+	@echo 'make check   linters, type checks and the tests that need no node, under 90 s'
 	@echo 'make test    linters, type checks and all tests'
 	@echo 'make benchmark [ARGS=--no-peers]   what accuracy costs here, and elsewhere: benchmark/results, half an hour'
 	@echo 'make clean   remove caches and build products; .venv/ and logs/ stay'
@@ -30,6 +31,12 @@ run: setup
 
 view: setup
 	@$(BIN)/python -m alf_ros view $(ARGS)
+
+# For every change, before `make test`: what a mistake in a file shows up in at once.
+CHECKED := block chart check_table curve digest expression exact_solutions import_order input_errors joints kernel mass \
+  repetition row_arrays scene schema screw structs
+check: ARGS += $(foreach name,$(CHECKED),$(wildcard test/test_$(name).py))
+check: test
 
 # Every check runs and every failure counts; pytest stays last, so that its summary ends the output.
 # Plugins are named: a sourced ROS 2 brings some that do not fit this pytest.
