@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from alf_ros import Simulation, load_scene
 from alf_ros.arrays import Floats
-from alf_ros.studies.exact import one_freedom
+from alf_ros.studies.exact import motions, one_freedom
 from alf_ros.studies.hard_cases import landing
 from alf_ros.studies.hard_cases.trial import execute
 
@@ -142,3 +142,47 @@ def test_runs_of_the_case_land_where_they_say() -> None:
         if 'driven' in row.setting and row.runs[0].integrator == 'dop853':
             for run in row.runs:
                 assert execute(run).position < 1e-11
+
+
+@pytest.mark.parametrize(
+    ('step', 'rate'), [(1e-2, -6.049690027078819), (2e-3, -3.295916496819431)]
+)
+def test_a_step_that_begins_where_nothing_is_felt(step: float, rate: float) -> None:
+    """Of 3,000 landings at random speeds these ended so well that the next step did not notice."""
+    change = one_freedom.change_point_alone()
+    passage = landing._Passage('change_point', (), change, ('A', 'B'), 3.0 * math.pi, rate)
+    motion = passage.motion(0.1)
+    whole = Simulation(motion.scene(), integrator='dop853', step=step)
+    whole.step(round(0.2 / step))
+    assert whole.sample().q == pytest.approx(motion.exact()[2], abs=1e-11)
+    # nor does it matter how the steps are asked for, or whether the state is put back
+    parts = Simulation(motion.scene(), integrator='dop853', step=step)
+    parts.step(round(0.1 / step))
+    parts.restore(parts.state)
+    for _ in range(round(0.1 / step)):
+        parts.step()
+    assert (parts.sample().q == whole.sample().q).all()
+
+
+@pytest.mark.parametrize('integrator', ['esdirk43_adaptive', 'dop853_adaptive'])
+def test_a_long_step_away_from_a_dead_centre(integrator: str) -> None:
+    """A piston turns its crank by 0.84 rad in a step of the grid, from 8e-9 rad before it."""
+    driven = landing._piston(-8.394194570562531)
+    motion = driven.motion(0.100000001)
+    simulation = Simulation(motion.scene(), integrator=integrator, step=0.1, tolerance=1e-3)
+    for wanted in motion.exact()[1:]:
+        simulation.step()
+        assert simulation.sample().q == pytest.approx(wanted, abs=1e-9)
+
+
+@pytest.mark.parametrize('integrator', ['rk4', 'dop853', 'esdirk43_adaptive'])
+@pytest.mark.parametrize('offset', [1e-9, -1e-8])
+def test_at_rest_however_little_beside_it(integrator: str, offset: float) -> None:
+    """It stays on the branch of its place, though no row feels which one that is."""
+    motion = motions.start('slider_crank', offset, 0.0)
+    simulation = Simulation(motion.scene(), integrator=integrator, step=1e-3)
+    simulation.step(1000)
+    wanted = motion.exact()[10]
+    assert simulation.sample().q - [0.0, 1.0, 0.0, 0.0] == pytest.approx(
+        wanted - [0.0, 1.0, 0.0, 0.0], rel=1e-4, abs=1e-15
+    )

@@ -29,9 +29,11 @@ BLIND = 1e-6  # distance to a singular position from which on a stage's velocity
 _TURNED = 0.01  # part of the velocity by which a direction may be off
 _SPACING = 6.0  # of the places, in parts of what is too close
 _WIDER = 3.0  # spacing, where one of the places is not clear of the position
+_WIDEST = 0.25  # of the radius of the path: places further apart do not tell what is between
 _TRIES = 4
 _SLOW = 1e-3  # part of the speed that forces give, below which a velocity tells no direction
 _CLOSED = 1e-10  # part of the size
+_SAME = 1e-11  # part of the size by which a place that is found may be off by rounding
 _WEIGHTS = (-1 / 70, 8 / 70, -28 / 70, 56 / 70, 56 / 70, -28 / 70, 8 / 70, -1 / 70)
 
 
@@ -219,12 +221,14 @@ def _find(
     speed = largest(work.along, n)
     if not speed > 0.0:
         return 1, False
+    if spacing > _WIDEST * radius:  # a stage so far off Φ = 0 is of a step that is too long
+        return 0, False
     bend = speed / fastest if moving else 0.0
     for a in range(n):
         work.curve[a] = bend * bend * work.bend[a]
     count = _interpolate(unit, system, forces, work, t, moving, radius, close, spacing, iterations)
     if count > 0 and not moving:
-        gone = furthest(work.base, phase.q, n)
+        gone = furthest(work.base, phase.q, n) + _SAME * system.size
         if furthest(work.sum_q, work.base, n) > gone:
             prescribe(system, t, work.q, work.qd, work.qdd)
             copy(work.base, work.q)

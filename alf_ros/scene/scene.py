@@ -96,8 +96,9 @@ class Solver:
     accuracy: float | None = None
 
     def __post_init__(self) -> None:
-        renamed = RENAMED.get(self.formulation, self.formulation)
-        object.__setattr__(self, 'formulation', renamed)
+        if isinstance(self.formulation, str):
+            renamed = RENAMED.get(self.formulation, self.formulation)
+            object.__setattr__(self, 'formulation', renamed)
         for name, value in dataclasses.asdict(self).items():
             fault = None if value is None else _setting_fault(name, value)
             if fault:
@@ -311,7 +312,7 @@ def _solver(section: Entry, names: Mapping[str, float]) -> Solver:
 def _setting_fault(name: str, value: object) -> dict[str, Any] | None:
     """What is wrong with one setting of the solver, as keywords of an InputError."""
     if name in CHOICES:
-        if value in CHOICES[name] or value in RENAMED:
+        if isinstance(value, str) and (value in CHOICES[name] or value in RENAMED):
             return None
         return {'message': f'unknown {name}', 'choices': CHOICES[name]}
     low, high, whole, expected = NUMBERS[name]
