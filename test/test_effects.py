@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import ast
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 from test_simulation import PENDULUM
 
-from alf_ros import InputError, Simulation, load_scene
+from alf_ros import InputError, Simulation, effects, load_scene
 from alf_ros.effects import Effect, contract, load
 from alf_ros.scene.scene import scene_from_text
 
@@ -127,3 +129,24 @@ def test_contract_is_what_every_effect_offers() -> None:
         for field in module.Parameters.__dataclass_fields__.values():
             assert {'kind', 'doc'} <= set(field.metadata)
     assert Effect('gravity', 'gravity', None).kind == 'gravity'
+
+
+def test_the_core_knows_no_effect_by_name() -> None:
+    package = Path(effects.__file__).parents[1]
+    for room in ('kernel', 'mechanism', 'model', 'scene', 'simulation', 'ros'):
+        for path in (package / room).rglob('*.py'):
+            words = {
+                node.value
+                for node in ast.walk(ast.parse(path.read_text(encoding='utf-8')))
+                if isinstance(node, ast.Constant) and isinstance(node.value, str)
+            }
+            assert not words & set(effects.own()), path
+
+
+def test_each_role_is_played_by_the_effect_that_says_so() -> None:
+    played = {role: kind for kind in effects.own() for role in holds(kind)}
+    assert played == effects.ROLES
+
+
+def holds(kind: str) -> tuple[str, ...]:
+    return getattr(effects.load(kind), 'HOLDS', ())

@@ -14,12 +14,19 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from types import ModuleType
 
+from alf_ros.effects import contract
 from alf_ros.effects.contract import Effect, user_file
 from alf_ros.errors import InputError
 
-__all__ = ['Effect', 'full_name', 'kinds', 'load', 'origin', 'own', 'short_name']
+__all__ = ['ROLES', 'Effect', 'held', 'full_name', 'kinds', 'load', 'origin', 'own', 'short_name']
 
 _GROUP = 'alf_ros.effects'
+# the files that pack what is held from outside, by role (`contract`): found without importing all
+ROLES = {
+    contract.WRENCH: 'constant_wrench',
+    contract.EFFORT: 'joint_effort',
+    contract.EFFORT_OVER_TIME: 'motor',
+}
 
 
 @cache
@@ -66,6 +73,12 @@ def origin(kind: str) -> str:
     package = f'{point.dist.name} {point.dist.version} ' if point.dist else ''
     digest = hashlib.sha256(Path(load(kind).__file__ or '').read_bytes()).hexdigest()
     return f'{package}sha256={digest}'
+
+
+def held(role: str, name: str, what: object) -> Effect:
+    """What is held from outside on a body, point or joint coordinate, as an effect."""
+    kind = ROLES[role]
+    return Effect(kind, name, load(kind).held(name, what))
 
 
 def load(kind: str) -> ModuleType:

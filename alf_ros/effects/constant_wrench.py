@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from alf_ros.mechanism.affine import constant
 from alf_ros.mechanism.natural_coordinates import Layout
 
 MULTIPLE = True
+HOLDS = (contract.WRENCH,)
 force = affine_force.force
 
 
@@ -52,6 +54,11 @@ class Parameters:
     def __post_init__(self) -> None:
         if self.frame not in ('world', 'body'):
             raise ValueError(f"frame must be 'world' or 'body', not {self.frame!r}")
+
+
+def held(name: str, what: Any) -> Parameters:
+    """Of a wrench with `force`, `torque`, `at` and `frame` on a body or point."""
+    return Parameters(name, what.force, what.torque, what.at, what.frame)
 
 
 def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:

@@ -18,6 +18,7 @@ from alf_ros.mechanism import GROUND
 from alf_ros.mechanism.natural_coordinates import Layout
 
 MULTIPLE = True
+HOLDS = (contract.EFFORT,)
 force = affine_force.force
 
 
@@ -27,6 +28,11 @@ class Parameters:
     effort: float = field(
         metadata={'kind': 'number', 'unit': 'N m or N', 'doc': 'effort on the free axis'}
     )
+
+
+def held(name: str, what: float) -> Parameters:
+    """Of an effort (N m or N) on a joint."""
+    return Parameters(name, what)
 
 
 def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from alf_ros.arrays import Floats, Integers
 from alf_ros.effects import contract
@@ -20,6 +20,7 @@ from alf_ros.effects.contract.scalars import Measures, numbers_of, push, scalar,
 from alf_ros.mechanism.natural_coordinates import Layout
 
 MULTIPLE = True
+HOLDS = (contract.EFFORT_OVER_TIME,)
 
 
 @dataclass(frozen=True)
@@ -78,6 +79,27 @@ class Parameters:
             raise ValueError('velocity needs velocity_gain')
         if self.free_speed is not None and self.limit is None:
             raise ValueError('free_speed needs limit')
+
+
+def held(name: str, what: float | Points) -> Parameters:
+    """Of an effort (N m or N), or one over time, on a joint coordinate: without a controller."""
+    return Parameters(joint=name, effort=what)
+
+
+def follows(parameters: Parameters) -> tuple[bool, bool]:
+    """Whether it follows positions, and velocities."""
+    return bool(parameters.position_gain), bool(parameters.velocity_gain)
+
+
+def aimed(
+    parameters: Parameters, position: float | Points | None, velocity: float | None
+) -> Parameters:
+    """With a target in place of its own, as far as it follows one."""
+    if position is not None and parameters.position_gain:
+        return replace(parameters, position=position, velocity=velocity)
+    if velocity is not None and parameters.velocity_gain:
+        return replace(parameters, velocity=velocity)
+    return parameters
 
 
 def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:

@@ -11,7 +11,7 @@ import numpy as np
 
 from alf_ros import effects as registry
 from alf_ros.arrays import Addresses, Floats, Integers
-from alf_ros.effects.contract import Effect, Packed
+from alf_ros.effects.contract import EFFORT, EFFORT_OVER_TIME, WRENCH, Effect, Packed
 from alf_ros.effects.contract.trajectory import Curve
 from alf_ros.errors import InputError
 from alf_ros.kernel import Bearings, Effects, Forces, Ledger
@@ -22,8 +22,6 @@ from alf_ros.model.effect_directions import Direction
 from alf_ros.simulation.reaction_friction import bearings
 from alf_ros.simulation.reactions import Reactions
 from alf_ros.simulation.work_ledger import INPUTS, ledger
-
-OVER_TIME = 'motor'  # what an effort over time, as a trajectory gives it, is packed as
 
 
 @dataclass(frozen=True)
@@ -325,33 +323,32 @@ def _starts(parts: Sequence[Floats] | Sequence[Integers]) -> Addresses:
 
 
 def _held(model: Model, name: str, what: Wrench | float | Curve) -> _Held:
-    """What is held on a body, point or joint, as an effect; an effort over time, or on one of two
-    angles, is a motor without a controller."""
+    """What is held on a body, point or joint, as an effect."""
     if isinstance(what, Wrench):
-        kind, given = 'constant_wrench', (name, what.force, what.torque, what.at, what.frame)
-        return _Held(what, Effect(kind, name, registry.load(kind).Parameters(*given)))
+        return _Held(what, registry.held(WRENCH, name, what))
     coordinate = model.coordinates[model.coordinate_names.index(name)]
-    kind = OVER_TIME if isinstance(what, Curve) else _steady(coordinate)
-    return _Held(what, Effect(kind, name, registry.load(kind).Parameters(joint=name, effort=what)))
+    role = EFFORT_OVER_TIME if isinstance(what, Curve) else _steady(coordinate)
+    return _Held(what, registry.held(role, name, what))
 
 
 def from_outside(model: Model) -> set[str]:
     """The effects that wrenches and steady efforts on this mechanism are packed as."""
-    return {'constant_wrench', *(_steady(each) for each in model.coordinates)}
+    roles = {WRENCH, *(_steady(each) for each in model.coordinates)}
+    return {registry.ROLES[role] for role in roles}
 
 
 def _steady(coordinate: Coordinate) -> str:
-    """The effect that a steady effort is packed as."""
-    return 'joint_effort' if coordinate.freedom.alone else 'motor'
+    """The role that packs a steady effort."""
+    return EFFORT if coordinate.freedom.alone else EFFORT_OVER_TIME
 
 
 def _aimed(effect: Effect, targets: Mapping[str, Target]) -> Effect:
-    """The effect, with its target if it is a motor that has one."""
-    if effect.kind != 'motor' or effect.parameters.joint not in targets:
+    """The effect, with its target if it follows one."""
+    if not targets:
         return effect
-    target, given = targets[effect.parameters.joint], effect.parameters
-    if target.position is not None and given.position_gain:
-        given = replace(given, position=target.position, velocity=target.velocity)
-    elif target.velocity is not None and given.velocity_gain:
-        given = replace(given, velocity=target.velocity)
-    return replace(effect, parameters=given)
+    module = registry.load(effect.kind)
+    if not hasattr(module, 'aimed') or effect.parameters.joint not in targets:
+        return effect
+    target = targets[effect.parameters.joint]
+    aimed = module.aimed(effect.parameters, target.position, target.velocity)
+    return replace(effect, parameters=aimed)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from alf_ros import effects as registry
 from alf_ros.effects.contract import Effect
 from alf_ros.effects.contract.trajectory import Curve
 from alf_ros.errors import InputError
@@ -14,9 +15,14 @@ from alf_ros.simulation.applied import Target, Wrench
 
 
 def follows(effects: Sequence[Effect], joint: str) -> tuple[bool, bool]:
-    """Whether a motor on this joint coordinate follows positions, and velocities."""
-    motors = [e.parameters for e in effects if e.kind == 'motor' and e.parameters.joint == joint]
-    return any(p.position_gain for p in motors), any(p.velocity_gain for p in motors)
+    """Whether an effect on this joint coordinate follows positions, and velocities."""
+    positions, velocities = False, False
+    for effect in effects:
+        module = registry.load(effect.kind)
+        if hasattr(module, 'follows') and effect.parameters.joint == joint:
+            both = module.follows(effect.parameters)
+            positions, velocities = positions or both[0], velocities or both[1]
+    return positions, velocities
 
 
 def checked_target(model: Model, effects: Sequence[Effect], joint: str, target: Target) -> Target:

@@ -27,6 +27,14 @@
     n, one of `Packed.directions`. Of an effort F on a scalar x: writes -∂F/∂x and -∂F/∂ẋ into
     `stiff`, and ADDS ∂x/∂q into G.
 
+`HOLDS` and `held(name, what)` (optional)
+    the roles of an effect as which things held from outside are packed, and its parameters then:
+    WRENCH on a body or point, EFFORT on a joint that has one free axis, EFFORT_OVER_TIME on any
+    joint coordinate. `effects.ROLES` says which file plays which.
+`follows(parameters)` and `aimed(parameters, position, velocity)` (optional)
+    whether the effect, on the coordinate `parameters.joint`, follows a position and a velocity
+    from outside, and its parameters when it is given them.
+
 The kernel calls them through their addresses: naming another set of effects compiles nothing but
 the effects that are new. The arguments are pointers, so nothing is checked and nothing is
 allocated. What several effects call (`scalars`, `piecewise`) becomes part of each of them.
@@ -114,6 +122,9 @@ def potential(function: Callable[..., float]) -> Any:
 def friction(function: Callable[..., None]) -> Any:
     """Compile `friction(t, q, qd, near, loads, slots, params, Q)`."""
     return by_address(FRICTION)(function)
+
+
+WRENCH, EFFORT, EFFORT_OVER_TIME = 'wrench', 'effort', 'effort over time'
 
 
 class Tangent:

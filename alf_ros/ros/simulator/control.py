@@ -10,7 +10,7 @@ from rclpy.task import Future
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import AlfError, InputError
-from alf_ros.ros.simulator.inputs import Inputs
+from alf_ros.ros.simulator.inputs import CommandSubscriber
 from alf_ros.ros.simulator.pacing import Pacer
 from alf_ros.ros.simulator.run import Run
 from alf_ros.simulation.saved_states import SavedStates
@@ -36,7 +36,7 @@ class Control:
         self,
         run: Run,
         pacer: Pacer,
-        inputs: Inputs,
+        inputs: CommandSubscriber,
         saved: SavedStates,
         report: Callable[[], None],
         pace: Callable[[], None],

@@ -15,7 +15,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from alf_ros.errors import StepError
 from alf_ros.model.softest_modes import near
 from alf_ros.ros.recording.recorder import Recorder
-from alf_ros.ros.simulator.inputs import Inputs
+from alf_ros.ros.simulator.inputs import CommandSubscriber
 from alf_ros.ros.simulator.pacing import Pacer
 from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.simulation import Simulation
@@ -160,7 +160,7 @@ def timing(pacer: Pacer, paused: bool, before: Pace) -> Report:
     return Report('timing', OK, message, values)
 
 
-def commands(inputs: Inputs) -> Report:
+def commands(inputs: CommandSubscriber) -> Report:
     """Commands accepted, refused by reason, timed out. WARN for some seconds after a trouble."""
     values = {
         'accepted': inputs.accepted,

@@ -20,12 +20,12 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
 from alf_ros import effects
+from alf_ros.effects.contract import EFFORT_OVER_TIME
 from alf_ros.effects.contract.trajectory import Curve
 from alf_ros.errors import InputError
 from alf_ros.ros.simulator.command_messages import REASONS, Refused, read_joints, read_wrench
 from alf_ros.ros.simulator.trajectory_command import Trajectory, read_trajectory
-from alf_ros.simulation.applied import OVER_TIME
-from alf_ros.simulation.applied import Inputs as HeldInputs
+from alf_ros.simulation.applied import Inputs
 from alf_ros.simulation.input_checks import follows
 from alf_ros.simulation.simulation import Simulation
 
@@ -45,7 +45,7 @@ _QUEUE = QoSProfile(depth=10)
 Journal = Callable[[dict[str, Any]], None]
 
 
-class Inputs:
+class CommandSubscriber:
     """Subscribes, applies to `simulation`, and counts.
 
     `journal` gets a mapping for every change of what is applied; `alarm` is called on the first
@@ -109,7 +109,7 @@ class Inputs:
         names, effects = simulation.model.coordinate_names, simulation.scene.effects
         self._controlled = {name: follows(effects, name) for name in names}
 
-    def hold(self, inputs: HeldInputs) -> None:
+    def hold(self, inputs: Inputs) -> None:
         """What a restored state holds counts as commanded now."""
         self.clear()
         now = time.monotonic()
@@ -133,7 +133,7 @@ class Inputs:
         should not wait for it.
         """
         if not self._ready_for_curves and self._node.count_publishers(self._curves.topic_name):
-            effects.load(OVER_TIME)
+            effects.load(effects.ROLES[EFFORT_OVER_TIME])
             self._ready_for_curves = True
         for topic, types in self._node.get_topic_names_and_types():
             if not topic.startswith(self._prefix):

@@ -97,7 +97,7 @@ class Simulator(Node):
     def _assemble(self, setup: Setup, values: dict[str, Any]) -> None:
         """Make the parts, and use all compiled code once, so that no tick waits for it."""
         from alf_ros.ros.simulator.control import Control
-        from alf_ros.ros.simulator.inputs import Inputs
+        from alf_ros.ros.simulator.inputs import CommandSubscriber
         from alf_ros.ros.simulator.reporting import Reporting
         from alf_ros.ros.simulator.run import Run
         from alf_ros.simulation.saved_states import SavedStates
@@ -107,7 +107,7 @@ class Simulator(Node):
         run = Run(setup, self._outputs, values['duration'], folder, split)
         self._pacer = Pacer(setup.tick, values['real_time_factor'])
         # The alarm looks the report up when it comes: that needs the control, which needs this.
-        inputs = Inputs(
+        inputs = CommandSubscriber(
             self,
             setup.simulation,
             run.note,
