@@ -29,7 +29,7 @@ BLIND = 1e-6  # distance to a singular position from which on a stage's velocity
 _TURNED = 0.01  # part of the velocity by which a direction may be off
 _SPACING = 6.0  # of the places, in parts of what is too close
 _WIDER = 3.0  # spacing, where one of the places is not clear of the position
-_WIDEST = 0.25  # of the radius of the path: places further apart do not tell what is between
+_WIDEST = 0.5  # of the size: places further apart do not tell what is between
 _TRIES = 4
 _SLOW = 1e-3  # part of the speed that forces give, below which a velocity tells no direction
 _CLOSED = 1e-10  # part of the size
@@ -221,7 +221,7 @@ def _find(
     speed = largest(work.along, n)
     if not speed > 0.0:
         return 1, False
-    if spacing > _WIDEST * radius:  # a stage so far off Φ = 0 is of a step that is too long
+    if 20.0 * moved > _WIDEST * system.size:  # so far off Φ = 0 is a stage of too long a step
         return 0, False
     bend = speed / fastest if moving else 0.0
     for a in range(n):
