@@ -11,14 +11,15 @@ ifeq ($(ROS_DISTRO),humble)
 export ROS_LOCALHOST_ONLY ?= 1
 endif
 
-.PHONY: help setup run view check test benchmark clean
+.PHONY: help setup run view check test fuzz benchmark clean
 
 help:
 	@echo 'make run [SCENE=slider_crank] [DURATION=seconds] [ARGS=...]   simulate, publish, record (Ctrl-C ends it)'
 	@echo 'make view [ARGS=...]   show what runs in a web browser, at http://localhost:8080'
 	@echo 'make setup [PYTHON=python3.12]   only prepare .venv (run and test do it themselves)'
-	@echo 'make check   linters, type checks and the tests that need no node, under 90 s'
+	@echo 'make check   linters, type checks, quick tests that need no node and their coverage, under 90 s'
 	@echo 'make test    linters, type checks and all tests'
+	@echo 'make fuzz [ARGS="--minutes 60"]   files, logs and commands nobody would write, by the thousand'
 	@echo 'make benchmark [ARGS=--no-peers]   what accuracy costs here, and elsewhere: benchmark/results, half an hour'
 	@echo 'make clean   remove caches and build products; .venv/ and logs/ stay'
 
@@ -32,27 +33,37 @@ run: setup
 view: setup
 	@$(BIN)/python -m alf_ros view $(ARGS)
 
-# For every change, before `make test`: what a mistake in a file shows up in at once.
-CHECKED := block chart check_table curve digest expression exact_solutions import_order input_errors joints kernel mass \
-  repetition row_arrays scene schema screw structs
-check: ARGS += $(foreach name,$(CHECKED),$(wildcard test/test_$(name).py))
-check: test
+# For every change, before `make test`: folders without a node, and quick. Coverage is that of these tests.
+CHECKED := test/kernel test/mechanism test/scene
+# Plugins are named: a sourced ROS 2 brings some that do not fit this pytest.
+PYTEST := -m pytest --disable-plugin-autoload -p xdist -p hypothesispytest -n 2 --dist loadfile
+COVERAGE := COVERAGE_FILE='$(CURDIR)/.coverage' $(BIN)/coverage
 
 # Every check runs and every failure counts; pytest stays last, so that its summary ends the output.
-# Plugins are named: a sourced ROS 2 brings some that do not fit this pytest.
-test: setup
+check test: setup
 	@failed=''; \
 	$(BIN)/ruff check . || failed="$$failed, ruff check"; \
 	$(BIN)/ruff format --check . || failed="$$failed, ruff format"; \
 	$(BIN)/mypy || failed="$$failed, mypy"; \
-	$(BIN)/python -m pytest --disable-plugin-autoload -p xdist -p hypothesispytest -n 2 --dist loadfile $(ARGS) \
-	  || failed="$$failed, pytest"; \
-	if [ -n "$$failed" ]; then echo "make test: failed: $${failed#, }" >&2; exit 1; fi
+	$(if $(ARGS),$(BIN)/python $(PYTEST) $(ARGS) || failed="$$failed$(COMMA) pytest";,$(EVERYTHING)) \
+	if [ -n "$$failed" ]; then echo "make $@: failed: $${failed#, }" >&2; exit 1; fi
+
+COMMA := ,
+define EVERYTHING
+$(COVERAGE) erase; \
+	$(COVERAGE) run $(PYTEST) $(CHECKED) || failed="$$failed, pytest"; \
+	$(COVERAGE) combine --quiet; printf 'lines of the library that these tests run, %%: '; \
+	$(COVERAGE) report --format=total || failed="$$failed, coverage"; \
+	$(if $(filter test,$@),$(BIN)/python $(PYTEST) $(CHECKED:%=--ignore=%) || failed="$$failed$(COMMA) pytest";)
+endef
+
+fuzz: setup
+	@$(BIN)/python fuzz/run.py $(ARGS)
 
 # On a machine that does nothing else.
 benchmark: setup
 	@$(BIN)/python benchmark/run.py $(ARGS)
 
 clean:
-	rm -rf build install log .mypy_cache .pytest_cache .ruff_cache .hypothesis *.egg-info
+	rm -rf build install log .mypy_cache .pytest_cache .ruff_cache .hypothesis .coverage* *.egg-info
 	find . -path ./.venv -prune -o -name __pycache__ -exec rm -rf {} +

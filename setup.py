@@ -12,6 +12,7 @@ from distutils.command.install_data import install_data  # isort: skip
 
 NAME = 'alf_ros'
 XML = ElementTree.parse('package.xml')
+MAINTAINER = next(XML.iter('maintainer'))
 COMMANDS = runpy.run_path(f'{NAME}/commands/__init__.py')['COMMANDS']
 SCRIPTS = [f'{name} = {NAME}.__main__:executable' for name in COMMANDS]
 
@@ -22,7 +23,7 @@ class InstallData(install_data):
     For colcon setuptools has written them there (setup.cfg); pip heeds no setup.cfg and uses bin.
     """
 
-    def run(self):
+    def run(self) -> None:
         super().run()
         folder = Path(self.install_dir) / 'lib' / NAME
         folder.mkdir(parents=True, exist_ok=True)
@@ -35,10 +36,10 @@ class InstallData(install_data):
 setup(
     name=NAME,
     version=XML.findtext('version'),
-    description=XML.findtext('description').strip(),
+    description=XML.findtext('description', '').strip(),
     author=XML.findtext('author'),
     maintainer=XML.findtext('maintainer'),
-    maintainer_email=XML.find('maintainer').get('email'),
+    maintainer_email=MAINTAINER.get('email'),
     license=XML.findtext('license'),
     packages=find_packages(include=[NAME, f'{NAME}.*']),
     package_data={NAME: ['py.typed', 'logs/report/page/*', 'ros/view/page/*']},
@@ -50,6 +51,7 @@ setup(
         (f'share/{NAME}/config', glob('config/*.yaml')),
         (f'share/{NAME}/config/foxglove', glob('config/foxglove/*.json')),
         (f'share/{NAME}/config/security', glob('config/security/*.xml')),
+        (f'share/{NAME}/config/ros2_control', glob('config/ros2_control/*')),
         (f'share/{NAME}/config/schema', glob('config/schema/*.json')),
         (f'share/{NAME}/config/mechanisms', glob('config/mechanisms/*.yaml')),
         (f'share/{NAME}/config/scenes', glob('config/scenes/*.yaml')),
@@ -61,7 +63,7 @@ setup(
     extras_require={
         'record': ['mcap>=1.5', 'zstandard'],
         'plot': ['matplotlib'],
-        'import': ['urdf-parser-py', 'mujoco'],
+        'import': ['urdf-parser-py', 'mujoco', 'xacro'],
         'view': ['foxglove-sdk'],
     },
     zip_safe=False,

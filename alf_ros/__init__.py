@@ -10,7 +10,14 @@ from typing import TYPE_CHECKING
 from alf_ros.moved import announce
 
 if TYPE_CHECKING:
-    from alf_ros.errors import AlfError, AssemblyError, InputError, StepError
+    from alf_ros.errors import (
+        AlfError,
+        AssemblyError,
+        BusyError,
+        InputError,
+        StepError,
+        StoppedError,
+    )
     from alf_ros.scene.scene import Scene, load_scene
     from alf_ros.simulation.sample import Sample
     from alf_ros.simulation.simulation import Simulation
@@ -19,20 +26,24 @@ if TYPE_CHECKING:
 __all__ = [
     'AlfError',
     'AssemblyError',
+    'BusyError',
     'InputError',
     'Sample',
     'Scene',
     'Simulation',
     'State',
     'StepError',
+    'StoppedError',
     'load_scene',
 ]
 
 _HOME = {
     'AlfError': 'errors',
     'AssemblyError': 'errors',
+    'BusyError': 'errors',
     'InputError': 'errors',
     'StepError': 'errors',
+    'StoppedError': 'errors',
     'Sample': 'simulation.sample',
     'Scene': 'scene.scene',
     'load_scene': 'scene.scene',

@@ -84,10 +84,24 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 141
 
 
+def leave_folder() -> None:
+    """Import nothing more from the present folder, which `python -m` puts before all others: a log
+    or a scene may have come into it with a numpy.py, or a package that registers effects.
+
+    It stays if this package itself lies in it, or PYTHONPATH names it.
+    """
+    here = os.path.realpath('.')
+    named = [path for path in os.environ.get('PYTHONPATH', '').split(os.pathsep) if path]
+    wanted = map(os.path.realpath, [str(Path(__file__).parents[1]), *named])
+    if here not in wanted:
+        sys.path[:] = [path for path in sys.path if os.path.realpath(path) != here]
+
+
 def executable() -> int:
     """Run the command named like the file that was started: what lib/alf_ros/<command> calls."""
     return main([Path(sys.argv[0]).name, *sys.argv[1:]])
 
 
 if __name__ == '__main__':
+    leave_folder()
     sys.exit(main())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from typing import Any
 
 
 class AlfError(Exception):
@@ -33,6 +34,7 @@ class InputError(AlfError):
         choices: Iterable[str] | None = None,
     ) -> None:
         self.message, self.file, self.line, self.key, self.value = message, file, line, key, value
+        self.expected = expected
         where = file or ''
         if line is not None:
             where += f':{line}' if where else f'line {line}'
@@ -47,10 +49,19 @@ class InputError(AlfError):
                 str(value if value is not None else key), names, 1, 0.5
             )
             if near:
-                text += f'; did you mean {near[0]!r}?'
+                text += f'; did you mean {shortened(repr(near[0]))}?'
             elif names:
-                text += f'; known: {", ".join(names[:12])}{" ..." if len(names) > 12 else ""}'
-        super().__init__(' '.join(text.split()))
+                some = ', '.join(shortened(str(name)) for name in names[:12])
+                text += f'; known: {some}{" ..." if len(names) > 12 else ""}'
+        super().__init__(printable(' '.join(text.split())))
+
+
+def printable(text: str) -> str:
+    """The text for a terminal: what would move its cursor, colour it or turn its direction is
+    escaped, as is what cannot be encoded. Names come from files that anybody may have written."""
+    if text.isprintable():
+        return text
+    return ''.join(c if c.isprintable() else c.encode('unicode_escape').decode() for c in text)
 
 
 def shortened(shown: str) -> str:
@@ -72,4 +83,36 @@ class StepError(AlfError):
 
     def __init__(self, reason: str, remedy: str, t: float) -> None:
         self.reason, self.remedy, self.t = reason, remedy, t
-        super().__init__(f't = {t:.9g} s: {reason}; {remedy}')
+        super().__init__(printable(f't = {t:.9g} s: {reason}; {remedy}'))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.reason, self.remedy, self.t)
+
+
+class StoppedError(AlfError):
+    """A call was ended from outside: by `Simulation.stop`, or because the program ends.
+
+    The state is that of the last step; the next call goes on from there.
+    """
+
+    def __init__(self) -> None:
+        super().__init__('stopped; the state is that of the last whole step')
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), ()
+
+
+class BusyError(AlfError):
+    """An object is used by two threads at once, or by the handler of a signal that came in a call.
+
+    Nothing has changed, and the call that is under way goes on.
+    """
+
+    def __init__(self, name: str, call: str) -> None:
+        self.name, self.call = name, call
+        super().__init__(
+            f'{name}.{call}: another call uses this {name}; give each thread its own, by copy.copy'
+        )
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.name, self.call)

@@ -40,8 +40,10 @@ def make(folder: Path, scene: str, size: float) -> Path:
     log = LogRun(folder, setup)
     messages: list[Any] = []
 
-    def keep(*message: Any, essential: bool = False) -> None:
-        messages.append(message)
+    def keep(
+        topic: str, kind: type, qos: Any, stamp: int, data: bytes, essential: bool = False
+    ) -> None:
+        messages.append((topic, kind, qos, stamp, data))
 
     run, simulation = RunWriter(keep, setup, 0, full_names(), RECORDED), setup.simulation
     messages.clear()  # the scene
@@ -52,7 +54,12 @@ def make(folder: Path, scene: str, size: float) -> Path:
         run.send()
         if tick % PUSH == 0:
             force = [0.1 * (-1.0) ** (tick // PUSH), *rest]
-            wrench = {'name': body, 'force': force, 'torque': 0.0, 'frame': 'world'}
+            wrench: dict[str, Any] = {
+                'name': body,
+                'force': force,
+                'torque': 0.0,
+                'frame': 'world',
+            }
             simulation.apply_wrench(**wrench)
             run.note({'kind': 'wrench', 'cause': 'command', **wrench})
     recorder, shift = log.recorder, 0

@@ -20,7 +20,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
@@ -63,6 +63,9 @@ def simulator(
             raise RuntimeError(f'the node ended with {process.returncode}')
 
 
+L = TypeVar('L', bound='Listener')
+
+
 class Listener:
     """This process as a subscriber to joint_states; counts what arrives."""
 
@@ -79,7 +82,7 @@ class Listener:
         """Subscribe to joint_states."""
         self.node.create_subscription(JointState, 'joint_states', self._heard, 1000, raw=True)
 
-    def __enter__(self) -> Listener:
+    def __enter__(self: L) -> L:
         return self
 
     def __exit__(self, *_: object) -> None:

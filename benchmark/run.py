@@ -82,7 +82,7 @@ def main() -> None:
     for name in ('stiff', 'stage_cost', 'order_n', 'first_step', 'large_node'):
         commands[f'{name}.csv'] = [sys.executable, str(HERE / f'{name}.py')]
     if not options.no_peers:
-        commands['peers.csv'] = [sys.executable, str(HERE / 'peers' / 'run.py')]
+        commands['peers.csv'] = [sys.executable, str(HERE / 'peers' / 'compare.py')]
     for name, command in commands.items():
         before = stored(name)
         if name == 'work_precision.csv':

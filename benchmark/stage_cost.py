@@ -107,6 +107,8 @@ def main() -> None:
         print(cost(options.one))
         return
     if options.against:
+        if not (Path(options.against) / 'alf_ros/__init__.py').is_file():  # it would be this one
+            parser.error(f'--against: no checkout of alf_ros: {options.against}')
         for bars in FOUR_BARS[:-2]:
             spent, ratio = against(options.against, bars)
             print(f'N = {bars:6}: {spent:9.3f} µs a stage, {ratio:.3f} of what it was', flush=True)

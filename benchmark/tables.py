@@ -1,4 +1,4 @@
-"""Write the tables of README.md and doc/performance.md, and the peers' picture, from the results.
+"""Write the tables of the documents, and the peers' picture, from the results.
 
     .venv/bin/python benchmark/tables.py
 
@@ -30,7 +30,7 @@ from alf_ros.studies.work_precision.report import (  # noqa: E402
 from alf_ros.studies.work_precision.sweep import measurement_of  # noqa: E402
 
 RESULTS = ROOT / 'benchmark' / 'results'
-DOCUMENTS = ('README.md', 'doc/performance.md')
+DOCUMENTS = ('README.md', 'doc/performance.md', 'doc/reliability.md')
 SURVIVAL = (0.01 / 60, 0.01 / 5)  # s, steps of the sweep
 STIFF = 1e-4  # m
 LOST = 1e-2  # m: above it, it is another motion
@@ -139,6 +139,27 @@ def peers() -> str:
     return '\n'.join(parts)
 
 
+def engines() -> str:
+    """Runs lost and cost of every engine, in a line for each: for the README."""
+    about, points = peer_points()
+    shown = ('slider_crank', 'double_four_bar')
+    columns = [f'{1e0 * target:.0e} m' for target in TARGETS[:2]]
+    names = list(dict.fromkeys(engine for name in shown for engine in points[name]))
+    body = []
+    for engine in names:
+        cells = []
+        for mechanism in shown:
+            curve = points[mechanism].get(engine, [])
+            sweep = survived(curve)
+            cells.append(f'{sum(map(lost, sweep))} of {len(sweep)}' if sweep else '-')
+            costs = [cheapest(curve, target) for target in TARGETS[:2]]
+            cells += ['-' if math.isinf(cost) else f'{cost:.3g} ms' for cost in costs]
+        body.append([engine, *cells])
+    titles = [f'{MECHANISMS[name]}: {each}' for name in shown for each in ('lost', *columns)]
+    said = f'{about}; {", ".join(engine_versions())}'
+    return markdown(said, ' | '.join(['engine', *titles]), body)
+
+
 def stiff() -> str:
     """What an error costs with each integrator, for every rate of the load on its spring."""
     about, found = rows('stiff.csv')
@@ -146,9 +167,12 @@ def stiff() -> str:
     for row in found:
         tolerance = float(row['tolerance']) if row['tolerance'] else None
         setting = Setting('alf2', row['integrator'], 0, float(row['step_s']), tolerance)
-        numbers = (float(row[k]) for k in ('evaluations_per_s', 'position_m'))
+        cpu, evaluations, position = (
+            float(row[k]) for k in ('cpu_ms_per_s', 'evaluations_per_s', 'position_m')
+        )
+        unknown = math.nan
         point = Measurement(
-            setting, float(row['cpu_ms_per_s']), 0, math.nan, *numbers, *3 * [math.nan]
+            setting, cpu, 0, unknown, evaluations, position, unknown, unknown, unknown
         )
         point = dataclasses.replace(point, failure=row['failure'])
         points.setdefault(float(row['rate_per_s']), []).append(point)
@@ -229,6 +253,16 @@ def large_node() -> str:
     return markdown(about, head, body)
 
 
+def fuzz() -> str:
+    """What became of the cases of each campaign, and of all."""
+    about, found = rows('fuzz.csv')
+    keys = [key for key in found[0] if key not in ('harness', 'cases_per_second')]
+    total = {key: str(sum(int(row[key]) for row in found)) for key in keys}
+    body = [[row['harness'], *(row[key] for key in keys)] for row in found]
+    head = 'harness | cases | ran | refused | tracebacks | hangs | crashes | silent changes'
+    return markdown(about, head, [*body, ['all', *total.values()]])
+
+
 def draw(path: Path) -> None:
     """Above the error of every step of the sweep, below what an error costs."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -282,6 +316,8 @@ TABLES = (
     ('first_step', first_step),
     ('large_node', large_node),
     ('peers', peers),
+    ('engines', engines),
+    ('fuzz', fuzz),
 )
 
 
@@ -301,7 +337,7 @@ def main() -> None:
         path = ROOT / name
         path.write_text(filled(path.read_text(encoding='utf-8')), encoding='utf-8')
     draw(RESULTS / 'peers.png')
-    print(f'tables in {" and ".join(DOCUMENTS)}, picture in benchmark/results/peers.png')
+    print(f'tables in {", ".join(DOCUMENTS)}, picture in benchmark/results/peers.png')
 
 
 if __name__ == '__main__':

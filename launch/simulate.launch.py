@@ -9,13 +9,14 @@ from launch_ros.substitutions import FindPackageShare
 
 # Launch argument: the node's parameter, its type, default, help. What is empty is not passed on.
 ARGUMENTS = {
-    'scene': ('scene', str, 'slider_crank', 'a name under config/scenes, or a path'),
+    'scene': ('scene', str, '', 'a name under config/scenes, or a path; empty: slider_crank'),
     'rate': ('rate', float, '', 'messages per simulated second, Hz; empty: as the scene needs'),
-    'record': ('record.enabled', bool, 'true', 'write an MCAP log'),
-    'log_folder': ('record.folder', str, 'logs', 'where logs go'),
-    'duration': ('duration', float, '0.0', 'simulated seconds to run; 0 runs until stopped'),
-    'real_time_factor': ('real_time_factor', float, '1.0', '0 runs as fast as it can'),
-    'start_paused': ('start_paused', bool, 'false', 'start paused'),
+    'record': ('record.enabled', bool, '', 'write an MCAP log; empty: true'),
+    'log_folder': ('record.folder', str, '', 'where logs go; empty: logs'),
+    'duration': ('duration', float, '', 'simulated seconds to run; 0 or empty: until stopped'),
+    'real_time_factor': ('real_time_factor', float, '', '0 as fast as it can; empty: 1'),
+    'start_paused': ('start_paused', bool, '', 'start paused; empty: false'),
+    'frame_prefix': ('frame_prefix', str, '', 'before the names of frames, such as left/'),
 }
 TRUE_FALSE = {'true': True, 'false': False}
 
@@ -30,20 +31,25 @@ def value(name, kind, text):
 
 
 def simulator(context):
-    """Return the node: every argument that is given is one of its parameters."""
+    """Return the node: every argument that is given is one of its parameters.
+
+    An argument comes before the value in params_file, which comes before the default.
+    """
     given = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
     parameters = {
         parameter: value(name, kind, given[name])
         for name, (parameter, kind, _, _) in ARGUMENTS.items()
         if given[name]
     }
+    file = LaunchConfiguration('params_file').perform(context)
     # What looks on need not outlive it.
     ends = Shutdown(reason='the simulator ended')
     node = Node(
         package='alf_ros',
         executable='simulator',
+        namespace=LaunchConfiguration('namespace'),
         output='screen',
-        parameters=[parameters],
+        parameters=([file] if file else []) + ([parameters] if parameters else []),
         on_exit=ends,
     )
     return [node]
@@ -55,24 +61,30 @@ def generate_launch_description():
         DeclareLaunchArgument(name, default_value=default, description=text)
         for name, (_, _, default, text) in ARGUMENTS.items()
     ]
-    shown = [
-        DeclareLaunchArgument(name, default_value='false', description=text)
-        for name, text in (
-            ('view', 'show it in a web browser, at http://localhost:8080'),
-            ('rviz', 'show it in RViz'),
+    others = [
+        DeclareLaunchArgument(name, default_value=default, description=text)
+        for name, default, text in (
+            ('namespace', '', 'of the simulator and of what shows it, such as left'),
+            ('params_file', '', 'parameters of the simulator, a copy of config/simulator.yaml'),
+            ('view', 'false', 'show it in a web browser, at http://localhost:<view_port>'),
+            ('view_port', '8080', 'port of the page of view'),
+            ('rviz', 'false', 'show it in RViz'),
         )
     ]
     view = Node(
         package='alf_ros',
         executable='view',
+        namespace=LaunchConfiguration('namespace'),
         output='screen',
+        arguments=['--port', LaunchConfiguration('view_port')],
         condition=IfCondition(LaunchConfiguration('view')),
     )
     config = PathJoinSubstitution([FindPackageShare('alf_ros'), 'rviz', 'simulator.rviz'])
     rviz = Node(
         package='rviz2',
         executable='rviz2',
+        namespace=LaunchConfiguration('namespace'),
         arguments=['-d', config],
         condition=IfCondition(LaunchConfiguration('rviz')),
     )
-    return LaunchDescription([*declared, *shown, OpaqueFunction(function=simulator), view, rviz])
+    return LaunchDescription([*declared, *others, OpaqueFunction(function=simulator), view, rviz])

@@ -18,18 +18,30 @@ from alf_ros.exchange.urdf_export import urdf
 
 def robot_state_publisher(context):
     """Return the node; it wants the URDF at its start, so the scene is read here as well."""
-    scene = load_scene(LaunchConfiguration('scene').perform(context))
+    given = {
+        name: LaunchConfiguration(name, default='').perform(context)
+        for name in ('scene', 'namespace', 'frame_prefix')
+    }
+    scene = load_scene(given['scene'] or 'slider_crank')
+    text = urdf(scene.mechanism, given['frame_prefix'])
     parameters = {
-        'robot_description': ParameterValue(urdf(scene.mechanism), value_type=str),
+        'robot_description': ParameterValue(text, value_type=str),
         # Without it, it would take a reset for time that stands still.
         'use_sim_time': True,
     }
     node = Node(
         package='robot_state_publisher',
         executable='robot_state_publisher',
+        namespace=given['namespace'],
         parameters=[parameters],
-        # The simulator says robot_description, also when another scene is loaded.
-        remappings=[('robot_description', '~/robot_description')],
+        remappings=[
+            # The simulator says robot_description, also when another scene is loaded.
+            ('robot_description', '~/robot_description'),
+            # Time and frames of the simulator are those of its namespace.
+            ('/clock', 'clock'),
+            ('/tf', 'tf'),
+            ('/tf_static', 'tf_static'),
+        ],
     )
     return [node]
 

@@ -15,6 +15,7 @@ import platform
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
 VENV = ROOT / '.venv'
@@ -61,7 +62,7 @@ def wanted(python: str, ros: dict[str, str] | None) -> dict[str, object]:
     return {'base': base, 'requirements': digest.hexdigest()}
 
 
-def present() -> dict:
+def present() -> dict[str, Any]:
     """Return what the stamp says; empty when .venv is missing or unfinished."""
     try:
         stamp = json.loads(STAMP.read_text())

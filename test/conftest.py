@@ -1,14 +1,23 @@
 """Every test process is alone: its own ROS domain, this machine only, temporary logs."""
 
+from __future__ import annotations
+
 import fcntl
 import os
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
+from typing import IO, TYPE_CHECKING
+
+import pytest
+
+if TYPE_CHECKING:
+    from support.ros_node import Peer
 
 # Set at import: rclpy reads them when it is first initialised, and child processes inherit them.
 
 
-def _reserve_domain():
+def _reserve_domain() -> tuple[int, IO[str]]:
     """Return a ROS domain and the lock that keeps it ours until this process ends.
 
     0 is everybody's default; above 101 the ports can collide with ephemeral ones on Linux.
@@ -31,6 +40,15 @@ os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 os.environ['ROS_LOG_DIR'] = _LOGS.name
 
 
-def pytest_addoption(parser):
-    """How many scene files with mistakes test_mutants.py tries."""
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """How many scene files with mistakes test/scene/test_mutants.py tries."""
     parser.addoption('--mutants', type=int, default=300, metavar='N')
+
+
+@pytest.fixture
+def peer() -> Iterator[Peer]:
+    """A node in this process; what needs none imports no rclpy."""
+    from support.ros_node import Peer
+
+    with Peer() as peer:
+        yield peer

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
+from alf_ros import paths
 from alf_ros.commands.parser import Parser
 from alf_ros.commands.progress import ProgressBar
 from alf_ros.errors import InputError
 from alf_ros.logs import load, tables
 from alf_ros.logs.log import Log
+from alf_ros.logs.report import animation
 from alf_ros.logs.report.html import page
-from alf_ros.logs.report.summary import account
+from alf_ros.logs.report.summary import Account, account
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -28,9 +31,25 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument('-o', '--output', metavar='FILE', help='the page (beside the first log)')
     parser.add_argument('--csv', metavar='FOLDER', help='also write a table for each topic')
     parser.add_argument('--parquet', metavar='FOLDER', help='the same for pandas and others')
+    parser.add_argument(
+        '--animation',
+        metavar='FILE',
+        help='also write a moving picture of the logs side by side: .gif, .webp or .mp4',
+    )
+    parser.add_argument(
+        '--speed',
+        metavar='X',
+        type=float,
+        default=1.0,
+        help='simulated seconds per second of the moving picture (default: 1)',
+    )
     options = parser.parse_args(argv)
+    if not (math.isfinite(options.speed) and options.speed > 0.0):
+        raise InputError(
+            'no speed', key='--speed', value=f'{options.speed:g}', expected='a number above 0'
+        )
     logs = [load(path) for path in options.logs]
-    target = Path(options.output).expanduser() if options.output else _beside(logs)
+    target = paths.named(options.output, '--output') if options.output else _beside(logs)
     accounts = []
     for log in logs:
         with ProgressBar(log.path.name) as bar:
@@ -43,14 +62,25 @@ def main(argv: Sequence[str] | None = None) -> int:
     for made in accounts:
         for fault in made.faults:
             print(f'  {made.name}: {fault}')
+    if options.animation:
+        _animate(paths.named(options.animation, '--animation'), logs, accounts, options.speed)
     names = [made.name for made in accounts]
     for folder, write in ((options.csv, tables.to_csv), (options.parquet, tables.to_parquet)):
         if folder is not None:
-            for log, below in zip(logs, _folders(Path(folder).expanduser(), names), strict=True):
+            for log, below in zip(logs, _folders(paths.named(folder), names), strict=True):
                 with ProgressBar(str(below)) as bar:
-                    paths = write(log, below, bar)
-                print(f'{below}: {len(paths)} files')
+                    written = write(log, below, bar)
+                print(f'{below}: {len(written)} files')
     return 0
+
+
+def _animate(path: Path, logs: Sequence[Log], accounts: Sequence[Account], speed: float) -> None:
+    """Write the moving picture and say so."""
+    titles = animation.titles(accounts, [log.info['solver'] for log in logs])
+    films = [animation.film(*pair) for pair in zip(accounts, titles, strict=True)]
+    with ProgressBar(path.name) as bar:
+        count = animation.write(path, films, speed, bar)
+    print(f'{path}: {count} pictures, {path.stat().st_size / 1e6:.1f} MB')
 
 
 def _folders(folder: Path, names: Sequence[str]) -> list[Path]:

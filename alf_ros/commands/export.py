@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 
+from alf_ros import paths
 from alf_ros.commands.parser import Parser, add_numbers, numbers, writing
 from alf_ros.exchange.export import exported, tree
 from alf_ros.scene.library import load
@@ -38,7 +38,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     for key, path, content in (('-o', options.output, text), ('--loops', options.loops, side)):
         if path is not None:
             with writing(key, path):
-                Path(path).expanduser().write_text(content, encoding='utf-8')
+                paths.named(path).write_text(content, encoding='utf-8')
     if options.output is None:
         print(text, end='')
     for line in dict.fromkeys(left_out):

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 
+from alf_ros import paths
 from alf_ros.commands.parser import add_trust, of_log
 from alf_ros.commands.progress import ProgressBar
 from alf_ros.errors import InputError, StepError
@@ -36,7 +36,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = parser.parse_args(argv)
     log = load(options.log)
     own = log.path.parent if log.path.is_dir() else log.path.parent.parent
-    new = Path(options.output).expanduser() if options.output else None
+    new = paths.named(options.output, '--output') if options.output else None
     troubles: list[str] = []
     try:
         with ProgressBar('fork') as bar:

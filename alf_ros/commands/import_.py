@@ -1,27 +1,48 @@
-"""Turn URDF (loops and all) or MJCF into a mechanism or scene file."""
+"""Turn URDF (loops and all), xacro, SDF or MJCF into a mechanism or scene file."""
 
 from __future__ import annotations
 
+import argparse
 import math
 import sys
 from collections.abc import Sequence
-from pathlib import Path
+from typing import Any
 
+from alf_ros import paths
 from alf_ros.commands.parser import Parser, add_numbers, numbers, writing
 from alf_ros.errors import InputError
+from alf_ros.exchange import corpus
 from alf_ros.exchange.import_file import imported
+from alf_ros.logs.provenance import about
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Import a file. Returns 0; raises InputError."""
     parser = Parser(
         prog='import',
-        description='Write the mechanism of a URDF or MJCF file. What it does not carry over is '
-        'listed at the head of the output, and on stderr.',
+        description='Write the mechanism of a URDF, xacro, SDF or MJCF file. What does not come '
+        'along is listed at the head of the output, and on stderr.',
     )
-    parser.add_argument('file', metavar='FILE', help='a URDF or an MJCF')
+    parser.add_argument('file', nargs='?', metavar='FILE', help='a URDF, xacro, SDF or MJCF')
+    parser.add_argument(
+        '--corpus',
+        metavar='FOLDER',
+        help='import, check and simulate every file below a folder, and print a table',
+    )
+    parser.add_argument(
+        '--limit',
+        type=float,
+        default=120.0,
+        metavar='S',
+        help='for each of them (default: 120 s)',
+    )
     parser.add_argument('--loops', metavar='SIDE.yaml', help='joints that close loops of a URDF')
-    parser.add_argument('-o', '--output', metavar='OUT.yaml', help='(default: standard output)')
+    parser.add_argument(
+        '-o',
+        '--output',
+        metavar='OUT',
+        help='the file to write (default: standard output); of --corpus a table in CSV besides',
+    )
     parser.add_argument(
         '--scene', action='store_true', help='a scene: with gravity, damping and springs of joints'
     )
@@ -34,24 +55,85 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument(
         '--floating', action='store_true', help='the root link of a URDF is free, not fixed'
     )
+    parser.add_argument(
+        '--repair-inertia',
+        action='store_true',
+        help='change inertias that no body has by the least that makes them possible',
+    )
+    parser.add_argument('--key', metavar='NAME', help='the keyframe that an MJCF begins at')
+    parser.add_argument(
+        '--argument',
+        action='append',
+        default=[],
+        metavar='NAME=VALUE',
+        help='an argument of a xacro',
+    )
     add_numbers(parser, 'JOINT=NUMBER', 'positions of joints at which it is drawn (rad, m)')
     options = parser.parse_args(argv)
     if options.stops is not None and not 0.0 < options.stops < math.inf:
         raise InputError('not a stiffness', key='--stops', value=options.stops)
-    text = imported(
-        options.file,
-        loops=options.loops,
-        scene=options.scene,
-        stops=options.stops,
-        floating=options.floating,
-        positions=numbers(options.set),
-    )
+    if (options.file is None) == (options.corpus is None):
+        raise InputError('give a FILE, or a folder of them by --corpus')
+    wishes = {
+        'loops': options.loops,
+        'scene': options.scene,
+        'stops': options.stops,
+        'floating': options.floating,
+        'positions': numbers(options.set),
+        'repair_inertia': options.repair_inertia,
+        'key': options.key,
+        'arguments': _arguments(options.argument),
+    }
+    if options.corpus is not None:
+        return _corpus(options, wishes)
+    text = imported(options.file, **wishes)
     if options.output is None:
         print(text, end='')
     else:
         with writing('-o', options.output):
-            Path(options.output).expanduser().write_text(text, encoding='utf-8')
-    for line in text.split('\n'):
-        if line.startswith('#   ') or line == '# Not carried over:':
-            print(line[2:], file=sys.stderr)
+            paths.named(options.output, '-o').write_text(text, encoding='utf-8')
+    for line in text.split('\n')[1:]:
+        if not line.startswith('#'):
+            break
+        print(line[2:], file=sys.stderr)
     return 0
+
+
+def _corpus(options: argparse.Namespace, wishes: dict[str, Any]) -> int:
+    """The table of a folder, row by row as they come. Returns 0 if every file runs, 1 if not."""
+    folder = paths.named(options.corpus, '--corpus')
+    if not folder.is_dir():
+        raise InputError('no such folder', key='--corpus', value=options.corpus)
+    for option in ('loops', 'positions', 'key', 'arguments'):
+        if wishes.pop(option):
+            raise InputError('for one file only', key=f'--{_OPTIONS.get(option, option)}')
+    if not 0.0 < options.limit < math.inf:
+        raise InputError('not a time', key='--limit', value=options.limit, expected='s')
+    found: list[corpus.Found] = []
+    print(corpus.head())
+    limits = corpus.Limits(seconds=options.limit)
+    for each in corpus.examined(folder, wishes | {'scene': True}, limits):
+        print(corpus.row(each), flush=True)
+        found.append(each)
+    print(f'\n{corpus.total(found)}')
+    if options.output is not None:
+        path = paths.named(options.output, '-o')
+        with writing('-o', options.output), path.open('w', encoding='utf-8') as stream:
+            print(about(), file=stream)
+            corpus.write(stream, found)
+    return 0 if all(each.result == corpus.OK for each in found) else 1
+
+
+_OPTIONS = {'positions': 'set', 'arguments': 'argument'}
+
+
+def _arguments(given: Sequence[str]) -> dict[str, str]:
+    """NAME=VALUE, and NAME:=VALUE as xacro has it."""
+    found = {}
+    for each in given:
+        name, equals, value = each.partition('=')
+        if not equals or not name.rstrip(':'):
+            expected = 'NAME=VALUE'
+            raise InputError('not an argument', key='--argument', value=each, expected=expected)
+        found[name.rstrip(':')] = value
+    return found

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import NoReturn
 
+from alf_ros import paths
 from alf_ros.errors import InputError
 from alf_ros.scene.text.expression import ExpressionError, evaluate
 
@@ -31,7 +32,7 @@ def add_trust(parser: Parser) -> None:
     parser.add_argument(
         '--trust',
         action='store_true',
-        help='run the code of effects in the log whose files are no longer here',
+        help='run the code of effects that the log brings: read it first',
     )
 
 
@@ -71,7 +72,7 @@ def writing_into(folder: str) -> Iterator[Path]:
 
     Raises InputError if the folder, or a file written in the block, cannot be written.
     """
-    path = Path(folder).expanduser()
+    path = paths.named(folder, '--folder')
     with writing('--folder', path):
         path.mkdir(parents=True, exist_ok=True)
         yield path

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
+from alf_ros import paths
 from alf_ros.commands.parser import of_log
 from alf_ros.commands.progress import ProgressBar
 from alf_ros.logs import load
@@ -20,7 +20,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = parser.parse_args(argv)
     log = load(options.log)
     stem = log.path.with_suffix('') if log.path.is_file() else log.path
-    folder = Path(options.output or f'{stem}_recovered').expanduser()
+    folder = paths.named(options.output or f'{stem}_recovered', '--output')
     with ProgressBar('recover') as bar:
         made = recover(log, folder, bar)
     count = sum(file.count for file in made)

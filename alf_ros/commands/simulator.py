@@ -45,9 +45,10 @@ def _overrides(argv: Sequence[str]) -> list[Parameter[Any]]:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the node until its duration is over, Ctrl-C or SIGTERM. Returns 0.
+    """Run the node until its duration is over, Ctrl-C, SIGTERM or SIGHUP.
 
-    Raises AlfError, which the command line tells in one line.
+    Returns 0, or 1 if a log could not be written to its end. Raises AlfError, which the command
+    line tells in one line.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
     try:
@@ -57,7 +58,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     overrides = _overrides(own)
     sys.setswitchinterval(SWITCH_INTERVAL)
     stop = Stop()
-    for number in (signal.SIGINT, signal.SIGTERM):
+    # Of `nohup` SIGHUP is ignored, and stays so.
+    ignored = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+    ends = (signal.SIGINT, signal.SIGTERM) + (() if ignored else (signal.SIGHUP,))
+    for number in ends:
         signal.signal(number, stop)
     try:
         # rclpy's own handlers would shut the context down under the feet of a tick.
@@ -69,9 +73,9 @@ def main(argv: Sequence[str] | None = None) -> int:
             spin(node)
         finally:
             node.close()
+        return node.exit_code
     finally:
         rclpy.try_shutdown()
         # the interpreter would put the default back while it ends: a second Ctrl-C comes too late
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for number in ends:
             signal.signal(number, signal.SIG_IGN)
-    return 0

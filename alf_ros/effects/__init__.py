@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import importlib
 import pkgutil
+from collections.abc import Mapping
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
@@ -45,14 +46,15 @@ def kinds() -> tuple[str, ...]:
     return tuple(dict.fromkeys((*own(), *sorted(_registered()))))
 
 
-def full_name(name: str, folder: Path) -> str:
+def full_name(name: str, folder: Path | None, code: bool = True) -> str:
     """The name that means the same wherever it is read: of a file, its path and digest.
 
-    Raises KeyError if there is no such effect, InputError if it is not the file that is meant.
+    `folder`, `code`: which files may be meant, as `user_file.full_name` says. Raises KeyError if
+    there is no such effect, InputError if it is not the file that is meant, or may not run.
     """
     if user_file.is_file_name(name):
-        return user_file.full_name(name, folder)
-    if name not in kinds():
+        return user_file.full_name(name, folder, code)
+    if name not in own() and name not in _registered():  # asking what is installed takes long
         raise KeyError(name)
     return name
 
@@ -79,6 +81,28 @@ def held(role: str, name: str, what: object) -> Effect:
     """What is held from outside on a body, point or joint coordinate, as an effect."""
     kind = ROLES[role]
     return Effect(kind, name, load(kind).held(name, what))
+
+
+def carried(kind: str) -> tuple[str, str]:
+    """What an effect needs in another process: the text of its file if it is one of its own, and
+    `origin` of one of another package."""
+    return (user_file.source(kind), '') if user_file.is_file_name(kind) else ('', origin(kind))
+
+
+def arrived(kind: str, name: str, values: Mapping[str, object], text: str, known: str) -> Effect:
+    """The effect of these values from another process, with what `carried` said there.
+
+    Raises InputError if the package of an effect is not the one it was there.
+    """
+    if text:
+        if not user_file.is_known(kind):
+            user_file.provide(kind, text)
+    elif kind not in own():
+        if kind not in kinds():
+            raise InputError('no effect of this name here', value=kind, choices=kinds())
+        if origin(kind) != known:
+            raise InputError('not the version it was pickled with', value=kind, expected=known)
+    return Effect(kind, name, load(kind).Parameters(**values))
 
 
 def load(kind: str) -> ModuleType:

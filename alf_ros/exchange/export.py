@@ -27,6 +27,7 @@ def tree(scene: Scene) -> tuple[str, list[str]]:
     """URDF of the spanning tree of a scene's mechanism, and what it does not carry over."""
     mechanism = scene.mechanism
     left_out = [f'effects: {effect.kind}' for effect in scene.effects]
+    left_out += [f'couplings: {coupling.name}' for coupling in mechanism.couplings]
     left_out += [f'loops (see --loops): {joint.name}' for joint in closing(mechanism)]
     left_out += [f'bodies (see --loops): {name}' for name in outside(mechanism)]
     return urdf(mechanism), left_out
@@ -48,6 +49,7 @@ def exported(scene: Scene) -> tuple[str, str, list[str]]:
     moved = {joint.get('name') for joint in tree.iter('joint')}
     positions = {name: state.position for name, state in sample.joints.items() if name in moved}
     left_out = [f'effects: {effect.kind}' for effect in scene.effects]
+    left_out += [f'couplings: {coupling.name}' for coupling in mechanism.couplings]
     loops: dict[str, Any] = {}
     for joint in closing(mechanism):
         made = _loop(joint, len(mechanism.points[0].at) == 2)

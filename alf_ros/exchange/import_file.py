@@ -1,35 +1,63 @@
-"""A URDF, with a side file for its loops, or an MJCF as the text of a mechanism or scene file."""
+"""A robot file of another format as the text of a mechanism or scene file."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
-from alf_ros import resources
+from alf_ros import paths, resources
 from alf_ros.errors import InputError
-from alf_ros.exchange import mechanism_text, mjcf_import, urdf_loops, urdf_loops_file
+from alf_ros.exchange import (
+    inertia,
+    massless_ends,
+    mechanism_text,
+    mjcf_import,
+    sdf_import,
+    urdf_loops,
+    urdf_loops_file,
+    xml_file,
+)
 from alf_ros.exchange.robot import Robot
 from alf_ros.exchange.urdf_import import UrdfReader
 from alf_ros.scene.scene import scene_from_text
 
 
-def imported(
-    source: str,
-    *,
-    loops: str | None = None,
-    scene: bool = False,
-    stops: float | None = None,
-    floating: bool = False,
-    positions: dict[str, float] | None = None,
-) -> str:
+@dataclass(frozen=True)
+class Wishes:
+    """What a user asks for besides the file.
+
+    loops: path of a side file that closes loops of a URDF. scene: effects as well. stops:
+    stiffness of a stop at each limit of a joint. floating: the root link of a URDF is free.
+    positions: of joints as drawn, rad or m. repair_inertia: change inertias that no body has.
+    key: the keyframe of an MJCF that it begins at. arguments: of a xacro.
+    """
+
+    loops: str | None = None
+    scene: bool = False
+    stops: float | None = None
+    floating: bool = False
+    positions: Mapping[str, float] = field(default_factory=dict)
+    repair_inertia: bool = False
+    key: str | None = None
+    arguments: Mapping[str, str] = field(default_factory=dict)
+
+
+def imported(source: str, **wishes: Any) -> str:
     """The text of a mechanism file (of a scene if `scene` or `stops`), which loads.
 
-    Needs urdf_parser_py for URDF, mujoco for MJCF. Raises InputError.
+    wishes: fields of `Wishes`. Needs urdf_parser_py for URDF, mujoco for MJCF, xacro for xacro.
+    Raises InputError.
     """
-    robot = _robot(Path(source).expanduser(), loops, floating, positions or {})
+    asked = Wishes(**wishes)
+    robot = _robot(paths.named(source), asked)
+    massless_ends.left_out(robot)
     if not robot.parts:
-        raise InputError('nothing in it can move', file=source)
-    scene = scene or stops is not None
-    text = mechanism_text.text(robot, scene, stops, resources.version())
+        raise InputError(f'nothing in it can move{robot.still}', file=source)
+    inertia.checked(robot, asked.repair_inertia)
+    scene = asked.scene or asked.stops is not None
+    text = mechanism_text.text(robot, scene, asked.stops, resources.version())
     whole = text if scene else 'mechanism:\n' + ''.join(f'  {line}\n' for line in text.split('\n'))
     try:
         scene_from_text(whole)
@@ -39,19 +67,23 @@ def imported(
     return text
 
 
-def _robot(path: Path, loops: str | None, floating: bool, positions: dict[str, float]) -> Robot:
-    """What a file describes; MJCF is known by its first element."""
-    if not path.is_file():
-        raise InputError('no such file', file=str(path))
-    if b'<mujoco' not in path.read_bytes():
-        side = None if loops is None else Path(loops).expanduser()
-        drawn = {} if side is None else urdf_loops_file.positions(side)
-        reader = UrdfReader(path, drawn | positions, floating)
-        urdf_loops.close(reader)
-        if side is not None:
-            urdf_loops_file.close(side, reader)
-        return reader.robot
-    for given, option in ((loops, '--loops'), (floating, '--floating')):
+def _robot(path: Path, asked: Wishes) -> Robot:
+    """What a file describes; its format is known by its first element."""
+    kind = xml_file.kind_of(path)
+    for_urdf = ((asked.loops, '--loops'), (asked.floating, '--floating'))
+    for given, option in for_urdf if kind != 'robot' else ():
         if given:
-            raise InputError('for URDF only: MJCF says it itself', key=option)
-    return mjcf_import.read(path, positions)
+            raise InputError('for URDF only: the file says it itself', key=option)
+    if kind == 'mujoco':
+        return mjcf_import.read(path, asked.positions, asked.key)
+    if asked.key is not None:
+        raise InputError('for MJCF only', key='--key', value=asked.key)
+    if kind == 'sdf':
+        return sdf_import.read(path, asked.positions)
+    side = None if asked.loops is None else paths.named(asked.loops)
+    drawn = {} if side is None else urdf_loops_file.positions(side)
+    reader = UrdfReader(path, {**drawn, **asked.positions}, asked.floating, asked.arguments)
+    urdf_loops.close(reader)
+    if side is not None:
+        urdf_loops_file.close(side, reader)
+    return reader.robot

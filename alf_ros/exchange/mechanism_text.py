@@ -7,8 +7,9 @@ them: origin at the first point, x axis towards the second.
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Iterable
+from collections.abc import Container, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ from alf_ros.scene.text.yaml_document import Entry
 from alf_ros.scene.text.yaml_writer import entry, serialise
 
 _SAME = 1e-9  # of the robot's size: places closer than that are one
+_OF_BODY = ('_x', '_y', '_z', '_length')  # the loader's names of what orients a body, and of a row
 
 
 class _Names:
@@ -31,13 +33,14 @@ class _Names:
     def __init__(self, robot: Robot) -> None:
         self._robot, self._taken = robot, {GROUND, 'world'}
 
-    def take(self, wanted: str, note: bool = True) -> str:
-        stem = re.sub(r'[^A-Za-z0-9_]', '_', wanted)[:90]
+    def take(self, wanted: str, suffixes: Sequence[str] = (), note: bool = True) -> str:
+        """A name like the one wanted, that is free with each of the suffixes as well."""
+        stem = re.sub(r'[^A-Za-z0-9_]', '_', wanted)[:80]
         stem = stem if NAME.fullmatch(stem) else f'n_{stem}'
         name, n = stem, 2
-        while name in self._taken:
+        while not self._taken.isdisjoint(own := {name + each for each in ('', *suffixes)}):
             name, n = f'{stem}_{n}', n + 1
-        self._taken.add(name)
+        self._taken |= own
         if note and name != wanted:
             self._robot.leave('names, changed', f'{wanted} is {name}')
         return name
@@ -56,6 +59,7 @@ class _Points:
         self._held: dict[str, set[str]] = {}  # the bodies that joints connect at a point
 
     def new(self, name: str, place: Floats, bodies: Iterable[str]) -> str:
+        """A point that these bodies carry."""
         name = self._names.take(name, note=False)
         self.at[name], self._held[name] = place, set()
         for body in bodies:
@@ -75,14 +79,35 @@ class _Points:
         kind = joints.find(connection.kind, 3)
         if kind is None or not kind.shares_point:
             return self.new(f'{name}_at', connection.place, [child])
-        for point, bodies in self._held.items():
-            # one that both have would close a circle of joints at one point
-            near = np.linalg.norm(self.at[point] - connection.place) <= _SAME * self.size
-            if near and (parent in bodies) != (child in bodies):
-                self.add(point, parent)
-                self.add(point, child)
-                return point
-        return self.new(f'{name}_at', connection.place, [parent, child])
+        near = [point for point in self.at if self._near(point, connection.place)]
+        of_parent, of_child = (
+            [point for point in near if body in self._held[point]] for body in (parent, child)
+        )
+        if not of_parent and not of_child:
+            return self.new(f'{name}_at', connection.place, [parent, child])
+        if not of_parent or not of_child:
+            point = (of_parent or of_child)[0]
+            self.add(point, parent)
+            self.add(point, child)
+            return point
+        # both are there already: one that they share would close a circle of joints at one point,
+        # so rows hold the joint at a point of one side
+        alone = [point for point in of_parent if point not in of_child]
+        return alone[0] if alone else self.new(f'{name}_at', connection.place, [child])
+
+    def _near(self, point: str, place: Floats) -> bool:
+        return bool(np.linalg.norm(self.at[point] - place) <= _SAME * self.size)
+
+    def ordered(self, body: str) -> list[str]:
+        """The points of a body: the second is elsewhere than the first, for the body's x axis
+        goes there. If all are at one place the body gets another, at a length of the robot."""
+        first, *others = self.of[body]
+        away = [p for p in others if not self._near(p, self.at[first])]
+        if others and not away:
+            aside = self.at[first] + np.array([self.size or 1.0, 0.0, 0.0])
+            away = [self.new(f'{first}_aside', aside, [body])]
+            others = self.of[body][1:]
+        return [first, *away[:1], *(p for p in others if p not in away[:1])]
 
 
 def text(robot: Robot, scene: bool, stops: float | None, version: str) -> str:
@@ -92,10 +117,10 @@ def text(robot: Robot, scene: bool, stops: float | None, version: str) -> str:
     """
     names = _Names(robot)
     joints = {c.name: names.take(c.name) for c in robot.connections}
-    bodies = {part.name: names.take(part.name) for part in robot.parts}
+    bodies = {part.name: names.take(part.name, _OF_BODY) for part in robot.parts}
     bodies[GROUND] = GROUND
     points = _Points(robot, names)
-    found = {}
+    found: dict[str, dict[str, Any]] = {}
     for c in robot.connections:
         at = points.of_joint(c, joints[c.name])
         sides = [bodies[c.parent], bodies[c.child]]
@@ -103,9 +128,12 @@ def text(robot: Robot, scene: bool, stops: float | None, version: str) -> str:
         along: dict[str, Any] = {'axis': axes[0]} if len(axes) == 1 else {'axes': axes}
         found[joints[c.name]] = {'type': c.kind, 'between': sides, 'at': at}
         found[joints[c.name]] |= along if axes else {}
+        if c.kind == 'screw':
+            found[joints[c.name]]['pitch'] = c.pitch
     for part in robot.parts:
         if not points.of[part.name]:
             points.new(f'{bodies[part.name]}_at', part.origin, [part.name])
+    carried = {part.name: points.ordered(part.name) for part in robot.parts}
     mechanism: dict[str, Any] = {
         'alf': 1,
         'name': re.sub(r'[^A-Za-z0-9_.-]', '_', robot.name)[:100] or 'robot',
@@ -115,9 +143,16 @@ def text(robot: Robot, scene: bool, stops: float | None, version: str) -> str:
             | ({'fixed': Entry('true')} if name in points.fixed else {})
             for name, place in points.at.items()
         },
-        'bodies': {bodies[part.name]: _body(part, points) for part in robot.parts},
+        'bodies': {
+            bodies[part.name]: _body(part, points, carried[part.name]) for part in robot.parts
+        },
         'joints': found,
     }
+    if robot.couplings:
+        mechanism['couplings'] = {
+            names.take(each.name): {'joints': {joints[name]: a for name, a in each.of.items()}}
+            for each in robot.couplings
+        }
     whole = mechanism
     if scene:
         whole = {'mechanism': mechanism, 'effects': _effects(robot, joints, stops)}
@@ -130,8 +165,7 @@ def text(robot: Robot, scene: bool, stops: float | None, version: str) -> str:
     return _head(robot, version) + serialise(entry(whole))
 
 
-def _body(part: Part, points: _Points) -> dict[str, Any]:
-    carried = points.of[part.name]
+def _body(part: Part, points: _Points, carried: list[str]) -> dict[str, Any]:
     fields: dict[str, Any] = {'points': carried, 'mass': part.mass}
     if part.mass == 0.0:
         return fields
@@ -151,21 +185,69 @@ def _numbers(values: Floats, size: float) -> list[float]:
 
 
 def _effects(robot: Robot, joints: dict[str, str], stops: float | None) -> dict[str, Any]:
+    """What acts, by kind and name; coordinates are zero as drawn."""
     effects: dict[str, dict[str, Any]] = {}
     if any(robot.gravity):
         effects['gravity'] = {'acceleration': list(robot.gravity)}
     for c in robot.connections:
         joint = {'joint': joints[c.name]}
-        if c.damping:
-            effects.setdefault('joint_friction', {})[c.name] = {**joint, 'viscous': c.damping}
+        if c.damping or c.friction:
+            rubs = {'viscous': c.damping} if c.damping else {}
+            if c.friction:
+                rubs |= {'dynamic': 1.0, 'load': c.friction}
+            effects.setdefault('joint_friction', {})[joints[c.name]] = joint | rubs
         if c.stiffness:
             spring = {'stiffness': c.stiffness, 'free_position': c.rest - c.drawn}
-            effects.setdefault('torsion_spring', {})[c.name] = joint | spring
-        if c.limits is not None and stops is not None:
-            lower, upper = (limit - c.drawn for limit in c.limits)
-            stop = {'lower': lower, 'upper': upper, 'stiffness': stops}
-            effects.setdefault('joint_stop', {})[c.name] = joint | stop
-    return effects
+            effects.setdefault('torsion_spring', {})[joints[c.name]] = joint | spring
+        if c.limits is not None and stops is not None and not c.limits[0] < c.limits[1]:
+            robot.leave('limits without room', c.name)
+        elif c.limits is not None and stops is not None:
+            ends = {
+                key: limit - c.drawn
+                for key, limit in zip(('lower', 'upper'), c.limits, strict=True)
+                if math.isfinite(limit)
+            }
+            effects.setdefault('joint_stop', {})[joints[c.name]] = (
+                joint | ends | {'stiffness': stops}
+            )
+    motors = _motors(robot, joints)
+    return effects | ({'motor': motors} if motors else {})
+
+
+def _motors(robot: Robot, joints: dict[str, str]) -> dict[str, dict[str, Any]]:
+    """A motor for each actuator, and for each rotor; the first of a joint has its rotor."""
+    drawn = {c.name: c.drawn for c in robot.connections}
+    rotors = {c.name: c.armature for c in robot.connections if c.armature}
+    motors: dict[str, dict[str, Any]] = {}
+    for each in robot.actuators:
+        motor: dict[str, Any] = {'joint': joints[each.joint]}
+        if each.effort:
+            motor['effort'] = each.effort
+        if each.position is not None:
+            motor['position'] = each.position - drawn[each.joint]
+            motor['position_gain'] = each.position_gain
+        if each.velocity is not None:
+            motor['velocity'] = each.velocity
+        if each.velocity_gain:
+            motor['velocity_gain'] = each.velocity_gain
+        if each.limit is not None:
+            motor['limit'] = each.limit
+        if each.joint in rotors:
+            motor['armature'] = rotors.pop(each.joint)
+        motors[_label(each.name, motors)] = motor
+    for joint, armature in rotors.items():
+        motors[_label(joints[joint], motors)] = {'joint': joints[joint], 'armature': armature}
+    return motors
+
+
+def _label(name: str, taken: Container[str]) -> str:
+    """Of an effect: a name of its own among those of its kind."""
+    stem = re.sub(r'[^A-Za-z0-9_]', '_', name)[:80]
+    stem = stem if NAME.fullmatch(stem) else f'n_{stem}'
+    label, n = stem, 2
+    while label in taken:
+        label, n = f'{stem}_{n}', n + 1
+    return label
 
 
 def _leave_effects(robot: Robot) -> None:
@@ -173,17 +255,20 @@ def _leave_effects(robot: Robot) -> None:
     if any(robot.gravity):
         robot.leave('gravity (see --scene)', ' '.join(f'{g:g}' for g in robot.gravity))
     for c in robot.connections:
-        if c.damping:
-            robot.leave('damping (see --scene)', c.name)
-        if c.stiffness:
-            robot.leave('springs (see --scene)', c.name)
+        for kind, value in (
+            ('damping', c.damping),
+            ('dry friction', c.friction),
+            ('springs', c.stiffness),
+            ('armature', c.armature),
+        ):
+            if value:
+                robot.leave(f'{kind} (see --scene)', c.name)
+    for actuator in robot.actuators:
+        robot.leave('actuators (see --scene)', actuator.name)
 
 
 def _head(robot: Robot, version: str) -> str:
     """Where it came from, and what did not come along."""
-    lines = [f'Imported from {robot.file} by alf_ros {version}.']
-    if robot.left_out:
-        lines.append('Not carried over:')
-    lines += [f'  {kind}: {", ".join(names)}' for kind, names in robot.left_out.items()]
+    lines = [f'Imported from {robot.file} by alf_ros {version}.', *robot.left_out.lines()]
     clean = (re.sub(r'[^\x20-\x7e\xa0-\ud7ff]', '?', line) for line in lines)
     return ''.join(f'# {line}\n' for line in clean)

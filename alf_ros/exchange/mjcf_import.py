@@ -13,17 +13,25 @@ from typing import Any
 import numpy as np
 
 from alf_ros.errors import InputError
-from alf_ros.exchange.robot import Connection, Part, Pose, Robot, lumped
+from alf_ros.exchange import mjcf_actuators, mjcf_assets
+from alf_ros.exchange.robot import Connection, Coupled, Part, Pose, Robot, lumped
 from alf_ros.mechanism import GROUND
 from alf_ros.scene.text.yaml_document import LARGEST
 
+_KINDS = {
+    'tendon': 'tendons',
+    'sensor': 'sensors',
+    'key': 'keyframes',
+    'cam': 'cameras',
+    'light': 'lights',
+}
 _TURNED = 1e-6  # rad: how far what a weld holds may be drawn from how it is held
 
 
-def read(path: Path, positions: Mapping[str, float]) -> Robot:
+def read(path: Path, positions: Mapping[str, float], key: str | None = None) -> Robot:
     """The robot of a file; `positions` of joints (rad, m), those of the file where absent.
 
-    Raises InputError.
+    key: a keyframe, by name or number, whose positions and controls count. Raises InputError.
     """
     import mujoco
 
@@ -32,38 +40,60 @@ def read(path: Path, positions: Mapping[str, float]) -> Robot:
     warned: list[str] = []
     mujoco.set_mju_user_warning(warned.append)  # or it would write them into a file
     try:
-        model = _compiled(mujoco, path)
-        robot = _Reader(mujoco, model, str(path), positions).robot
+        model, lighter = _compiled(mujoco, path)
+        robot = _Reader(mujoco, model, str(path), positions, key).robot
     finally:
         mujoco.set_mju_user_warning(None)
+    for body in lighter:
+        robot.leave('shapes without their file', body)
     for warning in warned:
         robot.leave('warnings of MuJoCo', ' '.join(warning.split()))
     return robot
 
 
-def _compiled(mujoco: Any, path: Path) -> Any:
+def _compiled(mujoco: Any, path: Path) -> tuple[Any, list[str]]:
+    """The model, and the bodies that lack the mass of meshes that are not there."""
+    lighter: list[str] = []
+    what = 'it'
     try:
-        model = mujoco.MjModel.from_xml_path(str(path))
+        try:
+            model = mujoco.MjModel.from_xml_path(str(path))
+        except ValueError as error:
+            if 'opening file' not in str(error) or "'include'" in str(error):
+                raise
+            what = 'what is left without meshes that are not there'
+            model, lighter = mjcf_assets.compiled_without(mujoco, path)
     except ValueError as error:
-        raise InputError(f'MuJoCo refuses it: {error}', file=str(path)) from None
+        raise InputError(f'MuJoCo refuses {what}: {error}', file=str(path)) from None
     for key in ('mass', 'inertia', 'pos', 'ipos'):
         if not np.all(np.abs(getattr(model, f'body_{key}')) <= LARGEST):
             raise InputError('not usable numbers', file=str(path), key=f'{key} of a body')
-    return model
+    return model, lighter
 
 
 class _Reader:
     """What is compiled, placed as drawn."""
 
-    def __init__(self, mujoco: Any, model: Any, file: str, positions: Mapping[str, float]) -> None:
+    def __init__(
+        self,
+        mujoco: Any,
+        model: Any,
+        file: str,
+        positions: Mapping[str, float],
+        key: str | None,
+    ) -> None:
         self.mujoco, self.model, self.data = mujoco, model, mujoco.MjData(model)
         self.bodies = self._names('body', model.nbody)
         self.joints = self._names('joint', model.njnt)
+        self.linear = self._linear_couplings()
+        if key is not None:
+            self._begin_at(key)
         self._set(positions)
+        self._couple_drawn(positions)
         mujoco.mj_kinematics(model, self.data)
         called = model.names.split(b'\0')[0].decode()
         gravity = tuple(map(float, model.opt.gravity))
-        self.robot = Robot(called or Path(file).stem, file, gravity)
+        self.robot = Robot(called or Path(file).stem, file, gravity, ': no body has a joint')
         self.held = [GROUND if w == 0 else self.bodies[w] for w in model.body_weldid]
         for body in range(1, model.nbody):
             if model.body_weldid[body] == body:
@@ -72,6 +102,8 @@ class _Reader:
             self._connect(body)
         for equality in range(model.neq):
             self._close(equality)
+        names = self._names('actuator', model.nu)
+        mjcf_actuators.add(self.robot, mujoco, self.data, names, self.joints)
         self._leave()
 
     def _names(self, kind: str, count: int) -> list[str]:
@@ -88,6 +120,53 @@ class _Reader:
             if self.model.jnt_type[joint] not in (hinge, slide):
                 raise InputError('not a hinge or a slide', key='--set', value=name)
             self.data.qpos[self.model.jnt_qposadr[joint]] = value
+
+    def _begin_at(self, key: str) -> None:
+        """Positions, velocities and controls of a keyframe."""
+        names = self._names('key', self.model.nkey)
+        numbers = [str(n) for n in range(self.model.nkey)]
+        if key not in (*names, *numbers):
+            raise InputError('no such keyframe', key='--key', value=key, choices=names or ['none'])
+        n = names.index(key) if key in names else int(key)
+        self.mujoco.mj_resetDataKeyframe(self.model, self.data, n)
+
+    def _couple_drawn(self, positions: Mapping[str, float]) -> None:
+        """Draw joints where equalities have them. Raises InputError if --set says otherwise."""
+        model, data = self.model, self.data
+        for equality in self.linear:
+            one, other, (constant, slope) = self._coupled(equality)
+            at = model.jnt_qposadr[one]
+            wanted = float(model.qpos0[at] + constant)
+            if other >= 0:
+                there = model.jnt_qposadr[other]
+                wanted += slope * float(data.qpos[there] - model.qpos0[there])
+            given = positions.get(self.joints[one])
+            if given is not None and abs(given - wanted) > _TURNED:
+                message = f'an equality has it at {wanted:.9g}'
+                raise InputError(message, key='--set', value=f'{self.joints[one]}={given:g}')
+            data.qpos[at] = wanted
+
+    def _linear_couplings(self) -> list[int]:
+        """The equalities that couple hinges and slides linearly."""
+        model = self.model
+        kinds = (self.mujoco.mjtJoint.mjJNT_HINGE, self.mujoco.mjtJoint.mjJNT_SLIDE)
+        found = []
+        for n in range(model.neq):
+            if model.eq_type[n] != self.mujoco.mjtEq.mjEQ_JOINT or not model.eq_active0[n]:
+                continue
+            one, other, _ = self._coupled(n)
+            single = all(model.jnt_type[each] in kinds for each in (one, other) if each >= 0)
+            if single and (other < 0 or not np.any(model.eq_data[n, 2:5])):
+                found.append(n)
+        return found
+
+    def _coupled(self, equality: int) -> tuple[int, int, tuple[float, float]]:
+        """Two joints, the second -1 if there is none: x₁ = constant + slope x₂, less their
+        positions in the file."""
+        model = self.model
+        one, other = (int(ids[equality]) for ids in (model.eq_obj1id, model.eq_obj2id))
+        constant, slope = map(float, model.eq_data[equality, :2])
+        return one, other, (constant, slope if other >= 0 else 0.0)
 
     def _frame(self, body: int) -> Pose:
         return Pose(self.data.xpos[body].copy(), self.data.xmat[body].reshape(3, 3).copy())
@@ -112,14 +191,14 @@ class _Reader:
         for joint in joints:
             name, place = self.joints[joint], self.data.xanchor[joint].copy()
             if model.jnt_type[joint] == kinds.mjJNT_FREE:
-                self._leave_dynamics(joint, True)
+                self._leave_dynamics(joint)
                 continue
             child = self.bodies[body]
             if joint != joints[-1]:
                 child = f'{child}_below_{name}'
                 self.robot.parts.append(Part(child, place, 0.0, place, np.zeros((3, 3))))
             if model.jnt_type[joint] == kinds.mjJNT_BALL:
-                self._leave_dynamics(joint, True)
+                self._leave_dynamics(joint)
                 self.robot.connect(Connection(name, 'spherical', below, child, place))
             else:
                 self.robot.connect(self._single(joint, below, child))
@@ -133,8 +212,7 @@ class _Reader:
         drawn = float(self.data.qpos[place])
         lower, upper = model.jnt_range[joint]
         if drawn:
-            self.robot.leave('zero of joints: here it is as drawn', f'{name} at {drawn:g}')
-        self._leave_dynamics(joint, False)
+            self.robot.leave('zero of joints', f'{name} at {drawn:g}')
         return Connection(
             name,
             'revolute' if turns else 'prismatic',
@@ -147,29 +225,33 @@ class _Reader:
             float(np.ravel(model.dof_damping[dof])[0]),
             float(np.ravel(model.jnt_stiffness[joint])[0]),
             float(model.qpos_spring[place]),
+            friction=float(model.dof_frictionloss[dof]),
+            armature=float(model.dof_armature[dof]),
         )
 
-    def _leave_dynamics(self, joint: int, several: bool) -> None:
-        """What acts on a joint and has no place here; of one with several freedoms, all of it."""
-        model, name, dof = self.model, self.joints[joint], self.model.jnt_dofadr[joint]
-        found = {
-            'armature': model.dof_armature[dof],
-            'dry friction': model.dof_frictionloss[dof],
-            'damping of free and ball joints': several and model.dof_damping[dof],
-            'springs of free and ball joints': several and model.jnt_stiffness[joint],
-            'limits of ball joints': several and model.jnt_limited[joint],
-        }
-        for kind, value in found.items():
-            if np.any(value):
-                self.robot.leave(kind, name)
+    def _leave_dynamics(self, joint: int) -> None:
+        """What acts on a joint with several freedoms."""
+        model, dof = self.model, self.model.jnt_dofadr[joint]
+        acting = (
+            model.dof_armature[dof],
+            model.dof_frictionloss[dof],
+            model.dof_damping[dof],
+            model.jnt_stiffness[joint],
+            model.jnt_limited[joint],
+        )
+        if any(np.any(value) for value in acting):
+            self.robot.leave('limits, damping, friction, springs, armature', self.joints[joint])
 
     # ------------------------------------------------------------------------------------- loops
 
     def _close(self, equality: int) -> None:
         model, kinds = self.model, self.mujoco.mjtEq
         kind, name = model.eq_type[equality], model.equality(equality).name or f'loop{equality}'
+        if equality in self.linear:
+            self._couple(equality, name)
+            return
         if kind not in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD) or not model.eq_active0[equality]:
-            self.robot.leave('equality, not connect or weld, or not active', name)
+            self.robot.leave('equalities', name)
             return
         numbers = model.eq_data[equality]
         (one, first), (other, second) = self._sides(equality)
@@ -187,11 +269,15 @@ class _Reader:
             gap = np.eye(3)
         if welded and np.linalg.norm(gap - np.eye(3)) > _TURNED:
             raise self.robot.error(name, 'its two sides are drawn turned against each other')
-        if other == GROUND:
-            one, other, start, end = other, one, end, start
         kind_of = 'weld' if welded else 'spherical'
         self.robot.connect(Connection(name, kind_of, one, other, start), end)
-        self.robot.leave('softness: here constraints hold exactly', name)
+        self.robot.leave('softness', name)
+
+    def _couple(self, equality: int, name: str) -> None:
+        joint, other, (_, slope) = self._coupled(equality)
+        of = {self.joints[joint]: 1.0} | ({self.joints[other]: -slope} if slope else {})
+        self.robot.couplings.append(Coupled(name, of))
+        self.robot.leave('softness', name)
 
     def _sides(self, equality: int) -> Iterator[tuple[str, Pose]]:
         """The two bodies of an equality, with the frames of bodies or of sites on them."""
@@ -215,22 +301,33 @@ class _Reader:
             if model.geom_contype[geom] or model.geom_conaffinity[geom]:
                 leave('contact', body)
         for kind, count in (
-            ('actuator', model.nu),
             ('tendon', model.ntendon),
             ('sensor', model.nsensor),
             ('key', model.nkey),
             ('cam', model.ncam),
             ('light', model.nlight),
-            ('pair', model.npair),
         ):
             for name in self._names(kind, count):
-                leave(kind, name)
+                leave(_KINDS[kind], name)
+        if np.any(self.data.qvel):
+            leave('velocities of the keyframe', ', '.join(self._moving()))
         for body in range(1, model.nbody):
             if model.body_mocapid[body] >= 0:
-                leave('motion of mocap bodies, which stand still', self.bodies[body])
+                leave('motion of mocap bodies', self.bodies[body])
             if model.body_gravcomp[body]:
                 leave('compensation of gravity', self.bodies[body])
         if model.nflex:
             leave('flex', f'{model.nflex} deformable')
         if model.opt.density or model.opt.viscosity:
             leave('fluid', 'density, viscosity, wind')
+
+    def _moving(self) -> list[str]:
+        """Joints with a velocity."""
+        model = self.model
+        return [
+            name
+            for name, first, last in zip(
+                self.joints, model.jnt_dofadr, [*model.jnt_dofadr[1:], model.nv], strict=True
+            )
+            if np.any(self.data.qvel[first:last])
+        ]

@@ -5,13 +5,15 @@ All places and directions are in the world frame, as drawn.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
+from alf_ros.exchange.report import LeftOut
 from alf_ros.mechanism import GROUND
 from alf_ros.model import joints
 
@@ -30,6 +32,11 @@ class Pose:
 
     def __matmul__(self, other: Pose) -> Pose:
         return Pose(self.place(other.origin), self.turn @ other.turn)
+
+    @property
+    def inverse(self) -> Pose:
+        """The outer frame in this one."""
+        return Pose(-self.turn.T @ self.origin, self.turn.T)
 
     def place(self, inner: Sequence[float] | Floats) -> Floats:
         """A place of this frame in the outer one."""
@@ -55,7 +62,8 @@ class Connection:
     """A joint at `place`, with its unit axes; `AXES` says how many.
 
     What acts on its coordinate, whose value as drawn is `drawn`: viscous `damping`, a spring of
-    `stiffness` that rests at `rest`; `limits` of the coordinate. rad or m, N m or N.
+    `stiffness` that rests at `rest`, dry `friction`; `limits` of the coordinate; the inertia
+    `armature` of a rotor. rad or m, N m or N, kg m^2 or kg. pitch: of a screw, m per turn.
     """
 
     name: str
@@ -69,32 +77,65 @@ class Connection:
     damping: float = 0.0
     stiffness: float = 0.0
     rest: float = 0.0
+    pitch: float = 0.0
+    friction: float = 0.0
+    armature: float = 0.0
+
+
+@dataclass(frozen=True)
+class Actuator:
+    """What pushes a joint: effort + k_p (position - x) + k_v (velocity - ẋ), `limit` at most.
+
+    The position is None where there is no gain k_p; positions count as those of the source.
+    """
+
+    name: str
+    joint: str
+    effort: float = 0.0
+    position: float | None = None
+    position_gain: float = 0.0
+    velocity: float | None = None
+    velocity_gain: float = 0.0
+    limit: float | None = None
+
+
+@dataclass(frozen=True)
+class Coupled:
+    """Joints by name, each with a factor: Σ factor · coordinate stays what it is as drawn."""
+
+    name: str
+    of: Mapping[str, float]
 
 
 @dataclass
 class Robot:
-    """Parts and connections; `left_out` says, by kind, what of the source is not among them."""
+    """Parts and connections; `left_out` says, by kind, what of the source is not among them.
+
+    still: what to do if nothing can move.
+    """
 
     name: str
     file: str
     gravity: tuple[float, ...]
+    still: str = ''
     parts: list[Part] = field(default_factory=list)
     connections: list[Connection] = field(default_factory=list)
-    left_out: dict[str, list[str]] = field(default_factory=dict)
+    actuators: list[Actuator] = field(default_factory=list)
+    couplings: list[Coupled] = field(default_factory=list)
+    left_out: LeftOut = field(default_factory=LeftOut)
 
     def leave(self, kind: str, name: str) -> None:
-        """Note that something of `name` is not carried over."""
-        names = self.left_out.setdefault(kind, [])
-        if name not in names:
-            names.append(name)
+        """Note that something of `name` does not come along; `kind` is one of `report`."""
+        self.left_out.add(kind, name)
 
     def connect(self, connection: Connection, end: Floats | None = None) -> None:
-        """Add a connection, of which the child's end (3,) is drawn at `end`. Raises InputError."""
+        """Add a connection, of which the child's end (3,) is drawn at `end`. Raises InputError.
+
+        The ground comes first: turned round, a joint has the same coordinates about -axes.
+        """
         name, (parent, child) = connection.name, (connection.parent, connection.child)
         if parent == child:
             raise self.error(name, f'both sides are of one body, {parent!r}')
-        if child == GROUND:
-            raise self.error(name, 'the ground comes first')
         gap = 0.0 if end is None else float(np.linalg.norm(end - connection.place))
         if gap > _OPEN * max([1e-300, *(float(abs(p.origin).max()) for p in self.parts)]):
             raise self.error(
@@ -102,15 +143,37 @@ class Robot:
                 f'its two ends are drawn {gap:.6g} m apart',
                 expected='positions of the joints at which they meet: --set JOINT=NUMBER',
             )
+        if child == GROUND:
+            axes = tuple(-axis for axis in reversed(connection.axes))
+            connection = replace(connection, parent=child, child=parent, axes=axes)
         self.connections.append(connection)
 
-    def error(self, key: str, message: str, expected: str | None = None) -> InputError:
-        return InputError(message, file=self.file, key=key, expected=expected)
+    def add_links(self, links: Mapping[str, Part], root_of: Mapping[str, str]) -> dict[str, str]:
+        """Add a part for all links of one root, named after the heaviest; what is of the ground
+        is none. Returns the part of each link."""
+        members: dict[str, list[Part]] = {}
+        for name, link in links.items():
+            members.setdefault(root_of[name], []).append(link)
+        named = {GROUND: GROUND}
+        for root, parts in members.items():
+            if root == GROUND:
+                continue
+            named[root] = max(parts, key=lambda part: part.mass).name
+            part = lumped(named[root], links[root].origin, parts)
+            if part.mass == 0.0:
+                self.leave('mass: there is none', part.name)
+            self.parts.append(part)
+        return {link: named[root] for link, root in root_of.items()}
+
+    def error(self, key: str, message: str, **details: Any) -> InputError:
+        return InputError(message, file=self.file, key=key, **details)
 
 
 def lumped(name: str, origin: Floats, parts: Iterable[Part]) -> Part:
     """Several parts as one: masses added, inertia by Steiner's theorem."""
     parts = list(parts)
+    if len(parts) == 1:
+        return replace(parts[0], name=name, origin=origin)
     mass = sum(part.mass for part in parts)
     com = sum((part.mass * part.com for part in parts), np.zeros(3)) / (mass or 1.0)
     inertia = np.zeros((3, 3))

@@ -16,32 +16,45 @@ from scipy.spatial.transform import Rotation
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
-from alf_ros.exchange.robot import STILL, Connection, Part, Pose, Robot, lumped
+from alf_ros.exchange import urdf_actuators, xml_file
+from alf_ros.exchange.robot import STILL, Connection, Coupled, Part, Pose, Robot
 from alf_ros.mechanism import GROUND
-from alf_ros.scene.text.yaml_document import LARGEST
 
 _TREE = {'revolute': 'revolute', 'continuous': 'revolute', 'prismatic': 'prismatic'}
+_MOVES = tuple(_TREE)  # along or about an axis, by one number
 _TREE |= {'planar': 'planar'}  # and `fixed` and `floating`, which are no joints
+_READ = ('link', 'joint', 'gazebo', 'constraint', 'material', 'transmission', 'ros2_control')
 _GRAVITY = (0.0, 0.0, -9.81)
+_OFF = 1e-9  # rad or m: how far a joint that mimics may be drawn from where the other has it
+_STILL = ': with --floating its root link moves'
 
 
 class UrdfReader:
     """The tree of a URDF, its links placed; `robot` is what it becomes.
 
     positions: of joints, rad or m, zero where absent. The root stands still unless `floating`.
-    Raises InputError.
+    arguments: of a xacro. Raises InputError.
     """
 
-    def __init__(self, path: Path, positions: Mapping[str, float], floating: bool) -> None:
+    def __init__(
+        self,
+        path: Path,
+        positions: Mapping[str, float],
+        floating: bool,
+        arguments: Mapping[str, str] | None = None,
+    ) -> None:
         self.file = str(path)
-        self.xml, self.urdf = _parsed(path)
-        self.robot = Robot(self.urdf.name, self.file, _GRAVITY)
+        self.xml, self.urdf = _parsed(path, arguments)
+        self.robot = Robot(self.urdf.name, self.file, _GRAVITY, _STILL)
         self.joints = {joint.name: joint for joint in self.urdf.joints}
         self.links = {link.name: link for link in self.urdf.links}
-        self.positions = positions
         for name in positions:
             if name not in self.joints:
                 raise InputError('no such joint', key='--set', value=name, choices=self.joints)
+            if self.joints[name].type not in _MOVES:
+                raise InputError('not a joint with one coordinate', key='--set', value=name)
+        self.mimics = self._mimics()
+        self.positions = self._drawn(positions)
         for kind, things, count in (
             ('joint', self.joints, len(self.urdf.joints)),
             ('link', self.links, len(self.urdf.links)),
@@ -51,13 +64,21 @@ class UrdfReader:
         self.poses: dict[str, Pose] = {}
         self.part_of: dict[str, str] = {}
         self._place(floating)
-        self._lump()
+        parts = {name: self._part(name, link) for name, link in self.links.items()}
+        self.part_of = self.robot.add_links(parts, self.part_of)
         for joint in self.urdf.joints:
             self._connect(joint)
+        self._couple()
+        limits = {
+            name: joint.limit.effort or None if joint.limit is not None else None
+            for name, joint in self.joints.items()
+            if joint.type in _MOVES
+        }
+        urdf_actuators.add(self.robot, self.xml, limits)
         self._leave()
 
     def error(self, key: str, message: str, **details: Any) -> InputError:
-        return InputError(message, file=self.file, key=key, **details)
+        return self.robot.error(key, message, **details)
 
     def unit(self, key: str, axis: Any) -> Floats:
         """A direction; x where none is given, as the format says."""
@@ -66,6 +87,59 @@ class UrdfReader:
         if not size > 0.0:
             raise self.error(key, 'zero is no direction')
         return u / size
+
+    # ---------------------------------------------------------------------- where joints are drawn
+
+    def _mimics(self) -> dict[str, tuple[str, float, float]]:
+        """By joint: the one that it mimics, the multiplier, the offset (rad, m)."""
+        found = {}
+        for name, joint in self.joints.items():
+            each = joint.mimic
+            if each is None or joint.type not in _MOVES:
+                continue
+            other = self.joints.get(each.joint)
+            if other is None or each.joint == name:
+                self.robot.leave('mimic', f'{name}, for there is no {each.joint!r}')
+                continue
+            factor = 1.0 if each.multiplier is None else float(each.multiplier)
+            found[name] = each.joint, factor, float(each.offset or 0.0)
+        return found
+
+    def _drawn(self, given: Mapping[str, float]) -> dict[str, float]:
+        """Positions of joints: given, those of <ros2_control>, and what mimics makes of them."""
+        positions = {}
+        for name, text in urdf_actuators.initial_positions(self.xml).items():
+            if name in self.joints and self.joints[name].type in _MOVES:
+                try:
+                    positions[name] = float(text)
+                except ValueError:
+                    message, expected = 'not a number', 'rad or m'
+                    raise self.error(name, message, value=text, expected=expected) from None
+        positions |= given
+        for name in self.mimics:
+            x = self._mimicked(name, positions, ())
+            if name in given and abs(given[name] - x) > _OFF:
+                message = f'{name!r} mimics {self.mimics[name][0]!r}, which has it at {x:.9g}'
+                raise InputError(message, key='--set', value=given[name])
+        return positions | {name: self._mimicked(name, positions, ()) for name in self.mimics}
+
+    def _mimicked(
+        self, name: str, positions: Mapping[str, float], waiting: tuple[str, ...]
+    ) -> float:
+        """Where a joint is, along the chain of those that it mimics."""
+        if name not in self.mimics:
+            return positions.get(name, 0.0)
+        if name in waiting:
+            raise self.error(name, 'it mimics itself')
+        other, factor, offset = self.mimics[name]
+        return factor * self._mimicked(other, positions, (*waiting, name)) + offset
+
+    def _couple(self) -> None:
+        """A coupling for each joint that mimics one that moves; else it holds its place."""
+        for name, (other, factor, _) in self.mimics.items():
+            moves = factor != 0.0 and self.joints[other].type in _MOVES
+            of = {name: 1.0} | ({other: -factor} if moves else {})
+            self.robot.couplings.append(Coupled(f'{name}_mimic', of))
 
     # -------------------------------------------------------------------------------------- tree
 
@@ -100,29 +174,13 @@ class UrdfReader:
     def _pose(self, joint: Any) -> Pose:
         """Of the child's frame in the parent's."""
         pose = _pose(joint.origin)
+        if joint.type not in _MOVES:  # what does not move may have any axis, zero as well
+            return pose
         x = self.positions.get(joint.name, 0.0)
         if joint.type == 'prismatic':
             return Pose(pose.place(x * self.unit(joint.name, joint.axis)), pose.turn)
         turned = Rotation.from_rotvec(x * self.unit(joint.name, joint.axis)).as_matrix()
         return Pose(pose.origin, pose.turn @ turned)
-
-    def _lump(self) -> None:
-        """A part for all links that are fixed to each other, named after the heaviest."""
-        members: dict[str, list[Part]] = {}
-        for name, link in self.links.items():
-            members.setdefault(self.part_of[name], []).append(self._part(name, link))
-        named = {GROUND: GROUND}
-        for root, parts in members.items():
-            named.setdefault(root, max(parts, key=lambda part: part.mass).name)
-        self.part_of = {link: named[root] for link, root in self.part_of.items()}
-        for root, parts in members.items():
-            if root == GROUND:
-                continue
-            name = named[root]
-            part = lumped(name, self.poses[root].origin, parts)
-            if part.mass == 0.0:
-                self.robot.leave('mass: there is none', name)
-            self.robot.parts.append(part)
 
     def _part(self, name: str, link: Any) -> Part:
         pose = self.poses[name]
@@ -144,11 +202,9 @@ class UrdfReader:
         pose = self.poses[joint.child]
         turns = joint.limit is not None and joint.type in ('revolute', 'prismatic')
         dynamics = joint.dynamics
-        if dynamics is not None and dynamics.friction:
-            self.robot.leave('dry friction', joint.name)
         drawn = self.positions.get(joint.name, 0.0)
         if drawn:
-            self.robot.leave('zero of joints: here it is as drawn', f'{joint.name} at {drawn:g}')
+            self.robot.leave('zero of joints', f'{joint.name} at {drawn:g}')
         self.robot.connect(
             Connection(
                 joint.name,
@@ -160,6 +216,7 @@ class UrdfReader:
                 drawn,
                 (joint.limit.lower or 0.0, joint.limit.upper or 0.0) if turns else None,
                 float(dynamics.damping or 0.0) if dynamics is not None else 0.0,
+                friction=float(dynamics.friction or 0.0) if dynamics is not None else 0.0,
             )
         )
 
@@ -175,46 +232,41 @@ class UrdfReader:
 
     def _leave(self) -> None:
         """What else the file has."""
+        pushed = {actuator.joint for actuator in self.robot.actuators}
         for link in self.xml.findall('link'):
-            for kind in ('visual', 'collision'):
-                if link.find(kind) is not None:
-                    self.robot.leave(f'{kind} shapes', link.get('name', ''))
+            if link.find('visual') is not None or link.find('collision') is not None:
+                self.robot.leave('shapes', link.get('name', ''))
+            if link.find('collision') is not None:
+                self.robot.leave('contact', link.get('name', ''))
         for joint in self.urdf.joints:
-            for kind in ('mimic', 'calibration', 'safety_controller'):
+            for kind in ('calibration', 'safety_controller'):
                 if getattr(joint, kind, None) is not None:
                     self.robot.leave(kind, joint.name)
             limit = joint.limit
-            if limit is not None and (limit.effort or limit.velocity):
-                self.robot.leave('limits of effort and velocity', joint.name)
-        known = ('link', 'joint', 'gazebo', 'constraint', 'material')
+            if limit is not None and limit.velocity:
+                self.robot.leave('limits of velocity', joint.name)
+            if limit is not None and limit.effort and joint.name not in pushed:
+                self.robot.leave('limits of effort', joint.name)
         for element in self.xml:
-            if isinstance(element.tag, str) and element.tag not in known:
+            if isinstance(element.tag, str) and element.tag not in _READ:
                 self.robot.leave('elements', f'{element.tag} {element.get("name", "")}'.strip())
 
 
-def _parsed(path: Path) -> tuple[ElementTree.Element, Any]:
+def _parsed(path: Path, arguments: Mapping[str, str] | None) -> tuple[ElementTree.Element, Any]:
     """The XML, and what urdf_parser_py makes of it."""
     from urdf_parser_py import urdf
     from urdf_parser_py.xml_reflection import core
 
-    try:
-        text = path.read_bytes()
-        xml = ElementTree.fromstring(text)
-    except OSError as error:
-        raise InputError(f'cannot be read: {error.strerror}', file=str(path)) from None
-    except (ElementTree.ParseError, ValueError) as error:
-        raise InputError(f'not XML: {error}', file=str(path)) from None
+    xml = xml_file.root_of(path, arguments)
     if xml.tag != 'robot':
         raise InputError('not a URDF', file=str(path), value=xml.tag, expected='<robot>')
-    if xml.find('.//{http://www.ros.org/wiki/xacro}*') is not None:
-        raise InputError('a xacro: run `xacro FILE > OUT.urdf` first', file=str(path))
-    plain = ElementTree.Element('robot', xml.attrib)  # what else there is may be as it likes
-    for element in xml:
+    plain = ElementTree.Element('robot', {'name': path.stem} | xml.attrib)
+    for element in xml:  # what else there is may be as it likes
         if element.tag in ('link', 'joint'):
             kept = [each for each in element if each.tag not in ('visual', 'collision')]
             ElementTree.SubElement(plain, element.tag, element.attrib).extend(kept)
     for element in plain.iter():
-        _check_sizes(element, path)
+        xml_file.check_sizes(element, path)
     told, core.on_error = core.on_error, lambda message: None  # what is unknown we list ourselves
     try:
         robot = urdf.URDF.from_xml_string(ElementTree.tostring(plain))
@@ -229,20 +281,6 @@ def _parsed(path: Path) -> tuple[ElementTree.Element, Any]:
     if not robot.links:
         raise InputError('a robot without links', file=str(path))
     return xml, robot
-
-
-def _check_sizes(element: ElementTree.Element, path: Path) -> None:
-    """Refuse what reads as a number, but cannot be computed with."""
-    for key, value in element.attrib.items():
-        for word in value.split() if key not in ('name', 'link', 'joint', 'type') else ():
-            try:
-                usable = abs(float(word)) <= LARGEST
-            except ValueError:  # the parser says what should have been there
-                usable = True
-            if not usable:
-                where = f'{element.tag} {key}'
-                message = 'not a usable number'
-                raise InputError(message, file=str(path), key=where, value=word)
 
 
 def _pose(origin: Any) -> Pose:

@@ -15,7 +15,6 @@ from scipy.spatial.transform import Rotation
 from alf_ros.arrays import Floats
 from alf_ros.exchange.robot import AXES, Connection, Pose
 from alf_ros.exchange.urdf_import import UrdfReader
-from alf_ros.mechanism import GROUND
 from alf_ros.model import joints
 
 _LOOP = {kind: kind for kind in AXES} | {
@@ -38,15 +37,6 @@ def close(reader: UrdfReader) -> None:
         _constraint(reader, element)
 
 
-def connection(
-    name: str, kind: str, parent: str, child: str, place: Floats, axes: tuple[Floats, ...]
-) -> Connection:
-    """A loop's joint; the ground comes first, as only signs depend on the order."""
-    if child == GROUND:
-        parent, child, axes = child, parent, axes[::-1]
-    return Connection(name, kind, parent, child, place, axes)
-
-
 def _gazebo(reader: UrdfReader, element: ElementTree.Element) -> None:
     name = element.get('name', 'gazebo_joint')
     kind = _kind(reader, name, element.get('type', ''))
@@ -64,10 +54,9 @@ def _gazebo(reader: UrdfReader, element: ElementTree.Element) -> None:
         of_model = (axis.findtext('use_parent_model_frame') or '').strip() in ('1', 'true')
         of_model |= xyz.get('expressed_in') == '__model__'
         axes.append(u if of_model else frame.turn @ u)
-        for kind_of in ('limit', 'dynamics'):
-            if axis.find(kind_of) is not None:
-                reader.robot.leave(f'{kind_of} of loops', name)
-    reader.robot.connect(connection(name, kind, parent, child, frame.origin, tuple(axes)))
+        if axis.find('limit') is not None or axis.find('dynamics') is not None:
+            reader.robot.leave('limits, damping, friction, springs, armature', name)
+    reader.robot.connect(Connection(name, kind, parent, child, frame.origin, tuple(axes)))
 
 
 def _constraint(reader: UrdfReader, element: ElementTree.Element) -> None:
@@ -88,7 +77,7 @@ def _constraint(reader: UrdfReader, element: ElementTree.Element) -> None:
     if AXES[kind] == 1 and 1.0 - abs(axes[0] @ axes[1]) > _PARALLEL:
         raise reader.error(name, 'its two axes are drawn apart', expected='joints placed by --set')
     along = tuple(axes[: AXES[kind]])
-    made = connection(name, kind, parts[0], parts[1], places[0], along)
+    made = Connection(name, kind, parts[0], parts[1], places[0], along)
     reader.robot.connect(made, places[1])
 
 

@@ -16,7 +16,6 @@ import numpy as np
 
 from alf_ros.exchange.robot import AXES, Connection
 from alf_ros.exchange.urdf_import import UrdfReader
-from alf_ros.exchange.urdf_loops import connection
 from alf_ros.mechanism import GROUND
 from alf_ros.scene.mechanism_file.joints import unit
 from alf_ros.scene.text import yaml_document
@@ -54,4 +53,4 @@ def _connection(name: str, entry: Entry, reader: UrdfReader) -> Connection:
     axes = (fields['axis'],) if 'axis' in fields else axes
     along = tuple(pose.turn @ unit(axis, 3, {}) for axis in axes)
     place = pose.place(np.array(fields['at'].vector(3, {})))
-    return connection(name, kind, parent, child, place, along)
+    return Connection(name, kind, parent, child, place, along)

@@ -43,12 +43,16 @@ class Answer:
 
 @dataclass(frozen=True, eq=False)
 class Soundness:
-    """What was found. `q` is the closed position (blocks D, m), the drawn one if none is."""
+    """What was found. `q` is the closed position (blocks D, m), the drawn one if none is.
+
+    freedoms: of velocity, at ordinary positions; zero if nothing closes.
+    """
 
     model: Model
     q: Floats
     answers: tuple[Answer, ...]
     walk: Sweep
+    freedoms: int = 0
 
     @property
     def sound(self) -> bool:
@@ -80,7 +84,8 @@ def examine(scene: Scene) -> Soundness:
     answers += _drives(scene, at, usual.model.n - usual.rank)
     answers += [_reactions(usual), _mass(at)]
     answers += _start(scene, at, any(answer.verdict == BAD for answer in answers))
-    return Soundness(model, at.q, (*answers, _on_the_way(usual, walk)), walk)
+    answers.append(_on_the_way(usual, walk))
+    return Soundness(model, at.q, tuple(answers), walk, usual.model.n - usual.rank)
 
 
 def table(found: Soundness, name: str) -> str:
@@ -267,6 +272,8 @@ def _start(scene: Scene, at: Linearised, is_known_bad: bool) -> Iterator[Answer]
             yield Answer(BAD, question if of_velocities else 'start', fault.message)
     elif simulation.state.qd[: simulation.model.n].any():
         yield Answer(OK, question, 'fit the constraints')
+    elif simulation.resolution.unexamined:
+        yield Answer(NOTE, question, simulation.resolution.unexamined)
     elif simulation.singular_start is not None:
         yield _from_rest(here, simulation)
 
@@ -283,16 +290,14 @@ def _place_of_start(here: Position, gained: int) -> Answer:
     if here.kind in (singular_branches.CURVED, singular_branches.MANY):
         return Answer(NOTE, question, f'{text}branches not enumerated ({here.kind})')
     branches = _count(len(here.branches), 'branch', 'es')
-    return Answer(
-        NOTE, question, f'{text}{here.kind}, {branches}: {singular_branches.described(here)}'
-    )
+    return Answer(NOTE, question, f'{text}{here.kind}, {branches}: {here.described()}')
 
 
 def _from_rest(here: Position, simulation: Simulation) -> Answer:
     """What the rule for a start at rest in a singular position does."""
     question, departure = 'initial velocities', simulation.departure
     if departure is not None:
-        alone = singular_branches.described(here, None, [departure])
+        alone = here.described(None, [departure])
         return Answer(NOTE, question, f'at rest: leaves along {alone}, where forces do most')
     if here.kind in (singular_branches.CURVED, singular_branches.MANY):
         text = 'at rest: leaves, if a force acts, on the branch nearest to what it asks for'
@@ -333,6 +338,7 @@ def _owners(model: Model) -> dict[str, str]:
         owner.update((row.name, body.name) for row in rigidity(body, model.layout))
     for joint in model.mechanism.joints:
         owner.update((row.name, joint.name) for row in joint_rows(joint, model.layout))
+    owner.update((coupling.name, coupling.name) for coupling in model.mechanism.couplings)
     return owner
 
 

@@ -6,7 +6,7 @@ what differs from the print. `data` says what passes between the files.
 
 from alf_ros.kernel.adaptive import advance_adaptively
 from alf_ros.kernel.applied_forces import add_friction, applied_forces, potential_energy
-from alf_ros.kernel.augmented_solve import accelerate, augmented, begin_balance, finish
+from alf_ros.kernel.augmented_solve import accelerate, augmented, finish, restore_reactions
 from alf_ros.kernel.constraints import (
     add_transposed,
     convective,
@@ -16,6 +16,7 @@ from alf_ros.kernel.constraints import (
     violation,
 )
 from alf_ros.kernel.data import (
+    EVERY_MODE,
     FREE,
     ORIGIN,
     SOLVED,
@@ -31,9 +32,11 @@ from alf_ros.kernel.data import (
     Pattern,
     Phase,
     Prescribed,
+    Problem,
     Rows,
     Soft,
     System,
+    Until,
     Watch,
     Work,
 )
@@ -50,6 +53,7 @@ from alf_ros.kernel.triangular_solve import solve
 from alf_ros.kernel.unwrapping import nearby
 
 __all__ = [
+    'EVERY_MODE',
     'FREE',
     'ORIGIN',
     'SOLVED',
@@ -65,10 +69,12 @@ __all__ = [
     'Pattern',
     'Phase',
     'Prescribed',
+    'Problem',
     'Rows',
     'Soft',
     'Status',
     'System',
+    'Until',
     'Watch',
     'Work',
     'accelerate',
@@ -80,7 +86,6 @@ __all__ = [
     'advance_implicitly',
     'applied_forces',
     'augmented',
-    'begin_balance',
     'carried_over',
     'convective',
     'finish',
@@ -92,6 +97,7 @@ __all__ = [
     'nearby',
     'potential_energy',
     'prescribed_at',
+    'restore_reactions',
     'softest',
     'solve',
     'times_jacobian',

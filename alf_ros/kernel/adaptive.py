@@ -6,23 +6,44 @@ import numpy as np
 
 from alf_ros.arrays import Unit
 from alf_ros.kernel.arc_coordinates import straighten, straighten_momenta, turning
-from alf_ros.kernel.data import NOTHING, Forces, Method, Phase, System, Watch, Work
-from alf_ros.kernel.interpolated_stages import linearise_aside
+from alf_ros.kernel.data import EPS, NOTHING, Method, Phase, Problem, System, Watch, Work
+from alf_ros.kernel.interpolated_stages import SPACING, linearise_aside
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.numba_ext.jit import ONE, THREE, TWO, ZERO, compiled, inner
 from alf_ros.kernel.numba_ext.vectors import copy, largest, zero
-from alf_ros.kernel.singularity_monitor import note
-from alf_ros.kernel.status import COLLAPSED, JAMMED, NOT_POSITIVE, OK, TOO_MANY
-from alf_ros.kernel.step import accept, begin, fall_back, keep, least_sigma, step
+from alf_ros.kernel.singularity_monitor import may_have_passed
+from alf_ros.kernel.status import (
+    COLLAPSED,
+    JAMMED,
+    NOT_CLOSED,
+    NOT_POSITIVE,
+    OK,
+    STOPPED,
+    TOO_MANY,
+)
+from alf_ros.kernel.step import (
+    accept,
+    least_sigma,
+    linearise_first,
+    restore_grid_point,
+    save_grid_point,
+    step,
+)
 from alf_ros.kernel.step_error import free_part
-from alf_ros.kernel.work_ledger import ALL, tally
+from alf_ros.kernel.stopping import told_to_stop
+from alf_ros.kernel.work_ledger import ALL_FORCES, record_power
 
 _SHARE = 0.05  # of the tolerance for one step: errors add up along a motion
-_ROUNDING = 1e-10  # relative error of a step that may be rounding; ten times more if it stays
+_ROUNDED = EPS  # over x²: relative error of a step that may be rounding …
+_FLAT = 1e-14  # … far from singular positions, over the ordinary σ …
+_MOST_ROUNDED = 1e-10  # … and at most; ten times more if it stays
+_DECAY = 2.5  # an error of order h⁴ that falls by less than this power of h is that of a kink
+_LEAP = 100.0  # times: so much above that of the step before, likewise
 _TURN = 1.5  # rad that an arm may turn in a step, so that turns can be counted
 _MARGIN = 4.0  # as rounding is different in every step
 ENDED = 1e-6  # part of the step of the grid up to which the end of a balance is found
+REFUSED = 40  # attempts, where lengths miss a singular position: shorter steps do not help then
 MOST = 20_000  # steps between two grid points: more is stiff, and would look like a hang
 
 
@@ -71,7 +92,7 @@ def _error_norm(
 
 
 @inner
-def _error(
+def _errors(
     unit: Unit,
     system: System,
     method: Method,
@@ -79,30 +100,40 @@ def _error(
     phase: Phase,
     h: float,
     share: float,
-) -> float:
-    """Relative error of the step of h that ended in `work`, in parts of `share`.
-
-    Both embedded errors as Hairer, Nørsett & Wanner (1993), II.10, join them for DOP853.
-    """
+) -> tuple[float, float]:
+    """Both relative errors of the step of h that ended in `work`, of order h⁶ and h⁴, in parts of
+    `share`."""
     n = work.p.size
     pull = largest(work.Q, n) / system.mean
     speed = max(largest(phase.qd, n), largest(work.qd, n), np.sqrt(system.size * pull))
     if work.aside[0]:
         linearise_aside(unit, system, work)
-    e5 = _error_norm(unit, system, method, work, 0, h, speed) / share
-    e3 = _error_norm(unit, system, method, work, 1, h, speed) / share
+    fine = _error_norm(unit, system, method, work, 0, h, speed) / share
+    coarse = _error_norm(unit, system, method, work, 1, h, speed) / share
     if work.aside[0]:
         linearise(unit, system, work, work.q)
-    return e5 * e5 / np.sqrt(e5 * e5 + 0.01 * e3 * e3) if e5 > NOTHING else 0.0
+    if np.isfinite(fine) and np.isfinite(coarse):
+        return fine, coarse
+    return np.inf, np.inf
+
+
+@inner
+def _joined(fine: float, coarse: float) -> float:
+    """Both errors as Hairer, Nørsett & Wanner (1993), II.10, join them for DOP853: of order h⁸, if
+    the motion is smooth."""
+    return fine * fine / np.sqrt(fine * fine + 0.01 * coarse * coarse) if fine > NOTHING else 0.0
+
+
+@inner
+def _likely_rounding(system: System, work: Work) -> float:
+    """Relative error of the step that ended in `work`, up to which it may be rounding."""
+    x = max(work.nearest[0], SPACING * system.close)  # nearer ones are interpolated from there
+    return min(_MOST_ROUNDED, _FLAT / system.ordinary + _ROUNDED / (x * x))
 
 
 @compiled
 def advance_adaptively(
-    unit: Unit,
-    system: System,
-    forces: Forces,
-    method: Method,
-    work: Work,
+    problem: Problem,
     phase: Phase,
     watch: Watch | None,
     t0: float,
@@ -112,19 +143,22 @@ def advance_adaptively(
     within: bool,
 ) -> tuple[int, int, int]:
     """Like `advance`, each h in as many steps as the tolerance of the method takes."""
+    unit, system = problem.unit, problem.system
+    method, work = problem.method, problem.work
     pace, share = phase.pace, _SHARE * method.tolerance
     good_pace = pace[0]
-    keep(forces, work, phase)
+    save_grid_point(problem, phase)
     most, begun = 0, False
     tries, before, longer = 0, np.inf, h  # from here; error and length of the last
-    if not begin(unit, system, work, phase):
+    if not linearise_first(unit, system, work, phase):
         return NOT_POSITIVE, 0, most
     sigma = 0.0 if within else least_sigma(phase)
     for taken in range(steps):
         t, end = t0 + (first + taken) * h, t0 + (first + taken + 1) * h
         done = 0.0
-        result, tried = OK, 0
+        result, tried, refused = OK, 0, 0
         floor = 1.0  # what rounding leaves of the error, whatever the step
+        expected = np.inf  # the most that the coarse error is without a kink, with `longer`
         while done < h:
             tried += 1
             if tried > MOST:
@@ -137,35 +171,43 @@ def advance_adaptively(
             parts = max(1.0, np.ceil(0.999999 * left / longest))  # no crumb at the grid point
             dt = left / parts
             to = end if parts == 1.0 else t + done + dt
-            result, count = step(
-                unit, system, forces, method, work, phase, t + done, to, dt, sigma, begun
-            )
+            result, count = step(problem, phase, t + done, to, dt, sigma, begun)
             most = max(most, count)
-            error, factor = np.inf, 0.5
+            if told_to_stop(work):
+                result = STOPPED
+                break
+            fine, coarse, error, factor = np.inf, np.inf, np.inf, 0.5
             if result == OK:
-                error = _error(unit, system, method, work, phase, dt, share)
-            if np.isfinite(error):
+                fine, coarse = _errors(unit, system, method, work, phase, dt, share)
+            if fine < np.inf:
+                error = _joined(fine, coarse)
+                if coarse > expected * (dt / longer) ** (_DECAY if tries > 0 else 4.0):
+                    error = max(fine, coarse)
                 part = error / floor
                 factor = min(5.0, max(0.2, 0.8 * part ** (-1.0 / 8.0))) if part > 0.0 else 5.0
             # the error of a method falls as h⁸, that of rounding as h: then a shorter step is no
             # better
-            stays = tries > 0 and error > before * (dt / longer) ** 1.5
-            likely = _ROUNDING if tries < 2 else 10.0 * _ROUNDING
-            if stays and error > floor and error * share < likely:
+            stays = tries > 0 and fine > before * (dt / longer) ** 1.5
+            likely = _likely_rounding(system, work) * (1.0 if tries < 2 else 10.0)
+            if stays and error > floor and fine * share < likely:
                 floor, factor = _MARGIN * error, 1.0
             if error <= floor:
-                tally(forces.ledger.tally, system, forces, work, phase, t, method.b.size, dt, ALL)
+                record_power(problem, phase, t, method.b.size, dt, ALL_FORCES)
                 accept(unit, system, work, phase)
-                copy(forces.bearings.force, phase.loads)
+                copy(problem.forces.bearings.force, phase.loads)
                 done = h if parts == 1.0 else done + dt
                 pace[0] = max(pace[0], factor * dt) if dt < pace[0] else factor * dt
                 work.rounded[0] += error > 1.0
                 begun, sigma, tries = False, least_sigma(phase), 0
+                expected, longer = _LEAP * max(coarse, 1.0), dt
             else:
-                before, longer = error, dt
+                before, longer, expected = fine, dt, coarse
                 begun = result == OK
                 tries += 1
                 pace[0] = factor * dt
+                refused += result == NOT_CLOSED and work.crossing[1] > 0.0
+                if refused > REFUSED:
+                    break
                 if pace[0] < (ENDED if result == JAMMED else 1e-9) * h:
                     result = result if result != OK else COLLAPSED
                     break
@@ -173,12 +215,13 @@ def advance_adaptively(
                     copy(phase.q, work.q)
                     linearise(unit, system, work, work.q)
         if done < h:
-            fall_back(forces, work, phase)
+            restore_grid_point(problem, phase)
             pace[0] = good_pace
             return result, taken, most
-        keep(forces, work, phase)
+        save_grid_point(problem, phase)
+        phase.step[0] = first + taken + 1
         good_pace = pace[0]
         if watch is not None:  # known when it is compiled: who does not watch does without
-            if note(unit, system, work, watch, phase, end):
+            if may_have_passed(problem, phase, watch, end):
                 return OK, taken + 1, most  # to be looked at
     return OK, steps, most

@@ -13,7 +13,7 @@ from alf_ros.kernel.numba_ext.vectors import zero
 def add_one(
     effects: Effects, e: int, t: float, q: Floats, qd: Floats, near: Floats, Q: Floats
 ) -> None:
-    """Q += what effect number e exerts without loads."""
+    """Q += the force of effect number e, except friction that depends on loads."""
     call(
         effects.force[e],
         t,
@@ -39,7 +39,7 @@ def add_one_friction(
     loads: Floats,
     Q: Floats,
 ) -> None:
-    """Q += what of it depends on the loads (N) of joints."""
+    """Q += the friction of effect number e that depends on the loads (N) of joints."""
     call(
         effects.friction[e],
         t,
@@ -70,7 +70,7 @@ def applied_forces(
 def add_friction(
     effects: Effects, t: float, q: Floats, qd: Floats, near: Floats, loads: Floats, Q: Floats
 ) -> None:
-    """Q += what depends on the loads (N) of joints."""
+    """Q += the friction of all effects that depends on the loads (N) of joints."""
     for e in range(effects.friction.size):
         if effects.friction[e] != 0:
             add_one_friction(effects, e, t, q, qd, near, loads, Q)

@@ -1,25 +1,26 @@
 """The coordinates in which a step adds up: arcs for blocks that turn about another, and momenta.
 
-A Runge-Kutta method asks of its coordinates that a motion be smooth in them, no more. A point of a
-bar that turns goes round in a circle, of which a Cartesian coordinate must follow every harmonic,
-while along the arc it hardly accelerates. So, in one step, a block at a constant distance from
-another (`System.arms`) counts by the circle that it follows about that. With d from the other
-block to it, t, n the tangent and the normal where the step begins, b = t × n, and κ the curvature
-there,
+A Runge-Kutta method needs coordinates in which the motion is smooth, nothing else. A point of a
+turning bar moves on a circle: a Cartesian coordinate follows every harmonic of this motion, while
+the arc length has hardly any acceleration. So, within one step, a block at a constant distance
+from another block (`System.arms`) has coordinates along the circle that it follows about the other
+block. With d from the other block to it, t, n the tangent and the normal where the step begins,
+b = t × n, and κ the curvature there,
 
     d = d₀ + t (1 - κc) sin(κa)/κ + n (c cos(κa) + (1 - cos(κa))/κ) + b e:
 
 along the arc by a, inwards by c, and beside it by e. Together these are ξ, and q̇ = J ξ̇. In the
-plane the circle is that about the other block; in space it is the one that osculates, about the
-axis that the body turns about. A block without an arc counts by its place, ξ = q - q₀.
+plane the circle is that about the other block; in space it is the osculating circle, about the
+axis that the body turns about. A block without an arc has ξ = q - q₀.
 
-The other half of the state are canonical momenta, w = Jᵀ p with p = M q̇ (30). J is a tree: what
-hangs on a block moves with it, so with Pᵢ the sum of p over block i and all arcs that hang on it,
+The other half of the state are canonical momenta, w = Jᵀ p with p = M q̇ (30). J is a tree, because
+a block moves with the block that its arc is about. So with Pᵢ the sum of p over block i and all
+blocks whose arcs are about it,
 
     w_i = J_iᵀ P_i,   ẇ_i = J_iᵀ Ṗ_i + J̇_iᵀ P_i,   ṗ = Q - Φ_qᵀλ = M q̈,   J_i = [(1 - κc) T, N, b]
 
-with T, N = t, n turned by κa. Constraints and forces do not know of any of this: a stage is
-unfolded into q and p, and its q̇ and q̈ are folded into ξ̇ and ẇ.
+with T, N = t, n turned by κa. Constraints and forces are evaluated in q: a stage is unfolded into
+q and p, and its q̇ and q̈ are folded into ξ̇ and ẇ (35).
 """
 
 from __future__ import annotations
@@ -34,17 +35,17 @@ from alf_ros.kernel.numba_ext.jit import ONE, THREE, TWO, inlined, inner
 from alf_ros.kernel.numba_ext.plain_loops import each
 from alf_ros.kernel.numba_ext.vectors import copy, largest, zero
 
-# rad in a step: what turns less is as well off with places (1e-10 of the radius, of a radian, with
-# rk4), and these cost less
+# rad in a step: for smaller turns arcs gain 1e-10 of the radius, of a radian, with rk4, and cost
+# more than places
 _LEAST = 0.01
-_SLOWEST = 1e-4  # of the fastest, in space: a slower block tells no circle
-_WIDE = 1.6  # rad: what turns further in a step calls sin and cos both
-_SHARPEST = 10.0  # 1 / length of the arm: nor does one that hardly moves about its axis
+_SLOWEST = 1e-4  # of the fastest, in space: the circle of a slower block is not determined
+_WIDE = 1.6  # rad in a step: for larger turns sin and cos are both computed
+_SHARPEST = 10.0  # 1 / length of the arm: largest curvature that is used
 
 
 @inlined
-def _apart(unit: Unit, arms: Arms, i: np.uint64, u: Floats) -> Block:
-    """u (all blocks D,) of block i, less that of what it turns about."""
+def _relative(unit: Unit, arms: Arms, i: np.uint64, u: Floats) -> Block:
+    """u (all blocks D,) of block i, less that of the block that it turns about."""
     about, v = arms.about[i], block(unit, u, i)
     if about != ORIGIN:
         v = v - block(unit, u, np.uint64(about))
@@ -58,7 +59,7 @@ def turning(unit: Unit, arms: Arms, phase: Phase) -> float:
     for i in each(0, arms.about.size):
         if arms.about[i] == FREE:
             continue
-        d, v = _apart(unit, arms, i, phase.q), _apart(unit, arms, i, phase.qd)
+        d, v = _relative(unit, arms, i, phase.q), _relative(unit, arms, i, phase.qd)
         dd, dv, vv = dot(d, d), dot(d, v), dot(v, v)
         if dd > 0.0:
             fastest = max(fastest, (dd * vv - dv * dv) / (dd * dd))
@@ -66,9 +67,9 @@ def turning(unit: Unit, arms: Arms, phase: Phase) -> float:
 
 
 @inner
-def lay(unit: Unit, system: System, chart: Chart, work: Work, phase: Phase, h: float) -> None:
-    """Choose the coordinates of a step of h (s), and leave ξ̇ and w where it begins."""
-    arms = system.arms
+def choose_arcs(unit: Unit, system: System, work: Work, phase: Phase, h: float) -> None:
+    """Choose the coordinates of a step of h (s), and store ξ̇ and w where it begins."""
+    arms, chart = system.arms, work.chart
     chart.arcs[0] = 0
     slowest = _SLOWEST * largest(phase.qd, work.p.size)
     for i in each(0, arms.about.size):
@@ -76,7 +77,7 @@ def lay(unit: Unit, system: System, chart: Chart, work: Work, phase: Phase, h: f
         put(chart.rate, i, block(unit, phase.qd, i))
         if arms.about[i] == FREE:
             continue
-        d, v = _apart(unit, arms, i, phase.q), _apart(unit, arms, i, phase.qd)
+        d, v = _relative(unit, arms, i, phase.q), _relative(unit, arms, i, phase.qd)
         if len(unit) == 2:
             turn, dd = d[0] * v[1] - d[1] * v[0], dot(d, d)
             if abs(turn) * h <= _LEAST * dd:
@@ -87,7 +88,7 @@ def lay(unit: Unit, system: System, chart: Chart, work: Work, phase: Phase, h: f
             put(chart.n, i, (-1.0 / long) * d)
             put(chart.rate, i, packed(unit, turn / long, -dot(d, v) / long, 0.0))
         else:
-            b, vv = _apart(unit, arms, i, work.bend), dot(v, v)
+            b, vv = _relative(unit, arms, i, work.bend), dot(v, v)
             fast, vb = np.sqrt(vv), dot(v, b)
             if fast <= slowest:
                 continue
@@ -103,16 +104,16 @@ def lay(unit: Unit, system: System, chart: Chart, work: Work, phase: Phase, h: f
         chart.sin[i], chart.cos[i], chart.rho[i] = 0.0, 1.0, 1.0
         chart.arcs[0] += 1
     if chart.arcs[0] > 0:
-        _begin(unit, system, chart, work, phase)
+        _store_momenta(unit, system, work, phase)
 
 
 @inner
-def _begin(unit: Unit, system: System, chart: Chart, work: Work, phase: Phase) -> None:
-    """w where the step begins, and what rounding t and n leaves of p beside it: step by step that
-    would go the same way."""
-    arms, p = system.arms, work.p
+def _store_momenta(unit: Unit, system: System, work: Work, phase: Phase) -> None:
+    """w where the step begins (30), and the part of p that w lacks because t and n are rounded:
+    without it the error would add up from step to step."""
+    arms, chart, p = system.arms, work.chart, work.p
     zero(work.sum)
-    add_mass_times(unit, system.mass, 1.0, phase.qd, work.sum)
+    add_mass_times(unit, system.mass, 1.0, phase.qd, work.sum)  # (30), σ = 0
     copy(work.sum, chart.rest)
     gather(unit, arms, chart, work.sum)
     for i in each(0, arms.about.size):
@@ -130,7 +131,7 @@ def _begin(unit: Unit, system: System, chart: Chart, work: Work, phase: Phase) -
 
 
 @inlined
-def hangs(arms: Arms, chart: Chart, i: np.uint64) -> bool:
+def turns_about_movable(arms: Arms, chart: Chart, i: np.uint64) -> bool:
     """Whether the arc of block i is about a movable block."""
     about = arms.about[i]
     return chart.curvature[i] != 0.0 and 0 <= about < arms.about.size
@@ -138,10 +139,10 @@ def hangs(arms: Arms, chart: Chart, i: np.uint64) -> bool:
 
 @inner
 def gather(unit: Unit, arms: Arms, chart: Chart, u: Floats) -> None:
-    """Add to u (movable D,) of each block that of all arcs that hang on it."""
+    """Add to u (movable D,) of each block that of all blocks whose arcs are about it."""
     for m in each(0, arms.order.size):
         i = arms.order[arms.order.size - ONE - m]
-        if hangs(arms, chart, i):
+        if turns_about_movable(arms, chart, i):
             add(u, np.uint64(arms.about[i]), block(unit, u, i))
 
 
@@ -150,7 +151,7 @@ def scatter(unit: Unit, arms: Arms, chart: Chart, u: Floats) -> None:
     """The inverse of `gather`."""
     for m in each(0, arms.order.size):
         i = arms.order[m]
-        if hangs(arms, chart, i):
+        if turns_about_movable(arms, chart, i):
             subtract(u, np.uint64(arms.about[i]), block(unit, u, i))
 
 
@@ -177,7 +178,7 @@ def composed(unit: Unit, chart: Chart, i: np.uint64, u: Block) -> Block:
 
 @inlined
 def _third(unit: Unit, u: Block) -> float:
-    """What u has besides two coordinates."""
+    """Third coordinate of u; 0 in the plane."""
     third = 0.0
     if len(unit) != 2:
         third = u[2]
@@ -185,17 +186,17 @@ def _third(unit: Unit, u: Block) -> float:
 
 
 @inner
-def unfold(unit: Unit, system: System, chart: Chart, work: Work, phase: Phase) -> None:
-    """From ξ in q, rates like ξ̇ in q̇, and w in p, of `work`, to q, q̇ and p.
+def unfold(unit: Unit, system: System, work: Work, phase: Phase) -> None:
+    """From ξ in q, rates like ξ̇ in q̇, and w in p, of `work`, to q, q̇ and p (30).
 
-    Prescribed blocks are where they will be. Without arcs p = M q̇.
+    Prescribed blocks have been placed before. Without arcs p = M q̇.
     """
-    p, arms = work.p, system.arms
+    p, arms, chart = work.p, system.arms, work.chart
     if chart.arcs[0] == 0:
         for a in range(p.size):
             work.q[a] += phase.q[a]
         zero(p)
-        add_mass_times(unit, system.mass, 1.0, work.qd, p)
+        add_mass_times(unit, system.mass, 1.0, work.qd, p)  # (30), σ = 0
         return
     for m in each(0, arms.order.size):
         i = arms.order[m]
@@ -238,27 +239,27 @@ def _turned(x: float) -> tuple[float, float, float]:
 
 
 @inner
-def lead(unit: Unit, arms: Arms, chart: Chart, work: Work, amount: float) -> None:
-    """q += `amount` (s²) times the curvature of the path, where a stage lags behind it by that.
+def shift_along_path(unit: Unit, arms: Arms, work: Work, amount: float) -> None:
+    """q += `amount` (s²) times the curvature of the path, by which a stage lags behind the path.
 
-    Arcs do not lag, but are taken along by what they turn about. The stage stands in `target`.
+    Blocks with arcs do not lag; they move with the block that they turn about. The stage stands
+    in `target`.
     """
+    chart = work.chart
     for m in each(0, arms.order.size):
         i = arms.order[m]
         if chart.curvature[i] == 0.0:
             add(work.q, i, amount * block(unit, work.bend, i))
-        elif hangs(arms, chart, i):
+        elif turns_about_movable(arms, chart, i):
             to = np.uint64(arms.about[i])
             add(work.q, i, block(unit, work.q, to) - block(unit, work.target, to))
 
 
 @inner
-def fold(
-    unit: Unit, system: System, chart: Chart, work: Work, qd: Floats, qdd: Floats, s: np.uint64
-) -> None:
-    """ξ̇, ξ̈ and ẇ from q̇ and q̈ of stage s, unfolded last, into `work.k`; w is that of the stage, in
-    `chart.w`. Without arcs there is no w."""
-    arms, k, n = system.arms, work.k, work.p.size
+def fold(unit: Unit, system: System, work: Work, qd: Floats, qdd: Floats, s: np.uint64) -> None:
+    """ξ̇, ξ̈ and ẇ (35) from q̇ and q̈ of stage s, unfolded last, into `work.k`; w is that of the
+    stage, in `chart.w`. Without arcs there is no w."""
+    arms, chart, k, n = system.arms, work.chart, work.k, work.p.size
     blocks = arms.about.size
     if chart.arcs[0] == 0:
         first = s * THREE * n
@@ -267,7 +268,7 @@ def fold(
             k[first + n + a] = qdd[a]
         return
     zero(work.sum)
-    add_mass_times(unit, system.mass, 1.0, qdd, work.sum)
+    add_mass_times(unit, system.mass, 1.0, qdd, work.sum)  # ṗ, (35)
     gather(unit, arms, chart, work.sum)
     for i in each(0, blocks):
         bent, xi = chart.curvature[i], s * THREE * blocks + i
@@ -277,8 +278,8 @@ def fold(
             put(k, xid, block(unit, qdd, i))
             put(k, wd, block(unit, work.sum, i))
             continue
-        u = components(unit, chart, i, _apart(unit, arms, i, qd))
-        v = components(unit, chart, i, _apart(unit, arms, i, qdd))
+        u = components(unit, chart, i, _relative(unit, arms, i, qd))
+        v = components(unit, chart, i, _relative(unit, arms, i, qdd))
         P, w = components(unit, chart, i, block(unit, work.sum, i)), block(unit, chart.w, i)
         rho, cd = chart.rho[i], u[1]
         ad = u[0] / rho
@@ -291,10 +292,10 @@ def fold(
 
 
 @inner
-def fold_again(unit: Unit, system: System, chart: Chart, work: Work, phase: Phase) -> None:
-    """Stage 0 in coordinates that were chosen anew."""
-    copy(chart.momentum, chart.w)
-    fold(unit, system, chart, work, phase.qd, chart.first, np.uint64(0))
+def fold_first(unit: Unit, system: System, work: Work, phase: Phase) -> None:
+    """Fold stage 0 again, in coordinates that were chosen anew."""
+    copy(work.chart.momentum, work.chart.w)
+    fold(unit, system, work, phase.qd, work.chart.first, np.uint64(0))
 
 
 @inner
@@ -306,7 +307,7 @@ def straighten(unit: Unit, arms: Arms, chart: Chart, u: Floats) -> None:
             v = block(unit, u, i)
             v = packed(unit, chart.rho[i] * v[0], v[1], _third(unit, v))
             put(u, i, composed(unit, chart, i, v))
-            if hangs(arms, chart, i):
+            if turns_about_movable(arms, chart, i):
                 add(u, i, block(unit, u, np.uint64(arms.about[i])))
 
 

@@ -1,8 +1,10 @@
-"""Residuals of the augmented solve, each in one pass over points and rows: δ before a round, where
-a solve begins, and what a round leaves.
+"""Residuals of the augmented solve (26), (33), each in one pass over blocks and rows.
+
+`begin_velocities` and `begin_accelerations` begin a solve, `residuals` gives the right-hand side
+of a further round, `update_rows` the residual after a round.
 
 Φ_q stands twice in `work`: that of the factor (`gf`, `g2f`), which α multiplies, and that of the
-place (`g`, `g2`): see `iteration.augmented`.
+place (`g`, `g2`): see `augmented_solve.augmented`.
 """
 
 from __future__ import annotations
@@ -22,7 +24,7 @@ from alf_ros.kernel.prescribed import bias_of_forms
 
 @inner
 def residuals(unit: Unit, system: System, work: Work, f: Floats, x: Floats) -> None:
-    """δ = f - M̂ x + Φ_qᵀ (α r2 - y) on movable blocks, Φ_q as `augmented` says."""
+    """δ = f - M̂ x + Φ_qᵀ (α r2 - y) on movable blocks (26), (33); Φ_q as `augmented` says."""
     rows, pattern, mass = system.rows, system.pattern, system.mass
     delta, g, gf, y, r2 = work.delta, work.g, work.gf, work.y, work.r2
     for i in each(0, mass.diagonal.size):
@@ -35,12 +37,13 @@ def residuals(unit: Unit, system: System, work: Work, f: Floats, x: Floats) -> N
     for r in each(rows.both, rows.i.size):
         v = (rows.alpha[r] * r2[r]) * block(unit, gf, r) - y[r] * block(unit, g, r)
         add(delta, rows.i[r], v)
-    _add_others(unit, system, work, x)
+    _add_others(unit, system, work, x)  # right-hand side of (26), (33)
 
 
 @inner
 def _add_others(unit: Unit, system: System, work: Work, x: Floats) -> None:
-    """Of the same what belongs to no distance row: δ += Φ_qᵀ (α r2 - y) - M̂ x."""
+    """δ += Φ_qᵀ (α r2 - y) - M̂ x of all rows but distance rows, and of all pairs of M̂ that no
+    distance row binds."""
     rows, mass, apart = system.rows, system.mass, system.pattern.apart
     delta, y, r2, g2, g2f, m1 = work.delta, work.y, work.r2, work.g2, work.g2f, rows.i.size
     for n in each(0, apart.size):
@@ -83,7 +86,7 @@ def update_rows(unit: Unit, rows: Rows, work: Work) -> float:
 
 @inner
 def begin_velocities(unit: Unit, system: System, work: Work) -> None:
-    """Φ_q, r2 = -Φ_q q̇, y = 0, and δ = p - M̂ q̇ + Φ_qᵀ α r2 with the Φ_q of the factor."""
+    """Φ_q, r2 = -Φ_q q̇, y = 0, and δ = p - M̂ q̇ + Φ_qᵀ α r2 with the Φ_q of the factor (33)."""
     rows, pattern, mass, m1 = system.rows, system.pattern, system.mass, system.rows.i.size
     qd, delta, gf = work.qd, work.delta, work.gf
     for i in each(0, mass.diagonal.size):
@@ -102,12 +105,12 @@ def begin_velocities(unit: Unit, system: System, work: Work) -> None:
         along_gradients(unit, rows, work.g2, qd, work.r2)
         for r in range(m1, work.r2.size):
             work.r2[r], work.y[r] = -work.r2[r], 0.0
-    _add_others(unit, system, work, qd)
+    _add_others(unit, system, work, qd)  # right-hand side of (33)
 
 
 @inlined
 def _begin_row(unit: Unit, work: Work, r: np.uint64, i: np.uint64, j: np.uint64) -> float:
-    """Of distance row r, of blocks i and j: Φ_q, r2 = -Φ_q q̇ and y = 0; returns r2."""
+    """Φ_q, r2 = -Φ_q q̇ and y = 0 of distance row r, of blocks i and j; returns r2."""
     d = block(unit, work.q, i) - block(unit, work.q, j)
     s = -dot(d, block(unit, work.qd, i) - block(unit, work.qd, j))
     put(work.g, r, d)
@@ -117,7 +120,7 @@ def _begin_row(unit: Unit, work: Work, r: np.uint64, i: np.uint64, j: np.uint64)
 
 @inner
 def begin_accelerations(unit: Unit, system: System, work: Work, f: Floats) -> None:
-    """r2 = -Φ̇_q q̇ - Φ_q,s s̈, y = 0, and δ = f + Φ_qᵀ α r2 with the Φ_q of the factor."""
+    """r2 = -Φ̇_q q̇ - Φ_q,s s̈, y = 0, and δ = f + Φ_qᵀ α r2 with the Φ_q of the factor (26)."""
     rows, qd, delta, gf, m1 = system.rows, work.qd, work.delta, work.gf, system.rows.i.size
     for i in range(work.p.size):
         delta[i] = f[i]
@@ -137,4 +140,4 @@ def begin_accelerations(unit: Unit, system: System, work: Work, f: Floats) -> No
         s = -work.r2[m1 + r]
         work.r2[m1 + r], work.y[m1 + r], s = s, 0.0, rows.alpha[m1 + r] * s
         for e in each(rows.first[r], rows.movable[r]):
-            add(delta, rows.block[e], s * block(unit, work.g2f, e))
+            add(delta, rows.block[e], s * block(unit, work.g2f, e))  # right-hand side of (26)

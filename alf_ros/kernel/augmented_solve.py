@@ -13,16 +13,28 @@ from alf_ros.kernel.augmented_residuals import (
     update_rows,
 )
 from alf_ros.kernel.constraints import add_transposed, times_jacobian
-from alf_ros.kernel.data import EPS, NOTHING, SOLVED, Bearings, Forces, System, Work
+from alf_ros.kernel.data import (
+    EPS,
+    EVERY_MODE,
+    NOTHING,
+    SOLVED,
+    Bearings,
+    ModeLimits,
+    Problem,
+    System,
+    Until,
+    Work,
+)
 from alf_ros.kernel.effect_jacobians import add_soft_times
 from alf_ros.kernel.numba_ext.calls import call_for_number
 from alf_ros.kernel.numba_ext.jit import compiled, expanded, inner
 from alf_ros.kernel.numba_ext.vectors import largest, zero
 from alf_ros.kernel.prescribed import bias
+from alf_ros.kernel.stopping import LEFT
 from alf_ros.kernel.triangular_solve import solve, step_by
 
-_MODES = 40  # conjugate gradients, at most
-_ROUNDS = 2  # after them, to take away the rounding they bring
+_DIRECTIONS = 40  # of conjugate gradients, at most
+_REFINEMENTS = 2  # rounds after conjugate gradients, which remove the rounding they bring
 _NOISE = 8.0 * EPS  # part of x by which rows are off by rounding
 _ROUNDING = 1e-12  # of an eigenvalue
 
@@ -34,34 +46,36 @@ def augmented(
     work: Work,
     f: Floats,
     x: Floats,
-    iterations: int,
-    tolerance: float,
-    patience: float,
+    until: Until,
     begun: bool = False,
 ) -> tuple[int, float]:
-    """Iterate to M x + Φ_qᵀ y = f, Φ_q x = -c with the one factor.
+    """Iterate to M x + Φ_qᵀ y = f, Φ_q x = -c with the one factor (26), (33).
 
-    y and r2 stand in `work`: on entry r2 = -c - Φ_q x, and y is a first guess; in `delta` the
-    right-hand side of the first δ, if it is `begun`. (26), (33) in residual form: A δ = f - M x -
-    Φ_qᵀ y + Φ_qᵀ α r2,  x += δ,  y += α (Φ_q δ - r2); so α costs no precision. Where α stands, Φ_q
-    is that of the factor, and elsewhere that of the place: they may differ a little, and with the
-    factor's in both they would converge to the wrong place, with the place's in both they would
-    not converge.
+    y and r2 stand in `work`: on entry r2 = -c - Φ_q x, and y is a first guess. `begun`: the
+    right-hand side of the first δ stands in `work.delta`. In residual form
 
-    What is left is r2: the next δ of a mode s would be s / (1 + s²) < 1 of |α^½ r2| in the norm of
-    M; like x it counts by its largest. It ends when that, and the rounding of the last δ, would
-    not matter beside x, or beside what f would do to the masses alone. A mode takes a part
-    1 / (1 + s²) of its r2 along: where the ratio of two rounds says that one is above `patience`,
-    it ends too. Returned are how often, and the largest ratio that mattered.
+        A δ = f - M x - Φ_qᵀ y + Φ_qᵀ α r2,   x += δ,   y += α (Φ_q δ - r2),
+
+    so α costs no precision. Where α stands, Φ_q is that of the factor; elsewhere it is that of the
+    place. The two may differ a little. With the factor's in both the iteration would converge to
+    the wrong place, with the place's in both it would not converge.
+
+    After a round r2 is the residual: the next δ of a mode of singular value s would be
+    s / (1 + s²) < 1 of |α^½ r2| in the norm of M. Like x, r2 is measured by its largest number.
+    The iteration ends when r2, and the rounding of the last δ, are below `until.tolerance` of x,
+    or of what f would do to the masses alone. A round leaves a part 1 / (1 + s²) of r2 in a mode:
+    if the ratio of two rounds exceeds `until.patience`, the iteration ends too.
+    Returns the rounds, and the largest ratio of two of them that mattered.
     """
-    n = work.p.size
+    n, iterations, tolerance = work.p.size, until.iterations, until.tolerance
     alone = largest(f, n) / system.mean
     fine = max(tolerance, _NOISE * np.sqrt(system.penalty))
     before, slowest = 0.0, 0.0
     for count in range(1, iterations + 1):
+        work.pulse[LEFT] -= 1
         if count > 1 or not begun:
             residuals(unit, system, work, f, x)
-        step, size = step_by(unit, system, work, x)
+        step, size = step_by(unit, system, work, x)  # A δ = …, x += δ: (26), (33)
         size = max(size, alone, NOTHING)
         left = np.sqrt(system.penalty) * update_rows(unit, system.rows, work)
         if left <= fine * size:
@@ -69,7 +83,7 @@ def augmented(
                 return count, slowest
         elif count > 1:
             slowest = max(slowest, min(1.0, left / before))
-            if slowest > patience:
+            if slowest > until.patience:
                 return count, slowest
         before = left
     return iterations, slowest
@@ -88,24 +102,16 @@ def _step(beta: float, delta: Floats, x: Floats, n: np.uint64) -> tuple[float, f
 
 @compiled
 def finish(
-    unit: Unit,
-    system: System,
-    work: Work,
-    x: Floats,
-    tolerance: float,
-    noise: float,
-    faintest: float,
-    furthest: float,
+    unit: Unit, system: System, work: Work, x: Floats, tolerance: float, limits: ModeLimits
 ) -> float:
     """Go on from `augmented` by conjugate gradients, where Φ_q is that of the factor.
 
-    Its iteration is one of steepest descent for Φ_q A⁻¹ Φ_qᵀ z = r2 with α to precondition. The
-    eigenvalues are s² / (1 + s²): nearly all of them 1, and that of a row about to lose its
-    direction small. Conjugate gradients take as many steps as there are clusters of them, whatever
-    the penalty. Returns the least singular value σ met, s² = penalty σ², and 0 if there were too
-    many. It ends where rows are off by `noise` or by the rounding of x; and at a mode that cannot
-    be told from rounding, whose σ is below `faintest`, or that asks for a step of more than
-    `furthest` times σ.
+    The iteration of `augmented` is steepest descent for Φ_q A⁻¹ Φ_qᵀ z = r2, preconditioned by α.
+    The eigenvalues are s² / (1 + s²): nearly all of them 1, and small for a row about to lose its
+    direction. Conjugate gradients take as many steps as there are clusters of eigenvalues,
+    whatever the penalty. They end where rows are off by `limits.noise` or by the rounding of x,
+    and at a mode that `limits` leaves out.
+    Returns the least singular value σ met, s² = penalty σ²; 0 if there were too many.
     """
     rows, delta, r2, y, z, w = system.rows, work.delta, work.r2, work.y, work.z, work.w
     n, m = work.p.size, r2.size
@@ -113,8 +119,8 @@ def finish(
     for r in range(m):
         z[r] = rows.alpha[r] * r2[r]
         rho += r2[r] * z[r]
-    for _ in range(_MODES):
-        floor = max(noise, _NOISE * largest(x, n), NOTHING)
+    for _ in range(_DIRECTIONS):
+        floor = max(limits.noise, _NOISE * largest(x, n), NOTHING)
         if rho <= system.penalty * system.mean * floor * floor:
             return least
         zero(delta)
@@ -131,7 +137,7 @@ def finish(
             return least
         sigma = np.sqrt(zw / (system.penalty * max(zz - zw, EPS * zz)))
         beta = rho / zw
-        if sigma < faintest or beta * largest(delta, n) > furthest * sigma:
+        if sigma < limits.faintest or beta * largest(delta, n) > limits.furthest * sigma:
             return least
         least = min(least, sigma)
         step, size = _step(beta, delta, x, n)
@@ -149,57 +155,54 @@ def finish(
 
 
 @expanded
-def velocities(
-    unit: Unit, system: System, work: Work, iterations: int, exactly: bool
-) -> tuple[int, float]:
+def velocities(problem: Problem, exactly: bool) -> tuple[int, float]:
     """q̇ from the momenta p' with the factor in `work` (33), and Φ_q at q; q̇ there is a guess.
 
-    `exactly` where Φ_q is that of the factor. Returns the iterations, and about the least singular
-    value σ; infinite where it is too large to matter, and not `exactly` 0 where it does matter.
+    `exactly`: Φ_q is that of the factor, so a slow solve can be finished. Returns the iterations,
+    and about the least singular value σ: infinite if no mode is slow, 0 if one is and the solve is
+    not to be finished.
     """
-    begin_velocities(unit, system, work)
-    return solved(unit, system, work, work.p, work.qd, iterations, exactly, True)
+    begin_velocities(problem.unit, problem.system, problem.work)
+    return solved(problem, problem.work.p, problem.work.qd, exactly, True)  # (33)
 
 
 @inner
 def solved(
-    unit: Unit,
-    system: System,
-    work: Work,
-    f: Floats,
-    x: Floats,
-    iterations: int,
-    exactly: bool,
-    begun: bool,
+    problem: Problem, f: Floats, x: Floats, exactly: bool, begun: bool
 ) -> tuple[int, float]:
-    """`augmented`, and where that is slow `finish`, if Φ_q is that of the factor."""
+    """`augmented`; where that is slow and `exactly` holds, `finish`. Returns what `velocities`
+    does."""
+    unit, system, work = problem.unit, problem.system, problem.work
     patience = system.patience
-    count, slowest = augmented(unit, system, work, f, x, iterations, SOLVED, patience, begun)
+    until = Until(np.int64(problem.method.iterations), SOLVED, patience)
+    count, slowest = augmented(unit, system, work, f, x, until, begun)
     if slowest <= patience:
         return count, np.inf
     if not exactly:
         return count, 0.0
     sigma = np.sqrt(max(0.0, 1.0 / slowest - 1.0) / system.penalty)
-    sigma = min(sigma, finish(unit, system, work, x, SOLVED, 0.0, 0.0, np.inf))
-    for _ in range(_ROUNDS):
-        # it comes with the factor 1 / s²: a step on both residuals takes it away
-        augmented(unit, system, work, f, x, 1, 0.0, 1.0, False)
-        finish(unit, system, work, x, SOLVED, 0.0, 0.0, np.inf)
-    return count + _ROUNDS, sigma
+    sigma = min(sigma, finish(unit, system, work, x, SOLVED, EVERY_MODE))
+    for _ in range(_REFINEMENTS):
+        # rounding comes with the factor 1 / s²: a round on both residuals takes it away
+        augmented(unit, system, work, f, x, Until(np.int64(1), 0.0, 1.0), False)
+        finish(unit, system, work, x, SOLVED, EVERY_MODE)
+    return count + _REFINEMENTS, sigma
 
 
 @inner
-def apply(unit: Unit, system: System, forces: Forces, work: Work, t: float) -> None:
+def apply(problem: Problem, t: float) -> None:
     """Q at q, q̇ in `work`, but for friction that depends on reactions; of an implicit method with
     (M̂ - M) k."""
-    applied_forces(forces.effects, t, work.q, work.qd, work.near, work.Q)
+    system, work = problem.system, problem.work
+    applied_forces(problem.forces.effects, t, work.q, work.qd, work.near, work.Q)
     if system.soft.weight.size > 0:
-        add_soft_times(unit, system.soft, 1.0, system.soft.k, work.Q)
+        add_soft_times(problem.unit, system.soft, 1.0, system.soft.k, work.Q)
 
 
 @compiled
-def begin_balance(bearings: Bearings, loads: Floats) -> None:
-    """The next solve for accelerations is where a step begins; `loads` is R (N), as found last."""
+def restore_reactions(bearings: Bearings, loads: Floats) -> None:
+    """Take `loads`, R (N) as found last, for a first guess: the next solve for accelerations is
+    where a step begins."""
     for n in range(loads.size):
         bearings.force[n] = loads[n]
     if loads.size > 0:
@@ -207,54 +210,37 @@ def begin_balance(bearings: Bearings, loads: Floats) -> None:
 
 
 @compiled
-def accelerate(
-    unit: Unit,
-    system: System,
-    forces: Forces,
-    work: Work,
-    t: float,
-    iterations: int,
-    exactly: bool,
-) -> tuple[int, float]:
+def accelerate(problem: Problem, t: float, exactly: bool) -> tuple[int, float]:
     """q̈ and λ (in y) at the stage in `work` from its factor, from a cold start (24)-(27).
 
     `exactly` and what is returned: as for `velocities`. Where friction depends on reactions, and
     no loads are found that agree with it, -1 iterations.
     """
-    apply(unit, system, forces, work, t)
-    return accelerate_under(unit, system, forces, work, t, iterations, exactly)
+    apply(problem, t)
+    return accelerate_under(problem, t, exactly)
 
 
 @inner
-def accelerate_under(
-    unit: Unit,
-    system: System,
-    forces: Forces,
-    work: Work,
-    t: float,
-    iterations: int,
-    exactly: bool,
-) -> tuple[int, float]:
-    """The same under the Q in `work`, as `apply` leaves it."""
-    if forces.bearings.settle.size > 0:
+def accelerate_under(problem: Problem, t: float, exactly: bool) -> tuple[int, float]:
+    """`accelerate` under the Q in `work`, as `apply` leaves it."""
+    bearings = problem.forces.bearings
+    if bearings.settle.size > 0:
+        work = problem.work
         for i in range(work.p.size):  # what is prescribed stands behind
             work.qdd[i] = 0.0
-        bias(unit, system, work, work.r2)
+        bias(problem.unit, problem.system, work, work.r2)
         for r in range(work.r2.size):
             work.r2[r], work.y[r] = -work.r2[r], 0.0
-        sigma = call_for_number(
-            forces.bearings.settle[0], system, forces, work, t, np.int64(iterations), exactly
-        )
-        return forces.bearings.passes[1], sigma
-    return accelerate_freely(unit, system, work, iterations, exactly)
+        sigma = call_for_number(bearings.settle[0], problem, t, exactly)
+        return bearings.passes[1], sigma
+    return accelerate_freely(problem, exactly)
 
 
 @inner
-def accelerate_freely(
-    unit: Unit, system: System, work: Work, iterations: int, exactly: bool
-) -> tuple[int, float]:
-    """The same without friction that depends on reactions."""
+def accelerate_freely(problem: Problem, exactly: bool) -> tuple[int, float]:
+    """`accelerate_under` without friction that depends on reactions."""
+    work = problem.work
     for i in range(work.p.size):
         work.qdd[i] = 0.0
-    begin_accelerations(unit, system, work, work.Q)
-    return solved(unit, system, work, work.Q, work.qdd, iterations, exactly, True)
+    begin_accelerations(problem.unit, problem.system, work, work.Q)
+    return solved(problem, work.Q, work.qdd, exactly, True)  # (26)

@@ -1,9 +1,9 @@
 """Φ(q) to twice the digits of q, for places beside a singular position.
 
-There a combination of rows is about to lose its direction: what Φ is off by in it, e, moves the
-place by e / x along the other branch and bends the path by e / x³, x the distance. How little q is
-rounded does not matter, as the gradient of just that combination is as small as x; only what
-rounding Φ itself brings does. Products and sums are therefore kept with what they are rounded by
+There a combination of rows is about to lose its direction. An error e of Φ in this combination
+moves the place by e / x along the other branch and bends the path by e / x³, x the distance. The
+rounding of q does not matter, because the gradient of just that combination is as small as x; only
+the rounding of Φ itself does. Products and sums are therefore stored with their rounding errors
 (Dekker 1971; Ogita, Rump & Oishi 2005, algorithms 3.1 and 3.3 with a fused multiply-add).
 """
 
@@ -19,14 +19,14 @@ from alf_ros.kernel.numba_ext.jit import ONE, inlined, inner
 
 @inlined
 def _product(a: float, b: float) -> tuple[float, float]:
-    """a b, and what it is rounded by."""
+    """a b, and its rounding error."""
     p = a * b
     return p, fused(a, b, -p)
 
 
 @inlined
 def _sum(a: float, b: float) -> tuple[float, float]:
-    """a + b, and what it is rounded by."""
+    """a + b, and its rounding error."""
     s = a + b
     z = s - a
     return s, (a - (s - z)) + (b - z)
@@ -34,7 +34,7 @@ def _sum(a: float, b: float) -> tuple[float, float]:
 
 @inner
 def violation_twofold(unit: Unit, rows: Rows, q: Floats, phi: Floats) -> None:
-    """Φ(q), as `violation`."""
+    """Φ(q), as `constraints.violation`."""
     D = np.uint64(len(unit))
     m1 = rows.i.size
     for r in range(m1):

@@ -1,4 +1,4 @@
-"""Φ(q), Φ_q, and their products: rows that are distances, and rows that are quadratic forms."""
+"""Φ(q), Φ_q and their products, of distance rows and of quadratic rows."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def forms(unit: Unit, rows: Rows, q: Floats, phi: Floats) -> None:
 
 @compiled
 def times_jacobian(unit: Unit, rows: Rows, g: Floats, g2: Floats, v: Floats, out: Floats) -> None:
-    """out = Φ_q v; of v = q̇ it is Φ̇, and N q̇ + B (38)."""
+    """out = Φ_q v; with v = q̇: Φ̇, and N q̇ + B (38)."""
     for r in each(0, rows.i.size):
         d = block(unit, v, rows.i[r]) - block(unit, v, rows.j[r])
         out[r] = dot(block(unit, g, r), d)
@@ -76,7 +76,7 @@ def times_jacobian(unit: Unit, rows: Rows, g: Floats, g2: Floats, v: Floats, out
 
 @inner
 def along_gradients(unit: Unit, rows: Rows, g2: Floats, v: Floats, out: Floats) -> None:
-    """The same of the rows that are no distances; of q̇ and the rates of `g2` it is Φ̇_q q̇."""
+    """`times_jacobian` of the rows that are no distances; with q̇ and the rates of `g2`: Φ̇_q q̇."""
     for r in each(0, rows.movable.size):
         s = 0.0
         for e in each(rows.first[r], rows.first[r + ONE]):

@@ -1,7 +1,7 @@
-"""M̂ = M + hγ C + (hγ)² K, what stands for M in a step of an implicit method.
+"""M̂ = M + hγ C + (hγ)² K, the matrix in the place of M in a step of an implicit method.
 
-C and K are sums Σ c g gᵀ, Σ k g gᵀ over directions g in which effects yield: c = -∂F/∂ẋ and
-k = -∂F/∂x of an effort F on a scalar x, g = ∂x/∂q. Negative ones count as zero, so that M̂ stays
+C and K are sums Σ c g gᵀ, Σ k g gᵀ over directions g of compliant effects: c = -∂F/∂ẋ and
+k = -∂F/∂x of an effort F on a scalar x, g = ∂x/∂q. Negative c and k count as zero, so that M̂ stays
 positive. For an explicit method there are no directions, and nothing is done.
 """
 

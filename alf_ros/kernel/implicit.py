@@ -2,10 +2,10 @@
 the step of an explicit one.
 
 A stage wants k = q̈ at q = q_b + hγ v, v = v_b + hγ k: M k + Φ_qᵀ λ = Q(q, v). Newton's method
-solves M̂ k' + Φ_qᵀ λ = Q + (M̂ - M) k with M̂ = M + hγ C + (hγ)² K (`soft`), which is the stage of
-an explicit method with M̂ in the place of M. So stages are put on Φ = 0 and taken through singular
-positions in the same way, on the same pattern. The first stage is explicit, and the last one is
-the end of the step.
+solves M̂ k' + Φ_qᵀ λ = Q + (M̂ - M) k with M̂ = M + hγ C + (hγ)² K (`effect_jacobians`): the stage
+(26) of an explicit method with M̂ in the place of M. So stages are put on Φ = 0 and taken through
+singular positions in the same way, on the same pattern. The first stage is explicit, and the last
+one is the end of the step.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Unit
-from alf_ros.kernel.adaptive import ENDED, MOST, embedded, relative
-from alf_ros.kernel.data import EPS, Forces, Method, Phase, System, Watch, Work
+from alf_ros.kernel.adaptive import ENDED, MOST, REFUSED, embedded, relative
+from alf_ros.kernel.data import EPS, Method, Phase, Problem, Scales, System, Watch, Work
 from alf_ros.kernel.effect_jacobians import add_soft_times, weigh
 from alf_ros.kernel.interpolated_stages import (
-    BLIND,
-    evaluate_aside,
-    evaluate_there,
+    DIRECTION_ONLY,
+    evaluate_interpolated,
+    evaluate_uninterpolated,
     linearise_aside,
 )
 from alf_ros.kernel.ldl import linearise
@@ -28,7 +28,7 @@ from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.numba_ext.jit import ONE, THREE, ZERO, compiled, expanded, inner
 from alf_ros.kernel.numba_ext.vectors import copy, furthest, largest, zero
 from alf_ros.kernel.prescribed import prescribe
-from alf_ros.kernel.singularity_monitor import note
+from alf_ros.kernel.singularity_monitor import may_have_passed
 from alf_ros.kernel.stage import stage
 from alf_ros.kernel.status import (
     COLLAPSED,
@@ -37,56 +37,55 @@ from alf_ros.kernel.status import (
     NOT_POSITIVE,
     NOT_SETTLED,
     OK,
+    STOPPED,
     TOO_MANY,
 )
 from alf_ros.kernel.step import (
     accept,
     end_step,
     evaluate_first,
-    fall_back,
-    keep,
     least_sigma,
-    mark,
-    nearness,
+    restore_grid_point,
+    save_grid_point,
+    scales_of,
+    store_angles,
 )
 from alf_ros.kernel.step_error import free_part, judge
-from alf_ros.kernel.work_ledger import ALL, tally
+from alf_ros.kernel.stopping import told_to_stop
+from alf_ros.kernel.work_ledger import ALL_FORCES, record_power
 
 _PASSES = 30  # of Newton's method, at most
-_SETTLED = 1e-3  # part of the tolerance to which it is finished
+_CONVERGED = 1e-3  # part of the tolerance to which Newton's method is finished
 _SHARE = 0.02  # of the tolerance for one step of an adaptive method: errors add up along a motion
-_ROUNDING = 1e-9  # relative error of a step that may be rounding
+_ROUNDING = 1e-9  # relative error of a step that may be rounding, beside a singular position
+_FLAT = 1e-12  # and elsewhere
 _FURTHEST = 0.3  # part of the size that a first guess may be from the start of the step
 _SHORTEST = 1e-9  # part of the step of the grid
 
 
 @expanded
-def _settle(
-    unit: Unit,
-    system: System,
-    forces: Forces,
-    method: Method,
-    work: Work,
+def _solve_stage(
+    problem: Problem,
     phase: Phase,
     t: float,
     s: np.uint64,
     gamma: float,
     near: bool,
     rate: float,
-    radius: float,
-    close: float,
-    falling: float,
+    scales: Scales,
 ) -> tuple[int, int, float, float]:
-    """Solve stage s, where q_b and v_b stand in `work` and a guess of k in `soft.k`.
+    """Solve stage s by Newton's method, from q_b and v_b in `work` and a guess of k in `soft.k`.
 
     gamma: hγ, s; near: whether the last stage was near a singular position; rate: at which
-    Newton's method converged there. Leaves v and k in `work.k`. Returns (result, most
-    iterations, whether it is near, rate).
+    Newton's method converged there. Stores v and k in `work.k`. Returns (result, most
+    iterations, whether the stage is near a singular position, rate).
     """
+    unit, system = problem.unit, problem.system
+    method, work = problem.method, problem.work
     n, k, rates = work.p.size, system.soft.k, work.k
-    at, iterations = THREE * s * n, np.int64(method.iterations)
+    at = THREE * s * n
     change_at = at + n  # where k goes in the end, and until then what a pass changes of it
-    speed, most, before, part = max(largest(phase.qd, n), falling), 1, np.inf, 1.0
+    speed, most, before, part = max(largest(phase.qd, n), scales.falling), 1, np.inf, 1.0
     for i in range(n):
         rates[change_at + i] = 0.0
     for _ in range(_PASSES):
@@ -95,27 +94,21 @@ def _settle(
             work.q[i] = work.before_q[i] + gamma * work.qd[i]
             rates[at + i] = work.qd[i]
         prescribe(system, t, work.q, work.qd, work.qdd)
-        weigh(unit, system, forces, work, t, gamma)
+        weigh(unit, system, problem.forces, work, t, gamma)
         zero(work.p)
         add_mass_times(unit, system.mass, 1.0, work.qd, work.p)
-        add_soft_times(unit, system.soft, 1.0, work.qd, work.p)
+        add_soft_times(unit, system.soft, 1.0, work.qd, work.p)  # (30) with M̂
         copy(work.q, work.base)
         copy(work.q, work.target)  # a stage of order 2 is not behind the path
-        count, x, clear = stage(
-            unit, system, forces, work, t, radius, close, near, iterations, True
-        )
+        count, x, clear = stage(problem, t, scales, near, True)  # (33), (26) with M̂ for M
         near = x < np.inf
         if not clear and count > 0:
             moved = furthest(work.q, work.base, n)
             for i in range(n):
                 work.along[i] = rates[at + i]
-            count = evaluate_aside(
-                unit, system, forces, work, phase, t, s, moved, radius, close, falling, iterations
-            )
-            if count < 0 and x > BLIND:
-                count = evaluate_there(
-                    unit, system, forces, work, phase, t, s, radius, close, iterations
-                )
+            count = evaluate_interpolated(problem, phase, t, s, moved, scales)
+            if count < 0 and x > DIRECTION_ONLY:
+                count = evaluate_uninterpolated(problem, phase, t, s, scales)
         if count <= 0:
             return JAMMED if count < 0 else NOT_CLOSED, most, near, rate
         most = max(most, count)
@@ -129,19 +122,19 @@ def _settle(
             break
         if before < np.inf:
             rate = change / before
-            # to and fro, as across a kink: less far
+            # a pass that goes to and fro, as across a kink, is shortened
             part = max(0.5 * part, 0.03) if turned < 0.0 and rate > 0.3 else min(1.0, 2.0 * part)
         for i in range(n):
             k[i] += part * rates[change_at + i]
         left = gamma * change * (rate / (1.0 - rate) if rate < 0.5 else 1.0)
-        fine = max(_SETTLED * method.tolerance * speed, 8.0 * EPS * system.size / gamma)
+        fine = max(_CONVERGED * method.tolerance * speed, 8.0 * EPS * system.size / gamma)
         if left <= fine:
-            if clear:  # else what it is interpolated from was counted
-                tally(forces.ledger.tally, system, forces, work, phase, t, s, 1.0, ALL)
+            if clear:  # else the places of the interpolation were recorded
+                record_power(problem, phase, t, s, 1.0, ALL_FORCES)
             for i in range(n):
                 rates[change_at + i] = k[i]
                 rates[at + i] = work.before_qd[i] + gamma * k[i]
-                if x < BLIND:
+                if x < DIRECTION_ONLY:
                     rates[at + i] = work.qd[i]
             return OK, most, near, rate
         before = change
@@ -150,22 +143,15 @@ def _settle(
 
 @expanded
 def _step(
-    unit: Unit,
-    system: System,
-    forces: Forces,
-    method: Method,
-    work: Work,
-    phase: Phase,
-    t: float,
-    end: float,
-    h: float,
-    within: bool,
+    problem: Problem, phase: Phase, t: float, end: float, h: float, within: bool
 ) -> tuple[int, int]:
-    """One step of h (s) from `phase`, at t to `end`; arguments as of `advance`, result as of
+    """One step of h (s) from `phase`, at t to `end`; `within` as of `advance`, result as of
     `step.step`."""
+    unit, system = problem.unit, problem.system
+    method, work = problem.method, problem.work
     n = work.p.size
     q, qd, rates = phase.q, phase.qd, work.k
-    stages, iterations = method.b.size, np.int64(method.iterations)
+    stages = method.b.size
     zero(system.soft.weight)
     copy(q, work.q)
     if not linearise(unit, system, work, work.q):
@@ -175,32 +161,19 @@ def _step(
     if phase.within[0] != 0.0:  # with M̂ the end of a step cannot tell
         phase.within[0] = 1.0 if rank_lost(unit, system, work) else 0.0
     sigma = 0.0 if within else least_sigma(phase)
-    most, felt = evaluate_first(unit, system, forces, work, phase, t, iterations)
+    most, felt = evaluate_first(problem, phase, t)
     if most < 0:
         return JAMMED, 1
     sigma = min(sigma, felt)
     x, result = sigma / system.ordinary, OK
-    radius, close, falling = nearness(system, work, phase)
-    if x <= close:
+    scales = scales_of(system, work, phase)
+    if x <= scales.close:
         copy(q, work.base)
         copy(qd, work.qd)
         copy(qd, work.along)
         zero(work.p)
-        add_mass_times(unit, system.mass, 1.0, work.qd, work.p)
-        count = evaluate_aside(
-            unit,
-            system,
-            forces,
-            work,
-            phase,
-            t,
-            np.uint64(0),
-            0.0,
-            radius,
-            close,
-            falling,
-            iterations,
-        )
+        add_mass_times(unit, system.mass, 1.0, work.qd, work.p)  # (30)
+        count = evaluate_interpolated(problem, phase, t, np.uint64(0), 0.0, scales)
         if count <= 0:
             return JAMMED if count < 0 else NOT_CLOSED, most
     for i in range(n):
@@ -228,24 +201,11 @@ def _step(
             v = work.before_qd[i] + gamma * system.soft.k[i]
             furthest = max(furthest, abs(work.before_q[i] + gamma * v - q[i]))
         if not furthest < _FURTHEST * system.size:
-            for i in range(n):  # what is stiff may be told wrongly: as if it stood still
+            for i in range(n):  # a stiff stage may be extrapolated wrongly: guess a standstill
                 v = (q[i] - work.before_q[i]) / gamma
                 system.soft.k[i] = (v - work.before_qd[i]) / gamma
-        result, count, near, rate = _settle(
-            unit,
-            system,
-            forces,
-            method,
-            work,
-            phase,
-            t + method.c[s] * h,
-            s,
-            gamma,
-            near,
-            rate,
-            radius,
-            close,
-            falling,
+        result, count, near, rate = _solve_stage(
+            problem, phase, t + method.c[s] * h, s, gamma, near, rate, scales
         )
         most = max(most, count)
         suspect |= near
@@ -257,11 +217,10 @@ def _step(
         work.q[i] = work.before_q[i] + gamma * rates[last + i]
     zero(work.p)
     add_mass_times(unit, system.mass, 1.0, work.qd, work.p)
-    add_soft_times(unit, system.soft, 1.0, work.qd, work.p)
+    add_soft_times(unit, system.soft, 1.0, work.qd, work.p)  # (30) with M̂
     prescribe(system, end, work.q, work.qd, work.qdd)
-    result, count = end_step(
-        unit, system, forces, work, phase, end, near, suspect, radius, close, falling, iterations
-    )
+    work.nearest[0] = 0.0 if suspect else np.inf
+    result, count = end_step(problem, phase, end, near, suspect, scales)
     return result, max(most, count)
 
 
@@ -299,11 +258,7 @@ def _error(
 
 @compiled
 def advance_implicitly(
-    unit: Unit,
-    system: System,
-    forces: Forces,
-    method: Method,
-    work: Work,
+    problem: Problem,
     phase: Phase,
     watch: Watch | None,
     t0: float,
@@ -312,16 +267,18 @@ def advance_implicitly(
     h: float,
     within: bool,
 ) -> tuple[int, int, int]:
-    """Like `advance`; a step whose stages do not settle is taken in parts, and with an embedded
+    """Like `advance`; a step whose stages do not converge is taken in parts, and with an embedded
     error each in as many as the tolerance of the method takes."""
+    unit, system = problem.unit, problem.system
+    method, work = problem.method, problem.work
     pace, adaptive = phase.pace, method.embedded.size > 0
     good_pace = pace[0]
-    keep(forces, work, phase)
+    save_grid_point(problem, phase)
     most, here = 0, within
-    mark(unit, system, work, phase)
+    store_angles(unit, system, work, phase)
     for taken in range(steps):
         t, end = t0 + (first + taken) * h, t0 + (first + taken + 1) * h
-        done, result, tried, unsettled = 0.0, OK, 0, 0
+        done, result, tried, unsettled, refused = 0.0, OK, 0, 0, 0
         tries, before, longer = 0, np.inf, h  # from here; error and length of the last
         length = pace[0] if adaptive else h
         while done < h:
@@ -333,10 +290,11 @@ def advance_implicitly(
             parts = max(1.0, np.ceil(0.999999 * left / length))  # no crumb at the grid point
             dt = left / parts
             to = end if parts == 1.0 else t + done + dt
-            result, count = _step(
-                unit, system, forces, method, work, phase, t + done, to, dt, here
-            )
+            result, count = _step(problem, phase, t + done, to, dt, here)
             most = max(most, count)
+            if told_to_stop(work):
+                result = STOPPED
+                break
             error, factor = np.inf, 0.5
             if result == OK:
                 error = _error(unit, system, method, work, phase, dt)
@@ -345,15 +303,16 @@ def advance_implicitly(
             good = error <= 1.0
             if not good and tries > 0 and error > before * (dt / longer) ** 1.5:
                 # that of the method falls as h⁴, that of rounding as h: shorter is no better
-                good = error * _SHARE * method.tolerance < _ROUNDING
+                likely = _ROUNDING if work.nearest[0] < np.inf else _FLAT
+                good = error * _SHARE * method.tolerance < likely
                 work.rounded[0] += good
             if good:
                 result = judge(unit, system, method, work, dt)
                 if result != OK:
                     break
-                tally(forces.ledger.tally, system, forces, work, phase, t, method.b.size, dt, ALL)
+                record_power(problem, phase, t, method.b.size, dt, ALL_FORCES)
                 accept(unit, system, work, phase)
-                copy(forces.bearings.force, phase.loads)
+                copy(problem.forces.bearings.force, phase.loads)
                 done = h if parts == 1.0 else done + dt
                 length = max(length, factor * dt) if dt < length else factor * dt
                 here, tries = False, 0
@@ -362,20 +321,24 @@ def advance_implicitly(
                 tries += 1
                 unsettled += result == NOT_SETTLED
                 length = factor * dt
+                refused += result == NOT_CLOSED and work.crossing[1] > 0.0
+                if refused > REFUSED:
+                    break
                 if length < (ENDED if result == JAMMED else _SHORTEST) * h:
                     result = result if result != OK else COLLAPSED
                     break
         if adaptive:
             pace[0] = length
         if done < h:
-            fall_back(forces, work, phase)
+            restore_grid_point(problem, phase)
             pace[0] = good_pace
             return result, taken, most
-        keep(forces, work, phase)
+        save_grid_point(problem, phase)
+        phase.step[0] = first + taken + 1
         good_pace = pace[0]
         if watch is not None:  # known when it is compiled: who does not watch does without
             zero(system.soft.weight)
             linearise(unit, system, work, work.q)
-            if note(unit, system, work, watch, phase, end):
+            if may_have_passed(problem, phase, watch, end):
                 return OK, taken + 1, most  # to be looked at
     return OK, steps, most

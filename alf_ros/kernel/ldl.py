@@ -1,6 +1,8 @@
-"""A = M + Φ_qᵀ α Φ_q on its pattern, its LDLᵀ, and solves with it."""
+"""The leading matrix A = M + Φ_qᵀ α Φ_q of (26), (33) on its pattern, its LDLᵀ, and solves."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,6 +17,17 @@ from alf_ros.kernel.numba_ext.vectors import copy
 from alf_ros.kernel.triangular_solve import eliminate, upper
 
 Triangle = tuple[float, float, float, float, float, float]
+
+
+class Pivot(NamedTuple):
+    """Factor of a pivot block: entries of L below the diagonal, and reciprocal pivots D⁻¹."""
+
+    l10: float
+    l20: float
+    l21: float
+    d0: float
+    d1: float
+    d2: float
 
 
 @inner
@@ -74,13 +87,14 @@ def factorise(
     column: Floats,
     x: Floats | None,
 ) -> int:
-    """A = L D Lᵀ in place, right-looking by blocks; returns the number of columns that went well.
+    """A = L D Lᵀ in place, right-looking by blocks; returns the number of columns with a positive
+    pivot block before the first without.
 
-    On the way x = L⁻¹ x, if there is one: that hardly costs more, as columns wait for each other.
+    If x is given, x = L⁻¹ x as well: this costs little, because columns wait for each other.
 
     Inside a block the elimination is by scalars: a 2x2 or 3x3 inverse would lose the digits that
-    the spread between α and M needs. What is used again is kept out of memory, where the next
-    column would have to wait for it.
+    the spread between α and M needs. The next two pivot blocks are held in registers, because
+    their columns would wait for memory.
     """
     D, n = np.uint64(len(unit)), pattern.first.size - ONE
     DD, u = D * D, ZERO
@@ -112,13 +126,14 @@ def factorise(
             diagonal[at], diagonal[at + ONE], diagonal[at + TWO] = l20, l21, d2
         if not good:
             return k
+        pivot = Pivot(l10, l20, l21, d0, d1, d2)
         first = np.uint64(pattern.first[k])
         for e in each(first, pattern.first[k + ONE]):
-            U0, L0 = _divided(unit, off, e * D, l10, l20, l21, d0, d1, d2)
-            U1, L1 = _divided(unit, off, e * D + ONE, l10, l20, l21, d0, d1, d2)
+            U0, L0 = _divided(unit, off, e * D, pivot)
+            U1, L1 = _divided(unit, off, e * D + ONE, pivot)
             U2, L2 = U1, L1
             if D != TWO:
-                U2, L2 = _divided(unit, off, e * D + TWO, l10, l20, l21, d0, d1, d2)
+                U2, L2 = _divided(unit, off, e * D + TWO, pivot)
             un = (e - first) * D
             put(column, un, U0)
             put(column, un + ONE, U1)
@@ -157,25 +172,15 @@ def factorise(
 
 
 @inlined
-def _divided(
-    unit: Unit,
-    off: Floats,
-    row: np.uint64,
-    l10: float,
-    l20: float,
-    l21: float,
-    d0: float,
-    d1: float,
-    d2: float,
-) -> tuple[Block, Block]:
-    """A row of U = A_ik L_kk⁻ᵀ, and of L_ik = U D⁻¹, which takes its place."""
+def _divided(unit: Unit, off: Floats, row: np.uint64, pivot: Pivot) -> tuple[Block, Block]:
+    """A row of U = A_ik L_kk⁻ᵀ, and of L_ik = U D⁻¹, which replaces that of A_ik."""
     D = np.uint64(len(unit))
     at = row * D
     u0 = off[at]
-    u1, u2 = off[at + ONE] - u0 * l10, 0.0
+    u1, u2 = off[at + ONE] - u0 * pivot.l10, 0.0
     if D != TWO:
-        u2 = off[at + TWO] - u0 * l20 - u1 * l21
-    L = packed(unit, u0 * d0, u1 * d1, u2 * d2)
+        u2 = off[at + TWO] - u0 * pivot.l20 - u1 * pivot.l21
+    L = packed(unit, u0 * pivot.d0, u1 * pivot.d1, u2 * pivot.d2)
     put(off, row, L)
     return packed(unit, u0, u1, u2), L
 

@@ -25,7 +25,7 @@ def add_mass_times(unit: Unit, mass: Mass, s: float, v: Floats, out: Floats) -> 
 
 @inner
 def add_skew_times(unit: Unit, mass: Mass, s: float, v: Floats, out: Floats) -> None:
-    """Of the same the part of the w."""
+    """The skew part: out += s w J v of each pair."""
     D = np.uint64(len(unit))
     for n in each(0, mass.skew.size):
         i, j, w = mass.i[mass.skew[n]] * D, mass.j[mass.skew[n]] * D, s * mass.w[n]

@@ -1,7 +1,7 @@
-"""Blocks that move as functions of time: what makes constraints rheonomic.
+"""Prescribed blocks, which move as functions of time and make constraints rheonomic.
 
-They stand among the fixed blocks, so that Φ_q has entries for them: with s(t) their coordinates,
-Φ_t = Φ_q,s ṡ is a part of Φ_q q̇, and what Φ̈ has besides Φ̇_q q̇ is Φ_q,s s̈.
+Prescribed blocks stand among the fixed blocks, so Φ_q has entries for them. With s(t) their
+coordinates, Φ_t = Φ_q,s ṡ is a part of Φ_q q̇, and Φ̈ = Φ_q q̈ + Φ̇_q q̇ + Φ_q,s s̈.
 """
 
 from __future__ import annotations
@@ -16,20 +16,21 @@ from alf_ros.kernel.numba_ext.jit import ONE, compiled, inner
 
 @inner
 def prescribe(system: System, t: float, q: Floats, qd: Floats, qdd: Floats) -> None:
-    """Put the prescribed blocks where they are at t (s), with their velocity and acceleration."""
+    """Position, velocity and acceleration of the prescribed blocks at t (s)."""
     given = system.prescribed
     call(given.program, t, given.slots, given.params, given.registers, q, qd, qdd)
 
 
 @compiled
 def prescribed_at(system: System, t: float, q: Floats, qd: Floats, qdd: Floats) -> None:
-    """Python entry point. Compiled when it is first used: without drives, never."""
+    """Python entry point. Compiled on first use: a mechanism without drives never compiles it."""
     prescribe(system, t, q, qd, qdd)
 
 
 @inner
 def bias(unit: Unit, system: System, work: Work, out: Floats) -> None:
-    """out = Φ̈ less what the accelerations of movable blocks add: Φ̇_q q̇ + Φ_q,s s̈."""
+    """out = Φ̇_q q̇ + Φ_q,s s̈, the part of Φ̈ without accelerations of movable blocks; of rows of
+    velocities Ṅ q̇ + … (39)-(41)."""
     jacobian_rate(unit, system.rows, work.qd, work.g2d)
     convective(unit, system.rows, work.g2d, work.qd, out)
     _add_accelerated(unit, system, work, out)
@@ -37,7 +38,7 @@ def bias(unit: Unit, system: System, work: Work, out: Floats) -> None:
 
 @inner
 def bias_of_forms(unit: Unit, system: System, work: Work, out: Floats) -> None:
-    """The same of the rows that are no distances."""
+    """`bias` of the rows that are no distances."""
     jacobian_rate(unit, system.rows, work.qd, work.g2d)
     along_gradients(unit, system.rows, work.g2d, work.qd, out)
     _add_accelerated(unit, system, work, out)
@@ -45,7 +46,7 @@ def bias_of_forms(unit: Unit, system: System, work: Work, out: Floats) -> None:
 
 @inner
 def _add_accelerated(unit: Unit, system: System, work: Work, out: Floats) -> None:
-    """out += Φ_q,s s̈: what is prescribed ends no distance."""
+    """out += Φ_q,s s̈; no distance row has a prescribed block."""
     if system.prescribed.program.size == 0:
         return
     rows, g2, qdd = system.rows, work.g2, work.qdd

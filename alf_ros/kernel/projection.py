@@ -1,4 +1,4 @@
-"""Onto Φ = 0: stages and the ends of steps, along M, with the factor that is there anyway."""
+"""Projection onto Φ = 0 along M: of stages and of the ends of steps, with a factor of A."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from alf_ros.arrays import Floats, Unit
 from alf_ros.kernel.augmented_solve import finish
 from alf_ros.kernel.compensated import violation_twofold
 from alf_ros.kernel.constraints import add_transposed, forms, times_jacobian, violation
-from alf_ros.kernel.data import EPS, Rows, System, Work
+from alf_ros.kernel.data import EPS, ModeLimits, Rows, System, Work
 from alf_ros.kernel.ldl import assemble, linearise, solve_on
 from alf_ros.kernel.numba_ext.block import add, block, dot, subtract
 from alf_ros.kernel.numba_ext.jit import expanded, inner
@@ -17,10 +17,10 @@ from alf_ros.kernel.numba_ext.vectors import zero
 from alf_ros.kernel.status import NOT_CLOSED, NOT_POSITIVE, OK
 from alf_ros.kernel.triangular_solve import solve
 
-_ROOM = 4.0  # times the gap: σ below which a mode may be made by it
-_CLOSED = 0.6  # rounding units: what a position is off by turns its rows beside a singular one
-_ROUNDED = 0.3  # the same, of a stage
-_TOLD = 0.1  # part of what is too close to a singular position
+_FAINT = 4.0  # times the gap: σ below which a mode may be an artefact of the gap
+_CLOSED = 0.6  # rounding units: an error of q turns rows beside a singular position
+_ROUNDED = 0.3  # rounding units, of a stage
+_DISTINCT = 0.1  # part of the distance that is too close to a singular position
 _FURTHEST = 0.1  # part of the distance to a singular position that a correction may go across
 
 
@@ -33,14 +33,14 @@ def opening(unit: Unit, rows: Rows, q: Floats, phi: Floats) -> float:
 
 @inner
 def opening_twofold(unit: Unit, rows: Rows, q: Floats, phi: Floats) -> float:
-    """The same, to twice the digits of q."""
+    """`opening`, with Φ to twice the digits of q."""
     violation_twofold(unit, rows, q, phi)
     return _widest(rows, phi)
 
 
 @inner
 def _opening(unit: Unit, rows: Rows, q: Floats, phi: Floats, twofold: bool) -> float:
-    """The same, `twofold` to twice the digits of q."""
+    """`opening`, or if `twofold` `opening_twofold`."""
     if not twofold:
         return opening(unit, rows, q, phi)
     return opening_twofold(unit, rows, q, phi)
@@ -72,51 +72,51 @@ def correct(unit: Unit, system: System, work: Work) -> None:
 
 @inner
 def correct_exactly(unit: Unit, system: System, work: Work, gap: float, furthest: float) -> None:
-    """The same, also in the direction of a row that is about to lose it.
+    """`correct`, also in the direction of a row that is about to lose it.
 
-    Off Φ = 0 by `gap` (m), rows that depend on others look as if they were about that far from it:
-    such modes are left alone, and those that ask for more than `furthest` (m) times their σ.
+    Off Φ = 0 by `gap` (m), rows that depend on others look as if they were about that far from it.
+    Such modes are left out, and so are modes that ask for more than `furthest` (m) times their σ.
     """
-    faintest = _ROOM * gap / system.size
-    _correct_modes(unit, system, work, _ROUNDED * EPS * system.size, faintest, furthest)
+    faintest = _FAINT * gap / system.size
+    limits = ModeLimits(_ROUNDED * EPS * system.size, faintest, furthest)
+    _correct_modes(unit, system, work, limits)
 
 
 @inner
 def correct_at_last(unit: Unit, system: System, work: Work) -> None:
-    """The same for what rounding left, with Φ to twice the digits: in directions that are still
-    told apart from those of rows that depend on others."""
-    faintest = _TOLD * system.close * system.ordinary
-    _correct_modes(unit, system, work, 0.0, faintest, np.inf)
+    """The last correction, of what rounding left, with Φ to twice the digits: in modes that can
+    still be told from rows that depend on others."""
+    faintest = _DISTINCT * system.close * system.ordinary
+    _correct_modes(unit, system, work, ModeLimits(0.0, faintest, np.inf))
 
 
 @inner
-def _correct_modes(
-    unit: Unit, system: System, work: Work, noise: float, faintest: float, furthest: float
-) -> None:
+def _correct_modes(unit: Unit, system: System, work: Work, limits: ModeLimits) -> None:
+    """q += the correction along the modes that `limits` allows, Φ in r2."""
     phi = work.r2
     for r in range(phi.size):
         phi[r] = -phi[r]
         work.y[r] = 0.0
     zero(work.shift)
-    finish(unit, system, work, work.shift, 1e-3, noise, faintest, furthest)
+    finish(unit, system, work, work.shift, 1e-3, limits)
     for a in range(work.p.size):
         work.q[a] += work.shift[a]
 
 
 @inner
-def project(unit: Unit, system: System, work: Work, wholly: bool) -> int:
+def project(unit: Unit, system: System, work: Work, exactly: bool) -> int:
     """Bring q in `work` onto Φ = 0 along M, with Φ_q and factor of that place; returns the result.
 
-    It begins with those of the last stage, which is near; where that converges slowly they are
-    made anew. Very close to a singular position a row cannot tell how far off its point is, and
-    what is left of the gap is let be. `wholly`: beside a singular position, where the last
-    correction counts also for what is closed.
+    The iteration begins with Φ_q and factor of the last stage, which is near. If it converges
+    slowly they are computed anew. Very close to a singular position a row does not determine how
+    far off its point is; then a gap that no longer falls is accepted. `exactly`: beside a singular
+    position, where a last correction is made even if the rows are closed.
     """
     size = system.size
     before = np.inf
-    fresh, wanting = False, wholly
+    fresh, wanting = False, exactly
     for _ in range(50):
-        gap = _opening(unit, system.rows, work.q, work.r2, wholly)
+        gap = _opening(unit, system.rows, work.q, work.r2, exactly)
         closed = gap <= _CLOSED * EPS * size
         if closed or (fresh and gap > 0.5 * before and gap <= 1e-10 * size):
             if not linearise(unit, system, work, work.q):
@@ -139,16 +139,16 @@ def project(unit: Unit, system: System, work: Work, wholly: bool) -> int:
 
 
 @expanded
-def place(unit: Unit, system: System, work: Work, wholly: bool) -> int:
-    """Put the stage `target` onto Φ = 0, by one correction or `wholly`.
+def project_stage(unit: Unit, system: System, work: Work, exactly: bool) -> int:
+    """Project the stage `target` onto Φ = 0, by one correction or `exactly`.
 
-    Off Φ = 0 by e and σ from a singular position the free directions are turned by e / σ: that,
-    not α, is what breaks steps there. On it the equations go through the position smoothly. The
-    correction is linearised at q, a guess that is nearer to Φ = 0 than the stage. Φ_q and factor
-    are those of that guess, or `wholly` of the place.
+    At a distance σ from a singular position an error e of Φ turns the free directions by e / σ.
+    This error, not α, breaks steps there. On Φ = 0 the equations are smooth through the position.
+    The correction is linearised at q, a guess that is nearer to Φ = 0 than the stage. Φ_q and
+    factor are those of that guess, or if `exactly` those of the place.
     """
-    if wholly:
-        return _place_wholly(unit, system, work)
+    if exactly:
+        return _project_exactly(unit, system, work)
     assemble(unit, system, work, work.q)
     _begin_correction(unit, system, work)
     if not solve_on(unit, system, work):
@@ -189,7 +189,8 @@ def _begin_correction(unit: Unit, system: System, work: Work) -> None:
 
 
 @inner
-def _place_wholly(unit: Unit, system: System, work: Work) -> int:
+def _project_exactly(unit: Unit, system: System, work: Work) -> int:
+    """Project `target` by Newton's method, with Φ to twice the digits; returns the result."""
     if not linearise(unit, system, work, work.q):
         return NOT_POSITIVE
     gap = _opening(unit, system.rows, work.q, work.r2, True)

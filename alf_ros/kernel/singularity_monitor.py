@@ -1,4 +1,4 @@
-"""What is done at the end of each step while somebody watches for singular positions."""
+"""The singularity monitor: softest modes, followed from step to step if a run is watched."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ import numpy as np
 
 from alf_ros.arrays import Floats, Unit
 from alf_ros.kernel.constraints import jacobian_rate
-from alf_ros.kernel.data import Modes, Phase, System, Watch, Work
+from alf_ros.kernel.data import Modes, Phase, Problem, System, Watch, Work
 from alf_ros.kernel.numba_ext.block import block, dot
 from alf_ros.kernel.numba_ext.jit import ONE, compiled, inner
 from alf_ros.kernel.numba_ext.plain_loops import each
 from alf_ros.kernel.numba_ext.vectors import copy
 from alf_ros.kernel.softest_modes import STIFF, carried_over, softest
 
-_STEADY = 0.5  # σ may fall to this part of itself in a step, or rise as much, to be left alone
+_STEADY = 0.5  # part of itself to which σ may fall in a step, or from which it may rise, at most
 _TURN = 0.7  # rad that rows may turn in a step
 
 
@@ -44,16 +44,18 @@ def _is_steady(
 
 
 @inner
-def note(unit: Unit, system: System, work: Work, watch: Watch, phase: Phase, t: float) -> bool:
+def may_have_passed(problem: Problem, phase: Phase, watch: Watch, t: float) -> bool:
     """Follow the modes to the end of a step, at t, with the factor in `work`; returns whether a
-    singular position may have been passed in it.
+    singular position may have been passed in the step.
 
-    That cannot be where σ of each mode is steady and no row turns far, in this step and in the
-    one before: where a mechanism turns back just behind a singular position only that one tells.
+    If σ of each mode is steady and no row turns far, in this step and in the one before, no
+    position can have been passed. The step before counts because a mechanism may turn back just
+    behind a singular position: then only that step shows the pass.
     """
+    unit, system, work = problem.unit, problem.system, problem.work
     quiet = watch.quiet[0]
-    _hand_on(watch.after, watch.before)
-    _hand_on(phase, watch.after)
+    _copy_phase(watch.after, watch.before)
+    _copy_phase(phase, watch.after)
     watch.t[0], watch.t[1] = watch.t[1], t
     rate = turning(unit, system, watch.g2d, phase.qd)
     furthest = max(rate, watch.rate[0]) * (watch.t[1] - watch.t[0])
@@ -65,7 +67,7 @@ def note(unit: Unit, system: System, work: Work, watch: Watch, phase: Phase, t: 
 
 
 @inner
-def _hand_on(of: Phase, to: Phase) -> None:
+def _copy_phase(of: Phase, to: Phase) -> None:
     copy(of.q, to.q)
     copy(of.qd, to.qd)
     copy(of.turns, to.turns)

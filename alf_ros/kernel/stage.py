@@ -2,56 +2,52 @@
 
 from __future__ import annotations
 
-from alf_ros.arrays import Unit
 from alf_ros.kernel.augmented_solve import accelerate, accelerate_freely, apply, velocities
-from alf_ros.kernel.data import Forces, System, Work
+from alf_ros.kernel.data import Problem, Scales
 from alf_ros.kernel.numba_ext.jit import inner
-from alf_ros.kernel.projection import place
+from alf_ros.kernel.projection import project_stage
 from alf_ros.kernel.status import OK
+from alf_ros.kernel.stopping import told_to_stop
 
-_ROOM = 4.0  # how often what a stage is moved onto Φ = 0 must go into that distance
+_CLEARANCE = 4.0  # least distance from a singular position, in parts of the way onto Φ = 0
 
 
 @inner
 def stage(
-    unit: Unit,
-    system: System,
-    forces: Forces,
-    work: Work,
-    t: float,
-    radius: float,
-    close: float,
-    neighbour: bool,
-    iterations: int,
-    rubbing: bool,
+    problem: Problem, t: float, scales: Scales, neighbour: bool, rubbing: bool
 ) -> tuple[int, float, bool]:
     """q̇ and q̈ of a stage from q and p' in `work`.
 
-    Returns iterations (0: no factor, -1: friction jams), about the distance x to a singular
-    position (its least singular value over the ordinary one), and whether it is clear of it: x is
-    above `close`. `radius` (m): of the path, which is what distances from a position are relative
-    to. `rubbing`: with friction that depends on reactions.
+    `neighbour`: the last stage was beside a singular position, so this one is expected to be.
+    `rubbing`: with friction that depends on reactions. Returns iterations (0: no factor, or told
+    to stop; -1: no balance of friction), about the distance x to a singular position (its least
+    singular value over the ordinary one), and whether the stage is clear of it: x is above
+    `scales.close`, and x times the radius of the path well above the way that the stage was moved
+    onto Φ = 0.
     """
+    work = problem.work
+    if told_to_stop(work):
+        return 0, 0.0, False
     n = work.p.size
-    wholly = neighbour
+    exactly = neighbour
     while True:
         work.evaluations[0] += 1
-        if place(unit, system, work, wholly) != OK:
+        if project_stage(problem.unit, problem.system, work, exactly) != OK:
             return 0, 0.0, False
-        count, sigma = velocities(unit, system, work, iterations, wholly)  # (33)
-        if sigma > 0.0 or wholly:
+        count, sigma = velocities(problem, exactly)  # (33)
+        if sigma > 0.0 or exactly:
             if rubbing:
-                more, same = accelerate(unit, system, forces, work, t, iterations, wholly)  # (26)
+                more, same = accelerate(problem, t, exactly)  # (26)
             else:
-                apply(unit, system, forces, work, t)
-                more, same = accelerate_freely(unit, system, work, iterations, wholly)  # (26)
+                apply(problem, t)
+                more, same = accelerate_freely(problem, exactly)  # (26)
             if more < 0:
                 return more, 0.0, False
-            if same > 0.0 or wholly:
+            if same > 0.0 or exactly:
                 break
-        wholly = True
+        exactly = True
     sigma, moved = min(sigma, same), 0.0
     for i in range(n):
         moved = max(moved, abs(work.q[i] - work.target[i]))
-    x = sigma / system.ordinary
-    return max(count, more), x, x > close and x * radius > _ROOM * moved
+    x = sigma / problem.system.ordinary
+    return max(count, more), x, x > scales.close and x * scales.radius > _CLEARANCE * moved

@@ -61,6 +61,7 @@ class Status(IntEnum):
         'the steps are far too long: their errors are larger than the mechanism',
         'take a smaller step, or an adaptive integrator',
     )
+    STOPPED = 9, 'it was stopped', 'go on with the next step'
     # of the formulations besides alf2
     SINGULAR = 20, 'the equations are singular there', 'take the formulation alf2'
     OPENED = 21, 'the constraints have opened', _SMALLER
@@ -81,6 +82,7 @@ JAMMED = int(Status.JAMMED)
 TOO_MANY = int(Status.TOO_MANY)
 NOT_SETTLED = int(Status.NOT_SETTLED)
 TOO_LONG = int(Status.TOO_LONG)
+STOPPED = int(Status.STOPPED)
 SINGULAR = int(Status.SINGULAR)
 OPENED = int(Status.OPENED)
 FOLDED = int(Status.FOLDED)

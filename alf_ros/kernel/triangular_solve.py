@@ -1,9 +1,8 @@
 """Solves with the factor L D Lᵀ of A, column by column.
 
-A column waits for those before it that reach it, mostly its neighbours of the elimination order:
-along a chain the one before the last, as a chain is eliminated from both ends. So what the next
-two columns begin with, and what the last two came to, is kept out of memory, and handled number
-by number: the way through a register of several is longer.
+A column waits for earlier columns that update it, mostly its neighbours in the elimination order:
+along a chain the one before the last, as a chain is eliminated from both ends. So the values of
+two neighbouring columns are held in registers, as single numbers: a vector register takes longer.
 """
 
 from __future__ import annotations
@@ -17,6 +16,7 @@ from alf_ros.kernel.numba_ext.jit import ONE, TWO, ZERO, compiled, inlined, inne
 from alf_ros.kernel.numba_ext.plain_loops import each
 
 Three = tuple[float, float, float]
+TwoColumns = tuple[Three, Three]  # the two that follow a column
 
 
 @inlined
@@ -103,10 +103,10 @@ def _substituted(
     off: Floats,
     k: np.uint64,
     x: Floats,
-    here: Three,
-    after: Three,
+    following: TwoColumns,
 ) -> Three:
-    """Column k of x = L⁻ᵀ D⁻¹ x; `here` and `after` are the two that follow it."""
+    """Column k of x = L⁻ᵀ D⁻¹ x; `following`: the two columns after it."""
+    here, after = following
     D = np.uint64(len(unit))
     b, kk, b2 = _three(unit, x, k), k * D * D, 0.0
     b0, b1 = b[0] * diagonal[kk], b[1] * diagonal[kk + D + ONE]
@@ -143,7 +143,7 @@ def upper(unit: Unit, pattern: Pattern, diagonal: Floats, off: Floats, x: Floats
     n = pattern.first.size - ONE
     here = after = 0.0, 0.0, 0.0
     for back in each(0, n):
-        b = _substituted(unit, pattern, diagonal, off, n - ONE - back, x, here, after)
+        b = _substituted(unit, pattern, diagonal, off, n - ONE - back, x, (here, after))
         here, after = b, here
 
 
@@ -164,7 +164,7 @@ def step_by(unit: Unit, system: System, work: Work, x: Floats) -> tuple[float, f
     here = after = 0.0, 0.0, 0.0
     for back in each(0, n):
         k = n - ONE - back
-        b = _substituted(unit, pattern, diagonal, off, k, delta, here, after)
+        b = _substituted(unit, pattern, diagonal, off, k, delta, (here, after))
         here, after = b, here
         y = block(unit, x, k) + packed(unit, b[0], b[1], b[2])
         put(x, k, y)

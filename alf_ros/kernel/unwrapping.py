@@ -24,8 +24,8 @@ def count_turns(before: Floats, after: Floats, turns: Integers) -> None:
 def nearby(xy: Floats, turns: Integers, near: Floats) -> None:
     """Each angle with its turns (rad), to a quarter turn.
 
-    As good as the angle itself to those who unwrap a stage of the step that begins there, and
-    without an arcus tangent for those who do not.
+    This is accurate enough to unwrap the angles of the stages of a step, and needs no arcus
+    tangent.
     """
     for n in range(turns.size):
         near[n] = 2.0 * np.pi * turns[n] + (-0.5 * np.pi if xy[2 * n + 1] < 0.0 else 0.5 * np.pi)

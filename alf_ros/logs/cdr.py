@@ -37,6 +37,7 @@ _PRIMITIVE = {
 _FIELD = re.compile(
     r'(?P<type>[\w/]+)(<=\d+)?(?P<array>\[(?P<size>\d*|<=\d+)\])?\s+(?P<name>[a-z]\w*)\b(?!\s*=)'
 )
+_DEEPEST = 20  # types within types
 _BEGIN = b'\x00\x01\x00\x00'  # the header: CDR, little endian
 _HEADER = len(_BEGIN)
 # The stamp of a std_msgs/Header, which is the first field where there is one.
@@ -62,11 +63,7 @@ class Decoder:
     def __init__(self, type_name: str, definition: str) -> None:
         self._types = _types(type_name, definition)
         self._root = _short(type_name)
-        if any(
-            field.type not in _PRIMITIVE and field.type not in (*self._types, 'string')
-            for fields in self._types.values()
-            for field in fields
-        ):
+        if not _complete(self._root, self._types):
             raise InputError('not a complete definition', value=type_name)
 
     def read(self, data: bytes) -> dict[str, Any]:
@@ -81,7 +78,7 @@ class Decoder:
         try:
             return self._message(self._root, reader), reader.places
         except (struct.error, UnicodeDecodeError):
-            raise InputError('a message shorter than its type', value=self._root) from None
+            raise InputError('a message that is not of its type', value=self._root) from None
 
     def _message(self, name: str, reader: _Reader) -> dict[str, Any]:
         fields = self._types[name]
@@ -93,6 +90,7 @@ class Decoder:
         if not field.array:
             return self._one(field.type, reader)
         count = field.size if field.size >= 0 else reader.number('I')
+        reader.expect(count)
         return [self._one(field.type, reader) for _ in range(count)]
 
     def _one(self, kind: str, reader: _Reader) -> Any:
@@ -108,7 +106,14 @@ class _Reader:
 
     def __init__(self, data: bytes) -> None:
         self._data, self._at = data, _HEADER
+        self._left = _DEEPEST * len(data)
         self.places: list[int] = []
+
+    def expect(self, count: int) -> None:
+        """So many values come: each has a byte at least, but for what holds nothing."""
+        self._left -= count
+        if self._left < 0:
+            raise struct.error
 
     def number(self, code: str) -> Any:
         size = struct.calcsize(code)
@@ -187,6 +192,24 @@ class Template:
         return bytes(self._data)
 
 
+def _complete(root: str, types: Types) -> bool:
+    """Whether a type is known, and all that it is made of, none of them holding itself."""
+    done: set[str] = set()
+
+    def whole(name: str, above: tuple[str, ...]) -> bool:
+        if name in done:
+            return True
+        if name not in types or name in above or len(above) == _DEEPEST:
+            return False
+        plain, inside = (*_PRIMITIVE, 'string'), (*above, name)
+        if not all(field.type in plain or whole(field.type, inside) for field in types[name]):
+            return False
+        done.add(name)
+        return True
+
+    return whole(root, ())
+
+
 @lru_cache(maxsize=64)
 def _types(root: str, definition: str) -> Types:
     """Fields of every type in a definition, by short name such as std_msgs/Header."""
@@ -205,10 +228,9 @@ def _field(match: re.Match[str], package: str) -> _Field:
     if kind not in _PRIMITIVE and kind != 'string':
         kind = _short(kind if '/' in kind else f'{package}/{kind}')
         kind = 'std_msgs/Header' if kind.endswith('/Header') else kind
-    size = match['size']
-    return _Field(
-        match['name'], kind, bool(match['array']), int(size) if size and size.isdigit() else -1
-    )
+    size = match['size'] or ''
+    count = int(size[:10]) if size.isdigit() else -1
+    return _Field(match['name'], kind, bool(match['array']), count)
 
 
 def _short(name: str) -> str:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from alf_ros.arrays import Floats
-from alf_ros.errors import InputError, StepError
+from alf_ros.errors import InputError, StepError, printable
 from alf_ros.logs import journal, progress, provenance
 from alf_ros.logs.log import Log
 from alf_ros.logs.rerun import Rerun, in_order
@@ -19,6 +19,8 @@ from alf_ros.simulation.observables import READINGS, Reading
 from alf_ros.simulation.sample import Sample
 
 _MOST = 12  # variables told one by one
+_MOST_FAULTS = 100
+_BESIDE = ('/diagnostics', '/robot_description', '/tf', '/clock', '/markers')
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,7 @@ class Variable:
 @dataclass
 class Result:
     """What came out. `faults` are what is wrong with the log itself; `versions` those that are
-    others here: (there, here) by name."""
+    others here: (there, here) by name; `lost` what was never written, as a text."""
 
     steps: int = 0
     compared: int = 0
@@ -65,6 +67,7 @@ class Result:
     faults: list[str] = field(default_factory=list)
     versions: dict[str, tuple[str, str]] = field(default_factory=dict)
     damage: str = ''
+    lost: str = ''
     trouble: str = ''
 
     @property
@@ -85,6 +88,8 @@ def told(log: Log, result: Result) -> str:
         lines.append(f'  other {key}: {there} in the log, {here} here')
     if result.damage:
         lines.append(f'  not closed: {result.damage}')
+    if result.lost:
+        lines.append(f'  {result.lost}')
     lines += [f'  wrong: {fault}' for fault in result.faults]
     if result.first is not None:
         lines.append(f'  first: {result.first}')
@@ -103,7 +108,7 @@ def told(log: Log, result: Result) -> str:
         lines.append(f'EQUAL: {result.compared} messages, bit for bit')
     else:
         lines.append('DIFFERS' if result.first is not None else 'NOT AS IT WAS WRITTEN')
-    return '\n'.join(lines)
+    return '\n'.join(map(printable, lines))
 
 
 class _Comparison:
@@ -113,10 +118,14 @@ class _Comparison:
         self._journal = log.topic('~/inputs')
         self._seal, self._cause = '', ''
         self._numbers: dict[str, int] = {}
+        self._missing: dict[str, int] = {}
+        self._ends: dict[str, tuple[int, int]] = {}  # last stamp and largest gap of a topic, ns
         self._sample: Sample | None = None
         self._result = Result(versions=_other(log.versions, provenance.versions()))
         self._check_scene()
         self._rerun = Rerun(log, trust)
+        there = log.info.get('effects') or {}
+        self._result.versions.update(_other(there, provenance.origins(self._rerun.scene)))
 
     def _check_scene(self) -> None:
         digest = hashlib.sha256(self._log.scene_text.encode()).hexdigest()
@@ -126,12 +135,22 @@ class _Comparison:
     def run(self, report: progress.Report) -> Result:
         result = self._result
         topics = [*self._readings, self._journal]
+        survey = self._log.survey
+        if survey.leap:
+            self._fault(survey.leap)
+        if survey.passed_over:
+            self._fault(f'a part cannot be read: {survey.passed_over}')
+        for topic in sorted(survey.counts):
+            if not self._is_known(topic):
+                self._fault(f'{topic}: a topic that is none of its run')
         try:
             for piece in self._log.pieces(topics, report):
                 for series, row in in_order(piece):
-                    self._follow(series, row)
+                    if int(series.stamp[row]) <= survey.last:
+                        self._follow(series, row)
         except StepError as error:
             self._fault(f'the re-run fails: {error}')
+        self._count_missing()
         if not result.inputs:
             self._fault('there is no journal: the inputs are not known')
         result.inputs = max(0, result.inputs - 1)  # without the start
@@ -140,12 +159,19 @@ class _Comparison:
         return result
 
     def _follow(self, series: Series, row: int) -> None:
-        number, expected = int(series.sequence[row]), self._numbers.get(series.topic, 0) + 1
-        self._numbers[series.topic] = number
-        if series.topic != self._journal:
-            self._compare(series, row, self._readings[series.topic])
+        topic = series.topic
+        number, expected = int(series.sequence[row]), self._numbers.get(topic, 0) + 1
+        self._numbers[topic] = max(number, expected - 1)
+        if number < expected:
+            self._fault(f'{topic}: message {number} comes after message {expected - 1}')
+        if topic != self._journal:
+            self._missing[topic] = self._missing.get(topic, 0) + max(0, number - expected)
+            stamp = int(series.stamp[row])
+            before, gap = self._ends.get(topic, (stamp, 0))
+            self._ends[topic] = stamp, max(gap, stamp - before)
+            self._compare(series, row, self._readings[topic])
             return
-        entry = journal.read(series.messages[row]['data'])
+        entry = journal.entries(series)[row]
         told = journal.told(entry)
         if number > expected:
             self._fault(f'{number - expected} inputs are missing before {told}')
@@ -169,28 +195,65 @@ class _Comparison:
             if self._rerun.step_before(entry) > self._rerun.step_of(self._log.survey.last):
                 raise InputError('lies behind the end of the log')
             self._rerun.act(entry)
-        except (InputError, KeyError, TypeError, ValueError, OverflowError) as error:
+        except (InputError, TypeError, ValueError) as error:  # also of numbers that do not fit
             self._fault(f'input at {told}: {error}')
 
+    def _is_known(self, topic: str) -> bool:
+        """Whether a topic is one that a simulator writes: another may be one with its name
+        changed."""
+        told = self._log.info.get('topics', {}).values()
+        own = (self._journal, self._log.topic('~/scene'))
+        return topic in (*told, *self._readings, *own) or topic.endswith(_BESIDE)
+
+    def _count_missing(self) -> None:
+        """What was dropped while it was recorded is told, what is missing besides is a fault."""
+        missing, dropped = sum(self._missing.values()), self._log.survey.dropped
+        if missing > dropped:
+            for topic, count in self._missing.items():
+                if count:
+                    self._fault(f'{topic}: {count} messages are missing')
+        elif missing:
+            self._result.lost = f'{missing} messages were dropped when it was recorded'
+        if self._log.survey.damage or missing:
+            return
+        last = max((stamp for stamp, _ in self._ends.values()), default=0)
+        for topic, (stamp, gap) in self._ends.items():
+            if gap and stamp + 1.5 * gap < last:
+                self._fault(f'{topic}: ends at {stamp} ns, and others go on')
+
     def _fault(self, text: str) -> None:
-        self._result.faults.append(text)
+        """The first of many."""
+        if len(self._result.faults) < _MOST_FAULTS:
+            self._result.faults.append(text)
 
     def _compare(self, series: Series, row: int, reading: Reading) -> None:
         rerun, result, stamp = self._rerun, self._result, int(series.stamp[row])
         step = rerun.step_of(stamp)
         if self._sample is None or self._sample.step != step:
-            rerun.go_to(step)
+            try:
+                rerun.go_to(step)
+            except InputError as error:
+                self._fault(f'{series.topic}: {error.message}')
+                return
             self._sample = rerun.simulation.sample()
             result.steps += 1
         sample = self._sample
         if rerun.stamp != stamp:
             self._fault(f'{series.topic}: stamp {stamp} ns is not that of a step')
+        elif int(series.told[row]) != stamp:
+            told = int(series.told[row])
+            self._fault(f'{series.topic}: stamp {stamp} ns in the log, {told} ns in the message')
         result.compared += 1
         names = reading.names(sample)
-        if series.names not in (names, ()):
-            self._fault(f'{series.topic}: names others than the scene at step {step}')
+        values = dict(zip(reading.fields, reading.values(sample), strict=True))
+        # arrays that a reading does not have are written as zeros (`templates`)
+        values |= {k: np.zeros_like(v[row]) for k, v in series.columns.items() if k not in values}
+        values = {key: now for key, now in values.items() if now.size}
+        expected = () if reading.fields == ('data',) else names
+        if series.names != expected or series.columns.keys() != values.keys():
+            self._fault(f'{series.topic}: holds other things than the scene at step {step}')
             return
-        for key, now in zip(reading.fields, reading.values(sample), strict=True):
+        for key, now in values.items():
             logged = series.columns[key][row]
             if logged.tobytes() != now.tobytes():
                 self._note(reading, key, names, logged, now, sample)

@@ -9,7 +9,11 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Callable
 from typing import Any
+
+from alf_ros.logs import record
+from alf_ros.logs.series import Series
 
 _LENGTH = 16
 SEAL = 'seal'
@@ -25,15 +29,80 @@ def chained(entry: dict[str, Any], seal: str) -> tuple[str, str]:
     return json.dumps({**entry, SEAL: own}), own
 
 
-def read(text: str) -> dict[str, Any]:
-    """An entry from its text; of the kind 'unreadable' if it is none."""
+def read(text: object) -> dict[str, Any]:
+    """An entry from its text; of the kind 'unreadable' if it is none, or one whose fields are not
+    what its kind has."""
     try:
-        entry = json.loads(text)
-        if isinstance(entry, dict) and isinstance(entry['step'], int) and 'kind' in entry:
+        entry = record.parsed(text)
+        if isinstance(entry, dict) and _is_entry(entry):
             return entry
-    except (ValueError, KeyError):
+    except ValueError:
         pass
-    return {'step': -1, 'kind': UNREADABLE, 'text': text, SEAL: ''}
+    return {'step': -1, 't': -1.0, 'kind': UNREADABLE, 'text': str(text), SEAL: ''}
+
+
+def entries(series: Series) -> list[dict[str, Any]]:
+    """The entries of the messages of a topic, whatever they are."""
+    if len(series.messages) != len(series):  # of numbers
+        return [read(None) for _ in range(len(series))]
+    return [read(message.get('data')) for message in series.messages]
+
+
+def _is_entry(entry: dict[str, Any]) -> bool:
+    kind, step, seal = entry.get('kind'), entry.get('step'), entry.get(SEAL, '')
+    if not (isinstance(kind, str) and isinstance(seal, str) and _is_number(entry.get('t'))):
+        return False
+    wanted = _FIELDS.get(kind, {})
+    return _is_whole(step) and all(key in entry and is_(entry[key]) for key, is_ in wanted.items())
+
+
+def _is_whole(value: object) -> bool:
+    return type(value) is int and 0 <= value < 2**53
+
+
+def _is_number(value: object) -> bool:
+    return type(value) in (int, float) and abs(value) < 1e300  # type: ignore[arg-type]
+
+
+def _is_text(value: object) -> bool:
+    return isinstance(value, str)
+
+
+def _is_mapping(value: object) -> bool:
+    return isinstance(value, dict)
+
+
+def _are_numbers(value: object) -> bool:
+    return isinstance(value, list) and all(map(_is_number, value))
+
+
+def _is_torque(value: object) -> bool:
+    return _is_number(value) or _are_numbers(value)
+
+
+def _is_signal(value: object) -> bool:
+    """A number, or the pieces of a curve."""
+    return _is_number(value) or (isinstance(value, list) and all(map(_are_numbers, value)))
+
+
+def _is_signal_or_none(value: object) -> bool:
+    return value is None or _is_signal(value)
+
+
+def _is_number_or_none(value: object) -> bool:
+    return value is None or _is_number(value)
+
+
+_FIELDS: dict[str, dict[str, Callable[[object], bool]]] = {
+    'wrench': {'name': _is_text, 'force': _are_numbers, 'torque': _is_torque, 'frame': _is_text},
+    'effort': {'name': _is_text, 'effort': _is_signal},
+    'target': {
+        'name': _is_text,
+        'position': _is_signal_or_none,
+        'velocity': _is_number_or_none,
+    },
+    'settings': {'solver': _is_mapping, 'effects': _is_mapping, 'steps_per_tick': _is_whole},
+}
 
 
 def fault(entry: dict[str, Any], seal: str) -> str:

@@ -6,7 +6,7 @@ asked for; `pieces` goes through a log of any length in bounded memory.
 
 from __future__ import annotations
 
-import json
+import os
 import re
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
@@ -16,18 +16,19 @@ from typing import Any
 
 import numpy as np
 
+from alf_ros import paths
 from alf_ros.arrays import Floats, Integers
 from alf_ros.effects.contract import user_file
-from alf_ros.errors import InputError
-from alf_ros.logs import journal, mcap_chunks, progress
+from alf_ros.effects.contract.user_file import is_file_name
+from alf_ros.errors import InputError, shortened
+from alf_ros.logs import journal, mcap_chunks, progress, record
 from alf_ros.logs.mcap_chunks import Contents
 from alf_ros.logs.series import ChannelReader, Series, joined
-from alf_ros.scene.scene import Scene, scene_from_text
+from alf_ros.scene.references import WHOLE
+from alf_ros.scene.scene import Scene, effect_names, scene_from_text
 
 _PART = re.compile(r'(.*?)(?:_(\d+))?\.mcap')
 _INPUTS = '~/inputs'
-_TEXTS = ('scene', 'scene_sha256')
-_NEEDED = (*_TEXTS, 'solver', 'steps_per_tick', 'stamps_ahead_ns', 'versions')
 
 
 @dataclass(frozen=True)
@@ -44,15 +45,23 @@ class States:
 
 @dataclass
 class Survey:
-    """What one passage through a log shows."""
+    """What one passage through a log shows.
+
+    `lost`: messages that are missing, by topic, of which `dropped` were never written; `damage`:
+    where it cannot be read, `passed_over` where something behind was read; `leap`: a stamp that
+    cannot be one of the run, '' if there is none. first and last stamp without such.
+    """
 
     counts: dict[str, int] = field(default_factory=dict)
     types: dict[str, str] = field(default_factory=dict)
     inputs: list[dict[str, Any]] = field(default_factory=list)
     lost: dict[str, int] = field(default_factory=dict)
-    first: int = 0  # stamps, ns
+    first: int = 0  # ns
     last: int = 0
     damage: str = ''
+    passed_over: str = ''
+    leap: str = ''
+    dropped: int = 0
 
 
 class Log:
@@ -64,7 +73,7 @@ class Log:
     """
 
     def __init__(self, path: str | Path) -> None:
-        self.path = Path(path).expanduser()
+        self.path = paths.named(path)
         self.files = _files(self.path)
         self._size = sum(file.stat().st_size for file in self.files)
         contents = Contents()
@@ -75,18 +84,8 @@ class Log:
                 'not a log of this simulator', file=str(self.path), expected='a record alf_ros'
             )
         self.record = contents.metadata['alf_ros']
-        told = dict(self.record)
-        try:
-            self.scene_text = told.pop('scene_text')
-            self.info: dict[str, Any] = {
-                key: text if key in _TEXTS else json.loads(text) for key, text in told.items()
-            }
-            missing = [key for key in _NEEDED if key not in self.info]
-        except (KeyError, ValueError):
-            missing = ['it cannot be read']
-        if missing:
-            text = f'its record alf_ros is damaged: {", ".join(missing)}'
-            raise InputError(text, file=str(self.path))
+        self.info: dict[str, Any] = record.read(self.record, str(self.path))
+        self.scene_text = self.record['scene_text']
 
     # ------------------------------------------------------------------------- what it says itself
 
@@ -103,19 +102,41 @@ class Log:
     def scene(self, trust: bool = False) -> Scene:
         """The scene as it was run.
 
-        An effect that is a file, and is no longer there as it was, is taken from the log if
-        `trust` says that its code may run. Raises InputError otherwise.
+        Nothing but the log is read. An effect that is a file is known by its digest, whatever
+        lies where it once was: its text is that of the log, and runs if `trust` says so, or if it
+        has run in this process before. Raises InputError otherwise.
         """
-        for name, text in self.info.get('files', {}).items():
-            if not user_file.is_there(name):
-                if not trust:
-                    raise InputError(
-                        'the log brings the code of an effect whose file is not here any more',
-                        value=name.partition('#')[0],
-                        expected='trust in it (--trust)',
-                    )
-                user_file.provide(name, text)
-        return scene_from_text(self.scene_text, str(self.path))
+        file = str(self.path)
+        names = [name for name in effect_names(self.scene_text, file) if is_file_name(name)]
+        for name in names:
+            if not user_file.digest(name):
+                raise InputError(
+                    'its scene names the file of an effect without a digest: which text ran '
+                    'cannot be told',
+                    file=file,
+                    value=name,
+                )
+        new = [name for name in names if not user_file.is_known(name)]
+        if new and not trust:
+            raise InputError(
+                f'to run it is to run the code it brings: {", ".join(map(_file_said, new))}',
+                file=file,
+                expected='trust in it (--trust)',
+            )
+        for name in new:
+            text = self._files.get(name)
+            if text is None:
+                said = 'it does not bring the code of an effect in its scene'
+                raise InputError(said, file=file, value=name.partition('#')[0])
+            user_file.provide(name, text)
+        return scene_from_text(self.scene_text, file, references=WHOLE)
+
+    @property
+    def _files(self) -> dict[str, str]:
+        """The texts of effects that are files, by full name, as far as they are texts."""
+        told = self.info.get('files')
+        pairs = told.items() if isinstance(told, dict) else ()
+        return {name: text for name, text in pairs if isinstance(text, str)}
 
     @cached_property
     def survey(self) -> Survey:
@@ -124,28 +145,27 @@ class Log:
 
     def surveyed(self, report: progress.Report) -> Survey:
         """The survey, made now; `report` hears how far it is."""
-        found, first = Survey(), 2**63
+        found, stamps = Survey(), _Stamps(self.info)
         numbers: dict[str, int] = {}
         where = self.topic(_INPUTS)
         for block, contents in self._blocks(found, report):
+            stamps.add(block.stamp)
             for id_ in np.unique(block.channel).tolist():
                 rows, channel = np.flatnonzero(block.channel == id_), contents.channels[id_]
                 topic = channel.topic
                 found.types[topic] = channel.type
                 found.counts[topic] = found.counts.get(topic, 0) + rows.size
-                first = min(first, int(block.stamp[rows].min()))
-                found.last = max(found.last, int(block.stamp[rows].max()))
                 number = int(block.sequence[rows[-1]])
                 numbers[topic] = max(numbers.get(topic, 0), number)
                 if topic == where:
                     for series in ChannelReader(channel).series(block, rows):
-                        found.inputs += [
-                            journal.read(message['data']) for message in series.messages
-                        ]
+                        entries = journal.entries(series)
+                        found.inputs += entries
+                        stamps.heed(entries)
         for topic, number in numbers.items():
             if number > found.counts[topic]:
                 found.lost[topic] = number - found.counts[topic]
-        found.first = min(first, found.last)
+        found.first, found.last, found.leap = stamps.first, stamps.last, stamps.leap
         self.__dict__['survey'] = found
         return found
 
@@ -212,6 +232,10 @@ class Log:
             before += file.stat().st_size
             if contents.damage:
                 found.damage = f'{file}: {contents.damage}'
+            if contents.passed_over:
+                found.passed_over = f'{file}: {contents.passed_over}'
+            said = contents.metadata.get('alf_ros_dropped', {}).get('messages', '')
+            found.dropped = max(found.dropped, int(said) if said.isdecimal() else 0)
 
     def read(self, topic: str) -> Series:
         """A whole topic. Raises InputError if the log has no such topic."""
@@ -244,6 +268,55 @@ class Log:
         )
 
 
+# Solver steps between two messages, beyond which a stamp is damaged rather than far away: made
+# again they would take minutes at the least. A log has a message at every tick, or one a second.
+_MOST_STEPS = 10_000_000
+
+
+class _Stamps:
+    """The stamps (ns) of a log as far as they can be those of its run: `first`, `last`, and a word
+    about the first that cannot."""
+
+    def __init__(self, info: dict[str, Any]) -> None:
+        self._h = 0.0
+        self._take(info['solver'])
+        self.first = self.last = 0
+        self.leap = ''
+        self._begun = False
+
+    def heed(self, entries: list[dict[str, Any]]) -> None:
+        """Settings may make the steps longer."""
+        for entry in entries:
+            if entry['kind'] == 'settings':
+                self._take(entry['solver'])
+
+    def _take(self, solver: dict[str, Any]) -> None:
+        step = solver.get('step')
+        if isinstance(step, (int, float)) and not isinstance(step, bool) and 0.0 < step <= 1e6:
+            self._h = max(self._h, float(step))
+
+    def add(self, stamps: Integers) -> None:
+        """Go on with the stamps of a chunk."""
+        farthest = min(_MOST_STEPS * self._h * 1e9, 2.0**62)
+        ordered = np.unique(stamps)
+        if not self._begun and ordered.size:
+            self.first = self.last = int(ordered[0])
+            self._begun = True
+        beyond = np.flatnonzero(np.diff(ordered, prepend=self.last).astype(float) > farthest)
+        good = ordered[: beyond[0]] if beyond.size else ordered
+        if good.size:
+            self.first = min(self.first, int(good[0]))
+            self.last = max(self.last, int(good[-1]))
+        if beyond.size and not self.leap:
+            self.leap = f'the stamp {int(ordered[beyond[0]])} ns is none of its run'
+
+
+def _file_said(name: str) -> str:
+    """The name of a file and the begin of its digest."""
+    path, _, digest = name.partition('#sha256=')
+    return f'{shortened(path)} (sha256 {digest[:12]})'
+
+
 def load(path: str | Path) -> Log:
     """The log in a folder or a file. Raises InputError if it is none."""
     return Log(path)
@@ -251,9 +324,9 @@ def load(path: str | Path) -> Log:
 
 def _files(path: Path) -> list[Path]:
     """The parts of a log, in order."""
-    if path.is_file():
+    if os.path.isfile(path):
         return [path]
-    if not path.is_dir():
+    if not os.path.isdir(path):
         raise InputError('no such log', file=str(path), expected='a folder or an .mcap file')
     found = sorted(path.glob('*.mcap'), key=_number)
     if not found:

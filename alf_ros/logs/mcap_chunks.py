@@ -6,6 +6,7 @@ killed has none; and no message becomes an object, because a log may have ten mi
 
 from __future__ import annotations
 
+import os
 import struct
 import zlib
 from collections.abc import Iterator
@@ -22,8 +23,8 @@ from alf_ros.kernel.numba_ext.jit import compiled
 
 MAGIC = b'\x89MCAP0\r\n'
 SCHEMA, CHANNEL, MESSAGE, CHUNK, METADATA, DATA_END = 0x03, 0x04, 0x05, 0x06, 0x0C, 0x0F
-# Longest record that is believed; a length beyond it is a broken file.
-_LONGEST = 1 << 32
+# Longest record, and largest chunk, that is believed (bytes): what is beyond is a broken file.
+_LONGEST = 1 << 28
 _HEAD = 31  # bytes of a message record before its data
 
 Bytes = NDArray[np.uint8]
@@ -44,12 +45,13 @@ class Channel:
 @dataclass
 class Contents:
     """What a file says of itself, as far as it was read: `damage` is the first place that cannot
-    be read, '' if there is none."""
+    be read, '' if there is none; `passed_over` that of which something behind was read."""
 
     channels: dict[int, Channel] = field(default_factory=dict)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     profile: str = ''
     damage: str = ''
+    passed_over: str = ''
 
 
 @dataclass(frozen=True)
@@ -84,30 +86,36 @@ def blocks(path: Path, contents: Contents, begin: int = 0) -> Iterator[Block]:
     """
     schemas: dict[int, tuple[str, str]] = {}
     with _opened(path) as stream:
-        head = stream.read(len(MAGIC))
+        size = os.fstat(stream.fileno()).st_size
+        try:
+            head = stream.read(len(MAGIC))
+        except OSError as error:
+            raise InputError(f'cannot be read: {error.strerror}', file=str(path)) from None
         if head != MAGIC[: len(head)]:
             raise InputError('not an MCAP file', file=str(path))
         stream.seek(max(begin, len(head)))
         while True:
             at = stream.tell()
             try:
-                code, content = _record(stream)
+                code, content = _record(stream, size - at)
                 if code == DATA_END:
-                    stream.seek(max(0, path.stat().st_size - len(MAGIC)))
+                    stream.seek(max(0, size - len(MAGIC)))
                     if stream.read() != MAGIC:
                         raise _Damaged('index cut off', ends=True)
                     return
                 if code == CHUNK:
-                    yield _block(_unpacked(content, path), contents, schemas, stream.tell())
+                    yield _block(_unpacked(content), contents, schemas, stream.tell())
                 elif code == MESSAGE:  # of a file without chunks
                     record = struct.pack('<BQ', code, len(content)) + content
                     yield _block(record, contents, schemas, stream.tell())
                 else:
                     _note(code, content, contents, schemas)
             except _Damaged as damaged:
-                contents.damage = contents.damage or f'{damaged} at byte {at}'
+                told = f'{damaged} at byte {at}'
+                contents.damage = contents.damage or told
                 if damaged.ends:
                     return
+                contents.passed_over = contents.passed_over or told
 
 
 class _Damaged(Exception):
@@ -121,24 +129,35 @@ class _Damaged(Exception):
 def _opened(path: Path) -> BinaryIO:
     try:
         return open(path, 'rb')
-    except OSError as error:
-        raise InputError(f'cannot be read: {error.strerror}', file=str(path)) from None
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f'cannot be read: {getattr(error, "strerror", error)}', file=str(path)
+        ) from None
 
 
-def _record(stream: BinaryIO) -> tuple[int, bytes]:
+def _record(stream: BinaryIO, left: int) -> tuple[int, bytes]:
+    try:
+        return _read(stream, left)
+    except OSError as error:  # of a disk
+        raise _Damaged(f'{error.strerror}', ends=True) from None
+
+
+def _read(stream: BinaryIO, left: int) -> tuple[int, bytes]:
     head = stream.read(9)
     if len(head) < 9:
         raise _Damaged('cut off', ends=True)
     code, length = struct.unpack('<BQ', head)
     if length > _LONGEST:
         raise _Damaged('broken', ends=True)
+    if length > left - len(head):  # nothing is made room for that is not there
+        raise _Damaged('cut off', ends=True)
     content = stream.read(length)
     if len(content) < length:
         raise _Damaged('cut off', ends=True)
     return code, content
 
 
-def _unpacked(content: bytes, path: Path) -> bytes:
+def _unpacked(content: bytes) -> bytes:
     """The records of a chunk."""
     try:
         _, _, size, crc = struct.unpack_from('<QQQI', content)
@@ -147,7 +166,7 @@ def _unpacked(content: bytes, path: Path) -> bytes:
         if size > _LONGEST:
             raise _Damaged('broken chunk')
         packed = content[at + 8 : at + 8 + length]
-        data = _decompressed(compression, packed, size, path)
+        data = _decompressed(compression, packed, size)
     except (struct.error, UnicodeDecodeError, IndexError):
         raise _Damaged('broken chunk') from None
     if len(data) != size or (crc and zlib.crc32(data) != crc):
@@ -155,7 +174,7 @@ def _unpacked(content: bytes, path: Path) -> bytes:
     return data
 
 
-def _decompressed(compression: str, packed: bytes, size: int, path: Path) -> bytes:
+def _decompressed(compression: str, packed: bytes, size: int) -> bytes:
     # The compressor is imported where a file needs it.
     if not compression:
         return packed
@@ -163,6 +182,9 @@ def _decompressed(compression: str, packed: bytes, size: int, path: Path) -> byt
         import zstandard
 
         try:
+            # what a frame says of its size is made room for, whatever the chunk says
+            if zstandard.frame_content_size(packed) > size:
+                raise _Damaged('broken chunk')
             return zstandard.ZstdDecompressor().decompress(packed, max_output_size=size)
         except zstandard.ZstdError:
             raise _Damaged('broken chunk') from None
@@ -170,10 +192,10 @@ def _decompressed(compression: str, packed: bytes, size: int, path: Path) -> byt
         import lz4.frame
 
         try:
-            return bytes(lz4.frame.decompress(packed))
+            return bytes(lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=size + 1))
         except RuntimeError:
             raise _Damaged('broken chunk') from None
-    raise InputError('unknown compression', file=str(path), value=compression)
+    raise _Damaged(f'chunk of unknown compression {compression[:20]!r}')
 
 
 def _block(

@@ -66,11 +66,17 @@ def record(about: Mapping[str, Any], scene: Scene) -> dict[str, str]:
 
 def _of_effects(scene: Scene) -> dict[str, Any]:
     """What the text of a scene does not say: `files`, the texts of effects that are files
-    (by full name), and `effects`, where those of other packages come from (by kind)."""
+    (by full name), and `effects`, the `origins` of the others."""
     kinds = dict.fromkeys(effect.kind for effect in scene.effects)
     files = {kind: user_file.source(kind) for kind in kinds if user_file.is_file_name(kind)}
-    origins = {kind: effects.origin(kind) for kind in kinds}
-    return {'files': files, 'effects': {kind: said for kind, said in origins.items() if said}}
+    return {'files': files, 'effects': origins(scene)}
+
+
+def origins(scene: Scene) -> dict[str, str]:
+    """Where the effects of a scene that are of other packages come from: package, version and
+    digest, by kind."""
+    told = {effect.kind: effects.origin(effect.kind) for effect in scene.effects}
+    return {kind: said for kind, said in told.items() if said}
 
 
 def _compiler() -> dict[str, str]:

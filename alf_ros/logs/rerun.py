@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from alf_ros.errors import InputError
+from alf_ros.logs import journal
 from alf_ros.logs.log import Log
 from alf_ros.logs.series import Series
 from alf_ros.logs.stamps import stamp_ns
@@ -65,7 +66,12 @@ class Rerun:
         return 0 if ns == 1 else round(ns * 1e-9 / self.simulation.h)
 
     def step_before(self, entry: dict[str, Any]) -> int:
-        """The step at which an entry of the journal acts; settings count in their own steps."""
+        """The step at which an entry of the journal acts; settings count in their own steps.
+
+        Raises InputError for one that cannot be read.
+        """
+        if entry['kind'] == journal.UNREADABLE:
+            raise InputError('an entry of the journal that cannot be read', value=entry['text'])
         if entry['kind'] == 'settings':
             return round(entry['t'] / self.simulation.h)
         return int(entry['step'])
@@ -104,9 +110,11 @@ class Rerun:
 
     def _change(self, entry: dict[str, Any]) -> None:
         before = self.simulation
-        self.steps_per_tick = int(entry['steps_per_tick'])
-        solver = {key: getattr(before.solver, key) for key in entry['solver']}
-        if entry['solver'] == solver and not entry['effects']:
+        self.steps_per_tick = max(1, entry['steps_per_tick'])
+        now = asdict(before.solver)
+        if not entry['solver'].keys() <= now.keys():
+            raise InputError('settings that are not those of this version', key='solver')
+        if entry['solver'].items() <= now.items() and not entry['effects']:
             return
         self._trouble = self.trouble
         self.scene = with_effect_values(self.scene, entry['effects'])

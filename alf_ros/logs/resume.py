@@ -40,7 +40,7 @@ def resume(log: Log, at: float, trust: bool = False) -> Resumed:
                     waiting.append(entry)
             elif not beyond:
                 beyond = float(log.time(event.series.stamp[event.row])) > at + _CLOSE
-                if not beyond:
+                if not beyond and int(event.series.stamp[event.row]) <= log.survey.last:
                     for entry in waiting:
                         _restore(rerun, latest, has_states)
                         rerun.act(entry)
@@ -68,8 +68,13 @@ def _restore(rerun: Rerun, event: Event | None, has_states: bool) -> None:
         return
     simulation, series, row = rerun.simulation, event.series, event.row
     before = simulation.state
-    numbers, rates = (series.columns[key][row] for key in ('position', 'velocity'))
-    if int(numbers[-1]) <= before.step:
-        return  # entries of one step act in turn
-    state = state_vector.state(simulation.model, before, numbers, rates, before.inputs)
+    try:
+        numbers, rates = (series.columns[key][row] for key in ('position', 'velocity'))
+        if int(numbers[-1]) <= before.step:
+            return  # entries of one step act in turn
+        if int(numbers[-1]) != rerun.step_of(int(series.stamp[row])):
+            raise ValueError('its step is not that of its stamp')
+        state = state_vector.state(simulation.model, before, numbers, rates, before.inputs)
+    except (KeyError, IndexError, ValueError, OverflowError) as error:
+        raise InputError(f'a state of the log is none of its scene: {error}') from None
     simulation.restore(state)

@@ -26,7 +26,8 @@ NUMERIC = (_JOINT_STATE, _WRENCHES, _NUMBER)
 class Series:
     """N messages of `topic` in the order of the log.
 
-    stamp (N,) ns; `names` (k,) of what the numbers are; `columns`: 'position', 'velocity',
+    stamp (N,) ns, `told` (N,) ns that of its header where it has one; `names` (k,) of what the
+    numbers are; `columns`: 'position', 'velocity',
     'effort' (N, k), 'wrench' (N, k, 6: force N, torque N m), 'data' (N, 1), those that the type
     has; `messages` are dictionaries, of types that hold something else than numbers; `place` (N,)
     orders the messages of all topics of one piece.
@@ -37,6 +38,7 @@ class Series:
     stamp: Integers
     sequence: Integers
     place: Integers
+    told: Integers
     names: tuple[str, ...] = ()
     columns: dict[str, Floats] = field(default_factory=dict)
     messages: tuple[dict[str, Any], ...] = ()
@@ -72,6 +74,7 @@ def joined(pieces: Sequence[Series]) -> Series:
         np.concatenate([piece.stamp for piece in pieces]),
         np.concatenate([piece.sequence for piece in pieces]),
         np.concatenate([piece.place for piece in pieces]),
+        np.concatenate([piece.told for piece in pieces]),
         first.names,
         {key: np.concatenate([p.columns[key] for p in pieces]) for key in first.columns},
         tuple(message for piece in pieces for message in piece.messages),
@@ -84,18 +87,37 @@ class _Layout:
     def __init__(self, kind: str, decoder: Decoder, data: bytes) -> None:
         message, places = decoder.read_with_places(data)
         self.size = len(data)
+        try:
+            self.names, self.shapes = _shapes(kind, message)
+            count = sum(int(np.prod(shape)) for shape in self.shapes.values())
+            fits = count == len(places) and (kind == _NUMBER or 'stamp' in message['header'])
+            fits = fits and all(
+                shape[0] == (len(self.names) or 1) for shape in self.shapes.values()
+            )
+        except (KeyError, TypeError):
+            fits = False
+        if not fits:
+            raise InputError('a message that is not of its type', value=kind)
         self.numbers = (np.array(places, np.int64)[:, None] + np.arange(8)).ravel()
         fixed = np.ones(self.size, bool)
         fixed[self.numbers] = False
-        if kind != _NUMBER:
+        self._has_header = kind != _NUMBER
+        if self._has_header:
             fixed[FIRST_STAMP] = False
         self._fixed = np.flatnonzero(fixed)
         self._wanted = np.frombuffer(data, np.uint8)[self._fixed]
-        self.names, self.shapes = _shapes(kind, message)
 
     def fits(self, rows: Bytes) -> NDArray[np.bool_]:
         """Which of these messages (N, size) differ in numbers and stamp only."""
         return np.asarray((rows[:, self._fixed] == self._wanted).all(axis=1))
+
+    def told(self, rows: Bytes) -> Integers | None:
+        """The stamps (ns) in the headers of messages (N, size); None if they have none."""
+        if not self._has_header:
+            return None
+        parts = np.ascontiguousarray(rows[:, FIRST_STAMP])
+        seconds, rest = parts[:, :4].copy().view('<i4'), parts[:, 4:].copy().view('<u4')
+        return np.asarray(seconds[:, 0].astype(np.int64) * 1_000_000_000 + rest[:, 0])
 
     def columns(self, rows: Bytes) -> dict[str, Floats]:
         """The numbers of messages (N, size)."""
@@ -148,8 +170,9 @@ class ChannelReader:
                     bytes_ = window[block.start[rows[:count]]]
                     count = _leading(layout.fits(bytes_))
                 if count:
-                    columns = layout.columns(bytes_[:count])
-                    yield self._made(block, rows[:count], layout.names, columns)
+                    some = bytes_[:count]
+                    columns, told = layout.columns(some), layout.told(some)
+                    yield self._made(block, rows[:count], layout.names, columns, told=told)
                     rows = rows[count:]
                     continue
             self._layout = _Layout(self._channel.type, self._decoder, block.message(rows[0]))
@@ -161,6 +184,7 @@ class ChannelReader:
         names: tuple[str, ...] = (),
         columns: dict[str, Floats] | None = None,
         messages: tuple[dict[str, Any], ...] = (),
+        told: Integers | None = None,
     ) -> Series:
         return Series(
             self._channel.topic,
@@ -168,6 +192,7 @@ class ChannelReader:
             block.stamp[rows],
             block.sequence[rows],
             block.start[rows],
+            block.stamp[rows] if told is None else told,
             names,
             columns or {},
             messages,

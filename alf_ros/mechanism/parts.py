@@ -149,6 +149,14 @@ class Drive:
 
 
 @dataclass(frozen=True, slots=True)
+class Coupling:
+    """Joint coordinates `of` (name, factor) whose sum, each times its factor, stays as drawn."""
+
+    name: str
+    of: tuple[tuple[str, float], ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Rotor:
     """What turns or slides as the joint coordinate `of` does, geared to it; its inertia as seen
     from there: kg m^2, or kg."""
@@ -179,6 +187,7 @@ class Mechanism:
     dimension: int = 2
     drives: tuple[Drive, ...] = ()
     rotors: tuple[Rotor, ...] = ()
+    couplings: tuple[Coupling, ...] = ()
 
     @cached_property
     def body(self) -> dict[str, Body]:

@@ -18,14 +18,15 @@ from alf_ros.arrays import Floats
 from alf_ros.errors import AssemblyError
 from alf_ros.kernel import System, Work
 from alf_ros.kernel.data import NOTHING
-from alf_ros.mechanism import Joint, affine
+from alf_ros.mechanism import affine
 from alf_ros.model.compile import Model, allocate, hold
 from alf_ros.model.constraints.drives import is_aligned
-from alf_ros.model.constraints.meshing import meshing, slips
+from alf_ros.model.constraints.meshing import Mesh, meshing, slips
 from alf_ros.model.constraints.row import Row, linear
 from alf_ros.model.prescribed import prescribe
 from alf_ros.model.rank import distance, effective_rank
 
+_TO_ROUNDING = kernel.Until(iterations=100, tolerance=1e-15, patience=1.0)
 _SOFT = 0.05  # σ from which down it may be that of a place beside a singular position
 _FIRMER = 20.0  # times, that of an ordinary place near it
 
@@ -95,7 +96,7 @@ def _led(model: Model, system: System, work: Work, before: Floats, now: Floats) 
         _linearised(model, system, work)
         free = np.zeros_like(work.q)
         work.r2[:] = 0.0
-        kernel.augmented(model.unit, system, work, momenta, free, 100, 1e-15, 1.0)
+        kernel.augmented(model.unit, system, work, momenta, free, _TO_ROUNDING)
         found.append(free)
     return np.asarray(step - min(found, key=lambda free: float(np.linalg.norm(free))))
 
@@ -143,9 +144,9 @@ def _settle(model: Model, system: System, work: Work, least: float) -> Floats:
 
 @dataclass(frozen=True)
 class _Mesh:
-    """Joints with teeth, and the system whose rows of velocities are theirs alone."""
+    """What stays in mesh, and the system whose rows of velocities are theirs alone."""
 
-    joints: tuple[Joint, ...]
+    meshes: tuple[Mesh, ...]
     names: list[str]
     system: System
     rows: list[int]  # theirs, in the kernel's order
@@ -153,17 +154,17 @@ class _Mesh:
 
 def _mesh(model: Model, given: list[Row]) -> _Mesh | None:
     """What keeps teeth in mesh while the given rows stay as they are; None without teeth."""
-    joints = meshing(model.layout)
-    if not joints:
+    meshes = meshing(model.layout)
+    if not meshes:
         return None
     system, names, _ = hold(model, [replace(row, c=0.0) for row in given], velocities=True)
-    own = [joint.name for joint in joints]
+    own = [mesh.name for mesh in meshes]
     first = len(names) - system.rows.velocity
     found = {name: first + n for n, name in enumerate(names[first:])}
     rows = [found[name] for name in own]
     alpha = system.rows.alpha.copy()
     alpha[[n for n in found.values() if n not in rows]] = 0.0  # what has no teeth may slip
-    return _Mesh(joints, own, replace(system, rows=replace(system.rows, alpha=alpha)), rows)
+    return _Mesh(meshes, own, replace(system, rows=replace(system.rows, alpha=alpha)), rows)
 
 
 def _in_mesh(model: Model, system: System, work: Work, mesh: _Mesh, before: Floats) -> Floats:
@@ -172,7 +173,7 @@ def _in_mesh(model: Model, system: System, work: Work, mesh: _Mesh, before: Floa
     moving = allocate(model, mesh.system, 1)
     gap = _gaps(model, system, work)
     for _ in range(20):
-        slip = slips(model.layout, mesh.joints, before, work.q)
+        slip = slips(model.layout, mesh.meshes, before, work.q)
         if np.abs(slip).max() <= 1e-13 * model.size:
             break
         moving.q[:] = work.q
@@ -180,10 +181,10 @@ def _in_mesh(model: Model, system: System, work: Work, mesh: _Mesh, before: Floa
         x = np.zeros_like(work.q)
         moving.r2[:] = 0.0
         moving.r2[mesh.rows] = -slip
-        kernel.augmented(model.unit, mesh.system, moving, moving.p, x, 100, 1e-15, 1.0)
+        kernel.augmented(model.unit, mesh.system, moving, moving.p, x, _TO_ROUNDING)
         work.q[: model.n] += x[: model.n]
         gap = _settle(model, system, work, 1e-13)
-    slip = slips(model.layout, mesh.joints, before, work.q)
+    slip = slips(model.layout, mesh.meshes, before, work.q)
     return np.concatenate([gap, np.abs(slip)])
 
 
@@ -218,7 +219,7 @@ def complete(
     kernel.times_jacobian(model.unit, system.rows, work.g, work.g2, x, work.r2)
     work.r2[:] = wanted - work.r2
     rate = np.zeros_like(wanted)
-    count, slowest = kernel.augmented(model.unit, system, work, work.p, x, 100, 1e-15, 1.0)
+    count, slowest = kernel.augmented(model.unit, system, work, work.p, x, _TO_ROUNDING)
     if beside and count == 100 and slowest > 0.5:
         x = _finished(model, system, work, x, wanted)
     kernel.times_jacobian(model.unit, system.rows, work.g, work.g2, x, rate)
@@ -240,8 +241,8 @@ def _finished(model: Model, system: System, work: Work, x: Floats, wanted: Float
     y, rate, open_by = np.array(x), np.zeros_like(wanted), []
     for rest in range(3):
         if rest:
-            kernel.augmented(model.unit, system, work, work.p, y, 1, 0.0, 1.0)
-        kernel.finish(model.unit, system, work, y, kernel.SOLVED, 0.0, 0.0, np.inf)
+            kernel.augmented(model.unit, system, work, work.p, y, kernel.Until(1, 0.0, 1.0))
+        kernel.finish(model.unit, system, work, y, kernel.SOLVED, kernel.EVERY_MODE)
     for each in (x, y):
         kernel.times_jacobian(model.unit, system.rows, work.g, work.g2, each, rate)
         open_by.append(np.max(np.abs(rate - wanted) * system.rows.scale, initial=0.0))
@@ -273,7 +274,7 @@ def brought_back(model: Model, q: Floats, qd: Floats, t: float) -> tuple[Floats,
     x = np.array(work.qd)
     kernel.times_jacobian(model.unit, system.rows, work.g, work.g2, x, work.r2)
     work.r2[:] = -work.r2
-    kernel.augmented(model.unit, system, work, p, x, 100, 1e-15, 1.0)
+    kernel.augmented(model.unit, system, work, p, x, _TO_ROUNDING)
     return q, x
 
 

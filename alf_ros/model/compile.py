@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -19,6 +21,7 @@ from alf_ros.mechanism import natural_coordinates as layouts
 from alf_ros.mechanism.natural_coordinates import Layout
 from alf_ros.model.arm_tree import arms_of
 from alf_ros.model.constraints import auxiliary
+from alf_ros.model.constraints.couplings import coupling_row
 from alf_ros.model.constraints.drives import drive_rows
 from alf_ros.model.constraints.joint_coordinates import counted, length_row
 from alf_ros.model.constraints.packing import renumbered, rows_of, with_more
@@ -28,7 +31,7 @@ from alf_ros.model.constraints.rows import joint_rows, rigidity, unit_rows
 from alf_ros.model.gc_pause import paused
 from alf_ros.model.mass import mass_of
 from alf_ros.model.mass import renumbered as renumbered_mass
-from alf_ros.model.prescribed import prescribe, prescribed
+from alf_ros.model.prescribed import prescribe, prescribed, reached, without_value
 from alf_ros.model.symbolic_factor import elimination_order, pattern_of
 
 _PATIENCE = 1e-4  # of two rounds of a solve, the ratio above which it is called slow; at least
@@ -53,6 +56,23 @@ class Model:
     coordinate_block: Integers  # (movable,) blocks of movable points, vectors, auxiliary ones
     row_names: tuple[str, ...]
     row: Integers  # (rows,) place in the kernel of each named row
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without the address of what is prescribed: it is of this process."""
+        bare = replace(self.system.prescribed, program=np.zeros(0, dtype=np.uint64))
+        return {**vars(self), 'system': replace(self.system, prescribed=bare)}
+
+    def __setstate__(self, state: Mapping[str, Any]) -> None:
+        vars(self).update(state)
+        vars(self)['system'] = replace(self.system, prescribed=reached(self.system.prescribed))
+        _freeze(self)
+
+    def apart(self) -> Model:
+        """The same, for use at the same time: it shares nothing that is written."""
+        system = self.system
+        if system.prescribed.program.size == 0:
+            return self
+        return replace(self, system=replace(system, prescribed=copy(system.prescribed)))
 
     @property
     def unit(self) -> Unit:
@@ -109,11 +129,12 @@ class Model:
 
 
 def constraints(mechanism: Mechanism, layout: Layout) -> list[Constraint]:
-    """All rows: bodies in the order of the file, unit vectors, joints, drives, rotors."""
+    """All rows: bodies as in the file, unit vectors, joints, drives, couplings, rotors."""
     rows: list[Constraint] = [row for body in mechanism.bodies for row in rigidity(body, layout)]
     rows += unit_rows(layout)
     rows += [row for joint in mechanism.joints for row in joint_rows(joint, layout)]
     rows += [row for drive in mechanism.drives for row in drive_rows(drive, layout)]
+    rows += [coupling_row(coupling, layout) for coupling in mechanism.couplings]
     return rows + [row for rotor in mechanism.rotors for row in rotor_rows(rotor, layout)]
 
 
@@ -134,7 +155,7 @@ def compile_model(mechanism: Mechanism, penalty: float) -> Model:
     mass, arrays = renumbered_mass(mass, place), renumbered(arrays, place, layout.movable)
     if not mass.diagonal.sum() > 0.0:
         raise AssemblyError('nothing that moves has mass', key='bodies')
-    q = _drawn(layout)
+    q = drawn(layout)
     coordinates = mechanism.coordinates
     lengths = [length_row(each.joint, layout) for each in coordinates if not each.is_angle]
     system = System(
@@ -155,8 +176,10 @@ def compile_model(mechanism: Mechanism, penalty: float) -> Model:
     )
     unused = np.zeros_like(q)
     prescribe(system, 0.0, q, unused, unused)
-    if not np.isfinite(q).all():
-        raise AssemblyError('a motion has no value at t = 0', key='drives')
+    without = without_value(layout, system, 0.0)
+    if without:
+        text = 'this motion has no value, rate or acceleration at t = 0'
+        raise AssemblyError(text, key=f'drives.{without}')
     for name, n in layout.of_auxiliary.items():
         q.reshape(-1, layout.dimension)[n] = auxiliary.place(name, layout, q)
     block = {**layout.of_point, **layout.of_vector}
@@ -197,7 +220,7 @@ def _draft(mechanism: Mechanism) -> Layout:
     return layouts.assembled(mechanism, *at)
 
 
-def _drawn(layout: Layout) -> Floats:
+def drawn(layout: Layout) -> Floats:
     """(blocks D,) points and vectors as drawn; what is neither is zero."""
     q = np.zeros((layout.blocks, layout.dimension))
     for point in layout.mechanism.points:
@@ -304,7 +327,9 @@ def allocate(model: Model, system: System, stages: int) -> Work:
         'places': 16 * n if stages else 0,
         'given': whole,
         'curve': n,
-        'lead': 1,
+        'place_step': 1,
+        'nearest': 1,
+        'crossing': 2,
         'bend': whole,
         'pull': whole,
         'along': whole,
@@ -316,6 +341,8 @@ def allocate(model: Model, system: System, stages: int) -> Work:
         'near': angles // 2,
     }
     return Work(
+        pulse=np.zeros(3, dtype=np.int64),
+        caller=np.zeros(4, dtype=np.uint64),
         evaluations=np.zeros(1, dtype=np.int64),
         rounded=np.zeros(1, dtype=np.int64),
         aside=np.zeros(2, dtype=np.int64),

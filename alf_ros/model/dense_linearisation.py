@@ -71,11 +71,12 @@ class Linearised:
     def rank_of_positions(self) -> int:
         """Number of independent rows among those that bind positions.
 
-        Gears, racks, wheels on a line and screws bind them too, and rotors that are geared to
-        joints: their rows are of velocities, but can be integrated.
+        Gears, racks, wheels on a line, screws, couplings and the rotors of joints bind them too:
+        their rows are of velocities, but can be integrated.
         """
         rolls = {joint.name for joint in self.model.mechanism.joints if type_of(joint).integrable}
         rolls |= {rotor.name for rotor in self.model.mechanism.rotors}
+        rolls |= {coupling.name for coupling in self.model.mechanism.couplings}
         names = self.model.row_names
         first = len(names) - self.model.system.rows.velocity  # in the kernel's order
         places = self.model.row.tolist()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from alf_ros import kernel
@@ -31,6 +33,15 @@ def prescribed(layout: Layout) -> Prescribed:
     return Prescribed(address, slots, params, np.zeros(3 * int(slots[0])))
 
 
+def reached(bare: Prescribed) -> Prescribed:
+    """The same with the address of the code in this process, as one that was unpickled needs."""
+    if bare.slots.size == 0:
+        return bare
+    from alf_ros.model import time_program
+
+    return replace(bare, program=np.array([time_program.run.address], dtype=np.uint64))
+
+
 def prescribe(system: System, t: float, q: Floats, qd: Floats, qdd: Floats) -> None:
     """Put the prescribed blocks of a system, if it has any, where they are at t (s).
 
@@ -38,3 +49,15 @@ def prescribe(system: System, t: float, q: Floats, qd: Floats, qdd: Floats) -> N
     """
     if system.prescribed.program.size:
         kernel.prescribed_at(system, t, q, qd, qdd)
+
+
+def without_value(layout: Layout, system: System, t: float) -> str:
+    """The name of a motion that has no value, rate or acceleration at t (s); '' if all have."""
+    if not system.prescribed.program.size:
+        return ''
+    found = np.zeros((3, max(layout.of_prescribed.values()) + 1, layout.dimension))
+    kernel.prescribed_at(system, t, *found.reshape(3, -1))
+    for name, place in layout.of_prescribed.items():
+        if not np.isfinite(found[:, place]).all():
+            return name
+    return ''

@@ -7,6 +7,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -112,8 +113,9 @@ def _guess(c: Floats) -> Floats:
     return weights
 
 
+@cache
 def method(integrator: str, iterations: int, tolerance: float) -> Method:
-    """What the kernel has to know of the solver section of a scene."""
+    """What the kernel has to know of the solver section of a scene; read only, so shared."""
     tableau = TABLEAUX[integrator]
     a, b, c, _, embedded, estimate, sharp = tableau
     return Method(

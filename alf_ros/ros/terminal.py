@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import sys
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from typing import TextIO
 
 # Seconds between two looks at the run.
@@ -44,21 +45,22 @@ class Status:
         self._open = True
 
     @contextmanager
-    def say_if_slow(self, text: str, seconds: float) -> Iterator[None]:
-        """Print `text` if the block takes longer than `seconds`; on a terminal, time goes by."""
+    def say_if_slow(self, text: Callable[[], str], seconds: float) -> Iterator[None]:
+        """Print what `text` gives, if anything, once the block takes longer than `seconds`; on a
+        terminal, time goes by."""
         over, started = threading.Event(), time.monotonic()
 
         def tell() -> None:
-            if over.wait(seconds):
-                return
-            if not self.live:
-                self.say(text)
-                return
-            while True:
-                self.show(f'{text} {time.monotonic() - started:.0f} s')
-                if over.wait(1.0):
-                    self.say(f'{text} {time.monotonic() - started:.0f} s')
-                    return
+            said, wait = '', seconds
+            while not over.wait(wait):
+                now, wait = text(), 1.0
+                if now and self.live:
+                    self.show(f'{now} {time.monotonic() - started:.0f} s')
+                elif now != said:
+                    self.say(now)
+                said = now or said
+            if self.live and said:
+                self.say(f'{said} {time.monotonic() - started:.0f} s')
 
         teller = threading.Thread(target=tell, daemon=True)
         teller.start()
@@ -75,5 +77,8 @@ class Status:
             self._stream.write(text)
             self._stream.flush()
         except OSError:
-            # The reader of a pipe has gone: the simulation has not.
+            # The reader of a pipe, or the terminal, has gone: the simulation has not. What still
+            # waits in the buffer must not fail again when the process ends.
             self._gone = True
+            with suppress(OSError, ValueError):
+                os.dup2(os.open(os.devnull, os.O_WRONLY), self._stream.fileno())

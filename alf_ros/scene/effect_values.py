@@ -13,7 +13,7 @@ from typing import Any
 
 from alf_ros.effects import Effect
 from alf_ros.errors import InputError
-from alf_ros.scene.scene import Scene, load_scene
+from alf_ros.scene.scene import Scene, whole_scene
 from alf_ros.scene.text import yaml_document
 from alf_ros.scene.text.yaml_document import Entry
 
@@ -73,7 +73,7 @@ def with_effect_values(scene: Scene, values: Mapping[str, Any]) -> Scene:
         found = known[name]
         entry = effects[found.effect.kind]
         effects[found.effect.kind] = _replaced(entry, found, value)
-    changed = load_scene({**fields, 'effects': effects})
+    changed = whole_scene({**fields, 'effects': effects})
     return dataclasses.replace(changed, file=scene.file)
 
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Collection, Mapping, Sequence
-from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -21,6 +20,7 @@ from alf_ros.errors import InputError
 from alf_ros.mechanism import GROUND, Mechanism, Rotor, natural_coordinates
 from alf_ros.mechanism.natural_coordinates import Layout
 from alf_ros.model.constraints.rotors import rotor_rows
+from alf_ros.scene.references import References
 from alf_ros.scene.text.number_table import Tables
 from alf_ros.scene.text.yaml_document import Entry
 from alf_ros.scene.text.yaml_writer import entry as as_entry
@@ -30,10 +30,10 @@ _MISSING = dataclasses.MISSING
 
 
 def read_effects(
-    section: Entry, cut: Layout, numbers: Mapping[str, float], folder: Path
+    section: Entry, cut: Layout, numbers: Mapping[str, float], references: References
 ) -> tuple[tuple[Effect, ...], Entry]:
     """The effects in a section, on a mechanism cut, and the section without references to files
-    of numbers, files of effects named in full. Files are relative to `folder`. Raises InputError.
+    of numbers, files of effects named in full. Raises InputError.
     """
     mechanism = cut.mechanism
     points = [point.name for point in mechanism.points]
@@ -46,11 +46,11 @@ def read_effects(
         'body or point': [*bodies, *points],
         'pair': [*bodies, *points, GROUND],
     }
-    reader = _Reader(known, numbers, mechanism.dimension)
+    reader = _Reader(known, numbers, mechanism.dimension, references)
     found: list[Effect] = []
     whole: dict[str, Entry] = {}
     for key, entry in section.mapping().items():
-        kind, module = _module(key, entry, folder)
+        kind, module = _module(key, entry, references)
         for name, instance in _instances(kind, entry, module.MULTIPLE):
             values = reader.parameters(instance, module.Parameters)
             try:
@@ -63,18 +63,17 @@ def read_effects(
     return tuple(found), as_entry(whole)
 
 
-def _module(key: str, entry: Entry, folder: Path) -> tuple[str, ModuleType]:
+def _module(key: str, entry: Entry, references: References) -> tuple[str, ModuleType]:
     """The full name of an effect, and its module."""
-    known = effects.kinds()
     try:
-        kind = effects.full_name(key, folder)
+        kind = effects.full_name(key, references.folder, references.code)
         return kind, effects.load(kind)
     except KeyError:
-        raise entry.error('unknown effect', value=key, choices=known) from None
+        raise entry.error('unknown effect', value=key, choices=effects.kinds()) from None
     except InputError as error:
         if error.file is not None:  # of the effect
             raise
-        raise entry.error(error.message, value=error.value) from None
+        raise entry.error(error.message, value=error.value, expected=error.expected) from None
 
 
 def _instances(kind: str, entry: Entry, multiple: bool) -> list[tuple[str, Entry]]:
@@ -90,9 +89,15 @@ def _instances(kind: str, entry: Entry, multiple: bool) -> list[tuple[str, Entry
 class _Reader:
     """Reads parameters."""
 
-    def __init__(self, known: Names, numbers: Mapping[str, float], dimension: int) -> None:
+    def __init__(
+        self,
+        known: Names,
+        numbers: Mapping[str, float],
+        dimension: int,
+        references: References,
+    ) -> None:
         self._known, self._numbers = known, numbers
-        self._dimension, self.tables = dimension, Tables()
+        self._dimension, self.tables = dimension, Tables(references)
 
     def parameters(self, entry: Entry, parameters: Any) -> dict[str, object]:
         """The fields of an effect's `Parameters`."""

@@ -17,7 +17,7 @@ from alf_ros import effects
 from alf_ros.model import joints as joint_types
 from alf_ros.model.joints.contract import Key
 from alf_ros.scene import mechanism_file, scene
-from alf_ros.scene.mechanism_file import bodies, drives, joints
+from alf_ros.scene.mechanism_file import bodies, couplings, drives, joints
 from alf_ros.scene.text.repetition import NAME, TITLE
 
 Schema = dict[str, Any]
@@ -159,6 +159,16 @@ def _drive(D: int) -> Schema:
     return _any(*cases)
 
 
+def _coupling() -> Schema:
+    joints_of = {'description': 'coordinates and their factors: the sum stays', **_factors()}
+    shapes = {key: {'joints': joints_of}[key] for key in couplings.KEYS}
+    return _mapping({'for': {'$ref': '#/definitions/for'}, **shapes}, couplings.KEYS)
+
+
+def _factors() -> Schema:
+    return {**_by_name(_NUMBER), 'type': 'object', 'minProperties': 1}
+
+
 def _fields(
     keys: Iterable[str], table: Mapping[str, tuple[str, Callable[[int], Schema]]], D: int
 ) -> dict[str, Schema]:
@@ -193,6 +203,7 @@ def _parts(D: int) -> dict[str, Schema]:
         'vectors': _by_name(_repeated(vector, vector[:1], _POINT, D)) if D == 3 else False,  # type: ignore[dict-item]
         'bodies': _by_name(_repeated(keys, bodies.KEYS[:2], _BODY, D)),
         'joints': _by_name(_joint(D)),
+        'couplings': _by_name(_coupling()),
         'drives': _by_name(_drive(D)),
     }
 
@@ -209,6 +220,7 @@ def _mechanism() -> Schema:
         'vectors': {'description': 'by name: directions that bodies share'},
         'bodies': {'description': 'by name: rigid bodies'},
         'joints': {'description': 'by name; no joint is the one that closes the loop'},
+        'couplings': {'description': 'by name: joint coordinates whose sum stays as drawn'},
         'drives': {'description': 'by name: motions as functions of the time t'},
     }
     whole = _mapping({key: about[key] for key in mechanism_file.KEYS}, mechanism_file.REQUIRED)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from alf_ros import resources
+from alf_ros import paths, resources
 from alf_ros.errors import InputError
 from alf_ros.scene.scene import Scene, load_scene
 from alf_ros.scene.text import yaml_document
@@ -18,7 +18,7 @@ def load(source: str, parameters: dict[str, float]) -> Scene:
     """
     is_file = source.endswith(('.yaml', '.yml')) or '/' in source
     if is_file:
-        root = yaml_document.read(Path(source).expanduser())
+        root = yaml_document.read(paths.named(source))
         alone = isinstance(root.value, dict) and 'alf' in root.value
         name = re.sub(r'[^\w.-]', '_', Path(source).stem)[:100]
     else:

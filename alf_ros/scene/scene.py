@@ -17,7 +17,7 @@ from numbers import Integral, Real
 from pathlib import Path
 from typing import Any
 
-from alf_ros import resources
+from alf_ros import paths, resources
 from alf_ros.effects import Effect
 from alf_ros.errors import InputError
 from alf_ros.kernel import Method
@@ -26,6 +26,7 @@ from alf_ros.model.gc_pause import paused
 from alf_ros.model.tableaux import TABLEAUX, method
 from alf_ros.scene.effects_section import read_effects, with_rotors
 from alf_ros.scene.mechanism_file import read_mechanism
+from alf_ros.scene.references import WHOLE, References
 from alf_ros.scene.text import yaml_document
 from alf_ros.scene.text.repetition import title
 from alf_ros.scene.text.yaml_document import Entry
@@ -99,7 +100,8 @@ class Solver:
         if isinstance(self.formulation, str):
             renamed = RENAMED.get(self.formulation, self.formulation)
             object.__setattr__(self, 'formulation', renamed)
-        for name, value in dataclasses.asdict(self).items():
+        for name in (each.name for each in dataclasses.fields(self)):
+            value = getattr(self, name)
             fault = None if value is None else _setting_fault(name, value)
             if fault:
                 raise InputError(key=name, value=value, **fault)
@@ -147,15 +149,26 @@ class Scene:
 
 @paused()
 def load_scene(
-    source: str | Path | Mapping[str, Any], parameters: Mapping[str, float] | None = None
+    source: str | Path | Mapping[str, Any],
+    parameters: Mapping[str, float] | None = None,
+    code: bool = True,
 ) -> Scene:
     """The scene of a name under config/scenes, a YAML file, or a mapping with a scene's keys.
 
-    `parameters` replaces parameters of the mechanism, also those that the scene sets.
+    `parameters` replaces parameters of the mechanism, also those that the scene sets. `code`
+    False: refused if it names an effect in a file that has not run in this process before.
     Raises InputError.
     """
+    if not isinstance(parameters, (Mapping, type(None))):
+        raise InputError(
+            'no parameters by name', key='parameters', value=parameters, expected='a mapping'
+        )
     if isinstance(source, Mapping):
-        return _read_scene(as_entry(source), 'scene', Path(), parameters)
+        return _read_scene(as_entry(source), 'scene', References(code=code), parameters)
+    if not isinstance(source, (str, os.PathLike)):
+        raise InputError(
+            'not a scene', key='scene', value=source, expected='a name, a path or a mapping'
+        )
     known = str(source)
     path = _path(known)
     if path is None:
@@ -163,19 +176,45 @@ def load_scene(
         if known not in scenes:
             raise _no_scene(known, scenes)
         path = scenes[known]
-    return _read_scene(yaml_document.read(path), _stem(path), path.parent, parameters)
+    references = References(path.parent, code)
+    return _read_scene(yaml_document.read(path), _stem(path), references, parameters)
 
 
 @paused()
 def scene_from_text(
-    text: str, file: str = '<text>', parameters: Mapping[str, float] | None = None
+    text: str,
+    file: str = '<text>',
+    parameters: Mapping[str, float] | None = None,
+    references: References | None = None,
 ) -> Scene:
-    """The scene in a YAML text; errors name it `file`. Raises InputError."""
-    return _read_scene(yaml_document.parse(text, file), 'scene', Path(), parameters)
+    """The scene in a YAML text; errors name it `file`.
+
+    `references`: which files it may name (those of the present folder). Raises InputError.
+    """
+    root = yaml_document.parse(text, file)
+    return _read_scene(root, 'scene', references or References(), parameters)
+
+
+def effect_names(text: str, file: str) -> tuple[str, ...]:
+    """The effects that a scene's YAML text names, as written; none is imported.
+
+    Raises InputError if it is no mapping.
+    """
+    fields = yaml_document.parse(text, file).mapping()
+    return tuple(fields['effects'].mapping()) if 'effects' in fields else ()
+
+
+@paused()
+def whole_scene(fields: Mapping[str, Any], file: str | None = None) -> Scene:
+    """The scene of the fields of a `Scene.text`, of which some may be others; it reads no file.
+
+    Raises InputError.
+    """
+    return _read_scene(as_entry(fields, file), 'scene', WHOLE, None)
 
 
 def _read_scene(
-    root: Entry, name: str, folder: Path, parameters: Mapping[str, float] | None
+    root: Entry, name: str, references: References, parameters: Mapping[str, float] | None
 ) -> Scene:
     fields = root.mapping(KEYS, REQUIRED)
     nothing = as_entry({})
@@ -183,15 +222,16 @@ def _read_scene(
         name = title(fields['name'])
     given = fields.get('parameters', nothing).mapping()
     given |= {key: as_entry(v, path=f'parameters.{key}') for key, v in (parameters or {}).items()}
-    source, mechanism_name = _mechanism(fields['mechanism'], name, folder)
-    found = read_mechanism(source, mechanism_name, given, fields.get('drives'))
+    source, mechanism_name = _mechanism(fields['mechanism'], name, references)
+    found = read_mechanism(source, mechanism_name, given, references, fields.get('drives'))
     mechanism, values = found.layout.mechanism, found.values
 
     positions, velocities = _initial(fields.get('initial', nothing), mechanism, values)
     asked = fields.get('solver', nothing)
     says_solver = bool(asked.mapping())
     solver = _solver(asked, values) if says_solver else UNSAID
-    effects, section = read_effects(fields.get('effects', nothing), found.layout, values, folder)
+    acting = fields.get('effects', nothing)
+    effects, section = read_effects(acting, found.layout, values, references)
     mechanism = with_rotors(mechanism, effects)
 
     whole: dict[str, object] = {
@@ -230,10 +270,12 @@ def _with(source: Entry, name: str, given: Mapping[str, Entry]) -> dict[str, obj
     return fields
 
 
-def _mechanism(entry: Entry, name: str, folder: Path) -> tuple[Entry, str]:
+def _mechanism(entry: Entry, name: str, references: References) -> tuple[Entry, str]:
     """The mapping that a scene's `mechanism` stands for, and the name it has without saying so."""
     if isinstance(entry.value, dict):
         return entry, name
+    if references.folder is None:
+        raise entry.error('a mechanism elsewhere, which is not looked for here')
     text = entry.text()
     path = _path(text)
     if path is None:
@@ -242,7 +284,7 @@ def _mechanism(entry: Entry, name: str, folder: Path) -> tuple[Entry, str]:
             raise entry.error('no mechanism of this name', choices=known)
         path = known[text]
     else:
-        path = folder / path
+        path = references.folder / path
         if not os.path.isfile(path):
             raise entry.error('no such file', value=str(path))
     return yaml_document.read(path), _stem(path)
@@ -251,7 +293,7 @@ def _mechanism(entry: Entry, name: str, folder: Path) -> tuple[Entry, str]:
 def _path(source: str) -> Path | None:
     """The path that `source` is, or None for a name."""
     is_path = source.endswith(_SUFFIXES) or '/' in source or os.sep in source
-    return Path(source).expanduser() if is_path else None
+    return paths.named(source) if is_path else None
 
 
 def _stem(path: Path) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -190,6 +190,11 @@ class Applied:
         for key, what in {**wanted, **efforts}.items():
             again = key in known and known[key].what == what
             self._held[key] = known[key] if again else _held(model, key[1], what)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """What it packs: the addresses of compiled code are of this process."""
+        given = self._given, self.inputs, self._reactions, self._weights, self._tangents
+        return Applied, (self._model, *given)
 
     def holding(self, inputs: Inputs) -> Applied:
         """The same effects with other inputs."""

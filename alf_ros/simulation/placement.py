@@ -22,6 +22,7 @@ from alf_ros.mechanism.orientation import orientation, quaternion
 from alf_ros.model import assembly
 from alf_ros.model.compile import Model
 from alf_ros.model.constraints.meshing import meshing
+from alf_ros.simulation.input_checks import numbers, text
 from alf_ros.simulation.state import State
 
 # How far, of the size, a pose may be from one that the constraints allow, and of the largest
@@ -54,10 +55,12 @@ def placed(
     twist, AssemblyError, with how far the constraints would be open, for what cannot be.
     """
     layout = model.layout
-    if body not in layout.body:
+    if text(body, 'body') not in layout.body:
         raise InputError('unknown body', key='body', value=body, choices=model.body_names)
     one, wanted = layout.body[body], None if pose is None else _frame(layout, body, pose)
-    speeds = None if twist is None else _checked(twist, (3, 6)[layout.dimension - 2], 'twist')
+    speeds = None
+    if twist is not None:
+        speeds = np.array(numbers(twist, 'twist', (3, 6)[layout.dimension - 2], _LARGEST))
 
     def going(q: Floats) -> Floats:
         try:
@@ -86,25 +89,17 @@ def spin(d: Floats, rates: Floats) -> Floats:
     return np.asarray(np.linalg.lstsq(cross, rates.ravel(), rcond=None)[0])
 
 
-def unit_quaternion(numbers: Floats) -> Floats:
+def unit_quaternion(given: Floats) -> Floats:
     """The quaternion (4,), of length 1. Raises InputError if it is too far from that."""
-    length = float(np.linalg.norm(numbers))
+    length = float(np.linalg.norm(given))
     if not abs(length - 1.0) <= _UNIT:
         raise InputError(
             'not a rotation',
             key='quaternion',
-            value=numbers.tolist(),
+            value=given.tolist(),
             expected='4 numbers, the sum of their squares 1',
         )
-    return np.asarray(numbers / length)
-
-
-def _checked(numbers: Sequence[float] | Floats, count: int, key: str) -> Floats:
-    if len(numbers) != count or not all(abs(x) < _LARGEST for x in numbers):
-        raise InputError(
-            f'not a {key}', key=key, value=list(numbers), expected=f'{count} finite numbers'
-        )
-    return np.array(numbers, dtype=float)
+    return np.asarray(given / length)
 
 
 # ----------------------------------------------------------------------------------------- places
@@ -113,10 +108,10 @@ def _checked(numbers: Sequence[float] | Floats, count: int, key: str) -> Floats:
 def _frame(layout: Layout, body: str, pose: Sequence[float] | Floats) -> tuple[Floats, Floats]:
     """Origin (D,) and axes (D, D) of a pose."""
     if layout.dimension == 2:
-        x, y, angle = _checked(pose, 3, 'pose')
+        x, y, angle = numbers(pose, 'pose', 3, _LARGEST)
         return np.array([x, y]), math.cos(angle) * np.eye(2) + math.sin(angle) * TURN
-    numbers = _checked(pose, 7, 'pose')
-    return numbers[:3], _axes(unit_quaternion(numbers[3:]))
+    given = np.array(numbers(pose, 'pose', 7, _LARGEST))
+    return given[:3], _axes(unit_quaternion(given[3:]))
 
 
 def _axes(turn: Floats) -> Floats:
@@ -207,12 +202,12 @@ class _Way:
         self._delta = _turn_between(self._now, whole, layout.turns(body.name))
         missing = last - _turned(self._delta) @ self._first
         self._u = np.linalg.solve(_mean_turn(self._delta), missing)
-        wheels = [abs(joint.value) for joint in meshing(layout)]
+        wheels = [mesh.advance for mesh in meshing(layout)]
         away = float(np.linalg.norm(last - self._first))
         turned = float(np.linalg.norm(self._delta))
         self.steps = max(turned / _TURN, away / min([_MOVE * model.size, *wheels]))
         most = _MOST
-        if D == 3 and wheels:  # threads, which turn often for a short way of anything
+        if D == 3 and wheels:  # threads and such, which turn often for a short way of anything
             self.steps = max(self.steps, (away + turned * model.size) / min(wheels))
             most = _MOST_ON_THREADS
         self.steps = min(most, self.steps)

@@ -9,6 +9,7 @@ side, and the joint carries the sum of what that side needs.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -153,6 +154,23 @@ class Reactions:
         x[model.n :] = 0.0
         kernel.times_jacobian(model.unit, rows, work.g, work.g2, x, back)
         return float(np.sqrt((rows.alpha * (w - back) ** 2).sum()) / whole)
+
+
+class ReactionsOf:
+    """The `Reactions` of a model, analysed when they are first asked for."""
+
+    def __init__(self, model: Model) -> None:
+        self._model = model
+
+    def __call__(self) -> Reactions:
+        return self._reactions
+
+    @cached_property
+    def _reactions(self) -> Reactions:
+        return Reactions(self._model)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return ReactionsOf, (self._model,)
 
 
 class _Entries:

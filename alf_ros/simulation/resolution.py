@@ -29,7 +29,8 @@ class Resolution:
     size of the mechanism; `unresolved`: part of these steps in which an acceleration, of whatever
     size, is not resolved, as beyond the stability limit; `steps`: how many they are. NaN where
     nothing is measured: with adaptive integrators, which keep a tolerance, and in formulations
-    other than alf2.
+    other than alf2. `crossing` (m): by how much lengths miss a singular position that was passed
+    as if they agreed; `unexamined`: what was not looked at where the motion began, in words.
     """
 
     step: float
@@ -37,6 +38,8 @@ class Resolution:
     unresolved: float = math.nan
     steps: float = math.nan
     too_long: bool = False
+    crossing: float = 0.0
+    unexamined: str = ''
 
     @property
     def chatters(self) -> bool:
@@ -59,9 +62,15 @@ class Resolution:
         return nice(found)
 
     def trouble(self, adequate: float) -> str:
-        """What is wrong, and the step that would do (s); empty if the steps are not too long."""
+        """What is wrong, in words, with the step that would do (s) if steps are too long; empty if
+        nothing is."""
+        if not self.too_long and self.crossing > 0.0:
+            return (
+                f'lengths miss a singular position by about {self.crossing:.1g} m; it was passed '
+                'as if they agreed: make them agree'
+            )
         if not self.too_long:
-            return ''
+            return self.unexamined
         errors = f'the errors of {self.steps:.0f} add up to {100.0 * self.error:.2g} % of the size'
         beyond = f'{100.0 * self.unresolved:.0f} % of them are beyond the stability limit'
         return (

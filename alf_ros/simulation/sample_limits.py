@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from alf_ros.arrays import Floats
-from alf_ros.kernel import Forces, Phase, Work
+from alf_ros.kernel import Forces, Method, Phase, Problem, Work
 from alf_ros.kernel.sample_limits import evaluate_at_place, find_places
 from alf_ros.model.compile import Model, allocate
 
@@ -59,23 +59,23 @@ class Limits:
 
 
 def limits(
-    model: Model, forces: Forces, phase: Phase, near: Floats, t: float, iterations: int
+    model: Model, forces: Forces, method: Method, phase: Phase, near: Floats, t: float
 ) -> Limits | None:
     """Around a phase in a singular position, or closer to one than can be computed; None at a
     standstill, which tells no direction.
 
     near: (angles,) rad, what effects unwrap angles by.
     """
-    unit, system = model.unit, model.system
-    work = allocate(model, system, 1)
+    work = allocate(model, model.system, 1)
     work.near[:] = near
-    if not find_places(unit, system, forces, work, phase, t, iterations):
+    problem = Problem(model.unit, model.system, forces, method, work)
+    if not find_places(problem, phase, t):
         return None
     places = []
     for k in range(_OFFSETS.size):
-        if not evaluate_at_place(unit, system, forces, work, t, k, iterations):
+        if not evaluate_at_place(problem, t, k):
             return None
-        there = allocate(model, system, 0)
+        there = allocate(model, model.system, 0)
         for name in _READ:
             getattr(there, name)[:] = getattr(work, name)
         places.append(Place(there, forces.bearings.loads.copy()))

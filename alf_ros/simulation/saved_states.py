@@ -5,7 +5,9 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
+import math
 import os
+import re
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +17,14 @@ from alf_ros.effects.contract.trajectory import Curve
 from alf_ros.errors import InputError
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation.applied import Inputs, Target, Wrench
+from alf_ros.simulation.input_checks import MOST_STEPS, is_number
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.simulation.state import State
 
 FORMAT = 1
+_NAME = re.compile(r'[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}')
+_ROOM = 2**26  # bytes of a file, besides those of the numbers of a state
+_DIGITS = 32  # bytes of one of them
 
 
 def as_data(state: State) -> dict[str, Any]:
@@ -47,41 +53,100 @@ def read_curve(value: Any) -> Any:
 
     Raises ValueError if it is no curve.
     """
-    return Curve(tuple(map(tuple, value))) if isinstance(value, (list, tuple)) else value
+    if not isinstance(value, (list, tuple)):
+        return value
+    try:
+        return Curve(tuple(map(tuple, value)))
+    except (TypeError, OverflowError):
+        raise ValueError('a curve has pieces of 7 numbers') from None
 
 
-def from_data(data: dict[str, Any], like: State) -> State:
-    """What `as_data` wrote, for the scene of the state `like`.
-
-    Raises KeyError, TypeError or ValueError if it is not such a state.
-    """
-    fields: dict[str, Any] = {}
-    for field in dataclasses.fields(like):
-        if field.name not in ('inputs', 'works', 'loads'):
-            fields[field.name] = _like(data[field.name], getattr(like, field.name))
-    wrenches = {}
-    for name, wrench in data['inputs']['wrenches'].items():
-        held: dict[str, Any] = dict(wrench)
-        held.update({key: tuple(value) for key, value in held.items() if type(value) is list})
-        wrenches[name] = Wrench(**held)
-    efforts = {name: read_curve(effort) for name, effort in data['inputs']['efforts'].items()}
-    # A state of an earlier version knows no targets, no works and no loads.
-    targets = {
-        name: Target(read_curve(target['position']), target['velocity'])
-        for name, target in data['inputs'].get('targets', {}).items()
+def from_data(data: Any, like: State) -> State:
+    """What `as_data` wrote, for the scene of the state `like`. Raises ValueError, in a line, if it
+    is not such a state."""
+    fields = _mapping(data, 'state')
+    inputs = _mapping(fields.get('inputs'), 'inputs')
+    wrenches = {name: _wrench(x) for name, x in _mapping(inputs.get('wrenches')).items()}
+    efforts = {
+        name: _number_or_curve(x, f'effort on {name}')
+        for name, x in _mapping(inputs.get('efforts')).items()
     }
-    works = {name: float(work) for name, work in data.get('works', {}).items()}
-    loads = _like(data['loads'], like.loads) if data.get('loads') else np.zeros_like(like.loads)
-    return State(**fields, inputs=Inputs(wrenches, efforts, targets), works=works, loads=loads)
+    # A state of an earlier version knows no targets, no works and no loads.
+    targets = {name: _target(x) for name, x in _mapping(inputs.get('targets', {})).items()}
+    loads, works = fields.get('loads'), _mapping(fields.get('works', {}), 'works')
+    return State(
+        step=_whole(fields.get('step'), 'step'),
+        q=_array(fields.get('q'), like.q, 'q'),
+        qd=_array(fields.get('qd'), like.qd, 'qd'),
+        turns=_array(fields.get('turns'), like.turns, 'turns'),
+        pace=_number(fields.get('pace'), 'pace', 0.0),
+        carried=_array(fields.get('carried'), like.carried, 'carried'),
+        inputs=Inputs(wrenches, efforts, targets),
+        works={name: _number(work, f'work of {name}') for name, work in works.items()},
+        loads=_array(loads, like.loads, 'loads') if loads else np.zeros_like(like.loads),
+    )
 
 
-def _like(value: Any, present: Any) -> Any:
-    if not isinstance(present, np.ndarray):
-        return type(present)(value)
-    array = np.array(value, dtype=present.dtype)
-    if array.shape != present.shape:
-        raise ValueError(f'{array.shape} instead of {present.shape} numbers')
-    return array
+def _mapping(value: Any, name: str = 'what is held') -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise ValueError(f'{name} is no mapping')
+    return value
+
+
+def _whole(value: Any, name: str) -> int:
+    if type(value) is not int or not 0 <= value <= MOST_STEPS:
+        raise ValueError(f'{name} is no whole number from 0 to {MOST_STEPS}')
+    return value
+
+
+def _number(value: Any, name: str, least: float = -math.inf) -> float:
+    if not is_number(value) or value < least:
+        raise ValueError(f'{name} is no finite number' + (' from 0 on' if least == 0.0 else ''))
+    return float(value)
+
+
+def _array(value: Any, like: np.ndarray[Any, Any], name: str) -> np.ndarray[Any, Any]:
+    """Numbers (like,), all of them finite, whole if those are."""
+    if not isinstance(value, list) or len(value) != like.size:
+        many = f'{len(value)} numbers' if isinstance(value, list) else 'no list'
+        raise ValueError(f'{name} is {many} instead of {like.size} numbers')
+    is_whole = like.dtype.kind == 'i'
+    for each in value:
+        if not is_number(each) or (is_whole and (type(each) is not int or abs(each) >= 2**63)):
+            raise ValueError(f'{name} has what is no {"whole" if is_whole else "finite"} number')
+    return np.array(value, dtype=like.dtype)
+
+
+def _wrench(value: Any) -> Wrench:
+    held = _mapping(value, 'a wrench')
+    if not {'force'} <= set(held) <= {field.name for field in dataclasses.fields(Wrench)}:
+        raise ValueError('a wrench has force, torque, at and frame')
+    force, torque = held['force'], held.get('torque', 0.0)
+    at, frame = held.get('at'), held.get('frame', 'world')
+    if not isinstance(force, list) or not isinstance(frame, str):
+        raise ValueError('a wrench has a list of forces and the name of a frame')
+    if at is not None and not isinstance(at, str):
+        raise ValueError('a wrench acts at the name of a point')
+    moment: float | tuple[float, ...]
+    if isinstance(torque, list):
+        moment = tuple(_number(x, 'a torque') for x in torque)
+    else:
+        moment = _number(torque, 'a torque')
+    return Wrench(tuple(_number(x, 'a force') for x in force), moment, at, frame)
+
+
+def _target(value: Any) -> Target:
+    target = _mapping(value, 'a target')
+    position, velocity = target.get('position'), target.get('velocity')
+    return Target(
+        None if position is None else _number_or_curve(position, 'a target'),
+        None if velocity is None else _number(velocity, 'the velocity of a target'),
+    )
+
+
+def _number_or_curve(value: Any, name: str) -> float | Curve:
+    read = read_curve(value)
+    return read if isinstance(read, Curve) else _number(read, name)
 
 
 class SavedStates:
@@ -96,7 +161,8 @@ class SavedStates:
 
     def save(self, name: str, scene: Scene, simulation: Simulation) -> str:
         """Keep the present state; says where. Raises InputError if the file cannot be written,
-        the state is then in memory all the same."""
+        the state is then in memory all the same; or if the name cannot be one."""
+        path = self._path(scene, name)
         document = {
             'alf_ros_state': FORMAT,
             'scene': scene.name,
@@ -108,7 +174,6 @@ class SavedStates:
             'q': simulation.sample().q.tolist(),
         }
         self._kept[scene.name, name] = document
-        path = self._path(scene, name)
         if path is None:
             return 'in memory'
         try:
@@ -127,10 +192,7 @@ class SavedStates:
         path = self._path(scene, name)
         document = self._kept.get((scene.name, name))
         if document is None and path is not None and path.is_file():
-            try:
-                document = json.loads(path.read_text('utf-8'))
-            except (OSError, ValueError) as error:
-                raise InputError(f'not a saved state: {error}', file=str(path)) from None
+            document = _read(path, like)
         if document is None:
             raise InputError(
                 'no state saved under this name',
@@ -139,13 +201,20 @@ class SavedStates:
                 choices=self._names(scene),
             )
         try:
-            if document['alf_ros_state'] != FORMAT:
+            whole = document
+            if whole.get('alf_ros_state') != FORMAT:
                 raise ValueError('of another format')
-            if document['mechanism_sha256'] != _digest(scene):
+            if whole.get('mechanism_sha256') != _digest(scene):
                 raise ValueError('of another mechanism')
-            state = from_data(document['state'], like)
-            return state, float(document['step_s']), list(document['q'])
-        except (KeyError, TypeError, ValueError) as error:
+            state = from_data(whole.get('state'), like)
+            q = whole.get('q')
+            if not isinstance(q, list) or not all(map(is_number, q)):
+                raise ValueError('q is no list of finite numbers')
+            step = _number(whole.get('step_s'), 'step_s')
+            if not step > 0.0:
+                raise ValueError('step_s is not greater than zero')
+            return state, step, q
+        except ValueError as error:
             raise InputError(
                 f'not a state of this scene: {error}', key='state.name', value=name
             ) from None
@@ -157,9 +226,35 @@ class SavedStates:
         return sorted(names)
 
     def _path(self, scene: Scene, name: str) -> Path | None:
+        """Raises InputError for a name that no file of the folder can have."""
+        if not _NAME.fullmatch(name):
+            raise InputError(
+                'cannot be the name of a state',
+                key='state.name',
+                value=name,
+                expected='up to 100 letters, digits and . _ -, the first no point or dash',
+            )
         return self._folder / scene.name / f'{name}.json' if self._folder else None
 
 
 def _digest(scene: Scene) -> str:
     """Of the mechanism alone: a state outlives a change of the effects."""
     return hashlib.sha256(repr(scene.mechanism).encode()).hexdigest()
+
+
+def _read(path: Path, like: State) -> dict[str, Any]:
+    """What a file says. Raises InputError if it is no JSON, or more than a state can be."""
+    numbers = 4 * like.q.size + like.turns.size + like.carried.size + like.loads.size
+    most = _ROOM + _DIGITS * numbers
+    try:
+        with open(path, 'rb') as stream:
+            text = stream.read(most + 1)
+        if len(text) > most:
+            raise ValueError(f'more than {most} bytes')
+        return _mapping(json.loads(text), 'it')
+    except RecursionError:
+        raise InputError('not a saved state: nested too deeply', file=str(path)) from None
+    except OSError as error:
+        raise InputError(f'cannot be read: {error.strerror}', file=str(path)) from None
+    except ValueError as error:
+        raise InputError(f'not a saved state: {error}', file=str(path)) from None

@@ -84,10 +84,17 @@ def asked(before: Solver, accuracy: float) -> dict[str, Any]:
 
 
 def loaded(
-    name: str, solver: Mapping[str, Any], rate: float | None = None, ledger: bool = False
+    name: str,
+    solver: Mapping[str, Any],
+    rate: float | None = None,
+    ledger: bool = False,
+    code: bool = True,
 ) -> Setup:
-    """The setup of another scene. Raises InputError, AssemblyError."""
-    return made(load_scene(name), solver, rate, ledger)
+    """The setup of another scene; `code` as `load_scene` has it.
+
+    Raises InputError, AssemblyError.
+    """
+    return made(load_scene(name, code=code), solver, rate, ledger)
 
 
 def changed(

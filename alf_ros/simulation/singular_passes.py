@@ -12,8 +12,10 @@ shows either that no mode changes its sign or where one does.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from copy import copy
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -132,10 +134,10 @@ def _cubic(a: float, b: float, slope_a: float, slope_b: float) -> Floats:
     )
 
 
-# phase, number of the first step, steps, watch -> result, steps taken
-Advance = Callable[[Phase, int, int, Watch | None], tuple[int, int]]
+# steps and watch -> result: steps of the run, fewer if one is to be looked at
+Advance = Callable[[int, Watch | None], Status]
 # phase, start (s), h (s) -> result, of one step that is no part of the run
-Aside = Callable[[Phase, float, float], int]
+Aside = Callable[[Phase, float, float], Status]
 Energy = Callable[[float, Phase], float]
 
 
@@ -172,21 +174,45 @@ class Watcher:
         self._open: Place | None = None
         self._nil: float | None = None  # s, when σ was least since then
 
-    def step(self, phase: Phase, first: int, n: int) -> tuple[int, int]:
-        """n steps from number `first`; returns (result, steps taken)."""
+    @property
+    def memory(self) -> dict[str, Any]:
+        """What a copy must know to go on as this one does, in arrays of its own."""
+        watch = copy(self._watch) if self._watch is not None else None
+        return {
+            'passes': tuple(self.passes),
+            'known': self._known,
+            'watch': watch,
+            'open': self._open,
+            'nil': self._nil,
+        }
+
+    def recall(self, memory: Mapping[str, Any]) -> None:
+        """Go on from the memory of another watcher of the same run."""
+        self.passes[:] = memory['passes']
+        self._known, self._open, self._nil = (memory[name] for name in ('known', 'open', 'nil'))
+        self._watch = memory['watch']
+        if self._watch is not None:
+            self._modes = self._watch.modes
+
+    def step(self, phase: Phase, n: int) -> Status:
+        """n steps of a run, which changes `phase`, its present; fewer if one fails."""
         if self._modes is None:  # nothing can depend on anything
-            return self._advance(phase, first, n, None)
+            return self._advance(n, None)
+        self.finish()
         if not self._known:
-            self._begin(phase, first * self._h)
-        result: int = Status.OK
-        taken, watch = 0, self._watch
-        assert watch is not None
-        while taken < n and result == Status.OK:
-            result, more = self._advance(phase, first + taken, n - taken, watch)
-            taken += more
-            if more and watch.look[0]:
-                self._look_at(watch)
-        return result, taken
+            self._begin(phase, int(phase.step[0]) * self._h)
+        status, last = Status.OK, int(phase.step[0]) + n
+        while phase.step[0] < last and status == Status.OK:
+            status = self._advance(last - int(phase.step[0]), self._watch)
+            self.finish()
+        return status
+
+    def finish(self) -> None:
+        """Look at the last step, if it is to be looked at: again where that was interrupted."""
+        watch = self._watch
+        if self._known and watch is not None and watch.look[0]:
+            self.passes += self._look_at(watch)
+            watch.look[0] = 0
 
     def _begin(self, phase: Phase, t: float) -> None:
         model, modes = self._model, self._modes
@@ -212,32 +238,34 @@ class Watcher:
             kernel.softest(model.unit, model.system, self._work, modes, ROUNDS, KNOWN)
         self._known = True
 
-    def _look_at(self, watch: Watch) -> None:
-        """At the last step, in which a singular position may have been passed."""
+    def _look_at(self, watch: Watch) -> list[Pass]:
+        """The passes in the last step, in which a singular position may have been passed."""
         before, after = float(watch.t[0]), float(watch.t[1])
         a, b = self._place(before, watch.before), self._place(after, watch.after)
         if a is None or b is None:
-            return
+            return []
         if b.sigma < NIL or a.sigma < NIL:
-            self._across(a, b)
-            return
-        last = -np.inf
+            return self._across(a, b)
+        last, passes = -np.inf, []
         for t in self._search(a, b, _HALVED, _CUT):
             if t - last > _TOGETHER * self._h:
-                self._found(t, a, b)
+                passes.append(self._found(t, a, b))
             last = t
+        return passes
 
-    def _across(self, a: Place, b: Place) -> None:
+    def _across(self, a: Place, b: Place) -> list[Pass]:
         """From or to places without a sign: those before and behind them are compared."""
         if b.sigma < NIL:
             if a.sigma >= NIL:
                 self._open, self._nil = a, b.t
-            return
+            return []
+        passes = []
         if self._open is not None and self._nil is not None:
             told = Comparison(self._model, self._work, self._open, b, moving=False)
             if told.changes_sign:
-                self._found(self._nil, self._open, b)
+                passes = [self._found(self._nil, self._open, b)]
         self._open = self._nil = None
+        return passes
 
     def _search(self, a: Place, b: Place, halved: int, cut: int) -> list[float]:
         """When modes vanish between two places, s."""
@@ -268,12 +296,12 @@ class Watcher:
     def _place(self, t: float, phase: Phase) -> Place | None:
         return place(self._model, self._work, self._redundant, t, copy(phase))
 
-    def _found(self, t: float, a: Place, b: Place) -> None:
+    def _found(self, t: float, a: Place, b: Place) -> Pass:
         there = self._aside(a, t) if t > a.t else a
         q = (there or a).phase.q
         joints = _joints(self._model, _dependency(self._model, q) - self._ordinary)
         energies = self._energy(a.t, a.phase), self._energy(b.t, b.phase)
-        self.passes.append(Pass(t, min(a.sigma, b.sigma), joints, *energies))
+        return Pass(t, min(a.sigma, b.sigma), joints, *energies)
 
 
 def place(model: Model, work: Work, redundant: int, t: float, phase: Phase) -> Place | None:
@@ -282,20 +310,6 @@ def place(model: Model, work: Work, redundant: int, t: float, phase: Phase) -> P
         return None
     modes = found(model, work, redundant)
     return None if modes is None else Place(t, phase, modes)
-
-
-def copy(phase: Phase) -> Phase:
-    """The same in arrays of its own."""
-    turns, pace, works = phase.turns.copy(), phase.pace.copy(), phase.works.copy()
-    return Phase(
-        phase.q.copy(),
-        phase.qd.copy(),
-        turns,
-        pace,
-        works,
-        phase.loads.copy(),
-        phase.within.copy(),
-    )
 
 
 def _dependency(model: Model, q: Floats) -> Floats:

@@ -8,7 +8,7 @@ from alf_ros.arrays import Floats
 from alf_ros.errors import AssemblyError
 from alf_ros.model import assembly
 from alf_ros.model.compile import Model
-from alf_ros.model.prescribed import prescribe
+from alf_ros.model.prescribed import prescribe, without_value
 
 _PARTS, _HALVINGS = 64, 24  # of a step, in which it is looked for where drives lead
 
@@ -24,6 +24,12 @@ def beyond_reach(model: Model, q: Floats, t: float, h: float) -> tuple[str, str]
     good, closed = 0.0, np.array(q)
     for part in range(1, _PARTS + 1):
         s = part * h / _PARTS
+        without = without_value(model.layout, model.system, t + s)
+        if without:
+            return (
+                f'the motion {without!r} has no value, rate or acceleration at t = {t + s:.6g} s',
+                'take one that has them at every instant',
+            )
         found, said = _followed(model, closed, t + s)
         if found is not None:
             good, closed = s, found

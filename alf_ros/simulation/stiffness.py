@@ -20,7 +20,7 @@ from alf_ros.arrays import Floats
 from alf_ros.model.dense_linearisation import MASSLESS, Linearised
 from alf_ros.model.tableaux import TABLEAUX
 from alf_ros.simulation.applied import Part
-from alf_ros.simulation.sample import Sample
+from alf_ros.simulation.dynamics import Dynamics
 
 _DIFFERENCE = 1e-6  # of the size (m), and of it a second: above rounding, below where laws bend
 
@@ -41,7 +41,7 @@ class Mode:
         return _radius(integrator, self.value) / self.rate if self.rate > 0.0 else math.inf
 
 
-def stiffest(samples: Iterable[Sample]) -> tuple[dict[str, Mode], Mode]:
+def stiffest(samples: Iterable[Dynamics]) -> tuple[dict[str, Mode], Mode]:
     """Of each effect of the scene alone, and of all of them together: over all instants, as the
     mechanism moves and as it would stand there, where dry friction is steepest."""
     alone: dict[str, Mode] = {}
@@ -65,7 +65,7 @@ def _faster(one: Mode, other: Mode) -> Mode:
 class _Instant:
     """The free directions at a sample, of unit mass."""
 
-    def __init__(self, sample: Sample) -> None:
+    def __init__(self, sample: Dynamics) -> None:
         self._sample, self._model = sample, sample.model
 
     @cached_property

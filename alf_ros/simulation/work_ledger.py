@@ -8,9 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from alf_ros.arrays import Floats
+from alf_ros.effects.contract import Effect
+from alf_ros.errors import InputError
 from alf_ros.kernel import Effects, Ledger
 from alf_ros.model.compile import Model
 from alf_ros.model.constraints.packing import indices
+from alf_ros.scene.scene import Solver
 
 INPUTS, DRIVES = 'inputs', 'drives'
 
@@ -18,6 +21,17 @@ INPUTS, DRIVES = 'inputs', 'drives'
 def accounts(labels: Sequence[str]) -> tuple[str, ...]:
     """The names of all accounts, of a scene whose effects are called so."""
     return (*labels, INPUTS, DRIVES)
+
+
+def named_accounts(effects: Sequence[Effect], solver: Solver) -> tuple[str, ...]:
+    """The same of effects. Raises InputError where two would be one, and without alf2."""
+    if solver.formulation != 'alf2':
+        raise InputError('only alf2 keeps a ledger', key='formulation', value=solver.formulation)
+    labels = [effect.label for effect in effects]
+    for label in labels:
+        if labels.count(label) > 1 or label in (INPUTS, DRIVES):
+            raise InputError('two accounts of this name in the ledger', value=label)
+    return accounts(labels)
 
 
 def ledger(
@@ -33,7 +47,7 @@ def ledger(
     each = [effects for _, (effects, _) in parts]
     first = [loads[0] if loads else 0 for _, (_, loads) in parts]
     return Ledger(
-        tally=np.array([compiled.note(model.layout.dimension).address], dtype=np.uint64),
+        tally=np.array([compiled.record(model.layout.dimension).address], dtype=np.uint64),
         effects=replace(_joined(each), loads_at=np.array(first, dtype=np.uint64)),
         account=indices([names.index(label) for label, _ in parts]),
         weights=weights,

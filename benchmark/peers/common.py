@@ -59,8 +59,8 @@ def measured(run: Run, exact: Any, spacing: float, longest: float) -> dict[str, 
         times = [first]
         while len(times) < 3 and sum(times) < 0.02 * longest:
             times.append(run()[1])
-    except Exception as error:
-        return {'error': None, 'cpu': None, 'failure': str(error).strip().splitlines()[-1][:80]}
+    except Exception as reason:
+        return {'error': None, 'cpu': None, 'failure': str(reason).strip().splitlines()[-1][:80]}
     cpu = 1e3 * statistics.median(times) / (spacing * instants)
     error = math.nan
     if len(found) == len(exact):

@@ -149,7 +149,8 @@ def passes() -> None:
 def arrow(axes: Axes, tail: Floats, vector: Floats, colour: str, width: float = 2.2) -> None:
     """An arrow from `tail`."""
     style = {'arrowstyle': '-|>', 'color': colour, 'linewidth': width, 'shrinkA': 0, 'shrinkB': 0}
-    axes.annotate('', tail + vector, tail, arrowprops={**style, 'mutation_scale': 13})
+    head, foot = tuple(tail + vector), tuple(tail)
+    axes.annotate('', head, foot, arrowprops={**style, 'mutation_scale': 13})
 
 
 def cross(axes: Axes, at: Floats, turn: Floats, name: str, colour: str) -> None:

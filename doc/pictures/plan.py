@@ -18,7 +18,7 @@ import matplotlib.pyplot as plt
 
 HERE = Path(__file__).resolve().parent
 PACKAGE = HERE.parents[1] / 'alf_ros'
-# Each imports from those before it: test/test_import_order.py holds it.
+# Each imports from those before it: test/project/test_import_order.py holds it.
 ORDER = (
     'kernel',
     'mechanism',

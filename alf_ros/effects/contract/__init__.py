@@ -83,6 +83,15 @@ class Effect:
     name: str
     parameters: Any
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Its numbers, and what its file is: another process has not run that."""
+        from alf_ros import effects
+
+        values = {
+            each.name: getattr(self.parameters, each.name) for each in fields(self.parameters)
+        }
+        return effects.arrived, (self.kind, self.name, values, *effects.carried(self.kind))
+
     @property
     def coordinates(self) -> tuple[str, ...]:
         """The joint coordinates it acts on."""

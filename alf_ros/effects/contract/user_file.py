@@ -18,12 +18,17 @@ from types import ModuleType
 
 from numba.core.errors import NumbaError
 
+from alf_ros import paths
 from alf_ros.effects import contract
 from alf_ros.errors import InputError
 
 _NAME = re.compile(r'(?P<path>.*\.py)(#sha256=(?P<digest>[0-9a-f]{64}))?')
-_loaded: dict[str, ModuleType] = {}
-_provided: dict[str, Path] = {}  # digest -> copy of a file that need not be there any more
+TRUSTED = 'trust in it: see doc/security.md'
+LARGEST = 1 << 20  # bytes of a file
+# By digest: what has run in this process, and copies of texts that a log brings.
+_modules: dict[str, ModuleType] = {}
+_texts: dict[str, str] = {}
+_provided: dict[str, Path] = {}
 
 
 def is_file_name(name: str) -> bool:
@@ -36,6 +41,17 @@ def stem(name: str) -> str:
     return Path(_split(name)[0]).stem
 
 
+def digest(name: str) -> str:
+    """The digest in a name, '' if there is none."""
+    return _split(name)[1] or ''
+
+
+def is_known(name: str) -> bool:
+    """Whether the text of this digest has run in this process, or was provided: nothing has to be
+    read, and no code runs that has not been allowed before."""
+    return digest(name) in _modules or digest(name) in _provided
+
+
 def _split(name: str) -> tuple[str, str | None]:
     found = _NAME.fullmatch(name)
     if found is None:
@@ -43,78 +59,97 @@ def _split(name: str) -> tuple[str, str | None]:
     return found['path'], found['digest']
 
 
-def full_name(name: str, folder: Path) -> str:
+def full_name(name: str, folder: Path | None, code: bool = True) -> str:
     """Path and digest of a file named relative to `folder`.
 
-    Raises InputError if there is none, or if its digest is not the one in the name.
+    A digest that is known names its text, whatever lies at the path. `folder` None: no other is
+    looked for. `code` False: a text that is not known is refused. Raises InputError then, if there
+    is no such file, or if its digest is not the one in the name.
     """
     path, wanted = _split(name)
-    if wanted in _provided:
+    if is_known(name):
         return name
-    file = (folder / Path(path).expanduser()).resolve()
-    if not file.is_file():
-        raise InputError('no such file of an effect', value=str(file))
-    digest = hashlib.sha256(file.read_bytes()).hexdigest()
-    if wanted not in (None, digest):
-        raise InputError('the file of this effect is no longer what it was', value=str(file))
-    return f'{file}#sha256={digest}'
-
-
-def is_there(name: str) -> bool:
-    """Whether the file of a full name is still there, and still the same."""
+    if folder is None:
+        raise InputError('an effect in a file, which is not looked for here', value=path)
     try:
-        return bool(full_name(name, Path()))
-    except InputError:
-        return False
+        file = (folder / paths.named(path)).resolve()
+        text = paths.content(file, LARGEST)
+    except (InputError, OSError, RuntimeError):  # links in a circle
+        raise InputError('no such file of an effect', value=path) from None
+    found = hashlib.sha256(text).hexdigest()
+    if wanted not in (None, found):
+        raise InputError('the file of this effect is no longer what it was', value=str(file))
+    full = f'{file}#sha256={found}'
+    if not code and not is_known(full):
+        raise InputError(
+            'an effect in a file, whose code would run here', value=str(file), expected=TRUSTED
+        )
+    return full
 
 
 def source(name: str) -> str:
     """The text of the file of a full name, as it was run."""
-    path, digest = _split(name)
-    return _provided.get(digest or '', Path(path)).read_bytes().decode()
+    return _texts[digest(name)]
 
 
 def provide(name: str, text: str) -> None:
-    """From now on this text stands for the file of a full name: for a log, which brings its own.
+    """From now on this text stands for the digest of a full name: for a log, which brings its own.
 
     It is code, and runs when a scene names it. Raises InputError if its digest is another.
     """
-    path, digest = _split(name)
-    if hashlib.sha256(text.encode()).hexdigest() != digest:
+    path, wanted = _split(name)
+    try:
+        encoded = text.encode()
+    except UnicodeEncodeError:
+        encoded = b''
+    if hashlib.sha256(encoded).hexdigest() != wanted:
         raise InputError('not the text of this effect', value=path)
-    # numba compiles for its cache only what is in a file
+    # numba compiles for its cache only what is in a file, whose name must not be the log's choice
     folder = tempfile.mkdtemp(prefix='alf_ros_effect_')
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    _provided[digest] = Path(folder) / Path(path).name
-    _provided[digest].write_bytes(text.encode())
+    _provided[wanted] = Path(folder) / f'effect_{wanted[:12]}.py'
+    _provided[wanted].write_bytes(encoded)
 
 
 def load(name: str) -> ModuleType:
     """The module of a full name. Raises InputError, with the line, if it cannot be used."""
-    if name not in _loaded:
-        path, digest = _split(full_name(name, Path()))
-        path = str(_provided.get(digest or '', path))
-        text = Path(path).read_bytes()
-        # Not through the import system: its cache knows the time of a file to the second only.
-        module = ModuleType(f'alf_ros_effect_{digest}')
-        module.__file__ = path
-        sys.modules[module.__name__] = module  # where dataclasses look up annotations
-        try:
-            exec(compile(text, path, 'exec'), vars(module))
-        except SyntaxError as error:
-            raise InputError(f'not Python: {error.msg}', file=path, line=error.lineno) from None
-        except NumbaError as error:
-            (said, *_) = [line for line in str(error).splitlines() if line.strip()][1:] or ['']
-            raise InputError(f'numba cannot compile it: {said}', file=path) from None
-        except Exception as error:  # whatever somebody's file raises
-            raise InputError(
-                f'{type(error).__name__}: {error}', file=path, line=_line(error, path)
-            ) from None
-        _loaded[name] = checked(module, path)
-    return _loaded[name]
+    full = full_name(name, Path())
+    wanted = digest(full)
+    if wanted not in _modules:
+        file = _provided.get(wanted, Path(_split(full)[0]))
+        text = paths.content(file, LARGEST)
+        if hashlib.sha256(text).hexdigest() != wanted:  # changed since it was asked for
+            raise InputError('the file of this effect is no longer what it was', value=str(file))
+        _modules[wanted] = checked(_executed(text, str(file), wanted), str(file))
+        _texts[wanted] = text.decode()
+    return _modules[wanted]
 
 
-def _line(error: Exception, path: str) -> int | None:
+def _executed(text: bytes, path: str, wanted: str) -> ModuleType:
+    """The module that a text makes."""
+    # Not through the import system: its cache knows the time of a file to the second only.
+    module = ModuleType(f'alf_ros_effect_{wanted}')
+    module.__file__ = path
+    sys.modules[module.__name__] = module  # where dataclasses look up annotations
+    try:
+        text.decode()
+        exec(compile(text, path, 'exec'), vars(module))
+    except UnicodeDecodeError as error:
+        line = text.count(b'\n', 0, error.start) + 1
+        raise InputError('not a text file in UTF-8', file=path, line=line) from None
+    except SyntaxError as error:
+        raise InputError(f'not Python: {error.msg}', file=path, line=error.lineno) from None
+    except NumbaError as error:
+        (said, *_) = [line for line in str(error).splitlines() if line.strip()][1:] or ['']
+        raise InputError(f'numba cannot compile it: {said}', file=path) from None
+    except (Exception, SystemExit) as error:  # whatever somebody's file raises
+        raise InputError(
+            f'{type(error).__name__}: {error}', file=path, line=_line(error, path)
+        ) from None
+    return module
+
+
+def _line(error: BaseException, path: str) -> int | None:
     """Where in the file it happened."""
     line, trace = None, error.__traceback__
     while trace is not None:

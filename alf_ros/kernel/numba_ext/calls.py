@@ -96,6 +96,48 @@ def call_for_number(typing: Any, address: Any, *arguments: Any) -> Any:
     return _call(ir.DoubleType(), types.float64, (address, *arguments))
 
 
+def _ask_plainly(words: Any) -> int:
+    return 0  # Python hears signals by itself
+
+
+@lowered(_ask_plainly)
+def ask(typing: Any, words: Any) -> Any:
+    """Call the Python object whose address is the first of four words, if there is one.
+
+    It is called without arguments, with the interpreter's lock, which compiled code does not have.
+    Returns 1 if it raised, or if the handler of a signal did: the exception (type, value,
+    traceback) is then in the other words, and belongs to who takes it out. Else 0.
+    """
+
+    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        some = cgutils.create_struct_proxy(sig.args[0])(context, builder, value=args[0]).data
+        pointer = ir.IntType(8).as_pointer()
+        python, raised = context.get_python_api(builder), ir.IntType(64)
+        result = cgutils.alloca_once_value(builder, raised(0))
+
+        def function(name: str, returns: Any, count: int, kind: Any = pointer) -> Any:
+            signature = ir.FunctionType(returns, [kind] * count)
+            return cgutils.get_or_insert_function(builder.module, signature, name)
+
+        caller = builder.load(some)
+        with builder.if_then(builder.icmp_unsigned('!=', caller, caller.type(0))):
+            lock = python.gil_ensure()
+            call = function('PyObject_CallNoArgs', pointer, 1)
+            answer = builder.call(call, [builder.inttoptr(caller, pointer)])
+            with builder.if_else(cgutils.is_null(builder, answer)) as (failed, answered):
+                with failed:
+                    places = [builder.gep(some, [ir.IntType(64)(n)]) for n in (1, 2, 3)]
+                    fetch = function('PyErr_Fetch', ir.VoidType(), 3, some.type)
+                    builder.call(fetch, places)
+                    builder.store(raised(1), result)
+                with answered:
+                    python.decref(answer)
+            python.gil_release(lock)
+        return builder.load(result)
+
+    return types.int64(words), code
+
+
 def _fused(a: float, b: float, c: float) -> Any:
     if not np.isfinite(a + b + c):
         return a * b + c

@@ -9,11 +9,20 @@ argument, the struct outlives the call.
 
 The arrays of a `constant` struct are not written while compiled code runs, so that what it has
 read once it need not read again.
+
+A struct in a struct is one word, the address of its table: `problem.system.rows` costs two loads,
+which LLVM makes once in a function. A field `unit`, a tuple as long as space has dimensions, takes
+no word: it is a part of the type, so that D is a constant when compiled.
+
+A copy has arrays of its own, and so has what is unpickled: the table is made anew. Addresses of
+code and of Python objects are of one process: a struct that holds some is not pickled, but made
+again by who knows what they are of.
 """
 
 from __future__ import annotations
 
 import operator
+from copy import copy
 from dataclasses import dataclass, fields
 from typing import Any, ClassVar, TypeVar, get_args, get_type_hints
 
@@ -66,15 +75,19 @@ class StructType(types.Type):
 class Struct:
     """Base of structs: frozen dataclasses of arrays, numbers (float, np.uint64) and structs.
 
+    A field `unit` says how many dimensions space has. `addresses`: the fields that hold addresses;
+    `borrowed`: those of them that a copy has not.
     Raises TypeError for an array of another type than annotated, or one that is not contiguous.
     """
 
     constant: ClassVar[bool] = False
+    addresses: ClassVar[tuple[str, ...]] = ()
+    borrowed: ClassVar[tuple[str, ...]] = ()
     _table: ClassVar[Any]
-    _types: ClassVar[dict[type[Struct], StructType]] = {}
+    _types: ClassVar[dict[tuple[type[Struct], int], StructType]] = {}
 
     def __post_init__(self) -> None:
-        kind = self._numba_type()
+        kind = self._numba_type(len(getattr(self, 'unit', ())))
         words: list[int] = []
         for name, _, part in kind.parts:
             value = getattr(self, name)
@@ -82,7 +95,7 @@ class Struct:
                 if from_dtype(value.dtype) != part.number or not value.flags.c_contiguous:
                     raise TypeError(f'{type(self).__name__}.{name} is no array of {part.number}')
                 words += (value.ctypes.data, value.size)
-            else:
+            elif not isinstance(part, types.UniTuple):
                 words.append(_word_of(value))
         table = np.array(words, dtype=np.uint64)
         for name, value in (
@@ -92,18 +105,39 @@ class Struct:
         ):
             object.__setattr__(self, name, value)
 
+    def __copy__(self: S) -> S:
+        return type(self)(*(self._own(field.name) for field in fields(self)))
+
+    def __deepcopy__(self: S, memo: object) -> S:
+        return self.__copy__()
+
+    def _own(self, name: str) -> Any:
+        value = getattr(self, name)
+        if name in self.borrowed:
+            return np.zeros_like(value)
+        return copy(value) if isinstance(value, (Struct, np.ndarray)) else value
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Its arrays and numbers. Raises TypeError if there are addresses among them."""
+        if any(getattr(self, name).any() for name in self.addresses):
+            raise TypeError(
+                f'{type(self).__name__} holds addresses of this process and cannot be pickled: '
+                'pickle the Simulation, the Model or the State'
+            )
+        return type(self), tuple(getattr(self, field.name) for field in fields(self))
+
     def _view(self) -> View:
         """What stands for it where nothing is compiled."""
         view: View | None = self.__dict__.get('_plain')
         if view is None:
             view = View()
-            for name, _, part in self._numba_type().parts:
+            for name, _, part in self._numba_type(len(getattr(self, 'unit', ()))).parts:
                 value = getattr(self, name)
                 if isinstance(part, VectorType):
                     value = flat(value, part.constant)
                 elif isinstance(value, Struct):
                     value = value._view()
-                else:
+                elif not isinstance(part, types.UniTuple):
                     value = np.float64(value) if isinstance(value, float) else np.uint64(value)
                 setattr(view, name, value)
             object.__setattr__(self, '_plain', view)
@@ -113,7 +147,8 @@ class Struct:
     def empty(cls: type[S]) -> S:
         """One without any numbers; what is a number is zero."""
         values: list[Any] = []
-        for hint in (get_type_hints(cls)[field.name] for field in fields(cls)):
+        hints = get_type_hints(cls)
+        for hint in (hints[field.name] for field in fields(cls)):
             if hint in _SCALARS:
                 values.append(hint(0))
             elif isinstance(hint, type) and issubclass(hint, Struct):
@@ -123,22 +158,27 @@ class Struct:
         return cls(*values)
 
     @classmethod
-    def _numba_type(cls) -> StructType:
-        if cls not in Struct._types:
+    def _numba_type(cls, D: int = 0) -> StructType:
+        """What compiled code takes it for; D: how long its `unit` is, if it has one."""
+        if (cls, D) not in Struct._types:
             hints, parts, word = get_type_hints(cls), [], 0
             module = cls.__module__.removeprefix('alf_ros.')
             for field in fields(cls):
                 hint = hints[field.name]
                 part: types.Type = _SCALARS.get(hint, types.none)
-                if isinstance(hint, type) and issubclass(hint, Struct):
+                if field.name == 'unit':
+                    part = types.UniTuple(types.float64, D)
+                elif isinstance(hint, type) and issubclass(hint, Struct):
                     part = hint._numba_type()
                 elif part is types.none:
                     (number,) = get_args(get_args(hint)[1])
                     part = VectorType(from_dtype(np.dtype(number)), cls.constant)
                 parts.append((field.name, word, part))
-                word += 2 if isinstance(part, VectorType) else 1
-            Struct._types[cls] = StructType(f'{cls.__qualname__}@{module}', tuple(parts))
-        return Struct._types[cls]
+                if field.name != 'unit':
+                    word += 2 if isinstance(part, VectorType) else 1
+            name = f'{cls.__qualname__}{D or ""}@{module}'
+            Struct._types[cls, D] = StructType(name, tuple(parts))
+        return Struct._types[cls, D]
 
 
 def _word_of(value: Struct | np.uint64 | float) -> int:
@@ -201,6 +241,8 @@ def _field(context: Any, builder: Any, kind: StructType, table: Any, name: str) 
         return vector._getvalue()
     if isinstance(part, StructType):
         return builder.inttoptr(read(word), table.type)
+    if isinstance(part, types.UniTuple):
+        return context.get_constant_null(part)
     return builder.bitcast(read(word), context.get_value_type(part))
 
 

@@ -42,10 +42,9 @@ class Orders:
     stride: int = 1
     held: list[Held] = field(default_factory=list)
 
-    def add(self, t: Floats, messages: Sequence[dict[str, Any]]) -> None:
+    def add(self, t: Floats, entries: Sequence[dict[str, Any]]) -> None:
         """Go on with entries of the journal, stamped t (n,) s."""
-        for at, message in zip(t.tolist(), messages, strict=True):
-            entry = journal.read(message['data'])
+        for at, entry in zip(t.tolist(), entries, strict=True):
             if entry['kind'] == 'start':
                 continue
             kind, name = str(entry['kind']), str(entry.get('name', ''))

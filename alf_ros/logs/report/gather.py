@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from alf_ros.arrays import Floats
-from alf_ros.logs import progress
+from alf_ros.logs import journal, progress
 from alf_ros.logs.log import Log, Survey
 from alf_ros.logs.report.commands import Orders
 from alf_ros.logs.report.decimation import Frames, Trace
@@ -20,6 +20,7 @@ from alf_ros.logs.series import NUMERIC, Series
 MOST_ROWS, LEAST_ROWS, NUMBERS = 4096, 512, 400_000
 # So many numbers of states and of reactions are kept, of so many instants.
 FRAME_NUMBERS, MOST_STATES, MOST_REACTIONS, LEAST = 4_000_000, 200_000, 40_000, 500
+DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
 PARTS = ('size', 'x', 'y', 'z')
 
 
@@ -69,14 +70,14 @@ def gather(log: Log, report: progress.Report = progress.silent) -> Gathered:
     node = log.topic('~/energy').rpartition('/')[0]
     found.reports.task = f'{node}: '.lstrip('/')
     known = {
-        log.topic('joint_states'): _joints,
-        log.topic('~/reactions'): _reactions,
-        log.topic('~/constraints'): _constraints,
-        log.topic('~/state'): _states,
-        log.topic('~/energy'): _energy,
-        log.topic('~/work'): _work,
+        log.topic('joint_states'): (_joints, ()),
+        log.topic('~/reactions'): (_reactions, ('wrench',)),
+        log.topic('~/constraints'): (_constraints, ('position', 'velocity')),
+        log.topic('~/state'): (_states, ('position',)),
+        log.topic('~/energy'): (_energy, ('data',)),
+        log.topic('~/work'): (_work, ('position',)),
     }
-    journal = log.topic('~/inputs')
+    inputs = log.topic('~/inputs')
     for piece in log.pieces(report=report, found=survey):
         for series in piece:
             t = log.time(series.stamp)
@@ -84,11 +85,13 @@ def gather(log: Log, report: progress.Report = progress.silent) -> Gathered:
             found.counts[series.topic] = found.counts.get(series.topic, 0) + len(series)
             number = int(series.sequence.max())
             found.numbers[series.topic] = max(found.numbers.get(series.topic, 0), number)
-            if series.topic in known:
-                known[series.topic](found, series, t)
-            elif series.topic == journal:
-                found.orders.add(t, series.messages)
-            elif series.topic.endswith('/diagnostics'):
+            drawn, columns = known.get(series.topic, (None, ()))
+            if drawn is not None:
+                if all(len(series.columns.get(key, ())) for key in columns):
+                    drawn(found, series, t)
+            elif series.topic == inputs:
+                found.orders.add(t, journal.entries(series))
+            elif series.type == DIAGNOSTICS:
                 found.reports.add(t, series.messages)
             elif series.type in NUMERIC:
                 _other(found, series, t, node)

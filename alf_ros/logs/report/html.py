@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from alf_ros.arrays import Floats
 from alf_ros.logs.report import panels
@@ -40,7 +41,7 @@ def page(accounts: Sequence[Account]) -> str:
             for n, path in enumerate((PAGE / 'stage.js', PAGE / 'plot.js', PAGE / 'analysis.js'))
         ),
         # '</script>' in a name must not end the data
-        '/*DATA*/': json.dumps(data, ensure_ascii=False).replace('<', '\\u003c'),
+        '/*DATA*/': json.dumps(data).replace('<', '\\u003c'),
     }
     text = (PAGE / 'analysis.html').read_text('utf-8')
     for mark, part in parts.items():
@@ -51,15 +52,21 @@ def page(accounts: Sequence[Account]) -> str:
 
 def packed(values: Floats) -> float | Json:
     """Numbers for the page: one if all are equal, else float32 as text."""
-    flat = np.ascontiguousarray(values, dtype='<f4').ravel()
+    flat = _single(values).ravel()
     if flat.size and np.isfinite(flat[0]) and (flat == flat[0]).all():
         return float(flat[0])
     return {'f32': base64.b64encode(flat.tobytes()).decode()}
 
 
+def _single(values: Floats) -> NDArray[np.float32]:
+    """As float32: what is too large for one becomes infinite."""
+    with np.errstate(over='ignore'):
+        return np.ascontiguousarray(values, dtype='<f4')
+
+
 def _array(values: Floats) -> Json:
     """The same where an array is needed."""
-    flat = np.ascontiguousarray(values, dtype='<f4')
+    flat = _single(values)
     return {'f32': base64.b64encode(flat.tobytes()).decode()}
 
 

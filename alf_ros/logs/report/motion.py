@@ -18,6 +18,7 @@ from alf_ros.logs.log import Log
 from alf_ros.logs.report.decimation import Frames, Trace
 from alf_ros.logs.report.gather import MOST_ROWS, Gathered
 from alf_ros.logs.report.singularity_distance import distances, passes
+from alf_ros.scene.references import WHOLE
 from alf_ros.scene.scene import KEYS, REQUIRED, Solver, scene_from_text
 from alf_ros.scene.text import yaml_document
 from alf_ros.scene.text.yaml_writer import entry, serialise
@@ -60,7 +61,7 @@ def mechanism(log: Log) -> Simulation:
     file = str(log.path)
     fields = dict(yaml_document.parse(log.scene_text, file).mapping(KEYS, REQUIRED))
     fields.pop('effects', None)
-    scene = scene_from_text(serialise(entry(fields)), file)
+    scene = scene_from_text(serialise(entry(fields)), file, references=WHOLE)
     try:
         solver = Solver(**log.info['solver'])
     except TypeError as error:

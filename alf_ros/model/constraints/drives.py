@@ -15,7 +15,7 @@ from alf_ros.mechanism import Drive, Mechanism, affine
 from alf_ros.mechanism.natural_coordinates import Layout
 from alf_ros.model.constraints.auxiliary import turned
 from alf_ros.model.constraints.joint_coordinates import angle_axes, length_row
-from alf_ros.model.constraints.row import Row, linear, plus, product, scaled
+from alf_ros.model.constraints.row import Row, linear, plus, product, scaled, value
 
 
 def drive_rows(drive: Drive, layout: Layout) -> Iterator[Row]:
@@ -80,21 +80,12 @@ def offset(drive: Drive, layout: Layout, q: Floats) -> float:
         return abs(float(np.arctan2(across @ d, along @ d)))
     if drive.kind == 'length':
         coordinate = layout.mechanism.coordinate[drive.of[0]]
-        return abs(_value(length_row(coordinate.joint, layout), places) - float(s[0]))
+        return abs(value(length_row(coordinate.joint, layout), places) - float(s[0]))
     points = [places[layout.of_point[point]] for point in drive.of]
     if drive.kind == 'distance':
         return abs(float(np.linalg.norm(points[1] - points[0]) - s[0]))
     driven = [motion is not None for motion in drive.motion]
     return float(np.linalg.norm((points[0] - s)[driven]))
-
-
-def _value(row: Row, places: Floats) -> float:
-    """Φ of a row that is a form, at places (blocks, D)."""
-    total = row.c
-    for i, b in row.b.items():
-        turned = sum((T @ places[j] for j, T in row.terms.get(i, {}).items()), 0.0 * b)
-        total += float(places[i] @ (b + 0.5 * turned))
-    return total
 
 
 def is_aligned(drive: Drive, layout: Layout, q: Floats) -> bool:

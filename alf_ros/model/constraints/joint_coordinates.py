@@ -13,7 +13,7 @@ from functools import lru_cache
 import numpy as np
 
 from alf_ros.kernel import Rows
-from alf_ros.mechanism import Coordinate, Joint, affine
+from alf_ros.mechanism import GROUND, Coordinate, Joint, affine
 from alf_ros.mechanism.affine import Form
 from alf_ros.mechanism.natural_coordinates import Layout, Shape, direction
 from alf_ros.model.constraints.packing import of_shapes, rows_of
@@ -73,3 +73,26 @@ def length_row(joint: Joint, layout: Layout) -> Row:
     gap = layout.place(joint.child, tip.origin) - layout.place(joint.parent, base.origin)
     axis = layout.direction(joint.parent, base.axes[0 if layout.dimension == 2 else 2])
     return product(joint.name, axis, gap)
+
+
+def rate(coordinate: Coordinate, unit: float, layout: Layout) -> list[tuple[Form, Form]]:
+    """Pairs of forms whose Σ f · ġ is `unit` times ẋ.
+
+    Raises ValueError for one of two angles: it depends on the other.
+    """
+    joint = coordinate.joint
+    (base, tip), D = joint.frames, layout.dimension
+    if not coordinate.is_angle:
+        axis = layout.direction(joint.parent, base.axes[0 if D == 2 else 2])
+        gap = layout.place(joint.child, tip.origin) - layout.place(joint.parent, base.origin)
+        return [(axis.times(unit), gap), (gap.times(unit), axis)]
+    if not coordinate.freedom.alone:
+        raise ValueError(
+            f'{coordinate.name!r} is one of two angles: neither rotor nor coupling takes it'
+        )
+    pairs = []
+    for body, frame, sign in ((joint.child, tip, unit), (joint.parent, base, -unit)):
+        if body != GROUND:  # about the axis that the joint does not move: ω = u̇_x · u_y
+            x, y = (layout.direction(body, axis) for axis in frame.axes[:2])
+            pairs.append((y.times(sign), x))
+    return pairs

@@ -115,5 +115,14 @@ def scaled(factor: float, row: Row) -> Row:
     )
 
 
+def value(row: Row, places: Floats) -> float:
+    """Φ of a row that is a form, at places (blocks, D)."""
+    total = row.c
+    for i, b in row.b.items():
+        turned = sum((T @ places[j] for j, T in row.terms.get(i, {}).items()), 0.0 * b)
+        total += float(places[i] @ (b + 0.5 * turned))
+    return total
+
+
 def _kept(b: dict[int, Floats]) -> dict[int, Floats]:
     return {block: value for block, value in b.items() if np.any(value)}

@@ -6,17 +6,41 @@ import errno
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import yaml
-from mcap.writer import CompressionType, Writer
 
+from alf_ros.errors import InputError
 from alf_ros.ros.recording import rosbag2_metadata
+
+try:
+    from mcap.data_stream import RecordBuilder
+    from mcap.writer import CompressionType, Writer
+except ModuleNotFoundError as error:  # no package of a distribution brings it
+    if (error.name or '').partition('.')[0] != 'mcap':
+        raise
+    Writer = None  # type: ignore[assignment, misc]
+try:
+    import zstandard
+except ImportError:
+    zstandard = None  # type: ignore[assignment]
 
 if TYPE_CHECKING:
     from rclpy.qos import QoSProfile
 
 CHUNK_SIZE = 4 << 20
+CAN_WRITE = Writer is not None
+HOW = 'pip install "mcap>=1.5" zstandard'
+
+
+def lacking() -> str:
+    """What libraries are missing to write logs, or to write them small, and how to get them; '' if
+    none is."""
+    if Writer is None:
+        return f'no log can be written: the library mcap is missing; {HOW}'
+    if zstandard is None:
+        return f'logs are not compressed: the library zstandard is missing; {HOW}'
+    return ''
 
 
 class _Stream:
@@ -44,8 +68,18 @@ class _Stream:
 
     def check(self) -> None:
         """Raise OSError if the file is no longer where it was: what is written would be lost."""
-        if not os.path.samestat(os.stat(self.path), os.fstat(self._file)):
+        found = os.stat(self.path)
+        if self._file >= 0 and not os.path.samestat(found, os.fstat(self._file)):
             raise OSError(errno.ENOENT, os.strerror(errno.ENOENT))
+
+    @property
+    def there(self) -> bool:
+        """Whether the file is where it was."""
+        try:
+            self.check()
+        except OSError:
+            return False
+        return True
 
     def cut(self) -> None:
         """Back to what is whole."""
@@ -59,24 +93,50 @@ class _Stream:
             os.close(file)
 
 
+class _Written(bytes):
+    """A record that is written already."""
+
+    __slots__ = ()
+
+    def write(self, stream: RecordBuilder) -> None:
+        """As records do."""
+        stream.write(self)
+
+
+class _ChunkIndices(list[_Written]):
+    """A list of records that keeps their bytes: a sixth of the memory of the objects."""
+
+    def append(self, index: Any) -> None:
+        """Take a record."""
+        builder = RecordBuilder()
+        index.write(builder)
+        super().append(_Written(builder.end()))
+
+
 class LogFile:
     """Messages as an MCAP file that rosbag2 and Foxglove open; methods raise OSError.
 
-    `info` (str -> str) becomes the Metadata record `alf_ros`.
+    `info` (str -> str) becomes the Metadata record `alf_ros`. Raises InputError without mcap; what
+    is written without zstandard is not compressed.
     """
 
     def __init__(self, path: Path, info: dict[str, str]) -> None:
+        if Writer is None:
+            raise InputError(lacking())
         self.path = path
         self.channels: dict[str, rosbag2_metadata.Channel] = {}
         self.start, self.end = 2**63, 0  # stamps, ns
         self._schemas: dict[str, int] = {}
         self._info = info
+        self._kept = 0
         self._stream = _Stream(path)
         self._writer = Writer(
             self._stream,  # type: ignore[arg-type]
             chunk_size=CHUNK_SIZE,
-            compression=CompressionType.ZSTD,
+            compression=CompressionType.ZSTD if zstandard else CompressionType.NONE,
         )
+        # A day has 170,000 chunks: their index waits for the end of the file as bytes.
+        self._writer._Writer__chunk_indices = _ChunkIndices()  # type: ignore[attr-defined]
         self._writer.start(profile='ros2', library='alf_ros')
         self._writer.add_metadata('alf_ros', info)
         self._stream.good = self._stream.size
@@ -88,8 +148,13 @@ class LogFile:
 
     @property
     def count(self) -> int:
-        """Messages in the file."""
+        """Messages in the file, and in the chunk that is still open."""
         return sum(channel.count for channel in self.channels.values())
+
+    @property
+    def kept(self) -> int:
+        """Messages that are in the file whatever happens to this process; 0 if it is gone."""
+        return self._kept if self._stream.there else 0
 
     @property
     def span(self) -> int:
@@ -140,7 +205,7 @@ class LogFile:
         """Close the chunk and hand it to the system."""
         self._writer.flush()
         self._stream.check()
-        self._stream.good = self._stream.size
+        self._stream.good, self._kept = self._stream.size, self.count
 
     def finish(self) -> None:
         """Write the summary and close the file."""
@@ -152,6 +217,7 @@ class LogFile:
         self._writer.add_metadata('rosbag2', {'serialized_metadata': text})
         self._writer.finish()
         self._stream.check()
+        self._kept = self.count
         self._stream.close()
 
     def summary(self) -> rosbag2_metadata.File:

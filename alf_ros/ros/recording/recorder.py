@@ -64,7 +64,6 @@ class Recorder:
         self.info = info
         self.queue_size = queue_size
         self.written = 0
-        self.dropped = 0
         self.error = ''
         self._split = split or Split()
         try:
@@ -81,6 +80,7 @@ class Recorder:
         self._queue: deque[tuple[str, type, QoSProfile, int, bytes, int]] = deque()
         # Each counter has one writer, so the difference needs no lock.
         self._bytes_in = self._bytes_out = 0
+        self._queued = self._refused = 0  # messages
         self._numbers: dict[str, int] = {}
         self._noted = 0  # of `dropped`, in the file
         self._closing = threading.Event()
@@ -91,6 +91,15 @@ class Recorder:
     def path(self) -> Path:
         """The file being written."""
         return self._file.path
+
+    @property
+    def dropped(self) -> int:
+        """Messages that are not in the log: no room in the queue, or an `error` of the disk.
+
+        After an error `written` and this are all that were given to `write`, and `written` is what
+        the files hold.
+        """
+        return self._refused + (self._queued - self.written if self.error else 0)
 
     @property
     def waiting(self) -> int:
@@ -114,9 +123,10 @@ class Recorder:
         number = self._numbers[topic] = self._numbers.get(topic, 0) + 1
         room = self.queue_size * (2 if essential else 1)
         if self.error or self.waiting + len(data) > room:
-            self.dropped += 1
+            self._refused += 1
             return
         self._bytes_in += len(data)
+        self._queued += 1
         self._queue.append((topic, kind, qos, stamp, data, number))
 
     def close(self) -> None:
@@ -134,10 +144,10 @@ class Recorder:
         except Exception as error:
             # Nothing that happens to the log, such as a full disk, may stop the simulation: it is
             # reported, and `write` counts what is lost from here on.
-            self.error = f'{self.path}: {getattr(error, "strerror", None) or error}'
-            self.dropped += len(self._queue)
             with suppress(OSError):
                 self._file.abandon()
+            self.written = sum(file.kept for file in (*self._finished, self._file))
+            self.error = f'{self.path}: {getattr(error, "strerror", None) or error}'
 
     def _write_files(self) -> None:
         # The first chunk is closed at once: a log says what was run, however soon it is killed.

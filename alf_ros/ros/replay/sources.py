@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import importlib
+import importlib.util
+import re
 from bisect import bisect_left
 from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 import yaml
@@ -153,13 +157,21 @@ class Redriven:
         return taken
 
 
+_TYPE = re.compile(r'([a-z][a-z0-9_]*)/msg/([A-Z][A-Za-z0-9]*)')
+
+
 def message_class(name: str) -> Any:
-    """The class of 'package/msg/Type'. Raises InputError if it is not installed."""
-    package, _, short = name.split('/')
-    try:
-        return getattr(importlib.import_module(f'{package}.msg'), short)
-    except (ImportError, AttributeError):
-        raise InputError('this type of message is not installed', value=name) from None
+    """The class of 'package/msg/Type'. Raises InputError if it is not installed.
+
+    The name comes from a log: only packages that have messages are imported.
+    """
+    match = _TYPE.fullmatch(name)
+    spec = importlib.util.find_spec(match[1]) if match else None  # imports nothing
+    for folder in (spec and spec.submodule_search_locations) or ():
+        if match and (Path(folder) / 'msg' / '__init__.py').is_file():
+            with suppress(ImportError, AttributeError):
+                return getattr(importlib.import_module(f'{match[1]}.msg'), match[2])
+    raise InputError('this type of message is not installed', value=name)
 
 
 def stamp_of(log: Log, t: float) -> int:
@@ -168,14 +180,23 @@ def stamp_of(log: Log, t: float) -> int:
 
 
 def _qos(metadata: dict[str, str]) -> QoSProfile:
-    """As it was offered; but deep, for bursts, unless it is kept for those who come late."""
-    profiles = yaml.safe_load(metadata.get('offered_qos_profiles', '')) or [{}]
-    told = profiles[0]
-    qos = QoSProfile(
-        depth=max(1, int(told.get('depth', 10))),
-        reliability=ReliabilityPolicy(int(told.get('reliability', ReliabilityPolicy.RELIABLE))),
-        durability=DurabilityPolicy(int(told.get('durability', DurabilityPolicy.VOLATILE))),
-    )
+    """As it was offered; but deep, for bursts, unless it is kept for those who come late.
+
+    Raises InputError for what is no QoS.
+    """
+    text = metadata.get('offered_qos_profiles', '')
+    try:
+        profiles = yaml.safe_load(text) or [{}]
+        told = profiles[0]
+        qos = QoSProfile(
+            depth=min(max(1, int(told.get('depth', 10))), _DEPTH),
+            reliability=ReliabilityPolicy(
+                int(told.get('reliability', ReliabilityPolicy.RELIABLE))
+            ),
+            durability=DurabilityPolicy(int(told.get('durability', DurabilityPolicy.VOLATILE))),
+        )
+    except (yaml.YAMLError, AttributeError, LookupError, TypeError, ValueError, RecursionError):
+        raise InputError('not a QoS of a topic', value=text) from None
     if not _is_latched(qos):
         qos.depth = max(_DEPTH, qos.depth)
     return qos

@@ -81,6 +81,8 @@ def read_wrench(
 
 def check_names(topic: str, names: Sequence[str], joints: Collection[str]) -> None:
     """Raises Refused if one is unknown or stands there twice."""
+    if names and not joints:
+        raise Refused('unknown_name', f'{topic}: the mechanism has no joint coordinates')
     for name in names:
         if name not in joints:
             raise Refused('unknown_name', f'unknown joint {_hint(name, tuple(joints))}')
@@ -93,34 +95,56 @@ def read_joints(
 ) -> dict[str, dict[str, float]]:
     """What is commanded, by joint: `effort` (N m or N), `position` (rad or m), `velocity`.
 
-    NaN is no command, as ros2_control has it. A position or velocity that no motor controls is
-    refused, unless the joint has an effort: whoever sends a whole joint state means that.
-    Raises Refused.
+    NaN is no command, as ros2_control has it, and a message of nothing else commands nothing. A
+    position or velocity that no motor controls is refused, unless the joint has an effort: whoever
+    sends a whole joint state means that. Raises Refused.
     """
     given = {'effort': message.effort, 'position': message.position, 'velocity': message.velocity}
     given = {field: values for field, values in given.items() if values}
     if not given:
         raise Refused('no_value', 'joint_commands without effort, position and velocity')
     for field, values in given.items():
-        if len(values) != len(message.name):
-            text = f'{len(message.name)} names, {len(values)} values of {field}'
-            raise Refused('wrong_length', f'joint_commands: {text}')
         if any(map(math.isinf, values)):
             raise Refused('not_finite', f'joint_commands: {field} must be finite')
     check_names('joint_commands', message.name, joints)
-    commands = {}
-    for n, name in enumerate(message.name):
-        command = {field: v[n] for field, v in given.items() if not math.isnan(v[n])}
+    commands: dict[str, dict[str, float]] = {name: {} for name in message.name}
+    for field, names in _places(message, controlled).items():
+        for name, value in zip(names, given[field], strict=True):
+            if not math.isnan(value):
+                commands[name][field] = value
+    for name, command in commands.items():
         for field, followed in zip(('position', 'velocity'), controlled[name], strict=True):
             if field in command and not followed:
                 if 'effort' not in command:
                     raise Refused('not_controlled', f'no motor controls the {field} of {name!r}')
                 del command[field]
-        if command:
-            commands[name] = command
-    if not commands:
-        raise Refused('not_finite', 'joint_commands: not one finite number')
-    return commands
+    return {name: command for name, command in commands.items() if command}
+
+
+def _places(message: JointState, controlled: Controlled) -> dict[str, list[str]]:
+    """The joints to which the values of each field belong, in order.
+
+    The plugins of ros2_control for topics leave out the values of joints without that command
+    interface, and name the joints all the same. As many values as there are motors for them among
+    the joints named belong to these; or to the joints that have no other value, if that fits.
+    Raises Refused if none fits, or both and they differ.
+    """
+    places: dict[str, list[str]] = {}
+    for n, field in enumerate(('position', 'velocity', 'effort')):
+        count = len(getattr(message, field))
+        if not count:
+            continue
+        taken = {name for names in places.values() for name in names}
+        can = [x for x in message.name if (any(controlled[x]) if n == 2 else controlled[x][n])]
+        choices = [can, [x for x in (message.name if n == 2 else can) if x not in taken]]
+        if count == len(message.name):
+            choices = [list(message.name)]
+        fitting = [names for names in choices if len(names) == count]
+        if not fitting or fitting[0] != fitting[-1]:
+            text = f'{len(message.name)} names, {count} values of {field}, {len(can)} motors'
+            raise Refused('wrong_length', f'joint_commands: {text}; NaN says: no command')
+        places[field] = fitting[0]
+    return places
 
 
 @lru_cache(maxsize=64)

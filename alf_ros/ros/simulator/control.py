@@ -15,6 +15,7 @@ from alf_ros.ros.simulator.pacing import Pacer
 from alf_ros.ros.simulator.run import Run
 from alf_ros.simulation.saved_states import SavedStates
 from alf_ros.simulation.setup import Setup, on_grid
+from alf_ros.simulation.state import State
 
 # Longest time (s) of ticks in one call, so that commands and services get their turn.
 BURST = 0.01
@@ -49,6 +50,7 @@ class Control:
         self._each: Callable[[int], None] | None = None
         self._stepped: Future[None] = Future()
         self._stepped.set_result(None)
+        self._stopped = False  # by a failed step: it would be playing otherwise
 
     @property
     def stepping(self) -> bool:
@@ -78,8 +80,9 @@ class Control:
             else:
                 self._pacer.done()
             if self.run.failure:
-                self.pause()
-                self._report()
+                self._fail()
+            elif self.inputs.tracking.active:
+                self.inputs.tracking.look(self.run.simulation.sample())
             if self.run.over:
                 self._end()
             if self.run.failure or self.run.over or time.monotonic() - now > BURST:
@@ -90,16 +93,39 @@ class Control:
     # -------------------------------------------------------------------------------- transitions
 
     def play(self) -> str:
-        """Go on. After a failure this tries again."""
+        """Go on. After a failure this tries again, at once: raises StepError if it fails again."""
         if not self.paused:
             return 'already playing'
         self._finish_steps()
         self.paused = False
         self._pacer.start()
+        if self.run.failure:
+            self.inputs.apply()
+            self.run.tick()
+            if self.run.failure:
+                self._fail()
+                raise self.run.failure
         return 'playing'
+
+    def _fail(self) -> None:
+        """A step failed: stand still until somebody plays, or begins anew."""
+        played = not self.paused
+        self.pause()
+        self._stopped = played
+        self._report()
+
+    def _begin(self, state: State | None = None, keep_time: bool = False) -> None:
+        """Begin a run from a state, playing if only a failed step has stopped it."""
+        self._pacer.start()
+        try:
+            self.run.begin(state, keep_time)
+        finally:
+            if self._stopped and not self.run.failure:
+                self._stopped, self.paused = False, False
 
     def pause(self) -> str:
         """Stand still; steps not yet made are dropped."""
+        self._stopped = False
         if self.paused and not self.stepping:
             return 'already paused'
         self.paused = True
@@ -140,8 +166,7 @@ class Control:
         self._finish_steps()
         self._report()  # the last word of the log that ends here
         self.inputs.clear()
-        self._pacer.start()
-        self.run.begin(keep_time=keep_time)
+        self._begin(keep_time=keep_time)
         return str(self.run)
 
     def change(self, setup: Setup, effects: dict[str, Any]) -> None:
@@ -193,8 +218,7 @@ class Control:
         self._finish_steps()
         self._report()
         self.inputs.hold(state.inputs)
-        self._pacer.start()
-        self.run.begin(state, keep_time=True)
+        self._begin(state, keep_time=True)
         return f'{name}: {self.run}'
 
     def place(self, body: str, pose: Floats | None, twist: Floats | None) -> str:
@@ -210,8 +234,7 @@ class Control:
         state = simulation.state
         simulation.restore(before)
         self._report()
-        self._pacer.start()
-        self.run.begin(state, keep_time=True)
+        self._begin(state, keep_time=True)
         return f'{body}: {self.run}'
 
     def _finish_steps(self) -> None:

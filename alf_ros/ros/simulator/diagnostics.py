@@ -17,6 +17,7 @@ from alf_ros.model.softest_modes import near
 from alf_ros.ros.recording.recorder import Recorder
 from alf_ros.ros.simulator.inputs import CommandSubscriber
 from alf_ros.ros.simulator.pacing import Pacer
+from alf_ros.ros.simulator.trajectory_tracking import Tracking
 from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.simulation import Simulation
 
@@ -176,8 +177,30 @@ def commands(inputs: CommandSubscriber) -> Report:
     return Report('commands', OK, f'{inputs.accepted} accepted', values)
 
 
-def record(recorder: Recorder | None) -> Report:
-    """The log: messages written and dropped. WARN after a drop, ERROR when writing failed."""
+def trajectory(tracking: Tracking) -> Report:
+    """How well the joints follow their trajectories, rad or m. WARN when a tolerance was not kept,
+    until the next trajectory."""
+    goal = tracking.at_goal
+    values = {
+        'state': tracking.state,
+        'joints': tracking.joints,
+        'end_s': tracking.end,
+        'path_error': tracking.worst.value,
+        'path_error_joint': tracking.worst.joint,
+        'path_error_time_s': tracking.worst.t,
+        'path_tolerance': tracking.path,
+        'goal_error': goal.value if goal else 'unknown',
+        'goal_error_joint': goal.joint if goal else '',
+        'goal_tolerance': tracking.goal,
+        'goal_time_s': tracking.goal_time,
+    }
+    trouble = tracking.trouble
+    return Report('trajectory', WARN if trouble else OK, trouble or tracking.state, values)
+
+
+def record(recorder: Recorder | None, unrecorded: str = '') -> Report:
+    """The log: messages written and dropped. WARN after a drop, and where there is no log although
+    one is wanted (`unrecorded` says why), ERROR when writing failed."""
     values = {
         'file': str(recorder.path) if recorder else '',
         'written_messages': recorder.written if recorder else 0,
@@ -185,7 +208,7 @@ def record(recorder: Recorder | None) -> Report:
         'error': recorder.error if recorder else '',
     }
     if recorder is None:
-        return Report('record', OK, 'off', values)
+        return Report('record', WARN if unrecorded else OK, unrecorded or 'off', values)
     if recorder.error:
         return Report('record', ERROR, recorder.error, values)
     if recorder.dropped:

@@ -25,6 +25,7 @@ from alf_ros.effects.contract.trajectory import Curve
 from alf_ros.errors import InputError
 from alf_ros.ros.simulator.command_messages import REASONS, Refused, read_joints, read_wrench
 from alf_ros.ros.simulator.trajectory_command import Trajectory, read_trajectory
+from alf_ros.ros.simulator.trajectory_tracking import Tracking
 from alf_ros.simulation.applied import Inputs
 from alf_ros.simulation.input_checks import follows
 from alf_ros.simulation.simulation import Simulation
@@ -66,6 +67,7 @@ class CommandSubscriber:
         self.timed_out = 0
         self.refused = dict.fromkeys(REASONS, 0)
         self.last_trouble = ''
+        self.tracking = Tracking()
         self._trouble_time = -math.inf
         self._held: dict[tuple[str, str], float] = {}  # (kind, name) -> renewed at, s
         self._waiting: dict[tuple[str, tuple[str, ...]], Any] = {}
@@ -181,6 +183,7 @@ class CommandSubscriber:
         """Forget what is held, and what came for it: the simulation was reset."""
         self._held.clear()
         self._waiting.clear()
+        self.tracking.clear()
 
     def _subscribe(self, name: str) -> None:
         self._seen.add((name, _WRENCH))
@@ -207,7 +210,10 @@ class CommandSubscriber:
     def _on_joints(self, message: JointState) -> None:
         with self._refusing():
             commands = read_joints(message, self._joints, self._controlled)
-            self._take('joints', tuple(commands), commands)
+            if commands:
+                self._take('joints', tuple(commands), commands)
+            else:
+                self.accepted += 1
 
     def _on_trajectory(self, message: JointTrajectory) -> None:
         with self._refusing():
@@ -268,14 +274,17 @@ class CommandSubscriber:
             self._note('effort', {'name': name, 'effort': effort}, cause)
         for name, target in targets.items():
             self._note('target', {'name': name, **target}, cause)
+        self.tracking.leave(targets)
 
     def _apply_trajectory(self, trajectory: Trajectory) -> None:
-        positions, efforts = trajectory.curves(self._simulation.sample(), self._ahead())
+        sample = self._simulation.sample()
+        positions, efforts = trajectory.curves(sample, self._ahead())
         commands: dict[str, dict[str, Curve]] = {}
         for field, curves in (('position', positions), ('effort', efforts)):
             for name, curve in curves.items():
                 commands.setdefault(name, {})[field] = curve
         self._apply_joints(commands, cause='trajectory')
+        self.tracking.follow(positions, sample.model.coordinate_names)
 
     def _note(self, kind: str, what: Mapping[str, Any], cause: str) -> None:
         """It acts from the next step on."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,12 +15,14 @@ from rclpy.parameter import Parameter
 from rclpy.task import Future
 
 from alf_ros.errors import AlfError, InputError, StepError
+from alf_ros.ros.recording import mcap_file
 from alf_ros.ros.recording.recorder import Split
 from alf_ros.ros.simulator import parameters, startup_report
 from alf_ros.ros.simulator.outputs import Outputs
 from alf_ros.ros.simulator.pacing import SHORTEST_BEAT, Pacer
 from alf_ros.ros.simulator.services import Services
 from alf_ros.ros.terminal import LOOK_PERIOD, Status
+from alf_ros.simulation import listening
 from alf_ros.simulation.display_geometry import Display
 from alf_ros.simulation.setup import Setup
 from alf_ros.simulation.simulation import Simulation
@@ -29,8 +32,9 @@ if TYPE_CHECKING:
 
 
 class Stop:
-    """Handler of SIGINT and SIGTERM: the node looks at `asked` and finishes between two ticks.
+    """Handler of signals that end: the node looks at `asked` and finishes between two ticks.
 
+    A tick that is under way ends after its last whole step, and a search for an accuracy at once.
     Until `gentle` is set there is no log to close, and the process ends at once: an exception in
     the middle of a compilation would leave the compiler in a state that it does not survive.
     """
@@ -42,6 +46,7 @@ class Stop:
         self.asked = True
         if not self.gentle:
             os._exit(0)
+        listening.stop_all()
 
 
 class Simulator(Node):
@@ -77,7 +82,7 @@ class Simulator(Node):
 
         status.enabled = values['status_line']
         status.say(f'scene {drawn.name}: preparing')
-        with status.say_if_slow('compiling, the first time only ...', 2.0):
+        with status.say_if_slow(Compiling(), 2.0):
             given = {spec.name: spec.default for spec in parameters.effect_specs(drawn)}
             changed = {name: value for name, value in effects.items() if value != given[name]}
             own, said = _below('solver', solver), _below('solver', self._parameter_overrides)
@@ -102,9 +107,15 @@ class Simulator(Node):
         from alf_ros.ros.simulator.run import Run
         from alf_ros.simulation.saved_states import SavedStates
 
-        folder = Path(values['record.folder']) if values['record.enabled'] else None
+        folder, lack = None, ''
+        if values['record.enabled']:
+            lack = mcap_file.lacking()
+            folder = Path(values['record.folder']) if mcap_file.CAN_WRITE else None
+        if lack:
+            self._status.say(lack)
         split = Split(values['record.max_size'], values['record.max_duration'])
         run = Run(setup, self._outputs, values['duration'], folder, split)
+        run.unrecorded = lack if folder is None else ''
         self._pacer = Pacer(setup.tick, values['real_time_factor'])
         # The alarm looks the report up when it comes: that needs the control, which needs this.
         inputs = CommandSubscriber(
@@ -160,7 +171,8 @@ class Simulator(Node):
         control = self._control
         control.run.begin()
         if self._playing_first:
-            control.play()
+            with suppress(StepError):  # reported already; the log is open
+                control.play()
         simulation, recorder = control.run.simulation, control.run.recorder
         state = 'paused' if control.paused else f'real-time factor {self._pacer.factor:g}'
         log = f'log {recorder.path}' if recorder else 'no log'
@@ -184,8 +196,14 @@ class Simulator(Node):
         if recorder is not None:
             text += f'; log {recorder.path}, {recorder.written} messages'
             text += f', {recorder.dropped} dropped' if recorder.dropped else ''
-            text += f', {recorder.error}' if recorder.error else ''
+        for reason in run.lost:
+            text += f'; log incomplete: {reason}'
         self._status.say(text)
+
+    @property
+    def exit_code(self) -> int:
+        """1 if a log could not be written to its end, else 0."""
+        return 1 if self._control.run.lost else 0
 
     def _on_timer(self) -> None:
         now = time.monotonic()
@@ -213,6 +231,15 @@ class Simulator(Node):
 
     # -------------------------------------------------------------------------------- parameters
 
+    def set_parameters_atomically(
+        self, parameter_list: list[Parameter[Any]]
+    ) -> SetParametersResult:
+        """What `ros2 param set` and others call: says which type was expected, and which came."""
+        fitted, reason = parameters.fitted(self, parameter_list)
+        if reason:
+            return SetParametersResult(successful=False, reason=reason)
+        return super().set_parameters_atomically(fitted)
+
     def _judge(self, changed: list[Parameter[Any]]) -> SetParametersResult:
         """On-set callback: rejects with the reason, all or nothing."""
         if self._loading:
@@ -231,9 +258,12 @@ class Simulator(Node):
         solver = _below('solver', values)
         if 'scene' in values:
             solver |= {'accuracy': values['accuracy']} if values.get('accuracy') else {}
-            with self._status.say_if_slow(f'loading {values["scene"]} ...', 2.0):
-                ledger, rate = self.get_parameter('ledger').value, values.get('rate')
-                return self._settings.loaded(values['scene'], solver, rate, ledger), values
+            loading = f'loading {values["scene"]} ...'
+            with self._status.say_if_slow(lambda: loading, 2.0):
+                ledger, code = (self.get_parameter(k).value for k in ('ledger', 'trust_scenes'))
+                rate = values.get('rate')
+                setup = self._settings.loaded(values['scene'], solver, rate, ledger, code)
+                return setup, values
         if 'accuracy' in values:
             before = self._control.run.setup.simulation.solver
             solver |= self._settings.asked(before, values['accuracy'])
@@ -264,6 +294,12 @@ class Simulator(Node):
                 self._outputs.display.force_scale = parameter.value
             elif parameter.name == 'command_timeout':
                 self._control.inputs.timeout = parameter.value
+            elif parameter.name == 'trajectory.path_tolerance':
+                self._control.inputs.tracking.path = parameter.value
+            elif parameter.name == 'trajectory.goal_tolerance':
+                self._control.inputs.tracking.goal = parameter.value
+            elif parameter.name == 'trajectory.goal_time':
+                self._control.inputs.tracking.goal_time = parameter.value
             elif parameter.name == 'real_time_factor' and parameter.value != self._pacer.factor:
                 self._pacer.set_factor(parameter.value)
                 self._pace()
@@ -299,6 +335,18 @@ class Simulator(Node):
             self.get_logger().error(f'no log: {error}')
         self._status.say(f'scene {setup.scene.name}: loaded, paused')
         self._say_what_is_on()
+
+
+class Compiling:
+    """What takes long: compiling, once something was found in no cache; else ''."""
+
+    def __init__(self) -> None:
+        from alf_ros.kernel.numba_ext import cache  # the solver is loaded by now
+
+        self._count, self._before = cache.misses, cache.misses()
+
+    def __call__(self) -> str:
+        return 'compiling, the first time only ...' if self._count() > self._before else ''
 
 
 def _below(prefix: str, values: dict[str, Any]) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -43,12 +43,17 @@ _STATE_NAME = re.compile(r'[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}')
 # Numbers of effects are parameters up to this many: declaring one takes a tenth of a millisecond.
 MOST_EFFECT_VALUES = 512
 
-_KINDS = {
-    bool: 'true or false',
-    int: 'a whole number',
-    float: 'a number',
-    str: 'a text',
-    list: 'a list',
+_TYPES = {
+    Parameter.Type.NOT_SET: 'nothing',
+    Parameter.Type.BOOL: 'true or false',
+    Parameter.Type.INTEGER: 'a whole number',
+    Parameter.Type.DOUBLE: 'a number',
+    Parameter.Type.STRING: 'a text',
+    Parameter.Type.BYTE_ARRAY: 'a list of bytes',
+    Parameter.Type.BOOL_ARRAY: 'a list of true or false',
+    Parameter.Type.INTEGER_ARRAY: 'a list of whole numbers',
+    Parameter.Type.DOUBLE_ARRAY: 'a list of numbers',
+    Parameter.Type.STRING_ARRAY: 'a list of texts',
 }
 
 
@@ -172,6 +177,19 @@ def node_specs(rate: float) -> list[Spec]:
             (0.0, 3600.0),
             fixed=False,
         ),
+        *(
+            Spec(f'trajectory.{name}', 0.0, description, (0.0, 1e6), fixed=False)
+            for name, description in (
+                ('path_tolerance', 'Error of a joint on its trajectory, rad or m; 0: any'),
+                ('goal_tolerance', 'Error of a joint at the end of it, rad or m; 0: any'),
+                ('goal_time', 'Simulated seconds after the end when that is looked at, s'),
+            )
+        ),
+        Spec(
+            'trust_scenes',
+            False,
+            'Scenes loaded while the node runs may bring effects of their own: Python code',
+        ),
         Spec('ledger', False, 'Keep account of the work of each effect: ~/work, diagnostics'),
         Spec('start_paused', False, 'Start paused: ~/pause false plays, ~/step makes ticks'),
         Spec('duration', 0.0, 'Simulated seconds to run; 0 runs until stopped', (0.0, 1e9)),
@@ -246,7 +264,7 @@ def declare(node: Node, specs: Iterable[Spec], override: bool = True) -> dict[st
         given = overrides.get(spec.name) if override else None
         if given is not None:
             overrides[spec.name] = given = _as_number(given, spec.default)
-        expected = _KINDS[type(spec.default)]
+        expected = _TYPES[Parameter.Type.from_parameter_value(spec.default)]
         if spec.limits is not None:
             expected += f' from {spec.limits[0]:g} to {spec.limits[1]:g}'
         try:
@@ -255,9 +273,10 @@ def declare(node: Node, specs: Iterable[Spec], override: bool = True) -> dict[st
             )
         except (InvalidParameterTypeException, InvalidParameterValueException):
             value = given.value if given is not None else spec.default
-            raise InputError(
-                'bad value of a parameter', key=spec.name, value=value, expected=expected
-            ) from None
+            wanted, came = map(Parameter.Type.from_parameter_value, (spec.default, value))
+            text = 'bad value of a parameter'
+            text += f': {_TYPES[came]} given' if came != wanted else ''
+            raise InputError(text, key=spec.name, value=value, expected=expected) from None
         values[spec.name] = plain(parameter.value)
         reason = refusal(parameter)
         if reason:
@@ -274,9 +293,29 @@ def _as_number(given: Parameter[Any], default: object) -> Parameter[Any]:
     """`duration:=10` on a command line is an integer; nobody means to be refused for that."""
     if isinstance(default, float) and type(given.value) is int:
         return Parameter(given.name, value=float(given.value))
-    if isinstance(default, list) and given.type_ == Parameter.Type.INTEGER_ARRAY:
+    numbers = isinstance(default, list) and all(isinstance(x, float) for x in default)
+    if numbers and given.type_ == Parameter.Type.INTEGER_ARRAY:
         return Parameter(given.name, value=[float(number) for number in given.value])
     return given
+
+
+def fitted(node: Node, asked: Sequence[Parameter[Any]]) -> tuple[list[Parameter[Any]], str]:
+    """Parameters somebody wants to set, whole numbers as numbers where numbers are; and why that
+    cannot be, '' if types and names are right."""
+    found = []
+    for parameter in asked:
+        name = parameter.name
+        if not node.has_parameter(name):
+            known = sorted(node.get_parameters_by_prefix(''))
+            return [], str(InputError('unknown parameter of the node', value=name, choices=known))
+        present = node.get_parameter(name)
+        parameter = _as_number(parameter, plain(present.value))
+        wanted, given = present.type_, parameter.type_
+        if given != wanted and not node.describe_parameter(name).dynamic_typing:
+            text = f'{_TYPES[given]} given'
+            return [], str(InputError(text, key=name, expected=_TYPES[wanted]))
+        found.append(parameter)
+    return found, ''
 
 
 def check_names(node: Node) -> None:

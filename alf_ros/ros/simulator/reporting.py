@@ -57,6 +57,7 @@ class Reporting:
         alarms = (
             run.simulation.resolution.too_long,
             self._control.inputs.troubled,
+            bool(self._control.inputs.tracking.trouble),
             self._pacer.lost > self._before.lost,
             recorder is not None and bool(recorder.dropped or recorder.error),
         )
@@ -96,7 +97,8 @@ class Reporting:
             *([diagnostics.work(sample, run.balance)] if run.simulation.ledger else []),
             diagnostics.timing(self._pacer, self._control.paused, self._before),
             diagnostics.commands(self._control.inputs),
-            diagnostics.record(run.recorder),
+            diagnostics.trajectory(self._control.inputs.tracking),
+            diagnostics.record(run.recorder, run.unrecorded),
         ]
         run.closest = math.inf
         mechanism = run.setup.scene.mechanism.name

@@ -10,7 +10,7 @@ from typing import Any
 from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 
-from alf_ros.errors import StepError
+from alf_ros.errors import StepError, StoppedError
 from alf_ros.logs import journal, provenance
 from alf_ros.logs.stamps import stamp_ns
 from alf_ros.ros.recording.recorder import Recorder, Split
@@ -39,6 +39,8 @@ class Run:
     ) -> None:
         self.setup = setup
         self.recorder: Recorder | None = None
+        self.unrecorded = ''  # why there is no log although one is wanted
+        self.lost: list[str] = []  # why logs could not be written to their end
         self.failure: StepError | None = None
         self.initial_energy = 0.0
         self.balance = 0.0  # J, kinetic energy less all works, where the run began
@@ -122,6 +124,8 @@ class Run:
             self.simulation.step(steps)
         except StepError as error:
             self.failure = error
+        except StoppedError:
+            return  # the node ends; the log has the last whole tick
         else:
             self.failure = None
             self.send(whole=whole)
@@ -152,6 +156,8 @@ class Run:
         if self.recorder is not None:
             self._outputs.record(None)
             self.recorder.close()
+            if self.recorder.error:
+                self.lost.append(self.recorder.error)
             self.recorder = None
 
     def __str__(self) -> str:

@@ -49,8 +49,11 @@ class Services:
         self._node.create_service(Trigger, name, serve)
 
     def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        response.message = self._control.pause() if request.data else self._control.play()
-        response.success = True
+        try:
+            response.message = self._control.pause() if request.data else self._control.play()
+            response.success = True
+        except AlfError as error:
+            response.message = str(error)
         return response
 
     async def _on_step(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:

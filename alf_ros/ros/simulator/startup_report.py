@@ -6,6 +6,10 @@ from collections.abc import Mapping, Sequence
 
 from alf_ros.simulation.simulation import Simulation
 
+JOINTLESS = (
+    'the mechanism has no joint coordinates: nothing is published on joint_states and nothing is '
+    'taken from joint_commands; see ~/state, ~/markers and tf, and push with ~/wrench/<body>'
+)
 _MOST = 14  # names on a line
 
 
@@ -21,8 +25,12 @@ def lines(simulation: Simulation, outputs: Mapping[str, Sequence[str]]) -> list[
     absent = [kind for kind in effects.kinds() if kind not in named]
     on, subscribed, off = (_listed(outputs[mode]) for mode in ('on', 'subscribed', 'off'))
     adjusted = [f'mechanism: {simulation.adjustment}'] if simulation.adjustment else []
+    unexamined = simulation.resolution.unexamined
+    jointless = [] if simulation.model.coordinate_names else [JOINTLESS]
     return [
         *adjusted,
+        *([f'start: {unexamined}'] if unexamined else []),
+        *jointless,
         f'effects on, per step: {_listed(costs)}; ledger {"on" if simulation.ledger else "off"}',
         f'effects off: {_listed(absent)}',
         f'outputs on: {on}; when subscribed: {subscribed}; off: {off}',

@@ -20,8 +20,10 @@ from sensor_msgs.msg import JointState, MultiDOFJointState
 from std_msgs.msg import Float64, String
 from visualization_msgs.msg import MarkerArray
 
+from alf_ros.errors import InputError
 from alf_ros.resources import library
 from alf_ros.ros.messages.topics import BEST_EFFORT, LATCHED
+from alf_ros.scene.text import yaml_document
 from alf_ros.simulation.display_geometry import POINTS_PER_ARROW
 
 if TYPE_CHECKING:
@@ -99,7 +101,7 @@ class ViewNode(Node):
             'simulator': self._simulator,
             'state': self._state,
             'run': self._runs,
-            'scene': self._scene.get('name', ''),
+            'scene': str(self._scene.get('name', '')),
             'spatial': self._scene.get('mechanism', {}).get('space') == 'spatial',
             'joints': self._joints,
             'reacting': self._reacting,
@@ -122,7 +124,7 @@ class ViewNode(Node):
 
         Unless only numbers of its effects are others: then the run goes on.
         """
-        before, self._scene = self._scene, yaml.safe_load(message.data)
+        before, self._scene = self._scene, _scene(message.data)
         if before != self._scene and _without_effects(before) == _without_effects(self._scene):
             return
         self._runs += 1
@@ -177,6 +179,17 @@ class ViewNode(Node):
         for status in found:
             values = {value.key: value.value for value in status.values}
             self._state = values.get('state', self._state)
+
+
+def _scene(text: str) -> Json:
+    """The scene that somebody published: nothing if it is none, for anybody may publish."""
+    try:
+        yaml_document.parse(text, None)  # which bounds how deep it is, and how it grows
+        scene = yaml.safe_load(text)
+    except (InputError, yaml.YAMLError, ValueError):
+        return {}
+    usable = isinstance(scene, dict) and isinstance(scene.get('mechanism'), dict)
+    return scene if usable else {}
 
 
 def _without_effects(scene: Json) -> Json:

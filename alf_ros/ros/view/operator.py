@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as TooLate
@@ -14,9 +13,10 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
-from alf_ros.errors import AlfError
+from alf_ros.errors import AlfError, shortened
 from alf_ros.resources import library
 from alf_ros.ros.view.node import ViewNode
+from alf_ros.scene.text.yaml_document import LARGEST
 
 if TYPE_CHECKING:
     from rclpy.client import Client
@@ -58,7 +58,7 @@ class Operator:
         """
         act = command.get('do') if isinstance(command, dict) else None
         if not isinstance(command, dict) or not isinstance(act, str) or act not in self._acts:
-            raise NotDone(f'not a command: {str(command)[:80]}')
+            raise NotDone(f'not a command: {_short(command)}')
         return self._acts[act](command.get('value'))
 
     def work(self) -> None:
@@ -75,23 +75,26 @@ class Operator:
         return answer
 
     def _stepping(self, count: object) -> str:
-        if not isinstance(count, int) or not 0 < count <= MOST_STEPS:
-            raise NotDone(f'not a number of ticks: {count}')
+        if type(count) is not int or not 0 < count <= MOST_STEPS:
+            raise NotDone(f'not a number of ticks: {_short(count)}')
         self._setting('step_count', count)
         return self._ask(self._step, Trigger.Request())
 
     def _pushing(self, efforts: object) -> str:
         if not isinstance(efforts, dict) or not efforts:
             raise NotDone('expected an effort by joint')
+        for name in efforts:
+            if not name.isprintable():  # not every text of JSON can be sent
+                raise NotDone(f'not the name of a joint: {_short(name)}')
         message = JointState(
-            name=list(map(str, efforts)), effort=[_number(value) for value in efforts.values()]
+            name=list(efforts), effort=[_number(value) for value in efforts.values()]
         )
         self._todo.put(lambda: self._efforts.publish(message))
         return ''
 
     def _loading(self, name: object) -> str:
-        if name not in library('scenes'):  # a page is not to open any file
-            raise NotDone(f'no such scene: {name}')
+        if not isinstance(name, str) or name not in library('scenes'):  # a page opens no file
+            raise NotDone(f'no such scene: {_short(name)}')
         return self._setting('scene', name, SCENE_PATIENCE)
 
     def _setting(self, name: str, value: object, patience: float = PATIENCE) -> str:
@@ -123,6 +126,10 @@ class Operator:
 
 
 def _number(value: object) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-        raise NotDone(f'not a number: {value}')
-    return float(value)
+    if type(value) not in (int, float) or not abs(value) < LARGEST:  # type: ignore[arg-type]
+        raise NotDone(f'not a number: {_short(value)}')
+    return float(value)  # type: ignore[arg-type]
+
+
+def _short(value: object) -> str:
+    return shortened(repr(value))

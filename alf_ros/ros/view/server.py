@@ -7,10 +7,15 @@ neither read what is here nor command.
 
 from __future__ import annotations
 
+import io
 import json
+import math
+import socket
+import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
@@ -29,7 +34,12 @@ FILES = {
 POLICY = (
     "default-src 'self'; img-src data:; style-src 'self' 'unsafe-inline'; frame-ancestors 'none'"
 )
-LARGEST_COMMAND = 1 << 16
+# Everything that somebody on this machine may send or hold open has an end: bytes of a command and
+# of a request before it, connections at a time, and of these readers of pictures; seconds until a
+# request is whole, and without a byte being taken or given.
+LARGEST_COMMAND, LARGEST_HEAD = 1 << 16, 1 << 14
+MOST_CONNECTIONS, MOST_READERS = 64, 32
+REQUEST_TIME, IDLE_TIME = 10.0, 5.0
 # A reader who has gone is noticed when something is sent to him: at least this often (s).
 HEARTBEAT = 1.0
 
@@ -41,12 +51,12 @@ class Broadcast:
         self._changed = threading.Condition()
         self._about = self._picture = ''
         self._versions = [0, 0]
-        self._readers = 0
+        self.readers = 0
 
     @property
     def wanted(self) -> bool:
         """Whether anybody reads."""
-        return self._readers > 0
+        return self.readers > 0
 
     def put(self, about: dict[str, Any], picture: dict[str, Any] | None) -> None:
         """What is known now; a picture of None is the last one still."""
@@ -82,12 +92,12 @@ class Broadcast:
     @contextmanager
     def _reading(self) -> Iterator[None]:
         with self._changed:
-            self._readers += 1
+            self.readers += 1
         try:
             yield
         finally:
             with self._changed:
-                self._readers -= 1
+                self.readers -= 1
 
 
 class Server(ThreadingHTTPServer):
@@ -97,9 +107,12 @@ class Server(ThreadingHTTPServer):
     """
 
     daemon_threads = True
+    request_queue_size = MOST_CONNECTIONS
 
     def __init__(self, port: int, broadcast: Broadcast, obey: Callable[[object], str]) -> None:
         self.broadcast, self.obey = broadcast, obey
+        self._open: dict[Any, float] = {}  # sockets, and when their request must be whole (s)
+        self._lock = threading.Lock()
         try:
             super().__init__((HOST, port), _Request)
         except OSError as error:
@@ -113,13 +126,88 @@ class Server(ThreadingHTTPServer):
         self.shutdown()
         self.server_close()
 
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """Answer in a thread, if there are not too many."""
+        with self._lock:
+            free = len(self._open) < MOST_CONNECTIONS
+            if free:
+                self._open[request] = time.monotonic() + REQUEST_TIME
+        if free:
+            super().process_request(request, client_address)
+        else:
+            request.settimeout(0.0)
+            with suppress(OSError):
+                request.send(_FULL)
+            self.shutdown_request(request)
+
+    def whole(self, request: Any) -> None:
+        """A request has come: from here on only the limit of its socket holds."""
+        with self._lock:
+            self._open[request] = math.inf
+
+    def service_actions(self) -> None:
+        """Twice a second: end what sends its request a byte at a time."""
+        now = time.monotonic()
+        with self._lock:
+            for request, end in self._open.items():
+                if end < now:
+                    with suppress(OSError):
+                        request.shutdown(socket.SHUT_RDWR)
+
+    def shutdown_request(self, request: Any) -> None:
+        """Close a connection."""
+        with self._lock:
+            self._open.pop(request, None)
+        super().shutdown_request(request)
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Connections that end in the middle are of no use to anybody; the rest is a mistake."""
+        if not isinstance(sys.exc_info()[1], OSError):
+            super().handle_error(request, client_address)
+
+
+_FULL = b'HTTP/1.0 503 Too many connections\r\nContent-Length: 0\r\n\r\n'
+
+
+class _Head(io.BufferedReader):
+    """What a connection sends, of which the lines before the body are limited together."""
+
+    left = LARGEST_HEAD
+
+    def readline(self, size: int | None = -1) -> bytes:
+        """A line, or an empty one where there have been too many: the request ends there."""
+        limit = max(self.left, 0) + 1
+        line = super().readline(min(size, limit) if size and size > 0 else limit)
+        self.left -= len(line)
+        return line if self.left >= 0 else b''
+
 
 class _Request(BaseHTTPRequestHandler):
     server: Server
+    timeout = IDLE_TIME
+
+    def setup(self) -> None:
+        """Read through `_Head`."""
+        super().setup()
+        self.rfile.close()
+        self.rfile = _Head(socket.SocketIO(self.connection, 'r'))
+
+    def parse_request(self) -> bool:
+        """Whether the head of a request can be understood."""
+        understood = super().parse_request()
+        if understood and self.rfile.left < 0:  # type: ignore[attr-defined]
+            self.send_error(431)
+            return False
+        return understood
+
+    def version_string(self) -> str:
+        """Which Python serves is nobody's business."""
+        return 'alf_ros'
 
     def do_GET(self) -> None:
         if not self._is_ours():
             return
+        self.server.whole(self.connection)
         if self.path == '/events':
             self._stream()
         elif self.path in FILES:
@@ -138,7 +226,9 @@ class _Request(BaseHTTPRequestHandler):
         elif not length.isdecimal() or int(length) > LARGEST_COMMAND:
             self.send_error(413)
         else:
-            self._obey(self.rfile.read(int(length)))
+            body = self.rfile.read(int(length))
+            self.server.whole(self.connection)
+            self._obey(body)
 
     def _is_ours(self) -> bool:
         """Whether it was asked for by the name of this machine, and not by another page."""
@@ -153,12 +243,15 @@ class _Request(BaseHTTPRequestHandler):
     def _obey(self, body: bytes) -> None:
         try:
             said, done = self.server.obey(json.loads(body)), True
-        except (AlfError, ValueError) as error:
+        except (AlfError, ValueError, RecursionError) as error:
             said, done = str(error), False
         answer = json.dumps({'done': done, 'said': said})
         self._answer(200, answer.encode(), 'application/json')
 
     def _stream(self) -> None:
+        if self.server.broadcast.readers >= MOST_READERS:
+            self.send_error(503)
+            return
         self._head(200, 'text/event-stream')
         self.end_headers()
         events = self.server.broadcast.read()

@@ -10,13 +10,15 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
-from alf_ros.mechanism import GROUND, Body, Drive, Joint, Mechanism, Point, Vector
+from alf_ros.mechanism import GROUND, Body, Coupling, Drive, Joint, Mechanism, Point, Vector
 from alf_ros.mechanism.natural_coordinates import Layout, cut
+from alf_ros.scene.mechanism_file import couplings
 from alf_ros.scene.mechanism_file.bodies import BodyReader
 from alf_ros.scene.mechanism_file.drives import DriveReader
 from alf_ros.scene.mechanism_file.joints import JointReader, unit
 from alf_ros.scene.mechanism_file.orientation_vectors import orient
 from alf_ros.scene.mechanism_file.topology_check import check
+from alf_ros.scene.references import References
 from alf_ros.scene.text import repetition
 from alf_ros.scene.text.expression import reserved
 from alf_ros.scene.text.repetition import Item
@@ -33,6 +35,7 @@ KEYS = (
     'vectors',
     'bodies',
     'joints',
+    'couplings',
     'drives',
 )
 REQUIRED = ('alf', 'points', 'bodies')
@@ -77,7 +80,11 @@ class Found(NamedTuple):
 
 
 def read_mechanism(
-    root: Entry, name: str, overrides: Mapping[str, Entry], drives: Entry | None = None
+    root: Entry,
+    name: str,
+    overrides: Mapping[str, Entry],
+    references: References,
+    drives: Entry | None = None,
 ) -> Found:
     """The mechanism in `root`, of whose parameters `overrides` replaces some; with the `drives` of
     a scene besides its own.
@@ -107,6 +114,7 @@ def read_mechanism(
     if not parts.bodies:
         raise fields['bodies'].error('a mechanism needs a body')
     joints: list[Joint] = []
+    coupled: list[Coupling] = []
     if 'joints' in fields:
         joint_reader = JointReader(
             parts.points, parts.vectors, parts.bodies, bodies.poses, dimension
@@ -124,8 +132,13 @@ def read_mechanism(
         tuple(parts.vectors.values()),
         dimension,
     )
+    if 'couplings' in fields:
+        for item, coupling in couplings.read(fields['couplings'], mechanism, values):
+            parts.declare(item)
+            coupled.append(coupling)
+        mechanism = replace(mechanism, couplings=tuple(coupled))
     if 'drives' in fields or drives is not None:
-        reader = DriveReader(mechanism)
+        reader = DriveReader(mechanism, references)
         found: list[Drive] = []
         for section in (fields.get('drives'), drives):
             for item, drive in reader.read(section, values) if section is not None else ():

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping
 from alf_ros.mechanism import GROUND, Coordinate, Drive, Mechanism, time_function
 from alf_ros.mechanism.natural_coordinates import cut
 from alf_ros.mechanism.time_function import Signal
+from alf_ros.scene.references import References
 from alf_ros.scene.text import repetition
 from alf_ros.scene.text.number_table import Tables
 from alf_ros.scene.text.repetition import Item
@@ -23,8 +24,8 @@ OF = {'joint': ('angle', 'length'), 'point': ('at',), 'points': ('length',)}
 class DriveReader:
     """Reads drives of what a mechanism has. Raises InputError."""
 
-    def __init__(self, mechanism: Mechanism) -> None:
-        self.mechanism, self.tables = mechanism, Tables()
+    def __init__(self, mechanism: Mechanism, references: References) -> None:
+        self.mechanism, self.tables = mechanism, Tables(references)
         self.driven: set[tuple[str, ...]] = set()
         self.layout = cut(mechanism)
         self.coordinates = mechanism.coordinate

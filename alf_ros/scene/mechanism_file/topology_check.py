@@ -98,5 +98,6 @@ def _row_names(layout: Layout) -> Iterator[tuple[str, str]]:
         yield f'{vector.name}_unit', vector.name
     for joint in mechanism.joints:
         yield from ((row.name, joint.name) for row in joint_rows(joint, layout))
+    yield from ((coupling.name, coupling.name) for coupling in mechanism.couplings)
     for drive in mechanism.drives:
         yield from ((row.name, drive.name) for row in drive_rows(drive, layout))

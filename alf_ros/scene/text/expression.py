@@ -37,8 +37,8 @@ FUNCTIONS: dict[str, Callable[..., float]] = {
     'hypot': math.hypot,
     'exp': math.exp,
     'log': math.log,
-    'floor': math.floor,
-    'ceil': math.ceil,
+    'floor': lambda x: float(math.floor(x)),  # as floats: all arithmetic is that of 64 bits
+    'ceil': lambda x: float(math.ceil(x)),
     'degrees': math.degrees,
     'radians': math.radians,
     'abs': abs,

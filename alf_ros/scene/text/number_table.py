@@ -9,8 +9,10 @@ import math
 from collections.abc import Mapping
 from pathlib import Path
 
+from alf_ros import paths
 from alf_ros.errors import InputError
-from alf_ros.scene.text.yaml_document import LARGEST, SMALLEST, Entry
+from alf_ros.scene.references import References
+from alf_ros.scene.text.yaml_document import LARGEST, LARGEST_FILE, SMALLEST, Entry
 from alf_ros.scene.text.yaml_writer import entry as as_entry
 
 Table = tuple[tuple[float, ...], ...]
@@ -20,12 +22,15 @@ class Tables:
     """Reads tables, and remembers what came from files, which are relative to that which names
     them."""
 
-    def __init__(self) -> None:
+    def __init__(self, references: References) -> None:
+        self._references = references
         self._from_file: dict[int, Entry] = {}
 
     def table(self, entry: Entry, numbers: Mapping[str, float]) -> Table:
         """The rows of a list of lists, or of the file it names. Raises InputError."""
         if isinstance(entry.value, str):
+            if self._references.folder is None:
+                raise entry.error('a file of numbers, which is not looked for here')
             folder = Path(entry.file).parent if entry.file is not None else Path()
             rows = read(folder / entry.text())
             self._from_file[id(entry)] = as_entry(rows)
@@ -56,13 +61,13 @@ class Tables:
 def read(path: Path) -> Table:
     """The rows of a file, all of the same length. Raises InputError."""
     file = str(path)
-    if not path.is_file():
-        raise InputError('no such file', file=file)
     rows: list[tuple[float, ...]] = []
+    data = paths.content(path, LARGEST_FILE)
     try:
-        lines = path.read_text(encoding='utf-8-sig').splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f'cannot be read: {error}', file=file) from None
+        lines = data.decode('utf-8-sig').splitlines()
+    except UnicodeDecodeError as error:
+        place = data.count(b'\n', 0, error.start) + 1
+        raise InputError('not a text file in UTF-8', file=file, line=place) from None
     titled = False
     for number, line in enumerate(lines, 1):
         if not line.strip() or line.lstrip().startswith('#'):
@@ -73,7 +78,9 @@ def read(path: Path) -> Table:
             titled = True
             continue
         if any(math.isnan(x) for x in row):
-            raise InputError('not a row of numbers', file=file, line=number, value=line)
+            column = 1 + [math.isnan(x) for x in row].index(True)
+            text = f'not a row of numbers: column {column} of {len(row)} is none'
+            raise InputError(text, file=file, line=number)
         if rows and len(row) != len(rows[0]):
             expected = f'{len(rows[0])} columns'
             raise InputError('wrong number of columns', file=file, line=number, expected=expected)

@@ -41,7 +41,7 @@ def repeated(
         fields = checked(entry)
         loop = fields.pop('for', None)
         for scope in (names,) if loop is None else _scopes(loop, names):
-            yield Item(_filled(key, entry, scope), entry, fields, scope)
+            yield Item(filled(key, entry, scope), entry, fields, scope)
 
 
 def keys(allowed: Iterable[str], required: Iterable[str]) -> Callable[[Entry], dict[str, Entry]]:
@@ -51,7 +51,7 @@ def keys(allowed: Iterable[str], required: Iterable[str]) -> Callable[[Entry], d
 
 def name(entry: Entry, names: Mapping[str, float]) -> str:
     """The name that `entry` refers to, its indices replaced."""
-    return _filled(entry.text(), entry, names)
+    return filled(entry.text(), entry, names)
 
 
 def title(entry: Entry) -> str:
@@ -79,7 +79,7 @@ def _scopes(loop: Entry, names: Mapping[str, float]) -> Iterator[Mapping[str, fl
         yield {**names, **dict(zip(indices, map(float, values), strict=True))}
 
 
-def _filled(template: str, entry: Entry, names: Mapping[str, float]) -> str:
+def filled(template: str, entry: Entry, names: Mapping[str, float]) -> str:
     if '<' not in template:
         return template
     text, expressions = _split(template)

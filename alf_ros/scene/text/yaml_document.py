@@ -6,7 +6,6 @@ PyYAML only splits the text into events. What a scalar means is decided by whoev
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ from typing import Any, TypeVar
 
 import yaml
 
+from alf_ros import paths
 from alf_ros.errors import InputError, shortened
 from alf_ros.mechanism.time_function import Signal
 from alf_ros.scene.text.expression import ExpressionError, evaluate, motion
@@ -23,7 +23,9 @@ T = TypeVar('T')
 
 LARGEST, SMALLEST = 1e40, 1e-60  # so that what is made of several neither over- nor underflows
 DEEPEST = 40
-MOST_NODES = 1_000_000  # aliases of aliases would otherwise grow without bound
+# 200,000 points have a million values. Each takes some 300 bytes; aliases of aliases would grow
+# without bound.
+MOST_NODES, LARGEST_FILE = 4_000_000, 1 << 26
 
 NULL = frozenset(('', '~', 'null', 'Null', 'NULL'))
 BOOLEAN = dict.fromkeys(('true', 'True', 'TRUE'), True) | dict.fromkeys(
@@ -53,8 +55,9 @@ class Entry:
         return self.plain and isinstance(self.value, str) and self.value in NULL
 
     def error(self, message: str, *, value: object = None, **details: Any) -> InputError:
-        """An InputError at this place; `value` defaults to the scalar as written."""
-        if value is None and isinstance(self.value, str) and not self.is_null:
+        """An InputError at this place; `value` defaults to the scalar as written, but of a whole
+        file: whoever names a file must not be told what it says."""
+        if value is None and self.path and isinstance(self.value, str) and not self.is_null:
             value = self.value
         return InputError(
             message, file=self.file, line=self.line, key=self.path or None, value=value, **details
@@ -64,6 +67,10 @@ class Entry:
         """The error of a value of another kind than `expected`."""
         if self.is_null:
             kind = 'nothing given'
+        elif isinstance(self.value, str) and not self.path and self.file:
+            # all of a file that is no scene, such as one of passwords: it is not shown
+            text = f'a text of {len(self.value)} characters given'
+            return InputError(text, file=self.file, line=self.line, expected=expected)
         elif isinstance(self.value, str):
             kind = 'wrong kind of value'
         else:
@@ -153,12 +160,7 @@ class Entry:
 def read(path: Path) -> Entry:
     """The document in the file `path`."""
     file = str(path)
-    if not os.path.isfile(path):  # a device or a pipe would be read for ever
-        raise InputError('no such file', file=file)
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise InputError(f'cannot be read: {error.strerror}', file=file) from None
+    data = paths.content(path, LARGEST_FILE)
     try:
         text = data.decode('utf-8-sig')
     except UnicodeDecodeError as error:
@@ -212,6 +214,8 @@ class _Reader:
     def node(self, event: Any, path: str, line: int | None, depth: int) -> Entry:
         line = line or _line(event)
         self.nodes += 1
+        if self.nodes > MOST_NODES:
+            raise self.error(event, path[:40], f'more than {MOST_NODES} values')
         if isinstance(event, yaml.AliasEvent):
             return self.alias(event, path)
         if depth == 0:

@@ -9,7 +9,9 @@ four its leading matrix too. All that one carries from step to step is an array,
 from __future__ import annotations
 
 import importlib
+from copy import copy
 from dataclasses import dataclass
+from typing import Any
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
@@ -75,6 +77,19 @@ class Formulation:
         iterations = min(solver.iterations, self._kind.iterations)
         settings = Settings(self._method.b.size, iterations, omega, mu)
         self._storage = self._module.prepare(model, settings, q)
+
+    def apart(self, model: Model) -> Formulation:
+        """The same for the same model or one apart from it, in arrays of its own."""
+        other = copy(self)
+        other._model, other._storage = model, copy(self._storage)
+        return other
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if name != '_module'}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self._module = importlib.import_module(f'{__name__}.{self._kind.file}')
 
     def start(self, q: Floats, qd: Floats) -> Floats:
         """Return the state y (size,) at positions q (m) and velocities q̇ (m/s), all blocks D."""

@@ -22,6 +22,7 @@ from alf_ros.kernel.numba_ext.jit import TWO, compiled, inner
 from alf_ros.kernel.numba_ext.vectors import copy, zero
 from alf_ros.kernel.prescribed import bias, prescribe
 from alf_ros.kernel.status import NOT_POSITIVE, OK
+from alf_ros.kernel.stopping import LEFT
 from alf_ros.kernel.triangular_solve import solve
 from alf_ros.model.compile import Model
 from alf_ros.simulation.formulations.fixed_step import runge_kutta
@@ -69,6 +70,7 @@ def rates(
     count = 0
     for _ in range(np.int64(storage.iterations)):
         count += 1
+        work.pulse[LEFT] -= 1
         copy(storage.f, work.delta)
         add_transposed(unit, rows, work.g, work.g2, c, work.delta)
         solve(unit, system.pattern, work.diagonal, work.off, work.delta)

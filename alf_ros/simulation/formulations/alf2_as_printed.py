@@ -33,6 +33,7 @@ from alf_ros.kernel.numba_ext.jit import compiled, inner
 from alf_ros.kernel.numba_ext.vectors import copy, zero
 from alf_ros.kernel.prescribed import prescribe
 from alf_ros.kernel.status import NOT_POSITIVE, OK
+from alf_ros.kernel.stopping import LEFT
 from alf_ros.kernel.triangular_solve import solve
 from alf_ros.model.compile import Model
 from alf_ros.simulation.formulations.fixed_step import runge_kutta
@@ -85,6 +86,7 @@ def rates(
     count = 0
     for _ in range(np.int64(storage.iterations)):
         count += 1
+        work.pulse[LEFT] -= 1
         for r in range(m):
             storage.phi_d[r] = -rows.alpha[r] * c[r]
         copy(storage.f, work.delta)

@@ -13,8 +13,9 @@ from alf_ros.kernel.numba_ext.jit import ONE, expanded, inner
 from alf_ros.kernel.numba_ext.vectors import copy
 from alf_ros.kernel.prescribed import prescribe
 from alf_ros.kernel.projection import opening
-from alf_ros.kernel.status import FOLDED, NOT_FINITE, OK, OPENED
-from alf_ros.kernel.step import accept, mark
+from alf_ros.kernel.status import FOLDED, NOT_FINITE, OK, OPENED, STOPPED
+from alf_ros.kernel.step import accept, store_angles
+from alf_ros.kernel.stopping import told_to_stop
 from alf_ros.simulation.formulations.storage import Storage
 
 _TORN = 0.1  # opening of a constraint, relative to the mechanism, that ends a run
@@ -46,7 +47,7 @@ def runge_kutta(
     """
     N, stages, start = np.uint64(y.size), method.b.size, np.uint64(0)
     k, ys = storage.k, storage.y
-    mark(unit, system, work, phase)
+    store_angles(unit, system, work, phase)
     copy(phase.q, work.q)  # with the fixed points
     copy(phase.qd, work.qd)
     for i in range(N):
@@ -71,6 +72,8 @@ def runge_kutta(
             result, count = rates(unit, system, forces, work, storage, ts, to)
             work.evaluations[0] += 1
             most = max(most, count)
+            if told_to_stop(work):
+                return STOPPED, taken, most
             if end or result != OK:
                 result = _judged(unit, system, work, storage, result)
             if result != OK:
@@ -78,6 +81,7 @@ def runge_kutta(
         for i in range(N):
             y[i] = ys[i]
         accept(unit, system, work, phase)
+        phase.step[0] = first + taken + 1
     return OK, steps, most
 
 

@@ -93,7 +93,7 @@ class Position:
         kernel.convective(model.unit, system.rows, work.g2d, work.qd, work.r2)
         work.r2[:] *= -1.0
         for _ in range(ITERATIONS):
-            kernel.augmented(model.unit, system, work, Q, x, 1, 0.0, 1.0)
+            kernel.augmented(model.unit, system, work, Q, x, kernel.Until(1, 0.0, 1.0))
             found.append(x[[A, A + 1, B]].copy())
         return np.array(found)
 

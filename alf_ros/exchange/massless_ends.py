@@ -1,0 +1,40 @@
+"""Links without mass at the ends of a robot: frames of tools and cameras on joints that move.
+
+Nothing hangs from them and nothing holds them, so that how they move is not determined and moves
+nothing else. They are left out with their joints, and so is what hung from them alone.
+"""
+
+from __future__ import annotations
+
+from alf_ros.exchange.robot import Robot
+
+
+def left_out(robot: Robot) -> None:
+    """Take such parts and their joints out of a robot; a rotor or a coupling keeps one there."""
+    held = {name for each in robot.couplings for name in each.of}
+    while True:
+        ends = _ends(robot, held)
+        if not ends:
+            return
+        parts = {part for part, _ in ends}
+        joints = {joint for _, joint in ends}
+        for name in sorted(joints):
+            robot.leave('joints of massless ends', name)
+        robot.parts = [part for part in robot.parts if part.name not in parts]
+        robot.connections = [each for each in robot.connections if each.name not in joints]
+        robot.actuators = [each for each in robot.actuators if each.joint not in joints]
+
+
+def _ends(robot: Robot, held: set[str]) -> list[tuple[str, str]]:
+    """Parts without mass that one connection alone holds, each with the connection."""
+    at: dict[str, list[str]] = {}
+    for each in robot.connections:
+        for side in (each.parent, each.child):
+            at.setdefault(side, []).append(each.name)
+    rotors = {each.name for each in robot.connections if each.armature}
+    found = []
+    for part in robot.parts:
+        joints = at.get(part.name, [])
+        if part.mass == 0.0 and len(joints) == 1 and joints[0] not in held | rotors:
+            found.append((part.name, joints[0]))
+    return found

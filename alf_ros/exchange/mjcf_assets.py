@@ -1,0 +1,57 @@
+"""An MJCF whose meshes or pictures are not there: compiled without them.
+
+Files are shared without their meshes. Where a body says its inertia a mesh moves nothing; where it
+does not, the mass of the mesh is unknown, and the body is named.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+
+def compiled_without(mujoco: Any, path: Path) -> tuple[Any, list[str]]:
+    """The model without what needs files that are not there, and bodies that lack its mass.
+
+    Raises ValueError, as MuJoCo does.
+    """
+    spec = mujoco.MjSpec.from_file(str(path))
+    folder = path.parent
+    meshes, pictures = (folder / (each or '') for each in (spec.meshdir, spec.texturedir))
+    gone = {mesh.name for mesh in spec.meshes if _missing(mesh.file, meshes)}
+    fields = {field.name for field in spec.hfields if _missing(field.file, meshes)}
+    lighter = []
+    for geom in list(spec.geoms):
+        if geom.meshname in gone or geom.hfieldname in fields:
+            body = geom.parent
+            if body.name != 'world' and not body.explicitinertial:
+                lighter.append(body.name or 'a body without name')
+            spec.delete(geom)
+    for mesh in list(spec.meshes):
+        if mesh.name in gone:
+            spec.delete(mesh)
+    for field in list(spec.hfields):
+        if field.name in fields:
+            spec.delete(field)
+    for skin in list(spec.skins):
+        if _missing(skin.file, meshes):
+            spec.delete(skin)
+    _without_pictures(spec, pictures)
+    return spec.compile(), lighter
+
+
+def _without_pictures(spec: Any, folder: Path) -> None:
+    gone = set()
+    for texture in list(spec.textures):
+        files = [texture.file, *texture.cubefiles]
+        if any(_missing(file, folder) for file in files):
+            gone.add(texture.name)
+            spec.delete(texture)
+    for material in spec.materials:
+        kept = ['' if name in gone else name for name in material.textures]
+        if kept != list(material.textures):
+            material.textures = kept
+
+
+def _missing(file: str, folder: Path) -> bool:
+    return bool(file) and not (folder / file).is_file()

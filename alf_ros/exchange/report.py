@@ -1,0 +1,98 @@
+"""What of a file does not come along, and what that means for the motion.
+
+Every kind of loss is named here once, with its consequence: the head of a file that `import`
+writes begins with those that change the motion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+# what changes the motion, and how
+MOTION = {
+    'inertia, repaired': 'the least change that makes it one of a body',
+    'inertia: there is none': 'all mass is at the centre of mass',
+    'mass: there is none': 'a body without mass: what turns alone needs some',
+    'joints of massless ends': 'they stand still, with their links: nothing hangs from them',
+    'mass: that of SDF': 'a link that says none has 1 kg and 1 kg m2 about every axis',
+    'gravity (see --scene)': 'nothing has weight',
+    'gravity off': 'these bodies have weight here',
+    'compensation of gravity': 'these bodies have their whole weight here',
+    'shapes without their file': 'the mass of these bodies lacks theirs',
+    'contact': 'bodies pass through each other and through the ground',
+    'damping (see --scene)': 'joints are not damped',
+    'springs (see --scene)': 'joints have no springs',
+    'dry friction (see --scene)': 'joints do not rub',
+    'armature (see --scene)': 'what is moved is lighter',
+    'limits (see --stops)': 'joints pass their limits',
+    'limits without room': 'lower is not below upper: joints pass them',
+    'limits, damping, friction, springs, armature': 'these joints have none',
+    'mimic': 'these joints are free',
+    'phase of mimic': 'it stays as drawn, which is not what the file says',
+    'equalities': 'not joint, connect or weld, or not active or not linear: they hold nothing',
+    'softness': 'constraints hold exactly',
+    'actuators (see --scene)': 'they push nothing',
+    'actuators': 'they push nothing',
+    'gains of actuators': 'the file has none: a motor without gains pushes nothing by itself',
+    'activation of actuators': 'they act at once',
+    'force ranges of actuators': 'not the same both ways: the larger one counts',
+    'velocities of the keyframe': 'it begins at rest',
+    'tendons': 'they pull nothing',
+    'motion of mocap bodies': 'they stand still',
+    'flex': 'what is deformable is not there',
+    'fluid': 'the air has no density, no viscosity, no wind',
+    'joints of unknown type': 'they hold nothing',
+    'includes': 'what they bring is not there',
+}
+_COUNTED = ('contact',)  # who has it says nothing
+# what reads differently, but moves alike
+READING = {
+    'names, changed': '',
+    'zero of joints': 'here it is as drawn',
+    'warnings of MuJoCo': '',
+    'elements': '',
+    'gazebo': '',
+    'limits of velocity': '',
+    'limits of effort': '',
+    'calibration': '',
+    'safety_controller': '',
+}
+# what moves nothing, counted only
+NOTHING = ('shapes', 'lights', 'cameras', 'sensors', 'keyframes', 'materials', 'plugins')
+
+
+class LeftOut:
+    """What is left out, by kind: the names of what had it."""
+
+    def __init__(self) -> None:
+        self.names: dict[str, list[str]] = {}
+
+    def add(self, kind: str, name: str) -> None:
+        """Note that something of `name` does not come along."""
+        assert kind in MOTION or kind in READING or kind in NOTHING, kind
+        names = self.names.setdefault(kind, [])
+        if name not in names:
+            names.append(name)
+
+    def lines(self) -> Iterator[str]:
+        """The report: what changes the motion first, what moves nothing in one line at the end."""
+        for head, kinds in (
+            ('What changes the motion:', MOTION),
+            ('What reads differently:', READING),
+        ):
+            found = [_line(kind, kinds[kind], self.names[kind]) for kind in self._of(kinds)]
+            if found:
+                yield head
+                yield from (f'  {line}' for line in found)
+        counts = [f'{kind} {len(self.names[kind])}' for kind in self._of(NOTHING)]
+        if counts:
+            yield f'Left out, and moves nothing: {", ".join(counts)}'
+
+    def _of(self, kinds: Mapping[str, str] | Sequence[str]) -> list[str]:
+        return [kind for kind in kinds if kind in self.names]
+
+
+def _line(kind: str, consequence: str, names: Sequence[str]) -> str:
+    if kind in _COUNTED:
+        return f'{kind}: {consequence} ({len(names)})'
+    return ': '.join(part for part in (kind, consequence, ', '.join(names)) if part)

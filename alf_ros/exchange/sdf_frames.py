@@ -1,0 +1,128 @@
+"""The frames of an SDF: what each pose is relative to, and which link each frame hangs from.
+
+Versions 1.7 on name frames freely (`relative_to`, `attached_to`, `placement_frame`); before, what
+a pose is relative to follows from the element alone. Names of nested models are scoped with `::`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from xml.etree import ElementTree
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from alf_ros.arrays import Floats
+from alf_ros.exchange.robot import STILL, Pose
+from alf_ros.scene.text.yaml_document import LARGEST
+
+MODEL, WORLD = '__model__', 'world'
+Refuse = Callable[..., Exception]  # key, message, details -> the error to raise
+
+
+@dataclass
+class _Frame:
+    """A frame: its pose in another one, and the frame that it is fixed to (itself: a link)."""
+
+    pose: Pose
+    relative_to: str
+    attached_to: str
+
+
+class Frames:
+    """Frames by their scoped names; poses are found when they are asked for."""
+
+    def __init__(self, refuse: Refuse) -> None:
+        self._refuse = refuse
+        self._frames = {WORLD: _Frame(STILL, '', WORLD)}
+        self._poses = {WORLD: STILL}
+
+    def add(
+        self,
+        name: str,
+        pose: Pose,
+        relative_to: str,
+        attached_to: str | None = None,
+        placed: str = '',
+    ) -> None:
+        """A frame; a link if it is attached to nothing. placed: the frame of a model that is put
+        at the pose, instead of the model's own. Raises the error."""
+        if name in self._frames:
+            raise self._refuse(name, 'a name of two frames')
+        if placed:
+            self._frames[f'{name} placed'] = _Frame(pose, relative_to, name)
+            pose, relative_to = STILL, f'{name} placed\0{placed}'
+        self._frames[name] = _Frame(
+            pose, relative_to, name if attached_to is None else attached_to
+        )
+
+    def find(self, name: str, scope: str) -> str:
+        """The scoped name of a frame that a name means in a scope ('' or ending in ::). The name
+        of a model is that of its frame. Raises the error."""
+        if name == WORLD:
+            return WORLD
+        for found in (f'{scope}{name}', f'{scope}{name}::{MODEL}'):
+            if found in self._frames:
+                return found
+        known = [each[len(scope) :] for each in self._frames if each.startswith(scope)]
+        choices = [each for each in known if MODEL not in each and ' ' not in each]
+        raise self._refuse(scope.rstrip(':') or name, 'no such frame', value=name, choices=choices)
+
+    def pose(self, name: str) -> Pose:
+        """In the world. Raises the error for frames that refer to each other."""
+        return self._within(name, WORLD, ())
+
+    def _within(self, name: str, base: str, waiting: tuple[str, ...]) -> Pose:
+        """Of a frame in another one, along what it is relative to."""
+        if name == base:
+            return STILL
+        if name in waiting:
+            raise self._refuse(name, 'its pose is relative to itself')
+        if base == WORLD and name in self._poses:
+            return self._poses[name]
+        frame = self._frames[name]
+        to, _, placed = frame.relative_to.partition('\0')
+        to = to and self.find(to, '')
+        if not to:
+            raise self._refuse(name, f'its pose does not lead to {base!r}')
+        found = self._within(to, base, (*waiting, name)) @ frame.pose
+        if placed:  # the pose is that of a frame of the model, and the model hangs from it
+            found = found @ self._within(self.find(placed, ''), name, ()).inverse
+        if base == WORLD:
+            self._poses[name] = found
+        return found
+
+    def link(self, name: str) -> str:
+        """The scoped name of the link, or the world, that a frame is fixed to."""
+        seen = [name]
+        while self._frames[seen[-1]].attached_to != seen[-1]:
+            seen.append(self.find(self._frames[seen[-1]].attached_to, ''))
+            if len(seen) > len(self._frames):
+                raise self._refuse(name, 'it is attached to itself')
+        return seen[-1]
+
+
+def pose_of(element: ElementTree.Element | None, refuse: Refuse, key: str) -> Pose:
+    """What a <pose> says: x y z and roll pitch yaw (rad, or degrees), or a quaternion."""
+    if element is None or not (element.text or '').strip():
+        return STILL
+    quaternion = element.get('rotation_format') == 'quat_xyzw'
+    x = numbers(element.text or '', 7 if quaternion else 6, refuse, key)
+    if quaternion:
+        if not np.linalg.norm(x[3:]) > 0.0:
+            raise refuse(key, 'zero is no quaternion')
+        return Pose(x[:3], Rotation.from_quat(x[3:]).as_matrix())
+    degrees = (element.get('degrees') or '').strip() in ('1', 'true')
+    return Pose(x[:3], Rotation.from_euler('xyz', x[3:], degrees=degrees).as_matrix())
+
+
+def numbers(text: str, count: int, refuse: Refuse, key: str) -> Floats:
+    """So many numbers, that can be computed with."""
+    try:
+        found = np.array([float(word) for word in text.split()])
+    except ValueError:
+        found = np.empty(0)
+    if found.size != count or not np.all(np.abs(found) <= LARGEST):
+        raise refuse(key, 'not usable numbers', value=text.strip(), expected=f'{count} numbers')
+    return found

@@ -1,0 +1,65 @@
+"""What the kernel reads and writes, as structs of arrays.
+
+Conventions. Vectors are flat, block i at [i D, (i + 1) D); D, 2 or 3, is the length of the tuple
+`unit` and so a constant when compiled. Movable blocks come first, in elimination order; fixed and
+prescribed blocks, for which A has no columns, follow. Rows: distance rows between movable blocks,
+distance rows with a fixed end, quadratic rows.
+
+`system`: the mechanism. `forces`: what acts on it. `motion`: state, method and singular modes.
+`work`: the workspace. `problem`: these bundled, and numbers that functions of the kernel pass on
+together.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from alf_ros.kernel.data.forces import Bearings, Effects, Forces, Ledger
+from alf_ros.kernel.data.motion import Method, Modes, Phase, Watch
+from alf_ros.kernel.data.problem import EVERY_MODE, ModeLimits, Problem, Scales, Until
+from alf_ros.kernel.data.system import (
+    FREE,
+    ORIGIN,
+    Arms,
+    Mass,
+    Pattern,
+    Prescribed,
+    Rows,
+    Soft,
+    System,
+)
+from alf_ros.kernel.data.work import Chart, Work
+
+SOLVED = 1e-12  # relative change at which a solve is finished
+EPS = float(np.finfo(np.float64).eps)
+NOTHING = 1e-150  # speeds and accelerations below, SI: a square of it is still a number
+
+__all__ = [
+    'EPS',
+    'EVERY_MODE',
+    'FREE',
+    'NOTHING',
+    'ORIGIN',
+    'SOLVED',
+    'Arms',
+    'Bearings',
+    'Chart',
+    'Effects',
+    'Forces',
+    'Ledger',
+    'Mass',
+    'Method',
+    'ModeLimits',
+    'Modes',
+    'Pattern',
+    'Phase',
+    'Prescribed',
+    'Rows',
+    'Problem',
+    'Scales',
+    'Soft',
+    'System',
+    'Until',
+    'Watch',
+    'Work',
+]

@@ -1,0 +1,110 @@
+"""Forces: effects, friction that depends on reactions, and the ledger of work."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from alf_ros.arrays import Addresses, Floats, Indices, Integers
+from alf_ros.kernel.data.system import Mass, Rows
+from alf_ros.kernel.numba_ext.structs import Struct
+
+
+@dataclass(frozen=True, eq=False)
+class Effects(Struct):
+    """The effects of a scene: addresses of compiled functions and the packed data of each."""
+
+    constant = True
+    addresses = ('force', 'potential', 'friction', 'tangent')
+
+    force: Addresses  # (effects,) address of force()
+    potential: Addresses  # (effects,) address of potential(), 0 where there is none
+    friction: Addresses  # (effects,) address of friction(), 0 where there is none
+    tangent: Addresses  # (effects,) address of tangent(), 0 where there is none or none is needed
+    slots: Integers  # (…,) all effects in a row
+    params: Floats  # (…,)
+    slots_at: Addresses  # (effects,) where an effect's slots begin
+    params_at: Addresses  # (effects,)
+    loads_at: Addresses  # (effects,) where its loads begin, of one that has friction()
+
+
+@dataclass(frozen=True, eq=False)
+class Bearings(Struct):
+    """Data and workspace of friction that depends on reactions: the cut mechanism, where each body
+    has blocks of its own, and the terms whose sum is the reaction of each loaded joint.
+    """
+
+    addresses = ('settle',)
+
+    settle: Addresses  # (1,) address of settle(), or (0,) where no effect has friction()
+    mass: Mass  # cut
+    rows: Rows  # cut
+    effects: Effects  # cut
+    source: Indices  # (cut blocks,) the block that each is a copy of
+    source_row: Indices  # (cut rows,) the row that each is a copy of
+    first: Indices  # (loads + 1,) shared blocks of a load: first[n] .. first[n + 1]
+    block: Indices  # (…,) cut block whose force is summed
+    sign: Floats  # (…,)
+    first_entry: Indices  # (loads + 1,) entries of the joint's own rows, likewise
+    entry: Indices  # (…,) of the cut rows
+    entry_row: Indices  # (…,) row of each, in the assembled mechanism
+    g: Floats  # (cut distance rows D,)
+    g2: Floats  # (cut entries D,)
+    q: Floats  # (cut blocks D,)
+    qd: Floats  # (cut blocks D,)
+    qdd: Floats  # (cut blocks D,)
+    Q: Floats  # (cut blocks D,) of forces that do not depend on loads
+    needed: Floats  # (cut blocks D,) force that joints must exert on each block, N
+    y: Floats  # (cut rows,) λ
+    given: Floats  # (all blocks D,) Q of forces that do not depend on loads
+    loads: Floats  # (loads,) N, at which friction and reactions agree; before a solve a guess
+    force: Floats  # (loads, D) R there, N
+    good: Floats  # (loads, D) R at the last point of the grid that an adaptive method reached
+    begins: Integers  # (1,) whether the next solve is where a step begins
+    passes: Integers  # (2,) solves of the last balance, and the iterations of the longest
+    ended: Floats  # (1,) t of the last solve without a balance, s
+    trial: Floats  # (loads,) N, trial loads
+    answer: Floats  # (loads,) N, reactions that the trial loads lead to
+    reaction: Floats  # (loads, D) R under the trial loads, then without friction, N
+    response: Floats  # (loads, loads, D) ∂R/∂N
+    qdd_of: Floats  # (all blocks D,) q̈ of a unit load
+    kept_y: Floats  # (rows,) λ, saved during another solve
+    kept_r2: Floats  # (rows,)
+    softest: Floats  # (rows,) combination of rows that is nearest to losing its direction
+    across: Floats  # (all blocks D,) least velocity that opens this combination
+    branch: Floats  # (2,) its opening where the step begins, and the sense of the balance
+    point: Floats  # (loads,) Newton's method: N
+    next: Floats  # (loads,) the next N
+    heading: Floats  # (loads, D) directions of R to begin with
+    best: Floats  # (loads,) the nearest balance so far
+    slope: Floats  # (loads, loads) 1 - d|R|/dN
+    change: Floats  # (loads,)
+    past_trial: Floats  # (memory, loads) differences of `trial` between passes
+    past_gap: Floats  # (memory, loads) differences of `answer` - `trial`
+    gram: Floats  # (memory, memory)
+    mix: Floats  # (memory,)
+
+
+@dataclass(frozen=True, eq=False)
+class Ledger(Struct):
+    """Data and workspace of the work ledger, the account of the work of each effect."""
+
+    addresses = ('tally',)
+
+    tally: Addresses  # (1,) address of the function that records, or (0,) without a ledger
+    effects: Effects  # one by one
+    account: Indices  # (effects,) account of each effect
+    weights: Floats  # (stages,) of the method
+    rates: Floats  # (stages, accounts) W, in a step; the last account is that of drives
+    Q: Floats  # (all blocks D,) of one effect
+    good: Floats  # (accounts,) works at the last point of the grid that an adaptive method reached
+
+
+@dataclass(frozen=True, eq=False)
+class Forces(Struct):
+    """All forces: effects, reactions that their friction depends on, and the account of work."""
+
+    constant = True
+
+    effects: Effects
+    bearings: Bearings
+    ledger: Ledger

@@ -1,0 +1,147 @@
+"""What machine code is made of: the digest of its sources, as they were imported.
+
+The process keeps one picture of the sources of each package: as they were when the first compiled
+function of the package was imported. What is edited later changes no digest of this process, so
+its code is neither taken for new code nor saved as such. A file that is imported after an edit
+would not fit to what is compiled: AlfError.
+"""
+
+from __future__ import annotations
+
+import ast
+import functools
+import hashlib
+import importlib.util
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from alf_ros.errors import AlfError
+
+PACKAGE = Path(__file__).resolve().parents[2]
+
+
+def digest_of(data: bytes) -> str:
+    """SHA-256, in hexadecimal digits."""
+    return hashlib.sha256(data).hexdigest()
+
+
+def _now(folder: str) -> dict[str, str]:
+    """Digests of the sources below a folder of this package, by their names relative to it."""
+    place = PACKAGE / folder
+    found = {
+        path.relative_to(PACKAGE).as_posix(): digest_of(path.read_bytes())
+        for path in sorted(place.rglob('*.py'))
+    }
+    if not found:  # what has moved must not drop out of a digest in silence
+        raise FileNotFoundError(f'no source of this package: {folder}')
+    return found
+
+
+_imported_as = functools.cache(_now)  # of the packages; by their folders
+
+
+def _below(folder: str, found: Callable[[str], Mapping[str, str]]) -> dict[str, str]:
+    """Those of a folder within a package."""
+    whole = found(folder.partition('/')[0])
+    return {name: text for name, text in whole.items() if name.startswith(f'{folder}/')}
+
+
+class Sources:
+    """What the code of a function is made of: digest when it was imported, and now.
+
+    package: folders of this package, relative to it; files: other people's, with their digests.
+    """
+
+    _known: dict[str, Sources] = {}  # by the file, of this package
+
+    def __init__(self, label: str, package: tuple[str, ...], files: dict[Path, str]) -> None:
+        self.label = label
+        self.package = package
+        self._files = files
+        parts = [f'{p}\0{text}' for f in package for p, text in _below(f, _imported_as).items()]
+        if files:
+            folder = next(iter(files)).parent
+            parts += (f'{path.relative_to(folder)}\0{text}' for path, text in files.items())
+        self.digest = digest_of('\n'.join(parts).encode())
+
+    @classmethod
+    def of(cls, function: Callable[..., Any]) -> Sources | None:
+        """Of one function; None if it was typed, not imported.
+
+        Raises AlfError if its file belongs to this package and was edited since the process began.
+        """
+        name = function.__code__.co_filename
+        if name in cls._known:
+            return cls._known[name]
+        file = Path(name).resolve()
+        if not file.is_file():
+            return None
+        if not file.is_relative_to(PACKAGE):
+            ours = 'kernel', 'effects/contract'
+            return cls(file.stem, ours, _with_imported(file, function.__globals__))
+        path = file.relative_to(PACKAGE)
+        package, *folders = path.parts[:-1]
+        if _imported_as(package).get(path.as_posix()) != digest_of(file.read_bytes()):
+            raise AlfError(f'{file}: edited since this process began; end it and start it again')
+        folder = package if package == 'kernel' else '/'.join((package, *folders))
+        found = cls(folder.replace('/', '.'), tuple(dict.fromkeys(('kernel', folder))), {})
+        cls._known[name] = found
+        return found
+
+    def changed(self) -> bool:
+        """Whether the sources are no longer what was imported."""
+        try:
+            if any(_below(f, _now) != _below(f, _imported_as) for f in self.package):
+                return True
+            return any(digest_of(path.read_bytes()) != text for path, text in self._files.items())
+        except OSError:
+            return True
+
+
+# ------------------------------------------------------------------------ files of somebody else
+
+
+_texts: dict[Path, tuple[str, object, str]] = {}
+
+
+def _as_imported(path: Path, module: dict[str, Any]) -> str:
+    """Digest of a file, as it was when the module was imported: about when it is first seen."""
+    name, spec = module['__name__'], module.get('__spec__')
+    known = _texts.get(path)
+    if known is None or known[0] != name or known[1] is not spec:  # not seen, or another import
+        known = _texts[path] = name, spec, digest_of(path.read_bytes())
+    return known[2]
+
+
+def _with_imported(file: Path, module: dict[str, Any]) -> dict[Path, str]:
+    """Digests of a file, and of the modules beside or below it that it imports, and those do."""
+    found = {file: _as_imported(file, module)}
+    left = [(file, module)]
+    while left:
+        path, importing = left.pop()
+        for name in _imported(path, importing.get('__package__') or ''):
+            other = getattr(sys.modules.get(name), '__dict__', {})
+            origin = Path(other.get('__file__') or '/').resolve()
+            if origin.suffix != '.py' or origin in found or origin.is_relative_to(PACKAGE):
+                continue
+            if origin.is_relative_to(file.parent):
+                found[origin] = _as_imported(origin, other)
+                left.append((origin, other))
+    return {file: found.pop(file), **dict(sorted(found.items()))}
+
+
+def _imported(path: Path, package: str) -> set[str]:
+    """Names that may be modules."""
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_bytes())):
+        if isinstance(node, ast.Import):
+            names.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = '.' * node.level + (node.module or '')
+            if node.level:
+                base = importlib.util.resolve_name(base, package)
+            names.update(f'{base}.{alias.name}' for alias in node.names)
+    parts = [name.split('.') for name in names]
+    return {'.'.join(part[:n]) for part in parts for n in range(1, len(part) + 1)}

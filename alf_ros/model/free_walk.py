@@ -1,0 +1,208 @@
+"""Positions along the free motion of a mechanism, closed as far as its rows agree.
+
+Where redundant rows contradict each other by a little, Φ = 0 has no solution nearby; in a singular
+position the rows that lose their direction there may contradict the others likewise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from alf_ros import kernel
+from alf_ros.arrays import Floats
+from alf_ros.kernel.data import EPS
+from alf_ros.mechanism import Mechanism
+from alf_ros.mechanism.natural_coordinates import Layout
+from alf_ros.model.compile import Model, allocate, compile_model, hold
+from alf_ros.model.rank import distance, effective_rank
+from alf_ros.model.shape_fit import Projector, violation
+
+LARGEST = 1e-8  # gap, of the size: lengths that differ by more are not meant to be equal
+EXACT = 2.0  # rounding units of the coordinates: exact lengths leave less open than that
+GOOD = 16.0  # the same: of adjusted lengths, and of exact ones in a singular position
+PENALTY = 1e8  # tells σ above 1e-3 from those that a small gap makes
+_CLEAR = 0.1  # distance to a singular position, of the ordinary one, below which nothing counts
+_ASTRAY = 1e-3  # gap, of the size, above which a way has lost the mechanism
+_STEP = 0.1  # of the size, from place to place
+_WAYS = 6  # at most; one freedom has two
+_SOFT = 1e4  # penalty that feels modes of σ up to 0.1
+_LOST = 0.02  # of a mode: from there on a singular position may be near
+SEARCHED = 3000  # coordinates up to which singular positions are looked for
+_IN = 1e-2  # of a mode that is lost: σ below 1e-3
+
+
+class Walk:
+    """Positions along the free motion of a model, each closed as far as its rows agree."""
+
+    def __init__(self, model: Model, dependent_rows: int) -> None:
+        self.model, self.dependent_rows = model, dependent_rows
+        self._work = allocate(model, model.system, 0)
+        reach = max(model.size, float(np.abs(model.q).max()))
+        self.rounding = EPS * reach  # m
+        self._soft = model.with_penalty(_SOFT)
+        self._step = _STEP
+
+    def places(self, q: Floats, count: int, seed: int = 0) -> tuple[list[Floats], list[Floats]]:
+        """Positions on ways from q, forth and back, so many on each if it goes as far; and those
+        singular positions between them in which rows contradict each other by so little that
+        they are meant to agree."""
+        model, random = self.model, np.random.default_rng(seed)
+        self._step = _STEP * random.uniform(0.8, 1.0)
+        freedoms = model.n - (len(model.row_names) - self.dependent_rows)
+        start = self.settled(q)
+        found, singular = [start], list[Floats]()
+        for _ in range(min(_WAYS, 2 * freedoms) // 2):
+            direction = random.standard_normal(model.n)
+            forth, back = (list(self._way(q, s * direction, count)) for s in (1.0, -1.0))
+            found += forth + back
+            if model.n <= SEARCHED:
+                singular += self._singular([*reversed(back), start, *forth])
+        least, most = GOOD * self.rounding, LARGEST * model.size
+        near = [place for place in singular if least < self.widest(place) <= most]
+        return [place for place in found if self.is_ordinary(place)], near
+
+    def _way(self, q: Floats, direction: Floats, count: int) -> Iterator[Floats]:
+        model, at, longest = self.model, q, self._step * self.model.size
+        for _ in range(count):
+            along = self._free(at, direction)
+            length = float(np.abs(along).max())
+            if not length > 0.0:
+                return
+            step = longest
+            for _ in range(4):  # a short crank takes shorter steps
+                ahead = at.copy()
+                ahead[: model.n] += step / length * along
+                ahead = self.settled(ahead)
+                gone = ahead[: model.n] - at[: model.n]
+                if self.widest(ahead) <= _ASTRAY * model.size and gone @ along > 0.0:
+                    break
+                step *= 0.25
+            else:
+                return
+            at, direction = ahead, gone
+            yield at
+
+    def _free(self, q: Floats, direction: Floats) -> Floats:
+        """(n,) What the rows leave of a direction: in modes of σ it becomes 1 / (1 + s²)³."""
+        model, work = self.model, self._work
+        if not kernel.linearise(model.unit, model.system, work, q):
+            return np.zeros(model.n)
+        x = np.concatenate([direction, np.zeros(q.size - model.n)])
+        for _ in range(3):
+            work.p[:] = 0.0
+            kernel.add_mass_times(model.unit, model.system.mass, 1.0, x, work.p)
+            x[: model.n] = work.p
+            kernel.solve(model.unit, model.system.pattern, work.diagonal, work.off, x)
+        return np.asarray(x[: model.n])
+
+    def settled(self, q: Floats, soft: bool = False) -> Floats:
+        """The position near q (blocks D, m) at which only contradictions stay open.
+
+        Newton's method along M. It leaves a contradiction alone: its σ is as small as its gap.
+        `soft`: what rows that are about to lose their direction contradict is left alone too.
+        """
+        model, work, best, q = self._soft if soft else self.model, self._work, q, q.copy()
+        rows, least = model.system.rows, np.inf
+        for _ in range(200 if soft else 30):
+            gap = self.widest(q)
+            if not gap < (0.9 if soft else 0.5) * least:
+                return best if least <= gap else q
+            best, least = q.copy(), gap
+            if not kernel.linearise(model.unit, model.system, work, q):
+                return best
+            kernel.violation(model.unit, rows, q, work.r2)
+            work.delta[:] = 0.0
+            kernel.add_transposed(
+                model.unit, rows, work.g, work.g2, -rows.alpha * work.r2, work.delta
+            )
+            kernel.solve(model.unit, model.system.pattern, work.diagonal, work.off, work.delta)
+            q[: model.n] += work.delta[: model.n]
+        return best
+
+    def is_ordinary(self, q: Floats) -> bool:
+        """Whether what is open at q is a contradiction: it is not beside a singular position."""
+        if self.widest(q) <= EXACT * self.rounding:
+            return True
+        model, work = self.model, self._work
+        if not kernel.linearise(model.unit, model.system, work, q):
+            return False
+        missing = len(model.row_names) - self.dependent_rows - effective_rank(model, work)
+        if distance(missing, model.penalty) < _CLEAR * model.system.ordinary:
+            return False
+        phi = np.sqrt(model.system.rows.alpha[model.row]) * violation(model, q)
+        return bool(np.linalg.norm(Projector(model, q)(phi)) > 0.5 * np.linalg.norm(phi))
+
+    def _singular(self, way: list[Floats]) -> list[Floats]:
+        """The singular positions that successive places of a way lie around."""
+        found = []
+        missing = [self._missing(q) for q in way]
+        for n in range(1, len(way) - 1):
+            if _LOST < missing[n] >= max(missing[n - 1], missing[n + 1]):
+                place = self._softest(way[n - 1 : n + 2])
+                if place is not None:
+                    found.append(place)
+        return found
+
+    def _missing(self, q: Floats) -> float:
+        """By how much rank falls at q: Σ 1 / (1 + s²), with a penalty that feels soft modes."""
+        if not kernel.linearise(self.model.unit, self._soft.system, self._work, q):
+            return 0.0
+        rank = effective_rank(self._soft, self._work)
+        return len(self.model.row_names) - self.dependent_rows - rank
+
+    def _softest(self, around: list[Floats]) -> Floats | None:
+        """The singular position between three places; None if there is none."""
+        a, b, c = around
+        best: list[Floats] = []
+
+        def height(s: float) -> float:
+            guess = b + 0.5 * s * (c - a) + 0.5 * s * s * (a - 2.0 * b + c)
+            best[:] = [self.settled(guess, soft=True)]
+            return 1.0 / max(self._missing(best[0]), 1e-6)
+
+        found = minimize_scalar(
+            height, bounds=(-1.0, 1.0), method='bounded', options={'xatol': 1e-9, 'maxiter': 60}
+        )
+        lost = 1.0 / height(float(found.x))
+        return best[0] if lost > 0.5 and abs(lost - round(lost)) < _IN else None
+
+    def gaps(self, q: Floats) -> Floats:
+        """By how much each row is open, m, in the order of `row_names`."""
+        return np.abs(violation(self.model, q) * self.model.system.rows.scale[self.model.row])
+
+    def widest(self, q: Floats) -> float:
+        """The largest of them, m."""
+        return float(self.gaps(q).max(initial=0.0))
+
+    def gap(self, places: list[Floats]) -> float:
+        """The largest at any of the places, m."""
+        return max((self.widest(q) for q in places), default=0.0)
+
+
+def compiled(mechanism: Mechanism) -> Model:
+    """A model with the rows that bind positions; those of velocities alone have no Φ."""
+    model = compile_model(mechanism, PENALTY)
+    if not model.system.rows.velocity:
+        return model
+    system, names, _ = hold(model, (), velocities=False)
+    return replace(model, system=system, row_names=tuple(names), row=np.arange(len(names)))
+
+
+def carried(layout: Layout, q: Floats, model: Model) -> Floats:
+    """What moves of q (blocks D, m) as coordinates of another model of like mechanisms."""
+    D, other = layout.dimension, model.layout
+    found, places = model.q.copy().reshape(-1, D), q.reshape(-1, D)
+    scale = other.length / layout.length  # of unit vectors
+    for one, two, unit in (
+        (layout.of_point, other.of_point, 1.0),
+        (layout.of_vector, other.of_vector, scale),
+        (layout.of_auxiliary, other.of_auxiliary, 1.0),
+    ):
+        for name, block in two.items():
+            if block < other.movable and name in one:
+                found[block] = unit * places[one[name]]
+    return found.ravel()

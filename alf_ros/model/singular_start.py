@@ -1,0 +1,211 @@
+"""Velocities of a start in a singular position: completed on one branch, or refused by name."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NoReturn
+
+import numpy as np
+
+from alf_ros import kernel
+from alf_ros.arrays import Floats
+from alf_ros.errors import AssemblyError
+from alf_ros.kernel.data import NOTHING
+from alf_ros.model import assembly, branch_words
+from alf_ros.model.assembly import Given
+from alf_ros.model.compile import Model, allocate, hold
+from alf_ros.model.null_spaces import convective, linearise
+from alf_ros.model.prescribed import prescribe
+from alf_ros.model.quadratic_cones import CURVED, MANY, SAME, SHAKY, SMOOTH
+from alf_ros.model.rank import effective_rank
+from alf_ros.model.singular_branches import Branch, Position, components, position
+
+_TYPED = 1e-6  # part of the terms by which velocities given may miss the second-order condition
+_WIDE = 60  # freedoms, from which on null spaces are not looked at
+_NOT_ENUMERATED = (
+    'a singular position whose branches are not enumerated: velocities are not completed there; '
+    'give those of more points'
+)
+
+
+def start(
+    model: Model, q: Floats, given: Given, dependent: int, near: bool, t: float = 0.0
+) -> tuple[Floats, Position | None]:
+    """Velocities q̇ (blocks D, m/s) of a start at q (blocks D, m), completed from those given; and
+    the position, if it is a singular one where not too many freedoms are gained to look at.
+
+    In an ordinary position as `assembly.complete` does. In a singular one all that is given must
+    fit one branch, and what is free on it gets the least kinetic energy. `dependent`: rows that
+    depend on others in ordinary positions; `near`: whether q is `assembly.within` a singular one.
+
+    Raises AssemblyError if nothing fits, naming the constraints or the branches, and if several
+    branches fit with different velocities.
+    """
+    if near and _freedoms(model, q) > _WIDE:
+        return _start_of_many(model, q, given, t), None
+    here = position(model, q, t) if near or (dependent and _is_tight(model, q, t)) else None
+    if here is None or (len(here.lost) <= dependent and here.kind == SMOOTH):
+        return assembly.complete(model, q, given, t, beside=near), None
+    moving = any(value for values in given.values() for value in values)
+    if not moving and not here.is_driven:
+        return np.zeros_like(q), here
+    if not moving and not here.drift.any():
+        _check_setting_off(here)
+    if not _freedoms_left(here, given):
+        tolerance = 1e-9 + 100.0 * here.x
+        qd = assembly.complete(model, q, given, t, None, tolerance, beside=True)
+        if not here.can_begin(qd):
+            _refuse(here, given, [])
+        return qd, here
+    if here.kind in (CURVED, MANY):
+        raise AssemblyError(_NOT_ENUMERATED, key='initial.velocities')
+    fitting = _fitting(here, given)
+    if len(fitting) != 1:
+        _refuse(here, given, fitting)
+    return fitting[0], here
+
+
+def unexamined(model: Model, q: Floats, here: Position | None, Q: Floats) -> str:
+    """What the rule for starts at rest could not look at, in words; empty if nothing.
+
+    q (blocks D, m) lies in a singular position, `here` as `start` returns it; Q (blocks D, N)
+    acts.
+    """
+    if here is None and _freedoms(model, q) > _WIDE and Q[: model.n].any():
+        why = f'more than {_WIDE} freedoms'
+    elif here is not None and here.kind in (CURVED, MANY) and here.pull(Q).any():
+        why = here.kind
+    else:
+        return ''
+    return (
+        f'at rest in a singular position whose branches are not enumerated ({why}): it leaves on '
+        'the branch nearest to what forces ask for, which need not be the one of least '
+        'constraint; give velocities'
+    )
+
+
+def _start_of_many(model: Model, q: Floats, given: Given, t: float) -> Floats:
+    """The same in a singular position with so many freedoms that no null space is looked at."""
+    qd = assembly.complete(model, q, given, t)
+    if not qd.any():
+        return qd
+    held, _, _ = hold(model, assembly.held(model, given), velocities=True)
+    if _freedoms(replace(model, system=held), q):
+        raise AssemblyError(_NOT_ENUMERATED, key='initial.velocities')
+    if _accelerated(model, q, qd, t)[1] > _TYPED:
+        raise AssemblyError(
+            'a singular position: no motion begins there with the velocities given; its branches '
+            'are not enumerated',
+            key='initial.velocities',
+        )
+    return qd
+
+
+def _freedoms(model: Model, q: Floats) -> int:
+    """Freedoms of velocity at q (blocks D, m), as the penalty tells."""
+    work = allocate(model, model.system, 0)
+    work.q[:] = q
+    linearise(model, model.system, work)
+    return round(model.n - effective_rank(model, work))
+
+
+def _check_setting_off(here: Position) -> None:
+    """Raise AssemblyError if drives set a mechanism at rest going on more branches than one.
+
+    From rest q̈ takes the place of q̇: Φ⁗ = 0 asks of it what Φ̈ = 0 asks of q̇.
+    """
+    qdd, _ = _accelerated(here.model, here.q, np.zeros_like(here.q), here.t)
+    going = replace(here, drift=qdd, pushed=np.zeros_like(here.pushed))
+    if here.can_begin(np.zeros_like(here.q)) and len(going.branches) != 1:
+        where = f': {going.described()} m/s²' if going.branches else ''
+        raise AssemblyError(
+            'drives begin at rest in a singular position, and accelerate: the motion that begins '
+            f'is not unique{where}; let them begin with a speed, or elsewhere',
+            key='drives',
+        )
+
+
+def _freedoms_left(here: Position, given: Given) -> int:
+    """How many of the directions that are free move nothing whose velocity is given."""
+    at, _ = components(here.model, given)
+    s = np.linalg.svd(here.free[:, at], compute_uv=False) if len(here.free) else np.zeros(0)
+    least = max(1e-6, 100.0 * here.x) * np.abs(here.free).max(initial=0.0)
+    return len(here.free) - int((s > least).sum())
+
+
+def _on(here: Position, branch: Branch, given: Given) -> Floats | None:
+    """The velocities of least kinetic energy on a branch with those given; None if none fit."""
+    at, values = components(here.model, given)
+    picked, wanted = branch.directions[:, at], values - branch.drift[at]
+    U, s, Vt = np.linalg.svd(picked, full_matrices=False)
+    told = s > max(1e-6, 100.0 * here.x) * np.abs(branch.directions).max(initial=0.0)
+    weights = U[:, told] @ ((Vt[told] @ wanted) / s[told])
+    left = wanted - weights @ picked
+    size = max(np.abs(values).max(initial=0.0), np.abs(branch.drift).max(initial=0.0))
+    if np.abs(left).max(initial=0.0) > (1e-9 + 100.0 * here.x) * size:
+        return None
+    return np.asarray(branch.drift + weights @ branch.directions)
+
+
+def _fitting(here: Position, given: Given) -> list[Floats]:
+    """The velocities with those given on each branch where some fit; once those that are alike."""
+    found: list[Floats] = []
+    for branch in here.branches:
+        qd = _on(here, branch, given)
+        if qd is not None:
+            nearest = min((np.abs(qd - other).max() for other in found), default=np.inf)
+            if nearest > SAME * np.abs(qd).max():
+                found.append(qd)
+    return found
+
+
+def _is_tight(model: Model, q: Floats, t: float) -> bool:
+    """Whether rows that depend on others keep some velocity from beginning a motion, which they do
+    not do in a mechanism: for positions that are not singular."""
+    random = np.zeros_like(q)
+    random[: model.n] = np.random.default_rng(0).standard_normal(model.n)
+    try:
+        qd = assembly.complete(model, q, {}, t, near=random)
+    except AssemblyError:
+        return False  # it is said where velocities are completed
+    return _accelerated(model, q, qd, t)[1] > _TYPED
+
+
+def _accelerated(model: Model, q: Floats, qd: Floats, t: float) -> tuple[Floats, float]:
+    """The least q̈ (blocks D, m/s²) in the metric of M with Φ_q q̈ + c = 0 at t (s), for positions
+    that are not singular; and what it leaves of that, as a part."""
+    work, rows = allocate(model, model.system, 0), model.system.rows
+    work.q[:] = q
+    rates, x = np.zeros_like(q), np.zeros_like(q)
+    prescribe(model.system, t, work.q, rates, x)
+    linearise(model, model.system, work)
+    kernel.times_jacobian(model.unit, rows, work.g, work.g2, x, work.r2)
+    work.r2[:] = -convective(model, qd) - work.r2
+    size = float(np.max(np.abs(work.r2) * rows.scale, initial=0.0))
+    kernel.augmented(model.unit, model.system, work, work.p, x, kernel.Until(100, 1e-12, 1.0))
+    left = float(np.max(np.abs(work.r2) * rows.scale, initial=0.0))
+    return x, left / max(size, NOTHING)
+
+
+def _refuse(here: Position, given: Given, fitting: Sequence[Floats]) -> NoReturn:
+    if len(fitting) > 1:
+        raise AssemblyError(
+            f'a singular position: the velocities given fit {len(fitting)} branches, '
+            f'{branch_words.listed(here.model, fitting)} m/s; give more of them',
+            key='initial.velocities',
+        )
+    if here.kind == SHAKY and not any(branch.dimension for branch in here.branches):
+        raise AssemblyError(branch_words.shaky(here.model, here.free), key='initial.velocities')
+    if not any(value for values in given.values() for value in values):
+        raise AssemblyError(
+            'a singular position: no motion begins there with what drives ask for',
+            key='drives',
+        )
+    where = 'its branches are not enumerated'
+    if here.branches:
+        where = f'its branches go {here.described(given)} m/s'
+    raise AssemblyError(
+        f'a singular position: no motion begins there with the velocities given; {where}',
+        key='initial.velocities',
+    )

@@ -1,0 +1,47 @@
+"""Paths and files as people and their files name them: what cannot be ends in one line."""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+
+from alf_ros.errors import InputError
+
+
+def named(text: str | Path, key: str | None = None) -> Path:
+    """The path that a text names, `~` expanded. Raises InputError for what can be none."""
+    try:
+        path = Path(text).expanduser()
+        if b'\0' in os.fsencode(path):
+            raise ValueError
+    except (RuntimeError, ValueError):  # a home of nobody; characters that no file has
+        raise InputError('not a path', key=key, value=str(text)) from None
+    return path
+
+
+def content(path: Path, most: int) -> bytes:
+    """What a regular file holds. Raises InputError if there is none, or it has more than `most`
+    bytes: a device or a pipe would be read for ever."""
+    try:
+        with open(path, 'rb', opener=_opened) as stream:
+            data = stream.read(most + 1)
+    except IsADirectoryError:
+        raise InputError('no such file', file=str(path), expected='a file') from None
+    except (FileNotFoundError, NotADirectoryError):
+        raise InputError('no such file', file=str(path)) from None
+    except (OSError, ValueError) as error:
+        why = getattr(error, 'strerror', None) or 'not a path'
+        raise InputError(f'cannot be read: {why}', file=str(path)) from None
+    if len(data) > most:
+        raise InputError(f'larger than {most >> 20} MB', file=str(path))
+    return data
+
+
+def _opened(path: str, flags: int) -> int:
+    """Open a regular file, and nothing else: a pipe must not be waited for."""
+    file = os.open(path, flags | os.O_NONBLOCK)
+    if not stat.S_ISREG(os.fstat(file).st_mode):
+        os.close(file)
+        raise FileNotFoundError(path)
+    return file

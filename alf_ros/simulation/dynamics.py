@@ -1,0 +1,197 @@
+"""Dynamics of a sample: accelerations and multipliers, or their limits in a singular position."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from copy import copy
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+
+from alf_ros import kernel
+from alf_ros.arrays import Floats
+from alf_ros.errors import StepError
+from alf_ros.kernel import Forces, Phase, System, Work
+from alf_ros.model.compile import Model, allocate
+from alf_ros.model.prescribed import prescribe
+from alf_ros.model.rank import effective_rank
+from alf_ros.scene.scene import Solver
+from alf_ros.simulation.applied import Applied, Part
+from alf_ros.simulation.kinematics import Kinematics
+from alf_ros.simulation.named_values import NamedValues, read_only
+from alf_ros.simulation.sample_limits import Limits, Place, limits
+from alf_ros.simulation.state import State
+
+# distances to a singular position: from which down efforts of drives are limits, and a pole is
+# lost in rounding
+_DOUBTFUL, _ROUNDED = 5e-3, 1e-6
+
+
+class Dynamics(Kinematics):
+    """q̈, λ and what follows from them."""
+
+    def __init__(
+        self,
+        model: Model,
+        applied: Applied,
+        solver: Solver,
+        t: float,
+        state: State,
+        dependent_rows: int,
+        beside: bool | None,
+    ) -> None:
+        """`beside`: whether the step that ended here was interpolated beside a singular position;
+        None if no step did."""
+        super().__init__(model, t, state)
+        self._applied, self._solver = applied, solver
+        self._dependent_rows, self._beside = dependent_rows, beside
+
+    @cached_property
+    def _system(self) -> System:
+        """That of the model, with what is written on the way apart: while a sample is computed the
+        simulation may step, and other samples be computed, in other threads."""
+        return self.model.apart().system
+
+    @cached_property
+    def _forces(self) -> Forces:
+        """What acts, likewise."""
+        forces = self._applied.assembled
+        if forces.bearings.settle.size == 0:
+            return forces
+        return replace(forces, bearings=copy(forces.bearings))
+
+    @cached_property
+    def qdd(self) -> Floats:
+        """Their accelerations (n,), m/s^2."""
+        return self._by_coordinate(self._read(lambda place: place.work.qdd))
+
+    @cached_property
+    def kinetic_energy(self) -> float:
+        """½ q̇ᵀ M q̇, J."""
+        model, qd = self.model, self._state.qd
+        momenta = np.zeros(model.n)
+        kernel.add_mass_times(model.unit, model.system.mass, 1.0, qd, momenta)
+        return 0.5 * float(momenta @ qd[: model.n])
+
+    def _act(self, part: Part, q: Floats, qd: Floats, Q: Floats) -> None:
+        """Q of some of what acts, friction with the loads of now."""
+        kernel.applied_forces(part.effects, self.t, q, qd, self._near, Q)
+        if part.loads:
+            loads = self._loads[part.loads]
+            kernel.add_friction(part.effects, self.t, q, qd, self._near, loads, Q)
+
+    @cached_property
+    def _loads(self) -> Floats:
+        """N, of each effect with friction that depends on reactions."""
+        return self._read(lambda place: place.loads)
+
+    @cached_property
+    def _linearised(self) -> Work:
+        """Φ_q and the factor of A at this instant, in a workspace of its own."""
+        work = allocate(self.model, self._system, 0)
+        work.q[:] = self._state.q
+        work.qd[:] = self._state.qd
+        work.near[:] = self._near
+        prescribe(self._system, self.t, work.q, work.qd, work.qdd)
+        if not kernel.linearise(self.model.unit, self._system, work, work.q):
+            raise StepError('the leading matrix is not positive definite', 'see step()', self.t)
+        return work
+
+    @cached_property
+    def _accelerated(self) -> tuple[Work, Floats, float]:
+        """q̈ and λ, the loads of friction, and the least singular value met, if it is small."""
+        work, forces = self._linearised, self._forces
+        kernel.restore_reactions(forces.bearings, self._state.loads)
+        model, method = self.model, self._solver.method
+        problem = kernel.Problem(model.unit, self._system, forces, method, work)
+        count, sigma = kernel.accelerate(problem, self.t, True)
+        if count < 0:
+            raise StepError(kernel.Status.JAMMED.reason, 'see step()', self.t)
+        return work, forces.bearings.loads.copy(), sigma
+
+    @cached_property
+    def _limits(self) -> Limits | None:
+        """What values are limits of, in a singular position or too near to one."""
+        if not self._within and not self._doubtful:
+            return None
+        state, forces = self._state, self._forces
+        works = np.array(list(state.works.values()))
+        phase = Phase(state.q, state.qd, state.turns, np.array([state.pace]), works, state.loads)
+        model = replace(self.model, system=self._system)
+        return limits(model, forces, self._solver.method, phase, self._near, self.t)
+
+    def _read(self, read: Callable[[Place], Floats]) -> Floats:
+        """Something of the accelerated mechanism: its limit, in a singular position."""
+        if self._limits is None:
+            return read(Place(*self._accelerated[:2]))
+        limit, far = self._limits.of(read), _ROUNDED * self.model.system.ordinary
+        if far < self._accelerated[2] < np.inf and not self._lost:  # a pole, beside it
+            limit = np.where(np.isnan(limit), read(Place(*self._accelerated[:2])), limit)
+        return limit
+
+    @cached_property
+    def _within(self) -> bool:
+        """Whether it is in a singular position, or closer to one than can be computed."""
+        system = self.model.system
+        return self._accelerated[2] < system.close * system.ordinary or self._lost
+
+    @property
+    def _lost(self) -> bool:
+        """Whether a row has lost its direction, so that nothing is felt of it: only a step that
+        was interpolated ends there."""
+        return self._beside is not False and self._singular
+
+    @property
+    def _doubtful(self) -> bool:
+        """Whether drives make rounding count: efforts are off by it over x⁴, x the distance to a
+        singular position."""
+        model = self.model
+        if not model.mechanism.drives:
+            return False
+        return self._accelerated[2] < _DOUBTFUL * model.system.ordinary
+
+    @cached_property
+    def phi_dot(self) -> Floats:
+        """(rows,) Φ_q q̇; of rows that bind velocities only, N q̇ + B."""
+        model, work, rate = self.model, self._linearised, np.zeros(len(self.model.row_names))
+        kernel.times_jacobian(model.unit, model.system.rows, work.g, work.g2, work.qd, rate)
+        return read_only(rate[model.row])
+
+    @cached_property
+    def lam(self) -> Floats:
+        """(rows,) multipliers λ from a cold solve: M q̈ + Φ_qᵀ λ = Q."""
+        return read_only(self._read(lambda place: place.work.y[self.model.row]))
+
+    @property
+    def multipliers(self) -> Mapping[str, float]:
+        """λ of each constraint row by name."""
+        return NamedValues(self.model.row_names, lambda n: float(self.lam[n]))
+
+    @property
+    def constraint_forces(self) -> Floats:
+        """(n,) Φ_qᵀ λ, N on each coordinate in the order of `q`: unlike λ it is unique where rows
+        depend on each other."""
+        model = self.model
+
+        def read(place: Place) -> Floats:
+            work, pull = place.work, np.zeros(place.work.q.size)
+            kernel.add_transposed(model.unit, model.system.rows, work.g, work.g2, work.y, pull)
+            return pull
+
+        return self._by_coordinate(self._read(read))
+
+    @cached_property
+    def _effective_rank(self) -> float:
+        """Rank of Φ_q, not rounded, from the factor of A."""
+        return effective_rank(self.model, self._linearised)
+
+    @property
+    def _redundant(self) -> int:
+        """How many constraint rows depend on the others here."""
+        return len(self.model.row_names) - round(self._effective_rank)
+
+    @cached_property
+    def _singular(self) -> bool:
+        """Whether the rank is lower here than at ordinary positions."""
+        return self._redundant > self._dependent_rows

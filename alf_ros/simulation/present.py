@@ -1,0 +1,89 @@
+"""The present of a run: the arrays that compiled code steps, and what acts on them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from alf_ros.arrays import Floats
+from alf_ros.kernel import Phase
+from alf_ros.model.compile import Model
+from alf_ros.model.prescribed import prescribe
+from alf_ros.simulation.applied import Applied
+from alf_ros.simulation.state import State
+
+
+@dataclass(frozen=True, eq=False)
+class Present:
+    """Where a run is.
+
+    `phase` and `carried` (what a formulation other than alf2 integrates) are written by the steps,
+    the number of steps taken with them. Whatever else changes the run makes another `Present`, so
+    that one assignment changes all of it: an exception, even that of a signal, comes before or
+    after. `since`: the step at which the run was set to a state, before the first it has made.
+    """
+
+    phase: Phase
+    carried: Floats
+    applied: Applied
+    accounts: tuple[str, ...]
+    since: int
+
+    @classmethod
+    def at(
+        cls, model: Model, state: State, applied: Applied, accounts: tuple[str, ...], h: float
+    ) -> Present:
+        """The present at a state, with steps of h (s)."""
+        if state.inputs != applied.inputs:
+            applied = applied.holding(state.inputs)
+        within = np.array([math.nan if state.step else 0.0])
+        phase = _phase(state, accounts, applied.load_count, within)
+        # a state may come from a log, which holds what moves freely
+        prescribe(model.system, state.step * h, phase.q, phase.qd, np.zeros_like(phase.q))
+        return cls(phase, state.carried.copy(), applied, accounts, state.step)
+
+    def aside(self, state: State, within: Floats) -> Present:
+        """Another one, at a state between two steps; `within` as in its phase."""
+        phase = _phase(state, self.accounts, self.phase.loads.size, within)
+        return replace(self, phase=phase, carried=state.carried.copy())
+
+    @property
+    def step(self) -> int:
+        """Number of steps taken."""
+        return int(self.phase.step[0])
+
+    def state(self) -> State:
+        """A copy of the state."""
+        of = self.phase
+        return State(
+            self.step,
+            of.q.copy(),
+            of.qd.copy(),
+            of.turns.copy(),
+            float(of.pace[0]),
+            self.carried.copy(),
+            self.applied.inputs,
+            dict(zip(self.accounts, of.works.tolist(), strict=True)),
+            of.loads.copy(),
+        )
+
+
+def _phase(state: State, accounts: tuple[str, ...], loads: int, within: Floats) -> Phase:
+    """The phase of a state, in arrays of its own.
+
+    Works that the state does not know begin at zero, loads with the balance that friction leads to
+    as it is put on.
+    """
+    known = state.loads if state.loads.size == loads else np.zeros(loads)
+    return Phase(
+        state.q.copy(),
+        state.qd.copy(),
+        state.turns.copy(),
+        np.array([state.pace]),
+        np.array([state.works.get(name, 0.0) for name in accounts]),
+        known.copy(),
+        within.copy(),
+        np.array([state.step]),
+    )

@@ -1,0 +1,68 @@
+"""Where a scene starts: its mechanism closed, its velocities completed, its lengths consistent."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from alf_ros.arrays import Floats
+from alf_ros.errors import AssemblyError
+from alf_ros.model import assembly, singular_start
+from alf_ros.model.compile import Model, compile_model
+from alf_ros.model.consistency import Adjustment, made_consistent
+from alf_ros.model.penalty import LEAST_PENALTY, fitted
+from alf_ros.model.singular_branches import Position
+from alf_ros.scene.scene import Scene, Solver
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """The start of a scene.
+
+    q (blocks D, m) and qd (m/s): all blocks in the kernel's order. dependent_rows: how many rows
+    depend on the others in ordinary positions, of which `ordinary` (blocks D, m) is one nearby.
+    singular: the position, to second order, if it is a singular one; near: whether it is so near
+    to one that nothing may be felt of it. adjustment: of redundant lengths, if any. unexamined:
+    what could not be told of a start at rest; empty if all could.
+    """
+
+    model: Model
+    q: Floats
+    qd: Floats
+    dependent_rows: int
+    ordinary: Floats
+    singular: Position | None
+    near: bool
+    adjustment: Adjustment | None
+    unexamined: str = ''
+
+
+def started(scene: Scene, solver: Solver) -> Start:
+    """The start of a scene for a solver. Raises AssemblyError, naming the file of the scene."""
+    alf2 = solver.formulation == 'alf2'
+    least = LEAST_PENALTY if alf2 else 0.0
+    model = compile_model(scene.mechanism, max(solver.penalty, least))
+    adjustment = None
+    try:
+        model, q, dependent, ordinary = _assembled(scene, model)
+        consistent = made_consistent(model, q, dependent)
+        if consistent is not None:
+            mechanism, adjustment = consistent
+            model = compile_model(mechanism, model.penalty)
+            model, q, dependent, ordinary = _assembled(scene, model)
+        if alf2:
+            model = fitted(model, model.system.ordinary)
+        near = assembly.within(model, q, dependent)
+        if near:
+            q = assembly.close(model, scene.positions, q, least=0.0)
+        qd, singular = singular_start.start(model, q, scene.velocities, dependent, near)
+    except AssemblyError as error:
+        raise AssemblyError(error.message, file=scene.file, key=error.key) from None
+    return Start(model, q, qd, dependent, ordinary, singular, near, adjustment)
+
+
+def _assembled(scene: Scene, model: Model) -> tuple[Model, Floats, int, Floats]:
+    """The model, knowing what is ordinary near its closed position; that position q (blocks D, m);
+    how many rows depend on others; and an ordinary position (blocks D, m)."""
+    q = assembly.close(model, scene.positions)
+    dependent, ordinary, sigma = assembly.ordinary(model, q)
+    return model.accustomed(sigma, dependent), q, dependent, ordinary

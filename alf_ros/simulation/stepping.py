@@ -1,0 +1,271 @@
+"""Steps: one method on one mechanism, with all the memory that its compiled code writes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from alf_ros import kernel
+from alf_ros.arrays import Floats
+from alf_ros.effects.contract import Effect
+from alf_ros.errors import StepError
+from alf_ros.kernel import Forces, Problem, Status, Watch, Work
+from alf_ros.model import singular_start
+from alf_ros.model.compile import allocate
+from alf_ros.model.effect_directions import softened
+from alf_ros.model.singular_branches import Branch
+from alf_ros.model.tableaux import TABLEAUX, first_pace
+from alf_ros.scene.scene import Solver
+from alf_ros.simulation.applied import NO_INPUTS, Applied
+from alf_ros.simulation.formulations import Formulation
+from alf_ros.simulation.listening import Listener
+from alf_ros.simulation.present import Present
+from alf_ros.simulation.reactions import ReactionsOf
+from alf_ros.simulation.resolution import Resolution, resolution
+from alf_ros.simulation.start import Start
+from alf_ros.simulation.state import State
+from alf_ros.simulation.status import beyond_reach
+
+
+class Stepper:
+    """Takes the steps of a simulation.
+
+    It owns the workspaces and knows no state: what it steps is given to it. `formulation`: one
+    that was prepared before. Raises InputError for an effect that does not fit the mechanism, and
+    for a formulation that does not fit the integrator.
+    """
+
+    def __init__(
+        self,
+        start: Start,
+        solver: Solver,
+        effects: Sequence[Effect],
+        ledger: bool,
+        formulation: Formulation | None = None,
+    ) -> None:
+        self.h = solver.step
+        self.method = method = solver.method
+        self.iterations = 0  # most in one solve of the last call
+        self._start, self._model = start, start.model
+        tableau = TABLEAUX[solver.integrator]
+        self.reactions = ReactionsOf(self._model)
+        # with nothing held
+        self.applied = Applied(
+            self._model,
+            effects,
+            NO_INPUTS,
+            self.reactions,
+            method.b if ledger else None,
+            tangents=tableau.implicit,
+        )
+        self.system = self._model.system
+        self._kernel = kernel.advance
+        if tableau.implicit:
+            self.system = softened(self.system, self._model.layout, self.applied.directions)
+            self._kernel = kernel.advance_implicitly
+        elif method.embedded.size:
+            self._kernel = kernel.advance_adaptively
+        self.work = allocate(self._model, self.system, method.b.size)
+        self.listener = Listener(self.work)
+        self._aside: Work | None = None
+        self._problems: dict[bool, Problem] = {}  # of the run, and aside
+        self.formulation = formulation
+        if solver.formulation != 'alf2' and formulation is None:
+            self.formulation = Formulation(self._model, solver, start.q)
+
+    # ------------------------------------------------------------------------------------ states
+
+    def initial(self, accounts: tuple[str, ...]) -> State:
+        """The state in which the scene starts, works (J) of these accounts."""
+        q, qd = self._start.q, self._start.qd
+        turns = np.zeros(self._model.system.angles.c.size // 2, dtype=np.int64)
+        return State(
+            0,
+            q,
+            qd,
+            turns,
+            self.first_pace(qd),
+            self.formulation.start(q, qd) if self.formulation else np.zeros(0),
+            NO_INPUTS,
+            dict.fromkeys(accounts, 0.0),
+            np.zeros(self.applied.load_count),
+        )
+
+    def first_pace(self, qd: Floats) -> float:
+        """With which an adaptive method begins at velocities q̇ (blocks D, m/s), s."""
+        return first_pace(self.h, self._model.size, qd)
+
+    # ------------------------------------------------------------------------------------- steps
+
+    def advance(self, present: Present, n: int, watch: Watch | None = None) -> Status:
+        """n steps from the present, fewer if one fails or is to be looked at."""
+        return self._take(self.work, present, present.step, n, self.h, 0.0, watch)
+
+    def aside(self, present: Present, start: float, h: float, counted: bool = True) -> Status:
+        """One step of h (s) from `present` at `start` (s), which is not that of the run.
+
+        `counted`: its evaluations are.
+        """
+        if self._aside is None:
+            made = allocate(self._model, self.system, self.method.b.size)
+            self._aside = replace(made, pulse=self.work.pulse, caller=self.work.caller)
+        work, iterations = self._aside, self.iterations
+        counts = int(work.evaluations[0]), int(work.rounded[0])
+        status = self._take(work, present, 0, 1, h, start, None)
+        if not counted:
+            (work.evaluations[0], work.rounded[0]), self.iterations = counts, iterations
+        return status
+
+    def _take(
+        self,
+        work: Work,
+        present: Present,
+        first: int,
+        n: int,
+        h: float,
+        start: float,
+        watch: Watch | None,
+    ) -> Status:
+        """n steps of h from `start` + `first` h (s)."""
+        forces, phase = present.applied.assembled, present.phase
+        if self.formulation is not None:
+            result, _, self.iterations = self.formulation.advance(
+                forces, work, phase, present.carried, start, first, n, h
+            )
+            return Status(result)
+        within = False
+        if first == 0 and start == 0.0:
+            within = self._start.near and bool(self._start.qd.any())
+            if self._start.singular is not None and not phase.qd.any():
+                pull = self._start.singular.pull(self._forces_at_rest(present.applied))
+                within = bool(pull.any())
+        self.work.crossing[1] = 0.0
+        result, _, self.iterations = self._kernel(
+            self._problem(work, forces), phase, watch, start, first, n, h, within
+        )
+        return Status(result)
+
+    def _problem(self, work: Work, forces: Forces) -> Problem:
+        """What the kernel steps with; another one when other inputs are held."""
+        known = self._problems.get(work is self.work)
+        if known is None or known.forces is not forces:
+            known = Problem(self._model.unit, self.system, forces, self.method, work)
+            self._problems[work is self.work] = known
+        return known
+
+    def error(self, status: Status, present: Present) -> StepError:
+        """What to raise where a step from the present failed. Raises what stopped it, if that is
+        the reason."""
+        if status == Status.STOPPED:
+            self.listener.answer()
+        t = present.step * self.h
+        found = beyond_reach(self._model, present.phase.q, t, self.h)
+        if found is None and self.formulation:
+            found = self.formulation.failure(status)
+        if found is not None:
+            return StepError(*found, t)
+        reason, remedy = status.reason, status.remedy
+        if status == Status.JAMMED:
+            reason += f', at t = {present.applied.assembled.bearings.ended[0]:.9g} s'
+        gap = float(self.work.crossing[1])
+        if status == Status.NOT_CLOSED and gap > 0.0:
+            reason += f': lengths miss a singular position by about {gap:.1g} m'
+            remedy = (
+                'make the lengths agree, or let them differ by more than 1e-6 of the size; or '
+                'take a smaller step'
+            )
+        if status == Status.TOO_LONG:
+            longest = self.resolution.adequate
+            remedy = f'take a smaller step, {longest:g} s or less, or an adaptive integrator'
+        return StepError(reason, remedy, t)
+
+    # ------------------------------------------------------------------------------------ counts
+
+    @property
+    def evaluations(self) -> int:
+        """Stages evaluated so far."""
+        return sum(int(work.evaluations[0]) for work in self._works)
+
+    @property
+    def rounded(self) -> int:
+        """Steps taken although rounding kept their error above the tolerance."""
+        return sum(int(work.rounded[0]) for work in self._works)
+
+    @property
+    def _works(self) -> list[Work]:
+        return [self.work] if self._aside is None else [self.work, self._aside]
+
+    @property
+    def resolution(self) -> Resolution:
+        """How well the steps resolve the motion, where that is measured."""
+        if self.formulation is not None:
+            return Resolution(self.h)
+        measured = self.method.estimate.size > 0
+        found = resolution(self.h, self.work.judged) if measured else Resolution(self.h)
+        return replace(
+            found, crossing=float(self.work.crossing[0]), unexamined=self._start.unexamined
+        )
+
+    def beside(self, present: Present) -> bool | None:
+        """Whether the last step of the run ended beside a singular position, interpolated; None if
+        it has made none."""
+        return None if present.step == present.since else bool(self.work.aside[0])
+
+    def beside_aside(self) -> bool:
+        """The same of the last step aside."""
+        return self._aside is not None and bool(self._aside.aside[0])
+
+    def begin(self) -> None:
+        """The run goes on from another state: its steps are judged anew."""
+        self.work.judged[:] = 0.0
+        self.work.crossing[:] = 0.0
+
+    @property
+    def memory(self) -> dict[str, Any]:
+        """What a copy must know to count and judge on."""
+        work = self.work
+        names = ('evaluations', 'rounded', 'judged', 'crossing', 'aside')
+        counts = {name: getattr(work, name).copy() for name in names}
+        counts['evaluations'][0], counts['rounded'][0] = self.evaluations, self.rounded
+        return {**counts, 'iterations': self.iterations}
+
+    def recall(self, memory: dict[str, Any]) -> None:
+        """Count and judge on from the memory of another."""
+        for name in ('evaluations', 'rounded', 'judged', 'crossing', 'aside'):
+            getattr(self.work, name)[:] = memory[name]
+        self.iterations = memory['iterations']
+
+    # -------------------------------------------------------------------------------------- rest
+
+    def examined(self, applied: Applied) -> str:
+        """What could not be told of a start at rest near a singular position; empty if all could.
+
+        Raises AssemblyError where the motion that begins is not unique.
+        """
+        start = self._start
+        self.departure(applied)
+        if not start.near or self.formulation is not None or start.qd.any():
+            return ''
+        Q = self._forces_at_rest(applied)
+        return singular_start.unexamined(start.model, start.q, start.singular, Q)
+
+    def departure(self, applied: Applied) -> Branch | None:
+        """The branch on which what acts sets the mechanism going, from rest in a singular
+        position. Raises AssemblyError where it is not unique."""
+        start = self._start
+        if start.singular is None or start.qd.any() or self.formulation is not None:
+            return None
+        return start.singular.departure(self._forces_at_rest(applied))
+
+    def _forces_at_rest(self, applied: Applied) -> Floats:
+        """(blocks D,) N, where the scene starts, with what is held."""
+        q, qd, angles = self._start.q, self._start.qd, self._model.system.angles
+        Q, near = np.zeros_like(q), np.zeros(angles.c.size // 2)
+        places, turns = np.zeros(angles.c.size), np.zeros(near.size, dtype=np.int64)
+        kernel.violation(self._model.unit, angles, q, places)
+        kernel.nearby(places, turns, near)
+        kernel.applied_forces(applied.assembled.effects, 0.0, q, qd, near, Q)
+        return Q

@@ -1,0 +1,217 @@
+"""`python -m alf_ros`: what it lists, and how every command ends."""
+
+import io
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+
+import pytest
+
+from alf_ros import __main__ as program
+from alf_ros.commands import COMMANDS
+from alf_ros.commands.parser import Parser, numbers, writing_into
+from alf_ros.commands.progress import ProgressBar
+from alf_ros.errors import InputError, StepError
+
+BLOCK = """
+import sys
+from types import ModuleType
+
+class Block:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition('.')[0] in {blocked}:
+            raise ModuleNotFoundError('No module named ' + repr(name), name=name)
+
+sys.meta_path.insert(0, Block())
+from alf_ros.__main__ import main
+sys.exit(main({argv}))
+"""
+
+
+def run_without(blocked, *argv):
+    code = BLOCK.format(blocked=set(blocked), argv=list(argv))
+    return subprocess.run([sys.executable, '-c', code], capture_output=True, text=True)
+
+
+def one_line(text):
+    assert text.endswith('\n') and text.count('\n') == 1
+    return text
+
+
+@pytest.fixture
+def command(monkeypatch):
+    """Make a function the command `try`; returns what main() returns for it."""
+
+    module = ModuleType('alf_ros.try')
+
+    def run(function, *argv):
+        monkeypatch.setattr(module, 'main', function, raising=False)
+        monkeypatch.setattr(program, 'COMMANDS', {'try': 'alf_ros.try'})
+        monkeypatch.setitem(sys.modules, 'alf_ros.try', module)
+        monkeypatch.setattr(sys, 'argv', ['before'])
+        return program.main(['try', *argv])
+
+    return run
+
+
+def raiser(error):
+    def function(argv):
+        raise error
+
+    return function
+
+
+def test_help_lists_every_command_without_a_heavy_import():
+    heavy = ['numpy', 'numba', 'scipy', 'yaml', 'rclpy', 'mcap']
+    done = run_without(heavy, '--help')
+    assert (done.returncode, done.stderr) == (0, '')
+    for name in COMMANDS:
+        (line,) = [line for line in done.stdout.splitlines() if line.startswith(f'  {name} ')]
+        assert len(line.split()) > 3, 'every command has a line of help'
+
+
+def test_no_command_is_a_usage_error(capsys):
+    assert program.main([]) == 2
+    assert 'usage:' in capsys.readouterr().err
+
+
+def test_unknown_command_names_the_nearest(capsys):
+    assert program.main(['simulatr']) == 2
+    assert "did you mean 'simulator'?" in one_line(capsys.readouterr().err)
+
+
+def test_missing_library_is_one_line():
+    done = run_without(['rclpy'], 'simulator')
+    assert (done.returncode, done.stdout) == (2, '')
+    assert "No module named 'rclpy'" in one_line(done.stderr)
+
+
+def test_an_import_error_of_our_own_is_a_bug_and_shows(command):
+    with pytest.raises(ImportError):
+        command(raiser(ImportError('cannot import', name='alf_ros.model')))
+
+
+@pytest.mark.parametrize(
+    'error, code',
+    [(InputError('bad', key='mass', value=-1), 2), (StepError('no', 'yes', 0.5), 1)],
+)
+def test_errors_of_the_package_are_one_line(command, capsys, error, code):
+    assert command(raiser(error)) == code
+    assert str(error) in one_line(capsys.readouterr().err)
+
+
+def test_ctrl_c_is_quiet(command, capsys):
+    assert command(raiser(KeyboardInterrupt())) == 130
+    assert capsys.readouterr() == ('', '')
+
+
+def test_a_command_gets_its_arguments_and_gives_its_exit_code(command):
+    seen = []
+
+    def function(argv):
+        seen.append((argv, sys.argv))
+        return 7
+
+    assert command(function, '--step', '1') == 7
+    assert seen == [(['--step', '1'], ['alf_ros try', '--step', '1'])]
+
+
+def test_a_reader_that_leaves_early_is_no_error():
+    many = 'import sys; from alf_ros import __main__ as p; p.usage = lambda: "x" * 10**6;'
+    code = many + 'sys.exit(p.main(["--help"]))'
+    writer = subprocess.Popen(
+        [sys.executable, '-c', code], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    writer.stdout.close()
+    assert writer.stderr.read() == b''
+    writer.stderr.close()
+    writer.wait()
+
+
+# ------------------------------------------------------------------- what commands have in common
+
+
+def test_all_commands_have_one_parser():
+    """So that every mistake is answered alike."""
+    folder = Path(program.__file__).parent
+    made = {
+        path.relative_to(folder).as_posix()
+        for path in folder.rglob('*.py')
+        if 'ArgumentParser' in path.read_text(encoding='utf-8')
+    }
+    assert made == {'commands/parser.py'}
+    with pytest.raises(InputError, match=r'--no.*\(see --help\)'):
+        Parser(prog='try').parse_args(['--no'])
+
+
+def test_numbers_are_expressions_by_name():
+    assert numbers(['a=1.5', 'b=2*3']) == {'a': 1.5, 'b': 6.0}
+    for text in ('a', 'a=', 'a=x'):
+        with pytest.raises(InputError, match='NAME=NUMBER'):
+            numbers([text])
+
+
+def test_a_file_that_cannot_be_written_is_told_by_its_option(tmp_path):
+    with writing_into(str(tmp_path / 'new' / 'folder')) as folder:
+        assert folder.is_dir()
+    (tmp_path / 'file').write_text('')
+    with pytest.raises(InputError, match='--folder: Not a directory'):
+        with writing_into(str(tmp_path / 'file' / 'below')):
+            pass
+    with pytest.raises(InputError, match='--folder: No such file'):
+        with writing_into(str(tmp_path)) as folder:
+            (folder / 'absent' / 'file').write_text('')
+
+
+class Terminal(io.StringIO):
+    """What stderr is on a terminal of 60 columns."""
+
+    def isatty(self):
+        return True
+
+    def seen(self):
+        return re.split(r'\r\x1b\[K', self.getvalue())[1:]
+
+
+@pytest.fixture
+def terminal(monkeypatch):
+    stderr = Terminal()
+    monkeypatch.setattr('alf_ros.commands.progress.sys', SimpleNamespace(stderr=stderr))
+    monkeypatch.setattr(os, 'get_terminal_size', lambda _: os.terminal_size((60, 24)))
+    return stderr
+
+
+def test_a_bar_counts_runs(terminal):
+    with ProgressBar(total=2) as bar:
+        bar.show('a')
+        bar.show('b' * 99)
+        bar.clear()
+        bar.clear()
+    first, second, *removed = terminal.seen()
+    assert first == f'[{"." * 30}] 0/2  a'
+    assert second.startswith(f'[{"#" * 15}{"." * 15}] 1/2') and len(second) < 60
+    assert removed == ['']  # once
+
+
+def test_a_bar_shows_the_part_of_what_takes_long(terminal, monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr('alf_ros.commands.progress.time.monotonic', lambda: now[0])
+    monkeypatch.setattr(os, 'get_terminal_size', lambda _: os.terminal_size((0, 0)))
+    with ProgressBar('verify') as bar:
+        for now[0], part in ((0.2, 0.1), (1.0, 0.25), (1.05, 0.3), (3.0, 1.0)):
+            bar(part)
+    assert terminal.seen() == [
+        f'verify [{"#" * 8}{"." * 22}]  25%, 3 s left',
+        f'verify [{"#" * 30}] 100%, 0 s left',
+        '',
+    ]
+
+
+def test_no_bar_where_there_is_no_terminal(capsys):
+    with ProgressBar('quiet', total=2) as bar:
+        bar.show('a')
+        bar(1.0)
+    assert capsys.readouterr() == ('', '')

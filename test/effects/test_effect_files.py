@@ -1,0 +1,130 @@
+"""Effects of users: a file beside the scene, or a package's; doc/effects.md done as told."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from alf_ros import InputError, Simulation, effects, load_scene
+from alf_ros.scene.scene import scene_from_text
+from support.paths import ROOT
+
+DOC = (ROOT / 'doc/effects.md').read_text('utf-8')
+BLOCKS = re.findall(r'^```(\w+)\n(.*?)^```$', DOC, re.DOTALL | re.MULTILINE)
+FILES = {re.match(r'# (\w+\.\w+)\n', text)[1]: text for kind, text in BLOCKS if kind != 'text'}
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    for name, text in FILES.items():
+        (tmp_path / name).write_text(text, 'utf-8')
+    return tmp_path
+
+
+def output(folder: Path) -> str:
+    """What `python orbit.py` prints in the folder, with the cache a user would have."""
+    done = subprocess.run(
+        [sys.executable, 'orbit.py'],
+        cwd=folder,
+        env={**os.environ, 'PYTHONPATH': str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return done.stdout
+
+
+def test_documented_effect_runs(folder: Path) -> None:
+    """The orbit is a circle."""
+    (told,) = (text for kind, text in BLOCKS if kind == 'text')
+    assert output(folder) == told
+
+
+def test_an_edit_takes_effect_at_once(folder: Path) -> None:
+    """In as many bytes, at the same time by the file's clock, and only in a constant."""
+    ellipse = FILES['orbit.yaml'].replace('P: [0, 2]', 'P: [0, 1.8]')
+    (folder / 'orbit.yaml').write_text(ellipse, 'utf-8')
+    file, times, told = folder / 'magnet.py', (1e9, 1e9), []
+    for power in (2, 3):
+        file.write_text(FILES['magnet.py'].replace('length**2', f'length**{power}'), 'utf-8')
+        os.utime(file, times)
+        told.append(output(folder))
+    assert told[0] != told[1]
+
+
+def test_documented_effect_takes_few_lines() -> None:
+    _, _, code = FILES['magnet.py'].partition('\n')
+    lines = [line for line in code.partition('@contract.potential')[0].splitlines() if line]
+    assert len(lines) <= 30
+
+
+def test_text_of_a_scene_says_which_file(folder: Path) -> None:
+    scene = load_scene(folder / 'orbit.yaml')
+    again = scene_from_text(scene.text)  # from anywhere
+    assert again.effects == scene.effects and again.hash == scene.hash
+    assert str(folder / 'magnet.py') in scene.text and '#sha256=' in scene.text
+    assert scene.effects[0].label == 'magnet'
+    sims = Simulation(scene), Simulation(again)
+    for sim in sims:
+        sim.step(100)
+    assert sims[0].state.q.tobytes() == sims[1].state.q.tobytes()
+    with open(folder / 'magnet.py', 'a') as file:
+        file.write('# another\n')
+    assert scene_from_text(scene.text).effects == scene.effects  # this text has run: it is known
+    program = f'from alf_ros.scene.scene import scene_from_text; scene_from_text({scene.text!r})'
+    done = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True)
+    assert 'InputError' in done.stderr and 'no longer what it was' in done.stderr
+    sims[0].apply_wrench('planet', force=[1.0, 0.0])  # packs again: a run goes on with its file
+    sims[0].step()
+
+
+@pytest.mark.parametrize(
+    'old, new, message',
+    [
+        ('MULTIPLE = True', 'MULTIPLE = = True', r'magnet\.py:9: not Python'),
+        ('def pack(', 'def unpack(', 'an effect without pack'),
+        ("'kind': 'number', ", '', "no 'kind' and 'doc' in the metadata of 'strength'"),
+        ('import Measures,', 'import Mesures,', r'magnet\.py:7: ImportError'),
+        ('@contract.force', '', 'force is not compiled by @contract.force'),
+        ('length**2, Q)', 'breadth**2, Q)', 'numba cannot compile it: .*breadth'),
+        ('@dataclass(frozen=True)', '', 'Parameters is no dataclass'),
+    ],
+)
+def test_what_is_no_effect_is_refused(folder: Path, old: str, new: str, message: str) -> None:
+    assert old in FILES['magnet.py']
+    (folder / 'magnet.py').write_text(FILES['magnet.py'].replace(old, new), 'utf-8')
+    with pytest.raises(InputError, match=message) as caught:
+        load_scene(folder / 'orbit.yaml')
+    assert '\n' not in str(caught.value)
+
+
+def test_no_such_file(folder: Path) -> None:
+    (folder / 'magnet.py').unlink()
+    with pytest.raises(InputError, match=r'orbit\.yaml:7: .*no such file of an effect'):
+        load_scene(folder / 'orbit.yaml')
+
+
+def test_effect_of_a_package(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Registered by an entry point, it needs no path, and is not imported before it is named."""
+    (folder / 'magnets-1.0.dist-info').mkdir()
+    (folder / 'magnets-1.0.dist-info/METADATA').write_text('Name: magnets\nVersion: 1.0\n')
+    points = '[alf_ros.effects]\nattraction = magnet\n'
+    (folder / 'magnets-1.0.dist-info/entry_points.txt').write_text(points)
+    monkeypatch.syspath_prepend(str(folder))
+    assert 'attraction' in effects.kinds() and 'magnet' not in sys.modules
+    text = FILES['orbit.yaml'].replace('magnet.py', 'attraction')
+    scene = scene_from_text(text)
+    try:
+        assert scene_from_text(scene.text).effects == scene.effects
+        assert Simulation(scene).sample().energy == pytest.approx(-4.0, abs=1e-12)
+        sys.modules.pop('magnet')
+        (folder / 'magnet.py').write_text('import nothing_of_this_name\n')
+        with pytest.raises(InputError, match='cannot be loaded from its package: ModuleNotFound'):
+            scene_from_text(text)
+    finally:
+        sys.modules.pop('magnet', None)

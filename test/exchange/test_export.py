@@ -1,0 +1,142 @@
+"""URDF out: links move as the bodies do; and back in: the same mechanism moves the same."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from alf_ros import Simulation, load_scene
+from alf_ros.arrays import Floats
+from alf_ros.commands.export import main
+from alf_ros.errors import InputError
+from alf_ros.exchange.export import exported
+from alf_ros.exchange.import_file import imported
+from alf_ros.exchange.urdf_export import urdf
+from alf_ros.model.joints import type_of
+from support.paths import ROOT
+
+SCENES = sorted(path.stem for path in ROOT.glob('config/scenes/*.yaml'))
+
+
+def link_poses(text: str, values: dict[str, float]) -> dict[str, tuple[Floats, Floats]]:
+    """(place, axes) of every link, by the rules of URDF, for joint positions by name."""
+    robot = ElementTree.fromstring(text)
+    above = {joint.find('child').get('link'): joint for joint in robot.iter('joint')}
+    assert len(above) == len(list(robot.iter('joint'))), 'a link with two parents'
+
+    def numbers(element: ElementTree.Element, key: str) -> Floats:
+        return np.array(list(map(float, element.get(key).split())))
+
+    def pose(link: str) -> tuple[Floats, Floats]:
+        if link not in above:
+            return np.zeros(3), np.eye(3)
+        joint = above[link]
+        place, axes = pose(joint.find('parent').get('link'))
+        origin = joint.find('origin')
+        place = place + axes @ numbers(origin, 'xyz')
+        axes = axes @ Rotation.from_euler('xyz', numbers(origin, 'rpy')).as_matrix()
+        if joint.get('type') == 'fixed':
+            return place, axes
+        move = numbers(joint.find('axis'), 'xyz') * values[joint.get('name')]
+        if joint.get('type') == 'prismatic':
+            return place + axes @ move, axes
+        assert joint.get('type') == 'continuous'
+        return place, axes @ Rotation.from_rotvec(move).as_matrix()
+
+    return {link.get('name'): pose(link.get('name')) for link in robot.iter('link')}
+
+
+@pytest.mark.parametrize('name', SCENES)
+def test_joint_states_move_the_links_as_the_bodies_move(name: str) -> None:
+    simulation = Simulation(load_scene(name))
+    simulation.step(300)
+    sample, mechanism = simulation.sample(), simulation.scene.mechanism
+    values = {joint: state.position for joint, state in sample.joints.items()}
+    found = link_poses(urdf(mechanism), values)
+    compared = 0
+    for body in mechanism.bodies:
+        if body.name not in found:
+            continue
+        place, axes = found[body.name]
+        for point, local in zip(body.points, body.local, strict=True):
+            at = place + axes[:, : len(local)] @ local
+            assert at[: len(local)] == pytest.approx(sample.points[point], abs=1e-9)
+            compared += 1
+    assert compared or all(type_of(joint).urdf is None for joint in mechanism.joints)
+
+
+WHOLE = (
+    'bricard',
+    'delta_robot',
+    'double_pendulum',
+    'four_bar',
+    'jansen_leg',
+    'slider_crank',
+    'spatial_four_bar',
+    'stewart_platform',
+)
+
+
+@pytest.mark.parametrize('name', WHOLE)
+def test_there_and_back_it_moves_the_same(name: str, tmp_path: Path) -> None:
+    """From rest, in a slanting gravity of the x-y plane."""
+    text, side, left_out = exported(load_scene({'mechanism': name}))
+    assert all(line.startswith('effects: ') for line in left_out)
+    saved = {'it.urdf': text, 'loops.yaml': side}
+    for file, content in saved.items():
+        (tmp_path / file).write_text(content, encoding='utf-8')
+    back = imported(str(tmp_path / 'it.urdf'), loops=str(tmp_path / 'loops.yaml'))
+    (tmp_path / 'back.yaml').write_text(back, encoding='utf-8')
+    motions = []
+    for source in (name, str(tmp_path / 'back.yaml')):
+        mechanism = load_scene({'mechanism': source}).mechanism
+        gravity = (2.0, -9.0, 3.0)[: mechanism.dimension]
+        scene = load_scene(
+            {'mechanism': source, 'effects': {'gravity': {'acceleration': gravity}}}
+        )
+        simulation = Simulation(scene, integrator='dop853', step=1e-3)
+        samples = [simulation.sample()]
+        for _ in range(4):
+            simulation.step(50)
+            samples.append(simulation.sample())
+        values = [{n: s.position for n, s in sample.joints.items()} for sample in samples]
+        motions.append({n: [v[n] - values[0][n] for v in values] for n in values[0]})
+    ours, theirs = motions
+    both = ours.keys() & theirs.keys()
+    assert len(both) >= len(ours) / 2
+    assert max(abs(value) for each in both for value in ours[each]) > 1e-2
+    for each in both:
+        assert theirs[each] == pytest.approx(ours[each], abs=1e-8)
+
+
+def test_what_does_not_go_is_listed(tmp_path: Path, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(['planetary_gear', '-o', 'it.urdf', '--loops', 'it.yaml']) == 0
+    out, said = capsys.readouterr()
+    assert out == ''
+    assert 'not carried over: joints: mesh0 (gear)\n' in said
+    assert '# Not carried over: joints: mesh0 (gear)\n' in Path('it.yaml').read_text()
+    assert main(['spatial_four_bar']) == 0
+    out, said = capsys.readouterr()
+    assert 'held by no joint that URDF knows: coupler' in out
+    assert 'not carried over: bodies (see --loops): coupler\n' in said
+    assert 'not carried over: loops (see --loops): knee\n' in said
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'message'),
+    [
+        (['four_barr'], "got 'four_barr'; did you mean 'four_bar'"),
+        (['four_bar', '-o', 'no/where'], '-o: No such file'),
+        (['four_bar', '-o', 'it.urdf', '--loops', 'no/where'], '--loops: No such file'),
+        (['four_bar', '--set', 'a'], 'not a parameter'),
+    ],
+)
+def test_mistakes_of_the_command(arguments, message, tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError, match=message):
+        main(arguments)

@@ -1,0 +1,241 @@
+"""What acts on the joints of imported robots, against an independent integration of MuJoCo's M, J.
+
+MuJoCo gives the mass matrix with armature, the bias forces and the Jacobians of the constraints.
+The laws are written here once more, constraints hold exactly: M q̈ = τ - bias + Jᵀ λ, J q̈ = -J̇ q̇.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import support.imported_robots as robots
+from alf_ros import InputError, Simulation
+from alf_ros.arrays import Floats
+from alf_ros.exchange.import_file import imported
+from alf_ros.scene.scene import scene_from_text
+from support.coupled_bars import two_bars
+from support.imported_motions import saved, simulate
+from support.paths import DATA
+
+FOLDER = DATA / 'robots'
+LEG = str(FOLDER / 'leg.xml')
+STOPS, SLIP = 2e2, 1e-2  # N m/rad^1.5; rad/s or m/s below which dry friction fades
+DURATION, INSTANTS = 0.6, 7
+
+
+class Independent:
+    """The leg in its joint coordinates."""
+
+    def __init__(self) -> None:
+        self.mujoco = pytest.importorskip('mujoco')
+        self.model = self.mujoco.MjModel.from_xml_path(LEG)
+        self.data = self.mujoco.MjData(self.model)
+        self.mujoco.mj_resetDataKeyframe(self.model, self.data, 0)
+        self.start = self.data.qpos.copy()
+        toe, knee = (self.model.joint(name).qposadr[0] for name in ('toe', 'knee'))
+        self.mimic = toe, knee
+        self.start[toe] = 0.1 - 0.6 * (self.start[knee] - 0.2)
+        self.control = self.data.ctrl.copy()
+
+    def effort(self, q: Floats, v: Floats) -> Floats:
+        """Of dampers, dry friction, springs, stops and actuators."""
+        model = self.model
+        force = -model.dof_damping * v
+        force -= model.dof_frictionloss * v / np.sqrt(v**2 + SLIP**2)
+        force -= model.jnt_stiffness * (q - model.qpos_spring)
+        for n in np.flatnonzero(model.jnt_limited):
+            below, above = model.jnt_range[n, 0] - q[n], q[n] - model.jnt_range[n, 1]
+            force[n] += STOPS * (max(below, 0.0) ** 1.5 - max(above, 0.0) ** 1.5)
+        rail, hip, crank = (model.joint(name).dofadr[0] for name in ('rail', 'hip', 'crank'))
+        u = self.control
+        force[rail] += 3.0 * u[0]
+        hold = 20.0 * (u[1] - 2.0 * q[hip]) - 0.4 * 2.0 * v[hip]
+        force[hip] += 2.0 * min(max(hold, -6.0), 6.0)
+        force[crank] += -1.5 * 0.3 * (u[2] + 1.5 * v[crank])
+        return np.asarray(force)
+
+    def jacobian(self, q: Floats, v: Floats) -> tuple[Floats, Floats]:
+        """(rows, n) of the mimic and of the loop across its axis, and J̇ q̇ (rows,)."""
+        mujoco, model, data = self.mujoco, self.model, self.data
+        J, rate = np.zeros((3, model.nv)), np.zeros((3, model.nv))
+        toe, knee = self.mimic
+        J[0, [toe, knee]] = 1.0, 0.6
+        # of the loop: the anchor on both bodies, as MuJoCo has compiled it
+        sides = zip(('link', 'rocker'), model.eq_data[2, :6].reshape(2, 3), (1, -1), strict=True)
+        for body, inner, sign in sides:
+            n = model.body(body).id
+            at = data.xpos[n] + data.xmat[n].reshape(3, 3) @ inner
+            linear, change = np.zeros((3, model.nv)), np.zeros((3, model.nv))
+            mujoco.mj_jac(model, data, linear, None, at, n)
+            mujoco.mj_jacDot(model, data, change, None, at, n)
+            J[1:] += sign * linear[[0, 2]]
+            rate[1:] += sign * change[[0, 2]]
+        return J, rate @ v
+
+    def rate(self, _: float, y: Floats) -> Floats:
+        mujoco, model, data = self.mujoco, self.model, self.data
+        q, v = np.split(y, 2)
+        data.qpos[:], data.qvel[:] = q, v
+        mujoco.mj_fwdPosition(model, data)
+        mujoco.mj_fwdVelocity(model, data)
+        M = np.zeros((model.nv, model.nv))
+        mujoco.mj_fullM(model, M, data.qM)
+        J, bent = self.jacobian(q, v)
+        m, n = J.shape
+        whole = np.block([[M, -J.T], [J, np.zeros((m, m))]])
+        right = np.concatenate([self.effort(q, v) - data.qfrc_bias, -bent])
+        return np.concatenate([v, np.linalg.solve(whole, right)[:n]])
+
+    def positions(self) -> Floats:
+        """(instants, joints) rad, m."""
+        y = np.concatenate([self.start, np.zeros(self.model.nv)])
+        times = np.linspace(0.0, DURATION, INSTANTS)
+        found = solve_ivp(
+            self.rate, (0.0, DURATION), y, 'DOP853', times, rtol=1e-11, atol=1e-12, max_step=2e-3
+        )
+        return np.asarray(found.y[: self.model.nq].T)
+
+
+def test_all_that_acts_on_joints_like_mujoco() -> None:
+    """Armature, friction, springs, stops, actuators, a mimic and a loop from a keyframe on."""
+    independent = Independent()
+    expected = independent.positions()
+    text = imported(LEG, stops=STOPS, key='bent')
+    scene = scene_from_text(text)
+    sim = Simulation(scene, integrator='dop853_adaptive', tolerance=1e-11, step=1e-3)
+    model = independent.model
+    names = [model.joint(n).name for n in range(model.njnt)]
+    every = round(DURATION / (INSTANTS - 1) / 1e-3)
+    for sample, row in zip(sim.run(DURATION, every=every), expected, strict=True):
+        found = [sample.joints[name].position for name in names]
+        assert found == pytest.approx(row - expected[0], abs=1e-7)
+    assert np.ptp(expected, axis=0).min() > 0.05
+    assert expected[:, 1].max() > model.jnt_range[model.joint('hip').id, 1] + 1e-3
+
+
+def test_what_a_leg_leaves() -> None:
+    """What changes the motion comes first, with its consequence."""
+    pytest.importorskip('mujoco')
+    lines = imported(LEG, key='bent').split('\n')
+    assert lines[1] == '# What changes the motion:'
+    for line in (
+        'limits (see --stops): joints pass their limits: hip',
+        'armature (see --scene): what is moved is lighter: '
+        'rail, hip, knee, toe, crank, link, rocker',
+        'dry friction (see --scene): joints do not rub: rail, knee, rocker',
+        'actuators (see --scene): they push nothing: push, hold, turn',
+        'actuators: they push nothing: stiffener',
+        'tendons: they pull nothing: cord',
+        'softness: constraints hold exactly: like_the_knee, wrist',
+    ):
+        assert f'#   {line}' in lines
+    end = '# Left out, and moves nothing: shapes 7, lights 1, cameras 1, sensors 1, keyframes 1'
+    assert end in lines
+
+
+def test_a_keyframe_and_a_joint_where_an_equality_has_it() -> None:
+    pytest.importorskip('mujoco')
+    sample = simulate(imported(LEG, scene=True, positions={'knee': 0.7})).sample()
+    along, hip = sample.points['toe_at'] - sample.points['knee_at'], sample.points['knee_at']
+    assert np.linalg.norm(along) == pytest.approx(0.4) and hip[2] < 1.0
+    with pytest.raises(InputError, match=r"--set: an equality has it at -0.08, got 'toe=0.3'"):
+        imported(LEG, key='0', positions={'toe': 0.3})
+    with pytest.raises(InputError, match="no such keyframe, got 'bnt'; did you mean 'bent'"):
+        imported(LEG, key='bnt')
+    with pytest.raises(InputError, match='--key: for MJCF only'):
+        imported(str(FOLDER / 'nested.sdf'), key='bent')
+
+
+def test_an_actuator_stays_in_its_range(tmp_path: Path) -> None:
+    """9 of 9 times gear 3 at most; a control beyond its range counts as its end."""
+    pytest.importorskip('mujoco')
+    source = Path(LEG).read_text(encoding='utf-8').replace('ctrl="2 ', 'ctrl="50 ')
+    text = imported(saved(tmp_path, 'leg.xml', source), scene=True, key='bent')
+    motors = {e.label: e.parameters for e in scene_from_text(text).effects if e.kind == 'motor'}
+    assert motors['motor.push'].effort == 27.0 and motors['motor.push'].limit == 27.0
+
+
+# -------------------------------------------------------------------------------------------- URDF
+
+
+@pytest.mark.parametrize('ratio', [1.0, -0.5])
+def test_a_mimicking_joint_of_a_urdf(ratio: float, tmp_path: Path) -> None:
+    """Two bars, the second raised by the offset: Lagrange's equation of the one coordinate."""
+    raised = math.atan2(0.2, 0.7)
+    path = saved(tmp_path, 'it.urdf', finger(ratio, raised))
+    text = imported(path, scene=True)
+    assert '#   mimic' not in text
+    sim = Simulation(scene_from_text(text), integrator='dop853', step=1e-3)
+    sim.step(1000)
+    found = [sim.sample().joints[name].position for name in ('one', 'two')]
+    assert found == pytest.approx(two_bars(ratio, 1.0), abs=1e-9)
+    message = "'two' mimics 'one', which has it at 0.2"
+    with pytest.raises(InputError, match=message):
+        imported(path, positions={'two': 1.0})
+
+
+def finger(ratio: float, offset: float, *more: str) -> str:
+    """The bars of test_couplings."""
+    mimic = f'<mimic joint="one" multiplier="{ratio!r}" offset="{offset!r}"/></joint>'
+    return robots.robot(
+        '<link name="base"/>',
+        robots.link('upper', (0.5, 0.0, 0.0), 1.5, (0.1, 0.2, 0.2, 0, 0, 0)),
+        robots.link('lower', (0.3, 0.0, 0.0), 0.8, (0.1, 0.1, 0.1, 0, 0, 0)),
+        robots.hinge('one', 'base', 'upper', 0.0, 0.0),
+        robots.hinge('two', 'upper', 'lower', 1.0, 0.0).replace('</joint>', mimic),
+        *more,
+    )
+
+
+CONTROL = """<ros2_control name="hardware" type="system">
+ <joint name="one"><command_interface name="position"/><command_interface name="velocity"/>
+  <state_interface name="position"><param name="initial_value">0.4</param></state_interface>
+ </joint>
+ <joint name="two"><state_interface name="position"/></joint></ros2_control>"""
+TRANSMISSION = """<transmission name="t"><type>transmission_interface/SimpleTransmission</type>
+ <joint name="one"><hardwareInterface>hardware_interface/EffortJointInterface</hardwareInterface>
+ </joint><actuator name="m"><mechanicalReduction>50</mechanicalReduction></actuator>
+</transmission>"""
+
+
+def test_motors_of_a_urdf(tmp_path: Path) -> None:
+    """They have the limit of the joint and push nothing; ros2_control says where it begins."""
+    limit = '<limit effort="7" velocity="2"/><dynamics damping="0.2" friction="0.3"/>'
+    for elements, gains in ((CONTROL, True), (TRANSMISSION, False)):
+        source = finger(2.0, 0.1, elements).replace(
+            '<child link="upper"/>', '<child link="upper"/>' + limit
+        )
+        text = imported(saved(tmp_path, 'it.urdf', source), scene=True)
+        found = {e.kind: e.parameters for e in scene_from_text(text).effects}
+        assert found['motor'].joint == 'one' and found['motor'].limit == 7.0
+        assert found['joint_friction'].load == 0.3 and found['joint_friction'].dynamic == 1.0
+        assert ('gains of actuators' in text) == gains
+        assert ('one at 0.4, two at 0.9' in text) == gains
+
+
+MISTAKES = {
+    'number': (('>0.4<', '>much<'), "one: not a number, got 'much'"),
+    'circle': (
+        ('name="one" type="continuous">', 'name="one" type="continuous"><mimic joint="two"/>'),
+        'it mimics itself',
+    ),
+}
+
+
+def test_a_joint_that_mimics_nobody(tmp_path: Path) -> None:
+    source = finger(2.0, 0.1).replace('mimic joint="one"', 'mimic joint="thumb"')
+    text = imported(saved(tmp_path, 'it.urdf', source))
+    assert "#   mimic: these joints are free: two, for there is no 'thumb'\n" in text
+
+
+@pytest.mark.parametrize(('change', 'message'), MISTAKES.values(), ids=MISTAKES)
+def test_mistakes(change: tuple[str, str], message: str, tmp_path: Path) -> None:
+    source = finger(2.0, 0.1, CONTROL)
+    assert change[0] in source
+    with pytest.raises(InputError, match=message):
+        imported(saved(tmp_path, 'it.urdf', source.replace(*change)))

@@ -1,0 +1,155 @@
+"""Lengths that miss a singular position by a little: adjusted, passed with a word, or refused."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from alf_ros import Simulation, StepError, load_scene
+
+STEPS = {'dop853': 5e-3, 'dop853_adaptive': 1e-2}
+
+
+def sarrus(error: float) -> dict[str, Any]:
+    """A plate that two chains of two bars keep level, with lengths off by about `error`. All its
+    bars come to lie flat at once, where rows that agree elsewhere tell the lengths apart."""
+    random, height = np.random.default_rng(1), 1.2
+    points: dict[str, Any] = {}
+    vectors: dict[str, Any] = {}
+    bodies: dict[str, Any] = {}
+    joints: dict[str, Any] = {}
+    for k in range(2):
+        out, axis = np.roll([1.0, 0.0, 0.0], k), [0.0, 1.0, 0.0] if k == 0 else [1.0, 0.0, 0.0]
+        lower, upper = 1.0 + error * random.standard_normal(2)
+        z = (lower**2 - upper**2 + height**2) / (2.0 * height)
+        elbow = 0.5 * out + math.sqrt(lower**2 - z**2) * out + [0.0, 0.0, z]
+        points[f'A{k}'] = {'at': (0.5 * out).tolist(), 'fixed': True}
+        points[f'E{k}'] = {'at': elbow.tolist()}
+        points[f'T{k}'] = {'at': (0.5 * out + [0.0, 0.0, height]).tolist()}
+        vectors[f'u{k}'] = {'along': axis, 'fixed': True}
+        vectors[f'v{k}'] = vectors[f'w{k}'] = {'along': axis}
+        rod = {'mass': 1.0, 'inertia': 'rod'}
+        ends, axes = [f'A{k}', f'E{k}', f'T{k}'], [f'u{k}', f'v{k}', f'w{k}']
+        bodies[f'lower{k}'] = {'points': ends[:2], 'vectors': axes[:2], **rod}
+        bodies[f'upper{k}'] = {'points': ends[1:], 'vectors': axes[1:], **rod}
+        links = ['ground', f'lower{k}', f'upper{k}', 'plate']
+        for n in range(3):
+            joints[f'j{k}{n}'] = {
+                'type': 'revolute',
+                'between': links[n : n + 2],
+                'at': ends[n],
+                'axis': axes[n],
+            }
+    inertia = {'about_com': [0.1, 0.1, 0.1]}
+    plate = {'points': ['T0', 'T1'], 'vectors': ['w0', 'w1'], 'mass': 2.0, 'inertia': inertia}
+    bodies['plate'] = plate
+    parts = {'points': points, 'vectors': vectors, 'bodies': bodies, 'joints': joints}
+    return {
+        'mechanism': {'alf': 1, 'space': 'spatial', **parts},
+        'initial': {'velocities': {'T0': [None, None, -1.0]}},
+    }
+
+
+@pytest.mark.parametrize('integrator', STEPS)
+@pytest.mark.parametrize('error', [1e-14, 1e-12, 1e-10, 1e-9])
+def test_what_only_a_singular_position_tells_is_adjusted(error: float, integrator: str) -> None:
+    def run(e: float) -> tuple[Simulation, np.ndarray]:
+        sim = Simulation(load_scene(sarrus(e)), integrator=integrator, step=STEPS[integrator])
+        return sim, np.array([sample.energy for sample in sim.run(2.0, every=10)])
+
+    exact, _ = run(0.0)
+    sim, energies = run(error)
+    assert exact.adjustment is None and sim.adjustment is not None
+    assert max(sim.adjustment.changes.values()) < 5.0 * error
+    assert exact.sample().points['T0'][2] < -0.1  # it is through
+    assert np.ptp(energies) < 2e-12
+    assert sim.sample().q == pytest.approx(exact.sample().q, abs=100.0 * error + 1e-11)
+    assert not sim.sample().diagnostics.trouble
+
+
+THETA = math.radians(60.0)
+
+
+def crank(error: float) -> dict[str, Any]:
+    """A slider-crank whose coupler is longer by `error`. No row is redundant: it is as drawn."""
+    points = {
+        'O': {'at': [0.0, 0.0], 'fixed': True},
+        'A': {'at': [math.cos(THETA), math.sin(THETA)]},
+        'B': {'at': [math.cos(THETA) + math.sqrt((1 + error) ** 2 - math.sin(THETA) ** 2), 0.0]},
+    }
+    rod = {'mass': 1.0, 'inertia': 'rod'}
+    return {
+        'mechanism': {
+            'alf': 1,
+            'points': points,
+            'bodies': {
+                'crank': {'points': ['O', 'A'], **rod},
+                'coupler': {'points': ['A', 'B'], **rod},
+            },
+            'joints': {
+                'pin': {'type': 'revolute', 'between': ['ground', 'crank'], 'at': 'O'},
+                'knee': {'type': 'revolute', 'between': ['crank', 'coupler'], 'at': 'A'},
+                'guide': {
+                    'type': 'slider',
+                    'point': 'B',
+                    'on': {'through': [0, 0], 'direction': [1, 0]},
+                },
+            },
+        },
+        'initial': {'velocities': {'A': [-math.sin(THETA), math.cos(THETA)]}},
+    }
+
+
+@pytest.mark.parametrize('integrator', STEPS)
+@pytest.mark.parametrize('error', [3e-12, 1e-11, 5e-11])
+def test_what_is_passed_as_if_lengths_agreed_is_said(error: float, integrator: str) -> None:
+    sim = Simulation(load_scene(crank(error)), integrator=integrator, step=STEPS[integrator])
+    sim.step(round(0.5 / sim.h))
+    assert not sim.sample().diagnostics.trouble
+    sim.step(round(0.3 / sim.h))
+    assert 'lengths miss a singular position by about' in sim.sample().diagnostics.trouble
+    assert 0.2 * error < sim.resolution.crossing < 5.0 * error
+    sim.reset()
+    assert not sim.sample().diagnostics.trouble
+
+
+@pytest.mark.parametrize('integrator', STEPS)
+@pytest.mark.parametrize('error', [1e-9, 1e-8])
+def test_what_cannot_be_passed_is_refused_by_name(error: float, integrator: str) -> None:
+    sim = Simulation(load_scene(crank(error)), integrator=integrator, step=STEPS[integrator])
+    with pytest.raises(StepError, match='lengths miss a singular position by about'):
+        sim.step(round(0.8 / sim.h))
+    assert 0.5 < sim.t < 0.6
+
+
+@pytest.mark.parametrize('error', [1e-6, 1e-4])
+def test_what_differs_by_more_turns_off(error: float) -> None:
+    """The slider stays near the pin, and the crank goes round with the coupler on it."""
+    length = 1.0 + error
+
+    def inertia(theta: float) -> float:
+        root = math.sqrt(length**2 - math.sin(theta) ** 2)
+        slope = -math.sin(theta) * (1.0 + math.cos(theta) / root)
+        return 1.0 / 3.0 + (1.0 - slope * math.sin(theta) + slope**2) / 3.0
+
+    energy = inertia(THETA)
+    found = solve_ivp(
+        lambda t, y: [math.sqrt(energy / inertia(y[0]))],
+        (0.0, 1.0),
+        [THETA],
+        'DOP853',
+        rtol=1e-11,
+        atol=1e-12,
+        max_step=1e-3,
+    )
+    theta = found.y[0, -1]
+    sim = Simulation(
+        load_scene(crank(error)), integrator='dop853_adaptive', step=1e-2, tolerance=1e-9
+    )
+    sim.step(100)
+    assert sim.sample().points['A'] == pytest.approx([math.cos(theta), math.sin(theta)], abs=1e-6)
+    assert not sim.sample().diagnostics.trouble

@@ -1,0 +1,206 @@
+"""Starts in singular positions at rest or driven: where forces and drives lead, or cannot."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from alf_ros import Simulation, StepError
+from alf_ros.arrays import Floats
+from alf_ros.inspection.soundness import BAD
+from alf_ros.scene.scene import INTEGRATORS
+from alf_ros.studies.exact import one_freedom
+from support.singular_starts import (
+    FLAT,
+    IN_LINE,
+    answers,
+    change_point,
+    change_point_rates,
+    motor,
+    refused,
+    scene,
+    slope,
+    velocities,
+)
+
+# ------------------------------------------------------------------------------- shaky structures
+
+
+SHAKY = {
+    'alf': 1,
+    'points': {
+        'O': {'at': [0, 0], 'fixed': True},
+        'C': {'at': [2, 0], 'fixed': True},
+        'A': {'at': [1, 0]},
+    },
+    'bodies': {
+        'one': {'points': ['O', 'A'], 'mass': 1, 'inertia': 'rod'},
+        'two': {'points': ['A', 'C'], 'mass': 1, 'inertia': 'rod'},
+    },
+    'joints': {
+        'left': {'type': 'revolute', 'between': ['ground', 'one'], 'at': 'O'},
+        'knee': {'type': 'revolute', 'between': ['one', 'two'], 'at': 'A'},
+        'right': {'type': 'revolute', 'between': ['ground', 'two'], 'at': 'C'},
+    },
+}
+
+
+def test_infinitesimally_mobile_only() -> None:
+    """Two bars in one line between two pins: the point between them gives way, and that is all."""
+    said = refused(scene(SHAKY, {}, A=[0, 1]))
+    assert 'infinitesimally mobile only (shaky)' in said and 'A' in said
+    assert 'shaky' in refused(scene(SHAKY, {}))  # its weight asks for a motion that there is not
+    assert not Simulation(scene(SHAKY, {}, effects={})).state.qd.any()
+    verdict, text = answers(scene(SHAKY, {}, effects={}))['initial position']
+    assert verdict == BAD and 'infinitesimally mobile only (shaky)' in text
+
+
+# ------------------------------------------------------------------------------------------ drives
+
+
+def test_driven_through_the_position() -> None:
+    """The crank is driven: the coupler follows or folds, and the start must say which."""
+    said = refused(scene(drives=motor('pi/2 + t')))
+    assert 'fit 2 branches, A: [-1, 0] with B: [-2, 0], or B: [0, 0] m/s' in said
+    said = refused(scene(drives=motor('pi/2 + t'), B=[-1, 0]))
+    assert 'no motion begins' in said and 'A: [-1, 0] with B: [-2, 0], or B: [0, 0]' in said
+    for b in (-2.0, 0.0):
+        simulation = Simulation(scene(drives=motor('pi/2 + t'), B=[b, 0]))
+        assert velocities(simulation)['A'] == pytest.approx([-1, 0], abs=1e-12)
+        simulation.step(500)
+        angle = math.pi / 2 + 0.5
+        points = simulation.sample().points
+        assert points['A'] == pytest.approx([math.cos(angle), math.sin(angle)], abs=1e-10)
+        assert points['B'] == pytest.approx([-b * math.cos(angle), 0], abs=1e-9)
+
+
+def test_a_drive_that_accelerates_from_rest() -> None:
+    said = refused(scene(drives=motor('pi/2 + t*t')))
+    assert 'accelerate' in said and 'A: [-2, 0] with B: [-4, 0], or B: [0, 0]' in said
+    assert not Simulation(scene(drives=motor('pi/2'))).state.qd[:4].any()
+
+
+def test_a_drive_that_asks_for_what_rows_have_lost() -> None:
+    """Both rods in one line, away from the pin: there the slider can only come back."""
+    positions = {'A': [1, 0], 'B': [2, 0]}
+    drives = {'push': {'joint': 'guide', 'length': '2 - t'}}
+    said = refused(scene(positions=positions, drives=drives))
+    assert 'contradict each other' in said and 'push' in said
+    # with the right acceleration it comes back: x = 2 cos θ, so ẍ = -2 θ̇²
+    back = {'push': {'joint': 'guide', 'length': '2*cos(3*t)'}}
+    simulation = Simulation(scene(positions=positions, drives=back, A=[0, 3]))
+    assert velocities(simulation)['A'] == pytest.approx([0, 3])
+    assert 'no motion begins' in refused(scene(positions=positions, drives=back, A=[0, 2]))
+    assert 'fit 2 branches' in refused(scene(positions=positions, drives=back))
+
+
+@pytest.mark.parametrize('integrator', INTEGRATORS)
+@pytest.mark.parametrize('step', [1e-3, 3e-2])
+def test_drives_beyond_reach_say_so(integrator: str, step: float) -> None:
+    """The slider is pushed to where both rods lie in one line, and further."""
+    drives = {'push': {'joint': 'guide', 'length': '2*cos(pi/4) + t'}}
+    simulation = Simulation(
+        scene(positions={}, drives=drives, solver={'integrator': integrator, 'step': step})
+    )
+    with pytest.raises(StepError) as error:
+        simulation.step(round(1.0 / step))
+    said = str(error.value)
+    assert 'drives go beyond the reach of the loops at t = 0.585786 s' in said
+    assert error.value.t == pytest.approx(math.floor(0.585786 / step) * step)
+
+
+# ----------------------------------------------------------------------------------------- at rest
+
+
+@pytest.mark.parametrize('integrator', INTEGRATORS)
+@pytest.mark.parametrize('step', [1e-3, 4e-3])
+def test_from_rest_on_the_branch_where_forces_do_most(integrator: str, step: float) -> None:
+    """Gauss's principle of least constraint; the same motion with every method."""
+    solver = {'integrator': integrator, 'step': step, 'tolerance': 1e-10}
+    simulation = Simulation(scene('change_point', IN_LINE, solver=solver))
+    branch = simulation.departure
+    assert branch is not None and branch.dimension == 1
+    works = {}
+    for sign in (1.0, -1.0):
+        acceleration = change_point_rates(change_point(sign))(0.0, np.array([math.pi, 0.0]))[1]
+        _, d = slope(change_point(sign), math.pi)
+        push = -0.5 * one_freedom.GRAVITY * (d[1] + (d[1] + d[3]) + 2.0 * d[3])
+        works[sign] = push * acceleration
+    points = change_point(max(works, key=lambda sign: works[sign]))
+    phi = solve_ivp(
+        change_point_rates(points),
+        [0, 0.2],
+        [math.pi, 0.0],
+        method='DOP853',
+        rtol=1e-12,
+        atol=1e-12,
+    ).y[0, -1]
+    energy = simulation.sample().energy
+    simulation.step(round(0.2 / step))
+    sample = simulation.sample()
+    assert sample.q == pytest.approx(points(phi).real, abs=1e-8)
+    assert sample.energy == pytest.approx(energy, abs=1e-8)
+
+
+@pytest.mark.parametrize('integrator', INTEGRATORS)
+def test_two_four_bars_fall_together(integrator: str) -> None:
+    solver = {'integrator': integrator, 'tolerance': 1e-10}
+    simulation = Simulation(scene('double_four_bar', FLAT, solver=solver))
+    wanted = one_freedom.four_bars(2).motion(0.0, 0.0, [0.0, 0.3])[-1]
+    simulation.step(300)
+    assert simulation.sample().q == pytest.approx(wanted, abs=1e-8)
+
+
+@pytest.mark.parametrize('integrator', INTEGRATORS)
+def test_it_stays_where_no_force_acts_along_a_branch(integrator: str) -> None:
+    simulation = Simulation(scene(solver={'integrator': integrator}))
+    assert simulation.singular_start is not None and simulation.departure is None
+    simulation.step(500)
+    assert simulation.sample().points['A'] == pytest.approx([0, 1], abs=1e-12)
+    assert simulation.sample().points['B'] == pytest.approx([0, 0], abs=1e-12)
+
+
+def test_an_input_sets_it_going_too() -> None:
+    """A force of 1 N on B along x: of the two branches it acts on one only."""
+    finals = []
+    for integrator in INTEGRATORS:
+        simulation = Simulation(scene(effects={}, solver={'integrator': integrator}))
+        simulation.apply_wrench('B', force=[1.0, 0.0])
+        simulation.step(500)
+        finals.append(simulation.sample().points['B'])
+    # θ̈ = -2 F sin θ … / I with A = (cos θ, sin θ), B = (2 cos θ, 0), I = 2/3 + 2 sin² θ
+
+    def rates(t: float, y: Floats) -> list[float]:
+        sin, cos = math.sin(y[0]), math.cos(y[0])
+        top = -2.0 * sin - 2.0 * sin * cos * y[1] ** 2
+        return [y[1], top / (2.0 / 3.0 + 2.0 * sin * sin)]
+
+    theta = solve_ivp(
+        rates, [0, 0.5], [math.pi / 2, 0.0], method='DOP853', rtol=1e-12, atol=1e-12
+    ).y[0, -1]
+    for final in finals:
+        assert final == pytest.approx([2 * math.cos(theta), 0], abs=1e-9)
+
+
+def test_forces_that_act_alike_on_two_branches_are_refused() -> None:
+    """(f_A + 2 f_B) / √(8/3) = f_A / √(2/3), accelerations times √inertia, for f_A = 2 f_B."""
+    effects = {
+        'constant_wrench': {
+            'one': {'on': 'A', 'force': [2, 0]},
+            'two': {'on': 'B', 'force': [1, 0]},
+        }
+    }
+    said = refused(scene(effects=effects))
+    assert 'not unique' in said and 'A: [1, 0] with B: [2, 0], or B: [0, 0]' in said
+    effects['constant_wrench']['two']['force'] = [1.1, 0]
+    simulation = Simulation(scene(effects=effects))
+    simulation.step(100)
+    points = simulation.sample().points
+    assert points['B'][0] == pytest.approx(2 * points['A'][0], abs=1e-9)
+    effects['constant_wrench']['two']['force'] = [0.9, 0]
+    simulation = Simulation(scene(effects=effects))
+    simulation.step(100)
+    assert simulation.sample().points['B'] == pytest.approx([0, 0], abs=1e-9)

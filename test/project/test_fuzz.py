@@ -1,0 +1,56 @@
+"""What the campaigns of fuzz/ have found once is tried for ever, and some hundred new cases too.
+
+The campaigns are `make fuzz ARGS="--minutes 60"`; a case that went wrong is kept as a file below
+test/data/fuzz, in the folder of its harness.
+"""
+
+from __future__ import annotations
+
+import sys
+
+import pytest
+
+from support.paths import DATA, ROOT
+
+sys.path.insert(0, str(ROOT / 'fuzz'))
+
+from campaign import campaign
+from worker import HARNESSES, harness
+
+CORPUS = {name: sorted((DATA / 'fuzz' / name).glob('*')) for name in HARNESSES}
+CASES = {'expressions': 3000, 'tables': 500, 'states': 100, 'robots': 20, 'scenes': 10}
+CASES |= {'logs': 5, 'commands': 10}
+
+
+@pytest.mark.parametrize('name', [name for name in HARNESSES if CORPUS[name]])
+def test_what_was_found_once_is_found_no_more(name):
+    tried = harness(name)
+    for path in CORPUS[name]:
+        assert tried.check(path.read_bytes()) in ('ran', 'refused'), path
+
+
+@pytest.mark.parametrize('name', HARNESSES)
+def test_a_few_new_cases(name):
+    """In a process of their own; such as nobody has tried yet, the same at every run."""
+    tally = campaign(name, 1_000_000_000, count=CASES[name])
+    assert tally.found == [] and tally.cases == CASES[name]
+    assert tally.ran + tally.refused == tally.cases
+    assert tally.refused > 0
+
+
+def test_what_goes_wrong_is_found_and_blamed():
+    """A hang in compiled code, a crash, memory without end, an exit, a traceback, a wrong number:
+    each with the number of its case, and the campaign goes on."""
+    tally = campaign('support.misbehaving', 0, count=30)
+    kinds = {found.number: found.kind for found in tally.found}
+    assert kinds == {
+        3: 'hang',
+        7: 'crash',
+        11: 'traceback',
+        13: 'traceback',
+        17: 'traceback',
+        19: 'silent',
+        23: 'hang',
+    }
+    assert tally.cases == 30 and tally.ran == 30 - len(kinds)
+    assert [found.case for found in tally.found] == [b'%d' % n for n in kinds]

@@ -1,0 +1,269 @@
+"""`fork`: without changes it is its parent bit for bit, with changes what Python makes of it."""
+
+import dataclasses
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from alf_ros import Simulation, load_scene
+from alf_ros.__main__ import main
+from alf_ros.logs import load
+from alf_ros.logs.comparison import compare
+from alf_ros.logs.rerun import in_order, read_state
+from alf_ros.ros.recording.run_writer import LogRun
+from alf_ros.scene.effect_values import with_effect_values
+from alf_ros.simulation import setup as settings
+from support.log_files import make, push
+
+
+def eventful(folder, scene='slider_crank', recorded=None, **solver):
+    """A log of pushes, other gravity, another step and another tick."""
+    setup = settings.made(load_scene(scene), solver)
+    run = LogRun(folder, setup, **({'recorded': recorded} if recorded else {}))
+    run.send()
+    body = setup.simulation.model.body_names[-1]
+
+    def change(effects, steps, **solver):
+        nonlocal setup
+        simulation = setup.simulation
+        solver = {**dataclasses.asdict(simulation.solver), **solver}
+        after = Simulation(with_effect_values(setup.scene, effects), **solver)
+        after.restore(settings.on_grid(simulation.state, simulation.h, after.h))
+        setup = settings.Setup(with_effect_values(setup.scene, effects), after, steps)
+        run.use(setup)
+        run.note(
+            {'kind': 'settings', 'solver': solver, 'steps_per_tick': steps, 'effects': effects}
+        )
+
+    for tick in range(1, 201):
+        setup.simulation.step(setup.steps)
+        run.send()
+        if tick in (30, 31, 90, 150):
+            push(run, body, float(np.sin(tick)))
+        if tick == 60:
+            gravity = [0.1] + [-3.3] * (setup.simulation.model.layout.dimension - 1)
+            change({'effects.gravity.acceleration': gravity}, setup.steps)
+        if tick == 120:
+            change({}, 2 * setup.steps, step=setup.simulation.h / 2)
+        if tick == 160:
+            change({}, setup.steps // 2)
+    run.close()
+    return load(run.recorder.folder)
+
+
+@pytest.fixture(scope='module')
+def parent(tmp_path_factory):
+    return eventful(tmp_path_factory.mktemp('parent'))
+
+
+def messages(log, after=0):
+    """(topic, stamp, numbers) of all samples from a stamp on."""
+    found = []
+    for piece in log.pieces():
+        for series, row in in_order(piece):
+            if series.columns and series.stamp[row] >= after:
+                numbers = [c[row].tobytes() for c in series.columns.values()]
+                found.append((series.topic, int(series.stamp[row]), series.names, numbers))
+    return found
+
+
+def entries(log, after=0.0):
+    """What the journal says from a time on, without the place in its chain."""
+    acts = [entry for entry in log.inputs if entry['kind'] != 'start' and entry['t'] >= after]
+    return [{k: v for k, v in entry.items() if k != 'seal'} for entry in acts]
+
+
+def forked(log, folder, *options):
+    new = folder / 'fork'
+    assert main(['fork', str(log.path), '-o', str(new), *options]) == 0
+    return load(new)
+
+
+@pytest.mark.parametrize('at', [0.0, 0.05, 0.06, 0.12, 0.2405, 0.299, 0.36])
+def test_without_changes_a_fork_is_its_parent_bit_for_bit(parent, tmp_path, at, capsys):
+    child = forked(parent, tmp_path, '--at', str(at))
+    start = child.info['parent']['t']
+    assert at - 0.002 < start <= at
+    stamp = max(1, round(start * 1e9))
+    wanted = messages(parent, stamp)
+    assert messages(child) == wanted and len(wanted) >= 5
+    assert entries(child) == entries(parent, start)
+    assert child.scene_text == parent.scene_text or start > 0.12
+    assert child.info['parent']['log'] == parent.path.name
+    assert child.info['parent']['seal'] == parent.inputs[0]['seal']
+    assert compare(child).equal
+    assert f'from t = {start:.9g} s of {parent.path.name} to t = {parent.end:.9g} s' in (
+        capsys.readouterr().out
+    )
+
+
+@pytest.mark.parametrize(
+    ('scene', 'solver'),
+    [
+        ('slider_crank', {'integrator': 'dop853_adaptive'}),
+        ('slider_crank', {'formulation': 'canonical'}),
+        ('slider_crank', {'accuracy': 1e-9}),
+        ('stewart_platform', {}),
+        ('differential_drive_cart', {}),
+    ],
+)
+def test_what_every_kind_of_state_holds_goes_on(tmp_path, scene, solver):
+    path, simulation = make(tmp_path, scene, 100, push_at=40, **{})
+    if solver:
+        setup = settings.made(load_scene(scene), solver)
+        run = LogRun(tmp_path / 'other', setup)
+        run.send()
+        for _ in range(100):
+            setup.simulation.step(setup.steps)
+            run.send()
+        run.close()
+        path = run.recorder.path
+    log = load(path.parent)
+    t = float(log.time(log.read('~/state').stamp)[57])
+    child = forked(log, tmp_path, '--at', repr(t))
+    assert messages(child) == messages(log, round(t * 1e9)) and compare(child).equal
+
+
+@pytest.mark.parametrize(
+    ('change', 'integrator', 'accuracy'),
+    [
+        ('solver.accuracy=1e-9', 'dop853', 1e-9),
+        ('solver.tolerance=1e-7', 'rk4', None),
+        ('coupler.mass=1.1', 'rk4', 1e-6),
+    ],
+)
+def test_an_accuracy_picks_again_only_if_it_is_changed(tmp_path, change, integrator, accuracy):
+    setup = settings.made(load_scene('slider_crank'), {'accuracy': 1e-6})
+    run = LogRun(tmp_path / 'parent', setup)
+    run.send()
+    for _ in range(50):
+        setup.simulation.step(setup.steps)
+        run.send()
+    run.close()
+    child = forked(load(run.recorder.path.parent), tmp_path, '--at', '0.05', '--set', change)
+    solver = child.info['solver']
+    assert (solver['integrator'], solver['accuracy']) == (integrator, accuracy)
+    assert compare(child).equal
+
+
+def test_a_log_without_states_is_run_to_the_instant(tmp_path):
+    log = eventful(tmp_path, recorded=('joint_states', '~/energy'))
+    assert '/simulator/state' not in log.survey.counts
+    child = forked(log, tmp_path, '--at', '0.2')
+    assert set(child.survey.counts) == set(log.survey.counts)
+    assert messages(child) == messages(log, 200_000_000) and compare(child).equal
+
+
+def test_a_fork_of_a_fork_is_a_fork(parent, tmp_path):
+    child = forked(parent, tmp_path, '--at', '0.1')
+    (tmp_path / 'deeper').mkdir()
+    grandchild = forked(child, tmp_path / 'deeper', '--at', '0.2', '--duration', '0.05')
+    wanted = [m for m in messages(parent, 200_000_000) if m[1] <= 250_000_000]
+    assert messages(grandchild) == wanted and grandchild.info['parent']['log'] == 'fork'
+
+
+def test_changes_are_those_of_python(tmp_path):
+    path, _ = make(tmp_path, 'slider_crank', 300, push_at=50)
+    log = load(path.parent)
+    changes = ['coupler.mass=1.1', 'gravity.acceleration=[0, -1.62]', 'solver.step=5e-4']
+    child = forked(log, tmp_path, '--at', '0.3', '--set', *changes)
+    assert child.info['parent']['changes'] == dict(c.split('=') for c in changes)
+    scene = child.scene()
+    masses = {body.name: body.mass for body in scene.mechanism.bodies}
+    assert masses['coupler'] == 1.1 and masses['crank'] == 1.0
+    before = Simulation(log.scene())
+    before.step(98)
+    before.apply_wrench('coupler', [1.0 / 3.0, 0.0])
+    before.step(202)
+    after = Simulation(scene, step=5e-4)
+    after.restore(settings.on_grid(before.state, 1e-3, 5e-4))
+    assert child.states.q[0].tolist() == before.sample().q.tolist()
+    assert child.states.qd[0].tolist() == before.sample().qd.tolist()
+    after.step(4)
+    assert child.states.step[:2].tolist() == [600, 604]
+    assert child.states.q[1].tolist() == after.sample().q.tolist()
+    assert compare(child).equal and child.end == log.end
+    at_once = np.abs(child.states.qd[1] - log.states.qd[151]).max()
+    assert 1e-3 < at_once < 1.0
+
+
+def test_another_geometry_is_closed_and_keeps_its_momentum(tmp_path):
+    path, _ = make(tmp_path, 'four_bar', 200)
+    log = load(path.parent)
+    child = forked(log, tmp_path, '--at', '0.15', '--set', 'b=0.31')
+    first = Simulation(child.scene())
+    first.restore(read_state(child, first))
+    found = first.sample().diagnostics
+    assert found.position_violation < 1e-12 and found.velocity_violation < 1e-12
+    moved = np.abs(child.states.q[0] - log.states.q[75]).max()
+    assert 1e-4 < moved < 0.02
+    turned = np.abs(child.states.qd[0] - log.states.qd[75]).max()
+    assert 0.0 < turned < 0.5 * np.abs(log.states.qd[75]).max()
+    assert compare(child).equal
+
+
+def test_settings_to_come_do_not_take_a_change_back(parent, tmp_path):
+    child = forked(parent, tmp_path, '--at', '0.1', '--set', 'solver.penalty=3e8', 'm=1.5')
+    (gravity, step, tick) = (e for e in child.inputs if e['kind'] == 'settings')
+    assert [e['solver']['penalty'] for e in (gravity, step, tick)] == [3e8] * 3
+    assert (gravity['solver']['step'], step['solver']['step']) == (1e-3, 5e-4)
+    assert compare(child).equal and child.states.t.tolist() == parent.states.t[50:].tolist()
+
+
+@pytest.mark.parametrize(
+    ('options', 'said'),
+    [
+        (['--at', '9'], 'not within the log.*from 0 to 0.36 s'),
+        (['--at', '-1'], 'not within the log'),
+        (['--at', 'x'], 'invalid float'),
+        ([], 'required.*--at'),
+        (['--at', '0.1', '--set', 'couple.mass=1'], "did you mean 'coupler'"),
+        (['--at', '0.1', '--set', 'coupler.mas=1'], "did you mean 'mass'"),
+        (['--at', '0.1', '--set', 'coupler.mass'], 'expected NAME=VALUE'),
+        (['--at', '0.1', '--set', 'coupler.mass=-1'], 'mass'),
+        (['--at', '0.1', '--set', 'solver.step=7e-4'], 'solver.step|rate'),
+        (['--at', '0.1', '--set', 'solver.formulation=canonical'], 'none of the changed scene'),
+        (['--at', '0.1', '--set', 'effects.gravity.acceleration.7=1'], 'no such place'),
+        (['--at', '0.1', '--set', 'L=0'], 'L|points|length'),
+    ],
+)
+def test_what_cannot_be_is_one_line(parent, tmp_path, options, said, capsys):
+    code = main(['fork', str(parent.path), '-o', str(tmp_path / 'new'), *options])
+    error = capsys.readouterr().err
+    assert code == 2 and len(error.strip().splitlines()) == 1
+    assert re.search(said, error), error
+    assert not (tmp_path / 'new').exists()
+
+
+def test_what_is_there_is_not_written_over(parent, tmp_path, capsys):
+    (tmp_path / 'new').mkdir()
+    assert main(['fork', str(parent.path), '--at', '0.1', '-o', str(tmp_path / 'new')]) == 2
+    assert list((tmp_path / 'new').iterdir()) == []
+    assert 'File exists' in capsys.readouterr().err
+
+
+def test_by_default_it_lies_beside_its_parent(tmp_path):
+    path, _ = make(tmp_path, 'slider_crank', 20)
+    before = set(tmp_path.iterdir())
+    assert main(['fork', str(path), '--at', '0.01']) == 0
+    (new,) = set(tmp_path.iterdir()) - before
+    assert isinstance(new, Path) and json.dumps(load(new).info['parent']['changes']) == '{}'
+
+
+@pytest.mark.parametrize('step, told', [(0.01, False), (0.05, True)])
+def test_steps_that_are_too_long_are_told_on_stderr(step, told, tmp_path, capsys):
+    setup = settings.made(load_scene('slider_crank'), {'step': step, 'integrator': 'rk4'})
+    run = LogRun(tmp_path, setup)
+    run.send()
+    for _ in range(200):
+        setup.simulation.step(setup.steps)
+        run.send()
+    run.close()
+    made = str(run.recorder.folder)
+    for command in (['verify', made], ['fork', made, '--at', f'{step}', '-o', f'{tmp_path}/new']):
+        assert main(command) == 0
+        text = f'alf_ros {command[0]}: steps of {step:g} s are too long'
+        assert (text in capsys.readouterr().err) == told

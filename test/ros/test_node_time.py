@@ -1,0 +1,182 @@
+"""Time and state as other programs see them: steps, resets, saved states, another scene."""
+
+import json
+import time
+from pathlib import Path
+
+import pytest
+from rcl_interfaces.srv import SetParametersAtomically
+from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_srvs.srv import SetBool, Trigger
+
+from alf_ros import Simulation, load_scene
+from support.ros_node import Diagnostics, SimulatorProcess, journal, read_log
+
+BEST_EFFORT = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+def ns(stamp):
+    return stamp.sec * 1_000_000_000 + stamp.nanosec
+
+
+def change(peer, **values):
+    """Set parameters at once; returns the reason of a refusal, '' for success."""
+    parameters = [
+        Parameter(name.replace('__', '.'), value=value).to_parameter_msg()
+        for name, value in values.items()
+    ]
+    answer = peer.call(
+        SetParametersAtomically, '/simulator/set_parameters_atomically', parameters=parameters
+    )
+    assert answer.result.successful == (answer.result.reason == '')
+    return answer.result.reason
+
+
+def act(peer, service):
+    """Call a service of the simulator that must succeed; returns what it says."""
+    answer = peer.call(Trigger, f'/simulator/{service}')
+    assert answer.success, answer.message
+    return answer.message
+
+
+def test_time_goes_back_only_on_the_reset_that_asks_for_it(tmp_path, peer):
+    clock = peer.listen('/clock', Clock, BEST_EFFORT)
+    heard = peer.listen('joint_states', JointState)
+    with SimulatorProcess(tmp_path, start_paused='true').wait_running() as node:
+        peer.until(lambda: heard and clock, 'the state at the start')
+        first = list(heard[0].position)
+
+        # n steps are published when the answer comes; the motion is that of the library
+        assert change(peer, step_count=250) == ''
+        assert 'step 500' in act(peer, 'step')
+        peer.until(lambda: ns(heard[-1].header.stamp) == 500_000_000, 'half a second')
+        simulation = Simulation(load_scene('slider_crank'))
+        simulation.step(500)
+        assert list(heard[-1].position) == list(simulation.sample().joint_positions)
+
+        # the state of t = 0.5 s is kept, in memory and on disk
+        assert change(peer, state__name='half') == ''
+        act(peer, 'save_state')
+        kept = tmp_path / 'states/slider_crank/half.json'
+        assert json.loads(kept.read_text())['t'] == 0.5
+        act(peer, 'step')
+        simulation.step(500)
+        peer.until(lambda: ns(heard[-1].header.stamp) == 1_000_000_000, 'a second')
+        after = list(heard[-1].position)
+        assert after == list(simulation.sample().joint_positions)
+
+        # restored, the motion is the same bit for bit, and the stamps go on
+        act(peer, 'restore_state')
+        act(peer, 'step')
+        peer.until(lambda: ns(heard[-1].header.stamp) == 1_502_000_000, 'the same half second')
+        assert list(heard[-1].position) == after
+
+        # the state alone, and then the state and the time
+        act(peer, 'reset_state')
+        peer.until(lambda: ns(heard[-1].header.stamp) == 1_504_000_000, 'the first state')
+        assert list(heard[-1].position) == first
+        stamps = [ns(message.header.stamp) for message in heard]
+        ticks = [ns(message.clock) for message in clock]
+        assert stamps == sorted(stamps) and ticks == sorted(ticks)
+        act(peer, 'reset')
+        peer.until(lambda: ns(heard[-1].header.stamp) == 1, 'time zero')
+        peer.until(lambda: ns(clock[-1].clock) == 1, 'clock zero')
+        assert node.stop() == 0
+    logs = [read_log(path) for path in node.logs]
+    assert len(logs) == 4
+    for log in logs:
+        times = [t for t, _ in log['/joint_states']]
+        assert times == sorted(times)
+    starts = [journal(log)[0] for log in logs]
+    assert [start['stamps_ahead_ns'] for start in starts] == [0, 502_000_000, 1_504_000_000, 0]
+    assert [start['step'] for start in starts] == [0, 500, 0, 0]
+    # what the log of the restored run says is enough to repeat it
+    assert starts[1]['state']['q'] == json.loads(kept.read_text())['state']['q']
+
+
+def test_a_state_on_disk_serves_another_process_and_a_wrong_one_is_refused(tmp_path, peer):
+    states = f'state.folder:={tmp_path}/states'
+    heard = peer.listen('joint_states', JointState)
+    ros = ['--ros-args', '-p', states, '-p', 'start_paused:=true', '-p', 'step_count:=100']
+    with SimulatorProcess(tmp_path / 'a', '--no-record', *ros).wait_running():
+        act(peer, 'step')
+        act(peer, 'save_state')
+        act(peer, 'step')
+        peer.until(lambda: heard and ns(heard[-1].header.stamp) == 400_000_000, 'two steps')
+    expected = list(heard[-1].position)
+    with SimulatorProcess(tmp_path / 'b', '--no-record', *ros).wait_running():
+        act(peer, 'restore_state')
+        act(peer, 'step')
+        peer.until(lambda: ns(heard[-1].header.stamp) == 202_000_000, 'the second step')
+        assert list(heard[-1].position) == expected
+
+        assert change(peer, state__name='nothing') == ''
+        refused = peer.call(Trigger, '/simulator/restore_state')
+        assert not refused.success and 'no state saved' in refused.message
+        assert "'../x'" in change(peer, state__name='../x')
+        kept = tmp_path / 'states/slider_crank/default.json'
+        Path(kept.with_name('bad.json')).write_text(kept.read_text().replace('"q"', '"p"'))
+        assert change(peer, state__name='bad') == ''
+        refused = peer.call(Trigger, '/simulator/restore_state')
+        assert not refused.success and 'not a state of this scene' in refused.message
+
+
+def test_another_scene_is_loaded_without_a_restart(tmp_path, peer):
+    heard = peer.listen('joint_states', JointState)
+    found = Diagnostics(peer)
+    with SimulatorProcess(tmp_path).wait_running() as node:
+        peer.until(lambda: len(heard) > 10, 'motion')
+        assert "did you mean 'four_bar'" in change(peer, scene='four_baar')
+        assert list(heard[-1].name) == ['crank_pin', 'knee', 'guide']
+        assert change(peer, scene='four_bar') == ''
+        names = ['crank_pin', 'knee', 'wrist', 'rocker_pin']
+        peer.until(lambda: list(heard[-1].name) == names, 'joints of the other scene')
+        assert ns(heard[-1].header.stamp) == 1
+        peer.until(lambda: found.heard[-1].status[0].hardware_id == 'four_bar', 'its diagnostics')
+        assert found.value('solver', 'state') == 'paused'
+        # its solver and its commands are there
+        joints = peer.talk('joint_commands', JointState)
+        joints.publish(JointState(name=['wrist'], effort=[0.01]))
+        peer.until(lambda: heard[-1].effort[2] == 0.01, 'a command')
+        assert change(peer, step_count=10) == ''
+        act(peer, 'step')
+        simulation = Simulation(load_scene('four_bar'))
+        simulation.apply_effort('wrist', 0.01)
+        simulation.step(40)
+        peer.until(lambda: ns(heard[-1].header.stamp) == 20_000_000, 'ten ticks')
+        assert list(heard[-1].position) == list(simulation.sample().joint_positions)
+        assert node.stop() == 0
+    assert [journal(read_log(path))[0]['scene'] for path in node.logs] == [
+        'slider_crank',
+        'four_bar',
+    ]
+
+
+def test_steps_that_are_under_way_can_be_stopped(tmp_path, peer):
+    options = {'start_paused': 'true', 'step_count': 10**9, 'real_time_factor': 0.01}
+    with SimulatorProcess(tmp_path, '--no-record', **options).wait_running():
+        heard = peer.listen('joint_states', JointState)
+        client = peer.client(Trigger, '/simulator/step')
+        waiting = client.call_async(Trigger.Request())
+        # as fast as they can, whatever the real-time factor
+        peer.until(lambda: heard and ns(heard[-1].header.stamp) > 10**9, 'a second')
+        busy = peer.call(Trigger, '/simulator/step')
+        assert not busy.success and 'still to be made' in busy.message
+        assert peer.call(SetBool, '/simulator/pause', data=True).message == 'paused'
+        answer = peer.until(lambda: waiting.done() and waiting.result(), 'the answer')
+        assert not answer.success and 'stopped after' in answer.message
+
+
+@pytest.mark.parametrize(('factor', 'low', 'high'), [(0.01, 0.005, 0.02), (0.0, 3.0, 1e6)])
+def test_slow_motion_and_as_fast_as_it_can(tmp_path, peer, factor, low, high):
+    clock = peer.listen('/clock', Clock, BEST_EFFORT)
+    options = {'real_time_factor': factor, 'rate': 1000.0}
+    with SimulatorProcess(tmp_path, '--no-record', **options).wait_running():
+        peer.until(lambda: clock, 'time')
+        started, first = time.monotonic(), ns(clock[-1].clock)
+        peer.until(lambda: time.monotonic() - started > 1.0, 'a second')
+        made = (ns(clock[-1].clock) - first) * 1e-9 / (time.monotonic() - started)
+    assert low < made < high

@@ -1,0 +1,182 @@
+"""`replay` as another process: what it publishes, against the log; pause, rate, seek, loop."""
+
+import os
+import signal
+import subprocess
+import sys
+from typing import Any
+
+import numpy as np
+import pytest
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import SetParameters
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from std_srvs.srv import SetBool
+
+from alf_ros.__main__ import main
+from alf_ros.logs import load
+from support.log_files import make, read_by_others
+from support.paths import ROOT
+from support.ros_node import LIMIT, START_LIMIT
+
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+LOSSY = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+@pytest.fixture(scope='module')
+def log(tmp_path_factory):
+    """1 s of slider-crank with a push at 0.198 s."""
+    path, _ = make(tmp_path_factory.mktemp('log'), 'slider_crank', 500)
+    return load(path.parent)
+
+
+class Replayed:
+    """The command `replay` in a process of its own, paused at first."""
+
+    def __init__(self, peer, log, *options):
+        self.peer, self.options = peer, options
+        self.heard = peer.listen('/joint_states', JointState)
+        self.clock = peer.listen('/clock', Clock, LOSSY)
+        self.inputs = peer.listen('/simulator/inputs', String)
+        self.scene = peer.listen('/simulator/scene', String, LATCHED)
+        command = [sys.executable, '-m', 'alf_ros', 'replay', str(log.path), '--paused', *options]
+        self.process = subprocess.Popen(
+            command,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            env={**os.environ, 'PYTHONPATH': str(ROOT)},
+            start_new_session=True,
+        )
+
+    def __enter__(self):
+        names = ('/joint_states', '/clock', '/simulator/inputs', '/simulator/scene')
+
+        def matched():
+            assert self.process.poll() is None, self.process.stdout.read()
+            return all(map(self.peer.node.count_publishers, names))
+
+        self.peer.until(matched, 'the topics', START_LIMIT)
+        return self
+
+    def __exit__(self, *_):
+        if self.process.poll() is None:
+            os.killpg(self.process.pid, signal.SIGKILL)
+        self.process.wait()
+        self.process.stdout.close()
+
+    def play(self, on=True):
+        answer = self.peer.call(SetBool, '/replay/pause', data=not on)
+        assert answer.success
+        return answer.message
+
+    def set_to(self, name, value):
+        kind = ParameterType.PARAMETER_DOUBLE
+        parameter = Parameter(name=name, value=ParameterValue(type=kind, double_value=value))
+        answer = self.peer.call(SetParameters, '/replay/set_parameters', parameters=[parameter])
+        return answer.results[0]
+
+    @property
+    def stamps(self):
+        return [m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for m in self.heard]
+
+    def wait(self):
+        self.peer.until(lambda: self.process.poll() is not None, 'the end', LIMIT)
+        return self.process.returncode
+
+
+def check_heard(replayed, log):
+    """What was heard is what is in the log, to the last bit."""
+    series = log.read('joint_states')
+    assert replayed.stamps == series.stamp.tolist()
+    for key, column in series.columns.items():
+        heard = np.array([getattr(message, key) for message in replayed.heard])
+        assert heard.tobytes() == column.tobytes(), key
+    ticks = [m.clock.sec * 10**9 + m.clock.nanosec for m in replayed.clock]
+    assert ticks == sorted(ticks) and set(ticks) <= set(series.stamp.tolist())
+    assert len(ticks) > 0.9 * len(series)
+    assert [message.data for message in replayed.scene] == [log.scene_text]
+
+
+@pytest.mark.parametrize('options', [[], ['--redrive']])
+def test_everything_comes_again(peer, log, options):
+    with Replayed(peer, log, *options) as replayed:
+        assert replayed.play().startswith('playing at t = 0 s')
+        assert replayed.wait() == 0
+        peer.until(lambda: len(replayed.heard) == 501, 'the last of them')
+        said = replayed.process.stdout.read()
+    check_heard(replayed, log)
+    others = read_by_others(log.files[0])['/simulator/inputs']
+    assert [m.data for m in replayed.inputs] == [message.data for _, message in others]
+    count = sum(log.survey.counts.values())
+    assert f'stopped at t = 1 s, {count} messages' in said and 'Traceback' not in said
+
+
+def test_it_pauses_seeks_changes_its_rate_and_loops(peer, log):
+    with Replayed(peer, log, '--loop', '--rate', '0.5', '--start', '0.6') as replayed:
+        heard = replayed.heard
+        replayed.play()
+        peer.until(lambda: len(heard) > 20, 'motion')
+        assert replayed.stamps[0] == 600_000_000
+        assert replayed.play(False).startswith('paused at t = 0.6')
+        peer.until(lambda: True, '')
+        count = len(heard)
+        assert replayed.set_to('seek', 0.1).successful
+        assert replayed.set_to('rate', 2.0).successful
+        assert len(heard) - count < 10  # what was under way
+        replayed.play()
+        peer.until(lambda: 100_000_000 in replayed.stamps, 'the place')
+        at = replayed.stamps.index(100_000_000)
+        assert all(stamp > 600_000_000 for stamp in replayed.stamps[1:at])
+        peer.until(lambda: 1 in replayed.stamps, 'the beginning again')
+        again = replayed.stamps.index(1)
+        assert replayed.stamps[again - 1] == 1_000_000_000
+        peer.until(lambda: len(heard) > again + 10, 'motion')
+        tail = replayed.stamps[again : again + 10]
+        assert tail == log.read('joint_states').stamp[:10].tolist()
+        for name, value in (('seek', 1.5), ('seek', -1.0), ('rate', -1.0)):
+            result = replayed.set_to(name, value)
+            assert not result.successful and result.reason
+        os.killpg(replayed.process.pid, signal.SIGINT)
+        assert replayed.wait() == 0
+
+
+def test_a_redriven_log_begins_where_it_is_asked_to(peer, log):
+    with Replayed(peer, log, '--redrive', '--start', '0.5') as replayed:
+        replayed.play()
+        assert replayed.wait() == 0
+        peer.until(lambda: replayed.stamps[-1:] == [1_000_000_000], 'the last of them')
+    series = log.read('joint_states')
+    assert replayed.stamps == series.stamp[250:].tolist()
+    heard = np.array([message.position for message in replayed.heard])
+    assert heard.tobytes() == series.columns['position'][250:].tobytes()
+
+
+def test_raw_bytes_are_those_of_the_log(peer, log):
+    raw: list[Any] = []
+    peer.node.create_subscription(
+        JointState, '/joint_states', raw.append, QoSProfile(depth=1000), raw=True
+    )
+    with Replayed(peer, log) as replayed:
+        replayed.play()
+        assert replayed.wait() == 0
+        peer.until(lambda: len(raw) == 501, 'all')
+    assert [deserialize_message(data, JointState) for data in raw] == replayed.heard
+
+
+@pytest.mark.parametrize(
+    ('options', 'said'),
+    [
+        (['--start', '7'], 'seek'),
+        (['--rate', '-1'], 'rate'),
+        (['--what'], '--what'),
+    ],
+)
+def test_what_cannot_be_is_one_line(log, options, said, capsys):
+    assert main(['replay', str(log.path), *options]) == 2
+    error = capsys.readouterr().err
+    assert said in error and len(error.strip().splitlines()) == 1

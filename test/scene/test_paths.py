@@ -1,0 +1,97 @@
+"""Paths that lead nowhere, or to what never ends; names that a terminal would obey."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from alf_ros import InputError, load_scene, paths
+from alf_ros.__main__ import main
+from alf_ros.errors import StepError
+from alf_ros.scene.scene import scene_from_text
+from alf_ros.scene.text import number_table, yaml_document
+
+NOWHERE = [
+    '~nobody-of-this-name/x.yaml',
+    'a\0b.yaml',
+    '\ud800.yaml',
+    'a' * 300 + '.yaml',
+    '/'.join(['a' * 200] * 30) + '.yaml',
+    'circle.yaml',
+    'circle.yaml/x.yaml',
+    'pipe.yaml',
+    'folder.yaml',
+    '/dev/zero',
+    '/dev/stdin',
+    '/proc/self/mem',
+    'missing.yaml',
+    'secret.yaml',
+]
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    Path('circle.yaml').symlink_to('circle.yaml')
+    os.mkfifo('pipe.yaml')
+    Path('folder.yaml').mkdir()
+    Path('secret.yaml').write_text('hunter2\n')
+    return tmp_path
+
+
+@pytest.mark.parametrize('path', NOWHERE)
+def test_what_is_no_file_is_one_line(folder: Path, path: str) -> None:
+    text = path.replace('\0', '\\0').replace('\ud800', '\\ud800')
+    effort = f'{{joint: crank_pin, effort: "{text.replace(".yaml", ".csv")}"}}'
+    for ask in (
+        lambda: load_scene(path),
+        lambda: scene_from_text(f'mechanism: "{text}"\n'),
+        lambda: scene_from_text(f'mechanism: slider_crank\neffects: {{joint_effort: {effort}}}\n'),
+        lambda: scene_from_text(f'mechanism: slider_crank\neffects: {{"{text}.py": {{}}}}\n'),
+    ):
+        with pytest.raises(InputError) as caught:
+            ask()
+        assert str(caught.value).isprintable() and 'hunter2' not in str(caught.value)
+
+
+@pytest.mark.parametrize('path', [path for path in NOWHERE if '\0' not in path])
+@pytest.mark.parametrize('verb', ['check', 'verify', 'recover', 'analyze', 'import', 'export'])
+def test_commands_end_in_one_line(folder: Path, verb: str, path: str, capsys) -> None:
+    assert main([verb, path]) == 2
+    said = capsys.readouterr().err
+    assert len(said.splitlines()) == 1 and said.strip().isprintable() and 'hunter2' not in said
+
+
+def test_a_file_larger_than_stated_is_not_taken_in(tmp_path: Path) -> None:
+    """Sparse: it takes no room, and would take 1 TB of memory."""
+    path = tmp_path / 'large.yaml'
+    with open(path, 'wb') as stream:
+        stream.truncate(1 << 40)
+    for read in (yaml_document.read, number_table.read):
+        with pytest.raises(InputError, match='larger than 64 MB'):
+            read(path)
+    with pytest.raises(InputError, match='larger than 1 MB'):
+        paths.content(path, 1 << 20)
+
+
+def test_more_values_than_stated_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also without aliases."""
+    monkeypatch.setattr(yaml_document, 'MOST_NODES', 1000)
+    with pytest.raises(InputError, match='more than 1000 values'):
+        yaml_document.parse(f'a: [{"0," * 1001}]', None)
+    yaml_document.parse(f'a: [{"0," * 990}]', None)
+
+
+@pytest.mark.parametrize(
+    'name', ['\x1b[2J', '\x9b31m', '\r', '\u202e', '\u200b', '\ud800', '\x7f']
+)
+def test_names_cannot_move_the_cursor(name: str) -> None:
+    for error in (
+        InputError(f'no {name}', file=f'{name}.yaml', key=name, value=name, choices=[name]),
+        InputError('no such name', value='x', expected=name, choices=[f'{name}1', f'{name}2']),
+        StepError(f'at {name}', name, 0.0),
+    ):
+        assert str(error).isprintable()
+        assert str(error).encode()  # whatever the terminal, it can be written

@@ -1,0 +1,288 @@
+"""Ctrl-C and other stops: heard in compiled code, with time and state together.
+
+No test says how soon: `benchmark/interrupts.py` prints that.
+"""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import threading
+import time
+from typing import Any
+
+import pytest
+
+from alf_ros import BusyError, Simulation, StepError, StoppedError, load_scene
+from alf_ros.simulation import listening
+from support.paths import ROOT
+from support.runs import bits, made
+
+FOREVER = 10**12  # steps: days
+PATIENCE = 300.0  # s, after which a test gives up that waits for an end
+
+SCRIPT = """
+import json, sys, time
+from alf_ros import Simulation, StepError, load_scene
+
+name, options, how, n = json.loads(sys.argv[1])
+sim, fresh = (Simulation(load_scene(name), **options) for _ in range(2))
+first = 0
+try:
+    sim.step(0)
+    print('ready', flush=True)
+    while True:
+        if how == 'step':
+            sim.step(n)
+        elif how == 'run':
+            for sample in sim.run(n * sim.h, every=n):
+                pass
+        elif how == 'at':
+            list(sim.run(n * sim.h, at=[(n - 0.5) * sim.h]))
+        elif how == 'ones':
+            sim.step()
+except StepError as error:
+    try:
+        time.sleep(600)  # it ended by itself before the signal came
+    except KeyboardInterrupt:
+        pass
+except KeyboardInterrupt:
+    pass
+k = sim.step_index
+for _ in range(2):  # and once more, further on: it is usable
+    if k <= 20_000:
+        fresh.step(k - fresh.step_index)
+    else:
+        fresh.restore(sim.state)
+    same = [getattr(sim.state, x).tobytes() == getattr(fresh.state, x).tobytes()
+            for x in ('q', 'qd', 'turns', 'carried', 'loads')]
+    together = sim.t == k * sim.h == sim.state.step * sim.h == sim.sample().t
+    works = sim.state.works == fresh.state.works
+    if options.get('step', 0.0) >= 1.0:
+        break
+    sim.step(3)
+    k += 3
+    assert sim.step_index == k
+print(json.dumps([k, all(same), together, works]))
+"""
+CASES: list[tuple[str, dict[str, Any], str, int]] = [
+    ('slider_crank', {'integrator': 'rk4', 'ledger': True}, 'step', FOREVER),
+    ('slider_crank', {'integrator': 'rk4'}, 'ones', 1),
+    ('slider_crank', {'integrator': 'dop853'}, 'run', FOREVER),
+    ('slider_crank', {'integrator': 'dop853_adaptive'}, 'at', FOREVER),
+    ('double_four_bar', {'integrator': 'dop853_adaptive', 'watch': True}, 'step', FOREVER),
+    ('wiper', {'integrator': 'esdirk43_adaptive'}, 'step', FOREVER),
+    ('slider_crank', {'integrator': 'rk4', 'formulation': 'alf1'}, 'step', FOREVER),
+    # within a step: of 1e6 s, in which there are very many
+    ('spatial_slider_crank', {'integrator': 'esdirk43', 'step': 1e6}, 'step', 1),
+    ('spatial_slider_crank', {'integrator': 'dop853_adaptive', 'step': 1e6}, 'step', 1),
+]
+
+
+@pytest.mark.parametrize('case', CASES, ids=lambda case: f'{case[0]}-{case[2]}-{case[1]}')
+def test_a_signal_ends_a_call_between_two_steps(case: Any) -> None:
+    with subprocess.Popen(
+        [sys.executable, '-c', SCRIPT, json.dumps(case)],
+        stdout=subprocess.PIPE,
+        text=True,
+        cwd=ROOT,
+    ) as process:
+        assert process.stdout is not None
+        try:
+            assert process.stdout.readline() == 'ready\n'
+            time.sleep(0.3)
+            process.send_signal(signal.SIGINT)
+            out, _ = process.communicate(timeout=PATIENCE)
+        finally:
+            process.kill()
+    k, same, together, works = json.loads(out)
+    assert k >= 0 and same and together and works
+    assert process.returncode == 0
+
+
+THREADS = """
+import json, sys, threading
+from concurrent.futures import ThreadPoolExecutor
+from alf_ros import Simulation, load_scene
+
+sims = [Simulation(load_scene('slider_crank'), integrator='rk4') for _ in range(2)]
+told = []
+def work(sim):
+    try:
+        sim.step(10**12)
+    except KeyboardInterrupt:
+        fresh = Simulation(load_scene('slider_crank'), integrator='rk4')
+        fresh.restore(sim.state)
+        together = sim.t == sim.step_index * sim.h
+        told.append(together and fresh.state.q.tobytes() == sim.state.q.tobytes())
+        raise
+try:
+    if sys.argv[1] == 'pool':
+        with ThreadPoolExecutor(2) as pool:
+            print('ready', flush=True)
+            list(pool.map(work, sims))
+    else:
+        threads = [threading.Thread(target=work, args=(sim,)) for sim in sims]
+        for thread in threads:
+            thread.start()
+        print('ready', flush=True)
+        if sys.argv[1] == 'joined':
+            try:
+                for thread in threads:
+                    thread.join()
+            finally:
+                for thread in threads:
+                    thread.join()
+        else:
+            import atexit
+            atexit.register(lambda: print(json.dumps(told), flush=True))
+            import time
+            time.sleep(600)
+except KeyboardInterrupt:
+    if sys.argv[1] == 'left':
+        raise
+    print(json.dumps(told), flush=True)
+"""
+
+
+@pytest.mark.parametrize('how', ['pool', 'joined', 'left'])
+def test_a_signal_ends_the_steps_of_other_threads(how: str) -> None:
+    with subprocess.Popen(
+        [sys.executable, '-c', THREADS, how],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        cwd=ROOT,
+    ) as process:
+        assert process.stdout is not None
+        try:
+            assert process.stdout.readline() == 'ready\n'
+            time.sleep(1.0)
+            process.send_signal(signal.SIGINT)
+            out, _ = process.communicate(timeout=PATIENCE)
+        finally:
+            process.kill()
+    assert json.loads(out) == [True, True]
+
+
+def in_a_thread(sim: Simulation, n: int) -> tuple[threading.Thread, list[BaseException]]:
+    """A thread that steps, and what is raised there; it has begun."""
+    raised: list[BaseException] = []
+
+    def work() -> None:
+        try:
+            sim.step(n)
+        except BaseException as error:
+            raised.append(error)
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    while sim.step_index < 100:
+        time.sleep(0.001)
+    return thread, raised
+
+
+def test_stop_ends_the_step_of_another_thread() -> None:
+    sim, alone = made('explicit'), made('explicit')
+    thread, raised = in_a_thread(sim, FOREVER)
+    sim.stop()
+    thread.join(PATIENCE)
+    assert [type(error) for error in raised] == [StoppedError]
+    assert sim.t == sim.step_index * sim.h
+    alone.restore(sim.state)
+    sim.step(20)
+    alone.step(20)
+    assert sim.state.q.tobytes() == alone.state.q.tobytes()
+
+
+@pytest.mark.parametrize('name', ['explicit', 'adaptive', 'implicit', 'carried'])
+def test_stop_before_a_step_ends_that_step_and_no_other(name: str) -> None:
+    sim, alone = made(name), made(name)
+    sim.step(4)
+    before = bits(sim.state)
+    sim.stop()
+    with pytest.raises(StoppedError, match='last whole step'):
+        sim.step(3)
+    assert bits(sim.state) == before
+    sim.step(3)
+    alone.step(7)
+    assert bits(sim.state) == bits(alone.state)
+
+
+def test_a_run_that_was_stopped_can_be_gone_on_with() -> None:
+    sim, alone = made('adaptive'), made('adaptive')
+    for sample in sim.run(1.0, at=[0.5 * sim.h, 2.5 * sim.h]):
+        sim.stop()
+        with pytest.raises(StoppedError):
+            list(sim.run(1.0, at=[sample.t + 1.2 * sim.h]))
+    alone.step(sim.step_index)
+    assert bits(sim.state) == bits(alone.state)
+    assert sim.passes == alone.passes
+
+
+def test_what_a_handler_raises_is_raised_and_what_it_does_not_raise_changes_nothing() -> None:
+    class Alarm(Exception):
+        pass
+
+    heard: list[int] = []
+
+    def handler(number: int, frame: object) -> None:
+        heard.append(number)
+        with pytest.raises(BusyError):
+            sim.sample()  # within a step there is no whole state
+        if len(heard) == 3:
+            raise Alarm('enough')
+
+    sim, alone = made('explicit'), made('explicit')
+    before = signal.signal(signal.SIGALRM, handler)
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.2, 0.1)
+        with pytest.raises(Alarm, match='enough'):
+            sim.step(FOREVER)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+    assert len(heard) == 3
+    alone.restore(sim.state)
+    sim.step(20)
+    alone.step(20)
+    assert sim.state.q.tobytes() == alone.state.q.tobytes()
+
+
+def test_all_can_be_stopped() -> None:
+    sims = [made('explicit') for _ in range(2)]
+    threads = [in_a_thread(sim, FOREVER) for sim in sims]
+    try:
+        listening.stop_all()
+        for thread, raised in threads:
+            thread.join(PATIENCE)
+            assert [type(error) for error in raised] == [StoppedError]
+    finally:
+        listening._all_asked.clear()
+
+
+def test_an_accuracy_that_is_looked_for_can_be_stopped() -> None:
+    class Alarm(Exception):
+        pass
+
+    def handler(number: int, frame: object) -> None:
+        raise Alarm
+
+    before = signal.signal(signal.SIGALRM, handler)
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.3)
+        with pytest.raises(Alarm):
+            while True:
+                Simulation(load_scene('double_four_bar'), accuracy=1e-9)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def test_a_failing_step_still_says_why() -> None:
+    sim = made('explicit')
+    sim.apply_wrench('coupler', [1e200, 0.0])
+    with pytest.raises(StepError):
+        sim.step(10)

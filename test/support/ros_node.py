@@ -1,0 +1,252 @@
+"""What node tests share: the simulator in its own process, a peer in this one, reading logs."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import WrenchStamped
+from mcap.records import Channel, Message, Schema
+from mcap.stream_reader import StreamReader
+from mcap_ros2.decoder import DecoderFactory
+from mcap_ros2.reader import read_ros2_messages
+from rcl_interfaces.srv import GetParameters
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import NodeNameNonExistentError
+from rclpy.qos import QoSProfile
+
+from support.paths import ROOT
+
+T = TypeVar('T')
+# by topic: times in ns, messages
+Messages = dict[str, list[tuple[int, Any]]]
+# A cold cache makes the node compile for most of a minute; everything after that is quick.
+START_LIMIT = 180.0
+# Only what fails waits that long.
+LIMIT = 30.0
+
+
+class SimulatorProcess:
+    """`python -m alf_ros simulator` in a session of its own, logging below `folder`."""
+
+    def __init__(self, folder: Path | str, *options: str, **parameters: object) -> None:
+        self.folder = Path(folder)
+        arguments = ['--log-folder', str(self.folder), *options]
+        if parameters:
+            arguments.append('--ros-args')
+            for name, value in parameters.items():
+                arguments += ['-p', f'{name.replace("__", ".")}:={value}']
+        self.output_path = self.folder / 'output.txt'
+        self.folder.mkdir(parents=True, exist_ok=True)
+        # A sourced ROS 2 is on PYTHONPATH too.
+        paths = [str(ROOT), os.environ.get('PYTHONPATH', '')]
+        with open(self.output_path, 'w') as output:
+            self.process = subprocess.Popen(
+                [sys.executable, '-m', 'alf_ros', 'simulator', *arguments],
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                cwd=self.folder,
+                env={**os.environ, 'PYTHONPATH': os.pathsep.join(filter(None, paths))},
+                start_new_session=True,
+            )
+
+    def __enter__(self) -> SimulatorProcess:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self.process.poll() is None:
+            self.stop()
+
+    @property
+    def output(self) -> str:
+        return self.output_path.read_text()
+
+    def wait_running(self) -> SimulatorProcess:
+        """Wait until the node says that it runs."""
+        end = time.monotonic() + START_LIMIT
+        while 'running:' not in self.output:
+            assert self.process.poll() is None, self.output
+            assert time.monotonic() < end, f'did not start: {self.output}'
+            time.sleep(0.02)
+        return self
+
+    def wait(self, limit: float = START_LIMIT) -> int:
+        """Wait for the end; returns the exit code."""
+        try:
+            return self.process.wait(limit)
+        except subprocess.TimeoutExpired:
+            os.killpg(self.process.pid, signal.SIGKILL)
+            raise AssertionError(f'did not end: {self.output}') from None
+
+    def stop(self, number: int = signal.SIGINT) -> int:
+        """Send a signal to the session and return the exit code."""
+        os.killpg(self.process.pid, number)
+        return self.wait(LIMIT)
+
+    @property
+    def logs(self) -> list[Path]:
+        """Log files, oldest first."""
+        return sorted(self.folder.glob('*/*.mcap'), key=lambda path: path.stat().st_ctime_ns)
+
+
+class Peer:
+    """A node in this process, as any other program on the graph."""
+
+    def __init__(self) -> None:
+        rclpy.init()
+        self.node = rclpy.create_node('peer')
+        self.executor = SingleThreadedExecutor()
+        self.executor.add_node(self.node)
+
+    def close(self) -> None:
+        self.executor.shutdown()
+        self.node.destroy_node()
+        rclpy.shutdown()
+
+    def __enter__(self) -> Peer:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def until(self, condition: Callable[[], T], what: str, limit: float = LIMIT) -> T:
+        """Spin until `condition()` is true and return what it gave; fail after `limit` seconds.
+
+        A condition may look at the last message of a topic before there is one, or ask for a node
+        that is not found yet: it does not hold then.
+        """
+
+        def holds() -> T | None:
+            try:
+                return condition()
+            except (IndexError, NodeNameNonExistentError):
+                return None
+
+        end = time.monotonic() + limit
+        while not (value := holds()):
+            assert time.monotonic() < end, f'not within {limit} s: {what}'
+            self.executor.spin_once(timeout_sec=0.05)
+        return value
+
+    def listen(self, topic: str, kind: type, qos: QoSProfile | None = None) -> list[Any]:
+        """A list that grows with every message on `topic`."""
+        heard: list[Any] = []
+        self.node.create_subscription(kind, topic, heard.append, qos or QoSProfile(depth=1000))
+        return heard
+
+    def talk(self, topic: str, kind: type) -> Any:
+        """A publisher that the simulator has found."""
+        publisher = self.node.create_publisher(kind, topic, 10)
+        self.until(publisher.get_subscription_count, f'a subscription to {topic}')
+        return publisher
+
+    def call(self, kind: Any, service: str, **request: Any) -> Any:
+        """Call a service, once, and return its response."""
+        client = self.client(kind, service)
+        asked = client.call_async(kind.Request(**request))
+        self.until(asked.done, f'an answer of {service}')
+        self.node.destroy_client(client)
+        return asked.result()
+
+    def client(self, kind: Any, service: str) -> Any:
+        """A client that its server knows.
+
+        A server carries a request out and then drops its answer if it has not discovered the
+        client by then, which happens on a busy machine. Clients are announced in order: a server
+        that answers a younger one knows this one. The younger one asks for no parameters, which
+        may be asked again.
+        """
+        client = self.node.create_client(kind, service)
+        self.until(client.service_is_ready, f'the service {service}')
+        parameters = f'{service.rpartition("/")[0]}/get_parameters'
+        younger = self.node.create_client(GetParameters, parameters)
+        self.until(younger.service_is_ready, f'the service {parameters}')
+        began = time.monotonic()
+        asked: list[Any] = []
+
+        def answered() -> bool:
+            if time.monotonic() >= began + len(asked):
+                asked.append(younger.call_async(GetParameters.Request()))
+            return any(future.done() for future in asked)
+
+        self.until(answered, f'an answer of {parameters}')
+        self.node.destroy_client(younger)
+        return client
+
+
+class Diagnostics:
+    """The latest status of each task."""
+
+    def __init__(self, peer: Peer) -> None:
+        self.heard = peer.listen('/diagnostics', DiagnosticArray)
+
+    def status(self, task: str) -> tuple[bytes, str, dict[str, str]] | None:
+        """(level, message, values by key) of the latest report of `task`, or None."""
+        for status in self.heard[-1].status if self.heard else ():
+            if status.name == f'simulator: {task}':
+                values = {entry.key: entry.value for entry in status.values}
+                return status.level, status.message, values
+        return None
+
+    def value(self, task: str, key: str) -> str | None:
+        status = self.status(task)
+        return status[2][key] if status else None
+
+
+def wrench(
+    x: float = 0.0, y: float = 0.0, torque: float = 0.0, frame: str = '', **rest: float
+) -> WrenchStamped:
+    """A WrenchStamped; `rest` sets any other component: forcez=1.0."""
+    message = WrenchStamped()
+    message.header.frame_id = frame
+    message.wrench.force.x, message.wrench.force.y = x, y
+    message.wrench.torque.z = torque
+    for name, value in rest.items():
+        setattr(getattr(message.wrench, name[:-1]), name[-1], value)
+    return message
+
+
+def read_log(path: Path) -> Messages:
+    """Messages of a log by topic: lists of (log time in ns, message)."""
+    found: Messages = {}
+    for message in read_ros2_messages(str(path)):
+        found.setdefault(message.channel.topic, []).append((message.log_time_ns, message.ros_msg))
+    return found
+
+
+def read_cut_log(path: Path) -> Messages:
+    """What a log that is still being written holds by now."""
+    found: Messages = {'/simulator/inputs': []}
+    channels: dict[int, Channel] = {}
+    schemas: dict[int, Schema] = {}
+    factory = DecoderFactory()
+    with open(path, 'rb') as stream:
+        try:
+            for record in StreamReader(stream).records:
+                if isinstance(record, Schema):
+                    schemas[record.id] = record
+                elif isinstance(record, Channel):
+                    channels[record.id] = record
+                elif isinstance(record, Message):
+                    channel = channels[record.channel_id]
+                    decode = factory.decoder_for('cdr', schemas[channel.schema_id])
+                    assert decode is not None
+                    message = (record.log_time, decode(record.data))
+                    found.setdefault(channel.topic, []).append(message)
+        except Exception as cut:
+            assert 'Unexpected' in f'{cut}' or 'EndOfFile' in type(cut).__name__, cut
+    return found
+
+
+def journal(log: Messages) -> list[dict[str, Any]]:
+    """The entries of ~/inputs."""
+    return [json.loads(message.data) for _, message in log['/simulator/inputs']]
