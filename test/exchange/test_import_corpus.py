@@ -38,9 +38,9 @@ def test_a_file_that_takes_too_long_or_is_broken(tmp_path: Path) -> None:
     text = (FOLDER / 'fixed_without_axis.urdf').read_text(encoding='utf-8')
     (tmp_path / 'slow.urdf').write_text(text, encoding='utf-8')
     limits = corpus.Limits(seconds=1e-6)
-    found = list(corpus.examined(tmp_path, {'scene': True}, limits))
-    assert [each.file for each in found] == ['broken.urdf', 'slow.urdf']
-    assert all(each.result == corpus.LIMIT for each in found)
+    stopped = list(corpus.examined(tmp_path, {'scene': True}, limits))
+    assert [each.file for each in stopped] == ['broken.urdf', 'slow.urdf']
+    assert all(each.result == corpus.LIMIT for each in stopped)
     (found,) = [
         each
         for each in corpus.examined(tmp_path, {'scene': True}, corpus.Limits(seconds=60.0))

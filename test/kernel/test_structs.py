@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -38,7 +39,7 @@ class Space(Struct):
 
 
 @njit
-def scaled(space):  # type: ignore[no-untyped-def]
+def scaled(space):
     space.before[0] = len(space.unit)
     return space.scale * len(space.unit) * space.sums.total.size, space.unit
 
@@ -100,5 +101,5 @@ def test_the_dimension_is_a_part_of_the_type(D: int) -> None:
     assert scaled(space) == (1.5 * D, (0.0,) * D)
     assert before[0] == D
     assert space._numba_type(2) != space._numba_type(3)
-    view = space._view()  # without a compiler
+    view: Any = space._view()  # without a compiler
     assert view.unit == space.unit and view.scale == 0.5

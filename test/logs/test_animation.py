@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,7 +26,7 @@ def planar(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return make(tmp_path_factory.mktemp('planar'), 'slider_crank', ticks=1000)[0].parent
 
 
-def coloured(picture: Image.Image, colour: tuple[int, int, int]) -> np.ndarray:
+def coloured(picture: Image.Image, colour: tuple[int, int, int]) -> Any:
     """(k, 2) columns and rows of the pixels near a colour."""
     pixels = np.asarray(picture.convert('RGB')).astype(int)
     return np.argwhere(np.abs(pixels - colour).max(axis=2) < 60)[:, ::-1]

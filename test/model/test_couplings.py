@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from alf_ros import InputError, Simulation
+from alf_ros.arrays import Floats
 from alf_ros.exchange.export import exported, tree
 from alf_ros.inspection.soundness import examine
 from alf_ros.scene.scene import scene_from_text
@@ -92,7 +93,7 @@ def test_reactions_and_check() -> None:
     before, now, after = (sim.step(1) or sim.sample() for _ in range(3))
     length = math.hypot(0.7, 0.2)
 
-    def momentum(sample: Sample) -> np.ndarray:
+    def momentum(sample: Sample) -> Floats:
         v = sample.velocities
         lower = v['A'] + 0.3 / length * (v['B'] - v['A'])
         return 1.5 * 0.5 * np.asarray(v['A']) + 0.8 * lower

@@ -96,7 +96,7 @@ def test_with_numpy_1(tmp_path):
 
 
 def test_bloom_and_rosdep_find_what_they_ask_for():
-    warnings = []
+    warnings: list[str] = []
     package = parse_package(str(PACKAGE), warnings=warnings)
     package.validate(warnings=warnings)
     assert warnings == []

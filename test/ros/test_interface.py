@@ -158,9 +158,11 @@ def test_launch_arguments():
     documented = {name for names, _ in table('Launch') for name in names}
     tree = ast.parse((ROOT / 'launch/simulate.launch.py').read_text('utf-8'))
     (given,) = (
-        [key.value for key in node.value.keys]
+        [ast.literal_eval(key) for key in node.value.keys if key]
         for node in tree.body
-        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == 'ARGUMENTS'
+        if isinstance(node, ast.Assign)
+        and isinstance(node.value, ast.Dict)
+        and ast.unparse(node.targets[0]) == 'ARGUMENTS'
     )
     used = {
         node.args[0].value

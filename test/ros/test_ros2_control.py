@@ -3,6 +3,7 @@
 import math
 import struct
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import pytest
@@ -171,7 +172,7 @@ def test_the_block_and_the_controllers_fit_the_scene(mechanism, tmp_path):
     context = rclpy.Context()
     arguments = ['--ros-args', '--params-file', str(file), '-r', '__ns:=/left']
     context.init(args=arguments)
-    found = {}
+    found: dict[str, Any] = {}
     for name in ('controller_manager', 'joint_trajectory_controller'):
         node = rclpy.create_node(
             name, context=context, automatically_declare_parameters_from_overrides=True

@@ -156,7 +156,7 @@ def test_every_public_part_travels() -> None:
     rubbing = made('rubbing')
     rubbing.step(5)
     sample = rubbing.sample()
-    parts = {
+    parts: dict[str, Any] = {
         'scene': sim.scene,
         'model': made('driven').model,
         'state': sim.state,

@@ -205,7 +205,7 @@ THINGS = st.sampled_from(
         np.array(['a', 'b']),
         {},
         {1.0},
-        (x for x in ()),
+        iter(()),
         Wrench((0.0, 1.0)),
         Target(1.0),
         State(
@@ -263,14 +263,14 @@ NONE: dict[str, Callable[[State], Any]] = {
     'carried': lambda s: replace(s, carried=np.zeros(3)),
     'loads': lambda s: replace(s, loads=np.array([NAN])),
     'works': lambda s: replace(s, works={'gravity': NAN}),
-    'no works': lambda s: replace(s, works=None),  # type: ignore[arg-type]
+    'no works': lambda s: replace(s, works=None),
     'wrench': lambda s: holding(s, wrenches={'nobody': Wrench((0.0, 1.0))}),
     'force': lambda s: holding(s, wrenches={'coupler': Wrench((NAN, 0.0))}),
     'no wrench': lambda s: holding(s, wrenches={'coupler': 3.0}),
     'effort': lambda s: holding(s, efforts={'crank_pin': NAN}),
     'joint': lambda s: holding(s, efforts={'nobody': 1.0}),
     'target': lambda s: holding(s, targets={'guide': Target(1.0)}),
-    'inputs': lambda s: replace(s, inputs=None),  # type: ignore[arg-type]
+    'inputs': lambda s: replace(s, inputs=None),
 }
 
 
@@ -311,9 +311,11 @@ def test_properties_change_nothing() -> None:
 @given(st.data())
 def test_a_simulation_is_made_or_refused_in_a_line(data: st.DataObject) -> None:
     names = [p for p in inspect.signature(Simulation).parameters if p not in ('scene', 'accuracy')]
-    given = {name: data.draw(JUNK) for name in data.draw(st.sets(st.sampled_from(names)))}
+    chosen = data.draw(st.sets(st.sampled_from(names)))
+    given: dict[str, Any] = {name: data.draw(JUNK) for name in chosen}
     try:
-        Simulation(data.draw(st.sampled_from([MADE, MADE, None, 'four_bar', 3])), **given)
+        scene: Any = data.draw(st.sampled_from([MADE, MADE, None, 'four_bar', 3]))
+        Simulation(scene, **given)
     except AlfError as error:
         assert '\n' not in str(error)
 

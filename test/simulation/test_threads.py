@@ -12,6 +12,7 @@ import pytest
 
 from alf_ros import BusyError, Simulation, StoppedError
 from alf_ros.kernel import advance, advance_adaptively, advance_implicitly
+from alf_ros.simulation.sample import Sample
 from support.runs import RUNS, bits, made
 
 CALLS: dict[str, Callable[[Simulation], Any]] = {
@@ -103,18 +104,19 @@ def test_many_simulations_run_side_by_side(name: str) -> None:
     assert told == 4 * [work(alone)]
 
 
+def told(sample: Sample) -> tuple[bytes, bytes]:
+    return sample.reaction_forces.tobytes(), sample.lam.tobytes()
+
+
 @pytest.mark.parametrize('name', ['driven', 'rubbing'])
 def test_samples_are_read_while_it_steps(name: str) -> None:
     sim, alone = made(name), made(name)
     sim.step(5)
     alone.step(5)
-    wanted = alone.sample().reaction_forces.tobytes(), alone.sample().lam.tobytes()
+    wanted = told(alone.sample())
     samples = [sim.sample() for _ in range(40)]
     with ThreadPoolExecutor(2) as pool:
-        reading = [
-            pool.submit(lambda s=sample: (s.reaction_forces.tobytes(), s.lam.tobytes()))
-            for sample in samples
-        ]
+        reading = [pool.submit(told, sample) for sample in samples]
         for _ in range(200):
             sim.step(5)
         assert {each.result() for each in reading} == {wanted}

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 from scipy.integrate import solve_ivp
+
+from alf_ros.arrays import Floats
 
 
 def two_bars(ratio: float, duration: float) -> tuple[float, float]:
@@ -14,7 +15,7 @@ def two_bars(ratio: float, duration: float) -> tuple[float, float]:
     d = 0.3  # from A to the com of lower, along its bar, which is drawn raised by β
     beta = math.atan2(0.2, 0.7)
 
-    def rate(_: float, y: np.ndarray) -> list[float]:
+    def rate(_: float, y: Floats) -> list[float]:
         theta, w = y
         k, c = 1.0 + ratio, ratio * theta + beta  # of lower: angle k θ + β, against upper c
         inertia = I1 + m[1] * L**2 + k**2 * (I2 + m[1] * d**2) + 2 * k * m[1] * L * d * math.cos(c)

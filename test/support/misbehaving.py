@@ -4,27 +4,26 @@ import os
 import re
 import signal
 import time
+from random import Random
 
 
 class Harness:
     SUFFIX = '.txt'
     SECONDS, PATIENCE = 0.5, 2.0
 
-    def make(self, random):
+    def make(self, random: Random) -> bytes:
         # as the worker seeds it: the number of the case is told by nothing else
         return self.numbered(random)
 
     @staticmethod
-    def numbered(random):
-        from random import Random
-
+    def numbered(random: Random) -> bytes:
         state = random.getstate()
         for number in range(100):
             if Random(f'support.misbehaving {number}').getstate() == state:
                 return b'%d' % number
         raise AssertionError
 
-    def check(self, case):
+    def check(self, case: bytes) -> str:
         number = int(case)
         if number == 3:
             re.match('(a*)*b', 'a' * 40)
