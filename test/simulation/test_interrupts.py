@@ -24,9 +24,10 @@ FOREVER = 10**12  # steps: days
 PATIENCE = 300.0  # s, after which a test gives up that waits for an end
 
 SCRIPT = """
-import json, sys, time
+import json, signal, sys, time
 from alf_ros import Simulation, StepError, load_scene
 
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's `&` has it ignored
 name, options, how, n = json.loads(sys.argv[1])
 sim, fresh = (Simulation(load_scene(name), **options) for _ in range(2))
 first = 0
@@ -103,10 +104,11 @@ def test_a_signal_ends_a_call_between_two_steps(case: Any) -> None:
 
 
 THREADS = """
-import json, sys, threading
+import json, signal, sys, threading
 from concurrent.futures import ThreadPoolExecutor
 from alf_ros import Simulation, load_scene
 
+signal.signal(signal.SIGINT, signal.default_int_handler)
 sims = [Simulation(load_scene('slider_crank'), integrator='rk4') for _ in range(2)]
 told = []
 def work(sim):
