@@ -32,7 +32,7 @@ def as_data(state: State) -> dict[str, Any]:
     fields = {field.name: getattr(state, field.name) for field in dataclasses.fields(state)}
     inputs = fields.pop('inputs')
     data = {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in fields.items()}
-    wrenches = {name: dataclasses.asdict(wrench) for name, wrench in inputs.wrenches.items()}
+    wrenches = {name: _as_lists(wrench) for name, wrench in inputs.wrenches.items()}
     held = {
         'wrenches': wrenches,
         'efforts': {name: _plain(effort) for name, effort in inputs.efforts.items()},
@@ -42,6 +42,11 @@ def as_data(state: State) -> dict[str, Any]:
         },
     }
     return {**data, 'inputs': held}
+
+
+def _as_lists(wrench: Wrench) -> dict[str, Any]:
+    fields = vars(wrench)
+    return {name: list(x) if isinstance(x, tuple) else x for name, x in fields.items()}
 
 
 def _plain(value: float | Curve | None) -> Any:

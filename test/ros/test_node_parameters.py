@@ -141,6 +141,7 @@ def test_every_parameter_is_described_and_every_number_has_a_range(changed):
     assert {name for name in read_only if not name.startswith('record.rate.')} == {
         'ledger',
         'start_paused',
+        'trust_scenes',
         'duration',
         'status_line',
         'frame_prefix',

@@ -305,8 +305,8 @@ def test_the_node_does_it_between_two_ticks_and_begins_a_log_with_it() -> None:
     assert not calls.run.begin.called and not seen
     control.place('crank', own + [0.0, 0.0, 0.1], None)
     assert seen[0].state.q.tobytes() == before.q.tobytes() == simulation.state.q.tobytes()
-    (state,), options = calls.run.begin.call_args
-    assert options == {'keep_time': True} and state.step == before.step
+    state, keep_time = calls.run.begin.call_args.args
+    assert keep_time and state.step == before.step
     assert [call[0] for call in calls.mock_calls if call[0] != 'run.__str__'] == [
         *('inputs.apply',) * 2,
         'report',

@@ -177,8 +177,9 @@ class ViewNode(Node):
             for name, status in zip(names, found, strict=True)
         ]
         for status in found:
-            values = {value.key: value.value for value in status.values}
-            self._state = values.get('state', self._state)
+            if status.name == f'{self._task}solver':
+                values = {value.key: value.value for value in status.values}
+                self._state = values.get('state', self._state)
 
 
 def _scene(text: str) -> Json:
