@@ -159,7 +159,7 @@ def test_a_signal_ends_the_steps_of_other_threads(how: str) -> None:
     with subprocess.Popen(
         [sys.executable, '-c', THREADS, how],
         stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
         text=True,
         cwd=ROOT,
     ) as process:
@@ -168,10 +168,10 @@ def test_a_signal_ends_the_steps_of_other_threads(how: str) -> None:
             assert process.stdout.readline() == 'ready\n'
             time.sleep(1.0)
             process.send_signal(signal.SIGINT)
-            out, _ = process.communicate(timeout=PATIENCE)
+            out, said = process.communicate(timeout=PATIENCE)
         finally:
             process.kill()
-    assert json.loads(out) == [True, True]
+    assert json.loads(out) == [True, True], said
 
 
 def in_a_thread(sim: Simulation, n: int) -> tuple[threading.Thread, list[BaseException]]:
