@@ -11,6 +11,8 @@ from typing import IO, TYPE_CHECKING
 
 import pytest
 
+from support.traced import leave_children_alone
+
 if TYPE_CHECKING:
     from support.ros_node import Peer
 
@@ -38,6 +40,8 @@ _LOGS = tempfile.TemporaryDirectory(prefix='alf_ros-test-')
 os.environ['ROS_DOMAIN_ID'] = str(_DOMAIN)
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 os.environ['ROS_LOG_DIR'] = _LOGS.name
+if 'PYTEST_XDIST_WORKER' in os.environ:  # the process that starts the workers has them traced
+    leave_children_alone()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

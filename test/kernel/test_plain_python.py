@@ -11,6 +11,7 @@ import pytest
 from alf_ros.kernel import Status, status
 from alf_ros.kernel.numba_ext.plain import Vector, flat
 from support.paths import ROOT
+from support.traced import traced
 
 SCRIPT = """
 import json, sys
@@ -42,7 +43,7 @@ def run(**variables):
     done = subprocess.run(
         [sys.executable, '-c', SCRIPT],
         input=json.dumps(RUNS),
-        env={**os.environ, 'PYTHONPATH': str(ROOT), **variables},
+        env={**os.environ, 'PYTHONPATH': str(ROOT), **traced(), **variables},
         capture_output=True,
         text=True,
         check=False,
