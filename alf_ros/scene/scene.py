@@ -17,7 +17,7 @@ from numbers import Integral, Real
 from pathlib import Path
 from typing import Any
 
-from alf_ros import paths, resources
+from alf_ros import html_table, paths, resources
 from alf_ros.effects import Effect
 from alf_ros.errors import InputError
 from alf_ros.kernel import Method
@@ -145,6 +145,31 @@ class Scene:
     def hash(self) -> str:
         """SHA-256 of the text, hexadecimal."""
         return hashlib.sha256(self.text.encode()).hexdigest()
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows."""
+        mechanism, solver = self.mechanism, self.solver
+        judged = {'accuracy': f'{solver.accuracy} m'} if solver.accuracy else {}
+        settings = {'integrator': solver.integrator, 'step': f'{solver.step:g} s', **judged}
+        counts = (f'{len(mechanism.bodies)} bodies', f'{len(mechanism.joints)} joints')
+        drives = [f'{len(mechanism.drives)} drives'] if mechanism.drives else []
+        space = 'planar' if mechanism.dimension == 2 else 'spatial'
+        about = [
+            ('mechanism', f'{mechanism.name}, {space}: {", ".join([*counts, *drives])}'),
+            ('effects', ', '.join(effect.label for effect in self.effects) or 'none'),
+            ('starts', 'in motion' if self.velocities else 'at rest'),
+            ('solver', ', '.join(f'{name} {value}' for name, value in settings.items())),
+        ]
+        if self.file:
+            about.append(('file', self.file))
+        joints = ((j.name, j.kind, f'{j.parent}, {j.child}') for j in mechanism.joints)
+        return ''.join(
+            (
+                html_table.heading(f'Scene {self.name}'),
+                html_table.pairs(about),
+                html_table.table(('joint', 'type', 'between'), joints, len(mechanism.joints)),
+            )
+        )
 
 
 @paused()
