@@ -20,6 +20,7 @@ os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 import commands_page
 import gallery
 import links
+import notebooks
 import python_api
 import reference
 import sources
@@ -28,6 +29,7 @@ import sources
 def assemble(target: Path, kept: Path, films: bool) -> None:
     """Write all sources of the site into an empty folder."""
     sources.copy(target)
+    notebooks.write(target)
     pages = {
         'python_api': python_api.page(),
         'scene_keys': reference.scene_keys(),

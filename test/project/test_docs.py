@@ -16,6 +16,7 @@ from alf_ros import effects, resources
 from alf_ros.commands import COMMANDS
 from alf_ros.model import joints
 from support.paths import ROOT
+from support.reader import environment
 
 SITE = ROOT / 'doc' / 'site'
 
@@ -62,7 +63,9 @@ def test_every_public_name_is_in_the_python_api(site: Path) -> None:
     assert [name for name in alf_ros.__all__ if f'alf_ros.{name}' not in page.ids] == []
     for member in ('Simulation.run', 'Sample.reactions', 'Sample.qdd', 'Run.plot'):
         assert f'alf_ros.{member}' in page.ids
-    assert 'With file the picture is written there' in ' '.join(page.text.split())
+    assert 'With file (.png, .svg, .pdf) the picture is written there' in ' '.join(
+        page.text.split()
+    )
 
 
 def test_every_command_is_there_with_its_options(site: Path) -> None:
@@ -94,6 +97,37 @@ def test_every_scene_is_in_the_gallery(site: Path) -> None:
     numbers = Text(site / 'gallery' / 'bricard.html').text
     expected = 'bodies 5 joints 6 coordinates 24 constraint rows 24 redundant rows 1 freedoms 1'
     assert expected in ' '.join(numbers.split())
+
+
+# A notebook's cells as they would run there one after another; no kernel is needed for that.
+RUN = """
+import contextlib, io, json, sys
+
+namespace = {'__name__': '__main__'}
+for cell in json.load(open(sys.argv[1], encoding='utf-8'))['cells']:
+    if cell['cell_type'] == 'code':
+        with contextlib.redirect_stdout(io.StringIO()) as printed:
+            exec(''.join(cell['source']), namespace)
+        shown = ''.join(line for output in cell['outputs'] for line in output['text'])
+        assert printed.getvalue() == shown, (printed.getvalue(), shown)
+        print('cell')
+"""
+
+
+@pytest.mark.parametrize(('page', 'cells'), [('first_mechanism', 3), ('runs', 2)])
+def test_a_notebook_prints_what_is_stored_in_it(
+    site: Path, tmp_path: Path, page: str, cells: int
+) -> None:
+    (notebook,) = site.rglob(f'{page}.ipynb')
+    assert f'{page}.ipynb' in (site / f'{page}.html').read_text('utf-8')
+    done = subprocess.run(
+        [sys.executable, '-c', RUN, str(notebook)],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        env=environment() | {'MPLBACKEND': 'Agg', 'OPENBLAS_NUM_THREADS': '1'},
+    )
+    assert (done.stdout, done.stderr) == ('cell\n' * cells, '')
 
 
 def test_a_link_that_leads_nowhere_is_found(tmp_path: Path) -> None:
