@@ -127,6 +127,8 @@ class Run:
 
     def _found(self, name: str) -> tuple[str, int | None]:
         """The full name of a quantity, and which of its components is meant."""
+        if isinstance(name, str) and name in self._places:
+            return self._places[name]
         return self._places[full_name(name, tuple(self._places), 'name')]
 
     # ------------------------------------------------------------------------------ the ways out

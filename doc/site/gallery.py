@@ -12,6 +12,7 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 from docstrings import markdown, table
 from sources import ROOT
 
@@ -25,7 +26,8 @@ from alf_ros.ros.recording.run_writer import LogRun
 from alf_ros.simulation import setup
 
 _ON_CARDS = ('bodies', 'joints', 'freedoms')
-_DURATION, _RATE = 4.0, 50.0  # s of a moving picture, Hz
+_DURATION, _RATE = 4.0, 50.0  # s that a moving picture shows, Hz
+_SHOWN = {'stewart_platform': (0.6, 0.2)}  # others: s, and s per second; it soon flies away
 
 
 @dataclass(frozen=True)
@@ -113,28 +115,44 @@ def _picture(each: Exhibit, kept: Path, target: Path) -> None:
     key = _key(each, 'alf_ros/inspection/mechanism_plot.py', 'alf_ros/inspection/joint_pen.py')
     path = kept / f'{each.file.stem}_{key}.png'
     if not path.exists():
-        mechanism_plot.draw(path, each.found)
+        part = kept / 'part.png'  # a build that is interrupted leaves no half of a picture
+        mechanism_plot.draw(part, each.found)
+        part.rename(path)
     shutil.copy(path, target / f'{each.file.stem}.png')
 
 
-def _film(each: Exhibit, kept: Path, target: Path) -> str:
-    """The name of the moving picture: of a log, as `analyze --animation` makes it."""
+def _film(each: Exhibit, kept: Path, target: Path) -> str | None:
+    """The name of the moving picture; None if nothing would be seen to move."""
     key = _key(each, 'alf_ros/logs/report/animation.py', 'doc/site/gallery.py')
     path = kept / f'{each.file.stem}_{key}.webp'
     if not path.exists():
-        with tempfile.TemporaryDirectory() as folder:
-            made = setup.made(each.scene, {}, _RATE)
-            run = LogRun(Path(folder), made)
-            run.send()
-            for _ in range(round(_DURATION * _RATE)):
-                made.simulation.step(made.steps)
-                run.send()
-            run.close()
-            log = load(run.recorder.path)
-            animation.write(path, [animation.film(account(log), each.scene.name)])
+        _write_film(each, path)
+    if path.stat().st_size == 0:
+        return None
     name = f'{each.file.stem}_film.webp'
     shutil.copy(path, target / name)
     return name
+
+
+def _write_film(each: Exhibit, path: Path) -> None:
+    """Record a log, and draw it as `analyze --animation` does; an empty file if nothing moves."""
+    duration, speed = _SHOWN.get(each.file.stem, (_DURATION, 1.0))
+    with tempfile.TemporaryDirectory() as folder:
+        made = setup.made(each.scene, {}, _RATE)
+        run = LogRun(Path(folder), made)
+        run.send()
+        for _ in range(round(duration * _RATE)):
+            made.simulation.step(made.steps)
+            run.send()
+        run.close()
+        film = animation.film(account(load(run.recorder.path)), each.scene.name)
+    moved = float(np.nanmax(np.ptp(film.places, axis=0)))
+    if film.motion.links and moved > 0.01 * each.found.model.size:
+        part = path.with_name('part.webp')
+        animation.write(part, [film], speed)
+        part.rename(path)
+    else:
+        path.touch()
 
 
 def _page(each: Exhibit, film: str | None) -> str:
@@ -143,10 +161,7 @@ def _page(each: Exhibit, film: str | None) -> str:
     of_mechanism, drawing = comment(each.mechanism)
     parts = [f'# {each.title}', markdown(first), rest, f'![{each.title}]({name}.png)']
     if film:
-        parts.append(
-            f'```{{image}} {film}\n:alt: {each.title}, {_DURATION:g} s of motion\n'
-            ':loading: lazy\n```'
-        )
+        parts.append(f'```{{image}} {film}\n:alt: {each.title}, in motion\n:loading: lazy\n```')
     parts += [
         table(('what', 'number'), [(what, str(number)) for what, number in each.numbers]),
         f'Run it with `python -m alf_ros simulator --scene {name}`, judge it with '
