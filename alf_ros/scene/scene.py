@@ -13,6 +13,7 @@ import os
 import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
+from itertools import islice
 from numbers import Integral, Real
 from pathlib import Path
 from typing import Any
@@ -151,13 +152,14 @@ class Scene:
         mechanism, solver = self.mechanism, self.solver
         judged = {'accuracy': f'{solver.accuracy} m'} if solver.accuracy else {}
         settings = {'integrator': solver.integrator, 'step': f'{solver.step:g} s', **judged}
-        counts = (f'{len(mechanism.bodies)} bodies', f'{len(mechanism.joints)} joints')
-        drives = [f'{len(mechanism.drives)} drives'] if mechanism.drives else []
         space = 'planar' if mechanism.dimension == 2 else 'spatial'
+        effects = ', '.join(effect.label for effect in self.effects)
         about = [
-            ('mechanism', f'{mechanism.name}, {space}: {", ".join([*counts, *drives])}'),
-            ('effects', ', '.join(effect.label for effect in self.effects) or 'none'),
-            ('starts', 'in motion' if self.velocities else 'at rest'),
+            ('mechanism', f'{mechanism.name}, {space}'),
+            ('bodies', f'{len(mechanism.bodies)}: {_names(mechanism.bodies)}'),
+            ('drives', _names(mechanism.drives) or 'none'),
+            ('effects', effects or 'none'),
+            ('initial velocities of', ', '.join(self.velocities) or 'none'),
             ('solver', ', '.join(f'{name} {value}' for name, value in settings.items())),
         ]
         if self.file:
@@ -170,6 +172,10 @@ class Scene:
                 html_table.table(('joint', 'type', 'between'), joints, len(mechanism.joints)),
             )
         )
+
+
+def _names(parts: Collection[Any]) -> str:
+    return ', '.join(part.name for part in islice(parts, html_table.MOST_ROWS))
 
 
 @paused()

@@ -55,8 +55,9 @@ class Reader(HTMLParser):
 def test_a_scene() -> None:
     shown = Reader(load_scene('slider_crank')._repr_html_())
     assert shown.texts == ['Scene slider_crank']
-    assert shown.row('mechanism') == ['slider_crank, planar: 2 bodies, 3 joints']
-    assert shown.row('effects') == ['gravity'] and shown.row('starts') == ['in motion']
+    assert shown.row('mechanism') == ['slider_crank, planar']
+    assert shown.row('bodies') == ['2: crank, coupler'] and shown.row('drives') == ['none']
+    assert shown.row('effects') == ['gravity'] and shown.row('initial velocities of') == ['B']
     assert shown.row('solver') == ['integrator rk4, step 0.001 s']
     assert shown.row('knee') == ['revolute', 'crank, coupler']
 
