@@ -11,7 +11,7 @@ ifeq ($(ROS_DISTRO),humble)
 export ROS_LOCALHOST_ONLY ?= 1
 endif
 
-.PHONY: help setup run view check test fuzz benchmark clean
+.PHONY: help setup run view check test docs fuzz benchmark clean
 
 help:
 	@echo 'make run [SCENE=slider_crank] [DURATION=seconds] [ARGS=...]   simulate, publish, record (Ctrl-C ends it)'
@@ -19,6 +19,7 @@ help:
 	@echo 'make setup [PYTHON=python3.12]   only prepare .venv (run and test do it themselves)'
 	@echo 'make check   linters, type checks, quick tests that need no node and their coverage, under 90 s'
 	@echo 'make test    linters, type checks and all tests'
+	@echo 'make docs [ARGS=--no-films]   the documentation site: build/docs/html/index.html'
 	@echo 'make fuzz [ARGS="--minutes 60"]   files, logs and commands nobody would write, by the thousand'
 	@echo 'make benchmark [ARGS=--no-peers]   what accuracy costs here, and elsewhere: benchmark/results, half an hour'
 	@echo 'make clean   remove caches and build products; .venv/ and logs/ stay'
@@ -56,6 +57,10 @@ $(COVERAGE) erase; \
 	$(COVERAGE) report --format=total || failed="$$failed, coverage"; \
 	$(if $(filter test,$@),$(BIN)/python $(PYTEST) $(CHECKED:%=--ignore=%) || failed="$$failed$(COMMA) pytest";)
 endef
+
+# Moving pictures of the gallery take two minutes; they are kept, and drawn again when they would change.
+docs: setup
+	@$(BIN)/python doc/site/build.py $(ARGS)
 
 fuzz: setup
 	@$(BIN)/python fuzz/run.py $(ARGS)

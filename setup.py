@@ -63,6 +63,7 @@ setup(
     extras_require={
         'record': ['mcap>=1.5', 'zstandard'],
         'plot': ['matplotlib'],
+        'table': ['pandas', 'pyarrow', 'xarray'],
         'import': ['urdf-parser-py', 'mujoco', 'xacro'],
         'view': ['foxglove-sdk'],
     },

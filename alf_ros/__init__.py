@@ -1,4 +1,4 @@
-"""ALF2 for mechanisms with closed loops: `load_scene`, `Simulation`, and what they raise.
+"""ALF2 for mechanisms with closed loops: `load_scene`, `Simulation`, `record`, and their errors.
 
 Nothing here needs ROS. Names are imported when first used, so that `import alf_ros` costs nothing.
 """
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
         StepError,
         StoppedError,
     )
+    from alf_ros.inspection.run import Run, record
     from alf_ros.scene.scene import Scene, load_scene
     from alf_ros.simulation.sample import Sample
     from alf_ros.simulation.simulation import Simulation
@@ -28,6 +29,7 @@ __all__ = [
     'AssemblyError',
     'BusyError',
     'InputError',
+    'Run',
     'Sample',
     'Scene',
     'Simulation',
@@ -35,6 +37,7 @@ __all__ = [
     'StepError',
     'StoppedError',
     'load_scene',
+    'record',
 ]
 
 _HOME = {
@@ -44,6 +47,8 @@ _HOME = {
     'InputError': 'errors',
     'StepError': 'errors',
     'StoppedError': 'errors',
+    'Run': 'inspection.run',
+    'record': 'inspection.run',
     'Sample': 'simulation.sample',
     'Scene': 'scene.scene',
     'load_scene': 'scene.scene',

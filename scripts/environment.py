@@ -110,7 +110,7 @@ def fill(ros: dict[str, str] | None) -> None:
     else:
         install('2/4 ROS 2 as wheels', 'ros')
     install('3/4 recording and plotting', 'record')
-    install('4/4 import, Foxglove, tests', 'import', 'view', 'test')
+    install('4/4 import, Foxglove, tests, documentation', 'import', 'view', 'test', 'docs')
     # Importable from any folder; without isolation, so that nothing is downloaded for it.
     editable = ['--no-deps', '--no-build-isolation', '--quiet', '--editable', str(ROOT)]
     step('alf_ros itself', str(PYTHON), '-m', 'pip', 'install', *editable)

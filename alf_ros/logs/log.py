@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from alf_ros import paths
+from alf_ros import html_table, paths
 from alf_ros.arrays import Floats, Integers
 from alf_ros.effects.contract import user_file
 from alf_ros.effects.contract.user_file import is_file_name
@@ -267,6 +267,32 @@ class Log:
             series.names[:n], step, self.time(series.stamp), numbers[:, :n], rates[:, :n]
         )
 
+    def _repr_html_(self) -> str:
+        """What a notebook shows; a log above 100 MB is not read through for it, unless it was."""
+        solver = ', '.join(f'{key} {value}' for key, value in self.info['solver'].items())
+        about = [
+            ('log', str(self.path)),
+            ('size', f'{self._size / 1e6:.3g} MB in {len(self.files)} files'),
+            ('solver', solver),
+            ('made by', f'alf_ros {self.versions.get("alf_ros", "of an unknown version")}'),
+        ]
+        parts = [html_table.heading(f'Log of the scene {self.info["scene"]}')]
+        if 'survey' not in vars(self) and self._size > _READ_TO_SHOW:
+            unread = html_table.paragraph('not read yet: `survey` reads it')
+            return ''.join([*parts, html_table.pairs(about), unread])
+        survey = self.survey
+        if survey.counts:
+            first, last = (float(self.time(at)) for at in (survey.first, survey.last))
+            about.append(('time', f'{first:.9g} to {last:.9g} s'))
+        about.append(('inputs', str(len(survey.inputs))))
+        about += [('damage', survey.damage)] if survey.damage else []
+        rows = ((name, survey.types[name], str(n)) for name, n in survey.counts.items())
+        head = ('topic', 'type', 'messages')
+        topics = html_table.table(head, rows, len(survey.counts))
+        return ''.join([*parts, html_table.pairs(about), topics])
+
+
+_READ_TO_SHOW = 100_000_000  # bytes
 
 # Solver steps between two messages, beyond which a stamp is damaged rather than far away: made
 # again they would take minutes at the least. A log has a message at every tick, or one a second.

@@ -56,6 +56,27 @@ _DEFINITIONS: Schema = {
 }
 
 
+_TITLE: Schema = {
+    'description': 'letters, digits, _ . -; the name of the file if absent',
+    **_TEXT,
+    'pattern': f'^{TITLE.pattern}$',
+}
+_DESCRIPTION: Schema = {'description': 'text, not read'}
+_INITIAL = {
+    'positions': 'by point or vector (m), world frame; ~ leaves a component free',
+    'velocities': 'by point or vector (m/s), world frame: any consistent ones; ~ leaves one free',
+}
+_SETTINGS = {  # of the solver
+    'step': 'time step',
+    'integrator': 'method of integration',
+    'formulation': 'how the constraints are held',
+    'penalty': 'penalty without dimension',
+    'iterations': 'iterations of a solve, at most',
+    'tolerance': 'relative error of a step, for an adaptive integrator',
+    'accuracy': 'position error for which integrator and tolerance are picked',
+}
+
+
 def _list(items: Schema, least: int | None = None, most: int | None = None) -> Schema:
     bounds = {'minItems': least, 'maxItems': least if most is None else most}
     return {'type': 'array', 'items': items} | {k: n for k, n in bounds.items() if n is not None}
@@ -211,11 +232,21 @@ def _parts(D: int) -> dict[str, Schema]:
 def _mechanism() -> Schema:
     planar, spatial = mechanism_file.SPACES
     about: dict[str, Schema] = {
-        'alf': {'enum': [mechanism_file.VERSION, str(mechanism_file.VERSION)]},
-        'name': {**_TEXT, 'pattern': f'^{TITLE.pattern}$'},
-        'description': {},
-        'space': {'enum': [planar, spatial], 'default': planar},
-        'parameters': _by_name(_NUMBER),
+        'alf': {
+            'description': 'version of this format',
+            'enum': [mechanism_file.VERSION, str(mechanism_file.VERSION)],
+        },
+        'name': _TITLE,
+        'description': _DESCRIPTION,
+        'space': {
+            'description': 'two coordinates of a point, or three',
+            'enum': [planar, spatial],
+            'default': planar,
+        },
+        'parameters': {
+            'description': 'numbers by name; each may use those before it',
+            **_by_name(_NUMBER),
+        },
         'points': {'description': 'by name; fixed, or carried by a body'},
         'vectors': {'description': 'by name: directions that bodies share'},
         'bodies': {'description': 'by name: rigid bodies'},
@@ -288,12 +319,13 @@ def _solver() -> Schema:
         kind = 'integer' if whole else 'number'
         number = {'type': kind, 'minimum': low, 'maximum': high}
         text = _DEFINITIONS['number']['anyOf'][1]
-        fields[name] = {'description': expected, **_any(number, text)}
-    fields |= {name: {'enum': list(choices)} for name, choices in scene.CHOICES.items()}
+        fields[name] = {'description': f'{_SETTINGS[name]}: {expected}', **_any(number, text)}
+    for name, choices in scene.CHOICES.items():
+        fields[name] = {'description': _SETTINGS[name], 'enum': list(choices)}
     fields['formulation']['enum'] += scene.RENAMED
     for item in dataclasses.fields(scene.Solver):
         fields[item.name]['default'] = item.default
-    return _mapping(fields, ())
+    return {'description': 'how the motion is computed', **_mapping(fields, ())}
 
 
 def mechanism_schema() -> Schema:
@@ -307,15 +339,18 @@ def scene_schema(kinds: Collection[str]) -> Schema:
     components = _by_name(_list(_any(_NOTHING, _NUMBER), 2, 3))
     by_path: Schema = {r'\.py(#sha256=[0-9a-f]{64})?$': {}}
     about: dict[str, Schema] = {
-        'name': {**_TEXT, 'pattern': f'^{TITLE.pattern}$'},
-        'description': {},
+        'name': _TITLE,
+        'description': _DESCRIPTION,
         'mechanism': {
             'description': 'a name under config/mechanisms, a path, or the mapping itself',
             'if': {'type': 'object'},
             'then': {'$ref': '#/definitions/mechanism'},
             'else': _TEXT,
         },
-        'parameters': _by_name(_NUMBER),
+        'parameters': {
+            'description': 'numbers by name, in place of those of the mechanism',
+            **_by_name(_NUMBER),
+        },
         'drives': {
             'description': 'by name: motions as functions of t',
             'anyOf': [_by_name(_drive(D)) for D in (2, 3)],
@@ -324,7 +359,12 @@ def scene_schema(kinds: Collection[str]) -> Schema:
             'description': 'what acts; nothing that is not named here is computed',
             **_mapping({kind: _standing(kind) for kind in kinds}, (), patternProperties=by_path),
         },
-        'initial': _mapping(dict.fromkeys(scene.INITIAL, components), ()),
+        'initial': {
+            'description': 'where it starts and how fast; what is not said is solved',
+            **_mapping(
+                {key: {'description': _INITIAL[key], **components} for key in scene.INITIAL}, ()
+            ),
+        },
         'solver': _solver(),
     }
     definitions = _DEFINITIONS | {

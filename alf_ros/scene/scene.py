@@ -13,11 +13,12 @@ import os
 import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
+from itertools import islice
 from numbers import Integral, Real
 from pathlib import Path
 from typing import Any
 
-from alf_ros import paths, resources
+from alf_ros import html_table, paths, resources
 from alf_ros.effects import Effect
 from alf_ros.errors import InputError
 from alf_ros.kernel import Method
@@ -145,6 +146,36 @@ class Scene:
     def hash(self) -> str:
         """SHA-256 of the text, hexadecimal."""
         return hashlib.sha256(self.text.encode()).hexdigest()
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows."""
+        mechanism, solver = self.mechanism, self.solver
+        judged = {'accuracy': f'{solver.accuracy} m'} if solver.accuracy else {}
+        settings = {'integrator': solver.integrator, 'step': f'{solver.step:g} s', **judged}
+        space = 'planar' if mechanism.dimension == 2 else 'spatial'
+        effects = ', '.join(effect.label for effect in self.effects)
+        about = [
+            ('mechanism', f'{mechanism.name}, {space}'),
+            ('bodies', f'{len(mechanism.bodies)}: {_names(mechanism.bodies)}'),
+            ('drives', _names(mechanism.drives) or 'none'),
+            ('effects', effects or 'none'),
+            ('initial velocities of', ', '.join(self.velocities) or 'none'),
+            ('solver', ', '.join(f'{name} {value}' for name, value in settings.items())),
+        ]
+        if self.file:
+            about.append(('file', self.file))
+        joints = ((j.name, j.kind, f'{j.parent}, {j.child}') for j in mechanism.joints)
+        return ''.join(
+            (
+                html_table.heading(f'Scene {self.name}'),
+                html_table.pairs(about),
+                html_table.table(('joint', 'type', 'between'), joints, len(mechanism.joints)),
+            )
+        )
+
+
+def _names(parts: Collection[Any]) -> str:
+    return ', '.join(part.name for part in islice(parts, html_table.MOST_ROWS))
 
 
 @paused()

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from alf_ros import kernel
+from alf_ros import html_table, kernel
 from alf_ros.arrays import Floats
 from alf_ros.effects.contract.trajectory import Curve
-from alf_ros.errors import InputError
+from alf_ros.errors import AlfError, InputError
 from alf_ros.model.compile import Model
 from alf_ros.model.constraints.drives import effort
 from alf_ros.scene.scene import Solver
@@ -272,3 +272,57 @@ class Sample(Dynamics):
         if redundant:
             unknown |= cut.indeterminate(cut.on_cut_blocks(work.q), work)
         return unknown
+
+    # ---------------------------------------------------------------------------------- a notebook
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: it computes energy, joint coordinates and reactions."""
+        try:
+            parts = [self._about(), self._joint_table(), self._reaction_table()]
+        except AlfError as error:
+            parts = [html_table.paragraph(str(error))]
+        return html_table.heading(f'Sample at t = {self.t:.9g} s') + ''.join(parts)
+
+    def _about(self) -> str:
+        told = self.diagnostics
+        at = 'in a singular position' if told.singular else 'no'
+        return html_table.pairs(
+            [
+                ('energy', f'{html_table.number(self.energy)} J'),
+                ('constraints open by', f'{told.position_violation:.2g} m'),
+                ('singular', at),
+            ]
+        )
+
+    def _joint_table(self) -> str:
+        coordinates = self.model.coordinates
+        rows = (
+            (
+                each.name,
+                *(
+                    f'{html_table.number(values[n])} {units[0 if each.is_angle else 1]}'
+                    for values, units in (
+                        (self.joint_positions, ('rad', 'm')),
+                        (self.joint_velocities, ('rad/s', 'm/s')),
+                        (self.joint_efforts, ('N m', 'N')),
+                    )
+                ),
+            )
+            for n, each in enumerate(coordinates)
+        )
+        head = ('joint coordinate', 'position', 'velocity', 'effort')
+        return html_table.table(head, rows, len(coordinates))
+
+    def _reaction_table(self) -> str:
+        names = self.model.joint_names
+        rows = (
+            (
+                name,
+                ', '.join(map(html_table.number, self.reaction_forces[n])),
+                ', '.join(map(html_table.number, self.reaction_torques[n])),
+                'one of many' if self._indeterminate[n] else '',
+            )
+            for n, name in enumerate(names)
+        )
+        head = ('joint', 'force of parent on child, N', 'torque, N m', 'share')
+        return html_table.table(head, rows, len(names))

@@ -20,6 +20,7 @@ ROOMS = (
     'digest',
     'moved',
     'paths',
+    'html_table',
     'kernel',
     'mechanism',
     'model',

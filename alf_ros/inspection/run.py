@@ -1,0 +1,278 @@
+"""A run as a table: quantities of a simulation over time, and their ways out.
+
+run = alf_ros.record(simulation, 2.0, every=5)
+run['knee.force']            # (N, 2) N
+run.plot('knee.force')
+run.csv('run.csv')
+
+matplotlib, pandas, pyarrow and xarray are imported where they are asked for; CSV needs none.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from alf_ros import paths
+from alf_ros.arrays import Floats
+from alf_ros.errors import InputError
+from alf_ros.simulation import input_checks as check
+from alf_ros.simulation.named_values import read_only
+from alf_ros.simulation.quantities import Group, full_name, groups
+from alf_ros.simulation.sample import Sample
+from alf_ros.simulation.simulation import Simulation
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+    from matplotlib.axes import Axes
+
+
+@dataclass(frozen=True)
+class _Quantity:
+    """values (N,), or (N, components); a unit for each component."""
+
+    values: Floats
+    units: tuple[str, ...]
+    components: tuple[str, ...]
+
+
+class Run:
+    """Quantities of N samples, by name; SI, world frame, read-only.
+
+    `t` (N,) s. `names` are paths in `Sample`: 'energy', 'points.B', 'joints.knee.position',
+    'reactions.knee.force'. Every call that takes a name takes an end of it that no other name has
+    ('knee.force'), and one component ('knee.force.x').
+    """
+
+    t: Floats
+    names: tuple[str, ...]
+
+    def __init__(self, samples: Iterable[Sample], only: Sequence[str] | None = None) -> None:
+        """Read each sample as it comes, and keep numbers only.
+
+        `only`: the quantities that are read, all others cost nothing. Raises InputError for a name
+        that is none, for something else than samples, and if there are no samples.
+        """
+        times: list[float] = []
+        rows: list[tuple[Floats, ...]] = []
+        wanted: list[tuple[Group, list[int]]] = []
+        for sample in samples:
+            if not isinstance(sample, Sample):
+                raise InputError('not a sample', key='samples', value=sample)
+            if not times:
+                wanted = _wanted(groups(sample), only)
+            times.append(sample.t)
+            rows.append(tuple(group.read(sample)[which] for group, which in wanted))
+        if not times:
+            raise InputError('no samples', key='samples', expected='one or more')
+        self.t = read_only(np.array(times))
+        self._quantities: dict[str, _Quantity] = {}
+        for k, (group, which) in enumerate(wanted):
+            values = read_only(np.array([row[k] for row in rows], dtype=float))
+            for n, at in enumerate(which):
+                found = _Quantity(values[:, n], group.units, group.components)
+                self._quantities[group.names[at]] = found
+        self.names = tuple(self._quantities)
+        self._places: dict[str, tuple[str, int | None]] = {
+            name: (name, None) for name in self.names
+        }
+        for name, quantity in self._quantities.items():
+            for n, axis in enumerate(quantity.components):
+                self._places[f'{name}.{axis}'] = name, n
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    def __repr__(self) -> str:
+        return (
+            f'<Run of {len(self)} samples, t = {self.t[0]:.6g} to {self.t[-1]:.6g} s, '
+            f'{len(self.names)} quantities>'
+        )
+
+    def __getitem__(self, name: str) -> Floats:
+        """The values (N,), or (N, components). Raises InputError."""
+        full, component = self._found(name)
+        values = self._quantities[full].values
+        return values if component is None else values[:, component]
+
+    def unit(self, name: str) -> str:
+        """The unit of a quantity; '' for a number without unit. Raises InputError.
+
+        Where the components have different units, as those of a pose in the plane, 'm, rad'.
+        """
+        full, component = self._found(name)
+        units = self._quantities[full].units
+        return ', '.join(dict.fromkeys(units)) if component is None else units[component]
+
+    def columns(self, *names: str) -> dict[str, Floats]:
+        """The numbers one by one (N,), each component by its name; of all quantities without
+        `names`. Raises InputError."""
+        found: dict[str, Floats] = {}
+        for name in names or self.names:
+            full, component = self._found(name)
+            quantity = self._quantities[full]
+            if not quantity.components:
+                found[full] = quantity.values
+            for n, axis in enumerate(quantity.components):
+                if component in (None, n):
+                    found[f'{full}.{axis}'] = quantity.values[:, n]
+        return found
+
+    def _found(self, name: str) -> tuple[str, int | None]:
+        """The full name of a quantity, and which of its components is meant."""
+        if isinstance(name, str) and name in self._places:
+            return self._places[name]
+        return self._places[full_name(name, tuple(self._places), 'name')]
+
+    # ------------------------------------------------------------------------------ the ways out
+
+    def plot(self, *names: str, file: str | Path | None = None) -> tuple[Axes, ...]:
+        """Draw quantities over time, those of one unit in one panel; returns the panels.
+
+        With `file` (.png, .svg, .pdf) the picture is written there; otherwise
+        `matplotlib.pyplot.show()` shows it, in a notebook the cell does. Raises InputError for a
+        name that is none, without matplotlib, and if the file cannot be written.
+        """
+        from alf_ros.inspection import run_plot
+
+        if not names:
+            raise InputError('nothing to draw', key='plot', choices=self.names)
+        panels: dict[str, dict[str, Floats]] = {}
+        for name in names:
+            for label, values in self.columns(name).items():
+                panels.setdefault(self.unit(label), {})[label] = values
+        return run_plot.draw(self.t, panels, None if file is None else paths.named(file))
+
+    def csv(self, path: str | Path) -> Path:
+        """Write `t` and all columns; numbers read back exactly. Returns the path.
+
+        Raises InputError if the file cannot be written.
+        """
+        file, columns = paths.named(path), {'t': self.t, **self.columns()}
+        lists = (column.tolist() for column in columns.values())
+        try:
+            with open(file, 'w', newline='', encoding='utf-8') as stream:
+                writer = csv.writer(stream)
+                writer.writerow(columns)
+                writer.writerows(zip(*lists, strict=True))
+        except OSError as error:
+            raise _unwritten(file, error) from None
+        return file
+
+    def parquet(self, path: str | Path) -> Path:
+        """Write `t` and all columns, each with its unit as metadata. Returns the path.
+
+        Raises InputError without pyarrow, and if the file cannot be written.
+        """
+        try:
+            import pyarrow
+            import pyarrow.parquet
+        except ImportError:
+            raise _missing('Parquet', 'pyarrow') from None
+        file, columns = paths.named(path), {'t': self.t, **self.columns()}
+        fields = [
+            pyarrow.field(label, pyarrow.float64(), metadata={'unit': self._unit_of(label)})
+            for label in columns
+        ]
+        arrays = [np.ascontiguousarray(column) for column in columns.values()]
+        table = pyarrow.table(arrays, schema=pyarrow.schema(fields))
+        try:
+            pyarrow.parquet.write_table(table, file)
+        except OSError as error:
+            raise _unwritten(file, error) from None
+        return file
+
+    def _unit_of(self, label: str) -> str:
+        return 's' if label == 't' else self.unit(label)
+
+    def frame(self) -> pandas.DataFrame:
+        """All columns as a pandas DataFrame with the index t (s). Raises InputError without it."""
+        try:
+            import pandas
+        except ImportError:
+            raise _missing('a DataFrame', 'pandas') from None
+        return pandas.DataFrame(self.columns(), index=pandas.Index(self.t, name='t'))
+
+    def xarray(self) -> xarray.Dataset:
+        """All quantities as an xarray Dataset along `t` (s), with `units` as attributes.
+
+        Components lie along the dimension 'axis' (x, y, z), those of poses along 'pose'. Raises
+        InputError without xarray.
+        """
+        try:
+            import xarray
+        except ImportError:
+            raise _missing('a Dataset', 'xarray') from None
+        axes: dict[str, Any] = {'t': ('t', self.t, {'units': 's'})}
+        variables = {}
+        for name, quantity in self._quantities.items():
+            dims: tuple[str, ...] = ('t',)
+            if quantity.components:
+                along = 'pose' if name.startswith('body_poses.') else 'axis'
+                dims, axes[along] = ('t', along), list(quantity.components)
+            variables[name] = (dims, quantity.values, {'units': self.unit(name)})
+        return xarray.Dataset(variables, axes)
+
+
+def record(
+    simulation: Simulation,
+    duration: float,
+    *,
+    every: int | None = None,
+    period: float | None = None,
+    only: Sequence[str] | None = None,
+) -> Run:
+    """Advance by `duration` (s) and return what was seen on the way.
+
+    A sample now and after every `every` steps, or every `period` (s), which need not be a multiple
+    of the step; without either after every step. `only`: the quantities that are read. Raises
+    InputError for what cannot be used, before a step is taken, and what `Simulation.run` raises:
+    the simulation then stands at the last whole step, and nothing is returned.
+    """
+    if not isinstance(simulation, Simulation):
+        raise InputError(
+            'not a simulation', key='simulation', value=simulation, expected='Simulation(…)'
+        )
+    if every is not None and period is not None:
+        raise InputError('every says it already', key='period', value=period)
+    if only is not None:
+        _wanted(groups(simulation.sample()), only)
+    if period is None:
+        return Run(simulation.run(duration, 1 if every is None else every), only)
+    period, begin = check.number(period, 'period', 0.0), simulation.t
+    if period == 0.0:
+        raise InputError('not usable', key='period', value=period, expected='s, more than 0')
+    count = math.floor(check.number(duration, 'duration', 0.0) / period + check.CLOSE)
+    if count > check.MOST_STEPS:
+        raise InputError('too many samples', key='period', value=period)
+    times = [begin + n * period for n in range(count + 1)]
+    return Run(simulation.run(duration, at=times), only)
+
+
+def _wanted(known: Sequence[Group], only: Sequence[str] | None) -> list[tuple[Group, list[int]]]:
+    """The groups that are read, and which of their quantities."""
+    if only is None:
+        return [(group, list(range(len(group.names)))) for group in known]
+    if isinstance(only, str) or not isinstance(only, Sequence):
+        raise InputError('not a list of names', key='only', value=only)
+    names = [name for group in known for name in group.names]
+    asked = {full_name(name, names, 'only') for name in only}
+    found = [
+        (group, [n for n, name in enumerate(group.names) if name in asked]) for group in known
+    ]
+    return [(group, which) for group, which in found if which]
+
+
+def _missing(what: str, package: str) -> InputError:
+    return InputError(f"{what} needs {package}: pip install 'alf_ros[table]'")
+
+
+def _unwritten(file: Path, error: OSError) -> InputError:
+    return InputError(f'cannot be written: {error.strerror or error}', file=str(file))
