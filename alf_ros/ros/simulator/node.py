@@ -21,7 +21,7 @@ from alf_ros.ros.simulator import parameters, startup_report
 from alf_ros.ros.simulator.outputs import Outputs
 from alf_ros.ros.simulator.pacing import SHORTEST_BEAT, Pacer
 from alf_ros.ros.simulator.services import Services
-from alf_ros.ros.terminal import LOOK_PERIOD, Status
+from alf_ros.ros.terminal import LOOK_PERIOD, StatusLine
 from alf_ros.simulation import listening
 from alf_ros.simulation.display_geometry import Display
 from alf_ros.simulation.setup import Setup
@@ -56,7 +56,7 @@ class Simulator(Node):
     Raises InputError for anything it cannot start with.
     """
 
-    def __init__(self, status: Status, stop: Stop, overrides: list[Parameter[Any]]) -> None:
+    def __init__(self, status: StatusLine, stop: Stop, overrides: list[Parameter[Any]]) -> None:
         super().__init__('simulator', parameter_overrides=overrides)
         self.finished: Future[None] = Future()
         self._status, self._stop = status, stop
