@@ -16,7 +16,7 @@ from pathlib import Path
 
 from alf_ros.commands.parser import Parser, add_folder, writing_into
 from alf_ros.errors import InputError
-from alf_ros.studies.paper import figures, plot, scan, table_one
+from alf_ros.studies.paper import figure_plot, figures, scan, table_one
 from alf_ros.studies.paper.figures import Figure
 from alf_ros.studies.paper.formulations import EXAMPLES, SPACING, FormulationComparison
 from alf_ros.studies.paper.published import INTEGRATORS, PublishedSetting
@@ -147,7 +147,7 @@ def _show(folder: Path, figure: Figure) -> list[str]:
         print(line)
     try:
         picture = folder / f'{figure.name}.png'
-        plot.draw(picture, figure.heading, figure.comparison, list(figure.curves))
+        figure_plot.draw(picture, figure.heading, figure.comparison, list(figure.curves))
         written.append(picture.name)
     except ImportError as error:
         print(f'alf_ros figures: no picture: {error}', file=sys.stderr)

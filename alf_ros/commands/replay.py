@@ -16,7 +16,7 @@ from alf_ros.commands.progress import ProgressBar
 from alf_ros.errors import InputError
 from alf_ros.logs import load
 from alf_ros.ros.executor import spin
-from alf_ros.ros.replay.node import Replay
+from alf_ros.ros.replay.replay_node import Replay
 from alf_ros.ros.replay.sources import Recorded, Redriven, Source
 from alf_ros.ros.terminal import StatusLine
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
-from alf_ros.exchange.report import LeftOut
+from alf_ros.exchange.import_report import LeftOut
 from alf_ros.mechanism import GROUND
 from alf_ros.model import joints
 

@@ -20,9 +20,9 @@ from alf_ros.errors import InputError
 from alf_ros.logs import load
 from alf_ros.logs.report.commands import MOST_HELD, MOST_TEXTS, Orders
 from alf_ros.logs.report.decimation import Instants, Trace
+from alf_ros.logs.report.drawn_motion import mechanism, motion
 from alf_ros.logs.report.gather import Label, gather
 from alf_ros.logs.report.html import page
-from alf_ros.logs.report.motion import mechanism, motion
 from alf_ros.logs.report.singularity_distance import distances
 from alf_ros.logs.report.summary import account
 from alf_ros.ros.recording.fork import fork

@@ -19,7 +19,7 @@ from alf_ros.errors import InputError, StepError
 from alf_ros.scene.scene import load_scene
 from alf_ros.simulation.formulations.adams import Adams
 from alf_ros.studies.exact import one_freedom
-from alf_ros.studies.paper import plot, scan, table_one
+from alf_ros.studies.paper import figure_plot, scan, table_one
 from alf_ros.studies.paper.figures import FORMULATIONS
 from alf_ros.studies.paper.formulations import EXAMPLES, FormulationComparison
 from alf_ros.studies.paper.published import PublishedRun, PublishedSetting
@@ -112,7 +112,7 @@ def test_pictures_are_drawn(fixed: Path, published: tuple[Path, str]) -> None:
 
 
 def test_panels_carry_the_figures_of_the_paper(four_bars: FormulationComparison) -> None:
-    left, right = plot._panels(four_bars, [four_bars.truth])
+    left, right = figure_plot._panels(four_bars, [four_bars.truth])
     shown = [panel.title for panel in [*left, *right] if panel.margin]
     assert [title.startswith('after figs. 10-13: ') for title in shown] == 6 * [True]
     assert ' '.join(shown).count('acceleration') == ' '.join(shown).count('energy') == 1

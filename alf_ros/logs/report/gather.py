@@ -13,7 +13,7 @@ from alf_ros.logs import journal, progress
 from alf_ros.logs.log import Log, Survey
 from alf_ros.logs.report.commands import Orders
 from alf_ros.logs.report.decimation import Instants, Trace
-from alf_ros.logs.report.diagnostics import Reports
+from alf_ros.logs.report.diagnostic_levels import Reports
 from alf_ros.logs.series import NUMERIC, Series
 
 # A plot has at most so many rows, fewer where there are many signals: the page stays small.

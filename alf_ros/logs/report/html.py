@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from alf_ros.arrays import Floats
 from alf_ros.logs.report import panels
 from alf_ros.logs.report.decimation import Trace
+from alf_ros.logs.report.drawn_motion import DrawnMotion
 from alf_ros.logs.report.gather import Label
-from alf_ros.logs.report.motion import DrawnMotion
 from alf_ros.logs.report.summary import Account
 
 PAGE = Path(__file__).with_name('page')

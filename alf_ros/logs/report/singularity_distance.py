@@ -10,7 +10,7 @@ from alf_ros import kernel
 from alf_ros.arrays import Floats
 from alf_ros.kernel import Phase
 from alf_ros.logs import progress
-from alf_ros.logs.report.diagnostics import Reports
+from alf_ros.logs.report.diagnostic_levels import Reports
 from alf_ros.model import assembly
 from alf_ros.model.compile import Model, allocate
 from alf_ros.model.prescribed import prescribe
