@@ -103,8 +103,8 @@ class Simulator(Node):
         """Make the parts, and use all compiled code once, so that no tick waits for it."""
         from alf_ros.ros.simulator.control import Control
         from alf_ros.ros.simulator.inputs import CommandSubscriber
+        from alf_ros.ros.simulator.node_run import NodeRun
         from alf_ros.ros.simulator.reporting import Reporting
-        from alf_ros.ros.simulator.run import Run
         from alf_ros.simulation.saved_states import SavedStates
 
         folder, lack = None, ''
@@ -114,7 +114,7 @@ class Simulator(Node):
         if lack:
             self._status.say(lack)
         split = Split(values['record.max_size'], values['record.max_duration'])
-        run = Run(setup, self._outputs, values['duration'], folder, split)
+        run = NodeRun(setup, self._outputs, values['duration'], folder, split)
         run.unrecorded = lack if folder is None else ''
         self._pacer = Pacer(setup.tick, values['real_time_factor'])
         # The alarm looks the report up when it comes: that needs the control, which needs this.
