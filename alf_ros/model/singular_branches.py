@@ -169,8 +169,11 @@ class Position:
         relevant = int((s > self._noise * s.max()).sum())
         inner, outer = Vt[:relevant], Vt[relevant:]
         # a basis of motions of few points each
-        basis = np.vstack([self.free, self.drift / rate]) if self.is_driven else self.free
-        moved = inner @ basis
+        moved = self.free
+        if self.is_driven:  # τ too: where drives only accelerate they move nothing yet
+            tau = np.eye(dimension)[:, -1:]
+            moved = np.hstack([np.vstack([self.free, self.drift / rate]), tau])
+        moved = inner @ moved
         local, _ = echelon(np.hstack([moved, np.eye(relevant)]), moved.shape[1])
         kind, cones = subspaces(inner @ forms @ inner.T, 100.0 * self._noise, local[:, -relevant:])
         if relevant == 1 and len(outer):  # a double zero
