@@ -64,8 +64,12 @@ def test_what_only_a_singular_position_tells_is_adjusted(error: float, integrato
 
     exact, _ = run(0.0)
     sim, energies = run(error)
-    assert exact.adjustment is None and sim.adjustment is not None
-    assert max(sim.adjustment.changes.values()) < 5.0 * error
+    assert exact.adjustment is None
+    if error < 1e-13:  # of which no motion feels anything
+        assert sim.adjustment is None
+    else:
+        assert sim.adjustment is not None
+        assert max(sim.adjustment.changes.values()) < 5.0 * error
     assert exact.sample().points['T0'][2] < -0.1  # it is through
     assert np.ptp(energies) < 2e-12
     assert sim.sample().q == pytest.approx(exact.sample().q, abs=100.0 * error + 1e-11)
