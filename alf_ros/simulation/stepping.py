@@ -16,6 +16,7 @@ from alf_ros.kernel import Forces, Problem, Status, Watch, Work
 from alf_ros.model import singular_start
 from alf_ros.model.compile import allocate
 from alf_ros.model.effect_directions import softened
+from alf_ros.model.free_walk import PENALTY, SEARCHED, Walk
 from alf_ros.model.singular_branches import Branch
 from alf_ros.model.tableaux import TABLEAUX, first_pace
 from alf_ros.scene.scene import Solver
@@ -171,6 +172,8 @@ class Stepper:
         if status == Status.JAMMED:
             reason += f', at t = {present.applied.assembled.bearings.ended[0]:.9g} s'
         gap = float(self.work.crossing[1])
+        if status == Status.NOT_CLOSED and not gap > 0.0:
+            gap = self._missed(present)
         if status == Status.NOT_CLOSED and gap > 0.0:
             reason += f': lengths miss a singular position by about {gap:.1g} m'
             remedy = (
@@ -181,6 +184,16 @@ class Stepper:
             longest = self.resolution.adequate
             remedy = f'take a smaller step, {longest:g} s or less, or an adaptive integrator'
         return StepError(reason, remedy, t)
+
+    def _missed(self, present: Present) -> float:
+        """By how much (m) lengths miss a singular position that is near, where no stage told."""
+        model, qd = self._model, present.phase.qd[: self._model.n]
+        if model.n > SEARCHED or model.mechanism.drives or not qd.any():
+            return 0.0
+        if model.system.rows.velocity:
+            return 0.0
+        walk = Walk(model.with_penalty(PENALTY), self._start.dependent_rows)
+        return walk.missed(present.phase.q, qd)
 
     # ------------------------------------------------------------------------------------ counts
 
