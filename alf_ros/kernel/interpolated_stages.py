@@ -32,6 +32,7 @@ from alf_ros.kernel.work_ledger import ALL_FORCES, APPLIED, REACTION_DEPENDENT, 
 PLACES = 8
 # distance x to a singular position, below which only the direction of a stage's velocity is known
 DIRECTION_ONLY = 1e-6
+NEAR = 0.01  # distance x from which down a step may have passed a position without a word
 _TURNED = 0.01  # part of the velocity by which a direction may be off
 SPACING = 6.0  # of the places, in parts of the distance that is too close
 _WIDER = 3.0  # spacing, where one of the places is not clear of the position
@@ -42,7 +43,7 @@ _SLOW = (
 )
 _CLOSED = 1e-10  # part of the size
 _SAME = 1e-11  # part of the size by which a place that is found may be off by rounding
-_DRIFT = 1e-12  # part of the size by which lengths may miss the position without energy drifting
+DRIFT = 1e-12  # part of the size by which lengths may miss the position without energy drifting
 _SMOOTH = 10.0  # times what a smooth branch leaves: 29 is what lengths that disagree leave
 _WEIGHTS = (-1 / 70, 8 / 70, -28 / 70, 56 / 70, 56 / 70, -28 / 70, 8 / 70, -1 / 70)
 
@@ -262,7 +263,7 @@ def _interpolate(problem: Problem, t: float, moving: bool, scales: Scales, spaci
             if gap > _CLOSED * system.size:
                 _refuse(work, gap)
                 return 0
-            if gap > _DRIFT * system.size:
+            if gap > DRIFT * system.size:
                 work.crossing[0] = max(work.crossing[0], gap)
             break
         spacing *= _WIDER

@@ -34,7 +34,6 @@ _SOFT = 1e4  # penalty that feels modes of σ up to 0.1
 _LOST = 0.02  # of a mode: from there on a singular position may be near
 SEARCHED = 3000  # coordinates up to which singular positions are looked for
 _IN = 1e-2  # of a mode that is lost: σ below 1e-3
-_NEARBY, _PLACES = 0.03, 6  # steps of the size, each way, from where something went wrong
 _SPACINGS = 0.1, 0.04  # of places on either side of a singular position, of those on a way
 _OFFSETS = np.array([-4.0, -3.0, -2.0, -1.0, 1.0, 2.0, 3.0, 4.0])
 _CLOSED = 256.0  # rounding units that these places may leave open
@@ -213,13 +212,14 @@ class Walk:
             q, along, bend, cubic = to_derivatives @ np.array(places)
         return self.settled(q, soft=True)
 
-    def missed(self, q: Floats, direction: Floats) -> float:
-        """By how much (m) lengths miss the singular positions that lie near q (blocks D, m), forth
-        and back in a direction (n,); 0 if there are none, or too little is missed to be felt."""
-        start = self.settled(q)
-        self._step = _NEARBY
-        forth, back = (list(self._way(start, s * direction, _PLACES)) for s in (1.0, -1.0))
-        gap = self.gap(self._singular([*reversed(back), start, *forth]))
+    def missed(self, q: Floats, direction: Floats, nearby: bool) -> float:
+        """By how much (m) lengths miss singular positions, forth and back from q (blocks D, m) in
+        a direction (n,), or only those that are `nearby`; 0 if there are none, or too little is
+        missed to be felt."""
+        start, gap = self.settled(q), 0.0
+        for self._step, count in ((0.03, 6), (_STEP, 3)) if nearby else ((_STEP, 48),):
+            forth, back = (list(self._way(start, s * direction, count)) for s in (1.0, -1.0))
+            gap = max(gap, self.gap(self._singular([*reversed(back), start, *forth])))
         return gap if gap > _FELT * self.rounding else 0.0
 
     def gaps(self, q: Floats) -> Floats:

@@ -131,6 +131,27 @@ def test_what_is_passed_as_if_lengths_agreed_is_said(error: float, integrator: s
     assert not sim.sample().diagnostics.trouble
 
 
+@pytest.mark.parametrize('error', [1e-10, 1e-8, 1e-7])
+@pytest.mark.parametrize(('integrator', 'step'), [('rk4', 2e-3), ('dop853', 8e-3)])
+def test_fixed_steps_do_not_leap_over_it_without_a_word(
+    error: float, integrator: str, step: float
+) -> None:
+    """Whether a stage comes near the position is chance; what is said does not depend on it."""
+    for part in np.linspace(1.0, 1.4, 5).tolist():
+        sim = Simulation(load_scene(crank(error)), integrator=integrator, step=part * step)
+        try:
+            sim.step(round(0.8 / sim.h))
+        except StepError as failure:
+            said = str(failure)
+        else:
+            said = sim.sample().diagnostics.trouble
+            assert 0.2 * error < sim.resolution.crossing < 5.0 * error
+        assert 'lengths miss a singular position by about' in said
+    equal = Simulation(load_scene(crank(0.0)), integrator=integrator, step=step)
+    equal.step(round(0.8 / step))
+    assert not equal.sample().diagnostics.trouble
+
+
 def test_what_no_stage_comes_near_to_is_named_where_it_fails() -> None:
     """Lengths that differ by too much to be meant to be equal, by too little to be resolved."""
     sim = Simulation(load_scene(sarrus(1e-7)), integrator='dop853', step=5e-3)
