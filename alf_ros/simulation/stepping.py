@@ -18,7 +18,7 @@ from alf_ros.kernel.interpolated_stages import DRIFT
 from alf_ros.model import singular_start
 from alf_ros.model.compile import allocate
 from alf_ros.model.effect_directions import softened
-from alf_ros.model.free_walk import PENALTY, SEARCHED, Walk
+from alf_ros.model.free_walk import PENALTY, Walk
 from alf_ros.model.singular_branches import Branch
 from alf_ros.model.tableaux import TABLEAUX, first_pace
 from alf_ros.scene.scene import Solver
@@ -31,6 +31,8 @@ from alf_ros.simulation.resolution import Resolution, resolution
 from alf_ros.simulation.start import Start
 from alf_ros.simulation.state import State
 from alf_ros.simulation.status import beyond_reach
+
+_LOOKED_AT = 600  # coordinates of mechanisms that are searched for what lengths miss
 
 
 class Stepper:
@@ -191,14 +193,15 @@ class Stepper:
         """By how much (m) lengths miss singular positions, where no stage told: as
         `Walk.missed`."""
         model = self._model
-        if model.n > SEARCHED or model.mechanism.drives or model.system.rows.velocity:
+        if model.n > _LOOKED_AT or model.mechanism.drives or model.system.rows.velocity:
             return 0.0
         walk = Walk(model.with_penalty(PENALTY), self._start.dependent_rows)
         return walk.missed(q, along[: model.n], nearby)
 
     @cached_property
-    def _missing(self) -> float:
-        """The same on the way that the mechanism has from where the scene starts."""
+    def missing(self) -> float:
+        """The same on the way that the mechanism has from where the scene starts. Looked for when
+        it is first asked for, which takes some tenths of a second."""
         along = np.random.default_rng(0).standard_normal(self._model.n)
         return self._missed(self._start.q, along, nearby=False)
 
@@ -209,7 +212,7 @@ class Stepper:
         told, longest, size = float(self.work.crossing[0]), self.work.crossing[2], self._model.size
         if told > 0.0 or self.method.embedded.size or not longest > 0.0:
             return told
-        gap = self._missing
+        gap = self.missing
         # shorter steps follow the turn within √(gap size) that strictly there is
         return gap if DRIFT * size < gap < longest**2 / size else 0.0
 
