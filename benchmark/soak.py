@@ -2,10 +2,10 @@
 
     .venv/bin/python benchmark/soak.py [--minutes 60] [--factor 0] [--seed 1]
 
-Each simulator (slider_crank, delta_robot_controlled) runs as fast as it can (--factor 0) with its work ledger
-and its log; two readers subscribe. At random instants it gets a wrench, an effort, a pause, a
-reset, a saved or restored state, SIGSTOP for a second, Ctrl-C, or SIGKILL, after which it is
-started again. A log that has ended is recovered if it was cut, verified, and removed if every
+Each simulator (slider_crank, delta_robot_controlled) runs as fast as it can (--factor 0), with its
+work ledger and its log; two readers subscribe. At random instants it gets a wrench, an effort, a
+pause, a reset, a saved or restored state, SIGSTOP for a second, Ctrl-C, or SIGKILL, after which it
+is started again. A log that has ended is recovered if it was cut, verified, and removed if every
 message of the run came out again; one that differs is kept and named.
 
 Prints a line each minute, and at the end writes benchmark/results/soak.csv: quantity, value, unit.

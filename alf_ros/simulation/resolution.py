@@ -15,6 +15,7 @@ from alf_ros.kernel.step_error import (
     WORST_UNRESOLVED,
 )
 
+LENGTHS, MOTION = 'lengths', 'the motion'
 _WINDOW = 1000.0  # steps
 _AIM = 0.2  # of LEVEL: what an adequate step leaves of the error
 _SHORTER = 0.2  # of a step beyond the stability limit, where nothing says how far beyond
@@ -29,9 +30,9 @@ class Resolution:
     size of the mechanism; `unresolved`: part of these steps in which an acceleration, of whatever
     size, is not resolved, as beyond the stability limit; `steps`: how many they are. NaN where
     nothing is measured: with adaptive integrators, which keep a tolerance, and in formulations
-    other than alf2. `crossing` (m): by how much lengths miss a singular position that was passed,
-    at best as if they agreed; `unexamined`: what was not looked at where the motion began, in
-    words.
+    other than alf2. `crossing` (m): by how much a singular position was missed that steps passed,
+    at best as if they met it; `missed_by`: what missed it, `lengths` or, with several freedoms,
+    `the motion`; `unexamined`: what was not looked at where the motion began, in words.
     """
 
     step: float
@@ -40,6 +41,7 @@ class Resolution:
     steps: float = math.nan
     too_long: bool = False
     crossing: float = 0.0
+    missed_by: str = LENGTHS
     unexamined: str = ''
 
     @property
@@ -66,10 +68,10 @@ class Resolution:
         """What is wrong, in words, with the step that would do (s) if steps are too long; empty if
         nothing is."""
         if not self.too_long and self.crossing > 0.0:
-            return (
-                f'lengths miss a singular position by about {self.crossing:.1g} m, which '
-                'steps do not resolve: at best it is passed as if they agreed; make them agree'
-            )
+            off = f'a singular position by about {self.crossing:.1g} m, which steps do not resolve'
+            if self.missed_by == MOTION:
+                return f'the motion misses {off}: they may take the other branch'
+            return f'lengths miss {off}: at best it is passed as if they agreed; make them agree'
         if not self.too_long:
             return self.unexamined
         errors = f'the errors of {self.steps:.0f} add up to {100.0 * self.error:.2g} % of the size'

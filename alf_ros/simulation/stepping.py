@@ -28,11 +28,12 @@ from alf_ros.simulation.formulations import Formulation
 from alf_ros.simulation.listening import Listener
 from alf_ros.simulation.present import Present
 from alf_ros.simulation.reactions import ReactionsOf
-from alf_ros.simulation.resolution import Resolution, resolution
+from alf_ros.simulation.resolution import LENGTHS, MOTION, Resolution, resolution
 from alf_ros.simulation.start import Start
 from alf_ros.simulation.state import State
 
 _LOOKED_AT = 600  # coordinates of mechanisms that are searched for what lengths miss
+_MEANT = 1e-3  # of the size: what misses a position by more is not why a step fails
 
 
 class Stepper:
@@ -178,7 +179,12 @@ class Stepper:
         gap = float(self.work.crossing[1])
         if status == Status.NOT_CLOSED and not gap > 0.0:
             gap = self._missed(present.phase.q, present.phase.qd, nearby=True)
-        if status == Status.NOT_CLOSED and gap > 0.0:
+        if gap > _MEANT * self._model.size:
+            gap = 0.0
+        if status == Status.NOT_CLOSED and gap > 0.0 and self._missed_by == MOTION:
+            reason += f': the motion misses a singular position by about {gap:.1g} m'
+            remedy = 'take a smaller step, or an adaptive integrator'
+        elif status == Status.NOT_CLOSED and gap > 0.0:
             reason += f': lengths miss a singular position by about {gap:.1g} m'
             remedy = (
                 'make the lengths agree, or let them differ by more than 1e-6 of the size; or '
@@ -193,10 +199,22 @@ class Stepper:
         """By how much (m) lengths miss singular positions, where no stage told: as
         `Walk.missed`."""
         model = self._model
-        if model.n > _LOOKED_AT or model.mechanism.drives or model.system.rows.velocity:
+        if (
+            self._missed_by == MOTION
+            or model.n > _LOOKED_AT
+            or model.mechanism.drives
+            or model.system.rows.velocity
+        ):
             return 0.0
         walk = Walk(model.with_penalty(PENALTY), self._start.dependent_rows)
         return walk.missed(q, along[: model.n], nearby)
+
+    @cached_property
+    def _missed_by(self) -> str:
+        """With one freedom only lengths can miss a singular position; with several, the motion."""
+        model = self._model
+        freedoms = model.n - (len(model.row_names) - self._start.dependent_rows)
+        return LENGTHS if freedoms == 1 else MOTION
 
     @cached_property
     def missing(self) -> float:
@@ -239,7 +257,12 @@ class Stepper:
             return Resolution(self.h)
         measured = self.method.estimate.size > 0
         found = resolution(self.h, self.work.judged) if measured else Resolution(self.h)
-        return replace(found, crossing=self._crossing, unexamined=self._start.unexamined)
+        return replace(
+            found,
+            crossing=self._crossing,
+            missed_by=self._missed_by,
+            unexamined=self._start.unexamined,
+        )
 
     def beside(self, present: Present) -> bool | None:
         """Whether the last step of the run ended beside a singular position, interpolated; None if
