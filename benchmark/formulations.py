@@ -21,7 +21,7 @@ from alf_ros import Simulation, StepError  # noqa: E402
 from alf_ros.logs.provenance import about  # noqa: E402
 from alf_ros.simulation.formulations import NAMES  # noqa: E402
 from alf_ros.studies.exact import motions  # noqa: E402
-from alf_ros.studies.exact.motions import Motion  # noqa: E402
+from alf_ros.studies.exact.motions import ExactMotion  # noqa: E402
 
 PAPER = [0.01 / k for k in (5, 8, 10, 13, 19, 31)]
 ODD = [5e-3 / (2.0 + more) for more in (0.0, 0.13, 0.26, 0.39, 0.52, 0.65)]
@@ -32,7 +32,7 @@ CASES = [
 ]
 
 
-def run(motion: Motion, formulation: str, step: float) -> str:
+def run(motion: ExactMotion, formulation: str, step: float) -> str:
     """The largest error (m), or when it stopped (s)."""
     simulation = Simulation(motion.scene(), formulation=formulation, step=step)
     error = 0.0

@@ -16,10 +16,10 @@ from pathlib import Path
 
 from alf_ros.commands.parser import Parser, add_folder, writing_into
 from alf_ros.errors import InputError
-from alf_ros.studies.paper import figures, plot, scan, table_one
+from alf_ros.studies.paper import figure_plot, figures, scan, table_one
 from alf_ros.studies.paper.figures import Figure
-from alf_ros.studies.paper.formulations import EXAMPLES, SPACING, Comparison
-from alf_ros.studies.paper.published import INTEGRATORS, Setting
+from alf_ros.studies.paper.formulations import EXAMPLES, SPACING, FormulationComparison
+from alf_ros.studies.paper.published import INTEGRATORS, PublishedSetting
 from alf_ros.studies.paper.scan import LITERAL
 
 SETTINGS = ('paper', 'fixed')
@@ -32,7 +32,7 @@ def _options(argv: Sequence[str] | None) -> argparse.Namespace:
         'and the exact motion of the slider-crank and the two four-bars, in the setting of the '
         'paper and with fixed steps.',
     )
-    setting = Setting()
+    setting = PublishedSetting()
     add_folder(parser, 'figures', 'for results')
     parser.add_argument(
         '--tolerance',
@@ -108,8 +108,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     if options.table:
         print(table_one.text())
         return 0
-    setting = Setting(options.tolerance, options.penalty or 1e7, options.integrator)
-    comparisons = [Comparison(example) for example in EXAMPLES]
+    setting = PublishedSetting(options.tolerance, options.penalty or 1e7, options.integrator)
+    comparisons = [FormulationComparison(example) for example in EXAMPLES]
     if options.scan:
         _scan(comparisons, setting)
         return 0
@@ -126,7 +126,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     return 0
 
 
-def _published(folder: Path, comparisons: Sequence[Comparison], setting: Setting) -> list[str]:
+def _published(
+    folder: Path, comparisons: Sequence[FormulationComparison], setting: PublishedSetting
+) -> list[str]:
     """Both examples in the setting of the paper, and whether its finding shows."""
     print(f'Setting of the paper: {figures.published_title(setting)}')
     made, written = [], []
@@ -145,14 +147,14 @@ def _show(folder: Path, figure: Figure) -> list[str]:
         print(line)
     try:
         picture = folder / f'{figure.name}.png'
-        plot.draw(picture, figure.heading, figure.comparison, list(figure.curves))
+        figure_plot.draw(picture, figure.heading, figure.comparison, list(figure.curves))
         written.append(picture.name)
     except ImportError as error:
         print(f'alf_ros figures: no picture: {error}', file=sys.stderr)
     return written
 
 
-def _scan(comparisons: Sequence[Comparison], setting: Setting) -> None:
+def _scan(comparisons: Sequence[FormulationComparison], setting: PublishedSetting) -> None:
     print(f'{setting.integrator}; "-": gets through 10 s')
     for comparison in comparisons:
         for name in LITERAL:

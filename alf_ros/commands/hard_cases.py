@@ -14,7 +14,7 @@ from typing import TextIO
 from alf_ros.commands.parser import Parser, add_folder, writing_into
 from alf_ros.commands.progress import ProgressBar
 from alf_ros.errors import InputError
-from alf_ros.studies.hard_cases import plot
+from alf_ros.studies.hard_cases import case_plot
 from alf_ros.studies.hard_cases.cases import CASES, judge
 from alf_ros.studies.hard_cases.table import HEADER, line, measured
 from alf_ros.studies.hard_cases.trial import RunResult, TableRow
@@ -45,7 +45,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         try:
             fixed = [r for done in results for r in done if r.run.tolerance is None]
             if fixed:
-                plot.draw(folder / 'hard_cases.png', fixed)
+                case_plot.draw(folder / 'hard_cases.png', fixed)
                 written.append('hard_cases.png')
         except ImportError as error:
             print(f'alf_ros hard_cases: no picture: {error}', file=sys.stderr)

@@ -109,9 +109,9 @@ def _corpus(options: argparse.Namespace, wishes: dict[str, Any]) -> int:
             raise InputError('for one file only', key=f'--{_OPTIONS.get(option, option)}')
     if not 0.0 < options.limit < math.inf:
         raise InputError('not a time', key='--limit', value=options.limit, expected='s')
-    found: list[corpus.Found] = []
+    found: list[corpus.Examined] = []
     print(corpus.head())
-    limits = corpus.Limits(seconds=options.limit)
+    limits = corpus.ExaminationLimits(seconds=options.limit)
     for each in corpus.examined(folder, wishes | {'scene': True}, limits):
         print(corpus.row(each), flush=True)
         found.append(each)

@@ -16,9 +16,9 @@ from alf_ros.commands.progress import ProgressBar
 from alf_ros.errors import InputError
 from alf_ros.logs import load
 from alf_ros.ros.executor import spin
-from alf_ros.ros.replay.node import Replay
+from alf_ros.ros.replay.replay_node import Replay
 from alf_ros.ros.replay.sources import Recorded, Redriven, Source
-from alf_ros.ros.terminal import Status
+from alf_ros.ros.terminal import StatusLine
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -44,7 +44,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     switches = {'loop': options.loop, 'start_paused': options.paused}
     given.update({key: True for key, value in switches.items() if value})
     overrides = [Parameter(k, value=v) for k, v in given.items() if v is not None]
-    log, status = load(options.log), Status()
+    log, status = load(options.log), StatusLine()
     with ProgressBar('reading') as bar:
         source: Source = Redriven(log, options.trust) if options.redrive else Recorded(log, bar)
     try:

@@ -16,7 +16,7 @@ from alf_ros.commands.parser import Parser
 from alf_ros.errors import InputError
 from alf_ros.ros.executor import spin
 from alf_ros.ros.simulator.node import Simulator, Stop
-from alf_ros.ros.terminal import Status
+from alf_ros.ros.terminal import StatusLine
 
 # The writer thread may hold the interpreter that long (s) before a tick gets it; Python's 5 ms are
 # several ticks.
@@ -66,7 +66,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         # rclpy's own handlers would shut the context down under the feet of a tick.
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
-        node = Simulator(Status(), stop, overrides)
+        node = Simulator(StatusLine(), stop, overrides)
         stop.gentle = True
         node.begin()
         try:

@@ -17,8 +17,8 @@ from alf_ros.commands.progress import ProgressBar
 from alf_ros.errors import InputError
 from alf_ros.logs.provenance import about
 from alf_ros.scene.scene import FORMULATIONS, INTEGRATORS, load_scene
-from alf_ros.studies.work_precision import plot
 from alf_ros.studies.work_precision import report as work_report
+from alf_ros.studies.work_precision import work_precision_plot
 from alf_ros.studies.work_precision.reference import reference
 from alf_ros.studies.work_precision.sweep import Store, plan, sweep
 
@@ -90,7 +90,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         try:
             for summary in summaries:
                 pictures = [folder / f'{summary.scene}.{kind}' for kind in ('png', 'svg')]
-                plot.draw(pictures, summary)
+                work_precision_plot.draw(pictures, summary)
         except ImportError as error:
             print(f'alf_ros work_precision: no picture: {error}', file=sys.stderr)
     print(f'work_precision.csv, .md and pictures in {folder}')

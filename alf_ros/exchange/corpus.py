@@ -55,7 +55,7 @@ effects:
 
 
 @dataclass(frozen=True)
-class Limits:
+class ExaminationLimits:
     """Of each file: s of wall time, bytes of address space; and the s that are simulated."""
 
     seconds: float = 120.0
@@ -64,7 +64,7 @@ class Limits:
 
 
 @dataclass(frozen=True)
-class Found:
+class Examined:
     """What became of a file: its result, and why if it is not ok.
 
     freedoms: degrees of freedom. loops: joints beyond a tree. evaluations: per simulated second.
@@ -87,7 +87,9 @@ def files_below(folder: Path) -> list[Path]:
     return sorted(path for path in found if xml_file.kind_of(path) in _KINDS)
 
 
-def examined(folder: Path, wishes: Mapping[str, Any], limits: Limits) -> Iterator[Found]:
+def examined(
+    folder: Path, wishes: Mapping[str, Any], limits: ExaminationLimits
+) -> Iterator[Examined]:
     """What becomes of each file below a folder, imported with `wishes` (fields of `Wishes`)."""
     os.environ.setdefault(
         'OPENBLAS_NUM_THREADS', '1'
@@ -103,7 +105,7 @@ def examined(folder: Path, wishes: Mapping[str, Any], limits: Limits) -> Iterato
         process = context.Process(target=_work, args=(its, str(path), name, dict(wishes), limits))
         process.start()
         its.close()
-        found = _answer(mine, Found(name, LIMIT, 'starting'), limits.seconds)
+        found = _answer(mine, Examined(name, LIMIT, 'starting'), limits.seconds)
         process.kill()
         process.join()
         yield found
@@ -114,7 +116,7 @@ def _compile() -> None:
     Simulation(scene_from_text(_EVERYTHING)).step(1)
 
 
-def _answer(mine: Pipe, found: Found, seconds: float) -> Found:
+def _answer(mine: Pipe, found: Examined, seconds: float) -> Examined:
     """The last that a process says within so many seconds: its result, or what it was doing."""
     end = time.monotonic() + seconds
     try:
@@ -128,7 +130,9 @@ def _answer(mine: Pipe, found: Found, seconds: float) -> Found:
     return found
 
 
-def _work(answer: Pipe, path: str, name: str, wishes: dict[str, Any], limits: Limits) -> None:
+def _work(
+    answer: Pipe, path: str, name: str, wishes: dict[str, Any], limits: ExaminationLimits
+) -> None:
     """Treat one file, in a process that may come to grief."""
     resource.setrlimit(resource.RLIMIT_AS, (limits.memory, limits.memory))
     os.dup2(os.open(os.devnull, os.O_WRONLY), 2)  # what libraries print
@@ -136,23 +140,25 @@ def _work(answer: Pipe, path: str, name: str, wishes: dict[str, Any], limits: Li
         for found in _treated(path, name, wishes, limits):
             answer.send(found)
     except MemoryError:
-        answer.send(Found(name, REFUSED, f'it takes more than {limits.memory >> 20} MiB'))
+        answer.send(Examined(name, REFUSED, f'it takes more than {limits.memory >> 20} MiB'))
     except Exception as error:  # a mistake of ours: the table shows it, and goes on
         message = ' '.join(f'{type(error).__name__}: {error}'.split())
-        answer.send(Found(name, BROKEN, message))
+        answer.send(Examined(name, BROKEN, message))
 
 
-def _treated(path: str, name: str, wishes: dict[str, Any], limits: Limits) -> Iterator[Found]:
+def _treated(
+    path: str, name: str, wishes: dict[str, Any], limits: ExaminationLimits
+) -> Iterator[Examined]:
     """What is being done, as a result of its own until there is one."""
-    yield Found(name, LIMIT, 'importing')
+    yield Examined(name, LIMIT, 'importing')
     if xml_file.kind_of(Path(path)) != 'robot':  # which say themselves what floats
         wishes = wishes | {'floating': False}
     try:
         scene = scene_from_text(imported(path, **wishes))
     except AlfError as error:
-        yield Found(name, REFUSED, str(error).removeprefix(f'{path}: '))
+        yield Examined(name, REFUSED, str(error).removeprefix(f'{path}: '))
         return
-    found = Found(name, LIMIT, 'simulating', loops=_loops(scene))
+    found = Examined(name, LIMIT, 'simulating', loops=_loops(scene))
     yield found
     found = _simulated(scene, found, limits)
     yield replace(found, result=LIMIT, why='checking')
@@ -167,7 +173,7 @@ def _treated(path: str, name: str, wishes: dict[str, Any], limits: Limits) -> It
     yield found
 
 
-def _simulated(scene: Scene, found: Found, limits: Limits) -> Found:
+def _simulated(scene: Scene, found: Examined, limits: ExaminationLimits) -> Examined:
     """With what it takes, over the duration or as much of it as half of the time allows."""
     closure, span = 0.0, 0.0
     try:
@@ -207,9 +213,9 @@ def _free(scene: Scene) -> int:
     return sum(root(name) == name for name in above) - 1
 
 
-def write(stream: TextIO, found: Sequence[Found]) -> None:
-    """All rows as CSV, a column for each field of `Found`."""
-    columns = [each.name for each in fields(Found)]
+def write(stream: TextIO, found: Sequence[Examined]) -> None:
+    """All rows as CSV, a column for each field of `Examined`."""
+    columns = [each.name for each in fields(Examined)]
     writer = csv.DictWriter(stream, columns, lineterminator='\n')
     writer.writeheader()
     writer.writerows(map(asdict, found))
@@ -220,14 +226,14 @@ def head() -> str:
     return f'| {" | ".join(HEADS)} |\n|{"---|" * len(HEADS)}'
 
 
-def total(found: Sequence[Found]) -> str:
+def total(found: Sequence[Examined]) -> str:
     """How many files there are of each result."""
     counts = Counter(each.result for each in found)
     several = ', '.join(f'{counts[result]} {result}' for result in RESULTS if counts[result])
     return f'{len(found)} files: {several}'
 
 
-def row(found: Found) -> str:
+def row(found: Examined) -> str:
     """One line of the table."""
     result = ': '.join(part for part in (found.result, found.why.replace('|', '/')) if part)
     cells = [

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from alf_ros.arrays import Floats
-from alf_ros.exchange.robot import Connection, Part, Robot
+from alf_ros.exchange.robot import Connection, Robot, RobotPart
 from alf_ros.mechanism import GROUND
 from alf_ros.model import joints
 from alf_ros.scene.mechanism_file.bodies import frame_axes
@@ -165,7 +165,7 @@ def text(robot: Robot, scene: bool, stops: float | None, version: str) -> str:
     return _head(robot, version) + serialise(entry(whole))
 
 
-def _body(part: Part, points: _Points, carried: list[str]) -> dict[str, Any]:
+def _body(part: RobotPart, points: _Points, carried: list[str]) -> dict[str, Any]:
     fields: dict[str, Any] = {'points': carried, 'mass': part.mass}
     if part.mass == 0.0:
         return fields

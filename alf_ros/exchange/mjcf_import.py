@@ -14,7 +14,7 @@ import numpy as np
 
 from alf_ros.errors import InputError
 from alf_ros.exchange import mjcf_actuators, mjcf_assets
-from alf_ros.exchange.robot import Connection, Coupled, Part, Pose, Robot, lumped
+from alf_ros.exchange.robot import Connection, Coupled, FramePose, Robot, RobotPart, lumped
 from alf_ros.mechanism import GROUND
 from alf_ros.scene.text.yaml_document import LARGEST
 
@@ -168,19 +168,19 @@ class _Reader:
         constant, slope = map(float, model.eq_data[equality, :2])
         return one, other, (constant, slope if other >= 0 else 0.0)
 
-    def _frame(self, body: int) -> Pose:
-        return Pose(self.data.xpos[body].copy(), self.data.xmat[body].reshape(3, 3).copy())
+    def _frame(self, body: int) -> FramePose:
+        return FramePose(self.data.xpos[body].copy(), self.data.xmat[body].reshape(3, 3).copy())
 
     # -------------------------------------------------------------------------------------- tree
 
-    def _part(self, body: int) -> Part:
+    def _part(self, body: int) -> RobotPart:
         """A body and those that are fixed to it."""
         parts = []
         for each in np.flatnonzero(self.model.body_weldid == body):
             turn = self.data.ximat[each].reshape(3, 3)
             J = turn @ np.diag(self.model.body_inertia[each]) @ turn.T
             mass, com = float(self.model.body_mass[each]), self.data.xipos[each].copy()
-            parts.append(Part(self.bodies[each], com, mass, com, J))
+            parts.append(RobotPart(self.bodies[each], com, mass, com, J))
         return lumped(self.bodies[body], self.data.xpos[body].copy(), parts)
 
     def _connect(self, body: int) -> None:
@@ -196,7 +196,7 @@ class _Reader:
             child = self.bodies[body]
             if joint != joints[-1]:
                 child = f'{child}_below_{name}'
-                self.robot.parts.append(Part(child, place, 0.0, place, np.zeros((3, 3))))
+                self.robot.parts.append(RobotPart(child, place, 0.0, place, np.zeros((3, 3))))
             if model.jnt_type[joint] == kinds.mjJNT_BALL:
                 self._leave_dynamics(joint)
                 self.robot.connect(Connection(name, 'spherical', below, child, place))
@@ -279,13 +279,13 @@ class _Reader:
         self.robot.couplings.append(Coupled(name, of))
         self.robot.leave('softness', name)
 
-    def _sides(self, equality: int) -> Iterator[tuple[str, Pose]]:
+    def _sides(self, equality: int) -> Iterator[tuple[str, FramePose]]:
         """The two bodies of an equality, with the frames of bodies or of sites on them."""
         model, data = self.model, self.data
         by_site = model.eq_objtype[equality] == self.mujoco.mjtObj.mjOBJ_SITE
         for n in (model.eq_obj1id[equality], model.eq_obj2id[equality]):
             if by_site:
-                frame = Pose(data.site_xpos[n].copy(), data.site_xmat[n].reshape(3, 3).copy())
+                frame = FramePose(data.site_xpos[n].copy(), data.site_xmat[n].reshape(3, 3).copy())
                 yield self.held[model.site_bodyid[n]], frame
             else:
                 yield self.held[n], self._frame(n)

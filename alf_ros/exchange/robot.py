@@ -13,7 +13,7 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
-from alf_ros.exchange.report import LeftOut
+from alf_ros.exchange.import_report import LeftOut
 from alf_ros.mechanism import GROUND
 from alf_ros.model import joints
 
@@ -24,30 +24,30 @@ AXES = {kind: each.axes for kind, each in joints.types(3).items() if each.axes i
 
 
 @dataclass(frozen=True)
-class Pose:
+class FramePose:
     """A frame: `origin` (3,) m, `turn` (3, 3) whose columns are its axes."""
 
     origin: Floats
     turn: Floats
 
-    def __matmul__(self, other: Pose) -> Pose:
-        return Pose(self.place(other.origin), self.turn @ other.turn)
+    def __matmul__(self, other: FramePose) -> FramePose:
+        return FramePose(self.place(other.origin), self.turn @ other.turn)
 
     @property
-    def inverse(self) -> Pose:
+    def inverse(self) -> FramePose:
         """The outer frame in this one."""
-        return Pose(-self.turn.T @ self.origin, self.turn.T)
+        return FramePose(-self.turn.T @ self.origin, self.turn.T)
 
     def place(self, inner: Sequence[float] | Floats) -> Floats:
         """A place of this frame in the outer one."""
         return self.origin + self.turn @ np.asarray(inner, dtype=float)
 
 
-STILL = Pose(np.zeros(3), np.eye(3))
+STILL = FramePose(np.zeros(3), np.eye(3))
 
 
 @dataclass(frozen=True)
-class Part:
+class RobotPart:
     """A rigid body: origin of its frame (m), mass (kg), com (m), inertia (3, 3) there, kg m^2."""
 
     name: str
@@ -118,7 +118,7 @@ class Robot:
     file: str
     gravity: tuple[float, ...]
     still: str = ''
-    parts: list[Part] = field(default_factory=list)
+    parts: list[RobotPart] = field(default_factory=list)
     connections: list[Connection] = field(default_factory=list)
     actuators: list[Actuator] = field(default_factory=list)
     couplings: list[Coupled] = field(default_factory=list)
@@ -148,10 +148,12 @@ class Robot:
             connection = replace(connection, parent=child, child=parent, axes=axes)
         self.connections.append(connection)
 
-    def add_links(self, links: Mapping[str, Part], root_of: Mapping[str, str]) -> dict[str, str]:
+    def add_links(
+        self, links: Mapping[str, RobotPart], root_of: Mapping[str, str]
+    ) -> dict[str, str]:
         """Add a part for all links of one root, named after the heaviest; what is of the ground
         is none. Returns the part of each link."""
-        members: dict[str, list[Part]] = {}
+        members: dict[str, list[RobotPart]] = {}
         for name, link in links.items():
             members.setdefault(root_of[name], []).append(link)
         named = {GROUND: GROUND}
@@ -169,7 +171,7 @@ class Robot:
         return InputError(message, file=self.file, key=key, **details)
 
 
-def lumped(name: str, origin: Floats, parts: Iterable[Part]) -> Part:
+def lumped(name: str, origin: Floats, parts: Iterable[RobotPart]) -> RobotPart:
     """Several parts as one: masses added, inertia by Steiner's theorem."""
     parts = list(parts)
     if len(parts) == 1:
@@ -180,4 +182,4 @@ def lumped(name: str, origin: Floats, parts: Iterable[Part]) -> Part:
     for part in parts:
         r = part.com - com
         inertia += part.inertia + part.mass * ((r @ r) * np.eye(3) - np.outer(r, r))
-    return Part(name, origin, mass, com if mass else origin, inertia)
+    return RobotPart(name, origin, mass, com if mass else origin, inertia)

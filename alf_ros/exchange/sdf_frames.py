@@ -14,7 +14,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alf_ros.arrays import Floats
-from alf_ros.exchange.robot import STILL, Pose
+from alf_ros.exchange.robot import STILL, FramePose
 from alf_ros.scene.text.yaml_document import LARGEST
 
 MODEL, WORLD = '__model__', 'world'
@@ -25,12 +25,12 @@ Refuse = Callable[..., Exception]  # key, message, details -> the error to raise
 class _Frame:
     """A frame: its pose in another one, and the frame that it is fixed to (itself: a link)."""
 
-    pose: Pose
+    pose: FramePose
     relative_to: str
     attached_to: str
 
 
-class Frames:
+class SdfFrames:
     """Frames by their scoped names; poses are found when they are asked for."""
 
     def __init__(self, refuse: Refuse) -> None:
@@ -41,7 +41,7 @@ class Frames:
     def add(
         self,
         name: str,
-        pose: Pose,
+        pose: FramePose,
         relative_to: str,
         attached_to: str | None = None,
         placed: str = '',
@@ -69,11 +69,11 @@ class Frames:
         choices = [each for each in known if MODEL not in each and ' ' not in each]
         raise self._refuse(scope.rstrip(':') or name, 'no such frame', value=name, choices=choices)
 
-    def pose(self, name: str) -> Pose:
+    def pose(self, name: str) -> FramePose:
         """In the world. Raises the error for frames that refer to each other."""
         return self._within(name, WORLD, ())
 
-    def _within(self, name: str, base: str, waiting: tuple[str, ...]) -> Pose:
+    def _within(self, name: str, base: str, waiting: tuple[str, ...]) -> FramePose:
         """Of a frame in another one, along what it is relative to."""
         if name == base:
             return STILL
@@ -103,7 +103,7 @@ class Frames:
         return seen[-1]
 
 
-def pose_of(element: ElementTree.Element | None, refuse: Refuse, key: str) -> Pose:
+def pose_of(element: ElementTree.Element | None, refuse: Refuse, key: str) -> FramePose:
     """What a <pose> says: x y z and roll pitch yaw (rad, or degrees), or a quaternion."""
     if element is None or not (element.text or '').strip():
         return STILL
@@ -112,9 +112,9 @@ def pose_of(element: ElementTree.Element | None, refuse: Refuse, key: str) -> Po
     if quaternion:
         if not np.linalg.norm(x[3:]) > 0.0:
             raise refuse(key, 'zero is no quaternion')
-        return Pose(x[:3], Rotation.from_quat(x[3:]).as_matrix())
+        return FramePose(x[:3], Rotation.from_quat(x[3:]).as_matrix())
     degrees = (element.get('degrees') or '').strip() in ('1', 'true')
-    return Pose(x[:3], Rotation.from_euler('xyz', x[3:], degrees=degrees).as_matrix())
+    return FramePose(x[:3], Rotation.from_euler('xyz', x[3:], degrees=degrees).as_matrix())
 
 
 def numbers(text: str, count: int, refuse: Refuse, key: str) -> Floats:

@@ -18,8 +18,8 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.exchange import xml_file
-from alf_ros.exchange.robot import Connection, Coupled, Part, Robot
-from alf_ros.exchange.sdf_frames import MODEL, WORLD, Frames, numbers, pose_of
+from alf_ros.exchange.robot import Connection, Coupled, Robot, RobotPart
+from alf_ros.exchange.sdf_frames import MODEL, WORLD, SdfFrames, numbers, pose_of
 from alf_ros.mechanism import GROUND
 
 _TYPES = {
@@ -62,8 +62,8 @@ class _Reader:
         self.robot = Robot(names[0] if names else path.stem, str(path), (), _STILL)
         down = numbers(gravity, 3, self.robot.error, 'gravity')
         self.robot.gravity = tuple(map(float, down))
-        self.frames = Frames(self.robot.error)
-        self.links: dict[str, Part] = {}
+        self.frames = SdfFrames(self.robot.error)
+        self.links: dict[str, RobotPart] = {}
         self.still: set[str] = set()  # links of static models
         self.joints: list[tuple[str, ElementTree.Element]] = []
         if not models:
@@ -213,7 +213,7 @@ class _Reader:
             raise self.robot.error(self._name(element), f'no <{side}>')
         return given
 
-    def _part(self, element: ElementTree.Element, name: str) -> Part:
+    def _part(self, element: ElementTree.Element, name: str) -> RobotPart:
         """A link, as if its frame were that of the world: the frame is known later."""
         inertial = element.find('inertial')
         if inertial is None or inertial.find('mass') is None:
@@ -226,7 +226,7 @@ class _Reader:
         )
         J = np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
         turned = origin.turn @ J @ origin.turn.T
-        return Part(name, np.zeros(3), mass, origin.origin, turned)
+        return RobotPart(name, np.zeros(3), mass, origin.origin, turned)
 
     def _number(
         self, element: ElementTree.Element | None, tag: str, default: float, key: str
@@ -277,10 +277,10 @@ class _Reader:
             else:
                 self.robot.connect(self._connection(scope, each, parent, child))
 
-    def _placed(self, name: str, part: Part) -> Part:
+    def _placed(self, name: str, part: RobotPart) -> RobotPart:
         pose = self.frames.pose(name)
         J = pose.turn @ part.inertia @ pose.turn.T
-        return Part(part.name, pose.origin, part.mass, pose.place(part.com), J)
+        return RobotPart(part.name, pose.origin, part.mass, pose.place(part.com), J)
 
     def _sides(self, scope: str, element: ElementTree.Element) -> tuple[str, str]:
         parent, child = (

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.exchange import urdf_actuators, xml_file
-from alf_ros.exchange.robot import STILL, Connection, Coupled, Part, Pose, Robot
+from alf_ros.exchange.robot import STILL, Connection, Coupled, FramePose, Robot, RobotPart
 from alf_ros.mechanism import GROUND
 
 _TREE = {'revolute': 'revolute', 'continuous': 'revolute', 'prismatic': 'prismatic'}
@@ -61,7 +61,7 @@ class UrdfReader:
         ):
             if len(things) < count:
                 raise self.error(kind, f'a name of two {kind}s')
-        self.poses: dict[str, Pose] = {}
+        self.poses: dict[str, FramePose] = {}
         self.part_of: dict[str, str] = {}
         self._place(floating)
         parts = {name: self._part(name, link) for name, link in self.links.items()}
@@ -171,30 +171,30 @@ class UrdfReader:
                 fixed = joint.type == 'fixed'
                 self.part_of[link] = self.part_of[joint.parent] if fixed else link
 
-    def _pose(self, joint: Any) -> Pose:
+    def _pose(self, joint: Any) -> FramePose:
         """Of the child's frame in the parent's."""
         pose = _pose(joint.origin)
         if joint.type not in _MOVES:  # what does not move may have any axis, zero as well
             return pose
         x = self.positions.get(joint.name, 0.0)
         if joint.type == 'prismatic':
-            return Pose(pose.place(x * self.unit(joint.name, joint.axis)), pose.turn)
+            return FramePose(pose.place(x * self.unit(joint.name, joint.axis)), pose.turn)
         turned = Rotation.from_rotvec(x * self.unit(joint.name, joint.axis)).as_matrix()
-        return Pose(pose.origin, pose.turn @ turned)
+        return FramePose(pose.origin, pose.turn @ turned)
 
-    def _part(self, name: str, link: Any) -> Part:
+    def _part(self, name: str, link: Any) -> RobotPart:
         pose = self.poses[name]
         J: Floats = np.zeros((3, 3))
         inertial = link.inertial
         if inertial is None or not inertial.mass:
-            return Part(name, pose.origin, 0.0, pose.origin, J)
+            return RobotPart(name, pose.origin, 0.0, pose.origin, J)
         frame = pose @ _pose(inertial.origin)
         if inertial.inertia is None:
             self.robot.leave('inertia: there is none', name)
         else:
             J = np.array(inertial.inertia.to_matrix(), dtype=float)
         turned = frame.turn @ J @ frame.turn.T
-        return Part(name, pose.origin, float(inertial.mass), frame.origin, turned)
+        return RobotPart(name, pose.origin, float(inertial.mass), frame.origin, turned)
 
     def _connect(self, joint: Any) -> None:
         if joint.type in ('fixed', 'floating'):
@@ -220,7 +220,7 @@ class UrdfReader:
             )
         )
 
-    def part(self, link: str, key: str) -> tuple[str, Pose]:
+    def part(self, link: str, key: str) -> tuple[str, FramePose]:
         """The part that a link of a loop belongs to, and the link's pose."""
         if link in (GROUND, 'world') and link not in self.links:
             return GROUND, STILL
@@ -283,9 +283,9 @@ def _parsed(path: Path, arguments: Mapping[str, str] | None) -> tuple[ElementTre
     return xml, robot
 
 
-def _pose(origin: Any) -> Pose:
+def _pose(origin: Any) -> FramePose:
     if origin is None:
         return STILL
     rpy = origin.rpy or (0.0, 0.0, 0.0)
     turn = Rotation.from_euler('xyz', rpy).as_matrix()
-    return Pose(np.array(origin.xyz or (0.0, 0.0, 0.0), dtype=float), turn)
+    return FramePose(np.array(origin.xyz or (0.0, 0.0, 0.0), dtype=float), turn)

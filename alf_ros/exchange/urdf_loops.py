@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alf_ros.arrays import Floats
-from alf_ros.exchange.robot import AXES, Connection, Pose
+from alf_ros.exchange.robot import AXES, Connection, FramePose
 from alf_ros.exchange.urdf_import import UrdfReader
 from alf_ros.model import joints
 
@@ -87,8 +87,8 @@ def _kind(reader: UrdfReader, name: str, given: str) -> str:
     return _LOOP[given]
 
 
-def _frame(xyz: Floats, rpy: Floats) -> Pose:
-    return Pose(xyz, Rotation.from_euler('xyz', rpy).as_matrix())
+def _frame(xyz: Floats, rpy: Floats) -> FramePose:
+    return FramePose(xyz, Rotation.from_euler('xyz', rpy).as_matrix())
 
 
 def _floats(reader: UrdfReader, name: str, text: str | None, default: tuple[float, ...]) -> Floats:

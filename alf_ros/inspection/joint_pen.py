@@ -16,7 +16,7 @@ PALE = '#9aa5af'
 _COLOURS = {'ink': INK, 'pale': PALE, 'white': 'white'}
 
 
-class Picture(Protocol):
+class PenTarget(Protocol):
     """What a pen asks of the drawing that it is for; `size` of symbols, m."""
 
     size: float
@@ -33,7 +33,7 @@ class Picture(Protocol):
 class JointPen:
     """The pen of one joint of a picture."""
 
-    def __init__(self, picture: Picture, joint: Joint) -> None:
+    def __init__(self, picture: PenTarget, joint: Joint) -> None:
         self.joint, self.size = joint, picture.size
         self._picture, self._layout, self._canvas = picture, picture.layout, picture.canvas
         base, tip = joint.frames

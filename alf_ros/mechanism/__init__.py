@@ -15,7 +15,7 @@ from alf_ros.mechanism.parts import (
     Mechanism,
     Numbers,
     Point,
-    Prescribed,
+    PrescribedBlock,
     Rotor,
     Vector,
 )
@@ -32,7 +32,7 @@ __all__ = [
     'Mechanism',
     'Numbers',
     'Point',
-    'Prescribed',
+    'PrescribedBlock',
     'Rotor',
     'Vector',
 ]

@@ -167,7 +167,7 @@ class Rotor:
 
 
 @dataclass(frozen=True, slots=True)
-class Prescribed:
+class PrescribedBlock:
     """A block that moves as functions of time: m, or a unit vector in the frame of a joint."""
 
     name: str
@@ -205,14 +205,14 @@ class Mechanism:
         return {each.name: each for each in self.coordinates}
 
     @cached_property
-    def prescribed(self) -> tuple[Prescribed, ...]:
+    def prescribed(self) -> tuple[PrescribedBlock, ...]:
         """What moves as a function of time: for the drives, then for joints, by their names."""
         found = [_of_drive(drive) for drive in self.drives]
         for joint in self.joints:
             if joint.motion and joint.turning:
                 found.append(_turning(joint.name, joint.motion[0]))
             elif joint.motion:
-                found.append(Prescribed(joint.name, tuple(map(rate, joint.motion)), False))
+                found.append(PrescribedBlock(joint.name, tuple(map(rate, joint.motion)), False))
         return tuple(found)
 
     @cached_property
@@ -232,15 +232,15 @@ class Mechanism:
         return (*self.points, *self.vectors)
 
 
-def _of_drive(drive: Drive) -> Prescribed:
+def _of_drive(drive: Drive) -> PrescribedBlock:
     if drive.kind == 'angle':
         assert drive.motion[0] is not None
         return _turning(drive.name, drive.motion[0])
-    return Prescribed(drive.name, drive.motion, False)
+    return PrescribedBlock(drive.name, drive.motion, False)
 
 
-def _turning(name: str, angle: Signal) -> Prescribed:
-    return Prescribed(name, (cosine(angle), sine(angle)), True)
+def _turning(name: str, angle: Signal) -> PrescribedBlock:
+    return PrescribedBlock(name, (cosine(angle), sine(angle)), True)
 
 
 def _coordinates(mechanism: Mechanism) -> Iterator[Coordinate]:

@@ -17,7 +17,7 @@ LOOK_PERIOD = 0.25
 PLAIN_PERIOD = 5.0
 
 
-class Status:
+class StatusLine:
     """Prints to `stream`. `live` is whether a line may be written over; `enabled` false prints
     nothing but what `say` is given."""
 

@@ -56,7 +56,7 @@ class Pass:
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
+class ModesAt:
     """The modes at t (s) and q (blocks D, m), the velocities q̇ too if they are known."""
 
     t: float
@@ -68,13 +68,13 @@ class Place:
         return float(self.modes.sigma[0])
 
 
-class Comparison:
+class ModeComparison:
     """What the modes of two places, one soon after the other, say of the way between them."""
 
-    def __init__(self, model: Model, work: Work, a: Place, b: Place, moving: bool) -> None:
+    def __init__(self, model: Model, work: Work, a: ModesAt, b: ModesAt, moving: bool) -> None:
         """`moving`: the places know their velocities."""
 
-        def seen(of: Place, at: Modes) -> list[float]:
+        def seen(of: ModesAt, at: Modes) -> list[float]:
             unit, system = model.unit, model.system
             count = max(1, int((of.modes.sigma < STIFF).sum()))
             return [
@@ -113,7 +113,7 @@ class Comparison:
         return a.t + (b.t - a.t) * a.sigma / (a.sigma + b.sigma)
 
 
-def _rates(model: Model, work: Work, place: Place) -> tuple[float, float]:
+def _rates(model: Model, work: Work, place: ModesAt) -> tuple[float, float]:
     """1/s: how fast the rows turn, at most, and σ̇ / σ of the softest mode."""
     unit, system, modes = model.unit, model.system, place.modes
     gd, g2d = np.zeros_like(modes.g), np.zeros_like(modes.g2)
@@ -171,7 +171,7 @@ class Watcher:
         self.passes.clear()
         self._known = False
         # the last place whose σ has a sign, if that of the places since then has none
-        self._open: Place | None = None
+        self._open: ModesAt | None = None
         self._nil: float | None = None  # s, when σ was least since then
 
     @property
@@ -253,7 +253,7 @@ class Watcher:
             last = t
         return passes
 
-    def _across(self, a: Place, b: Place) -> list[Pass]:
+    def _across(self, a: ModesAt, b: ModesAt) -> list[Pass]:
         """From or to places without a sign: those before and behind them are compared."""
         if b.sigma < NIL:
             if a.sigma >= NIL:
@@ -261,15 +261,15 @@ class Watcher:
             return []
         passes = []
         if self._open is not None and self._nil is not None:
-            told = Comparison(self._model, self._work, self._open, b, moving=False)
+            told = ModeComparison(self._model, self._work, self._open, b, moving=False)
             if told.changes_sign:
                 passes = [self._found(self._nil, self._open, b)]
         self._open = self._nil = None
         return passes
 
-    def _search(self, a: Place, b: Place, halved: int, cut: int) -> list[float]:
+    def _search(self, a: ModesAt, b: ModesAt, halved: int, cut: int) -> list[float]:
         """When modes vanish between two places, s."""
-        told = Comparison(self._model, self._work, a, b, moving=True)
+        told = ModeComparison(self._model, self._work, a, b, moving=True)
         if told.is_clear:
             return []
         fine = b.t - a.t <= _FINE * self._h
@@ -287,16 +287,16 @@ class Watcher:
         halved -= not told.passes
         return self._search(a, middle, halved, cut - 1) + self._search(middle, b, halved, cut - 1)
 
-    def _aside(self, a: Place, t: float) -> Place | None:
+    def _aside(self, a: ModesAt, t: float) -> ModesAt | None:
         """Where a step from a leads until t (s); None if it fails."""
         phase = copy(a.phase)
         result = self._step_aside(phase, a.t, t - a.t)
         return self._place(t, phase) if result == Status.OK else None
 
-    def _place(self, t: float, phase: Phase) -> Place | None:
+    def _place(self, t: float, phase: Phase) -> ModesAt | None:
         return place(self._model, self._work, self._redundant, t, copy(phase))
 
-    def _found(self, t: float, a: Place, b: Place) -> Pass:
+    def _found(self, t: float, a: ModesAt, b: ModesAt) -> Pass:
         there = self._aside(a, t) if t > a.t else a
         q = (there or a).phase.q
         joints = _joints(self._model, _dependency(self._model, q) - self._ordinary)
@@ -304,12 +304,12 @@ class Watcher:
         return Pass(t, min(a.sigma, b.sigma), joints, *energies)
 
 
-def place(model: Model, work: Work, redundant: int, t: float, phase: Phase) -> Place | None:
+def place(model: Model, work: Work, redundant: int, t: float, phase: Phase) -> ModesAt | None:
     """The modes of a phase; None if A has no factor there."""
     if not kernel.linearise(model.unit, model.system, work, phase.q):
         return None
     modes = found(model, work, redundant)
-    return None if modes is None else Place(t, phase, modes)
+    return None if modes is None else ModesAt(t, phase, modes)
 
 
 def _dependency(model: Model, q: Floats) -> Floats:

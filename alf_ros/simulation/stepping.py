@@ -20,6 +20,7 @@ from alf_ros.model.singular_branches import Branch
 from alf_ros.model.tableaux import TABLEAUX, first_pace
 from alf_ros.scene.scene import Solver
 from alf_ros.simulation.applied import NO_INPUTS, Applied
+from alf_ros.simulation.drive_failures import beyond_reach
 from alf_ros.simulation.formulations import Formulation
 from alf_ros.simulation.listening import Listener
 from alf_ros.simulation.present import Present
@@ -27,7 +28,6 @@ from alf_ros.simulation.reactions import ReactionsOf
 from alf_ros.simulation.resolution import Resolution, resolution
 from alf_ros.simulation.start import Start
 from alf_ros.simulation.state import State
-from alf_ros.simulation.status import beyond_reach
 
 
 class Stepper:

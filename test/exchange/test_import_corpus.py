@@ -17,7 +17,7 @@ FOLDER = DATA / 'robots'
 def test_the_files_of_this_project() -> None:
     """All run, but for the two that need a wish; loops, freedoms and closure as they are."""
     pytest.importorskip('mujoco')
-    limits = corpus.Limits(seconds=600.0, duration=0.02)
+    limits = corpus.ExaminationLimits(seconds=600.0, duration=0.02)
     found = {each.file: each for each in corpus.examined(FOLDER, {'scene': True}, limits)}
     refused = {'free_flyer.urdf': '--floating', 'impossible_inertia.urdf': '--repair-inertia'}
     for name, each in found.items():
@@ -37,13 +37,15 @@ def test_a_file_that_takes_too_long_or_is_broken(tmp_path: Path) -> None:
     (tmp_path / 'part.xml').write_text('<mujocoinclude/>', encoding='utf-8')
     text = (FOLDER / 'fixed_without_axis.urdf').read_text(encoding='utf-8')
     (tmp_path / 'slow.urdf').write_text(text, encoding='utf-8')
-    limits = corpus.Limits(seconds=1e-6)
+    limits = corpus.ExaminationLimits(seconds=1e-6)
     stopped = list(corpus.examined(tmp_path, {'scene': True}, limits))
     assert [each.file for each in stopped] == ['broken.urdf', 'slow.urdf']
     assert all(each.result == corpus.LIMIT for each in stopped)
     (found,) = [
         each
-        for each in corpus.examined(tmp_path, {'scene': True}, corpus.Limits(seconds=60.0))
+        for each in corpus.examined(
+            tmp_path, {'scene': True}, corpus.ExaminationLimits(seconds=60.0)
+        )
         if each.file == 'broken.urdf'
     ]
     assert found.result == corpus.REFUSED and found.why.startswith('not XML')

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from alf_ros.kernel import Status, status
-from alf_ros.kernel.numba_ext.plain import Vector, flat
+from alf_ros.kernel.numba_ext.plain import PlainVector, flat
 from support.paths import ROOT
 from support.traced import traced
 
@@ -73,7 +73,7 @@ def test_a_vector_refuses_what_is_outside_of_it():
         v.behind(7)
     with pytest.raises(ValueError, match='read-only'):
         flat(numbers, constant=True)[0] = 1
-    assert isinstance(v.behind(6), Vector)
+    assert isinstance(v.behind(6), PlainVector)
 
 
 def test_every_result_says_what_to_do():

@@ -19,10 +19,10 @@ from alf_ros.commands.analyze import main
 from alf_ros.errors import InputError
 from alf_ros.logs import load
 from alf_ros.logs.report.commands import MOST_HELD, MOST_TEXTS, Orders
-from alf_ros.logs.report.decimation import Frames, Trace
+from alf_ros.logs.report.decimation import Instants, Trace
+from alf_ros.logs.report.drawn_motion import mechanism, motion
 from alf_ros.logs.report.gather import Label, gather
 from alf_ros.logs.report.html import page
-from alf_ros.logs.report.motion import mechanism, motion
 from alf_ros.logs.report.singularity_distance import distances
 from alf_ros.logs.report.summary import account
 from alf_ros.ros.recording.fork import fork
@@ -71,7 +71,7 @@ def test_a_trace_keeps_every_peak_in_order(pieces):
 
 
 def test_frames_are_evenly_spaced():
-    frames, t = Frames(100), np.arange(12_345.0)
+    frames, t = Instants(100), np.arange(12_345.0)
     for part in np.array_split(t, 77):
         frames.add(part, part[:, None])
     assert frames.stride == 128 and np.array_equal(frames.t, t[::128])

@@ -3,7 +3,7 @@
 import math
 
 from alf_ros.logs import load
-from alf_ros.logs.report.diagnostics import Reports
+from alf_ros.logs.report.diagnostic_levels import Reports
 from support.ros_node import Diagnostics, Peer, SimulatorProcess
 
 LONG = {'solver__step': 0.05, 'solver__integrator': 'rk4', 'rate': 20.0}

@@ -5,13 +5,13 @@ import pty
 import re
 import time
 
-from alf_ros.ros.terminal import Status
+from alf_ros.ros.terminal import StatusLine
 
 
 def test_a_terminal_gets_one_live_line_that_messages_do_not_break():
     terminal, end = pty.openpty()
     with os.fdopen(end, 'w') as stream:
-        status = Status(stream=stream)
+        status = StatusLine(stream=stream)
         assert status.live
         for text in ('one', 'two'):
             status.show(text)
@@ -26,7 +26,7 @@ def test_a_terminal_gets_one_live_line_that_messages_do_not_break():
 
 def test_a_file_gets_plain_lines(tmp_path):
     with open(tmp_path / 'out', 'w') as stream:
-        status = Status(stream=stream)
+        status = StatusLine(stream=stream)
         status.say('start')
         status.show('t 1 s')
         status.enabled = False
@@ -37,7 +37,7 @@ def test_a_file_gets_plain_lines(tmp_path):
 def test_a_reader_that_goes_away_stops_the_lines_only():
     reader, writer = os.pipe()
     stream = os.fdopen(writer, 'w')
-    status = Status(stream=stream)
+    status = StatusLine(stream=stream)
     os.close(reader)
     status.say('nobody')
     status.show('hears this')
@@ -47,7 +47,7 @@ def test_a_reader_that_goes_away_stops_the_lines_only():
 
 def test_what_takes_long_is_announced_once(tmp_path):
     with open(tmp_path / 'out', 'w') as stream:
-        status = Status(stream=stream)
+        status = StatusLine(stream=stream)
         with status.say_if_slow(lambda: 'compiling', 10.0):
             pass
         with status.say_if_slow(lambda: 'slow', 0.0):
@@ -59,7 +59,7 @@ def test_what_takes_long_is_announced_once(tmp_path):
 def test_on_a_terminal_it_shows_that_time_goes_by():
     terminal, end = pty.openpty()
     with os.fdopen(end, 'w') as stream:
-        status = Status(stream=stream)
+        status = StatusLine(stream=stream)
         with status.say_if_slow(lambda: 'compiling ...', 0.0):
             time.sleep(1.5)
         seen = ''

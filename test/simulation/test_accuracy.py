@@ -13,7 +13,7 @@ from alf_ros.scene.overrides import with_changes
 from alf_ros.scene.scene import Solver, joined, scene_from_text
 from alf_ros.simulation import setup as settings
 from alf_ros.studies.exact import motions
-from alf_ros.studies.exact.motions import Motion
+from alf_ros.studies.exact.motions import ExactMotion
 from support.effect_scenes import MASS
 
 MOTIONS = [
@@ -24,7 +24,7 @@ MOTIONS = [
 ]
 
 
-def farthest(simulation: Simulation, motion: Motion) -> float:
+def farthest(simulation: Simulation, motion: ExactMotion) -> float:
     """The largest distance of a point from where it truly is, m."""
     found = np.array([s.q for s in simulation.run(motion.times[-1], at=motion.times)])
     apart = (found - motion.exact()).reshape(len(found), -1, 2)
@@ -35,7 +35,7 @@ def farthest(simulation: Simulation, motion: Motion) -> float:
 @pytest.mark.parametrize('accuracy', [1e-3, 1e-6, 1e-9])
 @pytest.mark.parametrize('motion', MOTIONS, ids=lambda motion: motion.mechanism)
 def test_the_true_error_is_below_what_was_asked(
-    motion: Motion, accuracy: float, step: float
+    motion: ExactMotion, accuracy: float, step: float
 ) -> None:
     simulation = Simulation(motion.scene(), accuracy=accuracy, step=step)
     budget = simulation.accuracy

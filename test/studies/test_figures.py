@@ -19,10 +19,10 @@ from alf_ros.errors import InputError, StepError
 from alf_ros.scene.scene import load_scene
 from alf_ros.simulation.formulations.adams import Adams
 from alf_ros.studies.exact import one_freedom
-from alf_ros.studies.paper import plot, scan, table_one
+from alf_ros.studies.paper import figure_plot, scan, table_one
 from alf_ros.studies.paper.figures import FORMULATIONS
-from alf_ros.studies.paper.formulations import EXAMPLES, Comparison
-from alf_ros.studies.paper.published import PublishedRun, Setting
+from alf_ros.studies.paper.formulations import EXAMPLES, FormulationComparison
+from alf_ros.studies.paper.published import PublishedRun, PublishedSetting
 from support.paths import DATA
 
 
@@ -44,8 +44,8 @@ def published(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
 
 
 @pytest.fixture(scope='module')
-def four_bars() -> Comparison:
-    return Comparison(EXAMPLES[1])
+def four_bars() -> FormulationComparison:
+    return FormulationComparison(EXAMPLES[1])
 
 
 def table(path: Path) -> dict[str, dict[str, Floats]]:
@@ -111,8 +111,8 @@ def test_pictures_are_drawn(fixed: Path, published: tuple[Path, str]) -> None:
             assert picture.startswith(b'\x89PNG') and len(picture) > 50_000
 
 
-def test_panels_carry_the_figures_of_the_paper(four_bars: Comparison) -> None:
-    left, right = plot._panels(four_bars, [four_bars.truth])
+def test_panels_carry_the_figures_of_the_paper(four_bars: FormulationComparison) -> None:
+    left, right = figure_plot._panels(four_bars, [four_bars.truth])
     shown = [panel.title for panel in [*left, *right] if panel.margin]
     assert [title.startswith('after figs. 10-13: ') for title in shown] == 6 * [True]
     assert ' '.join(shown).count('acceleration') == ' '.join(shown).count('energy') == 1
@@ -139,17 +139,19 @@ def test_finding_of_the_paper_is_told(published: tuple[Path, str]) -> None:
         assert curves['alf2']['position_error_m'].max() < 1e-3
 
 
-def test_finding_reproduces_around_its_tolerance(four_bars: Comparison) -> None:
+def test_finding_reproduces_around_its_tolerance(four_bars: FormulationComparison) -> None:
     """Not of one run, which chance decides, but of most."""
     lost = {}
     for name in ('alf1', 'alf2_as_printed'):
-        said = scan.neighbours(four_bars, name, Setting(), (0.8, 0.87, 0.95, 1.05, 1.25))
+        said = scan.neighbours(four_bars, name, PublishedSetting(), (0.8, 0.87, 0.95, 1.05, 1.25))
         lost[name] = int(re.search(r'lost in (\d) of 5', said).group(1))
     assert lost['alf1'] >= 3 and lost['alf2_as_printed'] <= 1, lost
 
 
-def test_scan_has_a_line_for_each_penalty(four_bars: Comparison) -> None:
-    lines = scan.table(four_bars, 'alf1', Setting(), (1e-4, 1e-5), (1e7, 1e9)).splitlines()
+def test_scan_has_a_line_for_each_penalty(four_bars: FormulationComparison) -> None:
+    lines = scan.table(
+        four_bars, 'alf1', PublishedSetting(), (1e-4, 1e-5), (1e7, 1e9)
+    ).splitlines()
     assert lines[0] == 'double_four_bar, alf1: when it is lost, s'
     assert lines[1].split() == ['α', '\\', 'tolerance', '1e-04', '1e-05']
     assert [line.split()[0] for line in lines[2:]] == ['1e+07', '1e+09']
@@ -161,7 +163,7 @@ def test_scan_has_a_line_for_each_penalty(four_bars: Comparison) -> None:
 @pytest.mark.parametrize('integrator', ['adams', 'vode'])
 @pytest.mark.parametrize('formulation', ['alf1', 'alf2_as_printed'])
 def test_published_runs_follow_the_motion(
-    four_bars: Comparison, formulation: str, integrator: str
+    four_bars: FormulationComparison, formulation: str, integrator: str
 ) -> None:
     """Up to the first pass, with an error that follows the tolerance."""
     times = four_bars.times[:30]
@@ -169,7 +171,9 @@ def test_published_runs_follow_the_motion(
     errors = []
     for tolerance in (1e-5, 1e-8):
         run = PublishedRun(
-            load_scene('double_four_bar'), formulation, Setting(tolerance, 1e7, integrator)
+            load_scene('double_four_bar'),
+            formulation,
+            PublishedSetting(tolerance, 1e7, integrator),
         )
         *_, (q, _) = run.states(times)
         reached = q.reshape(-1, 2)[run.model.coordinate_block].ravel()
@@ -179,7 +183,9 @@ def test_published_runs_follow_the_motion(
 
 def test_a_run_that_takes_too_long_ends(monkeypatch: pytest.MonkeyPatch) -> None:
     for integrator in ('adams', 'vode'):
-        run = PublishedRun(load_scene('slider_crank'), 'alf1', Setting(integrator=integrator))
+        run = PublishedRun(
+            load_scene('slider_crank'), 'alf1', PublishedSetting(integrator=integrator)
+        )
         monkeypatch.setattr('alf_ros.studies.paper.published.MOST', 50)
         with pytest.raises(StepError, match='more than 50 evaluations'):
             list(run.states(np.linspace(0.0, 1.0, 11).astype(np.float64)))

@@ -10,7 +10,7 @@ from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 
-from alf_ros.kernel.numba_ext.plain import Vector, at, lowered
+from alf_ros.kernel.numba_ext.plain import PlainVector, at, lowered
 from alf_ros.kernel.numba_ext.structs import VectorType
 
 
@@ -63,7 +63,7 @@ def _call(returns: Any, kind: Any, arguments: Any) -> Any:
 
 
 def _call_plainly(address: Any, *arguments: Any) -> Any:
-    if isinstance(address, Vector):
+    if isinstance(address, PlainVector):
         if address.size == 0:
             return None
         address = address[0]
@@ -74,8 +74,8 @@ def _call_plainly(address: Any, *arguments: Any) -> Any:
             values[-1] = values[-1].behind(value)
             offset = False
             continue
-        offset = isinstance(value, (Vector, np.ndarray))
-        values.append(Vector(value) if isinstance(value, np.ndarray) else value)
+        offset = isinstance(value, (PlainVector, np.ndarray))
+        values.append(PlainVector(value) if isinstance(value, np.ndarray) else value)
     return at(address)(*values)
 
 

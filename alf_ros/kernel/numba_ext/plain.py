@@ -1,6 +1,6 @@
 """The kernel as plain Python, with NUMBA_DISABLE_JIT=1: for a debugger, coverage, bounds checks.
 
-Then nothing is compiled. A struct becomes a `View` of its numbers, an array of it a `Vector`,
+Then nothing is compiled. A struct becomes a `View` of its numbers, an array of it a `PlainVector`,
 which refuses indices outside; what is told to LLVM (`lowered`) has a twin in Python; and a C
 function is found by a number that stands for its address. Sums are the same in the same order.
 """
@@ -31,7 +31,7 @@ def lowered(twin: Callable[..., Any]) -> Callable[[Callable[..., Any]], Any]:
     return decorate
 
 
-class Vector:
+class PlainVector:
     """The numbers of a contiguous array, as compiled code has them: flat, whole numbers in 64 bit.
 
     Raises IndexError outside of them, before the first one too.
@@ -53,20 +53,20 @@ class Vector:
     def __setitem__(self, i: Any, value: Any) -> None:
         self.array[self._at(i)] = value
 
-    def behind(self, i: Any) -> Vector:
+    def behind(self, i: Any) -> PlainVector:
         """The numbers from the i-th on."""
         if not 0 <= i <= len(self.array):
             raise IndexError(f'number {i} of {len(self.array)}')
-        return Vector(self.array[int(i) :])
+        return PlainVector(self.array[int(i) :])
 
 
-def flat(array: Any, constant: bool = False) -> Vector:
+def flat(array: Any, constant: bool = False) -> PlainVector:
     """The numbers of an array of any shape; `constant` if nobody may write them."""
     numbers = array.reshape(-1)  # contiguous: the same numbers, not a copy
     if constant:
         numbers = numbers.view()
         numbers.flags.writeable = False
-    return Vector(numbers)
+    return PlainVector(numbers)
 
 
 class View:

@@ -16,8 +16,8 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.logs import progress
+from alf_ros.logs.report.drawn_motion import DrawnMotion
 from alf_ros.logs.report.gather import Label
-from alf_ros.logs.report.motion import Motion
 from alf_ros.logs.report.summary import Account
 
 FORMATS = ('.gif', '.webp', '.mp4')
@@ -38,7 +38,7 @@ class Film:
 
     title: str
     scene: str
-    motion: Motion
+    motion: DrawnMotion
     t: Floats
     places: Floats
     energy: Floats

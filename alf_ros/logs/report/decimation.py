@@ -77,7 +77,7 @@ class Trace:
         return self._high[: self._count]
 
 
-class Frames:
+class Instants:
     """Every `stride`-th of a row of instants; `stride` is doubled when there are too many."""
 
     def __init__(self, most: int) -> None:

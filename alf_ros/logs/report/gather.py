@@ -12,8 +12,8 @@ from alf_ros.arrays import Floats
 from alf_ros.logs import journal, progress
 from alf_ros.logs.log import Log, Survey
 from alf_ros.logs.report.commands import Orders
-from alf_ros.logs.report.decimation import Frames, Trace
-from alf_ros.logs.report.diagnostics import Reports
+from alf_ros.logs.report.decimation import Instants, Trace
+from alf_ros.logs.report.diagnostic_levels import Reports
 from alf_ros.logs.series import NUMERIC, Series
 
 # A plot has at most so many rows, fewer where there are many signals: the page stays small.
@@ -50,8 +50,8 @@ class Gathered:
     counts: dict[str, int] = field(default_factory=dict)
     numbers: dict[str, int] = field(default_factory=dict)  # last sequence number, by topic
     signals: dict[tuple[Label, ...], Signals] = field(default_factory=dict)
-    states: dict[tuple[str, ...], Frames] = field(default_factory=dict)
-    reactions: dict[tuple[str, ...], Frames] = field(default_factory=dict)
+    states: dict[tuple[str, ...], Instants] = field(default_factory=dict)
+    reactions: dict[tuple[str, ...], Instants] = field(default_factory=dict)
     orders: Orders = field(default_factory=Orders)
     reports: Reports = field(default_factory=Reports)
     damage: str = ''
@@ -114,7 +114,7 @@ def _plot(found: Gathered, labels: Iterable[Label], t: Floats, values: Floats) -
 
 
 def _keep(
-    frames: dict[tuple[str, ...], Frames],
+    frames: dict[tuple[str, ...], Instants],
     series: Series,
     t: Floats,
     values: Floats,
@@ -122,7 +122,7 @@ def _keep(
 ) -> None:
     if series.names not in frames:
         some = FRAME_NUMBERS // max(1, values[0].size)
-        frames[series.names] = Frames(max(LEAST, min(most, some)))
+        frames[series.names] = Instants(max(LEAST, min(most, some)))
     frames[series.names].add(t, values)
 
 

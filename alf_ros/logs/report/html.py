@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from alf_ros.arrays import Floats
 from alf_ros.logs.report import panels
 from alf_ros.logs.report.decimation import Trace
+from alf_ros.logs.report.drawn_motion import DrawnMotion
 from alf_ros.logs.report.gather import Label
-from alf_ros.logs.report.motion import Motion
 from alf_ros.logs.report.summary import Account
 
 PAGE = Path(__file__).with_name('page')
@@ -139,7 +139,7 @@ def _curve(label: Label, low: Floats, high: Floats, account: Account) -> Json:
     }
 
 
-def _motion(motion: Motion, first: float) -> Json:
+def _motion(motion: DrawnMotion, first: float) -> Json:
     D = 3 if motion.spatial else 2
     moving = np.flatnonzero(np.ptp(motion.places, axis=0).any(axis=1)).tolist()
     still = motion.places[0].astype(object)

@@ -10,13 +10,13 @@ from alf_ros import kernel
 from alf_ros.arrays import Floats
 from alf_ros.kernel import Phase
 from alf_ros.logs import progress
-from alf_ros.logs.report.diagnostics import Reports
+from alf_ros.logs.report.diagnostic_levels import Reports
 from alf_ros.model import assembly
 from alf_ros.model.compile import Model, allocate
 from alf_ros.model.prescribed import prescribe
 from alf_ros.model.softest_modes import KNOWN, NIL, ROUNDS, begun, near
 from alf_ros.simulation.simulation import Simulation
-from alf_ros.simulation.singular_passes import FOLLOWED, Comparison, place
+from alf_ros.simulation.singular_passes import FOLLOWED, ModeComparison, place
 
 _AGAIN = 2.0  # times as far as where it turns back: it comes from there and goes there again
 _WARN = 1
@@ -84,7 +84,7 @@ def _pass(
     a, b = places
     if a is None or b is None:
         return []
-    told = Comparison(model, work, a, b, moving=False)
+    told = ModeComparison(model, work, a, b, moving=False)
     return [told.t] if told.passes else []
 
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from alf_ros.errors import AlfError
 from alf_ros.logs import progress
 from alf_ros.logs.log import Log
+from alf_ros.logs.report.drawn_motion import DrawnMotion, mechanism, motion
 from alf_ros.logs.report.gather import Gathered, gather
-from alf_ros.logs.report.motion import Motion, mechanism, motion
 from alf_ros.logs.report.singularity_distance import reported
 
 Text = tuple[float, int, str]
@@ -22,7 +22,7 @@ class Account:
     name: str
     scene: str
     found: Gathered
-    motion: Motion | None
+    motion: DrawnMotion | None
     first: float
     last: float
     about: list[tuple[str, str]]

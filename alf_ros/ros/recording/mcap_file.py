@@ -124,7 +124,7 @@ class LogFile:
         if Writer is None:
             raise InputError(lacking())
         self.path = path
-        self.channels: dict[str, rosbag2_metadata.Channel] = {}
+        self.channels: dict[str, rosbag2_metadata.RecordedTopic] = {}
         self.start, self.end = 2**63, 0  # stamps, ns
         self._schemas: dict[str, int] = {}
         self._info = info
@@ -179,18 +179,20 @@ class LogFile:
 
     def register(
         self, topic: str, name: str, definition: str, type_hash: str, qos: str
-    ) -> rosbag2_metadata.Channel:
+    ) -> rosbag2_metadata.RecordedTopic:
         """A topic of type `name`."""
         if name not in self._schemas:
             schema = self._writer.register_schema(name, 'ros2msg', definition.encode())
             self._schemas[name] = schema
         about = {'offered_qos_profiles': qos, 'topic_type_hash': type_hash}
         id_ = self._writer.register_channel(topic, 'cdr', self._schemas[name], about)
-        channel = self.channels[topic] = rosbag2_metadata.Channel(id_, topic, name, qos, type_hash)
+        channel = self.channels[topic] = rosbag2_metadata.RecordedTopic(
+            id_, topic, name, qos, type_hash
+        )
         return channel
 
     def add_to(
-        self, channel: rosbag2_metadata.Channel, stamp: int, data: bytes, number: int
+        self, channel: rosbag2_metadata.RecordedTopic, stamp: int, data: bytes, number: int
     ) -> None:
         """Write one serialised message of a registered topic."""
         self._writer.add_message(channel.id, stamp, data, stamp, number)

@@ -40,7 +40,7 @@ def recover(log: Log, folder: Path, report: Report = silent) -> list[LogFile]:
 def _copied(file: Path, copy: LogFile) -> Iterator[int]:
     """Copy a file message by message; after every chunk, how far it has been read."""
     contents = Contents()
-    channels: dict[int, rosbag2_metadata.Channel] = {}
+    channels: dict[int, rosbag2_metadata.RecordedTopic] = {}
     for block in blocks(file, contents):
         for k, id_ in enumerate(block.channel.tolist()):
             if id_ not in channels:

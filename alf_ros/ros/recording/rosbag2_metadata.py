@@ -111,7 +111,7 @@ def qos_text(qos: QoSProfile) -> str:
 
 
 @dataclass
-class Channel:
+class RecordedTopic:
     """A topic in a log and how many messages it has so far."""
 
     id: int
@@ -133,10 +133,10 @@ class File:
 
 
 def metadata(
-    files: Sequence[File], channels: Iterable[Channel], info: Mapping[str, str]
+    files: Sequence[File], channels: Iterable[RecordedTopic], info: Mapping[str, str]
 ) -> dict[str, Any]:
     """What rosbag2 keeps about a log of these files; `channels` of all of them."""
-    topics: dict[str, Channel] = {}
+    topics: dict[str, RecordedTopic] = {}
     for channel in channels:
         before = topics[channel.topic].count if channel.topic in topics else 0
         topics[channel.topic] = replace(channel, count=before + channel.count)
@@ -179,7 +179,7 @@ def _span(start: int, end: int, count: int) -> dict[str, Any]:
 
 
 def write_metadata(
-    folder: Path, files: Sequence[File], channels: Iterable[Channel], info: Mapping[str, str]
+    folder: Path, files: Sequence[File], channels: Iterable[RecordedTopic], info: Mapping[str, str]
 ) -> None:
     """Write metadata.yaml beside the files of a log; `channels` of all of them.
 

@@ -29,7 +29,7 @@ _DEPTH = 1000
 Topics = dict[str, tuple[type, QoSProfile]]
 
 
-class Item(NamedTuple):
+class StampedMessage(NamedTuple):
     """A message to publish at its stamp (ns)."""
 
     stamp: int
@@ -44,7 +44,7 @@ class Source(Protocol):
     first: int
     last: int
 
-    def items(self, stamp: int) -> Iterator[Item]:
+    def items(self, stamp: int) -> Iterator[StampedMessage]:
         """From a stamp on; before them the latest of each topic that is latched."""
         ...
 
@@ -54,7 +54,7 @@ class Recorded:
 
     def __init__(self, log: Log, report: Report = silent) -> None:
         self.topics: Topics = {}
-        self._latched: list[Item] = []
+        self._latched: list[StampedMessage] = []
         self._places: list[tuple[int, int]] = []  # of each chunk: file, byte
         self._ends: list[int] = []
         self._contents = [Contents() for _ in log.files]
@@ -82,10 +82,10 @@ class Recorded:
                 self.topics[channel.topic] = message_class(channel.type), _qos(channel.metadata)
             if _is_latched(self.topics[channel.topic][1]):
                 for k in (block.channel == channel.id).nonzero()[0].tolist():
-                    item = Item(int(block.stamp[k]), channel.topic, block.message(k))
+                    item = StampedMessage(int(block.stamp[k]), channel.topic, block.message(k))
                     self._latched.append(item)
 
-    def items(self, stamp: int) -> Iterator[Item]:
+    def items(self, stamp: int) -> Iterator[StampedMessage]:
         """From a stamp (ns) on; before them the latest of each topic that is latched."""
         latest = {item.topic: item for item in self._latched if item.stamp < stamp}
         yield from (item._replace(stamp=stamp) for item in latest.values())
@@ -98,7 +98,7 @@ class Recorded:
             for block in blocks(self._files[number], contents, begin):
                 for k in (block.stamp >= stamp).nonzero()[0].tolist():
                     topic = contents.channels[int(block.channel[k])].topic
-                    yield Item(int(block.stamp[k]), topic, block.message(k))
+                    yield StampedMessage(int(block.stamp[k]), topic, block.message(k))
             begin = 0
 
 
@@ -109,7 +109,7 @@ class Redriven:
     def __init__(self, log: Log, trust: bool = False) -> None:
         self._log, self._trust = log, trust
         self.first, self.last = log.survey.first, log.survey.last
-        self._made: list[Item] = []
+        self._made: list[StampedMessage] = []
         names = [reading.name for reading in READINGS.values()]
         self._recorded = [name for name in names if log.topic(name) in log.survey.counts]
         self._begin(float(log.time(self.first)))
@@ -137,9 +137,9 @@ class Redriven:
         data: bytes,
         essential: bool = False,
     ) -> None:
-        self._made.append(Item(stamp, topic, data))
+        self._made.append(StampedMessage(stamp, topic, data))
 
-    def items(self, stamp: int) -> Iterator[Item]:
+    def items(self, stamp: int) -> Iterator[StampedMessage]:
         """From the last logged instant up to a stamp (ns) on."""
         self._begin(float(self._log.time(max(stamp, self.first))))
         self._run.send()
@@ -152,7 +152,7 @@ class Redriven:
         """Whether steps were too long on the way, and which would do; empty if not."""
         return self._rerun.trouble
 
-    def _taken(self) -> list[Item]:
+    def _taken(self) -> list[StampedMessage]:
         taken, self._made[:] = list(self._made), []
         return taken
 

@@ -11,8 +11,8 @@ from rclpy.task import Future
 from alf_ros.arrays import Floats
 from alf_ros.errors import AlfError, InputError
 from alf_ros.ros.simulator.inputs import CommandSubscriber
+from alf_ros.ros.simulator.node_run import NodeRun
 from alf_ros.ros.simulator.pacing import Pacer
-from alf_ros.ros.simulator.run import Run
 from alf_ros.simulation.saved_states import SavedStates
 from alf_ros.simulation.setup import Setup, on_grid
 from alf_ros.simulation.state import State
@@ -35,7 +35,7 @@ class Control:
 
     def __init__(
         self,
-        run: Run,
+        run: NodeRun,
         pacer: Pacer,
         inputs: CommandSubscriber,
         saved: SavedStates,

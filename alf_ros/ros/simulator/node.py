@@ -21,7 +21,7 @@ from alf_ros.ros.simulator import parameters, startup_report
 from alf_ros.ros.simulator.outputs import Outputs
 from alf_ros.ros.simulator.pacing import SHORTEST_BEAT, Pacer
 from alf_ros.ros.simulator.services import Services
-from alf_ros.ros.terminal import LOOK_PERIOD, Status
+from alf_ros.ros.terminal import LOOK_PERIOD, StatusLine
 from alf_ros.simulation import listening
 from alf_ros.simulation.display_geometry import Display
 from alf_ros.simulation.setup import Setup
@@ -56,7 +56,7 @@ class Simulator(Node):
     Raises InputError for anything it cannot start with.
     """
 
-    def __init__(self, status: Status, stop: Stop, overrides: list[Parameter[Any]]) -> None:
+    def __init__(self, status: StatusLine, stop: Stop, overrides: list[Parameter[Any]]) -> None:
         super().__init__('simulator', parameter_overrides=overrides)
         self.finished: Future[None] = Future()
         self._status, self._stop = status, stop
@@ -103,8 +103,8 @@ class Simulator(Node):
         """Make the parts, and use all compiled code once, so that no tick waits for it."""
         from alf_ros.ros.simulator.control import Control
         from alf_ros.ros.simulator.inputs import CommandSubscriber
+        from alf_ros.ros.simulator.node_run import NodeRun
         from alf_ros.ros.simulator.reporting import Reporting
-        from alf_ros.ros.simulator.run import Run
         from alf_ros.simulation.saved_states import SavedStates
 
         folder, lack = None, ''
@@ -114,7 +114,7 @@ class Simulator(Node):
         if lack:
             self._status.say(lack)
         split = Split(values['record.max_size'], values['record.max_duration'])
-        run = Run(setup, self._outputs, values['duration'], folder, split)
+        run = NodeRun(setup, self._outputs, values['duration'], folder, split)
         run.unrecorded = lack if folder is None else ''
         self._pacer = Pacer(setup.tick, values['real_time_factor'])
         # The alarm looks the report up when it comes: that needs the control, which needs this.

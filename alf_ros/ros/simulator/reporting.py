@@ -15,7 +15,7 @@ from alf_ros.ros.simulator.control import Control
 from alf_ros.ros.simulator.diagnostics import Pace
 from alf_ros.ros.simulator.outputs import Outputs
 from alf_ros.ros.simulator.pacing import Pacer
-from alf_ros.ros.terminal import LOOK_PERIOD, PLAIN_PERIOD, Status
+from alf_ros.ros.terminal import LOOK_PERIOD, PLAIN_PERIOD, StatusLine
 from alf_ros.simulation.simulation import Simulation
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ class Reporting:
     """Reports once a second, and at once when something goes wrong or well again."""
 
     def __init__(
-        self, node: Node, control: Control, pacer: Pacer, outputs: Outputs, status: Status
+        self, node: Node, control: Control, pacer: Pacer, outputs: Outputs, status: StatusLine
     ) -> None:
         # Several simulators on one machine share the topic: the namespace tells them apart.
         self._logger = node.get_logger()

@@ -15,7 +15,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from alf_ros.errors import AlfError, shortened
 from alf_ros.resources import library
-from alf_ros.ros.view.node import ViewNode
+from alf_ros.ros.view.view_node import ViewNode
 from alf_ros.scene.text.yaml_document import LARGEST
 
 if TYPE_CHECKING:

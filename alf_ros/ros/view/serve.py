@@ -7,9 +7,9 @@ from collections.abc import Callable
 from contextlib import ExitStack
 
 from alf_ros.ros.view.foxglove import FoxgloveBridge
-from alf_ros.ros.view.node import ViewNode
 from alf_ros.ros.view.operator import Operator
 from alf_ros.ros.view.server import Broadcast, Server
+from alf_ros.ros.view.view_node import ViewNode
 
 # Pictures a second (Hz): as many as the simulator draws if nobody says otherwise.
 RATE = 30.0

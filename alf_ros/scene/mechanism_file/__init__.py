@@ -69,7 +69,7 @@ class _Parts:
         self.entries[name] = entry
 
 
-class Found(NamedTuple):
+class MechanismFound(NamedTuple):
     """A mechanism, cut, the values of its parameters, and what was read without references to
     files."""
 
@@ -85,7 +85,7 @@ def read_mechanism(
     overrides: Mapping[str, Entry],
     references: References,
     drives: Entry | None = None,
-) -> Found:
+) -> MechanismFound:
     """The mechanism in `root`, of whose parameters `overrides` replaces some; with the `drives` of
     a scene besides its own.
 
@@ -149,7 +149,7 @@ def read_mechanism(
         drives = drives and reader.tables.without_files(drives)
     layout = cut(mechanism)
     check(layout, parts.entries)
-    return Found(layout, values, root, drives)
+    return MechanismFound(layout, values, root, drives)
 
 
 def read_parameters(section: Entry | None, overrides: Mapping[str, Entry]) -> dict[str, float]:

@@ -17,7 +17,7 @@ from alf_ros.simulation.simulation import Simulation
 from alf_ros.studies.exact import cost as reduced
 from alf_ros.studies.exact import motions, one_freedom
 from alf_ros.studies.exact.cost import Cost
-from alf_ros.studies.exact.motions import Motion
+from alf_ros.studies.exact.motions import ExactMotion
 
 GRID = 0.5  # s, where the motions are looked at and the adaptive steps come together
 TIMES = tuple(GRID * k for k in range(7))
@@ -29,7 +29,7 @@ _GOLDEN = math.pi * (3.0 - math.sqrt(5.0))  # rad: angles of a multiple lie all 
 class StartingState:
     """A motion, and the one freedom with its θ (rad) and θ̇ (rad/s) at the start."""
 
-    motion: Motion
+    motion: ExactMotion
     alone: one_freedom.OneFreedom
     theta: float
     rate: float

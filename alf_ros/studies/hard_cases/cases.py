@@ -10,13 +10,13 @@ import numpy as np
 
 from alf_ros.model.tableaux import TABLEAUX
 from alf_ros.studies.exact import motions as reference_motion
-from alf_ros.studies.exact.motions import Motion
+from alf_ros.studies.exact.motions import ExactMotion
 from alf_ros.studies.hard_cases import campaign, landing
 from alf_ros.studies.hard_cases.trial import RunResult, RunSpec, TableRow, observed_order
 
 
 def _runs(
-    motions: Iterable[Motion], integrator: str, steps: Iterable[float]
+    motions: Iterable[ExactMotion], integrator: str, steps: Iterable[float]
 ) -> tuple[RunSpec, ...]:
     """Runs with the bound of the method: 1e-6 m of order 4 (to 2 ms), 1e-9 m of order 8 to 4 ms.
 

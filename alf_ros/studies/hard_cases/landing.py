@@ -18,7 +18,7 @@ from scipy.integrate import solve_ivp
 from alf_ros.arrays import Floats
 from alf_ros.scene.scene import load_scene
 from alf_ros.studies.exact import one_freedom
-from alf_ros.studies.exact.motions import Motion
+from alf_ros.studies.exact.motions import ExactMotion
 from alf_ros.studies.exact.one_freedom import OneFreedom
 from alf_ros.studies.hard_cases.trial import RunSpec, TableRow
 
@@ -67,7 +67,7 @@ class _Passage:
         theta, rate = self._course[t > 0.0](t)
         return float(theta), float(rate)
 
-    def motion(self, when: float) -> Motion:
+    def motion(self, when: float) -> ExactMotion:
         """That reaches the position at the time `when` (s)."""
         theta, rate = self._at(-when)
 
@@ -82,7 +82,7 @@ class _Passage:
                 'velocities': by_point(self.alone.tangent(theta) * rate),
             },
         }
-        return Motion(
+        return ExactMotion(
             self.mechanism,
             f'{self.angle:.4g} rad at {self.rate:.4g} rad/s in {when:.13g} s',
             partial(load_scene, source, dict(self.parameters)),
@@ -101,9 +101,9 @@ class _Driven:
     place: Callable[[float], Floats]
     source: Callable[[float], dict[str, Any]]
 
-    def motion(self, when: float) -> Motion:
+    def motion(self, when: float) -> ExactMotion:
         """That reaches the position at the time `when` (s)."""
-        return Motion(
+        return ExactMotion(
             self.mechanism,
             f'driven at {self.rate:.4g} rad/s in {when:.13g} s',
             partial(load_scene, self.source(when)),

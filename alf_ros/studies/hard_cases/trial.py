@@ -12,7 +12,7 @@ from alf_ros.errors import AlfError
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.studies.exact import one_freedom
 from alf_ros.studies.exact.cost import Cost, evaluations_for
-from alf_ros.studies.exact.motions import Motion
+from alf_ros.studies.exact.motions import ExactMotion
 
 LARGEST_GAP = 1e-12  # m, of a constraint
 
@@ -25,7 +25,7 @@ class RunSpec:
     the equation of the one freedom alone costs, by tolerance, to compare the evaluations with.
     """
 
-    motion: Motion
+    motion: ExactMotion
     integrator: str
     h: float
     bound: float

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from alf_ros.studies.paper.formulations import Comparison, Curve
-from alf_ros.studies.paper.published import Setting
+from alf_ros.studies.paper.formulations import ComparedMotion, FormulationComparison
+from alf_ros.studies.paper.published import PublishedSetting
 from alf_ros.studies.paper.scan import LITERAL
 
 FORMULATIONS = (*LITERAL, 'alf2')
@@ -25,8 +25,8 @@ class Figure:
 
     name: str
     title: str
-    comparison: Comparison
-    runs: tuple[Curve, ...]
+    comparison: FormulationComparison
+    runs: tuple[ComparedMotion, ...]
 
     @property
     def heading(self) -> str:
@@ -34,7 +34,7 @@ class Figure:
         return f'{self.comparison.example.section}; {self.title}'
 
     @property
-    def curves(self) -> tuple[Curve, ...]:
+    def curves(self) -> tuple[ComparedMotion, ...]:
         """The exact motion, then the runs."""
         return self.comparison.truth, *self.runs
 
@@ -64,7 +64,7 @@ class Figure:
                     writer.writerow([curve.name, *(f'{number:.12g}' for number in row)])
 
 
-def published_title(setting: Setting) -> str:
+def published_title(setting: PublishedSetting) -> str:
     """The setting of the paper in words."""
     return (
         f'{setting.integrator}, tolerance {setting.tolerance:g}, α = {setting.penalty:g} '
@@ -72,7 +72,7 @@ def published_title(setting: Setting) -> str:
     )
 
 
-def published(comparison: Comparison, setting: Setting) -> Figure:
+def published(comparison: FormulationComparison, setting: PublishedSetting) -> Figure:
     """An example in the setting of the paper; alf2 with the same tolerance."""
     curves = [comparison.published(name, setting) for name in LITERAL]
     ours = {'integrator': 'dop853_adaptive', 'step': _LONGEST, 'tolerance': setting.tolerance}
@@ -86,13 +86,13 @@ def fixed_title(solver: Mapping[str, float]) -> str:
     return f'rk4, {1e3 * solver["step"]:g} ms, α = {solver["penalty"]:g}'
 
 
-def fixed(comparison: Comparison, solver: Mapping[str, Any]) -> Figure:
+def fixed(comparison: FormulationComparison, solver: Mapping[str, Any]) -> Figure:
     """An example with fixed steps; `solver` has `step` (s) and `penalty`."""
     curves = [comparison.simulated(name, solver) for name in FORMULATIONS]
     return Figure(comparison.example.mechanism, fixed_title(solver), comparison, tuple(curves))
 
 
-def finding(runs: Sequence[Curve]) -> str:
+def finding(runs: Sequence[ComparedMotion]) -> str:
     """What runs of the two four-bars in the setting of the paper show of what the paper says."""
     lost = {curve.name: curve.lost for curve in runs}
     alf1, alf2 = lost['alf1'], lost['alf2_as_printed']

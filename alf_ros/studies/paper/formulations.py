@@ -21,7 +21,7 @@ from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.studies.exact import one_freedom
 from alf_ros.studies.exact.one_freedom import OneFreedom
-from alf_ros.studies.paper.published import PublishedRun, Setting
+from alf_ros.studies.paper.published import PublishedRun, PublishedSetting
 
 DURATION, SPACING = 10.0, 0.02  # s
 OFF, CHANGED = 0.1, 0.01  # m off the branch, of the energy: from there on a run is lost
@@ -79,7 +79,7 @@ EXAMPLES = (
 
 
 @dataclass(frozen=True)
-class Curve:
+class ComparedMotion:
     """A motion at its times; SI. `stopped`: why it ended early, if it did; `lost`: the time (s)
     from which on it is none of this mechanism, if there is one."""
 
@@ -113,7 +113,7 @@ class Curve:
         return 'gets through'
 
 
-class Comparison:
+class FormulationComparison:
     """An example, its exact motion, and runs of it at the same times."""
 
     def __init__(self, example: Example, duration: float = DURATION) -> None:
@@ -129,7 +129,7 @@ class Comparison:
         return Simulation(load_scene(self.example.mechanism))
 
     @cached_property
-    def truth(self) -> Curve:
+    def truth(self) -> ComparedMotion:
         """λ and q̈ from the equations of the mechanism at the exact q and q̇."""
         model, state = self._observer.model, self._observer.state
         D = model.layout.dimension
@@ -150,7 +150,7 @@ class Comparison:
         found: Floats = self.times[passed] + share * SPACING
         return found
 
-    def published(self, formulation: str, setting: Setting) -> Curve:
+    def published(self, formulation: str, setting: PublishedSetting) -> ComparedMotion:
         """A run in the setting of the paper; it ends where a step fails."""
         run = PublishedRun(load_scene(self.example.mechanism), formulation, setting)
         samples, stopped = _until_it_fails(
@@ -161,7 +161,7 @@ class Comparison:
         angles = np.array([_angle(q) for t, q in run.evaluated if t <= last])
         return replace(curve, nearest=float(np.abs(self.example.weight(angles)).min()))
 
-    def lost_at(self, formulation: str, setting: Setting) -> float | None:
+    def lost_at(self, formulation: str, setting: PublishedSetting) -> float | None:
         """When (s) such a run is lost, if it is; it goes no further."""
         run = PublishedRun(load_scene(self.example.mechanism), formulation, setting)
         first, reached = None, 0.0
@@ -175,7 +175,7 @@ class Comparison:
             return reached
         return None
 
-    def simulated(self, formulation: str, solver: Mapping[str, Any]) -> Curve:
+    def simulated(self, formulation: str, solver: Mapping[str, Any]) -> ComparedMotion:
         """A run of `Simulation`."""
         scene = load_scene(self.example.mechanism)
         sim = Simulation(scene, formulation=formulation, **solver)
@@ -190,12 +190,14 @@ class Comparison:
         self._observer.restore(replace(self._observer.state, q=q, qd=qd))
         return self._observer.sample()
 
-    def _curve(self, name: str, samples: list[Sample], stopped: str, evaluations: int) -> Curve:
+    def _curve(
+        self, name: str, samples: list[Sample], stopped: str, evaluations: int
+    ) -> ComparedMotion:
         place, rows = self.example.shown, self.example.rows
         reached = self.times[: len(samples)]
         away = (t for t, s in zip(reached, samples, strict=True) if self._is_lost(s, samples[0]))
         lost = next(away, reached[-1] if stopped else None)
-        return Curve(
+        return ComparedMotion(
             name=name,
             t=reached,
             position=np.array([s.q[place] for s in samples]),

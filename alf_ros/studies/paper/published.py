@@ -34,7 +34,7 @@ Rates = Callable[[float, Floats], Floats]
 
 
 @dataclass(frozen=True)
-class Setting:
+class PublishedSetting:
     """tolerance: relative to 1 + |y|, of a step. penalty: α of every row."""
 
     tolerance: float = 1e-5
@@ -73,7 +73,7 @@ INTEGRATORS = {'adams': _adams, 'vode': _vode}
 class PublishedRun:
     """A run of a scene with `alf1` or `alf2_as_printed` in the setting of the paper."""
 
-    def __init__(self, scene: Scene, formulation: str, setting: Setting) -> None:
+    def __init__(self, scene: Scene, formulation: str, setting: PublishedSetting) -> None:
         model = compile_model(scene.mechanism, Solver().penalty)
         self._q = assembly.close(model, scene.positions)
         self._qd = assembly.complete(model, self._q, scene.velocities)

@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from alf_ros.studies.paper.formulations import Comparison
-from alf_ros.studies.paper.published import Setting
+from alf_ros.studies.paper.formulations import FormulationComparison
+from alf_ros.studies.paper.published import PublishedSetting
 
 LITERAL = ('alf1', 'alf2_as_printed')
 TOLERANCES = (1e-4, 1e-5, 1e-6, 1e-7)
@@ -18,9 +18,9 @@ NEIGHBOURS = np.geomspace(0.8, 1.25, 11)  # times a tolerance
 
 
 def table(
-    comparison: Comparison,
+    comparison: FormulationComparison,
     formulation: str,
-    setting: Setting,
+    setting: PublishedSetting,
     tolerances: Sequence[float] = TOLERANCES,
     penalties: Sequence[float] = PENALTIES,
 ) -> str:
@@ -35,9 +35,9 @@ def table(
 
 
 def neighbours(
-    comparison: Comparison,
+    comparison: FormulationComparison,
     formulation: str,
-    setting: Setting,
+    setting: PublishedSetting,
     factors: Sequence[float] = tuple(NEIGHBOURS),
 ) -> str:
     """How many runs are lost, and when, with tolerances that nobody would tell apart."""

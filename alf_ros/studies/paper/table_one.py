@@ -31,7 +31,7 @@ _GUIDE = 1e16  # α of the row that holds y2, which the paper does not have: as 
 
 
 @dataclass(frozen=True)
-class Position:
+class CrankPosition:
     """The mechanism at a crank angle θ (rad), with ẋ2 = -2 m/s, as dense matrices."""
 
     theta: float
@@ -100,7 +100,7 @@ class Position:
 
 def text() -> str:
     """Both halves of the table, beside the values printed."""
-    ordinary, singular = Position(np.pi / 4), Position(np.pi / 2)
+    ordinary, singular = CrankPosition(np.pi / 4), CrankPosition(np.pi / 2)
     exact = ordinary.exact()
     errors = [
         np.linalg.norm(found - exact, axis=1)

@@ -99,7 +99,7 @@ def _distance(a: Floats, b: Floats) -> float:
     return found if math.isfinite(found) else math.inf
 
 
-def _exact(scene: Scene) -> motions.Motion | None:
+def _exact(scene: Scene) -> motions.ExactMotion | None:
     """The exact motion of what moves as one that is known, whatever its solver section says."""
     bodies = len(scene.mechanism.bodies)
     known = (

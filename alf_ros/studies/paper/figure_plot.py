@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from alf_ros.arrays import Floats
-from alf_ros.studies.paper.formulations import Comparison, Curve
+from alf_ros.studies.paper.formulations import ComparedMotion, FormulationComparison
 
 COLOURS = ('0.75', '#d55e00', '#0072b2', '#009e73')  # the exact one, then Okabe & Ito
 STYLES = ('-', '-', '--', ':')
@@ -28,7 +28,9 @@ class _Panel:
     margin: float = 0.0
 
 
-def draw(path: Path, title: str, comparison: Comparison, curves: Sequence[Curve]) -> None:
+def draw(
+    path: Path, title: str, comparison: FormulationComparison, curves: Sequence[ComparedMotion]
+) -> None:
     """Write the picture; the first curve is the exact one.
 
     Raises ImportError without matplotlib, OSError if the file cannot be written.
@@ -61,7 +63,7 @@ def draw(path: Path, title: str, comparison: Comparison, curves: Sequence[Curve]
 
 
 def _panels(
-    comparison: Comparison, curves: Sequence[Curve]
+    comparison: FormulationComparison, curves: Sequence[ComparedMotion]
 ) -> tuple[Sequence[_Panel], Sequence[_Panel]]:
     """Those on the left, those on the right."""
     example = comparison.example
@@ -87,7 +89,7 @@ def _panels(
     return values, errors
 
 
-def _fill(axes: Any, panel: _Panel, curves: Sequence[Curve]) -> list[Any]:
+def _fill(axes: Any, panel: _Panel, curves: Sequence[ComparedMotion]) -> list[Any]:
     """The lines of a panel."""
     handles = []
     for n, (curve, values) in enumerate(zip(curves, panel.values, strict=True)):

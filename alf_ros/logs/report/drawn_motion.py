@@ -15,7 +15,7 @@ from alf_ros.arrays import Floats
 from alf_ros.errors import AlfError, InputError
 from alf_ros.logs import progress
 from alf_ros.logs.log import Log
-from alf_ros.logs.report.decimation import Frames, Trace
+from alf_ros.logs.report.decimation import Instants, Trace
 from alf_ros.logs.report.gather import MOST_ROWS, Gathered
 from alf_ros.logs.report.singularity_distance import distances, passes
 from alf_ros.scene.references import WHOLE
@@ -31,7 +31,7 @@ MOST_FRAMES = 40_000
 
 
 @dataclass
-class Motion:
+class DrawnMotion:
     """Of k frames.
 
     t (k,) s; places (k, points, 3) m; `links` and `pins`: numbers of points, two for each line,
@@ -72,7 +72,7 @@ def mechanism(log: Log) -> Simulation:
 
 def motion(
     found: Gathered, simulation: Simulation, report: progress.Report = progress.silent
-) -> Motion | None:
+) -> DrawnMotion | None:
     """The frames of what was gathered; None if there are no states of this mechanism."""
     model = simulation.model
     wanted = state_vector.names(model, simulation.state)[: model.n]
@@ -93,7 +93,7 @@ def motion(
     drawn = model.mechanism
     points = model.point_names
     pins = {joint.name: points.index(joint.point) for joint in drawn.joints if joint.point}
-    return Motion(
+    return DrawnMotion(
         spatial=drawn.dimension == 3,
         links=[points.index(end) for body in drawn.bodies for end in segments(body)],
         pins=list(pins.values()),
@@ -110,7 +110,7 @@ def motion(
 
 
 def _forces(
-    frames: Frames, names: tuple[str, ...], at: dict[str, int]
+    frames: Instants, names: tuple[str, ...], at: dict[str, int]
 ) -> tuple[Floats, list[int], Floats]:
     known = [n for n, name in enumerate(names) if name in at]
     return frames.t, [at[names[n]] for n in known], frames.values[:, known]

@@ -22,7 +22,7 @@ from alf_ros.simulation.simulation import Simulation
 from alf_ros.simulation.state import State
 
 
-class Run:
+class NodeRun:
     """Ticks of a setup; after `duration` (simulated s, 0: never) it is `over`.
 
     A failed step leaves the last good state and its reason in `failure`. Every `begin` makes a log

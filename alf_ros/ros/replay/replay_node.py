@@ -19,9 +19,9 @@ from alf_ros.errors import AlfError
 from alf_ros.logs.log import Log
 from alf_ros.ros.messages.templates import to_time
 from alf_ros.ros.messages.topics import BEST_EFFORT
-from alf_ros.ros.replay.sources import Item, Source, stamp_of
+from alf_ros.ros.replay.sources import Source, StampedMessage, stamp_of
 from alf_ros.ros.simulator.parameters import Spec, declare
-from alf_ros.ros.terminal import LOOK_PERIOD, Status
+from alf_ros.ros.terminal import LOOK_PERIOD, StatusLine
 
 BEAT = 1e-3  # s between two looks at what is due
 _MOST = 1000  # messages in one call, so that services and parameters get their turn
@@ -36,7 +36,9 @@ class Replay(Node):
     Raises InputError for parameters out of range.
     """
 
-    def __init__(self, log: Log, source: Source, given: list[Parameter], status: Status) -> None:
+    def __init__(
+        self, log: Log, source: Source, given: list[Parameter], status: StatusLine
+    ) -> None:
         super().__init__('replay', parameter_overrides=given)
         self.finished: Future[None] = Future()
         self.failure: AlfError | None = None
@@ -81,7 +83,7 @@ class Replay(Node):
     def _go_to(self, t: float) -> None:
         """Go on from a simulated time (s)."""
         stamp = stamp_of(self._log, t)
-        self._items: Iterator[Item] = self._source.items(stamp)
+        self._items: Iterator[StampedMessage] = self._source.items(stamp)
         self._next = next(self._items, None)
         self._stamp = stamp
         self._told = 0  # the last stamp on the clock
@@ -111,7 +113,7 @@ class Replay(Node):
             else:
                 self.stop()
 
-    def _publish(self, item: Item) -> None:
+    def _publish(self, item: StampedMessage) -> None:
         self._stamp = item.stamp
         if self._ticker is not None and item.stamp != self._told:
             self._told = item.stamp
