@@ -1,4 +1,4 @@
-"""Show logs in one HTML file: motion, plots, commands, diagnostics; and write them as tables."""
+"""Show logs in one HTML file: motion, plots, inputs, diagnostics. Write logs as tables."""
 
 from __future__ import annotations
 
@@ -21,20 +21,22 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Write the page of logs, and tables if asked for; returns 0. Raises InputError."""
     parser = Parser(
         prog='analyze',
-        description='Write one HTML file that shows logs in a browser, also offline: the moving '
-        'mechanism, joints, reactions, energy, constraints, commands and diagnostics. Several '
-        'logs lie over each other.',
+        description='Write one HTML file that shows logs in a browser, also offline. It contains '
+        'the moving mechanism, joints, reactions, energy, constraints, inputs and diagnostics. '
+        'The page draws several logs over each other.',
     )
     parser.add_argument(
-        'logs', metavar='LOG', nargs='+', help='the folder of a log, or one .mcap file'
+        'logs', metavar='LOG', nargs='+', help='folder of a log, or one .mcap file'
     )
-    parser.add_argument('-o', '--output', metavar='FILE', help='the page (beside the first log)')
-    parser.add_argument('--csv', metavar='FOLDER', help='also write a table for each topic')
-    parser.add_argument('--parquet', metavar='FOLDER', help='the same for pandas and others')
+    parser.add_argument(
+        '-o', '--output', metavar='FILE', help='the page (default: beside the first log)'
+    )
+    parser.add_argument('--csv', metavar='FOLDER', help='also write a CSV table per topic')
+    parser.add_argument('--parquet', metavar='FOLDER', help='also write a Parquet table per topic')
     parser.add_argument(
         '--animation',
         metavar='FILE',
-        help='also write a moving picture of the logs side by side: .gif, .webp or .mp4',
+        help='also write a moving picture of the logs, side by side: .gif, .webp or .mp4',
     )
     parser.add_argument(
         '--speed',

@@ -1,4 +1,4 @@
-"""Say whether a mechanism is sound: closing, mobility, redundancy, mass, singular positions."""
+"""Judge whether a mechanism is sound: closure, mobility, redundancy, mass, singular positions."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Check one mechanism; returns 0 if it is sound, 1 if not. Raises InputError."""
     parser = Parser(
         prog='check',
-        description='Say whether a mechanism is sound, and draw it. '
-        'Exit code: 0 if it is, 1 if not, 2 for what cannot be read.',
+        description='Judge whether a mechanism is sound, and draw it. '
+        'Exit code: 0 if it is sound, 1 if it is not, 2 if it cannot be read.',
     )
     parser.add_argument('scene', help='a scene or a mechanism: a name, or the path of a file')
     add_numbers(parser)
-    add_folder(parser, 'check', 'for the picture')
+    add_folder(parser, 'check', 'folder for the picture')
     options = parser.parse_args(argv)
     scene = load(options.scene, numbers(options.set))
     found = examine(scene)

@@ -1,4 +1,4 @@
-"""List all effects there are, or what those of a scene cost and what difference they make."""
+"""List all effects, or measure the cost and the influence of the effects of a scene."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     """List the effects, or measure those of a scene. Returns 0; raises InputError, StepError."""
     parser = Parser(
         prog='effects',
-        description='Without SCENE: all effects with their parameters, defaults and units. With '
-        'SCENE: what each of its effects costs on this machine and what difference it makes, also '
-        'as CSV and picture.',
+        description='Without SCENE: list all effects with their parameters, defaults and units. '
+        'With SCENE: measure what each of its effects costs on this machine, and how it changes '
+        'the motion. Write the results as CSV and as a picture.',
     )
-    parser.add_argument('scene', nargs='?', metavar='SCENE', help='a name or a path')
+    parser.add_argument('scene', nargs='?', metavar='SCENE', help='name or path of a scene')
     parser.add_argument(
-        '--duration', type=float, default=1.0, metavar='S', help='simulated seconds (default: 1)'
+        '--duration', type=float, default=1.0, metavar='S', help='simulated time, s (default: 1)'
     )
-    add_folder(parser, 'effects', 'for results')
+    add_folder(parser, 'effects', 'folder for the results')
     options = parser.parse_args(argv)
     if options.scene is None:
         print(effects_table.listing())

@@ -19,15 +19,17 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Export a mechanism. Returns 0; raises InputError."""
     parser = Parser(
         prog='export',
-        description='Write the spanning tree of a mechanism as URDF, for RViz and others. What it '
-        'does not carry over is listed on stderr.',
+        description='Write the spanning tree of a mechanism as URDF, for RViz and other programs. '
+        'Everything that is not exported is listed on stderr.',
     )
-    parser.add_argument('file', metavar='FILE', help='a scene or a mechanism: a name, or a path')
-    parser.add_argument('-o', '--output', metavar='OUT.urdf', help='(default: standard output)')
+    parser.add_argument('file', metavar='FILE', help='name or path of a scene or mechanism')
+    parser.add_argument(
+        '-o', '--output', metavar='OUT.urdf', help='file to write (default: stdout)'
+    )
     parser.add_argument(
         '--loops',
         metavar='SIDE.yaml',
-        help='write what closes its loops as well, as `import --loops` reads it',
+        help='also write the joints that close loops, as a side file for `import --loops`',
     )
     add_numbers(parser)
     options = parser.parse_args(argv)

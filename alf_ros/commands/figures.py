@@ -1,10 +1,11 @@
-"""Draw the paper's comparison of ALF1, ALF2 as printed, and ALF2 as built, with the exact motion.
+"""Draw the comparison of the paper: ALF1, ALF2 as printed, ALF2 of this package, exact motion.
 
-After figures 3 to 8 (slider-crank, 6.2) and 10 to 13 (two four-bars, 6.3) of Bayo & Avello,
-Nonlinear Dynamics 5 (1994): position, velocity, acceleration, multipliers and energy in 10 s; and
-its Table I. First in the paper's own setting, a variable-step multistep method, where its finding
-shows; then with fixed steps. For each mechanism and setting a CSV file (a line per formulation and
-instant) and a picture.
+The figures follow figures 3 to 8 (slider-crank, 6.2) and 10 to 13 (two four-bars, 6.3) of Bayo &
+Avello, Nonlinear Dynamics 5 (1994): position, velocity, acceleration, multipliers and energy in
+10 s. The command also prints Table I of the paper. The first setting is that of the paper, a
+variable-step multistep method, which reproduces the finding of the paper. The second setting has
+fixed steps. The command writes a CSV file (a line per formulation and instant) and a picture for
+each mechanism and setting.
 """
 
 from __future__ import annotations
@@ -28,30 +29,31 @@ SETTINGS = ('paper', 'fixed')
 def _options(argv: Sequence[str] | None) -> argparse.Namespace:
     parser = Parser(
         prog='figures',
-        description='Draw the comparison of the paper: ALF1, ALF2 as printed, ALF2 as built here, '
-        'and the exact motion of the slider-crank and the two four-bars, in the setting of the '
-        'paper and with fixed steps.',
+        description='Draw the comparison of the paper for the slider-crank and the two four-bars: '
+        'ALF1, ALF2 as printed, ALF2 of this package, and the exact motion. Draw it in the '
+        'setting of the paper and with fixed steps.',
     )
     setting = PublishedSetting()
-    add_folder(parser, 'figures', 'for results')
+    add_folder(parser, 'figures', 'folder for the results')
     parser.add_argument(
         '--tolerance',
         type=float,
         default=setting.tolerance,
         metavar='TOL',
-        help='of a step, in the setting of the paper (default: 1e-5)',
+        help='tolerance of one step, in the setting of the paper (default: 1e-5)',
     )
     parser.add_argument(
         '--integrator',
         default=setting.integrator,
         metavar='NAME',
-        help=f'in the setting of the paper: {" or ".join(INTEGRATORS)} (default: adams)',
+        help='integrator in the setting of the paper: '
+        f'{" or ".join(INTEGRATORS)} (default: adams)',
     )
     parser.add_argument(
         '--penalty',
         type=float,
         metavar='ALPHA',
-        help='α of every row in the setting of the paper (default: 1e7), and `penalty` with fixed '
+        help='α of every row in the setting of the paper (default: 1e7); `penalty` with fixed '
         'steps (default: 1e8)',
     )
     parser.add_argument(
@@ -59,19 +61,19 @@ def _options(argv: Sequence[str] | None) -> argparse.Namespace:
         type=float,
         default=1e-3,
         metavar='S',
-        help='of rk4; a whole part of 0.02 s (default: 0.001)',
+        help='step of rk4, s: 0.02 s divided by a whole number (default: 0.001)',
     )
     parser.add_argument(
         '--setting',
         metavar='NAME',
-        help=f'only this one: {" or ".join(SETTINGS)} (default: both)',
+        help=f'draw one setting only: {" or ".join(SETTINGS)} (default: both)',
     )
     what = parser.add_mutually_exclusive_group()
     what.add_argument(
         '--scan',
         action='store_true',
-        help='draw nothing; print when runs are lost, with tolerances and penalties around those '
-        'of the paper',
+        help='draw nothing; print when the runs fail, for tolerances and penalties around the '
+        'values of the paper',
     )
     what.add_argument('--table', action='store_true', help='draw nothing; print Table I')
     options = parser.parse_args(argv)

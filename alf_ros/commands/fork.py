@@ -1,4 +1,4 @@
-"""Go on from an instant of a log, with changes, into a log of its own."""
+"""Continue a log from a chosen instant, with changes, in a new log."""
 
 from __future__ import annotations
 
@@ -16,21 +16,26 @@ from alf_ros.scene import overrides
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Fork one log; returns 0, or 1 if a step fails. Raises InputError."""
-    parser = of_log('fork', 'Go on from an instant of a log, with changes, into a new log.')
-    parser.add_argument('--at', type=float, required=True, metavar='T', help='simulated time, s')
+    parser = of_log('fork', 'Continue a log from a chosen instant, with changes, in a new log.')
+    parser.add_argument(
+        '--at', type=float, required=True, metavar='T', help='instant, simulated s'
+    )
     parser.add_argument(
         '--set',
         metavar='NAME=VALUE',
         nargs='+',
         action='extend',
         default=[],
-        help='what to change: coupler.mass=1.1, gravity.acceleration=[0,-1.62], solver.step=5e-4',
+        help='changes: coupler.mass=1.1, gravity.acceleration=[0,-1.62], solver.step=5e-4',
     )
     parser.add_argument(
-        '--duration', type=float, metavar='S', help='simulated seconds (default: to its end)'
+        '--duration',
+        type=float,
+        metavar='S',
+        help='simulated time, s (default: to the end of the log)',
     )
     parser.add_argument(
-        '-o', '--output', metavar='NEW', help='folder to make (default: beside the log)'
+        '-o', '--output', metavar='NEW', help='folder to create (default: beside the log)'
     )
     add_trust(parser)
     options = parser.parse_args(argv)

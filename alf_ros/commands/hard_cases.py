@@ -1,7 +1,7 @@
-"""Run the mechanisms through their singular positions and judge the error against exact motions.
+"""Run mechanisms through their singular positions and judge the error against exact motions.
 
-Every run is judged by its position error (m) against the equation of the one freedom
-(studies/exact), its energy error (J) and the largest gap of a constraint (m). See
+Three errors judge every run: the position error (m) against the equation of the one freedom
+(studies/exact), the energy error (J), and the largest constraint violation (m). See
 doc/hard_cases.md.
 """
 
@@ -25,12 +25,18 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = Parser(
         prog='hard_cases',
         description='Run mechanisms through their singular positions and judge the error. '
-        'Exit code: 0 if all passed, 1 if one failed, 2 for what cannot be run.',
+        'Exit code: 0 if all cases passed, 1 if a case failed, 2 if the request cannot be run.',
     )
-    add_folder(parser, 'hard_cases', 'for results')
-    parser.add_argument('--quick', action='store_true', help='a reduced form, under a minute')
+    add_folder(parser, 'hard_cases', 'folder for the results')
     parser.add_argument(
-        '--case', nargs='+', default=[], metavar='NAME', help=f'only these: {", ".join(CASES)}'
+        '--quick', action='store_true', help='run a part of the cases, in under a minute'
+    )
+    parser.add_argument(
+        '--case',
+        nargs='+',
+        default=[],
+        metavar='NAME',
+        help=f'run these cases only: {", ".join(CASES)}',
     )
     options = parser.parse_args(argv)
     for name in options.case:

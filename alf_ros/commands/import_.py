@@ -1,4 +1,4 @@
-"""Turn URDF (loops and all), xacro, SDF or MJCF into a mechanism or scene file."""
+"""Convert URDF (with loops), xacro, SDF or MJCF to a mechanism or scene file."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Import a file. Returns 0; raises InputError."""
     parser = Parser(
         prog='import',
-        description='Write the mechanism of a URDF, xacro, SDF or MJCF file. What does not come '
-        'along is listed at the head of the output, and on stderr.',
+        description='Write the mechanism of a URDF, xacro, SDF or MJCF file. Everything that is '
+        'not imported is listed at the head of the output, and on stderr.',
     )
-    parser.add_argument('file', nargs='?', metavar='FILE', help='a URDF, xacro, SDF or MJCF')
+    parser.add_argument('file', nargs='?', metavar='FILE', help='a URDF, xacro, SDF or MJCF file')
     parser.add_argument(
         '--corpus',
         metavar='FOLDER',
@@ -34,41 +34,46 @@ def main(argv: Sequence[str] | None = None) -> int:
         type=float,
         default=120.0,
         metavar='S',
-        help='for each of them (default: 120 s)',
+        help='time limit for each file of --corpus, s (default: 120)',
     )
-    parser.add_argument('--loops', metavar='SIDE.yaml', help='joints that close loops of a URDF')
+    parser.add_argument(
+        '--loops', metavar='SIDE.yaml', help='joints that close the loops of a URDF'
+    )
     parser.add_argument(
         '-o',
         '--output',
         metavar='OUT',
-        help='the file to write (default: standard output); of --corpus a table in CSV besides',
+        help='file to write (default: stdout); with --corpus, also write the table as CSV',
     )
     parser.add_argument(
-        '--scene', action='store_true', help='a scene: with gravity, damping and springs of joints'
+        '--scene',
+        action='store_true',
+        help='write a scene, with gravity, damping and springs of joints',
     )
     parser.add_argument(
         '--stops',
         type=float,
         metavar='STIFFNESS',
-        help='a scene, with a stop at each limit of a joint (N m/rad^1.5 or N/m^1.5)',
+        help='write a scene, with a stop of this stiffness at each joint limit '
+        '(N m/rad^1.5 or N/m^1.5)',
     )
     parser.add_argument(
-        '--floating', action='store_true', help='the root link of a URDF is free, not fixed'
+        '--floating', action='store_true', help='let the root link of a URDF move freely'
     )
     parser.add_argument(
         '--repair-inertia',
         action='store_true',
-        help='change inertias that no body has by the least that makes them possible',
+        help='replace each impossible inertia by the nearest possible one',
     )
-    parser.add_argument('--key', metavar='NAME', help='the keyframe that an MJCF begins at')
+    parser.add_argument('--key', metavar='NAME', help='keyframe of an MJCF for the start')
     parser.add_argument(
         '--argument',
         action='append',
         default=[],
         metavar='NAME=VALUE',
-        help='an argument of a xacro',
+        help='argument of a xacro file',
     )
-    add_numbers(parser, 'JOINT=NUMBER', 'positions of joints at which it is drawn (rad, m)')
+    add_numbers(parser, 'JOINT=NUMBER', 'joint positions of the drawing (rad, m)')
     options = parser.parse_args(argv)
     if options.stops is not None and not 0.0 < options.stops < math.inf:
         raise InputError('not a stiffness', key='--stops', value=options.stops)

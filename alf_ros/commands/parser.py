@@ -24,7 +24,7 @@ class Parser(argparse.ArgumentParser):
 def of_log(prog: str, description: str) -> Parser:
     """A parser with the argument LOG."""
     parser = Parser(prog=prog, description=description)
-    parser.add_argument('log', metavar='LOG', help='the folder of a log, or one .mcap file')
+    parser.add_argument('log', metavar='LOG', help='folder of a log, or one .mcap file')
     return parser
 
 
@@ -33,7 +33,7 @@ def add_trust(parser: Parser) -> None:
     parser.add_argument(
         '--trust',
         action='store_true',
-        help='run the code of effects that the log brings: read it first',
+        help='run the effect code that the log contains (read this code first)',
     )
 
 
@@ -47,7 +47,7 @@ def add_folder(parser: Parser, default: str, what: str = '') -> None:
 def add_numbers(
     parser: Parser,
     metavar: str = 'NAME=NUMBER',
-    what: str = 'parameters of the mechanism to replace',
+    what: str = 'values that replace parameters of the mechanism',
 ) -> None:
     """The option --set, numbers by name; `numbers` reads them."""
     parser.add_argument('--set', metavar=metavar, nargs='+', default=[], help=what)

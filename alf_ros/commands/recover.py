@@ -1,4 +1,4 @@
-"""Make a whole log of one that was cut off, by a kill or a full disk."""
+"""Make a complete log from a log that was cut off by a kill or a full disk."""
 
 from __future__ import annotations
 
@@ -13,9 +13,12 @@ from alf_ros.ros.recording.recover import recover
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Recover one log; returns 0. Raises InputError."""
-    parser = of_log('recover', 'Make a whole log, with index and metadata.yaml, of one cut off.')
+    parser = of_log(
+        'recover',
+        'Make a complete log, with index and metadata.yaml, from a log that was cut off.',
+    )
     parser.add_argument(
-        '-o', '--output', metavar='OUT', help='folder to make (default: <log>_recovered)'
+        '-o', '--output', metavar='OUT', help='folder to create (default: <log>_recovered)'
     )
     options = parser.parse_args(argv)
     log = load(options.log)

@@ -1,4 +1,4 @@
-"""Publish a log's topics again, or those of its simulation made again with its inputs."""
+"""Publish the topics of a log again, or simulate again with its inputs and publish the result."""
 
 from __future__ import annotations
 
@@ -26,16 +26,18 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = of_log(
         'replay',
         'Publish the topics of a log, and /clock, as the node `replay`. Its parameters rate, loop '
-        'and seek can be set while it runs; ~/pause pauses.',
+        'and seek can be set while the node runs. ~/pause pauses the replay.',
     )
     parser.add_argument('--rate', type=float, metavar='R', help='logged seconds per second')
-    parser.add_argument('--start', type=float, metavar='T', help='simulated time to begin at, s')
-    parser.add_argument('--loop', action='store_true', help='begin again at the end')
+    parser.add_argument('--start', type=float, metavar='T', help='simulated time of the start, s')
+    parser.add_argument(
+        '--loop', action='store_true', help='at the end, start again from the beginning'
+    )
     parser.add_argument('--paused', action='store_true', help='start paused')
     parser.add_argument(
         '--redrive',
         action='store_true',
-        help='take the inputs only, and make the simulation again',
+        help='use only the inputs of the log, and simulate again',
     )
     add_trust(parser)
     arguments = None if argv is None else list(argv)

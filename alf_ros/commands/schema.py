@@ -1,7 +1,7 @@
-"""Write the JSON schemas of mechanism and scene files, which editors use.
+"""Write the JSON schemas of mechanism and scene files, for editors.
 
-Those that come with the package know its own effects; these know in addition what other packages
-register as effects on this machine.
+The schemas in the package contain the effects of the package. The schemas that this command writes
+also contain the effects that other packages on this machine register.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Write both schemas. Returns 0; raises InputError."""
     parser = Parser(
         prog='schema',
-        description='Write mechanism.json and scene.json: JSON schemas for editors, with all '
-        'effects that are installed.',
+        description='Write mechanism.json and scene.json, JSON schemas for editors, with all '
+        'installed effects.',
     )
-    add_folder(parser, 'schema', 'where to')
+    add_folder(parser, 'schema', 'folder for the schemas')
     options = parser.parse_args(argv)
     made = {'mechanism': mechanism_schema(), 'scene': scene_schema(effects.kinds())}
     with writing_into(options.folder) as folder:

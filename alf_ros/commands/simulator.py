@@ -1,4 +1,4 @@
-"""Simulate a scene as a ROS 2 node: topics, commands, services, diagnostics, an MCAP log."""
+"""Simulate a scene as a ROS 2 node with topics, commands, services, diagnostics and a log."""
 
 from __future__ import annotations
 
@@ -27,12 +27,14 @@ def _overrides(argv: Sequence[str]) -> list[Parameter[Any]]:
     """Options of the command line as node parameters."""
     parser = Parser(
         prog='simulator',
-        description='Run a scene as the ROS 2 node `simulator`. Ctrl-C stops and closes the log.',
-        epilog='Each option stands for a node parameter; more with --ros-args -p name:=value.',
+        description='Run a scene as the ROS 2 node `simulator`. Ctrl-C stops the node and closes '
+        'the log.',
+        epilog='Each option sets a parameter of the node. Set other parameters with --ros-args -p '
+        'name:=value.',
     )
-    parser.add_argument('--scene', metavar='NAME', help='a name under config/scenes, or a path')
-    parser.add_argument('--duration', type=float, metavar='S', help='simulated seconds to run')
-    parser.add_argument('--log-folder', metavar='DIR', help='where logs go (default: logs)')
+    parser.add_argument('--scene', metavar='NAME', help='name under config/scenes, or a path')
+    parser.add_argument('--duration', type=float, metavar='S', help='simulated time, s')
+    parser.add_argument('--log-folder', metavar='DIR', help='folder for logs (default: logs)')
     parser.add_argument('--no-record', action='store_true', help='write no log')
     options = parser.parse_args(argv)
     given = {

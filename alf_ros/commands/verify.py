@@ -1,4 +1,4 @@
-"""Run a log again, and say whether every recorded state comes out bit for bit."""
+"""Run a log again, and compare every recorded state bit for bit."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Verify one log; returns 0 if it is equal, 1 if not. Raises InputError."""
     parser = of_log(
         'verify',
-        'Run a log again and compare every recorded state, joint, reaction, constraint and energy '
-        'with it. Exit code: 0 equal, 1 not, 2 for what cannot be run.',
+        'Run a log again. Compare every state, joint, reaction, constraint and energy with the '
+        'recorded values. Exit code: 0 if all are equal, 1 if not, 2 if the log cannot be run.',
     )
     add_trust(parser)
     options = parser.parse_args(argv)

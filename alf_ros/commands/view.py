@@ -1,4 +1,4 @@
-"""Watch a simulator in a web browser, on this machine only: motion, forces, energy, controls."""
+"""Show and command a simulator in a web browser, on this machine only."""
 
 from __future__ import annotations
 
@@ -19,12 +19,16 @@ from alf_ros.ros.view.serve import serve
 def _options(argv: Sequence[str]) -> argparse.Namespace:
     parser = Parser(
         prog='view',
-        description='Serve a page that shows a running `simulator` and commands it. Only this '
-        'machine can open it. Ctrl-C ends it; the simulator runs on.',
+        description='Serve a web page that shows a running `simulator` and commands it. Only this '
+        'machine can open the page. Ctrl-C ends the page, not the simulator.',
     )
-    parser.add_argument('--simulator', default='simulator', metavar='NAME', help='node to watch')
+    parser.add_argument('--simulator', default='simulator', metavar='NAME', help='node to show')
     parser.add_argument(
-        '--port', type=_port, default=8080, metavar='N', help='of the page (8080); 0: any'
+        '--port',
+        type=_port,
+        default=8080,
+        metavar='N',
+        help='port of the page (default: 8080; 0: any free port)',
     )
     parser.add_argument(
         '--foxglove',
@@ -32,7 +36,7 @@ def _options(argv: Sequence[str]) -> argparse.Namespace:
         type=_port,
         const=8765,
         metavar='N',
-        help='also serve Foxglove, at this port (8765); needs foxglove-sdk',
+        help='also serve Foxglove at this port (default: 8765); needs foxglove-sdk',
     )
     return parser.parse_args(argv)
 

@@ -1,8 +1,8 @@
-"""Measure what accuracy costs: processor time against error, for every way of computing a scene.
+"""Measure processor time against error, for every formulation and integrator.
 
-Formulations, integrators, steps or tolerances, and iterations are swept. What is measured is kept
-in a CSV file and not measured again, as long as version, machine, scene and duration are the same.
-See doc/performance.md.
+The command sweeps formulations, integrators, steps or tolerances, and iterations. A CSV file keeps
+the measurements. A measurement is not repeated while version, machine, scene and duration are the
+same. See doc/performance.md.
 """
 
 from __future__ import annotations
@@ -29,19 +29,38 @@ ITERATIONS = (1, 2, 10)
 def _options(argv: Sequence[str] | None) -> argparse.Namespace:
     parser = Parser(
         prog='work_precision',
-        description='Measure what accuracy costs: processor time per simulated second against '
-        'errors, relative to the exact motion where it is known, else to a run that converged. '
-        'Run it again to go on where it was stopped.',
+        description='Measure processor time per simulated second against error. The reference is '
+        'the exact motion if it is known, otherwise a converged run. If the command was stopped, '
+        'run it again to continue.',
     )
-    parser.add_argument('scene', nargs='+', metavar='SCENE', help='a name or a path')
-    add_folder(parser, 'work_precision')
+    parser.add_argument('scene', nargs='+', metavar='SCENE', help='name or path of a scene')
+    add_folder(parser, 'work_precision', 'folder for the results')
     add = parser.add_argument
-    add('--duration', type=float, metavar='S', help='simulated (default: 10, or the exact motion)')
-    add('--formulation', nargs='+', metavar='NAME', help='only these')
-    add('--integrator', nargs='+', metavar='NAME', help='only these')
-    add('--iterations', nargs='+', type=int, default=ITERATIONS, metavar='N')
-    add('--step', nargs='+', type=float, metavar='S', help='of fixed steps, s')
-    add('--tolerance', nargs='+', type=float, default=TOLERANCES, metavar='R', help='of adaptive')
+    add(
+        '--duration',
+        type=float,
+        metavar='S',
+        help='simulated time, s (default: 10, or as long as the exact motion)',
+    )
+    add('--formulation', nargs='+', metavar='NAME', help='use these formulations only')
+    add('--integrator', nargs='+', metavar='NAME', help='use these integrators only')
+    add(
+        '--iterations',
+        nargs='+',
+        type=int,
+        default=ITERATIONS,
+        metavar='N',
+        help='maximum iterations per solve',
+    )
+    add('--step', nargs='+', type=float, metavar='S', help='fixed steps, s')
+    add(
+        '--tolerance',
+        nargs='+',
+        type=float,
+        default=TOLERANCES,
+        metavar='R',
+        help='tolerances of adaptive integrators',
+    )
     options = parser.parse_args(argv)
     for key, known in (('formulation', FORMULATIONS), ('integrator', INTEGRATORS)):
         for name in getattr(options, key) or ():

@@ -17,7 +17,8 @@ from alf_ros.model.dense_linearisation import DEPENDENT, Linearised
 
 _STEP = 0.03  # of the shortest bar
 _MOST, _SAMPLE = 1200, 480  # positions: of one way, of several together
-_LABOUR = 5e8  # n³ times positions
+_LABOUR = 3e8  # n³ times positions, of all ways
+_BOTTOM = 40  # positions that it takes to find where a dip is deepest
 _LEAST = 20  # positions: with fewer there is no walk
 _SUSPECT = 0.3  # singular value, of its usual one, below which a dip is looked at
 _SINGULAR = 1e-5  # and below which its bottom counts as singular
@@ -30,16 +31,16 @@ class Sweep:
     positions: list[Floats] = field(default_factory=list)
     singular: list[Floats] = field(default_factory=list)
     whole: bool = False
+    left: float = 0.0  # positions that may still be looked at
 
 
 def sweep(start: Linearised) -> Sweep:
     """Walk from an ordinary position along each free direction, forth and back."""
-    found = Sweep([start.q])
+    found = Sweep([start.q], left=_LABOUR / start.model.n**3)
     freedoms = start.free.shape[1]
     if not freedoms:
         return found
-    n = start.model.n
-    most = int(min(_MOST, _LABOUR / n**3))
+    most = int(min(_MOST, found.left))
     if freedoms > 1:
         most = min(most, _SAMPLE) // (2 * freedoms)
     if most < _LEAST:
@@ -62,10 +63,12 @@ def _walk(start: Linearised, direction: Floats, most: int, found: Sweep) -> None
     for count in range(most):
         direction = direction / np.linalg.norm(direction.reshape(-1, D), axis=1).max()
         ahead = at.closed(step * direction, rank)
-        if ahead is None:
+        found.left -= 1
+        if ahead is None or found.left < 0:
             return
         value = float(ahead.singular_values[rank - 1]) if rank else 1.0
         if weak <= min(before, value) and weak < _SUSPECT * usual:
+            found.left -= _BOTTOM
             bottom = _bottom(back, ahead, rank)
             if bottom is not None and bottom.singular_values[rank - 1] < _SINGULAR * usual:
                 same = 1e-3 * model.size

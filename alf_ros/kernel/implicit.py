@@ -220,6 +220,8 @@ def _step(
     add_soft_times(unit, system.soft, 1.0, work.qd, work.p)  # (30) with M̂
     prescribe(system, end, work.q, work.qd, work.qdd)
     work.nearest[0] = 0.0 if suspect else np.inf
+    if suspect:
+        work.crossing[2] = max(work.crossing[2], h * largest(qd, n))
     result, count = end_step(problem, phase, end, near, suspect, scales)
     return result, max(most, count)
 

@@ -32,6 +32,7 @@ from alf_ros.kernel.work_ledger import ALL_FORCES, APPLIED, REACTION_DEPENDENT, 
 PLACES = 8
 # distance x to a singular position, below which only the direction of a stage's velocity is known
 DIRECTION_ONLY = 1e-6
+NEAR = 0.01  # distance x from which down a step may have passed a position without a word
 _TURNED = 0.01  # part of the velocity by which a direction may be off
 SPACING = 6.0  # of the places, in parts of the distance that is too close
 _WIDER = 3.0  # spacing, where one of the places is not clear of the position
@@ -42,7 +43,8 @@ _SLOW = (
 )
 _CLOSED = 1e-10  # part of the size
 _SAME = 1e-11  # part of the size by which a place that is found may be off by rounding
-_DRIFT = 1e-12  # part of the size by which lengths may miss the position without energy drifting
+DRIFT = 1e-12  # part of the size by which lengths may miss the position without energy drifting
+_SMOOTH = 10.0  # times what a smooth branch leaves: 29 is what lengths that disagree leave
 _WEIGHTS = (-1 / 70, 8 / 70, -28 / 70, 56 / 70, 56 / 70, -28 / 70, 8 / 70, -1 / 70)
 
 
@@ -261,7 +263,7 @@ def _interpolate(problem: Problem, t: float, moving: bool, scales: Scales, spaci
             if gap > _CLOSED * system.size:
                 _refuse(work, gap)
                 return 0
-            if gap > _DRIFT * system.size:
+            if gap > DRIFT * system.size:
                 work.crossing[0] = max(work.crossing[0], gap)
             break
         spacing *= _WIDER
@@ -282,20 +284,30 @@ def _gap(system: System, work: Work, part: float) -> float:
 
     Lengths that miss it by e turn x y = 0 into x y = e: places at x lie e / x beside the branch,
     on one side before the position and on the other behind it. The inner two places are compared
-    with what the outer six predict of an odd function. A smooth branch leaves part⁸ or less.
+    with what the outer six predict of an odd function c1 k + c3 k³ + c5 k⁵ of place k. A smooth
+    branch leaves 360 c7: c7 is about part⁷ of the size, or c5² / c3 where the radius is not known,
+    as from rest. e / x leaves 5/8 of its size at k = 1, and 29 times 360 c5² / c3.
     """
-    n, most = work.p.size, 0.0
+    n, most, cubic, quintic = work.p.size, 0.0, 0.0, 0.0
     one = TWO * n
     two, three, four = one + one, one + one + one, one + one + one + one
     for a in range(n):
-        nearest = work.places[four + a] - work.places[three + a]
-        second = work.places[four + one + a] - work.places[two + a]
-        third = work.places[four + two + a] - work.places[one + a]
-        fourth = work.places[four + three + a] - work.places[a]
-        predicted = second - 3.0 / 7.0 * third + 1.0 / 14.0 * fourth
-        most = max(most, abs(0.5 * (nearest - predicted)))
-    gap = 1.6 * part * most  # of e / x the prediction leaves 5/8
-    return gap if gap > 10.0 * part**8 * system.size else 0.0
+        nearest = 0.5 * (work.places[four + a] - work.places[three + a])
+        second = 0.5 * (work.places[four + one + a] - work.places[two + a])
+        third = 0.5 * (work.places[four + two + a] - work.places[one + a])
+        fourth = 0.5 * (work.places[four + three + a] - work.places[a])
+        # divided differences of the function over k, by k² = 4, 9 and 16
+        nearer = (third / 3.0 - second / 2.0) / 5.0
+        farther = (fourth / 4.0 - third / 3.0) / 7.0
+        c5 = (farther - nearer) / 12.0
+        c3 = nearer - 13.0 * c5
+        predicted = second / 2.0 - 3.0 * nearer + 24.0 * c5
+        most = max(most, abs(nearest - predicted))
+        cubic, quintic = max(cubic, abs(c3)), max(quintic, abs(c5))
+    told = 360.0 * quintic * quintic / max(cubic, 1e-100)
+    if not (most > _SMOOTH * told and most > 2.0 * 360.0 * part**7 * system.size):
+        return 0.0
+    return 1.6 * part * most
 
 
 @inner

@@ -27,6 +27,7 @@ from alf_ros.kernel.constraints import violation
 from alf_ros.kernel.data import Method, Phase, Problem, Scales, System, Until, Watch, Work
 from alf_ros.kernel.interpolated_stages import (
     DIRECTION_ONLY,
+    NEAR,
     end_interpolated,
     evaluate_interpolated,
     evaluate_uninterpolated,
@@ -228,6 +229,8 @@ def step(
             copy(work.qdd, work.chart.first)
         fold(unit, system, work, work.qd, work.qdd, s)  # (35)
     work.nearest[0] = nearest
+    if nearest < NEAR:
+        work.crossing[2] = max(work.crossing[2], h * largest(phase.qd, work.p.size))
     result, count = end_step(problem, phase, end, x < np.inf, nearest < np.inf, scales)
     return result, max(most, count)
 

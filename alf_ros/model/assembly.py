@@ -313,14 +313,13 @@ def ordinary(model: Model, q: Floats) -> tuple[int, Floats, float]:
             places.append(near)
     # many rows may be lost together, as where all cranks of a row lie flat: they are found again
     # where all points go the same way
-    away = 0.05 * min(model.size, _shortest(model))
-    for axis, way in product(range(model.layout.dimension), (away, -away)):
+    away = min(model.size, _shortest(model))
+    ways = (0.3 * away, -0.3 * away, 0.05 * away, -0.05 * away)  # far ones tell soft modes
+    for axis, way in product(range(model.layout.dimension), ways):
         if best == len(model.row_names):
             break
         near = np.array(q)
-        near[axis : model.n : model.layout.dimension] += (
-            0.05 * way * min(model.size, _shortest(model))
-        )
+        near[axis : model.n : model.layout.dimension] += way
         try:
             near = close(model, {}, near)
         except AssemblyError:

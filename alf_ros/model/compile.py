@@ -331,7 +331,7 @@ def allocate(model: Model, system: System, stages: int) -> Work:
         'curve': n,
         'place_step': 1,
         'nearest': 1,
-        'crossing': 2,
+        'crossing': 3,
         'bend': whole,
         'pull': whole,
         'along': whole,

@@ -91,16 +91,23 @@ def made_consistent(
         raise _contradiction(walk, places)
     found = _fitted(walk, places, singular)
     if found is model.mechanism:
-        return None  # hardly above rounding, and no better otherwise
+        return (
+            None  # hardly above rounding, or in singular positions only, and no better otherwise
+        )
     amounts = changes(model.mechanism, found, model.size)
     changed = {name: amount for name, amount in amounts if amount > 0.0}
     return replace(found, drives=mechanism.drives), Adjustment(changed, gap)
 
 
 def _fitted(walk: Walk, places: list[Floats], singular: list[Floats]) -> Mechanism:
-    """The mechanism whose rows agree at the places, by Gauss and Newton."""
+    """The mechanism whose rows agree at the places, by Gauss and Newton.
+
+    That of the walk if they cannot be made to agree in singular positions alone: it is then as
+    drawn, and steps say so where it comes there.
+    """
+    drawn, alone = walk.model.mechanism, walk.gap(places) <= EXACT * walk.rounding
     start, contradiction = walk.gap(places + singular), _contradiction(walk, places + singular)
-    best, found, good = start, walk.model.mechanism, GOOD * walk.rounding
+    best, found, good = start, drawn, GOOD * walk.rounding
     for n in range(_ROUNDS):
         # places say the same again and again: some do, as the next round looks at others
         some = places[:: max(1, len(places) // _FITTED)] + singular
@@ -117,6 +124,8 @@ def _fitted(walk: Walk, places: list[Floats], singular: list[Floats]) -> Mechani
             found, best = mechanism, gap
         if best <= good and gap > 0.5 * before:
             break
+    if best > good and alone:
+        return drawn
     if best > good:
         raise contradiction
     return found

@@ -23,7 +23,8 @@ from alf_ros.model.shape_fit import Projector, violation
 
 LARGEST = 1e-8  # gap, of the size: lengths that differ by more are not meant to be equal
 EXACT = 2.0  # rounding units of the coordinates: exact lengths leave less open than that
-GOOD = 16.0  # the same: of adjusted lengths, and of exact ones in a singular position
+GOOD = 16.0  # the same: of adjusted lengths
+_FELT = 64.0  # the same, in a singular position: below that no motion feels it
 PENALTY = 1e8  # tells σ above 1e-3 from those that a small gap makes
 _CLEAR = 0.1  # distance to a singular position, of the ordinary one, below which nothing counts
 _ASTRAY = 1e-3  # gap, of the size, above which a way has lost the mechanism
@@ -33,6 +34,12 @@ _SOFT = 1e4  # penalty that feels modes of σ up to 0.1
 _LOST = 0.02  # of a mode: from there on a singular position may be near
 SEARCHED = 3000  # coordinates up to which singular positions are looked for
 _IN = 1e-2  # of a mode that is lost: σ below 1e-3
+_SPACINGS = 0.1, 0.04  # of places on either side of a singular position, of those on a way
+_OFFSETS = np.array([-4.0, -3.0, -2.0, -1.0, 1.0, 2.0, 3.0, 4.0])
+_CLOSED = 256.0  # rounding units that these places may leave open
+_ROUNDS = 3  # of putting places on a branch
+# of the polynomial of seventh order through such places: value and three derivatives at 0
+_DERIVATIVES = np.linalg.inv(np.vander(_OFFSETS, increasing=True))[:4] * [[1], [1], [2], [6]]
 
 
 class Walk:
@@ -61,7 +68,7 @@ class Walk:
             found += forth + back
             if model.n <= SEARCHED:
                 singular += self._singular([*reversed(back), start, *forth])
-        least, most = GOOD * self.rounding, LARGEST * model.size
+        least, most = _FELT * self.rounding, LARGEST * model.size
         near = [place for place in singular if least < self.widest(place) <= most]
         return [place for place in found if self.is_ordinary(place)], near
 
@@ -168,7 +175,52 @@ class Walk:
             height, bounds=(-1.0, 1.0), method='bounded', options={'xatol': 1e-9, 'maxiter': 60}
         )
         lost = 1.0 / height(float(found.x))
-        return best[0] if lost > 0.5 and abs(lost - round(lost)) < _IN else None
+        if not (lost > 0.5 and abs(lost - round(lost)) < _IN):
+            return None
+        if self.widest(best[0]) <= _FELT * self.rounding:
+            return best[0]
+        bend = a - 2.0 * b + c
+        along = 0.5 * (c - a) + float(found.x) * bend
+        usual = max(_CLOSED * self.rounding, 2.0 * self.gap([a, c]))
+        wide, narrow = (self._on_branch(best[0], along, bend, s, usual) for s in _SPACINGS)
+        if wide is None or narrow is None:
+            return None
+        # what interpolation leaves open falls with the spacing; a contradiction stays
+        alike = 0.5 * self.widest(wide) < self.widest(narrow) + _FELT * self.rounding
+        return narrow if alike else None
+
+    def _on_branch(
+        self, q: Floats, along: Floats, bend: Floats, spacing: float, usual: float
+    ) -> Floats | None:
+        """The singular position near q (blocks D, m), on the branch that goes through it; None if
+        there is no such branch.
+
+        Nothing tells at q itself how far off the branch it is: at x, an error of y leaves x y
+        open. It is interpolated from places on either side, which contradictions put beside the
+        branch to opposite sides. `along`, `bend`: first and second derivative of a guess of the
+        branch, `spacing`: of the places, in parts of `along`; `usual` (m): how open they may be.
+        """
+        to_derivatives = _DERIVATIVES / spacing ** np.arange(4.0)[:, None]
+        cubic = np.zeros_like(q)
+        for _ in range(_ROUNDS):  # a place far off its branch comes to lie elsewhere along it
+            places = []
+            for s in spacing * _OFFSETS:
+                guess = q + s * along + s**2 / 2.0 * bend + s**3 / 6.0 * cubic
+                places.append(self.settled(guess))
+                if self.widest(places[-1]) > usual:  # its modes are too soft there
+                    return None
+            q, along, bend, cubic = to_derivatives @ np.array(places)
+        return self.settled(q, soft=True)
+
+    def missed(self, q: Floats, direction: Floats, nearby: bool) -> float:
+        """By how much (m) lengths miss singular positions, forth and back from q (blocks D, m) in
+        a direction (n,), or only those that are `nearby`; 0 if there are none, or too little is
+        missed to be felt."""
+        start, gap = self.settled(q), 0.0
+        for self._step, count in ((0.03, 6), (_STEP, 3)) if nearby else ((_STEP, 48),):
+            forth, back = (list(self._way(start, s * direction, count)) for s in (1.0, -1.0))
+            gap = max(gap, self.gap(self._singular([*reversed(back), start, *forth])))
+        return gap if gap > _FELT * self.rounding else 0.0
 
     def gaps(self, q: Floats) -> Floats:
         """By how much each row is open, m, in the order of `row_names`."""

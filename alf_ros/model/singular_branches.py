@@ -41,6 +41,7 @@ __all__ = ('CROSSING', 'CURVED', 'MANY', 'SHAKY', 'SMOOTH', 'TOUCHING')
 # σ over its ordinary value, from which down a position is taken for the singular one. Φ is open by
 # ε, which turns the direction of a row by ε / x²; the branch turns by x: equal at x = ε^(1/3).
 IN = 5e-6
+WIDE = 60  # freedoms, from which on branches are not looked for
 _NONE = 1e-9  # part of its terms, from which down a sum counts as zero
 _SMALL = 1e-3  # part of the largest term of all rows that the terms of a sum are, at least
 _TYPED = 1e-6  # part of the terms by which velocities given may miss the second-order condition
@@ -164,13 +165,18 @@ class Position:
         forms, rate = self._forms
         if not len(forms):
             return SMOOTH, (Branch(self.free, self.drift),)
+        if len(self.free) > WIDE:
+            return MANY, ()
         dimension = forms.shape[1]
         _, s, Vt = np.linalg.svd(forms.reshape(-1, dimension))
         relevant = int((s > self._noise * s.max()).sum())
         inner, outer = Vt[:relevant], Vt[relevant:]
         # a basis of motions of few points each
-        basis = np.vstack([self.free, self.drift / rate]) if self.is_driven else self.free
-        moved = inner @ basis
+        moved = self.free
+        if self.is_driven:  # τ too: where drives only accelerate they move nothing yet
+            tau = np.eye(dimension)[:, -1:]
+            moved = np.hstack([np.vstack([self.free, self.drift / rate]), tau])
+        moved = inner @ moved
         local, _ = echelon(np.hstack([moved, np.eye(relevant)]), moved.shape[1])
         kind, cones = subspaces(inner @ forms @ inner.T, 100.0 * self._noise, local[:, -relevant:])
         if relevant == 1 and len(outer):  # a double zero

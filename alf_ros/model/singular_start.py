@@ -19,10 +19,9 @@ from alf_ros.model.null_spaces import convective, linearise
 from alf_ros.model.prescribed import prescribe
 from alf_ros.model.quadratic_cones import CURVED, MANY, SAME, SHAKY, SMOOTH
 from alf_ros.model.rank import effective_rank
-from alf_ros.model.singular_branches import Branch, Position, components, position
+from alf_ros.model.singular_branches import WIDE, Branch, Position, components, position
 
 _TYPED = 1e-6  # part of the terms by which velocities given may miss the second-order condition
-_WIDE = 60  # freedoms, from which on null spaces are not looked at
 _NOT_ENUMERATED = (
     'a singular position whose branches are not enumerated: velocities are not completed there; '
     'give those of more points'
@@ -42,7 +41,7 @@ def start(
     Raises AssemblyError if nothing fits, naming the constraints or the branches, and if several
     branches fit with different velocities.
     """
-    if near and _freedoms(model, q) > _WIDE:
+    if near and _freedoms(model, q) > WIDE:
         return _start_of_many(model, q, given, t), None
     here = position(model, q, t) if near or (dependent and _is_tight(model, q, t)) else None
     if here is None or (len(here.lost) <= dependent and here.kind == SMOOTH):
@@ -72,8 +71,8 @@ def unexamined(model: Model, q: Floats, here: Position | None, Q: Floats) -> str
     q (blocks D, m) lies in a singular position, `here` as `start` returns it; Q (blocks D, N)
     acts.
     """
-    if here is None and _freedoms(model, q) > _WIDE and Q[: model.n].any():
-        why = f'more than {_WIDE} freedoms'
+    if here is None and _freedoms(model, q) > WIDE and Q[: model.n].any():
+        why = f'more than {WIDE} freedoms'
     elif here is not None and here.kind in (CURVED, MANY) and here.pull(Q).any():
         why = here.kind
     else:

@@ -29,8 +29,9 @@ class Resolution:
     size of the mechanism; `unresolved`: part of these steps in which an acceleration, of whatever
     size, is not resolved, as beyond the stability limit; `steps`: how many they are. NaN where
     nothing is measured: with adaptive integrators, which keep a tolerance, and in formulations
-    other than alf2. `crossing` (m): by how much lengths miss a singular position that was passed
-    as if they agreed; `unexamined`: what was not looked at where the motion began, in words.
+    other than alf2. `crossing` (m): by how much lengths miss a singular position that was passed,
+    at best as if they agreed; `unexamined`: what was not looked at where the motion began, in
+    words.
     """
 
     step: float
@@ -66,8 +67,8 @@ class Resolution:
         nothing is."""
         if not self.too_long and self.crossing > 0.0:
             return (
-                f'lengths miss a singular position by about {self.crossing:.1g} m; it was passed '
-                'as if they agreed: make them agree'
+                f'lengths miss a singular position by about {self.crossing:.1g} m, which '
+                'steps do not resolve: at best it is passed as if they agreed; make them agree'
             )
         if not self.too_long:
             return self.unexamined

@@ -234,6 +234,13 @@ class Simulation:
         return self._stepper.resolution
 
     @property
+    def missed(self) -> float:
+        """By how much (m) lengths miss a singular position on the way from the start; 0 if by
+        nothing that is felt, or if it is not looked for: with drives, rows of velocities, or more
+        than 600 coordinates. Known from when it is first asked for: some tenths of a second."""
+        return self._stepper.missing
+
+    @property
     def step_error(self) -> float:
         """Estimated errors of the steps, displacements in parts of the size of the mechanism:
         their largest sum over about 1000 steps since the start or the last restored state.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -13,9 +14,11 @@ from alf_ros.arrays import Floats
 from alf_ros.effects.contract import Effect
 from alf_ros.errors import StepError
 from alf_ros.kernel import Forces, Problem, Status, Watch, Work
+from alf_ros.kernel.interpolated_stages import DRIFT
 from alf_ros.model import singular_start
 from alf_ros.model.compile import allocate
 from alf_ros.model.effect_directions import softened
+from alf_ros.model.free_walk import PENALTY, Walk
 from alf_ros.model.singular_branches import Branch
 from alf_ros.model.tableaux import TABLEAUX, first_pace
 from alf_ros.scene.scene import Solver
@@ -28,6 +31,8 @@ from alf_ros.simulation.reactions import ReactionsOf
 from alf_ros.simulation.resolution import Resolution, resolution
 from alf_ros.simulation.start import Start
 from alf_ros.simulation.state import State
+
+_LOOKED_AT = 600  # coordinates of mechanisms that are searched for what lengths miss
 
 
 class Stepper:
@@ -171,6 +176,8 @@ class Stepper:
         if status == Status.JAMMED:
             reason += f', at t = {present.applied.assembled.bearings.ended[0]:.9g} s'
         gap = float(self.work.crossing[1])
+        if status == Status.NOT_CLOSED and not gap > 0.0:
+            gap = self._missed(present.phase.q, present.phase.qd, nearby=True)
         if status == Status.NOT_CLOSED and gap > 0.0:
             reason += f': lengths miss a singular position by about {gap:.1g} m'
             remedy = (
@@ -181,6 +188,33 @@ class Stepper:
             longest = self.resolution.adequate
             remedy = f'take a smaller step, {longest:g} s or less, or an adaptive integrator'
         return StepError(reason, remedy, t)
+
+    def _missed(self, q: Floats, along: Floats, nearby: bool) -> float:
+        """By how much (m) lengths miss singular positions, where no stage told: as
+        `Walk.missed`."""
+        model = self._model
+        if model.n > _LOOKED_AT or model.mechanism.drives or model.system.rows.velocity:
+            return 0.0
+        walk = Walk(model.with_penalty(PENALTY), self._start.dependent_rows)
+        return walk.missed(q, along[: model.n], nearby)
+
+    @cached_property
+    def missing(self) -> float:
+        """The same on the way that the mechanism has from where the scene starts. Looked for when
+        it is first asked for, which takes some tenths of a second."""
+        along = np.random.default_rng(0).standard_normal(self._model.n)
+        return self._missed(self._start.q, along, nearby=False)
+
+    @property
+    def _crossing(self) -> float:
+        """By how much (m) lengths miss singular positions that steps have passed; 0 if nothing is
+        to be said. Fixed steps may leap over one, to which no stage came so near that it told."""
+        told, longest, size = float(self.work.crossing[0]), self.work.crossing[2], self._model.size
+        if told > 0.0 or self.method.embedded.size or not longest > 0.0:
+            return told
+        gap = self.missing
+        # shorter steps follow the turn within √(gap size) that strictly there is
+        return gap if DRIFT * size < gap < longest**2 / size else 0.0
 
     # ------------------------------------------------------------------------------------ counts
 
@@ -205,9 +239,7 @@ class Stepper:
             return Resolution(self.h)
         measured = self.method.estimate.size > 0
         found = resolution(self.h, self.work.judged) if measured else Resolution(self.h)
-        return replace(
-            found, crossing=float(self.work.crossing[0]), unexamined=self._start.unexamined
-        )
+        return replace(found, crossing=self._crossing, unexamined=self._start.unexamined)
 
     def beside(self, present: Present) -> bool | None:
         """Whether the last step of the run ended beside a singular position, interpolated; None if

@@ -74,7 +74,8 @@ class Work(Struct):
     curve: Floats  # (movable D,) second derivative of the branch there, m/s²
     given: Floats  # (all blocks D,) Q at that stage
     nearest: Floats  # (1,) x of the stage nearest to a singular position; inf: none is near
-    crossing: Floats  # (2,) m, see `interpolated_stages`: most that was passed, and that is not
+    crossing: Floats  # (3,) m, see `interpolated_stages`: most that was passed, and that is not;
+    # and the longest way of a step that had a stage near a singular position
     place_step: Floats  # (1,) s from a place to the next, for what is prescribed; 0 from rest
     aside: Integers  # (2,) whether the end of the step is interpolated, and a rank lost there
     sum: Floats  # (movable D,) q̈ interpolated from those places; also other sums

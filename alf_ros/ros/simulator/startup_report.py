@@ -26,9 +26,12 @@ def lines(simulation: Simulation, outputs: Mapping[str, Sequence[str]]) -> list[
     on, subscribed, off = (_listed(outputs[mode]) for mode in ('on', 'subscribed', 'off'))
     adjusted = [f'mechanism: {simulation.adjustment}'] if simulation.adjustment else []
     unexamined = simulation.resolution.unexamined
+    missed = simulation.missed  # asked for now: later it would delay a step
+    about = [f'lengths miss a singular position by about {missed:.1g} m'] if missed else []
     jointless = [] if simulation.model.coordinate_names else [JOINTLESS]
     return [
         *adjusted,
+        *about,
         *([f'start: {unexamined}'] if unexamined else []),
         *jointless,
         f'effects on, per step: {_listed(costs)}; ledger {"on" if simulation.ledger else "off"}',

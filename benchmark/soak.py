@@ -1,0 +1,306 @@
+"""The node for hours: two simulators, one folder for logs; commands, resets, stops and kills.
+
+    .venv/bin/python benchmark/soak.py [--minutes 60] [--factor 0] [--seed 1]
+
+Each simulator (slider_crank, delta_robot_controlled) runs as fast as it can (--factor 0) with its work ledger
+and its log; two readers subscribe. At random instants it gets a wrench, an effort, a pause, a
+reset, a saved or restored state, SIGSTOP for a second, Ctrl-C, or SIGKILL, after which it is
+started again. A log that has ended is recovered if it was cut, verified, and removed if every
+message of the run came out again; one that differs is kept and named.
+
+Prints a line each minute, and at the end writes benchmark/results/soak.csv: quantity, value, unit.
+Exit code 1 if a log differs, a process ends with another code than it should, or work is missing.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import os
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(ROOT), str(ROOT / 'test')]
+# A domain away from the default one, on this machine only; child processes inherit it.
+os.environ.setdefault('ROS_DOMAIN_ID', '96')
+os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+
+from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402
+from geometry_msgs.msg import WrenchStamped  # noqa: E402
+from sensor_msgs.msg import JointState, MultiDOFJointState  # noqa: E402
+from std_srvs.srv import SetBool, Trigger  # noqa: E402
+
+from alf_ros import Simulation, load_scene  # noqa: E402
+from support.ros_node import Peer, SimulatorProcess  # noqa: E402
+
+RESULTS = ROOT / 'benchmark/results/soak.csv'
+SCENES = {'left': 'slider_crank', 'right': 'delta_robot_controlled'}
+LARGEST_MISSING = 1e-3  # J, of runs of some ten joules
+SETTLED = 20.0  # s after a start, from which on memory counts
+PAUSE = 0.5  # s between two acts, on average
+
+
+@dataclass
+class Totals:
+    """What has happened, of all simulators."""
+
+    acts: Counter[str] = field(default_factory=Counter)
+    simulated: float = 0.0
+    missing: float = 0.0
+    logs: int = 0
+    faults: list[str] = field(default_factory=list)
+    # (s since the start of the process, anonymous memory kB, open files), by process
+    memory: list[list[tuple[float, int, int]]] = field(default_factory=list)
+
+
+class Simulated:
+    """One simulator: its process, and what this one says to it and hears of it."""
+
+    def __init__(
+        self, side: str, scene: str, folder: Path, factor: float, peer: Peer, totals: Totals
+    ) -> None:
+        self.side, self.scene, self.folder = side, scene, folder
+        self._factor, self._peer, self._totals = factor, peer, totals
+        self._heard = 0.0  # stamp, s
+        self._listen('joint_states', JointState, self._on_joints)
+        self._listen('simulator/reactions', MultiDOFJointState, lambda _: None)
+        self._listen('/diagnostics', DiagnosticArray, self._on_reports)
+        model = Simulation(load_scene(scene)).model
+        self._wrenches = {
+            body.name: peer.node.create_publisher(
+                WrenchStamped, f'/{side}/simulator/wrench/{body.name}', 10
+            )
+            for body in model.mechanism.bodies
+        }
+        self._efforts = peer.node.create_publisher(JointState, f'/{side}/joint_commands', 10)
+        self._joints = [each.name for each in model.coordinates if each.is_angle]
+        self._ready: Any = None
+        self.start()
+
+    def _listen(self, topic: str, kind: type, hear: Callable[[Any], None]) -> None:
+        name = topic if topic.startswith('/') else f'/{self.side}/{topic}'
+        self._peer.node.create_subscription(kind, name, hear, 100)
+
+    def _on_joints(self, message: JointState) -> None:
+        at = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
+        self._totals.simulated += max(0.0, at - self._heard)
+        self._heard = at
+
+    def _on_reports(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            if status.name == f'{self.side}/simulator: work':
+                values = {each.key: each.value for each in status.values}
+                self._totals.missing = max(self._totals.missing, abs(float(values['missing_j'])))
+
+    def start(self) -> None:
+        """Start the process; it logs into the folder that all share."""
+        folder = self.folder / f'{self.side}{self._totals.acts["start"]}'
+        ros = ['--ros-args', '-r', f'__ns:=/{self.side}', '-p', 'ledger:=true']
+        ros += ['-p', f'real_time_factor:={self._factor}']
+        options = ['--log-folder', str(self.folder), '--scene', self.scene]
+        self._process = SimulatorProcess(folder, *options, *ros).wait_running()
+        self._began, self._heard = time.monotonic(), 0.0
+        self._totals.acts['start'] += 1
+        self._totals.memory.append([])
+        self._watched = self._totals.memory[-1]
+
+    def act(self, chance: random.Random) -> None:
+        """One act, drawn with its weight."""
+        acts = {
+            self.push: 20,
+            self.effort: 20,
+            self.pause: 5,
+            self.ask: 10,
+            self.freeze: 2,
+            self.end: 1,
+            self.kill: 1,
+        }
+        (act,) = chance.choices(list(acts), list(acts.values()))
+        self._totals.acts[act.__name__] += 1
+        act(chance)
+
+    def push(self, chance: random.Random) -> None:
+        """A wrench on a body."""
+        message = WrenchStamped()
+        message.wrench.force.x = chance.gauss(0.0, 0.5)
+        message.wrench.force.y = chance.gauss(0.0, 0.5)
+        chance.choice(list(self._wrenches.values())).publish(message)
+
+    def effort(self, chance: random.Random) -> None:
+        """An effort on a joint."""
+        name = chance.choice(self._joints)
+        self._efforts.publish(JointState(name=[name], effort=[chance.gauss(0.0, 0.1)]))
+
+    def pause(self, _: random.Random) -> None:
+        """A pause of half a second."""
+        self._call(SetBool, 'pause', data=True)
+        time.sleep(0.5)
+        self._call(SetBool, 'pause', data=False)
+
+    def ask(self, chance: random.Random) -> None:
+        """A reset, or a state kept or taken back; there may be none yet."""
+        names = ('save_state', 'save_state', 'restore_state', 'reset', 'reset_state')
+        self._call(Trigger, chance.choice(names))
+
+    def freeze(self, _: random.Random) -> None:
+        """SIGSTOP for a second."""
+        os.killpg(self._process.process.pid, signal.SIGSTOP)
+        time.sleep(1.0)
+        os.killpg(self._process.process.pid, signal.SIGCONT)
+
+    def end(self, _: random.Random) -> None:
+        """Ctrl-C, and a new start."""
+        self.stop()
+        self.start()
+
+    def kill(self, _: random.Random) -> None:
+        """SIGKILL, and a new start."""
+        os.killpg(self._process.process.pid, signal.SIGKILL)
+        self._process.process.wait()
+        self.start()
+
+    def _call(self, kind: Any, name: str, **request: Any) -> None:
+        self._peer.call(kind, f'/{self.side}/simulator/{name}', **request)
+
+    def stop(self) -> None:
+        """End the process, whose exit code must be 0."""
+        code = self._process.stop()
+        if code != 0:
+            last = self._process.output.splitlines()[-1:]
+            self._totals.faults.append(f'{self.side} ended with {code}: {last}')
+
+    def watch(self) -> None:
+        """Note memory and open files of the process (Linux)."""
+        pid, age = self._process.process.pid, time.monotonic() - self._began
+        lines = Path(f'/proc/{pid}/status').read_text().splitlines()
+        memory = next(int(line.split()[1]) for line in lines if line.startswith('RssAnon'))
+        if age > SETTLED:
+            self._watched.append((age, memory, len(list(Path(f'/proc/{pid}/fd').iterdir()))))
+
+
+def judged(log: Path, totals: Totals) -> None:
+    """Recover a log if it was cut, verify it, and remove it if all came out again."""
+    command = [sys.executable, '-m', 'alf_ros']
+    path = log
+    for verb in ('recover', 'verify'):
+        done = subprocess.run(
+            [*command, verb, str(path)],
+            capture_output=True,
+            text=True,
+            env={**os.environ, 'PYTHONPATH': str(ROOT)},
+            check=False,
+        )
+        if verb == 'recover':  # a whole log is left as it is
+            continue
+        if done.returncode != 0:
+            said = (done.stdout + done.stderr).splitlines()[-1:]
+            totals.faults.append(f'{log}: verify ends with {done.returncode}: {said}')
+            return
+    totals.logs += 1
+    for each in log.iterdir():
+        each.unlink()
+    log.rmdir()
+
+
+def ended(folder: Path) -> list[Path]:
+    """Folders of logs in which nobody writes any more: all but the newest two of each scene."""
+    found = []
+    for scene in SCENES.values():
+        logs = sorted(folder.glob(f'{scene}_*'), key=lambda path: path.stat().st_ctime_ns)
+        found += logs[:-2]
+    return found
+
+
+def growth(totals: Totals) -> tuple[float, int]:
+    """(largest growth of memory, kB a minute; largest growth of open files) of a process."""
+    slopes, files = [0.0], [0]
+    for rows in totals.memory:
+        half = rows[len(rows) // 2 :]
+        if len(half) >= 2 and half[-1][0] - half[0][0] > 60.0:
+            slopes.append(60.0 * (half[-1][1] - half[0][1]) / (half[-1][0] - half[0][0]))
+            files.append(half[-1][2] - half[0][2])
+    return max(slopes), max(files)
+
+
+def soak(minutes: float, factor: float, seed: int, folder: Path) -> Totals:
+    """Run for that long; logs below `folder`."""
+    totals, chance = Totals(), random.Random(seed)
+    with Peer() as peer:
+        sides = [
+            Simulated(side, scene, folder, factor, peer, totals) for side, scene in SCENES.items()
+        ]
+        end, told = time.monotonic() + 60.0 * minutes, time.monotonic()
+        try:
+            while time.monotonic() < end:
+                until = time.monotonic() + chance.expovariate(1.0 / PAUSE)
+                while time.monotonic() < until:
+                    peer.executor.spin_once(timeout_sec=0.05)
+                side = chance.choice(sides)
+                side.act(chance)
+                side.watch()
+                for log in ended(folder)[:1]:
+                    judged(log, totals)
+                if time.monotonic() - told > 60.0:
+                    told = time.monotonic()
+                    print(line(totals), flush=True)
+        finally:
+            for side in sides:
+                side.stop()
+    for scene in SCENES.values():
+        for log in sorted(folder.glob(f'{scene}_*')):
+            judged(log, totals)
+    return totals
+
+
+def line(totals: Totals) -> str:
+    """What has happened so far."""
+    memory, files = growth(totals)
+    return (
+        f'{totals.simulated / 3600.0:.2f} h simulated, {sum(totals.acts.values())} acts, '
+        f'{totals.logs} logs verified, {len(totals.faults)} faults, '
+        f'work missing {totals.missing:.1e} J, memory {memory:+.0f} kB/min, files {files:+d}'
+    )
+
+
+def main() -> int:
+    """Run, print and store; 1 if anything was wrong."""
+    parser = argparse.ArgumentParser(description=(__doc__ or '').partition('\n')[0])
+    parser.add_argument('--minutes', type=float, default=60.0, metavar='N')
+    parser.add_argument('--factor', type=float, default=0.0, help='real-time factor; 0: as it can')
+    parser.add_argument('--seed', type=int, default=1)
+    parser.add_argument('--no-store', action='store_true', help='leave the results as they are')
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        totals = soak(options.minutes, options.factor, options.seed, Path(folder))
+    print(line(totals))
+    for fault in totals.faults:
+        print(fault)
+    memory, files = growth(totals)
+    rows: list[tuple[str, object, str]] = [
+        ('real time', round(options.minutes, 2), 'min'),
+        ('simulated time', round(totals.simulated / 3600.0, 3), 'h'),
+        *((f'acts: {name}', count, '') for name, count in sorted(totals.acts.items())),
+        ('logs verified equal', totals.logs, ''),
+        ('faults', len(totals.faults), ''),
+        ('largest work not accounted for', f'{totals.missing:.1e}', 'J'),
+        ('largest growth of memory', round(memory, 1), 'kB/min'),
+        ('largest growth of open files', files, ''),
+    ]
+    if not options.no_store:
+        with open(RESULTS, 'w', newline='') as stream:
+            csv.writer(stream).writerows([('quantity', 'value', 'unit'), *rows])
+    return int(bool(totals.faults) or totals.missing > LARGEST_MISSING)
+
+
+if __name__ == '__main__':
+    sys.exit(main())
