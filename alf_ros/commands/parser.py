@@ -17,6 +17,7 @@ class Parser(argparse.ArgumentParser):
     """Raises InputError, one line, for what it cannot read."""
 
     def error(self, message: str) -> NoReturn:
+        """Raise InputError with the message of argparse. Never returns."""
         raise InputError(f'{message} (see --help)')
 
 

@@ -168,6 +168,7 @@ class Robot:
         return {link: named[root] for link, root in root_of.items()}
 
     def error(self, key: str, message: str, **details: Any) -> InputError:
+        """Return an InputError with file and key; `details` are its other fields."""
         return InputError(message, file=self.file, key=key, **details)
 
 

@@ -78,6 +78,7 @@ class UrdfReader:
         self._leave()
 
     def error(self, key: str, message: str, **details: Any) -> InputError:
+        """Return an InputError with file and key, see `Robot.error`."""
         return self.robot.error(key, message, **details)
 
     def unit(self, key: str, axis: Any) -> Floats:

@@ -48,10 +48,12 @@ class Space:
         axes.set_title(title, color=INK, fontsize=10)
 
     def line(self, places: Floats, **style: Any) -> None:
+        """A line through places (k, 3), m."""
         style.pop('zorder', None)  # matplotlib sorts by depth
         self.axes.plot(*places.T, **style)
 
     def plate(self, corners: Floats, colour: str) -> None:
+        """A filled polygon with corners (k, 3), m."""
         from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 
         collection = Poly3DCollection([corners], alpha=0.25)
@@ -60,9 +62,11 @@ class Space:
         self.axes.add_collection3d(collection)
 
     def text(self, place: Floats, name: str, **style: Any) -> None:
+        """A name beside a place (3,), m."""
         self.axes.text(*place, f'  {name}', **_halo(), **style)
 
     def finish(self, low: Floats, high: Floats) -> None:
+        """Show this box (m), to scale; axes that are seen end on have no labels."""
         from matplotlib.ticker import MaxNLocator, NullLocator
 
         self.axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))

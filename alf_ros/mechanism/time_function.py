@@ -106,10 +106,12 @@ def rate(speed: Signal | float) -> Signal:
 
 
 def cosine(angle: Signal) -> Signal:
+    """The cosine of an angle (rad)."""
     return Signal('cos', (angle,))
 
 
 def sine(angle: Signal) -> Signal:
+    """The sine of an angle (rad)."""
     return Signal('sin', (angle,))
 
 

@@ -116,10 +116,12 @@ class Model:
 
     @cached_property
     def body_names(self) -> tuple[str, ...]:
+        """Names of the bodies, in the order of the mechanism."""
         return tuple(body.name for body in self.mechanism.bodies)
 
     @cached_property
     def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints, in the order of the mechanism."""
         return tuple(joint.name for joint in self.mechanism.joints)
 
     @cached_property

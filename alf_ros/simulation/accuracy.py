@@ -38,24 +38,31 @@ class Trial(Protocol):
     """What a run is asked for: a `Simulation` of the scene with other settings."""
 
     @property
-    def model(self) -> Model: ...
+    def model(self) -> Model:
+        """The model of the scene."""
 
     @property
-    def t(self) -> float: ...
+    def t(self) -> float:
+        """Simulated time, s."""
 
     @property
-    def h(self) -> float: ...
+    def h(self) -> float:
+        """Time step, s."""
 
     @property
-    def state(self) -> State: ...
+    def state(self) -> State:
+        """A copy of the state at t."""
 
     @property
-    def evaluations(self) -> int: ...
+    def evaluations(self) -> int:
+        """Stages evaluated so far."""
 
     @property
-    def yields(self) -> bool: ...
+    def yields(self) -> bool:
+        """Whether an effect declares its derivatives, so that an implicit integrator has a use."""
 
-    def step(self, n: int) -> None: ...
+    def step(self, n: int) -> None:
+        """Take n steps. Raises StepError."""
 
 
 @dataclass(frozen=True)

@@ -65,6 +65,7 @@ class ModesAt:
 
     @property
     def sigma(self) -> float:
+        """The smallest singular value of the modes."""
         return float(self.modes.sigma[0])
 
 

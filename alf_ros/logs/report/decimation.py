@@ -66,14 +66,17 @@ class Trace:
 
     @property
     def t(self) -> Floats:
+        """(k,) s, the time of the first value of each group."""
         return self._t[: self._count]
 
     @property
     def low(self) -> Floats:
+        """(k, signals) the lowest value of each group; NaN if no value is a number."""
         return self._low[: self._count]
 
     @property
     def high(self) -> Floats:
+        """(k, signals) the highest value of each group; NaN if no value is a number."""
         return self._high[: self._count]
 
 

@@ -58,11 +58,13 @@ class BodyReader:
         self.size = max((abs(x) for point in points.values() for x in point.at), default=0.0)
 
     def read(self, section: Entry, names: Mapping[str, float]) -> Iterator[tuple[Item, Body]]:
+        """Yield the bodies of a section; `names` are parameters. Raises InputError."""
         keys = KEYS if self.dimension == 2 else KEYS + IN_SPACE
         for item in repetition.repeated(section, repetition.keys(keys, KEYS[:2]), names):
             yield item, self.body(item)
 
     def body(self, item: Item) -> Body:
+        """The body of one item, with its points in its frame (m). Raises InputError."""
         points = self.references(item, 'points', self.points)
         vectors = self.references(item, 'vectors', self.vectors)
         if not points:

@@ -32,6 +32,7 @@ class DriveReader:
         self.points = {point.name: point for point in mechanism.points}
 
     def read(self, section: Entry, names: Mapping[str, float]) -> Iterator[tuple[Item, Drive]]:
+        """Yield the drives of a section; `names` are parameters. Raises InputError."""
         for item in repetition.repeated(section, _fields, names):
             what = next(key for key in OF if key in item.fields)
             how = next(key for key in OF[what] if key in item.fields)
@@ -43,6 +44,7 @@ class DriveReader:
             yield item, drive
 
     def of_joint(self, item: Item, how: str) -> Drive:
+        """A drive of the 'angle' (rad) or 'length' (m) of a joint. Raises InputError."""
         entry = item.fields['joint']
         name = repetition.name(entry, item.names)
         if name not in self.coordinates:
@@ -58,6 +60,7 @@ class DriveReader:
         return Drive(item.name, how, (name,), motion, _from_ground(coordinate))
 
     def of_points(self, item: Item, how: str) -> Drive:
+        """A drive of the distance (m) of two points. Raises InputError."""
         ends = item.fields['points'].sequence(2)
         names = tuple(self.point(end, item) for end in ends)
         if all(self.points[name].fixed for name in names):
@@ -67,6 +70,7 @@ class DriveReader:
         return Drive(item.name, 'distance', names, self.motions(item.fields[how], item, 1))
 
     def of_point(self, item: Item, how: str) -> Drive:
+        """A drive of the position (m) of a movable point. Raises InputError."""
         name = self.point(item.fields['point'], item)
         if self.points[name].fixed:
             raise item.fields['point'].error('this point is fixed', value=name)
@@ -74,6 +78,7 @@ class DriveReader:
         return Drive(item.name, 'point', (name,), motion)
 
     def point(self, entry: Entry, item: Item) -> str:
+        """The name of an existing point. Raises InputError."""
         name = repetition.name(entry, item.names)
         if name not in self.points:
             raise entry.error('no such point', value=name, choices=self.points)

@@ -44,6 +44,7 @@ class JointReader:
         self.ground = Pose((0.0,) * dimension, tuple(map(tuple, np.eye(dimension).tolist())))
 
     def read(self, section: Entry, names: Mapping[str, float]) -> Iterator[tuple[Item, Joint]]:
+        """Yield the joints of a section; `names` are parameters. Raises InputError."""
         for item in repetition.repeated(section, self.fields, names):
             yield item, self.joint(item)
 
@@ -103,6 +104,7 @@ class JointReader:
         return pose.of_world if axes is None else tuple(map(pose.direction, axes))
 
     def pose(self, body: str) -> Pose:
+        """The frame of a body as drawn; the world frame for the ground."""
         return self.ground if body == GROUND else self.poses[body]
 
     def carries(self, body: str, point: str) -> bool:
@@ -139,6 +141,7 @@ class JointReader:
         return bodies[0]
 
     def point(self, entry: Entry, item: Item) -> str:
+        """The name of an existing point. Raises InputError."""
         name = repetition.name(entry, item.names)
         if name not in self.points:
             raise entry.error('no such point', value=name, choices=self.points)

@@ -80,6 +80,7 @@ def _scopes(loop: Entry, names: Mapping[str, float]) -> Iterator[Mapping[str, fl
 
 
 def filled(template: str, entry: Entry, names: Mapping[str, float]) -> str:
+    """A name with its `<expression>`s evaluated. Raises InputError."""
     if '<' not in template:
         return template
     text, expressions = _split(template)

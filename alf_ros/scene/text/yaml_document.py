@@ -52,6 +52,7 @@ class Entry:
 
     @property
     def is_null(self) -> bool:
+        """Whether the value is an unquoted null, such as `~`."""
         return self.plain and isinstance(self.value, str) and self.value in NULL
 
     def error(self, message: str, *, value: object = None, **details: Any) -> InputError:
@@ -113,6 +114,7 @@ class Entry:
         return value
 
     def boolean(self) -> bool:
+        """The value of an unquoted `true` or `false`."""
         if isinstance(self.value, str) and self.plain and self.value in BOOLEAN:
             return BOOLEAN[self.value]
         raise self.wrong('true or false')
@@ -147,6 +149,7 @@ class Entry:
         return self._evaluated(motion, names)
 
     def integer(self, names: Mapping[str, float]) -> int:
+        """The value of a number or an expression of `names` that is a whole number."""
         value = self.number(names)
         if value != int(value):
             raise self.error('not a whole number')

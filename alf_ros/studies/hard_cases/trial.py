@@ -65,6 +65,7 @@ class RunResult:
 
     @property
     def verdict(self) -> str:
+        """'passed', the failure, or the errors above their bounds, in words."""
         if self.failure:
             return self.failure
         errors = {

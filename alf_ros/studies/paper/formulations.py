@@ -99,6 +99,7 @@ class ComparedMotion:
 
     @property
     def energy_error(self) -> Floats:
+        """(times,) J, the distance of the energy from its first value."""
         return np.abs(self.energy - self.energy[0])
 
     def columns(self) -> list[Floats]:
