@@ -11,7 +11,7 @@ ifeq ($(ROS_DISTRO),humble)
 export ROS_LOCALHOST_ONLY ?= 1
 endif
 
-.PHONY: help setup run view check test docs fuzz benchmark clean
+.PHONY: help setup run view check test docs fuzz soak benchmark clean
 
 help:
 	@echo 'make run [SCENE=slider_crank] [DURATION=seconds] [ARGS=...]   simulate, publish, record (Ctrl-C ends it)'
@@ -21,6 +21,7 @@ help:
 	@echo 'make test    linters, type checks and all tests'
 	@echo 'make docs [ARGS=--no-films]   the documentation site: build/docs/html/index.html'
 	@echo 'make fuzz [ARGS="--minutes 60"]   files, logs and commands nobody would write, by the thousand'
+	@echo 'make soak [ARGS="--minutes 60"]   two nodes for hours: commands, resets, kills; every log verified'
 	@echo 'make benchmark [ARGS=--no-peers]   what accuracy costs here, and elsewhere: benchmark/results, half an hour'
 	@echo 'make clean   remove caches and build products; .venv/ and logs/ stay'
 
@@ -61,6 +62,10 @@ endef
 # Moving pictures of the gallery take two minutes; they are kept, and drawn again when they would change.
 docs: setup
 	@$(BIN)/python doc/site/build.py $(ARGS)
+
+# For hours, on a machine that does nothing else.
+soak: setup
+	@$(BIN)/python benchmark/soak.py $(ARGS)
 
 fuzz: setup
 	@$(BIN)/python fuzz/run.py $(ARGS)

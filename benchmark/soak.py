@@ -41,6 +41,7 @@ from sensor_msgs.msg import JointState, MultiDOFJointState  # noqa: E402
 from std_srvs.srv import SetBool, Trigger  # noqa: E402
 
 from alf_ros import Simulation, load_scene  # noqa: E402
+from alf_ros.logs.provenance import about  # noqa: E402
 from support.ros_node import Peer, SimulatorProcess  # noqa: E402
 
 RESULTS = ROOT / 'benchmark/results/soak.csv'
@@ -232,16 +233,18 @@ def growth(totals: Totals) -> tuple[float, int]:
     return max(slopes), max(files)
 
 
-def soak(minutes: float, factor: float, seed: int, folder: Path) -> Totals:
-    """Run for that long; logs below `folder`."""
-    totals, chance = Totals(), random.Random(seed)
+def soak(options: argparse.Namespace, folder: Path) -> Totals:
+    """Run as the command line says; logs below `folder`."""
+    totals, chance = Totals(), random.Random(options.seed)
+    most = options.acts or sys.maxsize
     with Peer() as peer:
         sides = [
-            Simulated(side, scene, folder, factor, peer, totals) for side, scene in SCENES.items()
+            Simulated(side, scene, folder, options.factor, peer, totals)
+            for side, scene in SCENES.items()
         ]
-        end, told = time.monotonic() + 60.0 * minutes, time.monotonic()
+        end, told = time.monotonic() + 60.0 * options.minutes, time.monotonic()
         try:
-            while time.monotonic() < end:
+            while time.monotonic() < end and totals.acts.total() < most:
                 until = time.monotonic() + chance.expovariate(1.0 / PAUSE)
                 while time.monotonic() < until:
                     peer.executor.spin_once(timeout_sec=0.05)
@@ -266,7 +269,7 @@ def line(totals: Totals) -> str:
     """What has happened so far."""
     memory, files = growth(totals)
     return (
-        f'{totals.simulated / 3600.0:.2f} h simulated, {sum(totals.acts.values())} acts, '
+        f'{totals.simulated / 3600.0:.2f} h simulated, {totals.acts.total()} acts, '
         f'{totals.logs} logs verified, {len(totals.faults)} faults, '
         f'work missing {totals.missing:.1e} J, memory {memory:+.0f} kB/min, files {files:+d}'
     )
@@ -276,18 +279,20 @@ def main() -> int:
     """Run, print and store; 1 if anything was wrong."""
     parser = argparse.ArgumentParser(description=(__doc__ or '').partition('\n')[0])
     parser.add_argument('--minutes', type=float, default=60.0, metavar='N')
+    parser.add_argument('--acts', type=int, default=0, help='end after so many, if not before')
     parser.add_argument('--factor', type=float, default=0.0, help='real-time factor; 0: as it can')
     parser.add_argument('--seed', type=int, default=1)
     parser.add_argument('--no-store', action='store_true', help='leave the results as they are')
     options = parser.parse_args()
+    began = time.monotonic()
     with tempfile.TemporaryDirectory() as folder:
-        totals = soak(options.minutes, options.factor, options.seed, Path(folder))
+        totals = soak(options, Path(folder))
     print(line(totals))
     for fault in totals.faults:
         print(fault)
     memory, files = growth(totals)
     rows: list[tuple[str, object, str]] = [
-        ('real time', round(options.minutes, 2), 'min'),
+        ('real time', round((time.monotonic() - began) / 60.0, 1), 'min'),
         ('simulated time', round(totals.simulated / 3600.0, 3), 'h'),
         *((f'acts: {name}', count, '') for name, count in sorted(totals.acts.items())),
         ('logs verified equal', totals.logs, ''),
@@ -298,7 +303,9 @@ def main() -> int:
     ]
     if not options.no_store:
         with open(RESULTS, 'w', newline='') as stream:
-            csv.writer(stream).writerows([('quantity', 'value', 'unit'), *rows])
+            stream.write(f'{about()}\n')
+            writer = csv.writer(stream, lineterminator='\n')
+            writer.writerows([('quantity', 'value', 'unit'), *rows])
     return int(bool(totals.faults) or totals.missing > LARGEST_MISSING)
 
 
