@@ -21,6 +21,10 @@ _OPEN = 1e-6  # of the robot's size: how far the two ends of a loop may be apart
 
 # the types of joints that other formats have, by the number of axes that each needs
 AXES = {kind: each.axes for kind, each in joints.types(3).items() if each.axes is not None}
+# The type of each name that other formats have for it.
+TYPES = {kind: kind for kind in AXES} | {
+    other: kind for kind in AXES for other in joints.types(3)[kind].other_names
+}
 
 
 @dataclass(frozen=True)

@@ -18,20 +18,12 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.exchange import xml_file
-from alf_ros.exchange.robot import Connection, Coupled, Robot, RobotPart
+from alf_ros.exchange.robot import AXES, TYPES, Connection, Coupled, Robot, RobotPart
 from alf_ros.exchange.sdf_frames import MODEL, WORLD, SdfFrames, numbers, pose_of
 from alf_ros.mechanism import GROUND
 
-_TYPES = {
-    'revolute': 'revolute',
-    'continuous': 'revolute',
-    'prismatic': 'prismatic',
-    'ball': 'spherical',
-    'universal': 'universal',
-    'revolute2': 'universal',
-    'screw': 'screw',
-}  # and `fixed`, which is no joint
-_AXES = {'spherical': (), 'universal': ('axis', 'axis2')}
+_TYPES = TYPES | {'screw': 'screw'}  # which only SDF has, with its pitch
+_AXES = ('axis', 'axis2')
 _GRAVITY = '0 0 -9.8'
 _ENDLESS = 1e15  # a limit from there on is none: the default is 1e16
 _MOMENTS = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
@@ -298,9 +290,9 @@ class _Reader:
         own = scope + self._name(element)
         name, place = self._short(own), self.frames.pose(own).origin
         kind = _TYPES[element.get('type', '')]
-        tags = _AXES.get(kind, ('axis',))
+        tags = _AXES[: AXES.get(kind, 1)]
         axes = tuple(self._axis(scope, element, tag) for tag in tags)
-        if kind == 'universal' and abs(axes[0] @ axes[1]) > 1e-6:
+        if len(axes) == 2 and abs(axes[0] @ axes[1]) > 1e-6:
             raise self.robot.error(name, 'its two axes are not perpendicular')
         if len(axes) != 1:
             if any(element.find(f'{tag}/dynamics') is not None for tag in tags):

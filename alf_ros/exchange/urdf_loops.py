@@ -13,13 +13,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alf_ros.arrays import Floats
-from alf_ros.exchange.robot import AXES, Connection, FramePose
+from alf_ros.exchange.robot import AXES, TYPES, Connection, FramePose
 from alf_ros.exchange.urdf_import import UrdfReader
-from alf_ros.model import joints
 
-_LOOP = {kind: kind for kind in AXES} | {
-    other: kind for kind in AXES for other in joints.types(3)[kind].other_names
-}
 _PARALLEL = 1e-9  # 1 - cosine: how far the axes of both sides may be drawn apart
 _NONE = (0.0, 0.0, 0.0)
 
@@ -82,9 +78,9 @@ def _constraint(reader: UrdfReader, element: ElementTree.Element) -> None:
 
 
 def _kind(reader: UrdfReader, name: str, given: str) -> str:
-    if given not in _LOOP:
-        raise reader.error(name, 'unknown type of joint', value=given, choices=_LOOP)
-    return _LOOP[given]
+    if given not in TYPES:
+        raise reader.error(name, 'unknown type of joint', value=given, choices=TYPES)
+    return TYPES[given]
 
 
 def _frame(xyz: Floats, rpy: Floats) -> FramePose:
