@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from copy import copy
 from dataclasses import replace
 from functools import cached_property
 
@@ -12,12 +11,14 @@ import numpy as np
 from alf_ros import kernel
 from alf_ros.arrays import Floats
 from alf_ros.errors import StepError
-from alf_ros.kernel import Forces, Phase, System, Work
-from alf_ros.model.compile import Model, allocate
+from alf_ros.kernel import Phase, Work
+from alf_ros.model.compile import Model
 from alf_ros.model.prescribed import prescribe
 from alf_ros.model.rank import effective_rank
+from alf_ros.model.softest_modes import found
 from alf_ros.scene.scene import Solver
 from alf_ros.simulation.applied import Applied, Part
+from alf_ros.simulation.instruments import Instruments, Lent, Workspace
 from alf_ros.simulation.kinematics import Kinematics
 from alf_ros.simulation.named_values import NamedValues, read_only
 from alf_ros.simulation.sample_limits import Limits, Place, limits
@@ -40,26 +41,22 @@ class Dynamics(Kinematics):
         state: State,
         dependent_rows: int,
         beside: bool | None,
+        instruments: Instruments,
     ) -> None:
         """`beside`: whether the step that ended here was interpolated beside a singular position;
         None if no step did."""
-        super().__init__(model, t, state)
+        super().__init__(model, t, state, instruments)
         self._applied, self._solver = applied, solver
         self._dependent_rows, self._beside = dependent_rows, beside
 
     @cached_property
-    def _system(self) -> System:
-        """That of the model, with what is written on the way apart: while a sample is computed the
-        simulation may step, and other samples be computed, in other threads."""
-        return self.model.apart().system
+    def _lent(self) -> Lent[Workspace]:
+        return self._instruments.lend()
 
-    @cached_property
-    def _forces(self) -> Forces:
-        """What acts, likewise."""
-        forces = self._applied.assembled
-        if forces.bearings.settle.size == 0:
-            return forces
-        return replace(forces, bearings=copy(forces.bearings))
+    @property
+    def _workspace(self) -> Workspace:
+        """Where this sample computes. Until the sample is gone nobody else writes there."""
+        return self._lent.workspace
 
     @cached_property
     def qdd(self) -> Floats:
@@ -88,38 +85,39 @@ class Dynamics(Kinematics):
 
     @cached_property
     def _linearised(self) -> Work:
-        """Φ_q and the factor of A at this instant, in a workspace of its own."""
-        work = allocate(self.model, self._system, 0)
+        """Φ_q and the factor of A at this instant."""
+        system, work = self._workspace.system, self._workspace.work
         work.q[:] = self._state.q
         work.qd[:] = self._state.qd
         work.near[:] = self._near
-        prescribe(self._system, self.t, work.q, work.qd, work.qdd)
-        if not kernel.linearise(self.model.unit, self._system, work, work.q):
+        prescribe(system, self.t, work.q, work.qd, work.qdd)
+        if not kernel.linearise(self.model.unit, system, work, work.q):
             raise StepError('the leading matrix is not positive definite', 'see step()', self.t)
         return work
 
     @cached_property
     def _accelerated(self) -> tuple[Work, Floats, float]:
         """q̈ and λ, the loads of friction, and the least singular value met, if it is small."""
-        work, forces = self._linearised, self._forces
-        kernel.restore_reactions(forces.bearings, self._state.loads)
-        model, method = self.model, self._solver.method
-        problem = kernel.Problem(model.unit, self._system, forces, method, work)
+        work = self._linearised
+        problem = self._workspace.problem(self._applied.assembled, self._solver)
+        bearings = problem.forces.bearings
+        kernel.restore_reactions(bearings, self._state.loads)
         count, sigma = kernel.accelerate(problem, self.t, True)
         if count < 0:
             raise StepError(kernel.Status.JAMMED.reason, 'see step()', self.t)
-        return work, forces.bearings.loads.copy(), sigma
+        return work, bearings.loads.copy(), sigma
 
     @cached_property
     def _limits(self) -> Limits | None:
         """What values are limits of, in a singular position or too near to one."""
         if not self._within and not self._doubtful:
             return None
-        state, forces = self._state, self._forces
+        state = self._state
+        problem = self._workspace.problem(self._applied.assembled, self._solver)
         works = np.array(list(state.works.values()))
         phase = Phase(state.q, state.qd, state.turns, np.array([state.pace]), works, state.loads)
-        model = replace(self.model, system=self._system)
-        return limits(model, forces, self._solver.method, phase, self._near, self.t)
+        model = replace(self.model, system=problem.system)
+        return limits(model, problem.forces, problem.method, phase, self._near, self.t)
 
     def _read(self, read: Callable[[Place], Floats]) -> Floats:
         """Something of the accelerated mechanism: its limit, in a singular position."""
@@ -185,6 +183,12 @@ class Dynamics(Kinematics):
     def _effective_rank(self) -> float:
         """Rank of Φ_q, not rounded, from the factor of A."""
         return effective_rank(self.model, self._linearised)
+
+    @cached_property
+    def _softest(self) -> tuple[float, float]:
+        """Distance to a singular position, and by how much it may be off."""
+        modes = found(self.model, self._linearised, self._dependent_rows)
+        return (float(modes.sigma[0]), float(modes.error[0])) if modes else (1.0, 0.0)
 
     @property
     def _redundant(self) -> int:

@@ -5,7 +5,7 @@ Kinematics and dynamics of the instant, and on top of them energy, efforts and r
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -22,13 +22,15 @@ from alf_ros.model.constraints.drives import effort
 from alf_ros.scene.scene import Solver
 from alf_ros.simulation.applied import Applied, Inputs
 from alf_ros.simulation.dynamics import Dynamics
-from alf_ros.simulation.joint_efforts import unit_motion
+from alf_ros.simulation.instruments import Instruments
 from alf_ros.simulation.named_values import NamedValues, read_only
-from alf_ros.simulation.reactions import Reactions
+from alf_ros.simulation.reactions import ReactionsOf
 from alf_ros.simulation.resolution import Resolution
 from alf_ros.simulation.sample_diagnostics import Diagnostics
 from alf_ros.simulation.sample_limits import Place
 from alf_ros.simulation.state import State
+
+_SPINS = {2: 1, 3: 3}  # numbers of a torque
 
 
 @dataclass(frozen=True)
@@ -66,7 +68,7 @@ class Sample(Dynamics):
         t: float,
         state: State,
         dependent_rows: int,
-        reactions: Callable[[], Reactions],
+        instruments: Instruments,
         iterations: int,
         step_cost: float,
         beside: bool | None,
@@ -74,16 +76,24 @@ class Sample(Dynamics):
     ) -> None:
         """`beside`: whether the step that ended here was interpolated beside a singular position;
         None if no step did."""
-        super().__init__(model, applied, solver, t, state, dependent_rows, beside)
-        self._reactions = reactions
-        self.diagnostics = Diagnostics(self, iterations, step_cost, resolution)
+        super().__init__(model, applied, solver, t, state, dependent_rows, beside, instruments)
+        self._told = iterations, step_cost, resolution
+
+    @property
+    def diagnostics(self) -> Diagnostics:
+        """Its health."""
+        return Diagnostics(self, *self._told)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """What it is computed from: what it has computed is computed again when asked for."""
-        told = self.diagnostics
+        iterations, step_cost, resolution = self._told
         parts = self.model, self._applied, self._solver, self.t, self._state, self._dependent_rows
-        health = told.iterations, told.step_cost, self._beside, told.resolution
-        return Sample, (*parts, self._reactions, *health)
+        health = iterations, step_cost, self._beside, resolution
+        return Sample, (*parts, self._instruments, *health)
+
+    @property
+    def _reactions(self) -> ReactionsOf:
+        return self._instruments.reactions
 
     # -------------------------------------------------------------------------------------- energy
 
@@ -140,17 +150,18 @@ class Sample(Dynamics):
     def joint_efforts(self) -> Floats:
         """(joint coordinates,) what acts on the free axis, N m or N: inputs held, motors, springs,
         stops, friction, drives; not the reaction."""
-        inputs = self._applied.inputs.efforts
-        held = (inputs.get(name, 0.0) for name in self.model.coordinate_names)
-        efforts = np.array([e.at(self.t)[0] if isinstance(e, Curve) else e for e in held])
+        model, place = self.model, self.model.coordinate_names.index
+        efforts = np.zeros(len(model.coordinates))
+        for name, held in self._applied.inputs.efforts.items():
+            efforts[place(name)] = held.at(self.t)[0] if isinstance(held, Curve) else held
         if any(effect.coordinates for effect in self._applied.effects):
-            reactions, state = self._reactions(), self._state
-            q, qd = reactions.on_cut_blocks(state.q), reactions.on_cut_blocks(state.qd)
-            Q, on_joints = np.zeros(q.size), self._applied.on_joints(reactions.cut)
-            for n, coordinate in enumerate(self.model.coordinates):
-                if coordinate.name in on_joints:
-                    self._act(on_joints[coordinate.name], q, qd, Q)
-                    efforts[n] += Q @ unit_motion(coordinate, reactions.cut, q)
+            unit, state, cut = model.unit, self._state, self._reactions()
+            (axes, part), lent = self._applied.on_axes(cut.cut), self._instruments.lend_cut()
+            there = lent.workspace
+            loads = self._loads[part.loads] if part.loads else np.zeros(0)
+            kernel.place_on_cut(unit, cut.arrays, there, state.q, state.qd)
+            effects, near = part.effects, self._near
+            kernel.add_joint_efforts(unit, axes, effects, there, self.t, near, loads, efforts)
         for drive in self.model.mechanism.drives:
             if drive.kind in ('angle', 'length'):
                 n = self.model.coordinate_names.index(drive.of[0])
@@ -219,23 +230,27 @@ class Sample(Dynamics):
 
     @cached_property
     def _wrenches(self) -> tuple[Floats, Floats]:
-        cut, state = self._reactions(), self._state
-        applied = np.zeros(cut.source.size * self.model.layout.dimension)
+        cut, lent, state = self._reactions(), self._instruments.lend_cut(), self._state
+        unit, joints, D = self.model.unit, len(self.model.joint_names), self.model.layout.dimension
         effects, t, near = self._applied.on(cut.cut), self.t, self._near
-        q, qd = cut.on_cut_blocks(state.q), cut.on_cut_blocks(state.qd)
-        kernel.applied_forces(effects, t, q, qd, near, applied)
+        there = lent.workspace
+        applied = np.zeros(there.Q.size)
+        kernel.place_on_cut(unit, cut.arrays, there, state.q, state.qd)
+        kernel.applied_forces(effects, t, there.q, there.qd, near, applied)
 
         def read(place: Place) -> Floats:
-            work, Q = place.work, applied.copy()
-            q, qd = cut.on_cut_blocks(work.q), cut.on_cut_blocks(work.qd)
+            work = place.work
+            there.Q[:] = applied
             if place.loads.size:
-                kernel.add_friction(effects, t, q, qd, near, place.loads, Q)
-            forces, torques = cut.of(q, cut.on_cut_blocks(work.qdd), work.y, Q)
-            return np.column_stack([forces, torques])
+                kernel.place_on_cut(unit, cut.arrays, there, work.q, work.qd)
+                kernel.add_friction(effects, t, there.q, there.qd, near, place.loads, there.Q)
+            wrenches = np.empty(joints * (D + _SPINS[D]))
+            force, torque = wrenches[: joints * D], wrenches[joints * D :]
+            kernel.joint_wrenches(unit, cut.arrays, there, work, force, torque)
+            return wrenches
 
-        wrenches = self._read(read)
-        D = self.model.layout.dimension
-        return wrenches[:, :D].copy(), wrenches[:, D:].copy()
+        force, torque = np.split(self._read(read), [joints * D])
+        return force.reshape(joints, D), torque.reshape(joints, _SPINS[D])
 
     @property
     def reaction_forces(self) -> Floats:

@@ -21,6 +21,7 @@ from alf_ros.model.tableaux import TABLEAUX, first_pace
 from alf_ros.scene.scene import Solver
 from alf_ros.simulation.applied import NO_INPUTS, Applied
 from alf_ros.simulation.formulations import Formulation
+from alf_ros.simulation.instruments import Instruments
 from alf_ros.simulation.listening import Listener
 from alf_ros.simulation.present import Present
 from alf_ros.simulation.reactions import ReactionsOf
@@ -51,13 +52,13 @@ class Stepper:
         self.iterations = 0  # most in one solve of the last call
         self._start, self._model = start, start.model
         tableau = TABLEAUX[solver.integrator]
-        self.reactions = ReactionsOf(self._model)
+        self.instruments = Instruments(self._model, ReactionsOf(self._model))
         # with nothing held
         self.applied = Applied(
             self._model,
             effects,
             NO_INPUTS,
-            self.reactions,
+            self.instruments.reactions,
             method.b if ledger else None,
             tangents=tableau.implicit,
         )
