@@ -148,6 +148,10 @@ class _Scene:
         layout = self._model.layout
         return {effect.label: self._part(layout, [effect]) for effect in self.effects}
 
+    @cached_property
+    def acts_on_axes(self) -> bool:
+        return any(effect.coordinates for effect in self.effects)
+
     def on_axes(self, cut: Layout) -> OnAxes:
         if self._on_axes is None:
             groups: dict[str, list[Effect]] = {}
@@ -264,6 +268,11 @@ class Applied:
         if self._elsewhere is None or self._elsewhere[0] is not layout:
             self._elsewhere = layout, self._pack(layout)
         return self._elsewhere[1]
+
+    @property
+    def acts_on_axes(self) -> bool:
+        """Whether an effect of the scene acts on a joint coordinate."""
+        return self._scene.acts_on_axes
 
     def on_axes(self, cut: Layout) -> OnAxes:
         """For the cut layout, what the effects of the scene exert on joint coordinates."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import cached_property
 
 import numpy as np
 
@@ -19,6 +18,7 @@ from alf_ros.model.softest_modes import found
 from alf_ros.scene.scene import Solver
 from alf_ros.simulation.applied import Applied, Part
 from alf_ros.simulation.instruments import Instruments, Lent, Workspace
+from alf_ros.simulation.kept import kept
 from alf_ros.simulation.kinematics import Kinematics
 from alf_ros.simulation.named_values import NamedValues, read_only
 from alf_ros.simulation.sample_limits import Limits, Place, limits
@@ -49,7 +49,7 @@ class Dynamics(Kinematics):
         self._applied, self._solver = applied, solver
         self._dependent_rows, self._beside = dependent_rows, beside
 
-    @cached_property
+    @kept
     def _lent(self) -> Lent[Workspace]:
         return self._instruments.lend()
 
@@ -58,12 +58,12 @@ class Dynamics(Kinematics):
         """Where this sample computes. Until the sample is gone nobody else writes there."""
         return self._lent.workspace
 
-    @cached_property
+    @kept
     def qdd(self) -> Floats:
         """Their accelerations (n,), m/s^2."""
         return self._by_coordinate(self._read(lambda place: place.work.qdd))
 
-    @cached_property
+    @kept
     def kinetic_energy(self) -> float:
         """½ q̇ᵀ M q̇, J."""
         model, qd = self.model, self._state.qd
@@ -78,12 +78,12 @@ class Dynamics(Kinematics):
             loads = self._loads[part.loads]
             kernel.add_friction(part.effects, self.t, q, qd, self._near, loads, Q)
 
-    @cached_property
+    @kept
     def _loads(self) -> Floats:
         """N, of each effect with friction that depends on reactions."""
         return self._read(lambda place: place.loads)
 
-    @cached_property
+    @kept
     def _linearised(self) -> Work:
         """Φ_q and the factor of A at this instant."""
         system, work = self._workspace.system, self._workspace.work
@@ -95,7 +95,7 @@ class Dynamics(Kinematics):
             raise StepError('the leading matrix is not positive definite', 'see step()', self.t)
         return work
 
-    @cached_property
+    @kept
     def _accelerated(self) -> tuple[Work, Floats, float]:
         """q̈ and λ, the loads of friction, and the least singular value met, if it is small."""
         work = self._linearised
@@ -107,7 +107,7 @@ class Dynamics(Kinematics):
             raise StepError(kernel.Status.JAMMED.reason, 'see step()', self.t)
         return work, bearings.loads.copy(), sigma
 
-    @cached_property
+    @kept
     def _limits(self) -> Limits | None:
         """What values are limits of, in a singular position or too near to one."""
         if not self._within and not self._doubtful:
@@ -128,7 +128,7 @@ class Dynamics(Kinematics):
             limit = np.where(np.isnan(limit), read(Place(*self._accelerated[:2])), limit)
         return limit
 
-    @cached_property
+    @kept
     def _within(self) -> bool:
         """Whether it is in a singular position, or closer to one than can be computed."""
         system = self.model.system
@@ -149,14 +149,14 @@ class Dynamics(Kinematics):
             return False
         return self._accelerated[2] < _DOUBTFUL * model.system.ordinary
 
-    @cached_property
+    @kept
     def phi_dot(self) -> Floats:
         """(rows,) Φ_q q̇; of rows that bind velocities only, N q̇ + B."""
         model, work, rate = self.model, self._linearised, np.zeros(len(self.model.row_names))
         kernel.times_jacobian(model.unit, model.system.rows, work.g, work.g2, work.qd, rate)
         return read_only(rate[model.row])
 
-    @cached_property
+    @kept
     def lam(self) -> Floats:
         """(rows,) multipliers λ from a cold solve: M q̈ + Φ_qᵀ λ = Q."""
         return read_only(self._read(lambda place: place.work.y[self.model.row]))
@@ -179,15 +179,16 @@ class Dynamics(Kinematics):
 
         return self._by_coordinate(self._read(read))
 
-    @cached_property
+    @kept
     def _effective_rank(self) -> float:
         """Rank of Φ_q, not rounded, from the factor of A."""
         return effective_rank(self.model, self._linearised)
 
-    @cached_property
+    @kept
     def _softest(self) -> tuple[float, float]:
         """Distance to a singular position, and by how much it may be off."""
-        modes = found(self.model, self._linearised, self._dependent_rows)
+        work, redundant = self._linearised, self._dependent_rows
+        modes = found(self.model, work, redundant, self._workspace.modes(redundant))
         return (float(modes.sigma[0]), float(modes.error[0])) if modes else (1.0, 0.0)
 
     @property
@@ -195,7 +196,7 @@ class Dynamics(Kinematics):
         """How many constraint rows depend on the others here."""
         return len(self.model.row_names) - round(self._effective_rank)
 
-    @cached_property
+    @kept
     def _singular(self) -> bool:
         """Whether the rank is lower here than at ordinary positions."""
         return self._redundant > self._dependent_rows

@@ -13,9 +13,10 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from alf_ros.kernel import CutWork, Forces, JointCoordinates, Problem
+from alf_ros.kernel import CutWork, Forces, JointCoordinates, Modes, Problem
 from alf_ros.model.compile import Model, allocate
 from alf_ros.model.constraints.packing import indices
+from alf_ros.model.softest_modes import begun
 from alf_ros.scene.scene import Solver
 from alf_ros.simulation.reactions import ReactionsOf
 
@@ -29,10 +30,17 @@ class Workspace:
     def __init__(self, model: Model) -> None:
         self.system = model.apart().system
         self.work = allocate(model, self.system, 0)
-        self._unit = model.unit
+        self._model, self._unit = model, model.unit
+        self._modes: dict[int, Modes | None] = {}
         self._forces: Forces | None = None
         self._solver: Solver | None = None
         self._problem: Problem
+
+    def modes(self, redundant: int) -> Modes | None:
+        """Memory for the softest modes where so many rows depend on others; None without any."""
+        if redundant not in self._modes:
+            self._modes[redundant] = begun(self._model, redundant)
+        return self._modes[redundant]
 
     def problem(self, forces: Forces, solver: Solver) -> Problem:
         """All that accelerations follow from; what friction writes is as in `forces`."""

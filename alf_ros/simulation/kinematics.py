@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import cached_property
 
 import numpy as np
 
@@ -12,15 +11,17 @@ from alf_ros.arrays import Floats
 from alf_ros.mechanism.orientation import orientation
 from alf_ros.model.compile import Model
 from alf_ros.simulation.instruments import Instruments
+from alf_ros.simulation.kept import Keeper, kept
 from alf_ros.simulation.named_values import NamedValues, read_only
 from alf_ros.simulation.state import State
 
 
-class Kinematics:
+class Kinematics(Keeper):
     """Positions and velocities of points, bodies and joints, and Φ; arrays are read-only, SI,
     world frame."""
 
     def __init__(self, model: Model, t: float, state: State, instruments: Instruments) -> None:
+        super().__init__()
         self.model, self.t, self.step = model, t, state.step
         self._state, self._instruments = state, instruments
 
@@ -29,21 +30,21 @@ class Kinematics:
         """The state it is a sample of."""
         return self._state
 
-    @cached_property
+    @kept
     def q(self) -> Floats:
         """Natural coordinates (n,): movable points in the order of the file, m, then vectors."""
         return self._by_coordinate(self._state.q)
 
-    @cached_property
+    @kept
     def qd(self) -> Floats:
         """Their velocities (n,), m/s."""
         return self._by_coordinate(self._state.qd)
 
-    @cached_property
+    @kept
     def _positions(self) -> Floats:
         return self._named(self._state.q)
 
-    @cached_property
+    @kept
     def _velocities(self) -> Floats:
         return self._named(self._state.qd)
 
@@ -68,7 +69,7 @@ class Kinematics:
         """Velocity of each point (D,), m/s."""
         return NamedValues(self.model.point_names, self._velocities.__getitem__)
 
-    @cached_property
+    @kept
     def _counted(self) -> tuple[Floats, Floats, Floats]:
         """(angles,) of each angle that is counted: with its turns (rad), its rate (rad/s), and to
         a quarter turn."""
@@ -90,7 +91,7 @@ class Kinematics:
         """(angles,) rad: what effects unwrap angles by."""
         return self._counted[2]
 
-    @cached_property
+    @kept
     def body_poses(self) -> Floats:
         """Frame of each body: in the plane (bodies, 3) x, y (m), angle of the x axis (rad, turns
         counted); in space (bodies, 7) x, y, z (m), quaternion x, y, z, w.
@@ -104,7 +105,7 @@ class Kinematics:
         turns = [orientation(layout, name, q) for name in self.model.body_names]
         return read_only(np.column_stack([origins, np.array(turns).reshape(-1, 4)]))
 
-    @cached_property
+    @kept
     def _joint_coordinates(self) -> tuple[Floats, Floats]:
         joints, state = self._instruments.coordinates, self._state
         values, rates = np.empty((2, joints.place.size))
@@ -129,7 +130,7 @@ class Kinematics:
         """(rows,) what turns Φ into metres."""
         return self.model.system.rows.scale[self.model.row]
 
-    @cached_property
+    @kept
     def phi(self) -> Floats:
         """(rows,) Φ."""
         model, phi = self.model, np.zeros(len(self.model.row_names))

@@ -79,12 +79,13 @@ class Resolution:
         )
 
 
-def resolution(step: float, judged: Floats) -> Resolution:
+def resolution(step: float, judged: Floats, crossing: float, unexamined: str) -> Resolution:
     """What `judged`, as `kernel.step_error` writes it, says of steps of `step` (s)."""
     numbers = judged.tolist()
     steps = max(1.0, numbers[WORST_STEPS])
     error, unresolved = numbers[WORST_ERROR], numbers[WORST_UNRESOLVED] / steps
-    return Resolution(step, error, unresolved, steps, numbers[WORST] > 1.0)
+    too_long = numbers[WORST] > 1.0
+    return Resolution(step, error, unresolved, steps, too_long, crossing, unexamined)
 
 
 def nice(step: float) -> float:

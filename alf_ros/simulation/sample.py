@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -23,6 +22,7 @@ from alf_ros.scene.scene import Solver
 from alf_ros.simulation.applied import Applied, Inputs
 from alf_ros.simulation.dynamics import Dynamics
 from alf_ros.simulation.instruments import Instruments
+from alf_ros.simulation.kept import kept
 from alf_ros.simulation.named_values import NamedValues, read_only
 from alf_ros.simulation.reactions import ReactionsOf
 from alf_ros.simulation.resolution import Resolution
@@ -31,6 +31,7 @@ from alf_ros.simulation.sample_limits import Place
 from alf_ros.simulation.state import State
 
 _SPINS = {2: 1, 3: 3}  # numbers of a torque
+_NONE = read_only(np.zeros(0))
 
 
 @dataclass(frozen=True)
@@ -102,14 +103,14 @@ class Sample(Dynamics):
         """The wrenches and efforts held."""
         return self._applied.inputs
 
-    @cached_property
+    @kept
     def energy(self) -> float:
         """Total mechanical energy, J: kinetic, and the potential of the effects that have one."""
         effects = self._applied.assembled.effects
         stored = kernel.potential_energy(effects, self.t, self._state.q, self._near)
         return self.kinetic_energy + stored
 
-    @cached_property
+    @kept
     def stored(self) -> Mapping[str, float]:
         """Potential energy of each effect of the scene, J; 0 for what stores none."""
         return {
@@ -131,7 +132,7 @@ class Sample(Dynamics):
             )
         return self._state.works
 
-    @cached_property
+    @kept
     def powers(self) -> Mapping[str, float]:
         """What each effect of the scene gives to the motion now, W; less than zero: it takes.
 
@@ -146,7 +147,7 @@ class Sample(Dynamics):
 
     # -------------------------------------------------------------------------------------- joints
 
-    @cached_property
+    @kept
     def joint_efforts(self) -> Floats:
         """(joint coordinates,) what acts on the free axis, N m or N: inputs held, motors, springs,
         stops, friction, drives; not the reaction."""
@@ -154,7 +155,7 @@ class Sample(Dynamics):
         efforts = np.zeros(len(model.coordinates))
         for name, held in self._applied.inputs.efforts.items():
             efforts[place(name)] = held.at(self.t)[0] if isinstance(held, Curve) else held
-        if any(effect.coordinates for effect in self._applied.effects):
+        if self._applied.acts_on_axes:
             unit, state, cut = model.unit, self._state, self._reactions()
             (axes, part), lent = self._applied.on_axes(cut.cut), self._instruments.lend_cut()
             there = lent.workspace
@@ -168,10 +169,12 @@ class Sample(Dynamics):
                 efforts[n] += self.drive_efforts[drive.name][0]
         return read_only(efforts)
 
-    @cached_property
+    @kept
     def drive_efforts(self) -> Mapping[str, Floats]:
         """What each drive exerts: (1,) N m or N along its coordinate, (D,) N on its point."""
         model, drives = self.model, self.model.mechanism.drives
+        if not drives:
+            return {}
         layout, of = model.layout, model.layout.of_prescribed
 
         def read(place: Place) -> Floats:
@@ -185,20 +188,18 @@ class Sample(Dynamics):
         sizes: list[int] = []
         values = self._read(read)
         ends = np.cumsum(sizes)[:-1]
-        return (
-            {
-                drive.name: read_only(value)
-                for drive, value in zip(drives, np.split(values, ends), strict=True)
-            }
-            if drives
-            else {}
-        )
+        return {
+            drive.name: read_only(value)
+            for drive, value in zip(drives, np.split(values, ends), strict=True)
+        }
 
-    @cached_property
+    @kept
     def drives(self) -> tuple[Floats, Floats, Floats]:
         """(motions,) position (rad or m), velocity and effort (N m or N) of each function of time
         that a drive prescribes, in the order of `driving.motion_names`."""
         layout, state = self.model.layout, self._state
+        if not self.model.mechanism.drives:
+            return _NONE, _NONE, _NONE
         rows: list[tuple[float, float, float]] = []
         for drive in self.model.mechanism.drives:
             efforts = self.drive_efforts[drive.name]
@@ -228,7 +229,7 @@ class Sample(Dynamics):
 
     # ----------------------------------------------------------------------------------- reactions
 
-    @cached_property
+    @kept
     def _wrenches(self) -> tuple[Floats, Floats]:
         cut, lent, state = self._reactions(), self._instruments.lend_cut(), self._state
         unit, joints, D = self.model.unit, len(self.model.joint_names), self.model.layout.dimension
@@ -249,8 +250,8 @@ class Sample(Dynamics):
             kernel.joint_wrenches(unit, cut.arrays, there, work, force, torque)
             return wrenches
 
-        force, torque = np.split(self._read(read), [joints * D])
-        return force.reshape(joints, D), torque.reshape(joints, _SPINS[D])
+        both = self._read(read)
+        return both[: joints * D].reshape(-1, D), both[joints * D :].reshape(-1, _SPINS[D])
 
     @property
     def reaction_forces(self) -> Floats:
@@ -275,7 +276,7 @@ class Sample(Dynamics):
             ),
         )
 
-    @cached_property
+    @kept
     def _indeterminate(self) -> NDArray[np.bool_]:
         """(joints,) whether the reaction is one of many that balance."""
         cut, work = self._reactions(), self._linearised

@@ -204,11 +204,10 @@ class Stepper:
         """How well the steps resolve the motion, where that is measured."""
         if self.formulation is not None:
             return Resolution(self.h)
-        measured = self.method.estimate.size > 0
-        found = resolution(self.h, self.work.judged) if measured else Resolution(self.h)
-        return replace(
-            found, crossing=float(self.work.crossing[0]), unexamined=self._start.unexamined
-        )
+        crossing, unexamined = float(self.work.crossing[0]), self._start.unexamined
+        if self.method.estimate.size == 0:
+            return Resolution(self.h, crossing=crossing, unexamined=unexamined)
+        return resolution(self.h, self.work.judged, crossing, unexamined)
 
     def beside(self, present: Present) -> bool | None:
         """Whether the last step of the run ended beside a singular position, interpolated; None if

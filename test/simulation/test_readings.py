@@ -33,7 +33,7 @@ def gradient(row: Row, block: int, places: Floats) -> Floats:
 
 def moment(arms: Floats, forces: Floats) -> Floats:
     if arms.shape[1] == 3:
-        return np.cross(arms, forces).reshape(-1, 3)
+        return np.asarray(np.cross(arms, forces), dtype=float)
     return (arms[:, 0] * forces[:, 1] - arms[:, 1] * forces[:, 0])[:, None]
 
 
@@ -275,3 +275,13 @@ def test_a_sample_is_gone_when_nobody_has_it() -> None:
 
 def values(reading: Reading, sample: Sample) -> tuple[Floats, ...]:
     return () if reading.key == 'work' else reading.values(sample)
+
+
+def test_the_distance_to_singular_positions_in_used_memory() -> None:
+    sim = Simulation(load_scene('slider_crank'))
+    for _ in range(5):
+        sim.step(40)
+        a, b = sim.sample(), Simulation(sim.scene)
+        b.restore(sim.state)
+        assert a.diagnostics.distance == b.sample().diagnostics.distance
+        assert a.diagnostics.distance_error == b.sample().diagnostics.distance_error
