@@ -253,6 +253,21 @@ def large_node() -> str:
     return markdown(about, head, body)
 
 
+def readings() -> str:
+    """What the readings of a sample cost, before and now, in steps of the same run."""
+    about, found = rows('readings.csv')
+    keys = list(dict.fromkeys(row['reading'] for row in found))
+    cells = {(row['scene'], row['checkout'], row['reading']): row for row in found}
+    body = []
+    for scene in dict.fromkeys(row['scene'] for row in found):
+        for checkout in ('before', 'now'):
+            each = [cells[scene, checkout, key] for key in keys]
+            numbers = [row['us'] if row['reading'] == 'step' else row['steps'] for row in each]
+            body.append([scene, checkout, *numbers])
+    head = ' | '.join(['scene', 'code', *keys]).replace('| step |', '| step, µs |')
+    return markdown(about, head, body)
+
+
 def fuzz() -> str:
     """What became of the cases of each campaign, and of all."""
     about, found = rows('fuzz.csv')
@@ -322,6 +337,7 @@ TABLES = (
     ('order_n', order_n),
     ('first_step', first_step),
     ('large_node', large_node),
+    ('readings', readings),
     ('peers', peers),
     ('engines', engines),
     ('fuzz', fuzz),

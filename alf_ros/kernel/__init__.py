@@ -21,10 +21,16 @@ from alf_ros.kernel.data import (
     ORIGIN,
     SOLVED,
     Arms,
+    Axes,
     Bearings,
+    BlockSums,
     Chart,
+    Cut,
+    CutWork,
     Effects,
     Forces,
+    Forms,
+    JointCoordinates,
     Ledger,
     Mass,
     Method,
@@ -42,6 +48,9 @@ from alf_ros.kernel.data import (
 )
 from alf_ros.kernel.implicit import advance_implicitly
 from alf_ros.kernel.inverse_trace import mass_trace
+from alf_ros.kernel.joint_coordinates import counted_angles, joint_coordinates
+from alf_ros.kernel.joint_efforts import add_joint_efforts
+from alf_ros.kernel.joint_wrenches import joint_wrenches, place_on_cut
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.prescribed import prescribed_at
@@ -58,10 +67,16 @@ __all__ = [
     'ORIGIN',
     'SOLVED',
     'Arms',
+    'Axes',
     'Bearings',
+    'BlockSums',
     'Chart',
+    'Cut',
+    'CutWork',
     'Effects',
     'Forces',
+    'Forms',
+    'JointCoordinates',
     'Ledger',
     'Mass',
     'Method',
@@ -79,6 +94,7 @@ __all__ = [
     'Work',
     'accelerate',
     'add_friction',
+    'add_joint_efforts',
     'add_mass_times',
     'add_transposed',
     'advance',
@@ -88,13 +104,17 @@ __all__ = [
     'augmented',
     'carried_over',
     'convective',
+    'counted_angles',
     'finish',
     'follow',
     'jacobian',
     'jacobian_rate',
+    'joint_coordinates',
+    'joint_wrenches',
     'linearise',
     'mass_trace',
     'nearby',
+    'place_on_cut',
     'potential_energy',
     'prescribed_at',
     'restore_reactions',

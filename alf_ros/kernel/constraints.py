@@ -65,6 +65,19 @@ def forms(unit: Unit, rows: Rows, q: Floats, phi: Floats) -> None:
         phi[r] = 0.0
 
 
+@inlined
+def value_and_rate(
+    unit: Unit, rows: Rows, r: np.uint64, q: Floats, qd: Floats
+) -> tuple[float, float]:
+    """A quadratic form, number r of rows without distances, and its rate."""
+    s, rate = rows.c[r], 0.0
+    for e in each(rows.first[r], rows.first[r + ONE]):
+        b, terms = block(unit, rows.b, e), _terms(unit, rows, e, q)
+        s += dot(block(unit, q, rows.block[e]), b + 0.5 * terms)
+        rate += dot(b + terms, block(unit, qd, rows.block[e]))
+    return s, rate
+
+
 @compiled
 def times_jacobian(unit: Unit, rows: Rows, g: Floats, g2: Floats, v: Floats, out: Floats) -> None:
     """out = Φ_q v; with v = q̇: Φ̇, and N q̇ + B (38)."""

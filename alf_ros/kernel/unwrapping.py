@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Floats, Integers
-from alf_ros.kernel.numba_ext.jit import compiled, inner
+from alf_ros.kernel.numba_ext.jit import compiled, inlined, inner
 
 
 @inner
@@ -20,12 +20,18 @@ def count_turns(before: Floats, after: Floats, turns: Integers) -> None:
                 turns[n] -= 1 if y0 < 0.0 else 0
 
 
-@compiled
-def nearby(xy: Floats, turns: Integers, near: Floats) -> None:
-    """Each angle with its turns (rad), to a quarter turn.
+@inlined
+def to_a_quarter(y: float, turns: np.int64) -> float:
+    """An angle with its turns (rad), to a quarter turn, from the y of it.
 
     This is accurate enough to unwrap the angles of the stages of a step, and needs no arcus
     tangent.
     """
+    return 2.0 * np.pi * turns + (-0.5 * np.pi if y < 0.0 else 0.5 * np.pi)
+
+
+@compiled
+def nearby(xy: Floats, turns: Integers, near: Floats) -> None:
+    """Each angle with its turns (rad), to a quarter turn."""
     for n in range(turns.size):
-        near[n] = 2.0 * np.pi * turns[n] + (-0.5 * np.pi if xy[2 * n + 1] < 0.0 else 0.5 * np.pi)
+        near[n] = to_a_quarter(xy[2 * n + 1], turns[n])

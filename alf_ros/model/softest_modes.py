@@ -72,12 +72,17 @@ def _start(count: int, m: int) -> Floats:
     return np.random.default_rng(0).standard_normal((count, m)) / np.sqrt(m)
 
 
-def found(model: Model, work: Work, redundant: int) -> Modes | None:
+def found(model: Model, work: Work, redundant: int, memory: Modes | None = None) -> Modes | None:
     """The softest modes where `work` has the factor and Φ_q; None without any rows that are
-    independent. As many more as vanish together there, up to _MOST."""
-    count, modes = _ALONE, begun(model, redundant)
+    independent. As many more as vanish together there, up to _MOST.
+
+    `memory`: what `begun` has given, to be written in.
+    """
+    count, modes = _ALONE, memory or begun(model, redundant)
     if modes is None:
         return None
+    if memory is not None:
+        restart(memory)
     kernel.softest(model.unit, model.system, work, modes, ROUNDS, KNOWN)
     while modes.s2[-1] < ALL_SOFT and count < min(_MOST, modes.root.size - redundant):
         count *= 2

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import sys
 from typing import TYPE_CHECKING, Protocol
 
 try:
@@ -20,6 +21,9 @@ class Finite(Protocol):
     finished: Future[None]
 
 
+_GIVE_WAY = 1e-4  # s after which the thread that writes a log hands the interpreter to a tick
+
+
 def spin(node: Finite) -> None:
     """Call the callbacks of a node until its `finished` is done."""
     executor = Executor()
@@ -29,6 +33,7 @@ def spin(node: Finite) -> None:
     gc.collect()
     gc.freeze()
     gc.collect()
+    sys.setswitchinterval(_GIVE_WAY)
     while not node.finished.done():
         # spin() of the events executor hangs when it is to end; this does not.
         executor.spin_until_future_complete(node.finished, timeout_sec=1.0)

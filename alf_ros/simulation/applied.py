@@ -14,11 +14,12 @@ from alf_ros.arrays import Addresses, Floats, Integers
 from alf_ros.effects.contract import EFFORT, EFFORT_OVER_TIME, WRENCH, Effect, Packed
 from alf_ros.effects.contract.trajectory import Curve
 from alf_ros.errors import InputError
-from alf_ros.kernel import Bearings, Effects, Forces, Ledger
+from alf_ros.kernel import Axes, Bearings, Effects, Forces, Ledger
 from alf_ros.mechanism import Coordinate
 from alf_ros.mechanism.natural_coordinates import Layout
 from alf_ros.model.compile import Model
 from alf_ros.model.effect_directions import Direction
+from alf_ros.simulation.joint_efforts import axes_of
 from alf_ros.simulation.reaction_friction import bearings
 from alf_ros.simulation.reactions import Reactions
 from alf_ros.simulation.work_ledger import INPUTS, ledger
@@ -66,6 +67,13 @@ class Part(NamedTuple):
     loads: list[int]
 
 
+class OnAxes(NamedTuple):
+    """What acts on free axes of joints, axis after axis."""
+
+    axes: Axes
+    part: Part
+
+
 @dataclass(frozen=True)
 class _Kind:
     """An effect's functions (addresses; 0: none, or nobody asks), its instances packed, and those
@@ -104,7 +112,7 @@ class _Scene:
         self.effects = tuple(effects)
         self._model, self.reactions, self._tangents = model, reactions, tangents
         self._kinds: list[tuple[Layout, list[_Kind]]] = []
-        self._on_joints: dict[str, Part] | None = None
+        self._on_axes: OnAxes | None = None
 
     def kinds(self, layout: Layout) -> list[_Kind]:
         return _once(self._kinds, self.effects, layout, self._tangents)
@@ -140,17 +148,28 @@ class _Scene:
         layout = self._model.layout
         return {effect.label: self._part(layout, [effect]) for effect in self.effects}
 
-    def on_joints(self, layout: Layout) -> dict[str, Part]:
-        if self._on_joints is None:
+    @cached_property
+    def acts_on_axes(self) -> bool:
+        return any(effect.coordinates for effect in self.effects)
+
+    def on_axes(self, cut: Layout) -> OnAxes:
+        if self._on_axes is None:
             groups: dict[str, list[Effect]] = {}
             for effect in self.effects:
                 for joint in effect.coordinates:
                     groups.setdefault(joint, []).append(effect)
-            self._on_joints = {joint: self._part(layout, group) for joint, group in groups.items()}
-        return self._on_joints
+            kinds = {joint: _kinds(group, cut) for joint, group in groups.items()}
+            counts = {joint: len(each) for joint, each in kinds.items()}
+            self._on_axes = OnAxes(
+                axes_of(self._model.coordinates, counts, cut),
+                self._listed([kind for each in kinds.values() for kind in each]),
+            )
+        return self._on_axes
 
     def _part(self, layout: Layout, effects: Sequence[Effect]) -> Part:
-        kinds = _kinds(effects, layout)
+        return self._listed(_kinds(effects, layout))
+
+    def _listed(self, kinds: Sequence[_Kind]) -> Part:
         rubbing = [each for kind in kinds for each in kind.rubbing]
         return Part(_listed(kinds), [self._rubbing.index(each) for each in rubbing])
 
@@ -250,9 +269,14 @@ class Applied:
             self._elsewhere = layout, self._pack(layout)
         return self._elsewhere[1]
 
-    def on_joints(self, layout: Layout) -> dict[str, Part]:
-        """For another layout, what the effects of the scene exert on each joint coordinate."""
-        return self._scene.on_joints(layout)
+    @property
+    def acts_on_axes(self) -> bool:
+        """Whether an effect of the scene acts on a joint coordinate."""
+        return self._scene.acts_on_axes
+
+    def on_axes(self, cut: Layout) -> OnAxes:
+        """For the cut layout, what the effects of the scene exert on joint coordinates."""
+        return self._scene.on_axes(cut)
 
     def _pack(self, layout: Layout) -> Effects:
         kinds = list(self._scene.kinds(layout))

@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from copy import copy
 from dataclasses import replace
-from functools import cached_property
 
 import numpy as np
 
 from alf_ros import kernel
 from alf_ros.arrays import Floats
 from alf_ros.errors import StepError
-from alf_ros.kernel import Forces, Phase, System, Work
-from alf_ros.model.compile import Model, allocate
+from alf_ros.kernel import Phase, Work
+from alf_ros.model.compile import Model
 from alf_ros.model.prescribed import prescribe
 from alf_ros.model.rank import effective_rank
+from alf_ros.model.softest_modes import found
 from alf_ros.scene.scene import Solver
 from alf_ros.simulation.applied import Applied, Part
+from alf_ros.simulation.instruments import Instruments, Lent, Workspace
+from alf_ros.simulation.kept import kept
 from alf_ros.simulation.kinematics import Kinematics
 from alf_ros.simulation.named_values import NamedValues, read_only
 from alf_ros.simulation.sample_limits import Limits, Place, limits
@@ -40,33 +41,29 @@ class Dynamics(Kinematics):
         state: State,
         dependent_rows: int,
         beside: bool | None,
+        instruments: Instruments,
     ) -> None:
         """`beside`: whether the step that ended here was interpolated beside a singular position;
         None if no step did."""
-        super().__init__(model, t, state)
+        super().__init__(model, t, state, instruments)
         self._applied, self._solver = applied, solver
         self._dependent_rows, self._beside = dependent_rows, beside
 
-    @cached_property
-    def _system(self) -> System:
-        """That of the model, with what is written on the way apart: while a sample is computed the
-        simulation may step, and other samples be computed, in other threads."""
-        return self.model.apart().system
+    @kept
+    def _lent(self) -> Lent[Workspace]:
+        return self._instruments.lend()
 
-    @cached_property
-    def _forces(self) -> Forces:
-        """What acts, likewise."""
-        forces = self._applied.assembled
-        if forces.bearings.settle.size == 0:
-            return forces
-        return replace(forces, bearings=copy(forces.bearings))
+    @property
+    def _workspace(self) -> Workspace:
+        """Where this sample computes. Until the sample is gone nobody else writes there."""
+        return self._lent.workspace
 
-    @cached_property
+    @kept
     def qdd(self) -> Floats:
         """Their accelerations (n,), m/s^2."""
         return self._by_coordinate(self._read(lambda place: place.work.qdd))
 
-    @cached_property
+    @kept
     def kinetic_energy(self) -> float:
         """½ q̇ᵀ M q̇, J."""
         model, qd = self.model, self._state.qd
@@ -81,45 +78,46 @@ class Dynamics(Kinematics):
             loads = self._loads[part.loads]
             kernel.add_friction(part.effects, self.t, q, qd, self._near, loads, Q)
 
-    @cached_property
+    @kept
     def _loads(self) -> Floats:
         """N, of each effect with friction that depends on reactions."""
         return self._read(lambda place: place.loads)
 
-    @cached_property
+    @kept
     def _linearised(self) -> Work:
-        """Φ_q and the factor of A at this instant, in a workspace of its own."""
-        work = allocate(self.model, self._system, 0)
+        """Φ_q and the factor of A at this instant."""
+        system, work = self._workspace.system, self._workspace.work
         work.q[:] = self._state.q
         work.qd[:] = self._state.qd
         work.near[:] = self._near
-        prescribe(self._system, self.t, work.q, work.qd, work.qdd)
-        if not kernel.linearise(self.model.unit, self._system, work, work.q):
+        prescribe(system, self.t, work.q, work.qd, work.qdd)
+        if not kernel.linearise(self.model.unit, system, work, work.q):
             raise StepError('the leading matrix is not positive definite', 'see step()', self.t)
         return work
 
-    @cached_property
+    @kept
     def _accelerated(self) -> tuple[Work, Floats, float]:
         """q̈ and λ, the loads of friction, and the least singular value met, if it is small."""
-        work, forces = self._linearised, self._forces
-        kernel.restore_reactions(forces.bearings, self._state.loads)
-        model, method = self.model, self._solver.method
-        problem = kernel.Problem(model.unit, self._system, forces, method, work)
+        work = self._linearised
+        problem = self._workspace.problem(self._applied.assembled, self._solver)
+        bearings = problem.forces.bearings
+        kernel.restore_reactions(bearings, self._state.loads)
         count, sigma = kernel.accelerate(problem, self.t, True)
         if count < 0:
             raise StepError(kernel.Status.JAMMED.reason, 'see step()', self.t)
-        return work, forces.bearings.loads.copy(), sigma
+        return work, bearings.loads.copy(), sigma
 
-    @cached_property
+    @kept
     def _limits(self) -> Limits | None:
         """What values are limits of, in a singular position or too near to one."""
         if not self._within and not self._doubtful:
             return None
-        state, forces = self._state, self._forces
+        state = self._state
+        problem = self._workspace.problem(self._applied.assembled, self._solver)
         works = np.array(list(state.works.values()))
         phase = Phase(state.q, state.qd, state.turns, np.array([state.pace]), works, state.loads)
-        model = replace(self.model, system=self._system)
-        return limits(model, forces, self._solver.method, phase, self._near, self.t)
+        model = replace(self.model, system=problem.system)
+        return limits(model, problem.forces, problem.method, phase, self._near, self.t)
 
     def _read(self, read: Callable[[Place], Floats]) -> Floats:
         """Something of the accelerated mechanism: its limit, in a singular position."""
@@ -130,7 +128,7 @@ class Dynamics(Kinematics):
             limit = np.where(np.isnan(limit), read(Place(*self._accelerated[:2])), limit)
         return limit
 
-    @cached_property
+    @kept
     def _within(self) -> bool:
         """Whether it is in a singular position, or closer to one than can be computed."""
         system = self.model.system
@@ -151,14 +149,14 @@ class Dynamics(Kinematics):
             return False
         return self._accelerated[2] < _DOUBTFUL * model.system.ordinary
 
-    @cached_property
+    @kept
     def phi_dot(self) -> Floats:
         """(rows,) Φ_q q̇; of rows that bind velocities only, N q̇ + B."""
         model, work, rate = self.model, self._linearised, np.zeros(len(self.model.row_names))
         kernel.times_jacobian(model.unit, model.system.rows, work.g, work.g2, work.qd, rate)
         return read_only(rate[model.row])
 
-    @cached_property
+    @kept
     def lam(self) -> Floats:
         """(rows,) multipliers λ from a cold solve: M q̈ + Φ_qᵀ λ = Q."""
         return read_only(self._read(lambda place: place.work.y[self.model.row]))
@@ -181,17 +179,24 @@ class Dynamics(Kinematics):
 
         return self._by_coordinate(self._read(read))
 
-    @cached_property
+    @kept
     def _effective_rank(self) -> float:
         """Rank of Φ_q, not rounded, from the factor of A."""
         return effective_rank(self.model, self._linearised)
+
+    @kept
+    def _softest(self) -> tuple[float, float]:
+        """Distance to a singular position, and by how much it may be off."""
+        work, redundant = self._linearised, self._dependent_rows
+        modes = found(self.model, work, redundant, self._workspace.modes(redundant))
+        return (float(modes.sigma[0]), float(modes.error[0])) if modes else (1.0, 0.0)
 
     @property
     def _redundant(self) -> int:
         """How many constraint rows depend on the others here."""
         return len(self.model.row_names) - round(self._effective_rank)
 
-    @cached_property
+    @kept
     def _singular(self) -> bool:
         """Whether the rank is lower here than at ordinary positions."""
         return self._redundant > self._dependent_rows

@@ -1,34 +1,48 @@
-"""What acts on the free axes of joints: the power of the child alone, moved along one at speed 1.
-
-An effect on a joint coordinate x exerts F ∂x/∂q; on blocks that the child does not share, F is the
-product with any velocity of the child that makes ẋ = 1.
-"""
+"""The free axes of joints on which effects act, as the kernel wants them."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 
-from alf_ros.arrays import Floats
+from alf_ros.kernel import Axes
 from alf_ros.mechanism import Coordinate
-from alf_ros.mechanism.natural_coordinates import TURN, Layout
+from alf_ros.mechanism.affine import Form
+from alf_ros.mechanism.natural_coordinates import Layout
+from alf_ros.model.constraints.packing import forms_of, indices
 
 
-def unit_motion(coordinate: Coordinate, cut: Layout, q: Floats) -> Floats:
-    """(cut blocks D,) the velocity of the child that makes ẋ = 1; q (cut blocks D,)."""
+def axes_of(coordinates: Sequence[Coordinate], effects: Mapping[str, int], cut: Layout) -> Axes:
+    """Of the coordinates that `effects` names, in its order, each with how many effects it has."""
+    D = cut.dimension
+    number = {coordinate.name: n for n, coordinate in enumerate(coordinates)}
+    chosen = [coordinates[number[name]] for name in effects]
+    own = [cut.of_body[each.joint.child] for each in chosen]
+    points = [len(cut.body[each.joint.child].points) for each in chosen]
+    weights = [
+        float(n < k) for k, blocks in zip(points, own, strict=True) for n in range(len(blocks))
+    ]
+    return Axes(
+        coordinate=indices(number[name] for name in effects),
+        is_angle=indices(each.is_angle for each in chosen),
+        first_effect=indices(np.cumsum([0, *effects.values()])),
+        first=indices(np.cumsum([0, *map(len, own)])),
+        block=indices(block for blocks in own for block in blocks),
+        is_point=np.array(weights, dtype=float),
+        directions=forms_of([_direction(each, cut) for each in chosen], D),
+        origins=forms_of(
+            [cut.place(each.joint.child, each.joint.frames[1].origin) for each in chosen], D
+        ),
+    )
+
+
+def _direction(coordinate: Coordinate, cut: Layout) -> Form:
+    """The axis of a joint coordinate; of an angle in the plane nothing."""
     D, joint = cut.dimension, coordinate.joint
-    places = q.reshape(-1, D)
-    velocity = np.zeros_like(places)
-    blocks = np.array(cut.of_body[joint.child])
-    points = blocks[: len(cut.body[joint.child].points)]
     base, tip = joint.frames
-    axis = cut.direction(joint.parent, base.axes[0 if D == 2 else 2]).value(places)
-    if not coordinate.is_angle:
-        velocity[points] = axis
-        return velocity.ravel()
-    if coordinate.freedom.on_child:
-        axis = cut.direction(joint.child, tip.axes[0]).value(places)
-    arms = places.copy()
-    arms[points] -= cut.place(joint.child, tip.origin).value(places)
-    turned = arms @ TURN.T if D == 2 else np.cross(axis, arms)
-    velocity[blocks] = turned[blocks]
-    return velocity.ravel()
+    if coordinate.is_angle and D == 2:
+        return Form({}, np.zeros(2))
+    if coordinate.is_angle and coordinate.freedom.on_child:
+        return cut.direction(joint.child, tip.axes[0])
+    return cut.direction(joint.parent, base.axes[0 if D == 2 else 2])

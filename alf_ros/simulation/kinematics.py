@@ -3,47 +3,48 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import cached_property
 
 import numpy as np
 
 from alf_ros import kernel
 from alf_ros.arrays import Floats
-from alf_ros.kernel import Rows
 from alf_ros.mechanism.orientation import orientation
 from alf_ros.model.compile import Model
+from alf_ros.simulation.instruments import Instruments
+from alf_ros.simulation.kept import Keeper, kept
 from alf_ros.simulation.named_values import NamedValues, read_only
 from alf_ros.simulation.state import State
 
 
-class Kinematics:
+class Kinematics(Keeper):
     """Positions and velocities of points, bodies and joints, and Φ; arrays are read-only, SI,
     world frame."""
 
-    def __init__(self, model: Model, t: float, state: State) -> None:
+    def __init__(self, model: Model, t: float, state: State, instruments: Instruments) -> None:
+        super().__init__()
         self.model, self.t, self.step = model, t, state.step
-        self._state = state
+        self._state, self._instruments = state, instruments
 
     @property
     def state(self) -> State:
         """The state it is a sample of."""
         return self._state
 
-    @cached_property
+    @kept
     def q(self) -> Floats:
         """Natural coordinates (n,): movable points in the order of the file, m, then vectors."""
         return self._by_coordinate(self._state.q)
 
-    @cached_property
+    @kept
     def qd(self) -> Floats:
         """Their velocities (n,), m/s."""
         return self._by_coordinate(self._state.qd)
 
-    @cached_property
+    @kept
     def _positions(self) -> Floats:
         return self._named(self._state.q)
 
-    @cached_property
+    @kept
     def _velocities(self) -> Floats:
         return self._named(self._state.qd)
 
@@ -68,41 +69,29 @@ class Kinematics:
         """Velocity of each point (D,), m/s."""
         return NamedValues(self.model.point_names, self._velocities.__getitem__)
 
-    @cached_property
-    def _angle_parts(self) -> tuple[Floats, Floats]:
-        """(angles, 2) x and y of each angle that is counted, and their rates."""
-        rows = self.model.system.angles
-        values, rates = self._values(rows)
-        return values.reshape(-1, 2), rates.reshape(-1, 2)
+    @kept
+    def _counted(self) -> tuple[Floats, Floats, Floats]:
+        """(angles,) of each angle that is counted: with its turns (rad), its rate (rad/s), and to
+        a quarter turn."""
+        unit, rows, state = self.model.unit, self.model.system.angles, self._state
+        angles, spins, near = np.zeros((3, state.turns.size))
+        kernel.counted_angles(unit, rows, state.q, state.qd, state.turns, angles, spins, near)
+        return angles, spins, near
 
-    def _values(self, rows: Rows) -> tuple[Floats, Floats]:
-        """Values and rates of quadratic rows that are no constraints."""
-        unit, state = self.model.unit, self._state
-        values, rates, g2 = np.zeros(rows.c.size), np.zeros(rows.c.size), np.zeros(rows.b.size)
-        kernel.violation(unit, rows, state.q, values)
-        kernel.jacobian(unit, rows, state.q, g2[:0], g2)
-        kernel.times_jacobian(unit, rows, g2[:0], g2, state.qd, rates)
-        return values, rates
-
-    @cached_property
+    @property
     def _angles(self) -> Floats:
-        xy, _ = self._angle_parts
-        # adding zero makes -0.0 positive, so that atan2 agrees with the count of turns
-        return np.arctan2(xy[:, 1] + 0.0, xy[:, 0]) + 2.0 * np.pi * self._state.turns
+        return self._counted[0]
 
-    @cached_property
+    @property
+    def _spins(self) -> Floats:
+        return self._counted[1]
+
+    @property
     def _near(self) -> Floats:
         """(angles,) rad: what effects unwrap angles by."""
-        near = np.zeros(self._state.turns.size)
-        kernel.nearby(self._angle_parts[0].ravel(), self._state.turns, near)
-        return near
+        return self._counted[2]
 
-    @cached_property
-    def _spins(self) -> Floats:
-        (x, y), (xd, yd) = (part.T for part in self._angle_parts)
-        return (x * yd - y * xd) / (x * x + y * y)
-
-    @cached_property
+    @kept
     def body_poses(self) -> Floats:
         """Frame of each body: in the plane (bodies, 3) x, y (m), angle of the x axis (rad, turns
         counted); in space (bodies, 7) x, y, z (m), quaternion x, y, z, w.
@@ -116,34 +105,32 @@ class Kinematics:
         turns = [orientation(layout, name, q) for name in self.model.body_names]
         return read_only(np.column_stack([origins, np.array(turns).reshape(-1, 4)]))
 
-    @cached_property
-    def _lengths(self) -> tuple[Floats, Floats]:
-        return self._values(self.model.lengths)
+    @kept
+    def _joint_coordinates(self) -> tuple[Floats, Floats]:
+        joints, state = self._instruments.coordinates, self._state
+        values, rates = np.empty((2, joints.place.size))
+        angles, spins, _ = self._counted
+        kernel.joint_coordinates(
+            self.model.unit, joints, state.q, state.qd, angles, spins, values, rates
+        )
+        return read_only(values), read_only(rates)
 
-    @cached_property
+    @property
     def joint_positions(self) -> Floats:
         """(joint coordinates,) rad: child from parent, turns counted; or m along the axis."""
-        return self._joint_values(self._angles, self._lengths[0])
+        return self._joint_coordinates[0]
 
-    @cached_property
+    @property
     def joint_velocities(self) -> Floats:
         """(joint coordinates,) rad/s or m/s."""
-        return self._joint_values(self._spins, self._lengths[1])
-
-    def _joint_values(self, angles: Floats, lengths: Floats) -> Floats:
-        values = np.zeros(len(self.model.coordinates))
-        for n, coordinate in enumerate(self.model.coordinates):
-            values[n] = (angles if coordinate.is_angle else lengths)[coordinate.place]
-            if coordinate.less >= 0:
-                values[n] -= angles[coordinate.less]
-        return read_only(values)
+        return self._joint_coordinates[1]
 
     @property
     def _scale(self) -> Floats:
         """(rows,) what turns Φ into metres."""
         return self.model.system.rows.scale[self.model.row]
 
-    @cached_property
+    @kept
     def phi(self) -> Floats:
         """(rows,) Φ."""
         model, phi = self.model, np.zeros(len(self.model.row_names))

@@ -8,7 +8,7 @@ side, and the joint carries the sum of what that side needs.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Any
 
@@ -18,11 +18,10 @@ from numpy.typing import NDArray
 
 from alf_ros import kernel
 from alf_ros.arrays import Floats, Integers
-from alf_ros.kernel import Work
+from alf_ros.kernel import BlockSums, Cut, CutWork, Work
 from alf_ros.mechanism import GROUND, Joint, natural_coordinates
 from alf_ros.model.compile import Model, constraints
-from alf_ros.model.constraints.packing import rows_of
-from alf_ros.model.constraints.row import Row
+from alf_ros.model.constraints.packing import forms_of, indices, rows_of
 from alf_ros.model.constraints.rows import joint_rows
 from alf_ros.model.mass import mass_of
 
@@ -44,7 +43,23 @@ class Reactions:
         self.source = _sources(model, self.cut)
         self._shared_points = self._sums(mechanism.joints, 'point')
         self._shared_vectors = self._sums(mechanism.joints, 'vector')
-        self._entries = [_Entries(self.cut, joint, place) for joint in mechanism.joints]
+        form = {rows[n].name: k - self.rows.i.size for k, n in enumerate(order)}
+        entry, row, block, self._first = [], [], [], [0]
+        for joint in mechanism.joints:
+            for each in joint_rows(joint, self.cut):
+                for n, at in enumerate(each.blocks):
+                    if at in self.cut.of_body[joint.child]:
+                        entry.append(int(self.rows.first[form[each.name]]) + n)
+                        row.append(place[each.name])
+                        block.append(at)
+            self._first.append(len(entry))
+        is_point = np.zeros(self.cut.blocks)
+        for name, own in self.cut.of_body.items():
+            is_point[list(own[: len(self.cut.body[name].points)])] = 1.0
+        self._entry: Integers = np.array(entry, dtype=np.int64)
+        self._row: Integers = np.array(row, dtype=np.int64)
+        self._block: Integers = np.array(block, dtype=np.int64)
+        self._is_point = is_point[self._block]
 
     def _sums(self, joints: Sequence[Joint], kind: str) -> Any:
         """(joints, cut blocks): which blocks to sum for the force of parent on child."""
@@ -75,17 +90,10 @@ class Reactions:
     def own_entries(self, joint: Joint) -> list[tuple[int, int]]:
         """Entries of the cut rows whose gradients times -λ are forces of the joint on the child,
         each with the row of the model that it belongs to."""
-        own = self._entries[self.model.mechanism.joints.index(joint)]
-        of_model = self.source_row.tolist()
-        found = []
-        held = self.rows.i.size
-        for row, block, is_point in zip(own.rows, own.blocks, own.is_point, strict=True):
-            if is_point:
-                n = of_model.index(row) - held
-                entries = range(self.rows.first[n], self.rows.first[n + 1])
-                here = next(e for e in entries if self.rows.block[e] == block)
-                found.append((here, int(row)))
-        return found
+        n = self.model.mechanism.joints.index(joint)
+        own = slice(self._first[n], self._first[n + 1])
+        each = zip(self._entry[own], self._row[own], self._is_point[own], strict=True)
+        return [(int(entry), int(row)) for entry, row, is_point in each if is_point]
 
     # ------------------------------------------------------------------------------ of an instant
 
@@ -93,25 +101,35 @@ class Reactions:
         """(blocks D,) of the model -> (cut blocks D,)."""
         return blocks.reshape(-1, self.cut.dimension)[self.source].ravel()
 
-    def of(self, q: Floats, qdd: Floats, lam: Floats, Q: Floats) -> tuple[Floats, Floats]:
-        """(joints, D) forces, N, and (joints, 1 or 3) torques, N m, about the joint, on the child.
+    @cached_property
+    def arrays(self) -> Cut:
+        """What the kernel sums wrenches with."""
+        joints, D = self.model.mechanism.joints, self.cut.dimension
+        places = [self.cut.place(joint.child, joint.frames[1].origin) for joint in joints]
+        return Cut(
+            mass=self.mass,
+            rows=self.rows,
+            source=indices(self.source),
+            source_row=indices(self.source_row),
+            points=_block_sums(self._shared_points),
+            vectors=_block_sums(self._shared_vectors),
+            first=indices(self._first),
+            entry=indices(self._entry),
+            row=indices(self._row),
+            block=indices(self._block),
+            is_point=self._is_point,
+            origins=forms_of(places, D),
+        )
 
-        q, q̈ and Q (cut blocks D,); λ (rows,) in the kernel's order.
-        """
-        unit, D = self.model.unit, self.cut.dimension
-        needed = -Q
-        g, g2 = self._jacobian(q)
-        kernel.add_mass_times(unit, self.mass, 1.0, qdd, needed)
-        kernel.add_transposed(unit, self.rows, g, g2, lam[self.source_row], needed)
-        f, places = needed.reshape(-1, D), q.reshape(-1, D)
-        force = self._shared_points @ f
-        torque = self._shared_vectors @ _moment(places, f)
-        for n, entries in enumerate(self._entries):
-            if entries.rows.size:
-                h = -lam[entries.rows][:, None] * entries.gradients(places)
-                force[n] += h[entries.is_point].sum(axis=0)
-                torque[n] += _moment(entries.arms(places), h).sum(axis=0)
-        return force, torque
+    def workspace(self) -> CutWork:
+        """Memory for it."""
+        whole, D = self.cut.blocks * self.cut.dimension, self.cut.dimension
+        return CutWork(
+            **{name: np.zeros(whole) for name in ('q', 'qd', 'qdd', 'Q', 'needed')},
+            y=np.zeros(self.rows.alpha.size),
+            g=np.zeros(self.rows.i.size * D),
+            g2=np.zeros(self.rows.b.size),
+        )
 
     def _jacobian(self, q: Floats) -> tuple[Floats, Floats]:
         g, g2 = np.zeros(self.rows.i.size * self.cut.dimension), np.zeros(self.rows.b.size)
@@ -126,19 +144,23 @@ class Reactions:
         """
         D, places = self.cut.dimension, q.reshape(-1, self.cut.dimension)
         unit, (g, g2) = self.model.unit, self._jacobian(q)
-        flags = np.zeros(len(self._entries), dtype=bool)
+        joints = self.model.mechanism.joints
+        flags = np.zeros(len(joints), dtype=bool)
         w_cut = np.zeros(self.source_row.size)
-        for n, entries in enumerate(self._entries):
+        for n, joint in enumerate(joints):
+            own = slice(self._first[n], self._first[n + 1])
             points = self._shared_points[[n]].toarray()[0]
             vectors = self._shared_vectors[[n]].toarray()[0]
-            gradients, arms = entries.gradients(places), entries.arms(places)
+            gradients, is_point = g2.reshape(-1, D)[self._entry[own]], self._is_point[own, None]
+            origin = self.cut.place(joint.child, joint.frames[1].origin).value(places)
+            arms = places[self._block[own]] - is_point * origin
             for move, turn in _rigid(D):
                 v = np.outer(points, move) + vectors[:, None] * _turned(turn, places)
                 kernel.times_jacobian(unit, self.rows, g, g2, v.ravel(), w_cut)
                 w = np.zeros(work.y.size)
                 w[self.source_row] = w_cut
-                each = entries.is_point[:, None] * move + _turned(turn, arms)
-                np.subtract.at(w, entries.rows, (gradients * each).sum(axis=1))
+                each = is_point * move + _turned(turn, arms)
+                np.subtract.at(w, self._row[own], (gradients * each).sum(axis=1))
                 flags[n] |= self._lost(w, work) > _LOST
         return flags
 
@@ -171,38 +193,6 @@ class ReactionsOf:
 
     def __reduce__(self) -> tuple[Any, ...]:
         return ReactionsOf, (self._model,)
-
-
-class _Entries:
-    """The entries of a joint's own rows at the blocks of the child."""
-
-    def __init__(
-        self, cut: natural_coordinates.Layout, joint: Joint, place: Mapping[str, int]
-    ) -> None:
-        own = cut.of_body[joint.child]
-        points = own[: len(cut.body[joint.child].points)]
-        rows = [(row, block) for row in joint_rows(joint, cut) for block in row.b if block in own]
-        self.rows: Integers = np.array([place[row.name] for row, _ in rows], dtype=np.int64)
-        self.blocks: Integers = np.array([block for _, block in rows], dtype=np.int64)
-        self.is_point = np.array([block in points for _, block in rows], dtype=bool)
-        self._parts: list[tuple[Row, int]] = rows
-        self._origin = cut.place(joint.child, joint.frames[1].origin)
-
-    def gradients(self, places: Floats) -> Floats:
-        """(entries, D) ∂Φ/∂q at the blocks."""
-        total = np.zeros((len(self._parts), places.shape[1]))
-        for n, (row, block) in enumerate(self._parts):
-            total[n] = row.b[block]
-            for other, T in row.terms.get(block, {}).items():
-                total[n] += T @ places[other]
-        return total
-
-    def arms(self, places: Floats) -> Floats:
-        """(entries, D) from the joint to the blocks that are points; the vectors themselves."""
-        origin = self._origin.constant + sum(
-            C @ places[block] for block, C in self._origin.parts.items()
-        )
-        return places[self.blocks] - self.is_point[:, None] * origin
 
 
 def _child_side(joint: Joint, there: Sequence[Joint]) -> tuple[set[str], float]:
@@ -240,11 +230,9 @@ def _sources(model: Model, cut: natural_coordinates.Layout) -> Integers:
     return source
 
 
-def _moment(arms: Floats, forces: Floats) -> Floats:
-    """(n, 1 or 3) moments of (n, D) forces at (n, D) arms."""
-    if arms.shape[1] == 3:
-        return np.asarray(np.cross(arms, forces), dtype=float)
-    return (arms[:, 0] * forces[:, 1] - arms[:, 1] * forces[:, 0])[:, None]
+def _block_sums(sums: Any) -> BlockSums:
+    """Of a sparse matrix (joints, cut blocks)."""
+    return BlockSums(indices(sums.indptr), indices(sums.indices), sums.data.astype(float))
 
 
 def _rigid(D: int) -> list[tuple[Floats, Floats]]:

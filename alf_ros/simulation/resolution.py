@@ -82,12 +82,14 @@ class Resolution:
         )
 
 
-def resolution(step: float, judged: Floats) -> Resolution:
-    """What `judged`, as `kernel.step_error` writes it, says of steps of `step` (s)."""
+def measured(step: float, judged: Floats) -> tuple[float, float, float, float, bool]:
+    """The first five fields of `Resolution` for steps of `step` (s), from `judged` as
+    `kernel.step_error` writes it."""
     numbers = judged.tolist()
     steps = max(1.0, numbers[WORST_STEPS])
     error, unresolved = numbers[WORST_ERROR], numbers[WORST_UNRESOLVED] / steps
-    return Resolution(step, error, unresolved, steps, numbers[WORST] > 1.0)
+    too_long = numbers[WORST] > 1.0
+    return step, error, unresolved, steps, too_long
 
 
 def nice(step: float) -> float:

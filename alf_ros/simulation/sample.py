@@ -5,9 +5,8 @@ Kinematics and dynamics of the instant, and on top of them energy, efforts and r
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -22,13 +21,17 @@ from alf_ros.model.constraints.drives import effort
 from alf_ros.scene.scene import Solver
 from alf_ros.simulation.applied import Applied, Inputs
 from alf_ros.simulation.dynamics import Dynamics
-from alf_ros.simulation.joint_efforts import unit_motion
+from alf_ros.simulation.instruments import Instruments
+from alf_ros.simulation.kept import kept
 from alf_ros.simulation.named_values import NamedValues, read_only
-from alf_ros.simulation.reactions import Reactions
+from alf_ros.simulation.reactions import ReactionsOf
 from alf_ros.simulation.resolution import Resolution
 from alf_ros.simulation.sample_diagnostics import Diagnostics
 from alf_ros.simulation.sample_limits import Place
 from alf_ros.simulation.state import State
+
+_SPINS = {2: 1, 3: 3}  # numbers of a torque
+_NONE = read_only(np.zeros(0))
 
 
 @dataclass(frozen=True)
@@ -66,7 +69,7 @@ class Sample(Dynamics):
         t: float,
         state: State,
         dependent_rows: int,
-        reactions: Callable[[], Reactions],
+        instruments: Instruments,
         iterations: int,
         step_cost: float,
         beside: bool | None,
@@ -74,16 +77,24 @@ class Sample(Dynamics):
     ) -> None:
         """`beside`: whether the step that ended here was interpolated beside a singular position;
         None if no step did."""
-        super().__init__(model, applied, solver, t, state, dependent_rows, beside)
-        self._reactions = reactions
-        self.diagnostics = Diagnostics(self, iterations, step_cost, resolution)
+        super().__init__(model, applied, solver, t, state, dependent_rows, beside, instruments)
+        self._told = iterations, step_cost, resolution
+
+    @property
+    def diagnostics(self) -> Diagnostics:
+        """Its health."""
+        return Diagnostics(self, *self._told)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """What it is computed from: what it has computed is computed again when asked for."""
-        told = self.diagnostics
+        iterations, step_cost, resolution = self._told
         parts = self.model, self._applied, self._solver, self.t, self._state, self._dependent_rows
-        health = told.iterations, told.step_cost, self._beside, told.resolution
-        return Sample, (*parts, self._reactions, *health)
+        health = iterations, step_cost, self._beside, resolution
+        return Sample, (*parts, self._instruments, *health)
+
+    @property
+    def _reactions(self) -> ReactionsOf:
+        return self._instruments.reactions
 
     # -------------------------------------------------------------------------------------- energy
 
@@ -92,14 +103,14 @@ class Sample(Dynamics):
         """The wrenches and efforts held."""
         return self._applied.inputs
 
-    @cached_property
+    @kept
     def energy(self) -> float:
         """Total mechanical energy, J: kinetic, and the potential of the effects that have one."""
         effects = self._applied.assembled.effects
         stored = kernel.potential_energy(effects, self.t, self._state.q, self._near)
         return self.kinetic_energy + stored
 
-    @cached_property
+    @kept
     def stored(self) -> Mapping[str, float]:
         """Potential energy of each effect of the scene, J; 0 for what stores none."""
         return {
@@ -121,7 +132,7 @@ class Sample(Dynamics):
             )
         return self._state.works
 
-    @cached_property
+    @kept
     def powers(self) -> Mapping[str, float]:
         """What each effect of the scene gives to the motion now, W; less than zero: it takes.
 
@@ -136,31 +147,34 @@ class Sample(Dynamics):
 
     # -------------------------------------------------------------------------------------- joints
 
-    @cached_property
+    @kept
     def joint_efforts(self) -> Floats:
         """(joint coordinates,) what acts on the free axis, N m or N: inputs held, motors, springs,
         stops, friction, drives; not the reaction."""
-        inputs = self._applied.inputs.efforts
-        held = (inputs.get(name, 0.0) for name in self.model.coordinate_names)
-        efforts = np.array([e.at(self.t)[0] if isinstance(e, Curve) else e for e in held])
-        if any(effect.coordinates for effect in self._applied.effects):
-            reactions, state = self._reactions(), self._state
-            q, qd = reactions.on_cut_blocks(state.q), reactions.on_cut_blocks(state.qd)
-            Q, on_joints = np.zeros(q.size), self._applied.on_joints(reactions.cut)
-            for n, coordinate in enumerate(self.model.coordinates):
-                if coordinate.name in on_joints:
-                    self._act(on_joints[coordinate.name], q, qd, Q)
-                    efforts[n] += Q @ unit_motion(coordinate, reactions.cut, q)
+        model, place = self.model, self.model.coordinate_names.index
+        efforts = np.zeros(len(model.coordinates))
+        for name, held in self._applied.inputs.efforts.items():
+            efforts[place(name)] = held.at(self.t)[0] if isinstance(held, Curve) else held
+        if self._applied.acts_on_axes:
+            unit, state, cut = model.unit, self._state, self._reactions()
+            (axes, part), lent = self._applied.on_axes(cut.cut), self._instruments.lend_cut()
+            there = lent.workspace
+            loads = self._loads[part.loads] if part.loads else np.zeros(0)
+            kernel.place_on_cut(unit, cut.arrays, there, state.q, state.qd)
+            effects, near = part.effects, self._near
+            kernel.add_joint_efforts(unit, axes, effects, there, self.t, near, loads, efforts)
         for drive in self.model.mechanism.drives:
             if drive.kind in ('angle', 'length'):
                 n = self.model.coordinate_names.index(drive.of[0])
                 efforts[n] += self.drive_efforts[drive.name][0]
         return read_only(efforts)
 
-    @cached_property
+    @kept
     def drive_efforts(self) -> Mapping[str, Floats]:
         """What each drive exerts: (1,) N m or N along its coordinate, (D,) N on its point."""
         model, drives = self.model, self.model.mechanism.drives
+        if not drives:
+            return {}
         layout, of = model.layout, model.layout.of_prescribed
 
         def read(place: Place) -> Floats:
@@ -174,20 +188,18 @@ class Sample(Dynamics):
         sizes: list[int] = []
         values = self._read(read)
         ends = np.cumsum(sizes)[:-1]
-        return (
-            {
-                drive.name: read_only(value)
-                for drive, value in zip(drives, np.split(values, ends), strict=True)
-            }
-            if drives
-            else {}
-        )
+        return {
+            drive.name: read_only(value)
+            for drive, value in zip(drives, np.split(values, ends), strict=True)
+        }
 
-    @cached_property
+    @kept
     def drives(self) -> tuple[Floats, Floats, Floats]:
         """(motions,) position (rad or m), velocity and effort (N m or N) of each function of time
         that a drive prescribes, in the order of `driving.motion_names`."""
         layout, state = self.model.layout, self._state
+        if not self.model.mechanism.drives:
+            return _NONE, _NONE, _NONE
         rows: list[tuple[float, float, float]] = []
         for drive in self.model.mechanism.drives:
             efforts = self.drive_efforts[drive.name]
@@ -217,25 +229,29 @@ class Sample(Dynamics):
 
     # ----------------------------------------------------------------------------------- reactions
 
-    @cached_property
+    @kept
     def _wrenches(self) -> tuple[Floats, Floats]:
-        cut, state = self._reactions(), self._state
-        applied = np.zeros(cut.source.size * self.model.layout.dimension)
+        cut, lent, state = self._reactions(), self._instruments.lend_cut(), self._state
+        unit, joints, D = self.model.unit, len(self.model.joint_names), self.model.layout.dimension
         effects, t, near = self._applied.on(cut.cut), self.t, self._near
-        q, qd = cut.on_cut_blocks(state.q), cut.on_cut_blocks(state.qd)
-        kernel.applied_forces(effects, t, q, qd, near, applied)
+        there = lent.workspace
+        applied = np.zeros(there.Q.size)
+        kernel.place_on_cut(unit, cut.arrays, there, state.q, state.qd)
+        kernel.applied_forces(effects, t, there.q, there.qd, near, applied)
 
         def read(place: Place) -> Floats:
-            work, Q = place.work, applied.copy()
-            q, qd = cut.on_cut_blocks(work.q), cut.on_cut_blocks(work.qd)
+            work = place.work
+            there.Q[:] = applied
             if place.loads.size:
-                kernel.add_friction(effects, t, q, qd, near, place.loads, Q)
-            forces, torques = cut.of(q, cut.on_cut_blocks(work.qdd), work.y, Q)
-            return np.column_stack([forces, torques])
+                kernel.place_on_cut(unit, cut.arrays, there, work.q, work.qd)
+                kernel.add_friction(effects, t, there.q, there.qd, near, place.loads, there.Q)
+            wrenches = np.empty(joints * (D + _SPINS[D]))
+            force, torque = wrenches[: joints * D], wrenches[joints * D :]
+            kernel.joint_wrenches(unit, cut.arrays, there, work, force, torque)
+            return wrenches
 
-        wrenches = self._read(read)
-        D = self.model.layout.dimension
-        return wrenches[:, :D].copy(), wrenches[:, D:].copy()
+        both = self._read(read)
+        return both[: joints * D].reshape(-1, D), both[joints * D :].reshape(-1, _SPINS[D])
 
     @property
     def reaction_forces(self) -> Floats:
@@ -260,7 +276,7 @@ class Sample(Dynamics):
             ),
         )
 
-    @cached_property
+    @kept
     def _indeterminate(self) -> NDArray[np.bool_]:
         """(joints,) whether the reaction is one of many that balance."""
         cut, work = self._reactions(), self._linearised

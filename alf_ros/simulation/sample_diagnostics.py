@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import math
-from functools import cached_property
 
 import numpy as np
 
-from alf_ros.model.softest_modes import found
 from alf_ros.simulation.dynamics import Dynamics
 from alf_ros.simulation.resolution import Resolution
 
@@ -15,7 +13,7 @@ _FEW = 300  # coordinates, up to which eigenvalues are cheap
 
 
 class Diagnostics:
-    """The health of a sample: violations, iterations, rank, cost."""
+    """The health of a sample: violations, iterations, rank, cost. It keeps nothing itself."""
 
     def __init__(
         self, sample: Dynamics, iterations: int, step_cost: float, resolution: Resolution
@@ -25,7 +23,7 @@ class Diagnostics:
         self.step_cost = step_cost  # s of wall time per step of the last call
         self.resolution = resolution  # of the motion by the steps so far
 
-    @cached_property
+    @property
     def adequate_step(self) -> float:
         """A step (s) that would do: that of the run if it does, NaN where nothing is measured.
 
@@ -46,17 +44,17 @@ class Diagnostics:
         """That the steps are too long, and which would do; empty if they are not."""
         return self.resolution.trouble(self.adequate_step)
 
-    @cached_property
+    @property
     def position_violation(self) -> float:
         """Largest distance by which a constraint is open, m."""
         return float(np.max(np.abs(self._sample.phi) * self._sample._scale, initial=0.0))
 
-    @cached_property
+    @property
     def velocity_violation(self) -> float:
         """Largest speed at which a constraint opens, m/s."""
         return float(np.max(np.abs(self._sample.phi_dot) * self._sample._scale, initial=0.0))
 
-    @cached_property
+    @property
     def rank(self) -> int:
         """Rank of Φ_q, from the factor of A."""
         return round(self._sample._effective_rank)
@@ -70,18 +68,12 @@ class Diagnostics:
     def distance(self) -> float:
         """Distance to a singular position: the least singular value σ of the scaled Φ_q among rows
         that are independent at ordinary positions nearby; 1 without any."""
-        return self._softest[0]
+        return self._sample._softest[0]
 
     @property
     def distance_error(self) -> float:
         """By how much it may be off, by rounding and by what is left of the iteration for it."""
-        return self._softest[1]
-
-    @cached_property
-    def _softest(self) -> tuple[float, float]:
-        sample = self._sample
-        modes = found(sample.model, sample._linearised, sample._dependent_rows)
-        return (float(modes.sigma[0]), float(modes.error[0])) if modes else (1.0, 0.0)
+        return self._sample._softest[1]
 
     @property
     def distance_if_known(self) -> float:
@@ -89,7 +81,7 @@ class Diagnostics:
         more than a small mechanism's step."""
         return self.distance if '_linearised' in vars(self._sample) else math.inf
 
-    @cached_property
+    @property
     def singular(self) -> bool:
         """Whether the rank is lower here than at ordinary positions."""
         return self._sample._singular

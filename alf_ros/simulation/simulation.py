@@ -516,7 +516,7 @@ class Simulation:
             t,
             state,
             self._start.dependent_rows,
-            self._stepper.reactions,
+            self._stepper.instruments,
             self._stepper.iterations,
             self._step_cost,
             False if self._stepper.formulation else beside,

@@ -37,13 +37,16 @@ def names(model: Model, state: State) -> tuple[str, ...]:
 
 def values(model: Model, state: State) -> tuple[Floats, Floats]:
     """Numbers and rates, each as long as `names`."""
-    D = model.layout.dimension
-    q, qd = (x.reshape(-1, D)[model.coordinate_block].ravel() for x in (state.q, state.qd))
+    D, n = model.layout.dimension, model.n
     works = list(state.works.values())
-    rest = (state.turns, [state.pace], state.carried, works, state.loads, [state.step])
-    numbers = np.concatenate([q, *(np.asarray(part, dtype=float) for part in rest)])
-    rates = np.zeros_like(numbers)
-    rates[: qd.size] = qd
+    rest = state.turns, [state.pace], state.carried, works, state.loads, [state.step]
+    parts = [np.asarray(part, dtype=float) for part in rest]
+    numbers, rates = np.zeros((2, n + sum(part.size for part in parts)))
+    for blocks, to in ((state.q, numbers), (state.qd, rates)):
+        np.take(blocks.reshape(-1, D), model.coordinate_block, axis=0, out=to[:n].reshape(-1, D))
+    for part in parts:
+        numbers[n : n + part.size] = part
+        n += part.size
     return numbers, rates
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -25,10 +26,11 @@ from alf_ros.scene.scene import Solver
 from alf_ros.simulation.applied import NO_INPUTS, Applied
 from alf_ros.simulation.drive_failures import beyond_reach
 from alf_ros.simulation.formulations import Formulation
+from alf_ros.simulation.instruments import Instruments
 from alf_ros.simulation.listening import Listener
 from alf_ros.simulation.present import Present
 from alf_ros.simulation.reactions import ReactionsOf
-from alf_ros.simulation.resolution import LENGTHS, MOTION, Resolution, resolution
+from alf_ros.simulation.resolution import LENGTHS, MOTION, Resolution, measured
 from alf_ros.simulation.start import Start
 from alf_ros.simulation.state import State
 
@@ -57,13 +59,13 @@ class Stepper:
         self.iterations = 0  # most in one solve of the last call
         self._start, self._model = start, start.model
         tableau = TABLEAUX[solver.integrator]
-        self.reactions = ReactionsOf(self._model)
+        self.instruments = Instruments(self._model, ReactionsOf(self._model))
         # with nothing held
         self.applied = Applied(
             self._model,
             effects,
             NO_INPUTS,
-            self.reactions,
+            self.instruments.reactions,
             method.b if ledger else None,
             tangents=tableau.implicit,
         )
@@ -255,14 +257,9 @@ class Stepper:
         """How well the steps resolve the motion, where that is measured."""
         if self.formulation is not None:
             return Resolution(self.h)
-        measured = self.method.estimate.size > 0
-        found = resolution(self.h, self.work.judged) if measured else Resolution(self.h)
-        return replace(
-            found,
-            crossing=self._crossing,
-            missed_by=self._missed_by,
-            unexamined=self._start.unexamined,
-        )
+        nothing = self.h, math.nan, math.nan, math.nan, False
+        judged = measured(self.h, self.work.judged) if self.method.estimate.size else nothing
+        return Resolution(*judged, self._crossing, self._missed_by, self._start.unexamined)
 
     def beside(self, present: Present) -> bool | None:
         """Whether the last step of the run ended beside a singular position, interpolated; None if

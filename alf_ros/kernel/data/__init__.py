@@ -7,7 +7,7 @@ distance rows with a fixed end, quadratic rows.
 
 `system`: the mechanism. `forces`: what acts on it. `motion`: state, method and singular modes.
 `work`: the workspace. `problem`: these bundled, and numbers that functions of the kernel pass on
-together.
+together. `readings`: what samples are read from.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import numpy as np
 from alf_ros.kernel.data.forces import Bearings, Effects, Forces, Ledger
 from alf_ros.kernel.data.motion import Method, Modes, Phase, Watch
 from alf_ros.kernel.data.problem import EVERY_MODE, ModeLimits, Problem, Scales, Until
+from alf_ros.kernel.data.readings import Axes, BlockSums, Cut, CutWork, Forms, JointCoordinates
 from alf_ros.kernel.data.system import (
     FREE,
     ORIGIN,
@@ -42,10 +43,16 @@ __all__ = [
     'ORIGIN',
     'SOLVED',
     'Arms',
+    'Axes',
     'Bearings',
+    'BlockSums',
     'Chart',
+    'Cut',
+    'CutWork',
     'Effects',
     'Forces',
+    'Forms',
+    'JointCoordinates',
     'Ledger',
     'Mass',
     'Method',

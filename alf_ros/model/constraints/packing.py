@@ -1,4 +1,7 @@
-"""Rows as the kernel wants them: distances between blocks that move, others, forms, velocities."""
+"""Rows as the kernel wants them: distances between blocks that move, others, forms, velocities.
+
+And affine functions of the blocks.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from alf_ros.arrays import Indices, Integers
-from alf_ros.kernel import Rows
+from alf_ros.kernel import Forms, Rows
+from alf_ros.mechanism.affine import Form
 from alf_ros.mechanism.natural_coordinates import Layout, Shape
 from alf_ros.model.constraints.row import Constraint, Distance, Row
 
@@ -55,6 +59,17 @@ def rows_of(rows: Sequence[Constraint], layout: Layout) -> tuple[Rows, list[int]
         scale=np.zeros(len(order)),
     )
     return arrays, order
+
+
+def forms_of(forms: Sequence[Form], D: int) -> Forms:
+    """Affine functions as the kernel wants them."""
+    parts = [part for form in forms for part in form.parts.items()]
+    return Forms(
+        first=_starts(np.array([len(form.parts) for form in forms], dtype=np.int64)),
+        block=indices(block for block, _ in parts),
+        C=np.array([C for _, C in parts], dtype=float).reshape(-1, D * D).ravel(),
+        c=np.array([form.constant for form in forms], dtype=float).ravel(),
+    )
 
 
 def of_shapes(layout: Layout, made: Callable[[Shape], Sequence[Row]]) -> Rows:

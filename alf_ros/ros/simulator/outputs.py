@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
+from functools import partial
 from typing import TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -61,10 +62,6 @@ class Output:
         """Whether a message now would go anywhere."""
         return self.recorder is not None or self.published
 
-    def wanted_at(self, ns: int) -> bool:
-        """Whether a message of this stamp would go anywhere: a log may want only some."""
-        return self.published or (self.recorder is not None and self._due(ns))
-
     def record(self, recorder: Recorder | None) -> None:
         """From now on log to `recorder`."""
         self.recorder, self._recorded = recorder, -1
@@ -78,11 +75,20 @@ class Output:
 
     def send(self, data: bytes, ns: int, record: bool = True) -> None:
         """The same bytes go to the subscribers and, at stamp `ns`, to the log."""
-        if self.published:
+        self.send_if_wanted(lambda: data, ns, record)
+
+    def send_if_wanted(self, make: Callable[[], bytes], ns: int, record: bool = True) -> None:
+        """`send` what is made if it goes anywhere: a log may want only some."""
+        published, recorder = self.published, self.recorder
+        due = record and recorder is not None and self._due(ns)
+        if not published and not due:
+            return
+        data = make()
+        if published:
             self._publisher.publish(data)
-        if record and self.recorder is not None and self._due(ns):
+        if due and recorder is not None:
             self._recorded = self._period(ns)
-            self.recorder.write(self.topic, self.type, self.qos, ns, data, self.essential)
+            recorder.write(self.topic, self.type, self.qos, ns, data, self.essential)
 
 
 class Outputs:
@@ -176,5 +182,5 @@ class Outputs:
         shown = whole or self._ticks % self.shown_every == 0
         for name, write in self._write.items():
             output = self.samples[name]
-            if (shown or name not in self._shown) and output.wanted_at(ns):
-                output.send(write(sample, ns), ns, record)
+            if shown or name not in self._shown:
+                output.send_if_wanted(partial(write, sample, ns), ns, record)

@@ -1,0 +1,94 @@
+"""What readings of a sample are made from: joint coordinates, free axes, the cut mechanism."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from alf_ros.arrays import Floats, Indices, Integers
+from alf_ros.kernel.data.system import Mass, Rows
+from alf_ros.kernel.numba_ext.structs import Struct
+
+
+@dataclass(frozen=True, eq=False)
+class Forms(Struct):
+    """Affine functions of the blocks, Σ C_b q_b + c: places on bodies, directions in them."""
+
+    constant = True
+
+    first: Indices  # (forms + 1,) parts of a form: first[n] .. first[n + 1]
+    block: Indices  # (parts,)
+    C: Floats  # (parts D D,)
+    c: Floats  # (forms D,)
+
+
+@dataclass(frozen=True, eq=False)
+class JointCoordinates(Struct):
+    """Joint coordinates: an angle that is counted, less another one or none, or a length."""
+
+    constant = True
+
+    place: Indices  # (coordinates,) among the angles, and behind them among the lengths
+    less: Integers  # (coordinates,) the angle that is taken from it, or -1
+    lengths: Rows
+
+
+@dataclass(frozen=True, eq=False)
+class BlockSums(Struct):
+    """Signed sums of blocks, one for each joint."""
+
+    constant = True
+
+    first: Indices  # (joints + 1,) blocks of a sum: first[n] .. first[n + 1]
+    block: Indices  # (…,)
+    sign: Floats  # (…,)
+
+
+@dataclass(frozen=True, eq=False)
+class Cut(Struct):
+    """The cut mechanism, where each body has blocks of its own, and what sums to the wrenches of
+    the joints there: needs of shared blocks, and entries of the joints' own rows."""
+
+    constant = True
+
+    mass: Mass  # cut
+    rows: Rows  # cut
+    source: Indices  # (cut blocks,) the block that each is a copy of
+    source_row: Indices  # (cut rows,) the row that each is a copy of
+    points: BlockSums  # shared points whose needs sum to a force
+    vectors: BlockSums  # shared vectors, whose moments sum to a torque
+    first: Indices  # (joints + 1,) own entries at the child's blocks: first[n] .. first[n + 1]
+    entry: Indices  # (…,) of the cut rows
+    row: Indices  # (…,) row of each, in the assembled mechanism
+    block: Indices  # (…,) cut block of each
+    is_point: Floats  # (…,) 1, or 0 where the block is a vector
+    origins: Forms  # (joints,) place of the joint on its child
+
+
+@dataclass(frozen=True, eq=False)
+class CutWork(Struct):
+    """Workspace on the cut mechanism."""
+
+    q: Floats  # (cut blocks D,)
+    qd: Floats  # (cut blocks D,)
+    qdd: Floats  # (cut blocks D,)
+    Q: Floats  # (cut blocks D,) what acts there
+    needed: Floats  # (cut blocks D,) force that joints must exert on each block, N
+    y: Floats  # (cut rows,) λ
+    g: Floats  # (cut distance rows D,)
+    g2: Floats  # (cut entries D,)
+
+
+@dataclass(frozen=True, eq=False)
+class Axes(Struct):
+    """Free axes of joints on which effects act, and how the child alone moves along each."""
+
+    constant = True
+
+    coordinate: Indices  # (axes,) joint coordinate
+    is_angle: Indices  # (axes,) 1, or 0 of a length
+    first_effect: Indices  # (axes + 1,) effects of an axis, which are in the order of the axes
+    first: Indices  # (axes + 1,) blocks of the child: first[n] .. first[n + 1]
+    block: Indices  # (…,) cut block
+    is_point: Floats  # (…,) 1, or 0 where the block is a vector
+    directions: Forms  # (axes,) of length 1; of an angle in the plane nothing
+    origins: Forms  # (axes,) place of the joint on its child

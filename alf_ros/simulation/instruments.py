@@ -1,0 +1,119 @@
+"""What the samples of a simulation are read with: analyses of the model, and memory to compute in.
+
+An analysis is made when it is first asked for. Memory is lent to a sample for as long as there is
+one, and lent again to the next: which sample had it before changes no number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import fields, replace
+from functools import cached_property
+from typing import Any, Generic, TypeVar
+
+import numpy as np
+
+from alf_ros.kernel import CutWork, Forces, JointCoordinates, Modes, Problem
+from alf_ros.model.compile import Model, allocate
+from alf_ros.model.constraints.packing import indices
+from alf_ros.model.softest_modes import begun
+from alf_ros.scene.scene import Solver
+from alf_ros.simulation.reactions import ReactionsOf
+
+_KEPT = 4  # workspaces that wait, at most
+
+
+class Workspace:
+    """Memory that one sample at a time computes in: while it does the simulation may step, and
+    other samples be computed, in other threads."""
+
+    def __init__(self, model: Model) -> None:
+        self.system = model.apart().system
+        self.work = allocate(model, self.system, 0)
+        self._model, self._unit = model, model.unit
+        self._modes: dict[int, Modes | None] = {}
+        self._forces: Forces | None = None
+        self._solver: Solver | None = None
+        self._problem: Problem
+
+    def modes(self, redundant: int) -> Modes | None:
+        """Memory for the softest modes where so many rows depend on others; None without any."""
+        if redundant not in self._modes:
+            self._modes[redundant] = begun(self._model, redundant)
+        return self._modes[redundant]
+
+    def problem(self, forces: Forces, solver: Solver) -> Problem:
+        """All that accelerations follow from; what friction writes is as in `forces`."""
+        if forces is not self._forces or solver is not self._solver:
+            rub = forces.bearings
+            own = forces
+            if _rubs(forces):
+                copies = {name: array.copy() for name, array in _numbers(rub)}
+                own = replace(forces, bearings=replace(rub, **copies))
+            self._problem = Problem(self._unit, self.system, own, solver.method, self.work)
+            self._forces, self._solver = forces, solver
+        elif _rubs(forces):
+            for name, array in _numbers(forces.bearings):
+                getattr(self._problem.forces.bearings, name)[:] = array
+        return self._problem
+
+
+T = TypeVar('T')
+
+
+class Lent(Generic[T]):
+    """A workspace in use; it goes back when nobody has this any more."""
+
+    def __init__(self, workspace: T, back: list[T]) -> None:
+        self.workspace, self._back = workspace, back
+
+    def __del__(self) -> None:
+        if len(self._back) < _KEPT:
+            self._back.append(self.workspace)
+
+
+class Instruments:
+    """Of a model: its cut mechanism, its joint coordinates as the kernel has them, workspaces."""
+
+    def __init__(self, model: Model, reactions: ReactionsOf) -> None:
+        self.reactions = reactions
+        self._model = model
+        self._idle: list[Workspace] = []
+        self._idle_cut: list[CutWork] = []
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Instruments, (self._model, self.reactions)
+
+    def lend(self) -> Lent[Workspace]:
+        """A workspace, to be kept as long as its content is needed."""
+        return _lent(self._idle, lambda: Workspace(self._model))
+
+    def lend_cut(self) -> Lent[CutWork]:
+        """One on the cut mechanism."""
+        return _lent(self._idle_cut, lambda: self.reactions().workspace())
+
+    @cached_property
+    def coordinates(self) -> JointCoordinates:
+        """The joint coordinates."""
+        model = self._model
+        angles = model.system.angles.c.size // 2
+        each = [(c.place if c.is_angle else angles + c.place, c.less) for c in model.coordinates]
+        place, less = np.array(each, dtype=np.int64).reshape(-1, 2).T
+        return JointCoordinates(indices(place), less.copy(), model.lengths)
+
+
+def _lent(idle: list[T], make: Callable[[], T]) -> Lent[T]:
+    try:  # another thread may take the last one
+        return Lent(idle.pop(), idle)
+    except IndexError:
+        return Lent(make(), idle)
+
+
+def _rubs(forces: Forces) -> bool:
+    return bool(forces.bearings.settle.size)
+
+
+def _numbers(bearings: Any) -> list[tuple[str, Any]]:
+    """The arrays of a struct that hold no addresses, by name."""
+    each = ((field.name, getattr(bearings, field.name)) for field in fields(bearings))
+    return [(n, x) for n, x in each if isinstance(x, np.ndarray) and n not in bearings.addresses]
