@@ -17,6 +17,12 @@ SAME = {
     'sample_limits': {'kernel/sample_limits.py', 'simulation/sample_limits.py'},
     'softest_modes': {'kernel/softest_modes.py', 'model/softest_modes.py'},
     'work_ledger': {'kernel/work_ledger.py', 'simulation/work_ledger.py'},
+    'joint_efforts': {'kernel/joint_efforts.py', 'simulation/joint_efforts.py'},
+    # the rows of joint coordinates and the pass that reads them
+    'joint_coordinates': {
+        'kernel/joint_coordinates.py',
+        'model/constraints/joint_coordinates.py',
+    },
     # the section of a mechanism file and the constraint rows that it becomes
     'couplings': {'model/constraints/couplings.py', 'scene/mechanism_file/couplings.py'},
     'drives': {'model/constraints/drives.py', 'scene/mechanism_file/drives.py'},

@@ -339,10 +339,32 @@ def test_a_scene_is_loaded_or_refused_in_a_line(source: Any, parameters: Any) ->
             assert '\n' not in str(error)
 
 
+# none that is right and takes hours
+RECORDED = {
+    'simulation': st.one_of(WORDS, THINGS),
+    'duration': st.one_of(WORDS, THINGS, st.sampled_from([NAN, INF, -1.0, True])),
+    'every': JUNK,
+    'period': st.one_of(WORDS, THINGS, st.sampled_from([NAN, INF, -1.0, 0.0, 1e-300, 1.0, True])),
+    'only': JUNK,
+}
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
+@given(st.data())
+def test_a_run_is_recorded_or_refused_in_a_line(data: st.DataObject) -> None:
+    given: dict[str, Any] = {'simulation': Simulation(MADE), 'duration': 0.01}
+    for name in data.draw(st.sets(st.sampled_from(sorted(RECORDED)), max_size=2)):
+        given[name] = data.draw(RECORDED[name])
+    try:
+        alf_ros.record(**given)
+    except AlfError as error:
+        assert '\n' not in str(error)
+
+
 def test_everything_public_is_told_of_here() -> None:
     """What the package exports: whoever adds to it adds a test of what it refuses."""
-    called: list[Callable[..., Any]] = [load_scene, Simulation]
-    made_by_calls = [alf_ros.Sample, alf_ros.Scene, State]
+    called: list[Callable[..., Any]] = [load_scene, Simulation, alf_ros.record]
+    made_by_calls = [alf_ros.Run, alf_ros.Sample, alf_ros.Scene, State]
     for name in alf_ros.__all__:
         each = getattr(alf_ros, name)
         assert each in called or each in made_by_calls or issubclass(each, AlfError), name

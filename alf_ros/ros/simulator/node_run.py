@@ -51,6 +51,7 @@ class NodeRun:
         self._outputs, self._duration = outputs, duration
         self._folder, self._split = log_folder, split
         self._chain = ''  # digest of the journal so far
+        self._cut = False  # in the middle of a tick, by the end of the node
 
     @property
     def simulation(self) -> Simulation:
@@ -117,6 +118,8 @@ class NodeRun:
     def tick(self, whole: bool = False) -> None:
         """Make one tick's steps, fewer at the end of the run, and send what came out; `whole` also
         what is not shown at every tick."""
+        if self._cut:
+            return
         steps = self.setup.steps
         if self._last_step:
             steps = min(steps, self._last_step - self.simulation.step_index)
@@ -125,7 +128,7 @@ class NodeRun:
         except StepError as error:
             self.failure = error
         except StoppedError:
-            return  # the node ends; the log has the last whole tick
+            self._cut = True  # the node ends; the log has the last whole tick
         else:
             self.failure = None
             self.send(whole=whole)
