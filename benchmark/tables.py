@@ -278,13 +278,6 @@ def fuzz() -> str:
     return markdown(about, head, [*body, ['all', *total.values()]])
 
 
-def soak() -> str:
-    """What happened to nodes that ran for hours."""
-    machine, found = rows('soak.csv')
-    body = [[row['quantity'], f'{row["value"]} {row["unit"]}'.strip()] for row in found]
-    return markdown(machine, 'quantity | value', body)
-
-
 def draw(path: Path) -> None:
     """Above the error of every step of the sweep, below what an error costs."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -341,7 +334,6 @@ TABLES = (
     ('peers', peers),
     ('engines', engines),
     ('fuzz', fuzz),
-    ('soak', soak),
 )
 
 
