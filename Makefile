@@ -41,7 +41,7 @@ CHECKED := test/kernel test/mechanism test/scene
 PYTEST := -m pytest --disable-plugin-autoload -p xdist -p hypothesispytest -n 2 --dist loadfile
 COVERAGE := COVERAGE_FILE='$(CURDIR)/.coverage' $(BIN)/coverage
 
-# Every check runs and every failure counts; pytest stays last, so that its summary ends the output.
+# Every check runs and every failure counts; pytest comes last, so that its summary ends the output.
 check test: setup
 	@failed=''; \
 	$(BIN)/ruff check . || failed="$$failed, ruff check"; \
@@ -51,12 +51,13 @@ check test: setup
 	if [ -n "$$failed" ]; then echo "make $@: failed: $${failed#, }" >&2; exit 1; fi
 
 COMMA := ,
+# What fills the cache of machine code comes first, where both workers have enough to do meanwhile.
 define EVERYTHING
-$(COVERAGE) erase; \
+$(if $(filter test,$@),$(BIN)/python $(PYTEST) $(CHECKED:%=--ignore=%) || failed="$$failed$(COMMA) pytest";) \
+	$(COVERAGE) erase; \
 	$(COVERAGE) run $(PYTEST) $(CHECKED) || failed="$$failed, pytest"; \
 	$(COVERAGE) combine --quiet; printf 'lines of the library that these tests run, %%: '; \
-	$(COVERAGE) report --format=total || failed="$$failed, coverage"; \
-	$(if $(filter test,$@),$(BIN)/python $(PYTEST) $(CHECKED:%=--ignore=%) || failed="$$failed$(COMMA) pytest";)
+	$(COVERAGE) report --format=total || failed="$$failed, coverage";
 endef
 
 # Moving pictures of the gallery take two minutes; they are kept, and drawn again when they would change.
