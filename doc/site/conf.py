@@ -28,7 +28,7 @@ nitpick_ignore_regex = [
     ('py:.*', r'alf_ros\.arrays\..*'),
     # what no program of a user makes or names
     ('py:.*', r'alf_ros\.(kernel|mechanism|model|logs\.progress)\..*'),
-    ('py:.*', r'alf_ros\.simulation\.(applied|dynamics|reactions|formulations|start)\..*'),
+    ('py:.*', r'alf_ros\.simulation\.(applied|dynamics|instruments|reactions|formulations|start)\..*'),
 ]
 
 autodoc_member_order = 'bysource'
