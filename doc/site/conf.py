@@ -28,7 +28,8 @@ nitpick_ignore_regex = [
     ('py:.*', r'alf_ros\.arrays\..*'),
     # what no program of a user makes or names
     ('py:.*', r'alf_ros\.(kernel|mechanism|model|logs\.progress)\..*'),
-    ('py:.*', r'alf_ros\.simulation\.(applied|dynamics|instruments|reactions|formulations|start)\..*'),
+    ('py:.*', r'alf_ros\.simulation\.(applied|dynamics|instruments|reactions)\..*'),
+    ('py:.*', r'alf_ros\.simulation\.(formulations|start)\..*'),
 ]
 
 autodoc_member_order = 'bysource'
