@@ -179,10 +179,12 @@ def test_it_says_that_it_compiles_only_if_it_does():
     assert said() == ''
     before = cache.misses()
 
-    @compiled
-    def half(x):
-        return 0.5 * x
+    part = float(time.time_ns())  # another one each time: no run before has compiled it
 
-    assert half(1.0) == 0.5
+    @compiled
+    def share(x):
+        return part * x
+
+    assert share(1.0) == part
     assert cache.misses() == before + 1
     assert said().startswith('compiling')
