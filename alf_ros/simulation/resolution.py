@@ -82,6 +82,16 @@ class Resolution:
         )
 
 
+@dataclass(frozen=True)
+class Known:
+    """A resolution that need not be computed when it is asked for."""
+
+    resolution: Resolution
+
+    def __call__(self) -> Resolution:
+        return self.resolution
+
+
 def measured(step: float, judged: Floats) -> tuple[float, float, float, float, bool]:
     """The first five fields of `Resolution` for steps of `step` (s), from `judged` as
     `kernel.step_error` writes it."""

@@ -5,7 +5,7 @@ Kinematics and dynamics of the instant, and on top of them energy, efforts and r
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,7 +25,7 @@ from alf_ros.simulation.instruments import Instruments
 from alf_ros.simulation.kept import kept
 from alf_ros.simulation.named_values import NamedValues, read_only
 from alf_ros.simulation.reactions import ReactionsOf
-from alf_ros.simulation.resolution import Resolution
+from alf_ros.simulation.resolution import Known, Resolution
 from alf_ros.simulation.sample_diagnostics import Diagnostics
 from alf_ros.simulation.sample_limits import Place
 from alf_ros.simulation.state import State
@@ -73,7 +73,7 @@ class Sample(Dynamics):
         iterations: int,
         step_cost: float,
         beside: bool | None,
-        resolution: Resolution,
+        resolution: Callable[[], Resolution],
     ) -> None:
         """`beside`: whether the step that ended here was interpolated beside a singular position;
         None if no step did."""
@@ -89,7 +89,7 @@ class Sample(Dynamics):
         """What it is computed from: what it has computed is computed again when asked for."""
         iterations, step_cost, resolution = self._told
         parts = self.model, self._applied, self._solver, self.t, self._state, self._dependent_rows
-        health = iterations, step_cost, self._beside, resolution
+        health = iterations, step_cost, self._beside, Known(resolution())
         return Sample, (*parts, self._instruments, *health)
 
     @property

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -16,12 +17,22 @@ class Diagnostics:
     """The health of a sample: violations, iterations, rank, cost. It keeps nothing itself."""
 
     def __init__(
-        self, sample: Dynamics, iterations: int, step_cost: float, resolution: Resolution
+        self,
+        sample: Dynamics,
+        iterations: int,
+        step_cost: float,
+        resolution: Callable[[], Resolution],
     ) -> None:
         self._sample = sample
         self.iterations = iterations  # most in one solve of the last call
         self.step_cost = step_cost  # s of wall time per step of the last call
-        self.resolution = resolution  # of the motion by the steps so far
+        self._resolution = resolution
+
+    @property
+    def resolution(self) -> Resolution:
+        """How well the steps so far resolve the motion. Looking for positions that lengths miss
+        takes some tenths of a second, once, and only after a step beside a singular position."""
+        return self._resolution()
 
     @property
     def adequate_step(self) -> float:

@@ -238,7 +238,7 @@ class Simulation:
         """By how much (m) lengths miss a singular position on the way from the start; 0 if by
         nothing that is felt, or if it is not looked for: with drives, rows of velocities, or more
         than 600 coordinates. Known from when it is first asked for: some tenths of a second."""
-        return self._stepper.missing
+        return self._stepper.missed.on_the_way
 
     @property
     def step_error(self) -> float:
@@ -247,7 +247,7 @@ class Simulation:
 
         Above 0.005 the steps are too long, see `resolution`. NaN where nothing is measured.
         """
-        return self.resolution.error
+        return self._stepper.step_error
 
     # ------------------------------------------------------------------------------------- steps
 
@@ -520,5 +520,5 @@ class Simulation:
             self._stepper.iterations,
             self._step_cost,
             False if self._stepper.formulation else beside,
-            self.resolution,
+            self._stepper.resolution_later(),
         )

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,11 +15,9 @@ from alf_ros.arrays import Floats
 from alf_ros.effects.contract import Effect
 from alf_ros.errors import StepError
 from alf_ros.kernel import Forces, Problem, Status, Watch, Work
-from alf_ros.kernel.interpolated_stages import DRIFT
 from alf_ros.model import singular_start
 from alf_ros.model.compile import allocate
 from alf_ros.model.effect_directions import softened
-from alf_ros.model.free_walk import PENALTY, Walk
 from alf_ros.model.singular_branches import Branch
 from alf_ros.model.tableaux import TABLEAUX, first_pace
 from alf_ros.scene.scene import Solver
@@ -28,14 +26,12 @@ from alf_ros.simulation.drive_failures import beyond_reach
 from alf_ros.simulation.formulations import Formulation
 from alf_ros.simulation.instruments import Instruments
 from alf_ros.simulation.listening import Listener
+from alf_ros.simulation.missed_positions import MissedPositions
 from alf_ros.simulation.present import Present
 from alf_ros.simulation.reactions import ReactionsOf
-from alf_ros.simulation.resolution import LENGTHS, MOTION, Resolution, measured
+from alf_ros.simulation.resolution import Resolution, measured
 from alf_ros.simulation.start import Start
 from alf_ros.simulation.state import State
-
-_LOOKED_AT = 600  # coordinates of mechanisms that are searched for what lengths miss
-_MEANT = 1e-3  # of the size: what misses a position by more is not why a step fails
 
 
 class Stepper:
@@ -58,6 +54,7 @@ class Stepper:
         self.method = method = solver.method
         self.iterations = 0  # most in one solve of the last call
         self._start, self._model = start, start.model
+        self.missed = MissedPositions(start, leaps=not method.embedded.size)
         tableau = TABLEAUX[solver.integrator]
         self.instruments = Instruments(self._model, ReactionsOf(self._model))
         # with nothing held
@@ -178,63 +175,15 @@ class Stepper:
         reason, remedy = status.reason, status.remedy
         if status == Status.JAMMED:
             reason += f', at t = {present.applied.assembled.bearings.ended[0]:.9g} s'
-        gap = float(self.work.crossing[1])
-        if status == Status.NOT_CLOSED and not gap > 0.0:
-            gap = self._missed(present.phase.q, present.phase.qd, nearby=True)
-        if gap > _MEANT * self._model.size:
-            gap = 0.0
-        if status == Status.NOT_CLOSED and gap > 0.0 and self._missed_by == MOTION:
-            reason += f': the motion misses a singular position by about {gap:.1g} m'
-            remedy = 'take a smaller step, or an adaptive integrator'
-        elif status == Status.NOT_CLOSED and gap > 0.0:
-            reason += f': lengths miss a singular position by about {gap:.1g} m'
-            remedy = (
-                'make the lengths agree, or let them differ by more than 1e-6 of the size; or '
-                'take a smaller step'
-            )
+        if status == Status.NOT_CLOSED:
+            told, phase = float(self.work.crossing[1]), present.phase
+            missed = self.missed.explained(told, phase.q, phase.qd)
+            if missed is not None:
+                reason, remedy = reason + missed[0], missed[1]
         if status == Status.TOO_LONG:
             longest = self.resolution.adequate
             remedy = f'take a smaller step, {longest:g} s or less, or an adaptive integrator'
         return StepError(reason, remedy, t)
-
-    def _missed(self, q: Floats, along: Floats, nearby: bool) -> float:
-        """By how much (m) lengths miss singular positions, where no stage told: as
-        `Walk.missed`."""
-        model = self._model
-        if (
-            self._missed_by == MOTION
-            or model.n > _LOOKED_AT
-            or model.mechanism.drives
-            or model.system.rows.velocity
-        ):
-            return 0.0
-        walk = Walk(model.with_penalty(PENALTY), self._start.dependent_rows)
-        return walk.missed(q, along[: model.n], nearby)
-
-    @cached_property
-    def _missed_by(self) -> str:
-        """With one freedom only lengths can miss a singular position; with several, the motion."""
-        model = self._model
-        freedoms = model.n - (len(model.row_names) - self._start.dependent_rows)
-        return LENGTHS if freedoms == 1 else MOTION
-
-    @cached_property
-    def missing(self) -> float:
-        """The same on the way that the mechanism has from where the scene starts. Looked for when
-        it is first asked for, which takes some tenths of a second."""
-        along = np.random.default_rng(0).standard_normal(self._model.n)
-        return self._missed(self._start.q, along, nearby=False)
-
-    @property
-    def _crossing(self) -> float:
-        """By how much (m) lengths miss singular positions that steps have passed; 0 if nothing is
-        to be said. Fixed steps may leap over one, to which no stage came so near that it told."""
-        told, longest, size = float(self.work.crossing[0]), self.work.crossing[2], self._model.size
-        if told > 0.0 or self.method.embedded.size or not longest > 0.0:
-            return told
-        gap = self.missing
-        # shorter steps follow the turn within √(gap size) that strictly there is
-        return gap if DRIFT * size < gap < longest**2 / size else 0.0
 
     # ------------------------------------------------------------------------------------ counts
 
@@ -253,13 +202,24 @@ class Stepper:
         return [self.work] if self._aside is None else [self.work, self._aside]
 
     @property
+    def step_error(self) -> float:
+        """Its `error`."""
+        found = self.formulation is None and self.method.estimate.size > 0
+        return measured(self.h, self.work.judged)[1] if found else math.nan
+
+    @property
     def resolution(self) -> Resolution:
         """How well the steps resolve the motion, where that is measured."""
+        return self.resolution_later()()
+
+    def resolution_later(self) -> Callable[[], Resolution]:
+        """The same of the steps so far, computed when it is called: it may take a search."""
         if self.formulation is not None:
-            return Resolution(self.h)
+            return partial(Resolution, self.h)
         nothing = self.h, math.nan, math.nan, math.nan, False
         judged = measured(self.h, self.work.judged) if self.method.estimate.size else nothing
-        return Resolution(*judged, self._crossing, self._missed_by, self._start.unexamined)
+        told, _, longest = self.work.crossing.tolist()
+        return partial(self.missed.resolution, judged, told, longest)
 
     def beside(self, present: Present) -> bool | None:
         """Whether the last step of the run ended beside a singular position, interpolated; None if

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from scipy.integrate import solve_ivp
 
 from alf_ros import Simulation, StepError, load_scene
 from alf_ros.arrays import Floats
+from alf_ros.model.free_walk import Walk
 
 STEPS = {'dop853': 5e-3, 'dop853_adaptive': 1e-2}
 
@@ -198,3 +200,16 @@ def test_what_differs_by_more_turns_off(error: float) -> None:
     sim.step(100)
     assert sim.sample().points['A'] == pytest.approx([math.cos(theta), math.sin(theta)], abs=1e-6)
     assert not sim.sample().diagnostics.trouble
+
+
+def test_a_sample_does_not_look_for_what_nobody_asks_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Looking for positions that lengths miss takes some tenths of a second."""
+    sim = Simulation(load_scene(crank(0.0)), integrator='dop853', step=5e-3, watch=True)
+    with patch.object(Walk, 'missed', autospec=True, side_effect=Walk.missed) as search:
+        sim.step(160)
+        sample = sim.sample()
+        assert sim.passes and math.isfinite(sample.energy + sim.step_error)
+        assert search.call_count == 0
+        for _ in range(2):
+            assert not sim.sample().diagnostics.trouble
+            assert search.call_count == 1

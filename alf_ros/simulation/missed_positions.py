@@ -1,0 +1,74 @@
+"""Singular positions that a motion comes near to and misses: by how much, and for what reason."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from alf_ros.arrays import Floats
+from alf_ros.kernel.interpolated_stages import DRIFT
+from alf_ros.model.free_walk import PENALTY, Walk
+from alf_ros.simulation.resolution import LENGTHS, MOTION, Resolution
+from alf_ros.simulation.start import Start
+
+_LOOKED_AT = 600  # coordinates of mechanisms that are searched for what lengths miss
+_MEANT = 1e-3  # of the size: what misses a position by more is not why a step fails
+
+
+class MissedPositions:
+    """Singular positions that motions from `start` miss. `leaps`: fixed steps, which may leap over
+    a position to which no stage comes near."""
+
+    def __init__(self, start: Start, leaps: bool) -> None:
+        self._start, self._model, self._leaps = start, start.model, leaps
+
+    @cached_property
+    def reason(self) -> str:
+        """With one freedom only lengths can miss a singular position; with several, the motion."""
+        model = self._model
+        freedoms = model.n - (len(model.row_names) - self._start.dependent_rows)
+        return LENGTHS if freedoms == 1 else MOTION
+
+    @cached_property
+    def on_the_way(self) -> float:
+        """By how much (m) lengths miss singular positions on the way of the mechanism from where
+        the scene starts. The first access takes some tenths of a second."""
+        along = np.random.default_rng(0).standard_normal(self._model.n)
+        return self._walked(self._start.q, along, nearby=False)
+
+    def _walked(self, q: Floats, along: Floats, nearby: bool) -> float:
+        """As `Walk.missed`; 0 for what is not looked at."""
+        model = self._model
+        is_free = not model.mechanism.drives and not model.system.rows.velocity
+        if not is_free or model.n > _LOOKED_AT or self.reason == MOTION:
+            return 0.0
+        walk = Walk(model.with_penalty(PENALTY), self._start.dependent_rows)
+        return walk.missed(q, along[: model.n], nearby)
+
+    def explained(self, told: float, q: Floats, qd: Floats) -> tuple[str, str] | None:
+        """(addition to the reason, remedy) for a step that could not be closed from q (blocks D,
+        m) and q̇ (m/s); None if no position is missed by little. `told` (m): what a stage found."""
+        gap = told if told > 0.0 else self._walked(q, qd, nearby=True)
+        if not 0.0 < gap <= _MEANT * self._model.size:
+            return None
+        remedy = 'take a smaller step, or an adaptive integrator'
+        if self.reason == LENGTHS:
+            remedy = (
+                'make the lengths agree, or let them differ by more than 1e-6 of the size; or '
+                'take a smaller step'
+            )
+        verb = 'miss' if self.reason == LENGTHS else 'misses'
+        return f': {self.reason} {verb} a singular position by about {gap:.1g} m', remedy
+
+    def resolution(
+        self, judged: tuple[float, float, float, float, bool], told: float, longest: float
+    ) -> Resolution:
+        """The resolution of steps `judged` (its first five fields), of which stages found that a
+        position is missed by `told` (m), and which went at most `longest` (m) beside one."""
+        gap, size = told, self._model.size
+        if self._leaps and longest > 0.0 and not told > 0.0:
+            gap = self.on_the_way
+            # shorter steps follow the turn within √(gap size) that strictly there is
+            gap = gap if DRIFT * size < gap < longest**2 / size else 0.0
+        return Resolution(*judged, gap, self.reason, self._start.unexamined)
