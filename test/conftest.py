@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fcntl
 import os
+import signal
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -40,6 +41,10 @@ _LOGS = tempfile.TemporaryDirectory(prefix='alf_ros-test-')
 os.environ['ROS_DOMAIN_ID'] = str(_DOMAIN)
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 os.environ['ROS_LOG_DIR'] = _LOGS.name
+# A shell's `&`, or nohup, has these ignored, and children inherit that, but no handler.
+for _number in (signal.SIGINT, signal.SIGHUP):
+    if signal.getsignal(_number) == signal.SIG_IGN:
+        signal.signal(_number, lambda number, frame: None)
 if 'PYTEST_XDIST_WORKER' in os.environ:  # the process that starts the workers has them traced
     leave_children_alone()
 

@@ -24,10 +24,9 @@ FOREVER = 10**12  # steps: days
 PATIENCE = 300.0  # s, after which a test gives up that waits for an end
 
 SCRIPT = """
-import json, signal, sys, time
+import json, sys, time
 from alf_ros import Simulation, StepError, load_scene
 
-signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's `&` has it ignored
 name, options, how, n = json.loads(sys.argv[1])
 sim, fresh = (Simulation(load_scene(name), **options) for _ in range(2))
 first = 0
@@ -82,33 +81,39 @@ CASES: list[tuple[str, dict[str, Any], str, int]] = [
 ]
 
 
-@pytest.mark.parametrize('case', CASES, ids=lambda case: f'{case[0]}-{case[2]}-{case[1]}')
-def test_a_signal_ends_a_call_between_two_steps(case: Any) -> None:
+def interrupted(script: str, argument: str, after: float) -> tuple[str, str, int]:
+    """What a script prints, on both streams, and its exit code, with a SIGINT `after` s."""
     with subprocess.Popen(
-        [sys.executable, '-c', SCRIPT, json.dumps(case)],
+        [sys.executable, '-c', script, argument],
         stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
         text=True,
         cwd=ROOT,
     ) as process:
         assert process.stdout is not None
         try:
             assert process.stdout.readline() == 'ready\n'
-            time.sleep(0.3)
+            time.sleep(after)
             process.send_signal(signal.SIGINT)
-            out, _ = process.communicate(timeout=PATIENCE)
+            out, said = process.communicate(timeout=PATIENCE)
         finally:
             process.kill()
+    return out, said, process.returncode
+
+
+@pytest.mark.parametrize('case', CASES, ids=lambda case: f'{case[0]}-{case[2]}-{case[1]}')
+def test_a_signal_ends_a_call_between_two_steps(case: Any) -> None:
+    out, said, code = interrupted(SCRIPT, json.dumps(case), 0.3)
     k, same, together, works = json.loads(out)
     assert k >= 0 and same and together and works
-    assert process.returncode == 0
+    assert code == 0, said
 
 
 THREADS = """
-import json, signal, sys, threading
+import json, sys, threading
 from concurrent.futures import ThreadPoolExecutor
 from alf_ros import Simulation, load_scene
 
-signal.signal(signal.SIGINT, signal.default_int_handler)
 sims = [Simulation(load_scene('slider_crank'), integrator='rk4') for _ in range(2)]
 ended = []
 def work(sim):
@@ -156,21 +161,7 @@ except KeyboardInterrupt:
 
 @pytest.mark.parametrize('how', ['pool', 'joined', 'left'])
 def test_a_signal_ends_the_steps_of_other_threads(how: str) -> None:
-    with subprocess.Popen(
-        [sys.executable, '-c', THREADS, how],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        cwd=ROOT,
-    ) as process:
-        assert process.stdout is not None
-        try:
-            assert process.stdout.readline() == 'ready\n'
-            time.sleep(1.0)
-            process.send_signal(signal.SIGINT)
-            out, said = process.communicate(timeout=PATIENCE)
-        finally:
-            process.kill()
+    out, said, _ = interrupted(THREADS, how, 1.0)
     assert json.loads(out) == [True, True], said
 
 
