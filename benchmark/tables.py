@@ -203,7 +203,7 @@ def order_n() -> str:
     about, found = rows('order_n.csv')
     head = (
         'shape | bars | stage, µs | per bar, ns | factor, µs | CHOLMOD, µs | solve, µs | fill '
-        '| updates | RCM | first step after, s | MB'
+        '| updates | updates, RCM | time to first step, s | MB'
     )
     body = []
     for row in found:
@@ -223,8 +223,8 @@ def first_step() -> str:
     """From a file to the first step, and what it is made of."""
     about, found = rows('first_step.csv')
     head = (
-        'four-bars | links | file | YAML, kB | first step after, s | parsing YAML, s | scene, s '
-        '| simulation, s | step, s | MB | imports before, s'
+        'four-bars | links | file | YAML, kB | time to first step, s | parsing YAML, s | scene, s '
+        '| simulation, s | step, s | MB | imports (not counted), s'
     )
     body = []
     keys = 'total_s parse_s scene_s model_s step_s memory_mb imports_s'.split()
@@ -240,8 +240,8 @@ def large_node() -> str:
     """What ticks with readers and a log."""
     about, found = rows('large_node.csv')
     head = (
-        'subscribers | log | ticks/s | overruns | lost, s | lateness p50, µs | p99, µs '
-        '| processor, % of a core | heard/s | MB/s'
+        'subscribers | log | ticks/s | overruns | lost real time, s | lateness p50, µs | p99, µs '
+        '| processor, % of a core | received/s | logged MB/s'
     )
     body = []
     keys = 'ticks_per_s overruns lost_real_time_s lateness_p50_us lateness_p99_us'.split()

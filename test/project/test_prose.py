@@ -13,11 +13,6 @@ from support.paths import ROOT
 
 PAGES = [ROOT / file for file in ('README.md', 'CONTRIBUTING.md', 'SECURITY.md')]
 PAGES += sorted((ROOT / 'doc').glob('*.md'))
-# Documents that still have faults. A page leaves this list when it has none, and never returns.
-NOT_YET = (
-    'doc/method.md',
-    'doc/performance.md',
-)
 COLUMNS = 100
 WORDS = 40
 
@@ -137,17 +132,10 @@ def name(page: Path) -> str:
     return page.relative_to(ROOT).as_posix()
 
 
-@pytest.mark.parametrize('page', [page for page in PAGES if name(page) not in NOT_YET], ids=name)
+@pytest.mark.parametrize('page', PAGES, ids=name)
 def test_documents_are_plain(page: Path) -> None:
     found = faults(page.read_text('utf-8'))
     assert not found, '\n'.join(f'{name(page)}:{fault}' for fault in found)
-
-
-@pytest.mark.parametrize('page', NOT_YET)
-def test_the_list_of_documents_with_faults_only_shrinks(page: str) -> None:
-    assert faults((ROOT / page).read_text('utf-8')), (
-        f'{page} has no faults: remove it from NOT_YET'
-    )
 
 
 @pytest.mark.parametrize(
