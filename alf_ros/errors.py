@@ -96,7 +96,7 @@ class StoppedError(AlfError):
     """
 
     def __init__(self) -> None:
-        super().__init__('stopped; the state is that of the last whole step')
+        super().__init__('stopped; the state is the end of the last whole step')
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), ()

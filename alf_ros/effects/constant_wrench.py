@@ -27,7 +27,7 @@ force = affine_force.force
 
 @dataclass(frozen=True)
 class Parameters:
-    on: str = field(metadata={'kind': 'body or point', 'doc': 'what it acts on'})
+    on: str = field(metadata={'kind': 'body or point', 'doc': 'body or point on which it acts'})
     force: tuple[float, ...] = field(
         default=(), metadata={'kind': 'vector', 'unit': 'N', 'doc': 'force'}
     )

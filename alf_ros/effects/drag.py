@@ -23,7 +23,7 @@ MULTIPLE = True
 
 @dataclass(frozen=True)
 class Parameters:
-    on: str = field(metadata={'kind': 'body or point', 'doc': 'what is held back'})
+    on: str = field(metadata={'kind': 'body or point', 'doc': 'body that drag slows down'})
     at: str | tuple[float, ...] | None = field(
         default=None,
         metadata={

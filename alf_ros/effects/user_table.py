@@ -39,7 +39,8 @@ class Parameters:
         }
     )
     on: str | None = field(
-        default=None, metadata={'kind': 'body or point', 'doc': 'what a force acts on'}
+        default=None,
+        metadata={'kind': 'body or point', 'doc': 'body or point on which a force acts'},
     )
     at: str | tuple[float, ...] | None = field(
         default=None,

@@ -140,7 +140,7 @@ def _work(
         for found in _treated(path, name, wishes, limits):
             answer.send(found)
     except MemoryError:
-        answer.send(Examined(name, REFUSED, f'it takes more than {limits.memory >> 20} MiB'))
+        answer.send(Examined(name, REFUSED, f'it needs more than {limits.memory >> 20} MiB'))
     except Exception as error:  # a mistake of ours: the table shows it, and goes on
         message = ' '.join(f'{type(error).__name__}: {error}'.split())
         answer.send(Examined(name, BROKEN, message))

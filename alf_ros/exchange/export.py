@@ -58,7 +58,8 @@ def exported(scene: Scene) -> tuple[str, str, list[str]]:
         else:
             loops[joint.name if joint.name not in moved else f'{joint.name}_pin'] = made
     version = resources.version()
-    head = f'# What closes the URDF of {scene.name}. Exported by alf_ros {version}.\n'
+    head = f'# Joints that close the loops of the URDF of {scene.name}. '
+    head += f'Exported by alf_ros {version}.\n'
     head += ''.join(f'# Not carried over: {line}\n' for line in dict.fromkeys(left_out))
     side = serialise(entry({'positions': positions, 'loops': loops}))
     return text, re.sub(r'[^\x20-\x7e\n\xa0-\ud7ff]', '?', head) + side, left_out

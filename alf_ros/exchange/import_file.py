@@ -54,7 +54,7 @@ def imported(source: str, **wishes: Any) -> str:
     robot = _robot(paths.named(source), asked)
     massless_ends.left_out(robot)
     if not robot.parts:
-        raise InputError(f'nothing in it can move{robot.still}', file=source)
+        raise InputError(f'no part of it can move{robot.still}', file=source)
     inertia.checked(robot, asked.repair_inertia)
     scene = asked.scene or asked.stops is not None
     text = mechanism_text.text(robot, scene, asked.stops, resources.version())
@@ -62,7 +62,7 @@ def imported(source: str, **wishes: Any) -> str:
     try:
         scene_from_text(whole)
     except InputError as error:
-        message = f'what it becomes cannot be used: {error.key or ""}: {error.message}'
+        message = f'the imported mechanism cannot be used: {error.key or ""}: {error.message}'
         raise InputError(message, file=source, value=error.value) from None
     return text
 
@@ -73,7 +73,7 @@ def _robot(path: Path, asked: Wishes) -> Robot:
     for_urdf = ((asked.loops, '--loops'), (asked.floating, '--floating'))
     for given, option in for_urdf if kind != 'robot' else ():
         if given:
-            raise InputError('for URDF only: the file says it itself', key=option)
+            raise InputError('for URDF only: this format states it in the file', key=option)
     if kind == 'mujoco':
         return mjcf_import.read(path, asked.positions, asked.key)
     if asked.key is not None:

@@ -12,37 +12,37 @@ from collections.abc import Iterator, Mapping, Sequence
 MOTION = {
     'inertia, repaired': 'the least change that makes it one of a body',
     'inertia: there is none': 'all mass is at the centre of mass',
-    'mass: there is none': 'a body without mass: what turns alone needs some',
-    'joints of massless ends': 'they stand still, with their links: nothing hangs from them',
-    'mass: that of SDF': 'a link that says none has 1 kg and 1 kg m2 about every axis',
-    'gravity (see --scene)': 'nothing has weight',
+    'mass: there is none': 'a body without mass: a body that turns alone needs some',
+    'joints of massless ends': 'they and their links do not move, because they carry no mass',
+    'mass: default of SDF': 'a link without a mass has 1 kg and 1 kg m2 about every axis',
+    'gravity (see --scene)': 'gravity is absent',
     'gravity off': 'these bodies have weight here',
     'compensation of gravity': 'these bodies have their whole weight here',
-    'shapes without their file': 'the mass of these bodies lacks theirs',
+    'shapes without their file': 'their mass is not counted',
     'contact': 'bodies pass through each other and through the ground',
     'damping (see --scene)': 'joints are not damped',
     'springs (see --scene)': 'joints have no springs',
-    'dry friction (see --scene)': 'joints do not rub',
-    'armature (see --scene)': 'what is moved is lighter',
+    'dry friction (see --scene)': 'joints have no friction',
+    'armature (see --scene)': 'the inertia of rotors is not counted',
     'limits (see --stops)': 'joints pass their limits',
-    'limits without room': 'lower is not below upper: joints pass them',
+    'limits without range': 'lower is not below upper: joints pass them',
     'limits, damping, friction, springs, armature': 'these joints have none',
     'mimic': 'these joints are free',
-    'phase of mimic': 'it stays as drawn, which is not what the file says',
-    'equalities': 'not joint, connect or weld, or not active or not linear: they hold nothing',
+    'phase of mimic': 'it stays as drawn, not as in the file',
+    'equalities': 'not joint, connect or weld, or not active or not linear: they are ignored',
     'softness': 'constraints hold exactly',
-    'actuators (see --scene)': 'they push nothing',
-    'actuators': 'they push nothing',
-    'gains of actuators': 'the file has none: a motor without gains pushes nothing by itself',
-    'activation of actuators': 'they act at once',
-    'force ranges of actuators': 'not the same both ways: the larger one counts',
-    'velocities of the keyframe': 'it begins at rest',
-    'tendons': 'they pull nothing',
-    'motion of mocap bodies': 'they stand still',
-    'flex': 'what is deformable is not there',
+    'actuators (see --scene)': 'they apply no force',
+    'actuators': 'they apply no force',
+    'gains of actuators': 'the file has none: a motor without gains applies no force by itself',
+    'activation of actuators': 'they act without delay',
+    'force ranges of actuators': 'different in the two directions: the larger one is used',
+    'velocities of the keyframe': 'the motion starts at rest',
+    'tendons': 'they apply no force',
+    'motion of mocap bodies': 'they do not move',
+    'flex': 'deformable bodies are omitted',
     'fluid': 'the air has no density, no viscosity, no wind',
-    'joints of unknown type': 'they hold nothing',
-    'includes': 'what they bring is not there',
+    'joints of unknown type': 'they are omitted',
+    'includes': 'their content is omitted',
 }
 _COUNTED = ('contact',)  # who has it says nothing
 # what reads differently, but moves alike
@@ -77,8 +77,8 @@ class LeftOut:
     def lines(self) -> Iterator[str]:
         """The report: what changes the motion first, what moves nothing in one line at the end."""
         for head, kinds in (
-            ('What changes the motion:', MOTION),
-            ('What reads differently:', READING),
+            ('Changes of the motion:', MOTION),
+            ('Changes of readings only:', READING),
         ):
             found = [_line(kind, kinds[kind], self.names[kind]) for kind in self._of(kinds)]
             if found:
@@ -86,7 +86,7 @@ class LeftOut:
                 yield from (f'  {line}' for line in found)
         counts = [f'{kind} {len(self.names[kind])}' for kind in self._of(NOTHING)]
         if counts:
-            yield f'Left out, and moves nothing: {", ".join(counts)}'
+            yield f'Left out without an effect on the motion: {", ".join(counts)}'
 
     def _of(self, kinds: Mapping[str, str] | Sequence[str]) -> list[str]:
         return [kind for kind in kinds if kind in self.names]

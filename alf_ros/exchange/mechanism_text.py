@@ -200,7 +200,7 @@ def _effects(robot: Robot, joints: dict[str, str], stops: float | None) -> dict[
             spring = {'stiffness': c.stiffness, 'free_position': c.rest - c.drawn}
             effects.setdefault('torsion_spring', {})[joints[c.name]] = joint | spring
         if c.limits is not None and stops is not None and not c.limits[0] < c.limits[1]:
-            robot.leave('limits without room', c.name)
+            robot.leave('limits without range', c.name)
         elif c.limits is not None and stops is not None:
             ends = {
                 key: limit - c.drawn

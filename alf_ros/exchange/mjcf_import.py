@@ -61,7 +61,7 @@ def _compiled(mujoco: Any, path: Path) -> tuple[Any, list[str]]:
         except ValueError as error:
             if 'opening file' not in str(error) or "'include'" in str(error):
                 raise
-            what = 'what is left without meshes that are not there'
+            what = 'the model without missing meshes'
             model, lighter = mjcf_assets.compiled_without(mujoco, path)
     except ValueError as error:
         raise InputError(f'MuJoCo refuses {what}: {error}', file=str(path)) from None

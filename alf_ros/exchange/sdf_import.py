@@ -209,7 +209,7 @@ class _Reader:
         """A link, as if its frame were that of the world: the frame is known later."""
         inertial = element.find('inertial')
         if inertial is None or inertial.find('mass') is None:
-            self.robot.leave('mass: that of SDF', name)
+            self.robot.leave('mass: default of SDF', name)
         origin = pose_of(None if inertial is None else inertial.find('pose'), self.error, name)
         inertia = None if inertial is None else inertial.find('inertia')
         mass = self._number(inertial, 'mass', 1.0, name)
@@ -265,7 +265,7 @@ class _Reader:
                     'joints of unknown type', f'{self._short(scope)}{each.get("name")} ({kind})'
                 )
             elif parent == child == GROUND:
-                self.robot.leave('elements', f'joint {each.get("name")} of what stands still')
+                self.robot.leave('elements', f'joint {each.get("name")} of a fixed part')
             else:
                 self.robot.connect(self._connection(scope, each, parent, child))
 
@@ -281,7 +281,7 @@ class _Reader:
         )
         for link in (parent, child):
             if link != WORLD and link not in self.links:
-                raise self.robot.error(self._name(element), 'it hangs from no link', value=link)
+                raise self.robot.error(self._name(element), 'no link carries it', value=link)
         return parent, child
 
     def _connection(

@@ -161,7 +161,7 @@ class UrdfReader:
             while chain[-1] in above and chain[-1] not in self.poses:
                 chain.append(above[chain[-1]].parent)
                 if len(chain) > len(self.links) + 1:
-                    raise self.error(name, 'this link hangs from itself')
+                    raise self.error(name, 'this link is its own ancestor')
             if chain[-1] not in self.poses:
                 self.poses[chain[-1]] = STILL
                 moves = floating and chain[-1] != 'world'

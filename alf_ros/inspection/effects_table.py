@@ -64,8 +64,8 @@ def table(found: EffectCosts) -> str:
         )
     lines.append(f'{"(all)":{width}}{"":48}{_rates(found.mode)}')
     lines.append(
-        f'a step takes {found.bare:.3f} µs without effects, {found.whole:.3f} µs with all of '
-        f'them; a difference below {max(found.resolution, 1e-3):.3f} µs says nothing'
+        f'a step takes {found.bare:.3f} µs without effects, {found.whole:.3f} µs with all '
+        f'effects; smaller differences than {max(found.resolution, 1e-3):.3f} µs are noise'
     )
     lines.append(
         'rk4, dop853: the longest step with which an effect alone leaves the method stable; '

@@ -241,7 +241,7 @@ def record(
             'not a simulation', key='simulation', value=simulation, expected='Simulation(…)'
         )
     if every is not None and period is not None:
-        raise InputError('every says it already', key='period', value=period)
+        raise InputError('`every` states it already', key='period', value=period)
     if only is not None:
         _wanted(groups(simulation.sample()), only)
     if period is None:

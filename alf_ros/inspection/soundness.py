@@ -68,7 +68,7 @@ def examine(scene: Scene) -> Soundness:
     # what it could do is asked of it free, so that a walk can take the place of its drives
     model = compile_model(replace(scene.mechanism, drives=()), scene.solver.penalty)
     if model.n > LARGEST:
-        raise AssemblyError(f'{model.n} coordinates, too many to look at: {LARGEST} at most')
+        raise AssemblyError(f'{model.n} coordinates, too many to examine: {LARGEST} at most')
     model = _without_rotors(model)
     drawn = Linearised(model, model.q)
     if drawn.massless.shape[1]:
@@ -140,7 +140,7 @@ def _closing(at: Linearised) -> Answer:
         return Answer(OK, 'loops', 'closed as drawn')
     listed = _list([f'{name} {by_point[name]:.3g} m' for name in far])
     verdict = NOTE if by_point[far[0]] > 0.01 * model.size else OK
-    return Answer(verdict, 'loops', f'closed; from where it is drawn moved {listed}')
+    return Answer(verdict, 'loops', f'closed; moved from the drawing by {listed}')
 
 
 def _size(at: Linearised) -> Iterator[Answer]:
@@ -218,7 +218,7 @@ def _redundant(usual: Linearised) -> Answer:
         return Answer(OK, 'redundant rows', 'none')
     owner = _owners(usual.model)
     names = list(dict.fromkeys(owner[usual.model.row_names[row]] for row in usual.dependent))
-    return Answer(NOTE, 'redundant rows', f'{count}, among those of {_list(names)}')
+    return Answer(NOTE, 'redundant rows', f'{count}, among the rows of {_list(names)}')
 
 
 def _reactions(usual: Linearised) -> Answer:
@@ -232,16 +232,16 @@ def _reactions(usual: Linearised) -> Answer:
     names = [name for name, flag in zip(model.joint_names, flags, strict=True) if flag]
     if not names:
         return Answer(OK, 'reactions', 'all determinate')
-    return Answer(NOTE, 'reactions', f'rigid bodies leave open those of {_list(names)}')
+    return Answer(NOTE, 'reactions', f'not determined by rigid bodies: {_list(names)}')
 
 
 def _mass(at: Linearised) -> Answer:
     count = at.massless.shape[1]
     if not count:
-        return Answer(OK, 'mass', 'in every direction that is free')
+        return Answer(OK, 'mass', 'in every free direction')
     names = moving(at.model, at.massless[:, 0])
     points = [name for name in names if name in at.model.layout.of_point]
-    cure = f'give mass to what carries {_list(points)}'
+    cure = f'give mass to the bodies that carry {_list(points)}'
     if not points:
         bodies = [body.name for body in at.model.mechanism.bodies if {*names} & {*body.vectors}]
         cure = f'{_list(bodies)} may turn without inertia'
@@ -300,7 +300,7 @@ def _from_rest(here: Position, simulation: Simulation) -> Answer:
         alone = here.described(None, [departure])
         return Answer(NOTE, question, f'at rest: leaves along {alone}, where forces do most')
     if here.kind in (singular_branches.CURVED, singular_branches.MANY):
-        text = 'at rest: leaves, if a force acts, on the branch nearest to what it asks for'
+        text = 'at rest: a force starts the branch that is nearest to its acceleration'
         return Answer(NOTE, question, text)
     return Answer(OK, question, 'at rest, and stays there: no force acts along a branch')
 

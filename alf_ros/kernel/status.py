@@ -41,8 +41,8 @@ class Status(IntEnum):
     )
     JAMMED = (
         5,
-        "Painlevé's paradox: no balance of friction and the reactions it depends on goes on from "
-        'that of the motion, the mechanism jams',
+        "Painlevé's paradox: the balance of friction and reactions has no continuation, "
+        'the mechanism jams',
         'take a shorter step, smaller coefficients or a larger slip speed, or give the load as a '
         'number',
     )
@@ -54,14 +54,14 @@ class Status(IntEnum):
     NOT_SETTLED = (
         7,
         'the stages of the implicit method find no balance of forces',
-        'look for a force that jumps, or take a larger tolerance',
+        'look for a force that jumps, or use a larger tolerance',
     )
     TOO_LONG = (
         8,
         'the steps are far too long: their errors are larger than the mechanism',
         'take a smaller step, or an adaptive integrator',
     )
-    STOPPED = 9, 'it was stopped', 'go on with the next step'
+    STOPPED = 9, 'it was stopped', 'continue with the next step'
     # of the formulations besides alf2
     SINGULAR = 20, 'the equations are singular there', 'take the formulation alf2'
     OPENED = 21, 'the constraints have opened', _SMALLER

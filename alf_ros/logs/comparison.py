@@ -107,7 +107,7 @@ def told(log: Log, result: Result) -> str:
     if result.equal:
         lines.append(f'EQUAL: {result.compared} messages, bit for bit')
     else:
-        lines.append('DIFFERS' if result.first is not None else 'NOT AS IT WAS WRITTEN')
+        lines.append('DIFFERS' if result.first is not None else 'NOT AS WRITTEN')
     return '\n'.join(map(printable, lines))
 
 
@@ -130,7 +130,7 @@ class _Comparison:
     def _check_scene(self) -> None:
         digest = hashlib.sha256(self._log.scene_text.encode()).hexdigest()
         if digest != self._log.info['scene_sha256']:
-            self._fault('the text of the scene is not the one that was run')
+            self._fault('the text of the scene is not the text that was run')
 
     def run(self, report: progress.Report) -> Result:
         result = self._result
@@ -142,7 +142,7 @@ class _Comparison:
             self._fault(f'a part cannot be read: {survey.passed_over}')
         for topic in sorted(survey.counts):
             if not self._is_known(topic):
-                self._fault(f'{topic}: a topic that is none of its run')
+                self._fault(f'{topic}: a topic that its run does not have')
         try:
             for piece in self._log.pieces(topics, report):
                 for series, row in in_order(piece):
@@ -152,7 +152,7 @@ class _Comparison:
             self._fault(f'the re-run fails: {error}')
         self._count_missing()
         if not result.inputs:
-            self._fault('there is no journal: the inputs are not known')
+            self._fault('the log has no journal: the inputs are unknown')
         result.inputs = max(0, result.inputs - 1)  # without the start
         result.damage = self._log.damage
         result.trouble = self._rerun.trouble
@@ -184,7 +184,7 @@ class _Comparison:
         if fault:
             self._fault(f'input at {told}: {fault}')
         if entry['kind'] == 'start' and not _same_start(entry, self._log.info):
-            self._fault('its beginning is told in two ways')
+            self._fault('its two descriptions of the start differ')
         self._seal = entry.get(journal.SEAL, '')
         self._cause = told if entry['kind'] != 'start' else ''
 
@@ -193,7 +193,7 @@ class _Comparison:
         self._sample = None
         try:
             if self._rerun.step_before(entry) > self._rerun.step_of(self._log.survey.last):
-                raise InputError('lies behind the end of the log')
+                raise InputError('is after the end of the log')
             self._rerun.act(entry)
         except (InputError, TypeError, ValueError) as error:  # also of numbers that do not fit
             self._fault(f'input at {told}: {error}')
@@ -219,7 +219,7 @@ class _Comparison:
         last = max((stamp for stamp, _ in self._ends.values()), default=0)
         for topic, (stamp, gap) in self._ends.items():
             if gap and stamp + 1.5 * gap < last:
-                self._fault(f'{topic}: ends at {stamp} ns, and others go on')
+                self._fault(f'{topic}: ends at {stamp} ns, and other topics continue')
 
     def _fault(self, text: str) -> None:
         """The first of many."""
@@ -239,7 +239,7 @@ class _Comparison:
             result.steps += 1
         sample = self._sample
         if rerun.stamp != stamp:
-            self._fault(f'{series.topic}: stamp {stamp} ns is not that of a step')
+            self._fault(f'{series.topic}: stamp {stamp} ns is not the stamp of a step')
         elif int(series.told[row]) != stamp:
             told = int(series.told[row])
             self._fault(f'{series.topic}: stamp {stamp} ns in the log, {told} ns in the message')
@@ -251,7 +251,7 @@ class _Comparison:
         values = {key: now for key, now in values.items() if now.size}
         expected = () if reading.fields == ('data',) else names
         if series.names != expected or series.columns.keys() != values.keys():
-            self._fault(f'{series.topic}: holds other things than the scene at step {step}')
+            self._fault(f'{series.topic}: has other contents than the scene at step {step}')
             return
         for key, now in values.items():
             logged = series.columns[key][row]

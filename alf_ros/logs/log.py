@@ -111,22 +111,23 @@ class Log:
         for name in names:
             if not user_file.digest(name):
                 raise InputError(
-                    'its scene names the file of an effect without a digest: which text ran '
-                    'cannot be told',
+                    'its scene names the file of an effect without a digest: the text that ran is '
+                    'unknown',
                     file=file,
                     value=name,
                 )
         new = [name for name in names if not user_file.is_known(name)]
         if new and not trust:
             raise InputError(
-                f'to run it is to run the code it brings: {", ".join(map(_file_said, new))}',
+                'to run it means to run the code that it contains: '
+                f'{", ".join(map(_file_said, new))}',
                 file=file,
                 expected='trust in it (--trust)',
             )
         for name in new:
             text = self._files.get(name)
             if text is None:
-                said = 'it does not bring the code of an effect in its scene'
+                said = 'it does not contain the code of an effect in its scene'
                 raise InputError(said, file=file, value=name.partition('#')[0])
             user_file.provide(name, text)
         return scene_from_text(self.scene_text, file, references=WHOLE)
@@ -334,7 +335,7 @@ class _Stamps:
             self.first = min(self.first, int(good[0]))
             self.last = max(self.last, int(good[-1]))
         if beyond.size and not self.leap:
-            self.leap = f'the stamp {int(ordered[beyond[0]])} ns is none of its run'
+            self.leap = f'the stamp {int(ordered[beyond[0]])} ns does not belong to its run'
 
 
 def _file_said(name: str) -> str:

@@ -46,7 +46,7 @@ class Rerun:
             self.steps_per_tick = int(log.info['steps_per_tick'])
             solver = Solver(**log.info['solver'])
         except (TypeError, ValueError) as error:
-            text = f'its settings are not those of this version: {error}'
+            text = f'its settings do not belong to this version: {error}'
             raise InputError(text, file=str(log.path)) from None
         self._trouble = ''
         self.scene = log.scene(trust)
@@ -113,7 +113,7 @@ class Rerun:
         self.steps_per_tick = max(1, entry['steps_per_tick'])
         now = asdict(before.solver)
         if not entry['solver'].keys() <= now.keys():
-            raise InputError('settings that are not those of this version', key='solver')
+            raise InputError('settings that do not belong to this version', key='solver')
         if entry['solver'].items() <= now.items() and not entry['effects']:
             return
         self._trouble = self.trouble
@@ -128,5 +128,5 @@ def read_state(log: Log, simulation: Simulation) -> State:
         return from_data(log.info['state'], simulation.state)
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(
-            f'its first state is not one of its scene: {error}', file=str(log.path)
+            f'its first state does not fit its scene: {error}', file=str(log.path)
         ) from None

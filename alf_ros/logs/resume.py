@@ -59,7 +59,9 @@ def _source(log: Log) -> str:
     topics = [log.topic(reading.name) for reading in READINGS.values()]
     found = [topic for topic in topics if topic in log.survey.counts]
     if not found:
-        raise InputError('the log has no states, nor what follows from them', file=str(log.path))
+        raise InputError(
+            'the log has no states, and no values derived from them', file=str(log.path)
+        )
     return max(found, key=lambda topic: (topic == topics[0], log.survey.counts[topic]))
 
 
@@ -73,8 +75,8 @@ def _restore(rerun: Rerun, event: Event | None, has_states: bool) -> None:
         if int(numbers[-1]) <= before.step:
             return  # entries of one step act in turn
         if int(numbers[-1]) != rerun.step_of(int(series.stamp[row])):
-            raise ValueError('its step is not that of its stamp')
+            raise ValueError('its step does not belong to its stamp')
         state = state_vector.state(simulation.model, before, numbers, rates, before.inputs)
     except (KeyError, IndexError, ValueError, OverflowError) as error:
-        raise InputError(f'a state of the log is none of its scene: {error}') from None
+        raise InputError(f'a state of the log does not fit its scene: {error}') from None
     simulation.restore(state)

@@ -66,7 +66,7 @@ def joined(pieces: Sequence[Series]) -> Series:
     first = pieces[0]
     for piece in pieces:
         if piece.names != first.names:
-            text = f'what it holds changes at {piece.stamp[0]} ns: read its pieces one by one'
+            text = f'its content changes at {piece.stamp[0]} ns: read its pieces one by one'
             raise InputError(text, key=first.topic)
     return Series(
         first.topic,

@@ -229,7 +229,7 @@ def complete(
         NOTHING, *(np.abs(each).max(initial=0.0) for each in speeds)
     ):
         raise AssemblyError(
-            f'the velocities given contradict each other: {_worst(names, wrong, "m/s")}',
+            f'the given velocities contradict each other: {_worst(names, wrong, "m/s")}',
             key='initial.velocities',
         )
     return x

@@ -214,7 +214,7 @@ def _draft(mechanism: Mechanism) -> Layout:
     movable = [(kind, item.name) for kind, item in items if not item.fixed]
     movable += [(2, name) for name in mechanism.auxiliary]
     if not movable:
-        raise AssemblyError('nothing moves: every point is fixed', key='points')
+        raise AssemblyError('no point can move: all are fixed', key='points')
     at: tuple[dict[str, int], ...] = ({}, {}, {})
     fixed = ((kind, item.name) for kind, item in items if item.fixed)
     for block, (kind, name) in enumerate((*movable, *fixed)):

@@ -134,7 +134,8 @@ class Position:
             raise AssemblyError(branch_words.shaky(self.model, self.free), key='initial.positions')
         if len(works) > 1 and works[order[1]] > (1.0 - _TIE) * works[order[0]]:
             raise AssemblyError(
-                'at rest in a singular position where forces act alike on two branches: the motion'
+                'at rest in a singular position where forces act equally on two branches: the '
+                'motion'
                 f' that begins is not unique; give velocities along {self.described()}',
                 key='initial.velocities',
             )

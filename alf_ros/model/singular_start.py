@@ -24,7 +24,7 @@ from alf_ros.model.singular_branches import WIDE, Branch, Position, components, 
 _TYPED = 1e-6  # part of the terms by which velocities given may miss the second-order condition
 _NOT_ENUMERATED = (
     'a singular position whose branches are not enumerated: velocities are not completed there; '
-    'give those of more points'
+    'give velocities of more points'
 )
 
 
@@ -79,7 +79,7 @@ def unexamined(model: Model, q: Floats, here: Position | None, Q: Floats) -> str
         return ''
     return (
         f'at rest in a singular position whose branches are not enumerated ({why}): it leaves on '
-        'the branch nearest to what forces ask for, which need not be the one of least '
+        'the branch nearest to the acceleration by forces, which may not be the branch of least '
         'constraint; give velocities'
     )
 
@@ -94,7 +94,7 @@ def _start_of_many(model: Model, q: Floats, given: Given, t: float) -> Floats:
         raise AssemblyError(_NOT_ENUMERATED, key='initial.velocities')
     if _accelerated(model, q, qd, t)[1] > _TYPED:
         raise AssemblyError(
-            'a singular position: no motion begins there with the velocities given; its branches '
+            'a singular position: no motion begins there with the given velocities; its branches '
             'are not enumerated',
             key='initial.velocities',
         )
@@ -190,7 +190,7 @@ def _accelerated(model: Model, q: Floats, qd: Floats, t: float) -> tuple[Floats,
 def _refuse(here: Position, given: Given, fitting: Sequence[Floats]) -> NoReturn:
     if len(fitting) > 1:
         raise AssemblyError(
-            f'a singular position: the velocities given fit {len(fitting)} branches, '
+            f'a singular position: the given velocities fit {len(fitting)} branches, '
             f'{branch_words.listed(here.model, fitting)} m/s; give more of them',
             key='initial.velocities',
         )
@@ -198,13 +198,13 @@ def _refuse(here: Position, given: Given, fitting: Sequence[Floats]) -> NoReturn
         raise AssemblyError(branch_words.shaky(here.model, here.free), key='initial.velocities')
     if not any(value for values in given.values() for value in values):
         raise AssemblyError(
-            'a singular position: no motion begins there with what drives ask for',
+            'a singular position: no motion begins there with the given drives',
             key='drives',
         )
     where = 'its branches are not enumerated'
     if here.branches:
         where = f'its branches go {here.described(given)} m/s'
     raise AssemblyError(
-        f'a singular position: no motion begins there with the velocities given; {where}',
+        f'a singular position: no motion begins there with the given velocities; {where}',
         key='initial.velocities',
     )

@@ -69,11 +69,11 @@ _INITIAL = {
 _SETTINGS = {  # of the solver
     'step': 'time step',
     'integrator': 'method of integration',
-    'formulation': 'how the constraints are held',
+    'formulation': 'formulation of the equations of motion',
     'penalty': 'penalty without dimension',
     'iterations': 'iterations of a solve, at most',
     'tolerance': 'relative error of a step, for an adaptive integrator',
-    'accuracy': 'position error for which integrator and tolerance are picked',
+    'accuracy': 'requested position error; it chooses integrator and tolerance',
 }
 
 
@@ -111,7 +111,7 @@ _TENSOR = _any(_list(_NUMBER, 3), _list(_NUMBER, 6), _list(_list(_NUMBER, 3), 3)
 _POINT: dict[str, tuple[str, Callable[[int], Schema]]] = {
     'at': ('where it is drawn, world frame (m)', _vector),
     'along': ('its direction as drawn, world frame; of any length', _vector),
-    'fixed': ('whether it stands still; false if absent', lambda D: {'type': 'boolean'}),
+    'fixed': ('whether it is fixed; false if absent', lambda D: {'type': 'boolean'}),
 }
 _BODY: dict[str, tuple[str, Callable[[int], Schema]]] = {
     'points': ('the points it carries', lambda D: {**_list(_NAME), 'minItems': 1}),
@@ -154,7 +154,10 @@ def _on(D: int) -> Schema:
 
 _MOTION: dict[str, Schema] = {
     'speed': {'description': 'of a belt on it: m/s, of t', 'allOf': [_NUMBER]},
-    'velocity': {'description': 'in itself, world frame: m/s, of t', **_list(_NUMBER, 3)},
+    'velocity': {
+        'description': 'of the point itself, world frame: m/s, of t',
+        **_list(_NUMBER, 3),
+    },
     'spin': {'description': 'about the normal at `through`: rad/s, of t', 'allOf': [_NUMBER]},
 }
 
@@ -169,7 +172,7 @@ def _drive(D: int) -> Schema:
         'length': {'description': 'm, of t', **motion},
         'point': {'description': 'a point', **_NAME_OF},
         'at': {'description': 'm, of t', **_any(_list(_any(_NOTHING, _NUMBER), D), table)},
-        'points': {'description': 'two points whose distance it is', **_list(_NAME, 2)},
+        'points': {'description': 'two points; the drive sets their distance', **_list(_NAME, 2)},
     }
     keys = {key: shapes[key] for key in drives.KEYS}
     cases = [
@@ -181,7 +184,7 @@ def _drive(D: int) -> Schema:
 
 
 def _coupling() -> Schema:
-    joints_of = {'description': 'coordinates and their factors: the sum stays', **_factors()}
+    joints_of = {'description': 'coordinates and their factors: the sum is constant', **_factors()}
     shapes = {key: {'joints': joints_of}[key] for key in couplings.KEYS}
     return _mapping({'for': {'$ref': '#/definitions/for'}, **shapes}, couplings.KEYS)
 
@@ -212,7 +215,7 @@ def _joint(D: int) -> Schema:
         then['properties']['type'] = True
         given = {'properties': {'type': {'const': kind}}, 'required': ['type']}
         cases.append({'if': given, 'then': then})
-    kinds = {'type': {'enum': list(types), 'description': 'what it leaves free'}}
+    kinds = {'type': {'enum': list(types), 'description': 'coordinates that it leaves free'}}
     return {'type': 'object', 'properties': kinds, 'required': ['type'], 'allOf': cases}
 
 
@@ -348,7 +351,7 @@ def scene_schema(kinds: Collection[str]) -> Schema:
             'else': _TEXT,
         },
         'parameters': {
-            'description': 'numbers by name, in place of those of the mechanism',
+            'description': 'numbers by name, instead of the numbers of the mechanism',
             **_by_name(_NUMBER),
         },
         'drives': {
@@ -356,11 +359,11 @@ def scene_schema(kinds: Collection[str]) -> Schema:
             'anyOf': [_by_name(_drive(D)) for D in (2, 3)],
         },
         'effects': {
-            'description': 'what acts; nothing that is not named here is computed',
+            'description': 'effects that act; only effects named here are computed',
             **_mapping({kind: _standing(kind) for kind in kinds}, (), patternProperties=by_path),
         },
         'initial': {
-            'description': 'where it starts and how fast; what is not said is solved',
+            'description': 'positions and velocities at the start; missing values are solved',
             **_mapping(
                 {key: {'description': _INITIAL[key], **components} for key in scene.INITIAL}, ()
             ),

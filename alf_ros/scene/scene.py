@@ -306,7 +306,7 @@ def _mechanism(entry: Entry, name: str, references: References) -> tuple[Entry, 
     if isinstance(entry.value, dict):
         return entry, name
     if references.folder is None:
-        raise entry.error('a mechanism elsewhere, which is not looked for here')
+        raise entry.error('a mechanism elsewhere: files are not read here')
     text = entry.text()
     path = _path(text)
     if path is None:
@@ -376,9 +376,9 @@ def _solver(section: Entry, names: Mapping[str, float]) -> Solver:
             raise entry.error(**fault)
     for key in PICKED if 'accuracy' in settings else ():
         if key in settings:
-            raise entries[key].error('accuracy picks it', expected='one or the other')
+            raise entries[key].error('accuracy chooses it', expected='one or the other')
     if 'accuracy' in settings and settings.get('formulation', 'alf2') != 'alf2':
-        raise entries['accuracy'].error('only alf2 keeps to one')
+        raise entries['accuracy'].error('only alf2 supports it')
     return Solver(**settings)
 
 

@@ -118,17 +118,17 @@ def checked_wrench_of(
 def checked_inputs(model: Model, effects: Sequence[Effect], inputs: Any) -> Inputs:
     """What is held, if all of it can be held there. Raises InputError."""
     if not isinstance(inputs, Inputs):
-        raise InputError('not what is held', key='state.inputs', value=inputs)
+        raise InputError('not the held inputs', key='state.inputs', value=inputs)
     for kind, held, wanted in (
         ('wrenches', inputs.wrenches, Wrench),
         ('efforts', inputs.efforts, (Real, Curve)),
         ('targets', inputs.targets, Target),
     ):
         if not isinstance(held, Mapping):
-            raise InputError('not what is held', key=f'state.inputs.{kind}', value=held)
+            raise InputError('not the held inputs', key=f'state.inputs.{kind}', value=held)
         for name, what in held.items():
             if not isinstance(what, wanted):
-                raise InputError('not what is held', key=text(name, kind), value=what)
+                raise InputError('not the held inputs', key=text(name, kind), value=what)
     for name, wrench in inputs.wrenches.items():
         checked_wrench_of(model, name, wrench.force, wrench.torque, wrench.at, wrench.frame)
     for name, effort in inputs.efforts.items():

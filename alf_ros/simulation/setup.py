@@ -110,7 +110,7 @@ def changed(
     given = joined(dataclasses.asdict(before.solver), solver)
     simulation = Simulation(scene, **given, ledger=before.ledger)
     if simulation.model.layout.of_auxiliary != before.model.layout.of_auxiliary:
-        text = 'a rotor begins or ends with its armature: the scene has to be loaded anew'
+        text = 'an armature from or to zero changes the rotors: load the scene again'
         raise InputError(text, key=next(name for name in effects if name.endswith('armature')))
     steps = steps_per_tick(rate, simulation.h)
     simulation.restore(on_grid(before.state, before.h, simulation.h))

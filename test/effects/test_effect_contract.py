@@ -177,7 +177,7 @@ def test_a_rotor_without_inertia_is_none() -> None:
     assert absent.state.q.tobytes() == zero.state.q.tobytes()
     assert absent.sample().points['B'] != pytest.approx(heavy.sample().points['B'], abs=1e-3)
     setup = settings.Setup(zero.scene, zero, 2)
-    with pytest.raises(InputError, match='effects.motor.armature: a rotor begins or ends'):
+    with pytest.raises(InputError, match='effects.motor.armature: an armature from or to zero'):
         settings.changed(setup, {}, {'effects.motor.armature': 0.5}, 500.0)
     assert settings.changed(setup, {}, {'effects.motor.effort': 1.0}, 500.0).simulation.t == zero.t
 

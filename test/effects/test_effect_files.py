@@ -78,7 +78,7 @@ def test_text_of_a_scene_says_which_file(folder: Path) -> None:
     assert scene_from_text(scene.text).effects == scene.effects  # this text has run: it is known
     program = f'from alf_ros.scene.scene import scene_from_text; scene_from_text({scene.text!r})'
     done = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True)
-    assert 'InputError' in done.stderr and 'no longer what it was' in done.stderr
+    assert 'InputError' in done.stderr and 'this effect has changed' in done.stderr
     sims[0].apply_wrench('planet', force=[1.0, 0.0])  # packs again: a run goes on with its file
     sims[0].step()
 

@@ -92,13 +92,13 @@ def test_stops_damping_and_drawn_positions(tmp_path: Path) -> None:
         'zero of joints: here it is as drawn: shoulder at 0.5',
     ):
         assert f'#   {line}\n' in text
-    assert '# Left out, and moves nothing: shapes 2\n' in text
+    assert '# Left out without an effect on the motion: shapes 2\n' in text
     bare = imported(path)
     assert 'effects' not in bare
     assert '#   limits (see --stops): joints pass their limits: shoulder\n' in bare
-    assert '#   dry friction (see --scene): joints do not rub: shoulder\n' in bare
+    assert '#   dry friction (see --scene): joints have no friction: shoulder\n' in bare
     assert '#   damping (see --scene): joints are not damped: shoulder\n' in bare
-    assert '#   gravity (see --scene): nothing has weight: 0 0 -9.81\n' in bare
+    assert '#   gravity (see --scene): gravity is absent: 0 0 -9.81\n' in bare
 
 
 def test_everything_else_is_listed(tmp_path: Path) -> None:
@@ -113,7 +113,7 @@ def test_everything_else_is_listed(tmp_path: Path) -> None:
     for line in (
         'gazebo: mu1 of upper-arm, plugin of the robot',
         "mimic: these joints are free: shoulder, for there is no 'x'",
-        'actuators (see --scene): they push nothing: elbow_motor',
+        'actuators (see --scene): they apply no force: elbow_motor',
         'names, changed: upper-arm is upper_arm',
     ):
         assert f'#   {line}\n' in text
@@ -128,7 +128,7 @@ def test_floating_root(tmp_path: Path) -> None:
     simulation.step(1000)
     (place,) = simulation.sample().points.values()
     assert place == pytest.approx([0, 0, -0.5 * 9.81], abs=1e-9)
-    with pytest.raises(InputError, match='nothing in it can move'):
+    with pytest.raises(InputError, match='no part of it can move'):
         imported(source)
 
 
@@ -142,7 +142,7 @@ MISTAKES = {
     'a number more': (('<axis xyz="0 -1 0"', '<axis xyz="0 -1 0 0"'), 'Invalid vector length'),
     'link': (('parent link="upper"', 'parent link="uper"'), "elbow: no such link.*mean 'upper'"),
     'two parents': (('child link="lower"', 'child link="upper"'), 'child of shoulder already'),
-    'hangs from itself': (('parent link="world"', 'parent link="lower"'), 'hangs from itself'),
+    'hangs from itself': (('parent link="world"', 'parent link="lower"'), 'own ancestor'),
     'two joints': (('name="elbow"', 'name="shoulder"'), 'a name of two joints'),
     'inertia': (('izz="0.08', 'izz="9.08'), 'no body has such an inertia'),
     'axis': (('axis xyz="0 -1 0"', 'axis xyz="0 0 0"'), 'zero is no direction'),
@@ -233,7 +233,7 @@ def test_chain_like_mujoco(tmp_path: Path) -> None:
     text = imported(saved(tmp_path, 'chain.xml', source), scene=True)
     assert our_positions(text, 1.0) == pytest.approx(expected, abs=1e-10)
     assert '#   contact: bodies pass through each other and through the ground (5)\n' in text
-    assert '# Left out, and moves nothing: shapes 5, lights 1\n' in text
+    assert '# Left out without an effect on the motion: shapes 5, lights 1\n' in text
 
 
 def test_ball_joint_like_mujoco(tmp_path: Path) -> None:
@@ -298,7 +298,7 @@ def test_the_command_writes_and_lists(tmp_path: Path, capsys) -> None:
     source = saved(tmp_path, 'it.urdf', robots.double_pendulum())
     assert main([source, '-o', str(tmp_path / 'out.yaml')]) == 0
     out, said = capsys.readouterr()
-    assert out == '' and said.startswith('What changes the motion:\n  gravity (see --scene)')
+    assert out == '' and said.startswith('Changes of the motion:\n  gravity (see --scene)')
     assert main([source]) == 0
     out, _ = capsys.readouterr()
     assert out == (tmp_path / 'out.yaml').read_text(encoding='utf-8')

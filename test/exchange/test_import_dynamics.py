@@ -122,19 +122,20 @@ def test_what_a_leg_leaves() -> None:
     """What changes the motion comes first, with its consequence."""
     pytest.importorskip('mujoco')
     lines = imported(LEG, key='bent').split('\n')
-    assert lines[1] == '# What changes the motion:'
+    assert lines[1] == '# Changes of the motion:'
     for line in (
         'limits (see --stops): joints pass their limits: hip',
-        'armature (see --scene): what is moved is lighter: '
+        'armature (see --scene): the inertia of rotors is not counted: '
         'rail, hip, knee, toe, crank, link, rocker',
-        'dry friction (see --scene): joints do not rub: rail, knee, rocker',
-        'actuators (see --scene): they push nothing: push, hold, turn',
-        'actuators: they push nothing: stiffener',
-        'tendons: they pull nothing: cord',
+        'dry friction (see --scene): joints have no friction: rail, knee, rocker',
+        'actuators (see --scene): they apply no force: push, hold, turn',
+        'actuators: they apply no force: stiffener',
+        'tendons: they apply no force: cord',
         'softness: constraints hold exactly: like_the_knee, wrist',
     ):
         assert f'#   {line}' in lines
-    end = '# Left out, and moves nothing: shapes 7, lights 1, cameras 1, sensors 1, keyframes 1'
+    end = '# Left out without an effect on the motion: shapes 7, lights 1, cameras 1, '
+    end += 'sensors 1, keyframes 1'
     assert end in lines
 
 

@@ -65,7 +65,7 @@ def test_a_moving_joint_needs_an_axis(tmp_path: Path) -> None:
 
 def test_what_can_only_float_says_so() -> None:
     path = str(FOLDER / 'free_flyer.urdf')
-    with pytest.raises(InputError, match='nothing in it can move: with --floating its root'):
+    with pytest.raises(InputError, match='no part of it can move: with --floating its root'):
         imported(path)
     simulation = simulate(imported(path, floating=True, scene=True))
     simulation.step(100)
@@ -80,7 +80,7 @@ def test_a_frame_without_mass_at_the_end(tmp_path: Path) -> None:
  <joint name="tilting" type="continuous"><parent link="pan"/><child link="eye"/></joint></robot>"""
     source = (FOLDER / 'fixed_without_axis.urdf').read_text(encoding='utf-8')
     text = imported(saved(tmp_path, 'it.urdf', source.replace('</robot>', camera)), scene=True)
-    assert 'from them: tilting, panning\n' in text
+    assert 'no mass: tilting, panning\n' in text
     assert first_speed(text, 'pin') == pytest.approx(GRAVITY / 1.1 * 1e-3, rel=1e-5)
 
 
@@ -153,7 +153,7 @@ def test_meshes_and_pictures_that_are_not_there() -> None:
     """What has an inertia of its own moves as before; what has none is named."""
     pytest.importorskip('mujoco')
     text = imported(str(FOLDER / 'missing_meshes.xml'), scene=True)
-    assert '#   shapes without their file: the mass of these bodies lacks theirs: tip\n' in text
+    assert '#   shapes without their file: their mass is not counted: tip\n' in text
     expected = GRAVITY * 1.0 / (0.1 + 1.0) * 1e-3
     assert first_speed(text, 'pin') == pytest.approx(expected, rel=1e-5)
 
@@ -237,7 +237,7 @@ def test_an_included_model(tmp_path: Path) -> None:
  <name>one</name><pose>1 0 0 0 0 0</pose></include>
  <include><uri>model://nowhere</uri></include></world></sdf>"""
     text = imported(saved(tmp_path, 'w.sdf', world), scene=True)
-    assert '#   includes: what they bring is not there: model://nowhere\n' in text
+    assert '#   includes: their content is omitted: model://nowhere\n' in text
     points = simulate(text).sample().points
     assert any(place == pytest.approx([1.5, 0.0, -0.1]) for place in points.values())
 
@@ -253,7 +253,7 @@ MISTAKES = {
     'axis': (('<xyz>1 0 0', '<xyz>0 0 0'), 'roll: zero is no direction'),
     'hangs from itself': (('<child>trolley', '<child>roll'), 'relative to itself|no link'),
     'no child': (('<child>trolley</child>', ''), 'roll: no <child>'),
-    'static': (('<static>false', '<static>true'), 'nothing in it can move'),
+    'static': (('<static>false', '<static>true'), 'no part of it can move'),
 }
 
 
@@ -274,7 +274,7 @@ def test_limits_of_an_sdf(tmp_path: Path) -> None:
     for lower, upper, said in (
         ('-inf', '2', 'roll: {joint: roll, upper: 2.0, stiffness: 10000.0}'),
         ('-1.79769e+308', '1e16', 'effects:\n  gravity'),
-        ('0', '0', '#   limits without room: lower is not below upper: joints pass them: roll'),
+        ('0', '0', '#   limits without range: lower is not below upper: joints pass them: roll'),
     ):
         ends = f'<lower>{lower}</lower><upper>{upper}</upper>'
         text = source.replace('<lower>-2</lower><upper>2</upper>', ends)
@@ -285,7 +285,7 @@ def test_limits_of_an_sdf(tmp_path: Path) -> None:
 def test_an_unknown_joint_is_listed(tmp_path: Path) -> None:
     source = (FOLDER / 'nested.sdf').read_text(encoding='utf-8').replace('"ball"', '"gearbox"')
     text = imported(saved(tmp_path, 'it.sdf', source))
-    assert '#   joints of unknown type: they hold nothing: swing (gearbox)\n' in text
+    assert '#   joints of unknown type: they are omitted: swing (gearbox)\n' in text
 
 
 def test_options_of_other_formats() -> None:

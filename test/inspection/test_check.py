@@ -120,7 +120,7 @@ def test_a_free_direction_without_mass() -> None:
     found = examine(scene_from_text(four_bar((1.0, 3.0, 2.5), more=more)))
     verdict, text = answers(found)['mass']
     assert verdict == BAD
-    assert '1 free direction:' in text and text.endswith('what carries H')
+    assert '1 free direction:' in text and text.endswith('the bodies that carry H')
 
 
 def test_a_slender_rod_may_turn_about_itself_without_inertia() -> None:
@@ -218,11 +218,11 @@ def test_freedoms_of_velocity_and_of_position() -> None:
 
 def test_redundancy_by_name() -> None:
     cart = answers(examine(load_scene('differential_drive_cart')))
-    assert cart['redundant rows'][1].startswith('1, among those of ')
+    assert cart['redundant rows'][1].startswith('1, among the rows of ')
     assert {'left', 'right'} <= set(cart['redundant rows'][1].replace(',', '').split())
-    assert cart['reactions'][1].endswith('those of left, right')
+    assert cart['reactions'][1].endswith('bodies: left, right')
     wishbone = answers(examine(load_scene('double_wishbone')))
-    assert wishbone['redundant rows'] == (NOTE, '2, among those of lower, upper')
+    assert wishbone['redundant rows'] == (NOTE, '2, among the rows of lower, upper')
 
 
 # ------------------------------------------------------------------------------------ the command

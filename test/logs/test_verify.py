@@ -286,7 +286,7 @@ def test_another_version_is_said(pushed, tmp_path, capsys):
     log.info['versions']['numpy'] = '1.0'
     result = compare(log)
     assert result.versions == {'numpy': ('1.0', np.__version__)}
-    assert result.faults == ['its beginning is told in two ways'] and result.first is None
+    assert result.faults == ['its two descriptions of the start differ'] and result.first is None
 
 
 def test_another_solver_shows_where_and_how_much(pushed):

@@ -122,10 +122,10 @@ def test_export_lists_it() -> None:
 
 MISTAKES = {
     'joint': (('pin: 0.3', 'pn: 0.3'), "no such joint coordinate, got 'pn'; did you mean 'pin'"),
-    'zero': (('pin: 0.3', 'pin: 0'), 'couples nothing'),
+    'zero': (('pin: 0.3', 'pin: 0'), 'no joint with a factor'),
     'none': (('{pin: 0.3, rail: -2}', '{}'), 'no coordinate; expected'),
     'key': (('joints: {pin', 'joint: {pin'), "unknown key, got 'joint'; did you mean 'joints'"),
-    'name': (('cam:', 'slide:'), 'this name is already that of'),
+    'name': (('cam:', 'slide:'), 'this name already belongs to'),
 }
 
 

@@ -85,7 +85,7 @@ def test_nothing_is_compiled_where_nothing_is_driven() -> None:
         ({'point': 'A', 'at': ['t']}, 'a list of 2'),
         ({'point': 'A', 'at': [None, None]}, 'drives nothing'),
         ({'points': ['O', 'O'], 'length': 't'}, 'both points are fixed'),
-        ({'joint': 'pin', 'point': 'A', 'angle': 't'}, 'what does it drive'),
+        ({'joint': 'pin', 'point': 'A', 'angle': 't'}, 'the driven joint or point is missing'),
         ({'joint': 'pin', 'angle': {'table': []}}, 'an empty table'),
         ({'joint': 'pin', 'angle': {'table': [[], []]}}, 'a table of 0 columns'),
         ({'joint': 'pin', 'angle': {'table': [[0, 1]]}}, 'two rows at least'),

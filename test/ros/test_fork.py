@@ -225,7 +225,10 @@ def test_settings_to_come_do_not_take_a_change_back(parent, tmp_path):
         (['--at', '0.1', '--set', 'coupler.mass'], 'expected NAME=VALUE'),
         (['--at', '0.1', '--set', 'coupler.mass=-1'], 'mass'),
         (['--at', '0.1', '--set', 'solver.step=7e-4'], 'solver.step|rate'),
-        (['--at', '0.1', '--set', 'solver.formulation=canonical'], 'none of the changed scene'),
+        (
+            ['--at', '0.1', '--set', 'solver.formulation=canonical'],
+            'does not fit the changed scene',
+        ),
         (['--at', '0.1', '--set', 'effects.gravity.acceleration.7=1'], 'no such place'),
         (['--at', '0.1', '--set', 'L=0'], 'L|points|length'),
     ],

@@ -138,7 +138,7 @@ def test_a_whole_log_stays_what_it_is(tmp_path, capsys):
     log = check_with_public_readers(folder)
     assert log.survey.counts == load(path).survey.counts and log.record == load(path).record
     assert main(['recover', str(path.parent)]) == 2
-    assert 'is there already' in capsys.readouterr().err
+    assert 'exists already' in capsys.readouterr().err
 
 
 def test_where_nothing_can_be_written_is_one_line(tmp_path, capsys):

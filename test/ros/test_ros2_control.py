@@ -74,7 +74,7 @@ def test_values_go_to_the_joints_that_have_the_interface(controlled, message, co
 )
 def test_what_stays_open_is_refused(controlled, message):
     names = list(controlled)
-    with pytest.raises(Refused, match='NaN says: no command') as refused:
+    with pytest.raises(Refused, match='NaN means: no command') as refused:
         read_joints(JointState(name=names, **message), names, controlled)
     assert refused.value.reason == 'wrong_length'
 

@@ -156,9 +156,9 @@ def test_scenes_that_do_not_ask_have_the_text_they_had() -> None:
 @pytest.mark.parametrize(
     ('solver', 'message'),
     [
-        ('{accuracy: 1e-6, tolerance: 1e-9}', 'solver.tolerance: accuracy picks it'),
-        ('{accuracy: 1e-6, integrator: rk4}', 'solver.integrator: accuracy picks it'),
-        ('{accuracy: 1e-6, formulation: alf1}', 'solver.accuracy: only alf2 keeps to one'),
+        ('{accuracy: 1e-6, tolerance: 1e-9}', 'solver.tolerance: accuracy chooses it'),
+        ('{accuracy: 1e-6, integrator: rk4}', 'solver.integrator: accuracy chooses it'),
+        ('{accuracy: 1e-6, formulation: alf1}', 'solver.accuracy: only alf2 supports it'),
         ('{accuracy: 0}', 'solver.accuracy: not usable'),
         ('{accuracy: -1e-6}', 'solver.accuracy: not usable'),
         ('{acuracy: 1e-6}', "did you mean 'accuracy'"),

@@ -125,7 +125,7 @@ def test_panels_carry_the_figures_of_the_paper(four_bars: FormulationComparison)
 def test_finding_of_the_paper_is_told(published: tuple[Path, str]) -> None:
     folder, said = published
     verdicts = dict(
-        re.findall(r'^double_four_bar +(\w+) +(lost at [\d.]+|gets through)', said, re.M)
+        re.findall(r'^double_four_bar +(\w+) +(fails at [\d.]+|gets through)', said, re.M)
     )
     assert list(verdicts) == ['alf1', 'alf2_as_printed', 'alf2']
     assert verdicts['alf2'] == 'gets through'
@@ -144,7 +144,7 @@ def test_finding_reproduces_around_its_tolerance(four_bars: FormulationCompariso
     lost = {}
     for name in ('alf1', 'alf2_as_printed'):
         said = scan.neighbours(four_bars, name, PublishedSetting(), (0.8, 0.87, 0.95, 1.05, 1.25))
-        lost[name] = int(re.search(r'lost in (\d) of 5', said).group(1))
+        lost[name] = int(re.search(r'failed in (\d) of 5', said).group(1))
     assert lost['alf1'] >= 3 and lost['alf2_as_printed'] <= 1, lost
 
 
@@ -152,7 +152,7 @@ def test_scan_has_a_line_for_each_penalty(four_bars: FormulationComparison) -> N
     lines = scan.table(
         four_bars, 'alf1', PublishedSetting(), (1e-4, 1e-5), (1e7, 1e9)
     ).splitlines()
-    assert lines[0] == 'double_four_bar, alf1: when it is lost, s'
+    assert lines[0] == 'double_four_bar, alf1: time of failure, s'
     assert lines[1].split() == ['α', '\\', 'tolerance', '1e-04', '1e-05']
     assert [line.split()[0] for line in lines[2:]] == ['1e+07', '1e+09']
     for line in lines[2:]:

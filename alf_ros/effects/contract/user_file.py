@@ -23,7 +23,7 @@ from alf_ros.effects import contract
 from alf_ros.errors import InputError
 
 _NAME = re.compile(r'(?P<path>.*\.py)(#sha256=(?P<digest>[0-9a-f]{64}))?')
-TRUSTED = 'trust in it: see doc/security.md'
+TRUSTED = 'trust in the file: see doc/security.md'
 LARGEST = 1 << 20  # bytes of a file
 # By digest: what has run in this process, and copies of texts that a log brings.
 _modules: dict[str, ModuleType] = {}
@@ -70,7 +70,7 @@ def full_name(name: str, folder: Path | None, code: bool = True) -> str:
     if is_known(name):
         return name
     if folder is None:
-        raise InputError('an effect in a file, which is not looked for here', value=path)
+        raise InputError('an effect in a file: files are not read here', value=path)
     try:
         file = (folder / paths.named(path)).resolve()
         text = paths.content(file, LARGEST)
@@ -78,11 +78,11 @@ def full_name(name: str, folder: Path | None, code: bool = True) -> str:
         raise InputError('no such file of an effect', value=path) from None
     found = hashlib.sha256(text).hexdigest()
     if wanted not in (None, found):
-        raise InputError('the file of this effect is no longer what it was', value=str(file))
+        raise InputError('the file of this effect has changed', value=str(file))
     full = f'{file}#sha256={found}'
     if not code and not is_known(full):
         raise InputError(
-            'an effect in a file, whose code would run here', value=str(file), expected=TRUSTED
+            'an effect in a file: its code would run here', value=str(file), expected=TRUSTED
         )
     return full
 
@@ -119,7 +119,7 @@ def load(name: str) -> ModuleType:
         file = _provided.get(wanted, Path(_split(full)[0]))
         text = paths.content(file, LARGEST)
         if hashlib.sha256(text).hexdigest() != wanted:  # changed since it was asked for
-            raise InputError('the file of this effect is no longer what it was', value=str(file))
+            raise InputError('the file of this effect has changed', value=str(file))
         _modules[wanted] = checked(_executed(text, str(file), wanted), str(file))
         _texts[wanted] = text.decode()
     return _modules[wanted]

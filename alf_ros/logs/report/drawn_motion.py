@@ -65,7 +65,7 @@ def mechanism(log: Log) -> Simulation:
     try:
         solver = Solver(**log.info['solver'])
     except TypeError as error:
-        text = f'its settings are not those of this version: {error}'
+        text = f'its settings do not belong to this version: {error}'
         raise InputError(text, file=file) from None
     return Simulation(scene, step=solver.step, penalty=solver.penalty)
 

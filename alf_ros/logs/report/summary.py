@@ -105,7 +105,7 @@ def _notes(made: Account, why: str) -> list[str]:
         spacing = made.motion.t[1] - made.motion.t[0]
         notes.append(f'animation: every {made.motion.stride}th state, {spacing:.3g} s apart')
     if not made.is_exact:
-        notes.append('singular positions: as far as the diagnostics tell, to the second')
+        notes.append('singular positions: from the diagnostics, to the second')
     if found.orders.stride > 1:
         notes.append(f'commands: every {found.orders.stride}th of {found.orders.count} is listed')
     return notes

@@ -104,9 +104,9 @@ def _change(rerun: Rerun, changes: Mapping[str, str], changed: set[str]) -> Stat
         state_vector.names(after.model, after.state),
     ]
     if names[0] != names[1]:
-        raise InputError('the state of the log is none of the changed scene', key='--set')
+        raise InputError('the state of the log does not fit the changed scene', key='--set')
     if after.state.carried.size and scene.mechanism != rerun.scene.mechanism:
-        text = f'{after.solver.formulation} cannot go on with another mechanism'
+        text = f'{after.solver.formulation} cannot continue with another mechanism'
         raise InputError(text, key='--set')
     state = state_vector.state(after.model, after.state, numbers, rates, start.inputs)
     after.restore(on_grid(state, before.h, after.h))

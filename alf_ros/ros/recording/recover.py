@@ -30,7 +30,7 @@ def recover(log: Log, folder: Path, report: Report = silent) -> list[LogFile]:
             before += file.stat().st_size
         write_metadata(folder, made, log.record)
     except FileExistsError:
-        raise InputError('is there already', key='--output', value=str(folder)) from None
+        raise InputError('exists already', key='--output', value=str(folder)) from None
     except OSError as error:
         text = f'cannot be written: {error.strerror}'
         raise InputError(text, key='--output', value=str(folder)) from None

@@ -157,6 +157,12 @@ def _specs(spans: tuple[float, float]) -> list[Spec]:
     return [
         Spec('rate', 1.0, 'Logged seconds per second; 0: as fast as it can', (0.0, 1e3), False),
         Spec('loop', False, 'Begin again at the end', fixed=False),
-        Spec('seek', first, 'Goes on from there when set, simulated s', (first, last), False),
-        Spec('start_paused', False, 'Start paused: ~/pause with false plays'),
+        Spec(
+            'seek',
+            first,
+            'Instant from which the replay continues when set, simulated s',
+            (first, last),
+            False,
+        ),
+        Spec('start_paused', False, 'Start paused: ~/pause with false continues'),
     ]

@@ -142,7 +142,7 @@ def _places(message: JointState, controlled: Controlled) -> dict[str, list[str]]
         fitting = [names for names in choices if len(names) == count]
         if not fitting or fitting[0] != fitting[-1]:
             text = f'{len(message.name)} names, {count} values of {field}, {len(can)} motors'
-            raise Refused('wrong_length', f'joint_commands: {text}; NaN says: no command')
+            raise Refused('wrong_length', f'joint_commands: {text}; NaN means: no command')
         places[field] = fitting[0]
     return places
 

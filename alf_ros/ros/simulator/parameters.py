@@ -87,7 +87,8 @@ class Spec:
 SCENE = Spec(
     'scene',
     'slider_crank',
-    'Scene: a name under config/scenes, or a path; setting it loads it, paused at its start',
+    'Scene: a name under config/scenes, or a path. Setting it loads the scene, paused at its '
+    'start',
     fixed=False,
 )
 
@@ -98,7 +99,7 @@ def solver_specs(solver: Solver) -> list[Spec]:
         Spec(
             'accuracy',
             solver.accuracy or 0.0,
-            'Position error, m, for which integrator and tolerance are picked; 0: as they are',
+            'Requested position error, m; chooses integrator and tolerance; 0: no request',
             (0.0, 1e6),
             fixed=False,
         ),
@@ -106,30 +107,33 @@ def solver_specs(solver: Solver) -> list[Spec]:
         Spec(
             'solver.integrator',
             solver.integrator,
-            'Such as rk4 or dop853; esdirk43 where effects are stiff',
+            'Integrator, such as rk4 or dop853; esdirk43 for stiff effects',
             fixed=False,
         ),
         Spec(
-            'solver.formulation', solver.formulation, 'Equations solved, such as alf2', fixed=False
+            'solver.formulation',
+            solver.formulation,
+            'Formulation of the equations of motion, such as alf2',
+            fixed=False,
         ),
         Spec(
             'solver.penalty',
             solver.penalty,
-            'Penalty, without dimension',
+            'Penalty, dimensionless',
             (1e-60, 1e40),
             fixed=False,
         ),
         Spec(
             'solver.iterations',
             solver.iterations,
-            'Most iterations of a solve',
+            'Maximum iterations of a solve',
             (1, 1000),
             fixed=False,
         ),
         Spec(
             'solver.tolerance',
             solver.tolerance,
-            'Relative error of a step (adaptive integrators)',
+            'Relative error of a step, for adaptive integrators',
             (0.0, 1.0),
             fixed=False,
         ),
@@ -153,62 +157,83 @@ def effect_specs(scene: Scene) -> list[Spec]:
 
 def node_specs(rate: float) -> list[Spec]:
     """Everything but scene, solver and effects; `rate` (Hz) is the default one of the scene."""
-    modes = 'auto: when somebody subscribes; on: always; off: never'
+    modes = 'auto: with subscribers; on: always; off: never'
     return [
         Spec(
             'rate',
             rate,
-            'Ticks, and so messages, per simulated second, Hz; 1/rate is a whole number of steps',
+            'Ticks (and messages) per simulated second, Hz; 1/rate must be a whole number of '
+            'steps',
             (1e-6, 1e5),
             fixed=False,
         ),
         Spec(
             'real_time_factor',
             1.0,
-            'Simulated seconds per second; 0 runs as fast as it can',
+            'Simulated seconds per second; 0: as fast as possible',
             (0.0, 1e3),
             fixed=False,
         ),
-        Spec('step_count', 1, 'Ticks that one call of ~/step makes', (1, 10**9), fixed=False),
+        Spec('step_count', 1, 'Ticks per call of ~/step', (1, 10**9), fixed=False),
         Spec(
             'command_timeout',
             0.0,
-            'Seconds (steady clock) after which a command not renewed becomes zero; 0 holds it',
+            'Time (steady clock) after which a command without a new message becomes zero, s; 0: '
+            'held',
             (0.0, 3600.0),
             fixed=False,
         ),
         *(
             Spec(f'trajectory.{name}', 0.0, description, (0.0, 1e6), fixed=False)
             for name, description in (
-                ('path_tolerance', 'Error of a joint on its trajectory, rad or m; 0: any'),
-                ('goal_tolerance', 'Error of a joint at the end of it, rad or m; 0: any'),
-                ('goal_time', 'Simulated seconds after the end when that is looked at, s'),
+                (
+                    'path_tolerance',
+                    'Permitted error of a joint on its trajectory, rad or m; 0: any',
+                ),
+                (
+                    'goal_tolerance',
+                    'Permitted error of a joint at the end of its trajectory, rad or m; 0: any',
+                ),
+                (
+                    'goal_time',
+                    'Time after the end of a trajectory at which goal_tolerance is checked, '
+                    'simulated s',
+                ),
             )
         ),
         Spec(
             'trust_scenes',
             False,
-            'Scenes loaded while the node runs may bring effects of their own: Python code',
+            'Scenes loaded while the node runs may contain effects of their own (Python code)',
         ),
-        Spec('ledger', False, 'Keep account of the work of each effect: ~/work, diagnostics'),
-        Spec('start_paused', False, 'Start paused: ~/pause false plays, ~/step makes ticks'),
-        Spec('duration', 0.0, 'Simulated seconds to run; 0 runs until stopped', (0.0, 1e9)),
-        Spec('status_line', True, 'Print a live status line (plain lines if not on a terminal)'),
-        Spec('state.name', 'default', 'Name for ~/save_state and ~/restore_state', fixed=False),
-        Spec('state.folder', 'states', 'Folder of saved states; empty: only in memory'),
+        Spec('ledger', False, 'Compute the work of each effect, for ~/work and diagnostics'),
+        Spec(
+            'start_paused', False, 'Start paused: ~/pause with false continues, ~/step makes ticks'
+        ),
+        Spec('duration', 0.0, 'Simulated time to run, s; 0: until stopped', (0.0, 1e9)),
+        Spec('status_line', True, 'Print a live status line (plain lines without a terminal)'),
+        Spec(
+            'state.name',
+            'default',
+            'Name of the state for ~/save_state and ~/restore_state',
+            fixed=False,
+        ),
+        Spec('state.folder', 'states', 'Folder of saved states; empty: in memory only'),
         Spec('record.enabled', True, 'Record an MCAP log'),
-        Spec('record.folder', 'logs', 'Folder in which each run makes a folder for its log'),
-        Spec('record.topics', RECORDED, f'Recorded topics, of {", ".join(TOPIC_NAMES)}'),
+        Spec('record.folder', 'logs', 'Folder for logs; each run makes a folder in it'),
+        Spec(
+            'record.topics', RECORDED, f'Recorded topics, a selection of {", ".join(TOPIC_NAMES)}'
+        ),
         Spec(
             'record.max_size',
             0,
-            'Bytes after which a log goes on in another file, bytes; 0: never',
+            'Size at which a log continues in a new file, bytes; 0: never',
             (0, 10**15),
         ),
         Spec(
             'record.max_duration',
             0.0,
-            'Simulated seconds after which a log goes on in another file, s; 0: never',
+            'Simulated time after which a log continues in a new file, s; 0: never',
             (0.0, 1e9),
         ),
         *(
@@ -230,11 +255,11 @@ def node_specs(rate: float) -> list[Spec]:
         Spec(
             'force_scale',
             0.0,
-            'Length of the arrows of forces, m/N; 0: that of its weight is a quarter of its size',
+            'Length of force arrows, m/N; 0: the weight is a quarter of the size of the mechanism',
             (0.0, 1e6),
             fixed=False,
         ),
-        Spec('frame_prefix', '', 'Stands before the names of bodies as frames, such as left/'),
+        Spec('frame_prefix', '', 'Prefix of the names of body frames, such as left/'),
         *(
             Spec(
                 mode_of(name),

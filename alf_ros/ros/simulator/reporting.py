@@ -51,7 +51,7 @@ class Reporting:
         if recorder is not None and recorder.error and recorder is not self._lost:
             self._lost = recorder
             run.lose_log()
-            text = f'recording has stopped, the simulation goes on: {recorder.error}'
+            text = f'recording has stopped, the simulation continues: {recorder.error}'
             self._logger.error(text)
         self._warn(run.simulation)
         alarms = (

@@ -142,7 +142,7 @@ class SimulationServices:
         if scope & kind.SCOPE_TIME:
             text = 'time cannot be reset alone: it goes back with the state'
             return _failed(response, Result.RESULT_FEATURE_UNSUPPORTED, text)
-        return _tried(response, lambda: 'nothing is ever spawned')
+        return _tried(response, lambda: 'no entity was spawned')
 
     # -------------------------------------------------------------------------------------- steps
 
@@ -274,7 +274,7 @@ class SimulationServices:
         # Releases before 2.1 have no flags: all is set.
         with_pose, with_twist = (getattr(request, f'set_{k}', True) for k in ('pose', 'twist'))
         if not with_pose and not with_twist:
-            text = 'nothing to set: neither set_pose nor set_twist'
+            text = 'no field to set: neither set_pose nor set_twist'
             return _failed(response, Result.RESULT_FEATURE_UNSUPPORTED, text)
         dimension = self._control.run.simulation.model.layout.dimension
         try:

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from alf_ros.simulation.simulation import Simulation
 
 JOINTLESS = (
-    'the mechanism has no joint coordinates: nothing is published on joint_states and nothing is '
-    'taken from joint_commands; see ~/state, ~/markers and tf, and push with ~/wrench/<body>'
+    'the mechanism has no joint coordinates: joint_states is not published and joint_commands is '
+    'ignored; see ~/state, ~/markers and tf, and push with ~/wrench/<body>'
 )
 _MOST = 14  # names on a line
 

@@ -65,7 +65,7 @@ class _Parts:
         if name in self.entries:
             first = self.entries[name]
             line = f' in line {first.line}' if first.line else ''
-            raise entry.error(f'this name is already that of {first.path}{line}', value=name)
+            raise entry.error(f'this name already belongs to {first.path}{line}', value=name)
         self.entries[name] = entry
 
 
@@ -161,7 +161,7 @@ def read_parameters(section: Entry | None, overrides: Mapping[str, Entry]) -> di
     values: dict[str, float] = {}
     for key, entry in own.items():
         if not repetition.NAME.fullmatch(key) or reserved(key):
-            raise entry.error('this name cannot be that of a parameter', value=key)
+            raise entry.error('this name cannot be used for a parameter', value=key)
         values[key] = overrides.get(key, entry).number(values)
     return values
 

@@ -28,7 +28,7 @@ def read(
                 raise factor.error('no such joint coordinate', value=name, choices=coordinates)
             a = factor.number(item.names)
             if a == 0.0:
-                raise factor.error('it couples nothing', value=0.0, expected='not zero')
+                raise factor.error('it has no joint with a factor', value=0.0, expected='not zero')
             if coordinates[name].is_angle and not layout.turns(coordinates[name].joint.child):
                 child = coordinates[name].joint.child
                 raise factor.error(f'body {child!r} has one point only, which cannot turn')

@@ -111,7 +111,9 @@ def _fields(entry: Entry) -> dict[str, Entry]:
     fields = entry.mapping(('for', *KEYS))
     what = [key for key in OF if key in fields]
     if len(what) != 1:
-        raise entry.error('what does it drive?', expected='one of joint, point and points')
+        raise entry.error(
+            'the driven joint or point is missing', expected='one of joint, point and points'
+        )
     fields = entry.mapping(('for', what[0], *OF[what[0]]))
     if sum(key in fields for key in OF[what[0]]) != 1:
         raise entry.error('no motion', expected=' or '.join(OF[what[0]]))

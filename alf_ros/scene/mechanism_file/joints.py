@@ -136,7 +136,7 @@ class JointReader:
         if not bodies:
             raise item.entry.error(f'no body carries point {point!r}')
         if len(bodies) > 1:
-            message = f'{" and ".join(bodies)} meet at {point}: say which one slides'
+            message = f'{" and ".join(bodies)} meet at {point}: name the one that slides'
             raise item.entry.error(message, expected=f'between: [ground, {bodies[0]}]')
         return bodies[0]
 

@@ -30,7 +30,7 @@ class Tables:
         """The rows of a list of lists, or of the file it names. Raises InputError."""
         if isinstance(entry.value, str):
             if self._references.folder is None:
-                raise entry.error('a file of numbers, which is not looked for here')
+                raise entry.error('a file of numbers: files are not read here')
             folder = Path(entry.file).parent if entry.file is not None else Path()
             rows = read(folder / entry.text())
             self._from_file[id(entry)] = as_entry(rows)

@@ -67,7 +67,7 @@ def _scopes(loop: Entry, names: Mapping[str, float]) -> Iterator[Mapping[str, fl
     ranges, total = [], 1
     for index, bounds in indices.items():
         if index in names or reserved(index) or not NAME.fullmatch(index):
-            raise bounds.error('this index cannot be used', value=index, expected='a new name')
+            raise bounds.error('an index that cannot be used', value=index, expected='a new name')
         first, last = (bound.integer(names) for bound in bounds.sequence(2))
         ranges.append(range(first, last + 1))
         total *= max(last + 1 - first, 0)

@@ -55,7 +55,7 @@ class Adams:
         while True:
             k, t = self._order, self.t + h
             if not abs(h) > 4.0 * np.finfo(float).eps * max(self.t, 1e-3):
-                raise StepError('no step is short enough', 'take a larger tolerance', self.t)
+                raise StepError('no step is short enough', 'use a larger tolerance', self.t)
             G = _integrals(self._times, self.t, t, k + 1)
             products = _products(self._times, np.array([t]), k + 1)
             share = G / products[:, 0]

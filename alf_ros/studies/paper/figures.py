@@ -15,7 +15,7 @@ from alf_ros.studies.paper.published import PublishedSetting
 from alf_ros.studies.paper.scan import LITERAL
 
 FORMULATIONS = (*LITERAL, 'alf2')
-SAID = 'The paper: in the two four-bars ALF1 is lost after 3.3 s, ALF2 gets through.'
+SAID = 'The paper: in the two four-bars ALF1 fails after 3.3 s, ALF2 gets through.'
 _LONGEST = 1.0  # s: the grid of the adaptive steps of alf2; as its tolerance asks in between
 
 
@@ -97,9 +97,9 @@ def finding(runs: Sequence[ComparedMotion]) -> str:
     lost = {curve.name: curve.lost for curve in runs}
     alf1, alf2 = lost['alf1'], lost['alf2_as_printed']
     here = ', '.join(
-        f'{name} gets through' if at is None else f'{name} is lost at {at:.2f} s'
+        f'{name} gets through' if at is None else f'{name} fails at {at:.2f} s'
         for name, at in (('ALF1', alf1), ('ALF2 as printed', alf2))
     )
     agrees = alf1 is not None and alf2 is None
     says = 'reproduces' if agrees else 'does not reproduce'
-    return f'Here {here}: the finding {says}. At which pass a run is lost is chance: see --scan.'
+    return f'Here {here}: the finding {says}. The pass at which a run fails is chance: see --scan.'

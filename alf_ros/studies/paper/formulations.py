@@ -110,7 +110,7 @@ class ComparedMotion:
     def verdict(self) -> str:
         """In words."""
         if self.lost is not None:
-            return f'lost at {self.lost:.2f} s'
+            return f'fails at {self.lost:.2f} s'
         return 'gets through'
 
 

@@ -63,7 +63,7 @@ def _vode(rates: Rates, y: Floats, tolerance: float, times: Floats) -> Iterator[
             warnings.simplefilter('ignore', UserWarning)  # told below
             y = solver.integrate(t)
         if not solver.successful():
-            raise StepError('VODE finds no step', 'take a larger tolerance', float(last))
+            raise StepError('VODE finds no step', 'use a larger tolerance', float(last))
         yield y
 
 
@@ -104,7 +104,7 @@ class PublishedRun:
 
     def _counted(self, t: float, y: Floats) -> Floats:
         if len(self.evaluated) == MOST:
-            raise StepError(f'it takes more than {MOST} evaluations', 'the motion is lost', t)
+            raise StepError(f'it needs more than {MOST} evaluations', 'the motion has failed', t)
         rates = self._rates(t, y)
         blocks = self.model.coordinate_block
         q = self._work.q.reshape(-1, self.model.layout.dimension)[blocks].ravel()
@@ -114,5 +114,5 @@ class PublishedRun:
     def _rates(self, t: float, y: Floats) -> Floats:
         result, rates = self._formulation.rates(self._forces, self._work, t, y)
         if result != kernel.Status.OK or not np.isfinite(rates).all():
-            raise StepError('the state is no longer finite', 'the motion is lost', t)
+            raise StepError('the state is no longer finite', 'the motion has failed', t)
         return rates

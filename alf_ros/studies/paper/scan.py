@@ -25,7 +25,7 @@ def table(
     penalties: Sequence[float] = PENALTIES,
 ) -> str:
     """When a run is lost, a line for each α."""
-    title = f'{comparison.example.mechanism}, {formulation}: when it is lost, s'
+    title = f'{comparison.example.mechanism}, {formulation}: time of failure, s'
     lines = [title, 'α \\ tolerance' + ''.join(f'{tolerance:>9.0e}' for tolerance in tolerances)]
     for penalty in penalties:
         settings = [replace(setting, tolerance=each, penalty=penalty) for each in tolerances]
@@ -48,7 +48,7 @@ def neighbours(
     ends = f'{min(factors) * setting.tolerance:.3g} .. {max(factors) * setting.tolerance:.3g}'
     lost = sum(times.values())
     return (
-        f'{comparison.example.mechanism:16}{formulation:17}lost in {lost} of {len(found)} runs '
+        f'{comparison.example.mechanism:16}{formulation:17}failed in {lost} of {len(found)} runs '
         f'with tolerances {ends}{f": {at}" if at else ""}'
     )
 

@@ -25,7 +25,7 @@ NOTES = (
     '½ ((x2 - x1)² + y1² - 1): with both, the errors at 45° are those printed. The value printed',
     'for 90° is that of M22 = 1/3; with the M of the first half, M22 = 2/3, it is the one beside',
     'it. After three iterations both are -1, to 1e-12.',
-    '(26) as it stands forms M q̈: rounding enters times α and stays. On residuals it does not.',
+    '(26) as printed forms M q̈: rounding is multiplied by α and stays. On residuals it is not.',
 )
 _GUIDE = 1e16  # α of the row that holds y2, which the paper does not have: as good as gone
 

@@ -82,7 +82,7 @@ def reference(scene: Scene, duration: float | None = None) -> Reference:
             error, kind = EXACT_ERROR, 'exact motion'
         return Reference(times, found, kind, error, _distance(found.force, other.force))
     raise InputError(
-        'no run of this scene converges, so there is nothing to compare with',
+        'no run of this scene converges, so a reference is missing',
         key='scene',
         value=scene.name,
         expected='a shorter --duration, or smoother forces',
