@@ -17,7 +17,7 @@ help:
 	@echo 'make run [SCENE=slider_crank] [DURATION=seconds] [ARGS=...]   simulate, publish, record (Ctrl-C ends it)'
 	@echo 'make view [ARGS=...]   show what runs in a web browser, at http://localhost:8080'
 	@echo 'make setup [PYTHON=python3.12]   only prepare .venv (run and test do it themselves)'
-	@echo 'make check   linters, type checks, quick tests that need no node and their coverage, under 90 s'
+	@echo 'make check   linters (of prose too), type checks, quick tests without a node and their coverage, under 90 s'
 	@echo 'make test    linters, type checks and all tests'
 	@echo 'make docs [ARGS=--no-films]   the documentation site: build/docs/html/index.html'
 	@echo 'make fuzz [ARGS="--minutes 60"]   files, logs and commands nobody would write, by the thousand'
@@ -35,8 +35,9 @@ run: setup
 view: setup
 	@$(BIN)/python -m alf_ros view $(ARGS)
 
-# For every change, before `make test`: folders without a node, and quick. Coverage is that of these tests.
-CHECKED := test/kernel test/mechanism test/scene
+# For every change, before `make test`: quick tests without a node, and the linter of the prose.
+# Coverage is of these tests.
+CHECKED := test/kernel test/mechanism test/scene test/project/test_prose.py
 # Plugins are named: a sourced ROS 2 brings some that do not fit this pytest.
 PYTEST := -m pytest --disable-plugin-autoload -p xdist -p hypothesispytest -n 2 --dist loadfile
 COVERAGE := COVERAGE_FILE='$(CURDIR)/.coverage' $(BIN)/coverage

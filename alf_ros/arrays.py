@@ -1,4 +1,4 @@
-"""Names for the array types that pass between the rooms."""
+"""Names for the array types that pass between packages."""
 
 from __future__ import annotations
 

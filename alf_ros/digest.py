@@ -10,10 +10,11 @@ _PACKAGE = Path(__file__).resolve().parent
 
 
 def digest_now(*names: str) -> str:
-    """Of all Python files below folders of this package, or of single files, named relative to it.
+    """Digest of all Python files below folders of this package, or of single files, named relative
+    to it.
 
-    Raises FileNotFoundError if one of the names is neither, or a folder without Python files: what
-    has moved must not drop out of a digest in silence.
+    Raises FileNotFoundError if one of the names is neither, or a folder without Python files: a
+    file that has moved must not drop out of a digest in silence.
     """
     total = hashlib.sha256()
     for name in names:

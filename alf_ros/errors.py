@@ -16,7 +16,7 @@ class AlfError(Exception):
 class InputError(AlfError):
     """A file, an argument or a command cannot be used as given: one line, exit code 2.
 
-    The line names file, line, key and value as far as they are known, what was expected and the
+    The line names file, line, key and value as far as they are known, the expected value and the
     nearest valid name.
     """
 
@@ -92,7 +92,7 @@ class StepError(AlfError):
 class StoppedError(AlfError):
     """A call was ended from outside: by `Simulation.stop`, or because the program ends.
 
-    The state is that of the last step; the next call goes on from there.
+    The state is the end of the last step; the next call continues from there.
     """
 
     def __init__(self) -> None:
@@ -105,7 +105,7 @@ class StoppedError(AlfError):
 class BusyError(AlfError):
     """An object is used by two threads at once, or by the handler of a signal that came in a call.
 
-    Nothing has changed, and the call that is under way goes on.
+    The object is unchanged, and the other call continues.
     """
 
     def __init__(self, name: str, call: str) -> None:

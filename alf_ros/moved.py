@@ -1,7 +1,7 @@
-"""Says the new name of a module that documents once gave another.
+"""Gives the new name of a module that was documented under another name.
 
-Effects and programs of users import some modules by name. Without this they would be told only
-that there is no such module.
+Effects and programs of users import some modules by name. Without this the error would only state
+that the module does not exist.
 """
 
 from __future__ import annotations

@@ -21,8 +21,8 @@ def named(text: str | Path, key: str | None = None) -> Path:
 
 
 def content(path: Path, most: int) -> bytes:
-    """What a regular file holds. Raises InputError if there is none, or it has more than `most`
-    bytes: a device or a pipe would be read for ever."""
+    """The content of a regular file. Raises InputError if there is none, or it has more than
+    `most` bytes: a device or a pipe would be read without end."""
     try:
         with open(path, 'rb', opener=_opened) as stream:
             data = stream.read(most + 1)

@@ -25,9 +25,10 @@ def _roots() -> Iterator[Path]:
 
 
 def folder(kind: str) -> list[Path]:
-    """Return the existing folders of `kind` ('mechanisms' or 'scenes'), in the order to look in.
+    """Return the existing folders of `kind` ('mechanisms' or 'scenes'), in the order of the
+    search.
 
-    The source tree comes first, then what is installed beside this code, each entry of
+    The source tree comes first, then the files installed beside this code, each entry of
     AMENT_PREFIX_PATH, and the prefix of the interpreter.
     """
     folders = (root / 'config' / kind for root in _roots() if (root / 'package.xml').is_file())

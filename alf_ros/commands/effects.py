@@ -15,7 +15,8 @@ from alf_ros.scene.scene import load_scene
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """List the effects, or measure those of a scene. Returns 0; raises InputError, StepError."""
+    """List the effects, or measure the effects of a scene. Returns 0; raises InputError,
+    StepError."""
     parser = Parser(
         prog='effects',
         description='Without SCENE: list all effects with their parameters, defaults and units. '

@@ -1,8 +1,8 @@
 """Draw the comparison of the paper: ALF1, ALF2 as printed, ALF2 of this package, exact motion.
 
 The figures follow figures 3 to 8 (slider-crank, 6.2) and 10 to 13 (two four-bars, 6.3) of Bayo &
-Avello, Nonlinear Dynamics 5 (1994): position, velocity, acceleration, multipliers and energy in
-10 s. The command also prints Table I of the paper. The first setting is that of the paper, a
+Avello, Nonlinear Dynamics 5 (1994): position, velocity, acceleration, multipliers and energy in 10
+s. The command also prints Table I of the paper. The first setting is the setting of the paper, a
 variable-step multistep method, which reproduces the finding of the paper. The second setting has
 fixed steps. The command writes a CSV file (a line per formulation and instant) and a picture for
 each mechanism and setting.

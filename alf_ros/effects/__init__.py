@@ -1,4 +1,4 @@
-"""What acts, a file for each effect; one that the scene does not name is not imported.
+"""The effects, one file for each. An effect that the scene does not name is not imported.
 
 Besides the files of this folder a scene may name an effect that another package registers (entry
 point of the group `alf_ros.effects`, a module), or a file of its own (`my_effect.py`).
@@ -32,7 +32,7 @@ ROLES = {
 
 @cache
 def own() -> tuple[str, ...]:
-    """Names of the effects in this folder, none of them imported."""
+    """Names of the effects in this folder. Imports no effect."""
     names = (module.name for module in pkgutil.iter_modules(__path__))
     return tuple(sorted(name for name in names if name != 'contract'))
 
@@ -42,7 +42,7 @@ def _registered() -> dict[str, EntryPoint]:
 
 
 def kinds() -> tuple[str, ...]:
-    """Names of all effects that need no path, none of them imported."""
+    """Names of all effects that need no path. Imports no effect."""
     return tuple(dict.fromkeys((*own(), *sorted(_registered()))))
 
 
@@ -60,7 +60,7 @@ def full_name(name: str, folder: Path | None, code: bool = True) -> str:
 
 
 def short_name(kind: str) -> str:
-    """What an effect is called where there is one of it: of a file, its name."""
+    """Name of an effect without a name of its own: for a file, the name of the file."""
     return user_file.stem(kind) if user_file.is_file_name(kind) else kind
 
 
@@ -78,14 +78,14 @@ def origin(kind: str) -> str:
 
 
 def held(role: str, name: str, what: object) -> Effect:
-    """What is held from outside on a body, point or joint coordinate, as an effect."""
+    """A held command on a body, point or joint coordinate, as an effect."""
     kind = ROLES[role]
     return Effect(kind, name, load(kind).held(name, what))
 
 
 def carried(kind: str) -> tuple[str, str]:
-    """What an effect needs in another process: the text of its file if it is one of its own, and
-    `origin` of one of another package."""
+    """Data that an effect needs in another process: the text of its file if it is one of its own,
+    and `origin` of one of another package."""
     return (user_file.source(kind), '') if user_file.is_file_name(kind) else ('', origin(kind))
 
 

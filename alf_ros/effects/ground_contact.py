@@ -1,9 +1,10 @@
 """Contact of a point, of a circle in the plane, or of a ball in space, with a plane that is fixed.
 
 At a depth δ (m) the plane pushes with N = k δᵖ (1 + c δ̇), never pulls (Hunt & Crossley, see
-`joint_stop`), and rubs with -μ N v / √(v² + ε²), v the velocity along the plane of what touches:
-r = -R n from the centre, so that a circle slips, rolls or spins. V = k δᵖ⁺¹ / (p + 1). Below ε
-friction is a steep viscous one: a body at rest on a slope creeps with ε tan α / √(μ² - tan² α).
+`joint_stop`), and rubs with -μ N v / √(v² + ε²), v the velocity along the plane of the point that
+touches, at r = -R n from the centre. A circle therefore slips, rolls or spins. V = k δᵖ⁺¹ / (p +
+1). Below ε friction is a steep viscous one: a body at rest on a slope creeps with ε tan α / √(μ² -
+tan² α).
 """
 
 from __future__ import annotations

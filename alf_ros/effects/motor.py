@@ -104,7 +104,7 @@ def aimed(
 
 def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
     """Numbers of each: k_p, k_v, L, 1/ẋ₀, whether ẋ* is given, where the tables of x* and ẋ* begin
-    after that of e, tables. Raises ValueError for a joint without coordinate."""
+    after the table of e, tables. Raises ValueError for a joint without coordinate."""
     measures = Measures(layout)
     for effect in effects:
         p: Parameters = effect.parameters

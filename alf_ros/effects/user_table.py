@@ -77,11 +77,10 @@ class Parameters:
 
 def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
     """Numbers of each: number of directions of the body, whether the table is in its frame, number
-    of components of the torque, size of a table, tables; of a joint there is no direction, and -1
-    in place of the frame.
+    of components of the torque, size of a table, tables; a joint has no direction, and -1 in place
+    of the frame.
 
-    Raises ValueError for a table of another number of columns, and for a torque or a frame of the
-    body where nothing turns.
+    Raises ValueError for a wrong number of columns, and for a torque or a frame on a point.
     """
     measures = Measures(layout)
     D = layout.dimension

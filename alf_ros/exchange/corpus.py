@@ -65,7 +65,7 @@ class ExaminationLimits:
 
 @dataclass(frozen=True)
 class Examined:
-    """What became of a file: its result, and why if it is not ok.
+    """Result of a file, and why if it is not ok.
 
     freedoms: degrees of freedom. loops: joints beyond a tree. evaluations: per simulated second.
     closure: m, how far a constraint was open. seconds: of wall time for a simulated one.
@@ -90,7 +90,7 @@ def files_below(folder: Path) -> list[Path]:
 def examined(
     folder: Path, wishes: Mapping[str, Any], limits: ExaminationLimits
 ) -> Iterator[Examined]:
-    """What becomes of each file below a folder, imported with `wishes` (fields of `Wishes`)."""
+    """Results of all files below a folder, imported with `wishes` (fields of `Wishes`)."""
     os.environ.setdefault(
         'OPENBLAS_NUM_THREADS', '1'
     )  # matrices are small, and cores are for others
@@ -149,7 +149,7 @@ def _work(
 def _treated(
     path: str, name: str, wishes: dict[str, Any], limits: ExaminationLimits
 ) -> Iterator[Examined]:
-    """What is being done, as a result of its own until there is one."""
+    """The present activity, as a result until the real one exists."""
     yield Examined(name, LIMIT, 'importing')
     if xml_file.kind_of(Path(path)) != 'robot':  # which say themselves what floats
         wishes = wishes | {'floating': False}
@@ -174,7 +174,7 @@ def _treated(
 
 
 def _simulated(scene: Scene, found: Examined, limits: ExaminationLimits) -> Examined:
-    """With what it takes, over the duration or as much of it as half of the time allows."""
+    """Add the cost of a run over the duration, or over the part that half of the time allows."""
     closure, span = 0.0, 0.0
     try:
         simulation = Simulation(scene)
@@ -194,7 +194,7 @@ def _simulated(scene: Scene, found: Examined, limits: ExaminationLimits) -> Exam
 
 
 def _loops(scene: Scene) -> int:
-    """Joints beyond those of a spanning tree."""
+    """Joints beyond a spanning tree."""
     mechanism = scene.mechanism
     return len(mechanism.joints) - len(mechanism.bodies) + _free(scene)
 

@@ -34,10 +34,10 @@ def tree(scene: Scene) -> tuple[str, list[str]]:
 
 
 def exported(scene: Scene) -> tuple[str, str, list[str]]:
-    """URDF and side file of a scene's mechanism, and what they do not carry over.
+    """URDF and side file of a scene's mechanism, and a list of omissions.
 
-    Bodies that are not in the tree are there all the same, on `floating` joints.
-    Raises InputError if the mechanism cannot be assembled.
+    Bodies that are not in the tree are exported on `floating` joints. Raises InputError if the
+    mechanism cannot be assembled.
     """
     mechanism = scene.mechanism
     sample = Simulation(scene).sample()

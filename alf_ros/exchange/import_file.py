@@ -26,12 +26,12 @@ from alf_ros.scene.scene import scene_from_text
 
 @dataclass(frozen=True)
 class Wishes:
-    """What a user asks for besides the file.
+    """Options of an import.
 
     loops: path of a side file that closes loops of a URDF. scene: effects as well. stops:
     stiffness of a stop at each limit of a joint. floating: the root link of a URDF is free.
-    positions: of joints as drawn, rad or m. repair_inertia: change inertias that no body has.
-    key: the keyframe of an MJCF that it begins at. arguments: of a xacro.
+    positions: of joints as drawn, rad or m. repair_inertia: change impossible inertias. key: the
+    keyframe of an MJCF that it begins at. arguments: of a xacro.
     """
 
     loops: str | None = None
@@ -68,7 +68,7 @@ def imported(source: str, **wishes: Any) -> str:
 
 
 def _robot(path: Path, asked: Wishes) -> Robot:
-    """What a file describes; its format is known by its first element."""
+    """The robot of a file; the first element gives the format."""
     kind = xml_file.kind_of(path)
     for_urdf = ((asked.loops, '--loops'), (asked.floating, '--floating'))
     for given, option in for_urdf if kind != 'robot' else ():

@@ -1,7 +1,7 @@
-"""What of a file does not come along, and what that means for the motion.
+"""Parts of a file that are not imported, and the consequences for the motion.
 
 Every kind of loss is named here once, with its consequence: the head of a file that `import`
-writes begins with those that change the motion.
+writes begins with the losses that change the motion.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ NOTHING = ('shapes', 'lights', 'cameras', 'sensors', 'keyframes', 'materials', '
 
 
 class LeftOut:
-    """What is left out, by kind: the names of what had it."""
+    """Names of the omitted parts, by kind."""
 
     def __init__(self) -> None:
         self.names: dict[str, list[str]] = {}
@@ -75,7 +75,8 @@ class LeftOut:
             names.append(name)
 
     def lines(self) -> Iterator[str]:
-        """The report: what changes the motion first, what moves nothing in one line at the end."""
+        """The report: first omissions that change the motion, at the end the others in one
+        line."""
         for head, kinds in (
             ('Changes of the motion:', MOTION),
             ('Changes of readings only:', READING),

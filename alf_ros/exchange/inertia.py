@@ -1,10 +1,10 @@
-"""Inertias that no body has, and the least change that makes them one.
+"""Impossible inertias, and the least change that makes them possible.
 
-The principal moments J of a body are those of positive second moments s of its mass:
-J = (s_y + s_z, s_z + s_x, s_x + s_y), so none is negative and none exceeds the sum of the others.
-The nearest such J, in the Frobenius norm, has the principal axes of the one given, for the
-condition is on the moments alone: it is T s with s ≥ 0 and |T s - J| least (Lawson & Hanson,
-Solving Least Squares Problems, ch. 23).
+The principal moments J of a body follow from positive second moments s of its mass: J = (s_y +
+s_z, s_z + s_x, s_x + s_y), so none is negative and none exceeds the sum of the others. The nearest
+such J, in the Frobenius norm, has the principal axes of the given one, because the condition is on
+the moments alone: it is T s with s ≥ 0 and |T s - J| least (Lawson & Hanson, Solving Least Squares
+Problems, ch. 23).
 """
 
 from __future__ import annotations
@@ -44,9 +44,9 @@ def is_possible(J: Floats) -> bool:
 
 
 def checked(robot: Robot, repair: bool) -> None:
-    """Repair the inertias of a robot that no body has, or refuse them. Raises InputError.
+    """Repair the impossible inertias of a robot, or refuse them. Raises InputError.
 
-    What adding the links of a part has left of zero is zero.
+    Rounding from the sum over the links of a part is set to zero.
     """
     size = max([0.0, *(float(np.abs(part.com).max()) for part in robot.parts)])
     for n, part in enumerate(robot.parts):

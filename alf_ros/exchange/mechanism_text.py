@@ -1,7 +1,7 @@
 """A robot as the text of a mechanism or scene file.
 
 Each connection is at a point of the child, which the parent shares where nothing slides; a body
-that has no other gets one at its origin. Bodies are told in the frame that the loader will give
+that has no other gets one at its origin. Bodies are written in the frame that the loader will give
 them: origin at the first point, x axis towards the second.
 """
 
@@ -111,7 +111,7 @@ class _Points:
 
 
 def text(robot: Robot, scene: bool, stops: float | None, version: str) -> str:
-    """The mechanism file of a robot; a `scene` has in it also what acts on it.
+    """The mechanism file of a robot; a `scene` also has its effects.
 
     stops: stiffness of a `joint_stop` at each limit of a joint, N m/rad^1.5 or N/m^1.5.
     """
@@ -180,12 +180,12 @@ def _body(part: RobotPart, points: _Points, carried: list[str]) -> dict[str, Any
 
 
 def _numbers(values: Floats, size: float) -> list[float]:
-    """Values, what is rounding only as zero."""
+    """Values, with rounding set to zero."""
     return [0.0 if abs(x) < 1e-15 * size else float(x) for x in values]
 
 
 def _effects(robot: Robot, joints: dict[str, str], stops: float | None) -> dict[str, Any]:
-    """What acts, by kind and name; coordinates are zero as drawn."""
+    """Effects, by kind and name; coordinates are zero as drawn."""
     effects: dict[str, dict[str, Any]] = {}
     if any(robot.gravity):
         effects['gravity'] = {'acceleration': list(robot.gravity)}
@@ -241,7 +241,7 @@ def _motors(robot: Robot, joints: dict[str, str]) -> dict[str, dict[str, Any]]:
 
 
 def _label(name: str, taken: Container[str]) -> str:
-    """Of an effect: a name of its own among those of its kind."""
+    """A name for an effect that no other effect of its kind has."""
     stem = re.sub(r'[^A-Za-z0-9_]', '_', name)[:80]
     stem = stem if NAME.fullmatch(stem) else f'n_{stem}'
     label, n = stem, 2

@@ -29,7 +29,7 @@ _TURNED = 1e-6  # rad: how far what a weld holds may be drawn from how it is hel
 
 
 def read(path: Path, positions: Mapping[str, float], key: str | None = None) -> Robot:
-    """The robot of a file; `positions` of joints (rad, m), those of the file where absent.
+    """The robot of a file; `positions` of joints (rad, m), by default the positions in the file.
 
     key: a keyframe, by name or number, whose positions and controls count. Raises InputError.
     """
@@ -72,7 +72,7 @@ def _compiled(mujoco: Any, path: Path) -> tuple[Any, list[str]]:
 
 
 class _Reader:
-    """What is compiled, placed as drawn."""
+    """The compiled model, placed as drawn."""
 
     def __init__(
         self,
@@ -230,7 +230,7 @@ class _Reader:
         )
 
     def _leave_dynamics(self, joint: int) -> None:
-        """What acts on a joint with several freedoms."""
+        """Note forces on a joint with several freedoms."""
         model, dof = self.model, self.model.jnt_dofadr[joint]
         acting = (
             model.dof_armature[dof],
@@ -293,7 +293,7 @@ class _Reader:
     # ----------------------------------------------------------------------------------- the rest
 
     def _leave(self) -> None:
-        """What else the file has."""
+        """Note the other contents of the file."""
         model, leave = self.model, self.robot.leave
         for geom in range(model.ngeom):
             body = self.bodies[model.geom_bodyid[geom]]

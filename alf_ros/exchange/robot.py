@@ -1,4 +1,4 @@
-"""A robot as other formats describe it: rigid parts, connections between them, what acts.
+"""A robot as other formats describe it: rigid parts, connections between them, actuators.
 
 All places and directions are in the world frame, as drawn.
 """
@@ -63,9 +63,9 @@ class RobotPart:
 
 @dataclass(frozen=True)
 class Connection:
-    """A joint at `place`, with its unit axes; `AXES` says how many.
+    """A joint at `place`, with its unit axes; `AXES` gives their number.
 
-    What acts on its coordinate, whose value as drawn is `drawn`: viscous `damping`, a spring of
+    Forces on its coordinate, whose value as drawn is `drawn`: viscous `damping`, a spring of
     `stiffness` that rests at `rest`, dry `friction`; `limits` of the coordinate; the inertia
     `armature` of a rotor. rad or m, N m or N, kg m^2 or kg. pitch: of a screw, m per turn.
     """
@@ -88,9 +88,9 @@ class Connection:
 
 @dataclass(frozen=True)
 class Actuator:
-    """What pushes a joint: effort + k_p (position - x) + k_v (velocity - ẋ), `limit` at most.
+    """Drive force on a joint: effort + k_p (position - x) + k_v (velocity - ẋ), `limit` at most.
 
-    The position is None where there is no gain k_p; positions count as those of the source.
+    The position is None where there is no gain k_p; positions count as in the source.
     """
 
     name: str
@@ -155,8 +155,8 @@ class Robot:
     def add_links(
         self, links: Mapping[str, RobotPart], root_of: Mapping[str, str]
     ) -> dict[str, str]:
-        """Add a part for all links of one root, named after the heaviest; what is of the ground
-        is none. Returns the part of each link."""
+        """Add a part for all links of one root, named after the heaviest; links of the ground have
+        no part. Returns the part of each link."""
         members: dict[str, list[RobotPart]] = {}
         for name, link in links.items():
             members.setdefault(root_of[name], []).append(link)

@@ -59,7 +59,7 @@ class SdfFrames:
 
     def find(self, name: str, scope: str) -> str:
         """The scoped name of a frame that a name means in a scope ('' or ending in ::). The name
-        of a model is that of its frame. Raises the error."""
+        of a model is the name of its frame. Raises the error."""
         if name == WORLD:
             return WORLD
         for found in (f'{scope}{name}', f'{scope}{name}::{MODEL}'):
@@ -104,7 +104,7 @@ class SdfFrames:
 
 
 def pose_of(element: ElementTree.Element | None, refuse: Refuse, key: str) -> FramePose:
-    """What a <pose> says: x y z and roll pitch yaw (rad, or degrees), or a quaternion."""
+    """The values of a <pose>: x y z and roll pitch yaw (rad, or degrees), or a quaternion."""
     if element is None or not (element.text or '').strip():
         return STILL
     quaternion = element.get('rotation_format') == 'quat_xyzw'

@@ -85,7 +85,7 @@ class _Reader:
                 self.robot.leave('plugins', f'{each.tag} {each.get("name", "")}')
 
     def _models(self, element: ElementTree.Element) -> Iterator[ElementTree.Element]:
-        """The models in an element, those of files that it includes among them."""
+        """The models in an element and in the files that it includes."""
         for each in element:
             if each.tag == 'model':
                 yield each
@@ -176,7 +176,7 @@ class _Reader:
         self.joints.append((scope, element))
 
     def _short(self, name: str) -> str:
-        """A scoped name without that of the only model."""
+        """A scoped name without the name of the only model."""
         return name.removeprefix(self.only)
 
     def _later(self, name: str, scope: str) -> str:
@@ -206,7 +206,7 @@ class _Reader:
         return given
 
     def _part(self, element: ElementTree.Element, name: str) -> RobotPart:
-        """A link, as if its frame were that of the world: the frame is known later."""
+        """A link, as if its frame were the world frame: the frame is known later."""
         inertial = element.find('inertial')
         if inertial is None or inertial.find('mass') is None:
             self.robot.leave('mass: default of SDF', name)
@@ -235,7 +235,7 @@ class _Reader:
     # -------------------------------------------------------------------------------- joints
 
     def _connect(self) -> None:
-        """What is fixed becomes one part; the other joints connect parts."""
+        """All fixed links become one part; the other joints connect parts."""
         links = {name: self._placed(name, part) for name, part in self.links.items()}
         above = {name: name for name in links} | {WORLD: WORLD}
 

@@ -1,7 +1,7 @@
-"""What a URDF says of actuators: `<transmission>` of ROS 1, `<ros2_control>` of ROS 2.
+"""Actuators of a URDF: `<transmission>` of ROS 1, `<ros2_control>` of ROS 2.
 
-Both name joints and interfaces, not gains: a motor on such a joint has the limit of effort that
-the joint has, and pushes nothing until a scene or a topic tells it to.
+Both name joints and interfaces, not gains: a motor on such a joint has the effort limit of the
+joint, and applies no force until a scene or a topic commands one.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def add(robot: Robot, xml: ElementTree.Element, limits: dict[str, float | None])
 
 
 def _transmissions(xml: ElementTree.Element) -> Iterator[tuple[str, bool]]:
-    """Joint, and whether it is told efforts."""
+    """Joint, and whether its commands are efforts."""
     for transmission in xml.findall('transmission'):
         for joint in transmission.findall('joint'):
             told = [each.text or '' for each in transmission.iter('hardwareInterface')]

@@ -31,10 +31,10 @@ def urdf(
     prefix: str = '',
     free: Mapping[str, tuple[Floats, Floats]] | None = None,
 ) -> str:
-    """URDF of a mechanism; `prefix` stands before the names of its links.
+    """URDF of a mechanism; `prefix` precedes the names of its links.
 
-    free: place (3,) m and axes (3, 3) in columns of bodies; given, one that is not in the tree is
-    there on a `floating` joint.
+    free: place (3,) m and axes (3, 3) in columns of bodies; if given, bodies that are not in the
+    tree have a `floating` joint.
     """
     robot = ElementTree.Element('robot', name=mechanism.name)
     tree = list(_tree(mechanism))

@@ -32,7 +32,7 @@ _STILL = ': with --floating its root link moves'
 class UrdfReader:
     """The tree of a URDF, its links placed; `robot` is what it becomes.
 
-    positions: of joints, rad or m, zero where absent. The root stands still unless `floating`.
+    positions: of joints, rad or m, zero where absent. The root is fixed unless `floating`.
     arguments: of a xacro. Raises InputError.
     """
 
@@ -107,7 +107,7 @@ class UrdfReader:
         return found
 
     def _drawn(self, given: Mapping[str, float]) -> dict[str, float]:
-        """Positions of joints: given, those of <ros2_control>, and what mimics makes of them."""
+        """Positions of joints: given, from <ros2_control>, and from mimics."""
         positions = {}
         for name, text in urdf_actuators.initial_positions(self.xml).items():
             if name in self.joints and self.joints[name].type in _MOVES:
@@ -232,7 +232,7 @@ class UrdfReader:
     # ----------------------------------------------------------------------------------- the rest
 
     def _leave(self) -> None:
-        """What else the file has."""
+        """Note the other contents of the file."""
         pushed = {actuator.joint for actuator in self.robot.actuators}
         for link in self.xml.findall('link'):
             if link.find('visual') is not None or link.find('collision') is not None:

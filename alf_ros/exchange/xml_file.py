@@ -62,7 +62,7 @@ def _declared(text: bytes) -> bytes:
 
 
 def _expanded(path: Path, arguments: Mapping[str, str]) -> bytes:
-    """What the package xacro, that of ROS, makes of a file."""
+    """A file expanded by the package xacro of ROS."""
     try:
         import xacro
     except ImportError:

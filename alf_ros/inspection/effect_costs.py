@@ -1,4 +1,4 @@
-"""What the effects of a scene cost in it, and what difference they make."""
+"""Costs of the effects of a scene, and the changes of the motion that they make."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ _TURNS = 5  # of which the quickest counts
 class EffectCost:
     """Of the effect `label`: `added` alone to nothing, and `removed` from all (µs per step).
 
-    change: largest distance (m) of a point from where it would be without the effect; inf if the
-    run comes to no end without it. work: what it gave to the motion in the run, J. mode: the
-    fastest that it alone gave to the free motion.
+    change: largest distance (m) of a point from its position without the effect; inf if the run
+    fails without it. work: done by the effect in the run, J. mode: the fastest one of the free
+    motion with this effect alone.
     """
 
     label: str
@@ -55,7 +55,7 @@ class EffectCosts:
 
 
 def effect_costs(scene: Scene, duration: float) -> EffectCosts:
-    """What runs of `duration` (s) cost, and how they differ.
+    """Costs of runs of `duration` (s), and their differences.
 
     Raises StepError if the scene itself does not run.
     """
@@ -115,7 +115,7 @@ def _path(sim: Simulation, duration: float) -> Floats:
 
 
 def _work(sim: Simulation, duration: float) -> dict[str, float]:
-    """What each effect gives to the motion, J, by the trapezoidal rule over the steps."""
+    """Work of each effect, J, by the trapezoidal rule over the steps."""
     # Imported here: the node measures `call_costs` at its start and waits for no scipy.integrate.
     from scipy.integrate import trapezoid
 
@@ -127,9 +127,9 @@ def _work(sim: Simulation, duration: float) -> dict[str, float]:
 
 
 def call_costs(simulation: Simulation) -> dict[str, float]:
-    """µs per step of each effect, as it stands now: one evaluation per stage of the method.
+    """µs per step of each effect at present: one evaluation per stage of the method.
 
-    What friction under a true load costs besides, the search for the load, is not in it.
+    The search for the load of friction under a true load is not included.
     """
     state, stages = simulation.state, simulation.stages
     near, loads = simulation.sample()._near, np.ones(1)  # N

@@ -1,4 +1,4 @@
-"""Effects in words: all there are, and what those of a scene cost, as text and as CSV."""
+"""Effects in words: a list of all, and the costs in a scene, as text and as CSV."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ _COLOURS = {'ink': INK, 'pale': PALE, 'white': 'white'}
 
 
 class PenTarget(Protocol):
-    """What a pen asks of the drawing that it is for; `size` of symbols, m."""
+    """Interface of the drawing that a pen needs; `size` of symbols, m."""
 
     size: float
     layout: Layout

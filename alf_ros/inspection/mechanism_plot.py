@@ -1,7 +1,7 @@
 """Draw a mechanism: bodies as bars and plates, joints as symbols, fixed points on hatched ground.
 
-In the plane as it lies there; in space from the side above, and from the front. Pale: where points
-go on the way that was swept, and in red the first singular position on it.
+Planar mechanisms are drawn as they are, spatial ones from the side above and from the front. The
+paths of points in the sweep are pale, and the first singular position is red.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ def draw(path: Path, found: Soundness) -> None:
 
 
 class Picture:
-    """One drawing of what was found. `low` and `high` (D,) are the box it needs, m."""
+    """One drawing of the findings. `low` and `high` (D,) are the box it needs, m."""
 
     def __init__(self, found: Soundness) -> None:
         self.model, self.layout = found.model, found.model.layout

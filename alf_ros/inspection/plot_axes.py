@@ -1,4 +1,4 @@
-"""What a mechanism is drawn on: matplotlib axes of two or of three dimensions, used alike."""
+"""Axes for drawings of mechanisms: matplotlib axes of two or of three dimensions, used alike."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """A walk through the positions of a mechanism, along its free directions, to find singular ones.
 
-Nothing is driven and no force acts: each step goes on in the direction of the last one, as far as
-the constraints leave it free, and is projected onto Φ = 0. With one freedom the walk comes round
-to where it began, unless the mechanism moves on for ever; with several it is a sample.
+Drives and forces are absent: each step continues in the direction of the last one, as far as the
+constraints leave it free, and is projected onto Φ = 0. With one freedom the walk returns to its
+start, unless the mechanism moves without end; with several it is a sample.
 """
 
 from __future__ import annotations

@@ -47,8 +47,8 @@ class Run:
     """Quantities of N samples, by name; SI, world frame, read-only.
 
     `t` (N,) s. `names` are paths in `Sample`: 'energy', 'points.B', 'joints.knee.position',
-    'reactions.knee.force'. Every call that takes a name takes an end of it that no other name has
-    ('knee.force'), and one component ('knee.force.x').
+    'reactions.knee.force'. Every call with a name accepts a unique end of it ('knee.force'), and
+    one component ('knee.force.x').
     """
 
     t: Floats
@@ -57,8 +57,8 @@ class Run:
     def __init__(self, samples: Iterable[Sample], only: Sequence[str] | None = None) -> None:
         """Read each sample as it comes, and keep numbers only.
 
-        `only`: the quantities that are read, all others cost nothing. Raises InputError for a name
-        that is none, for something else than samples, and if there are no samples.
+        `only`: the quantities that are read, all others cost nothing. Raises InputError for an
+        unknown name, for something else than samples, and if there are no samples.
         """
         times: list[float] = []
         rows: list[tuple[Floats, ...]] = []
@@ -105,7 +105,7 @@ class Run:
     def unit(self, name: str) -> str:
         """The unit of a quantity; '' for a number without unit. Raises InputError.
 
-        Where the components have different units, as those of a pose in the plane, 'm, rad'.
+        Where the components have different units, such as a pose in the plane, 'm, rad'.
         """
         full, component = self._found(name)
         units = self._quantities[full].units
@@ -134,11 +134,11 @@ class Run:
     # ------------------------------------------------------------------------------ the ways out
 
     def plot(self, *names: str, file: str | Path | None = None) -> tuple[Axes, ...]:
-        """Draw quantities over time, those of one unit in one panel; returns the panels.
+        """Draw quantities over time, one panel for each unit; returns the panels.
 
         With `file` (.png, .svg, .pdf) the picture is written there; otherwise
-        `matplotlib.pyplot.show()` shows it, in a notebook the cell does. Raises InputError for a
-        name that is none, without matplotlib, and if the file cannot be written.
+        `matplotlib.pyplot.show()` shows it, in a notebook the cell shows it. Raises InputError for
+        an unknown name, without matplotlib, and if the file cannot be written.
         """
         from alf_ros.inspection import run_plot
 
@@ -203,8 +203,8 @@ class Run:
     def xarray(self) -> xarray.Dataset:
         """All quantities as an xarray Dataset along `t` (s), with `units` as attributes.
 
-        Components lie along the dimension 'axis' (x, y, z), those of poses along 'pose'. Raises
-        InputError without xarray.
+        Components lie along the dimension 'axis' (x, y, z), and components of poses along 'pose'.
+        Raises InputError without xarray.
         """
         try:
             import xarray
@@ -229,12 +229,12 @@ def record(
     period: float | None = None,
     only: Sequence[str] | None = None,
 ) -> Run:
-    """Advance by `duration` (s) and return what was seen on the way.
+    """Advance by `duration` (s) and return the samples on the way.
 
     A sample now and after every `every` steps, or every `period` (s), which need not be a multiple
     of the step; without either after every step. `only`: the quantities that are read. Raises
     InputError for what cannot be used, before a step is taken, and what `Simulation.run` raises:
-    the simulation then stands at the last whole step, and nothing is returned.
+    the simulation is then at the last whole step.
     """
     if not isinstance(simulation, Simulation):
         raise InputError(

@@ -1,8 +1,8 @@
-"""Whether a mechanism is sound: its loops close, it can move, what moves has mass, and the motion
-from where it starts is one.
+"""Whether a mechanism is sound: its loops close, it can move, moving parts have mass, and the
+motion from its start is unique.
 
-Redundant rows, reactions that rigid bodies leave open and singular positions on the way are no
-faults: they are told, because other programs stumble over them and because forces depend on them.
+Redundant rows, indeterminate reactions and singular positions on the way are no faults. They are
+reported because other programs fail on them and because forces depend on them.
 """
 
 from __future__ import annotations
@@ -43,9 +43,9 @@ class Answer:
 
 @dataclass(frozen=True, eq=False)
 class Soundness:
-    """What was found. `q` is the closed position (blocks D, m), the drawn one if none is.
+    """The findings. `q` is the closed position (blocks D, m), the drawn one if none is.
 
-    freedoms: of velocity, at ordinary positions; zero if nothing closes.
+    freedoms: of velocity, at ordinary positions; zero if the loops do not close.
     """
 
     model: Model
@@ -294,7 +294,7 @@ def _place_of_start(here: Position, gained: int) -> Answer:
 
 
 def _from_rest(here: Position, simulation: Simulation) -> Answer:
-    """What the rule for a start at rest in a singular position does."""
+    """Result of the rule for a start at rest in a singular position."""
     question, departure = 'initial velocities', simulation.departure
     if departure is not None:
         alone = here.described(None, [departure])

@@ -1,7 +1,7 @@
 """The compiled mathematics: A = M + Φ_qᵀαΦ_q and its LDLᵀ, augmented solves, the step.
 
-Equation numbers are those of Bayo & Avello, Nonlinear Dynamics 5 (1994); doc/method.md derives
-what differs from the print. `data` says what passes between the files.
+Equation numbers follow Bayo & Avello, Nonlinear Dynamics 5 (1994); doc/method.md derives the
+differences from the printed equations. `data` defines the data that pass between the files.
 """
 
 from alf_ros.kernel.adaptive import advance_adaptively

@@ -49,7 +49,7 @@ MOST = 20_000  # steps between two grid points: more is stiff, and would look li
 
 @inner
 def embedded(method: Method, work: Work, rate: np.uint64, which: int, h: float) -> None:
-    """sum = the embedded error `which` of what has the rate number `rate` in `work.k`."""
+    """sum = the embedded error `which` of the variable with rate number `rate` in `work.k`."""
     out, stages = work.sum, method.b.size
     n = out.size
     zero(out)

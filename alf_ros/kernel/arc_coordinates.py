@@ -45,7 +45,7 @@ _SHARPEST = 10.0  # 1 / length of the arm: largest curvature that is used
 
 @inlined
 def _relative(unit: Unit, arms: Arms, i: np.uint64, u: Floats) -> Block:
-    """u (all blocks D,) of block i, less that of the block that it turns about."""
+    """u (all blocks D,) of block i, minus u of the block about which it turns."""
     about, v = arms.about[i], block(unit, u, i)
     if about != ORIGIN:
         v = v - block(unit, u, np.uint64(about))
@@ -139,7 +139,7 @@ def turns_about_movable(arms: Arms, chart: Chart, i: np.uint64) -> bool:
 
 @inner
 def gather(unit: Unit, arms: Arms, chart: Chart, u: Floats) -> None:
-    """Add to u (movable D,) of each block that of all blocks whose arcs are about it."""
+    """Add to u (movable D,) of each block the u of all blocks whose arcs are about it."""
     for m in each(0, arms.order.size):
         i = arms.order[arms.order.size - ONE - m]
         if turns_about_movable(arms, chart, i):
@@ -257,8 +257,8 @@ def shift_along_path(unit: Unit, arms: Arms, work: Work, amount: float) -> None:
 
 @inner
 def fold(unit: Unit, system: System, work: Work, qd: Floats, qdd: Floats, s: np.uint64) -> None:
-    """ξ̇, ξ̈ and ẇ (35) from q̇ and q̈ of stage s, unfolded last, into `work.k`; w is that of the
-    stage, in `chart.w`. Without arcs there is no w."""
+    """ξ̇, ξ̈ and ẇ (35) from q̇ and q̈ of stage s, unfolded last, into `work.k`; w belongs to the
+    stage, in `chart.w`. Without arcs w does not exist."""
     arms, chart, k, n = system.arms, work.chart, work.k, work.p.size
     blocks = arms.about.size
     if chart.arcs[0] == 0:
@@ -293,7 +293,7 @@ def fold(unit: Unit, system: System, work: Work, qd: Floats, qdd: Floats, s: np.
 
 @inner
 def fold_first(unit: Unit, system: System, work: Work, phase: Phase) -> None:
-    """Fold stage 0 again, in coordinates that were chosen anew."""
+    """Fold stage 0 again, in newly chosen coordinates."""
     copy(work.chart.momentum, work.chart.w)
     fold(unit, system, work, phase.qd, work.chart.first, np.uint64(0))
 

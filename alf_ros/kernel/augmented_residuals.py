@@ -3,8 +3,8 @@
 `begin_velocities` and `begin_accelerations` begin a solve, `residuals` gives the right-hand side
 of a further round, `update_rows` the residual after a round.
 
-Φ_q stands twice in `work`: that of the factor (`gf`, `g2f`), which α multiplies, and that of the
-place (`g`, `g2`): see `augmented_solve.augmented`.
+`work` holds two Φ_q: one of the factor (`gf`, `g2f`), which α multiplies, and one of the position
+(`g`, `g2`): see `augmented_solve.augmented`.
 """
 
 from __future__ import annotations

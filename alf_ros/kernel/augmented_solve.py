@@ -56,9 +56,9 @@ def augmented(
 
         A δ = f - M x - Φ_qᵀ y + Φ_qᵀ α r2,   x += δ,   y += α (Φ_q δ - r2),
 
-    so α costs no precision. Where α stands, Φ_q is that of the factor; elsewhere it is that of the
-    place. The two may differ a little. With the factor's in both the iteration would converge to
-    the wrong place, with the place's in both it would not converge.
+    so α costs no precision. Φ_q comes from the factor in products with α, and from the position
+    elsewhere. The two may differ a little. With the Φ_q of the factor in both, the iteration would
+    converge to a wrong position; with the Φ_q of the position in both, it would not converge.
 
     After a round r2 is the residual: the next δ of a mode of singular value s would be
     s / (1 + s²) < 1 of |α^½ r2| in the norm of M. Like x, r2 is measured by its largest number.
@@ -104,7 +104,7 @@ def _step(beta: float, delta: Floats, x: Floats, n: np.uint64) -> tuple[float, f
 def finish(
     unit: Unit, system: System, work: Work, x: Floats, tolerance: float, limits: ModeLimits
 ) -> float:
-    """Go on from `augmented` by conjugate gradients, where Φ_q is that of the factor.
+    """Continue from `augmented` by conjugate gradients, with the Φ_q of the factor.
 
     The iteration of `augmented` is steepest descent for Φ_q A⁻¹ Φ_qᵀ z = r2, preconditioned by α.
     The eigenvalues are s² / (1 + s²): nearly all of them 1, and small for a row about to lose its
@@ -158,9 +158,9 @@ def finish(
 def velocities(problem: Problem, exactly: bool) -> tuple[int, float]:
     """q̇ from the momenta p' with the factor in `work` (33), and Φ_q at q; q̇ there is a guess.
 
-    `exactly`: Φ_q is that of the factor, so a slow solve can be finished. Returns the iterations,
-    and about the least singular value σ: infinite if no mode is slow, 0 if one is and the solve is
-    not to be finished.
+    `exactly`: Φ_q and factor belong together, so a slow solve can be finished. Returns the
+    iterations, and about the least singular value σ: infinite if no mode is slow, 0 if one is slow
+    and the solve must not be finished.
     """
     begin_velocities(problem.unit, problem.system, problem.work)
     return solved(problem, problem.work.p, problem.work.qd, exactly, True)  # (33)
@@ -213,8 +213,8 @@ def restore_reactions(bearings: Bearings, loads: Floats) -> None:
 def accelerate(problem: Problem, t: float, exactly: bool) -> tuple[int, float]:
     """q̈ and λ (in y) at the stage in `work` from its factor, from a cold start (24)-(27).
 
-    `exactly` and what is returned: as for `velocities`. Where friction depends on reactions, and
-    no loads are found that agree with it, -1 iterations.
+    `exactly` and the result are as for `velocities`. Where friction depends on reactions, and no
+    loads are found that agree with it, -1 iterations.
     """
     apply(problem, t)
     return accelerate_under(problem, t, exactly)

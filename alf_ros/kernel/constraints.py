@@ -37,7 +37,7 @@ def _terms(unit: Unit, rows: Rows, e: np.uint64, q: Floats) -> Block:
 
 @compiled
 def jacobian_rate(unit: Unit, rows: Rows, qd: Floats, g2d: Floats) -> None:
-    """Φ̇_q of the quadratic rows; that of a distance row is the difference of the velocities."""
+    """Φ̇_q of the quadratic rows. For a distance row Φ̇_q is the difference of the velocities."""
     for e in each(0, rows.block.size):
         put(g2d, e, _terms(unit, rows, e, qd))
 

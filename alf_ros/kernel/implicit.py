@@ -1,11 +1,11 @@
-"""Steps of a diagonally implicit Runge-Kutta method, for effects so stiff that they would dictate
+"""Steps of a diagonally implicit Runge-Kutta method, for effects so stiff that they would limit
 the step of an explicit one.
 
-A stage wants k = q̈ at q = q_b + hγ v, v = v_b + hγ k: M k + Φ_qᵀ λ = Q(q, v). Newton's method
-solves M̂ k' + Φ_qᵀ λ = Q + (M̂ - M) k with M̂ = M + hγ C + (hγ)² K (`effect_jacobians`): the stage
-(26) of an explicit method with M̂ in the place of M. So stages are put on Φ = 0 and taken through
-singular positions in the same way, on the same pattern. The first stage is explicit, and the last
-one is the end of the step.
+A stage solves for k = q̈ at q = q_b + hγ v, v = v_b + hγ k: M k + Φ_qᵀ λ = Q(q, v). Newton's
+method solves M̂ k' + Φ_qᵀ λ = Q + (M̂ - M) k with M̂ = M + hγ C + (hγ)² K (`effect_jacobians`):
+the stage (26) of an explicit method with M̂ in the place of M. Stages are therefore projected onto
+Φ = 0 and continued through singular positions in the same way, on the same pattern. The first
+stage is explicit, and the last one is the end of the step.
 """
 
 from __future__ import annotations
@@ -230,7 +230,7 @@ def _step(
 def _free_error(
     unit: Unit, system: System, method: Method, work: Work, rate: np.uint64, h: float
 ) -> float:
-    """The embedded error of what has the rate number `rate`, in the metric of M̂."""
+    """The embedded error of the variable with rate number `rate`, in the metric of M̂."""
     embedded(method, work, rate, 0, h)
     zero(work.p)
     add_mass_times(unit, system.mass, 1.0, work.sum, work.p)

@@ -280,13 +280,13 @@ def _refuse(work: Work, gap: float) -> None:
 @inner
 def _gap(system: System, work: Work, part: float) -> float:
     """About by how much (m) the lengths miss the singular position that the places lie around; 0
-    if that cannot be told. `part`: their spacing, of the radius.
+    if unknown. `part`: their spacing, of the radius.
 
     Lengths that miss it by e turn x y = 0 into x y = e: places at x lie e / x beside the branch,
     on one side before the position and on the other behind it. The inner two places are compared
-    with what the outer six predict of an odd function c1 k + c3 k³ + c5 k⁵ of place k. A smooth
-    branch leaves 360 c7: c7 is about part⁷ of the size, or c5² / c3 where the radius is not known,
-    as from rest. e / x leaves 5/8 of its size at k = 1, and 29 times 360 c5² / c3.
+    with the prediction of the outer six for an odd function c1 k + c3 k³ + c5 k⁵ of place k. A
+    smooth branch leaves 360 c7: c7 is about part⁷ of the size, or c5² / c3 where the radius is not
+    known, as from rest. e / x leaves 5/8 of its size at k = 1, and 29 times 360 c5² / c3.
     """
     n, most, cubic, quintic = work.p.size, 0.0, 0.0, 0.0
     one = TWO * n

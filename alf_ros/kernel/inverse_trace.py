@@ -1,8 +1,8 @@
 """tr(M A⁻¹) from the factor of A, in the time of another factorisation.
 
-With s_k the singular values of α^½ Φ_q M^-½, n - tr(M A⁻¹) = Σ s_k² / (1 + s_k²): each
-independent row counts one, every dependent one nothing, and a row about to become dependent
-counts in between, at the scale at which the multipliers of the step feel it too.
+With s_k the singular values of α^½ Φ_q M^-½, n - tr(M A⁻¹) = Σ s_k² / (1 + s_k²): each independent
+row counts one, each dependent one zero, and a row about to become dependent counts in between, at
+the scale at which the multipliers of the step feel it too.
 """
 
 from __future__ import annotations

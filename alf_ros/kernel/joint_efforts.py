@@ -1,4 +1,4 @@
-"""What effects exert on the free axes of joints: the power of the child alone, moved along one.
+"""Efforts of effects on the free axes of joints: the power of the child alone, moved along one.
 
 An effect on a joint coordinate x exerts F ∂x/∂q; on blocks that the child does not share, F is the
 product with any velocity of the child that makes ẋ = 1. Compiled only where such effects are.

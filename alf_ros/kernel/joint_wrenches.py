@@ -16,7 +16,7 @@ from alf_ros.kernel.numba_ext.structs import vector
 
 @compiled
 def place_on_cut(unit: Unit, cut: Cut, there: CutWork, q: Floats, qd: Floats) -> None:
-    """Position and velocity of the cut mechanism, from those of the assembled one."""
+    """Position and velocity of the cut mechanism, from the assembled one."""
     q, qd = vector(q), vector(qd)
     for b in each(0, cut.source.size):
         put(there.q, b, block(unit, q, cut.source[b]))

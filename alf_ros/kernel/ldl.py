@@ -173,7 +173,7 @@ def factorise(
 
 @inlined
 def _divided(unit: Unit, off: Floats, row: np.uint64, pivot: Pivot) -> tuple[Block, Block]:
-    """A row of U = A_ik L_kk⁻ᵀ, and of L_ik = U D⁻¹, which replaces that of A_ik."""
+    """A row of U = A_ik L_kk⁻ᵀ, and of L_ik = U D⁻¹, which replaces the row of A_ik."""
     D = np.uint64(len(unit))
     at = row * D
     u0 = off[at]

@@ -40,13 +40,13 @@ def inverse_det(unit: Unit, work: Work) -> tuple[float, float]:
 
 @inner
 def note_det(unit: Unit, work: Work) -> None:
-    """Keep det A as that of the end of a step."""
+    """Keep det A for the end of a step."""
     work.inverse_det[2], work.inverse_det[3] = inverse_det(unit, work)
 
 
 @inner
 def begin_with_det(work: Work) -> None:
-    """What was that of the end of a step is that of the begin of the next."""
+    """Use det A of the end of a step as the one at the start of the next step."""
     work.inverse_det[0], work.inverse_det[1] = work.inverse_det[2], work.inverse_det[3]
 
 
@@ -77,8 +77,8 @@ def rank_lost(unit: Unit, system: System, work: Work) -> bool:
 
 @inner
 def lost(unit: Unit, system: System, work: Work) -> bool:
-    """The same by the factor in `work`, whatever it is of.
+    """The same from the factor in `work`, for any matrix.
 
-    With the M̂ of an implicit method the rank cannot be told from the factor: then it may be.
+    With the M̂ of an implicit method the factor does not give the rank: then the result is true.
     """
     return system.soft.weight.size > 0 or rank_lost(unit, system, work)

@@ -84,8 +84,8 @@ def correct_exactly(unit: Unit, system: System, work: Work, gap: float, furthest
 
 @inner
 def correct_at_last(unit: Unit, system: System, work: Work) -> None:
-    """The last correction, of what rounding left, with Φ to twice the digits: in modes that can
-    still be told from rows that depend on others."""
+    """The last correction, of rounding errors, with Φ to twice the digits, in modes that differ
+    from dependent rows."""
     faintest = _DISTINCT * system.close * system.ordinary
     _correct_modes(unit, system, work, ModeLimits(0.0, faintest, np.inf))
 
@@ -105,11 +105,12 @@ def _correct_modes(unit: Unit, system: System, work: Work, limits: ModeLimits) -
 
 @inner
 def project(unit: Unit, system: System, work: Work, exactly: bool) -> int:
-    """Bring q in `work` onto Φ = 0 along M, with Φ_q and factor of that place; returns the result.
+    """Bring q in `work` onto Φ = 0 along M, with Φ_q and factor at that position; returns the
+    result.
 
     The iteration begins with Φ_q and factor of the last stage, which is near. If it converges
-    slowly they are computed anew. Very close to a singular position a row does not determine how
-    far off its point is; then a gap that no longer falls is accepted. `exactly`: beside a singular
+    slowly they are computed again. Very close to a singular position a row does not determine the
+    gap of its point; then a gap that no longer falls is accepted. `exactly`: beside a singular
     position, where a last correction is made even if the rows are closed.
     """
     size = system.size
@@ -145,7 +146,7 @@ def project_stage(unit: Unit, system: System, work: Work, exactly: bool) -> int:
     At a distance σ from a singular position an error e of Φ turns the free directions by e / σ.
     This error, not α, breaks steps there. On Φ = 0 the equations are smooth through the position.
     The correction is linearised at q, a guess that is nearer to Φ = 0 than the stage. Φ_q and
-    factor are those of that guess, or if `exactly` those of the place.
+    factor belong to that guess, or if `exactly` to the position.
     """
     if exactly:
         return _project_exactly(unit, system, work)

@@ -6,9 +6,9 @@ modes, small for a mode that is about to vanish, and 0 for combinations of rows 
 another. So 1 - K singles out the soft modes, K takes away the dependent combinations, and free
 motions, which are no combination of rows, do not appear at all.
 
-σ is not what is left of a 1. With z = (1 - K) y and w = K y, w = B Bᵀ z: so z·w / z·z is the
-Rayleigh quotient of s², made of Φ_qᵀ z itself, which is as small as s. It is accurate where σ is
-small, and never below the true one but for rounding.
+σ is not computed as a difference from 1. With z = (1 - K) y and w = K y, w = B Bᵀ z: so z·w / z·z
+is the Rayleigh quotient of s², made of Φ_qᵀ z itself, which is as small as s. It is accurate where
+σ is small, and never below the true one but for rounding.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _ROUNDING = 4.0  # times ε, and ε penalty σ: what rounding makes of σ
 def softest(
     unit: Unit, system: System, work: Work, modes: Modes, rounds: int, tolerance: float
 ) -> None:
-    """Iterate the modes to those of the factor and the Φ_q in `work`, from the ones of before.
+    """Iterate the modes of the factor and the Φ_q in `work`, from the previous ones.
 
     So many rounds, or until σ of the first is known to `tolerance` of it, or to rounding. Changes
     delta and w of `work`.
@@ -65,11 +65,11 @@ def softest(
 def carried_over(
     unit: Unit, system: System, work: Work, modes: Modes, g: Floats, g2: Floats, i: int
 ) -> float:
-    """The signed σ of mode i at another place, where Φ_q is g, g2, over that of its own place.
+    """The signed σ of mode i at another place, where Φ_q is g, g2, over the σ at its own position.
 
-    That is z·B u with the B of there and the vectors of here: below zero if the mode vanishes on
-    the way. Both are about those of the mode as long as its vectors turn little. With Φ̇_q in the
-    place of Φ_q it is σ̇ / σ. Changes delta and w of `work`.
+    It is z·B u with the B of the other position and the vectors of this one: below zero if the
+    mode vanishes on the way. Both approximate the mode as long as its vectors turn little. With
+    Φ̇_q in the place of Φ_q it is σ̇ / σ. Changes delta and w of `work`.
     """
     m, whole, s = modes.root.size, work.delta.size, 0.0
     of, at = np.uint64(i) * m, np.uint64(i) * whole
@@ -297,10 +297,10 @@ def _turn(a: Floats, cos: float, sin: float, i: np.uint64, j: np.uint64, m: np.u
 
 @inner
 def _judge(modes: Modes, m: np.uint64) -> None:
-    """σ, and by how much it may be off: what is left of the eigenproblem, |w - s² z|, is the
-    distance to some s², its square over the gap to the next one the error of s²; and rounding.
+    """σ, and its error bound: the residual of the eigenproblem, |w - s² z|, is the distance to
+    some s², its square over the gap to the next one the error of s²; and rounding.
 
-    Where all the modes are soft, there may be more: then 1 - K cannot tell which is the softest.
+    If all the modes are soft, more may exist: then 1 - K does not identify the softest.
     """
     count = modes.s2.size
     penalty = modes.penalty

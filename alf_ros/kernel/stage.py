@@ -1,4 +1,4 @@
-"""What an explicit method asks of a stage: q̇ and q̈ from q and p', also at singular positions."""
+"""A stage of an explicit method: q̇ and q̈ from q and p', also at singular positions."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ def stage(
 ) -> tuple[int, float, bool]:
     """q̇ and q̈ of a stage from q and p' in `work`.
 
-    `neighbour`: the last stage was beside a singular position, so this one is expected to be.
-    `rubbing`: with friction that depends on reactions. Returns iterations (0: no factor, or told
-    to stop; -1: no balance of friction), about the distance x to a singular position (its least
-    singular value over the ordinary one), and whether the stage is clear of it: x is above
-    `scales.close`, and x times the radius of the path well above the way that the stage was moved
-    onto Φ = 0.
+    `neighbour`: the last stage was beside a singular position, so this one is expected to be
+    beside it too. `rubbing`: with friction that depends on reactions. Returns iterations (0: no
+    factor, or stopped; -1: no balance of friction), about the distance x to a singular position
+    (its least singular value over the ordinary one), and whether the stage is clear of it: x is
+    above `scales.close`, and x times the radius of the path well above the way that the stage was
+    moved onto Φ = 0.
     """
     work = problem.work
     if told_to_stop(work):

@@ -14,7 +14,7 @@ class Status(IntEnum):
     remedy: str
 
     def __new__(cls, code: int, reason: str = '', remedy: str = '') -> Status:
-        """Make a member; its number is that of the kernel."""
+        """Make a member; the kernel uses the same number."""
         member = int.__new__(cls, code)
         member._value_ = code
         member.reason = reason

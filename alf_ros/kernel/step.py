@@ -76,7 +76,7 @@ def evaluate_first(problem: Problem, phase: Phase, t: float) -> tuple[int, float
 
 @inner
 def scales_of(system: System, work: Work, phase: Phase) -> Scales:
-    """What nearness to a singular position is measured by in the step that begins at `phase`."""
+    """Scales of the nearness to a singular position in the step that begins at `phase`."""
     n = work.p.size
     fastest, hardest = largest(phase.qd, n), largest(work.pull, n)
     bend = largest(work.bend, n)
@@ -143,7 +143,7 @@ def _finite(work: Work, result: int) -> int:
 @inner
 def add_up(method: Method, work: Work, s: np.uint64, h: float) -> None:
     """ξ and w of stage s into q and p of `work`, from the stages before; with s past the last
-    stage those of the end of the step. Into q̇ goes ξ̇ as the sum of ξ̈.
+    stage, of the end of the step. Into q̇ goes ξ̇ as the sum of ξ̈.
 
     Without arcs this q̇ gives all of p. With arcs it is a first guess, without which solves beside
     a singular position that many rows share would take too long.
@@ -313,8 +313,8 @@ def advance(
 
     `phase` is the state, in and out; on failure it holds the last good step. The call ends earlier
     after a step in which, according to `watch`, a singular position may have been passed.
-    `within`: `phase` is a singular position, and nothing asks for the direction that a row has
-    lost, so that solves do not show it. A step in which it is told to stop is given up.
+    `within`: `phase` is a singular position, and no force acts along the direction of the lost
+    row, so that solves do not show it. A step that is asked to stop is given up.
     """
     unit, system, work = problem.unit, problem.system, problem.work
     most = 0

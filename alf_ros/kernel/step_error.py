@@ -8,8 +8,8 @@ itself: one of a higher order in h, `high`, and one of a lower order, `low`. Wit
 follows the error of the method over the whole range in which a step says anything: the weights of
 `low` are scaled such that ρ = 1 lies a third below the stability limit. Up to there ε is the error
 on ẍ = -ω² x within a factor of two or so, and beyond it is `high`, which grows as the error does.
-An implicit method has no `low`, and ε = high. Beyond the stability limit of an explicit one, what
-is stiff chatters, however small the force and the way: there ε is not small against h ξ̈.
+An implicit method has no `low`, and ε = high. Beyond the stability limit of an explicit one, stiff
+elements chatter, however small the force and the motion: there ε is not small against h ξ̈.
 `Method.sharp` is the part that it reaches at about 0.7 of that limit.
 
 A step is off by h ε / size. Of that only the part along the free directions counts, which takes a
@@ -57,7 +57,7 @@ _FINEST = 1e-10  # of the size: errors below may be rounding
 def free_part(unit: Unit, system: System, work: Work) -> float:
     """The largest of M⁻¹ p along the free directions, by the factor of the end of the step.
 
-    What is across is removed by the projection, and is where a singular position is felt first.
+    The projection removes the part across, in which a singular position appears first.
     """
     zero(work.r2)
     zero(work.y)

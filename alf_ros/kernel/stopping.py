@@ -1,8 +1,10 @@
-"""Whether a step is to end before its time: because Python heard a signal, or somebody asked.
+"""Whether a step is to end before its time: because Python received a signal, or because of a
+request.
 
-Compiled code runs without the interpreter's lock, so Python hears no signal meanwhile. It counts
-its stages and rounds of iteration down, and calls the interpreter when the count is used up: that
-costs nothing in between, and does not touch any number of the step. Then it looks at one word.
+Compiled code runs without the interpreter's lock, so Python receives no signal during a call. It
+counts its stages and rounds of iteration down, and calls the interpreter when the count is used
+up: that costs nothing in between, and does not touch any number of the step. Then it looks at one
+word.
 """
 
 from __future__ import annotations

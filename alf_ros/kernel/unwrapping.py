@@ -1,4 +1,4 @@
-"""Counted angles: x, y of each, of which it is atan2(y, x), and its turns."""
+"""Counted angles: x, y of each, with angle = atan2(y, x), and its turns."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """The power of each effect, and of prescribed motions, at a stage; works are its integrals.
 
-W_e = Σ h b_s Q_e·q̇ over the stages of all steps: one more state of the method, to its order. What
-is prescribed, blocks s(t), gives Φ_q,sᵀ λ · ṡ, for Φ_q q̇ = -Φ_q,s ṡ.
+W_e = Σ h b_s Q_e·q̇ over the stages of all steps: one more state of the method, to its order.
+Prescribed motions, blocks s(t), do the work Φ_q,sᵀ λ · ṡ, because Φ_q q̇ = -Φ_q,s ṡ.
 
 The ledger is called through a function pointer, so it is not compiled unless requested.
 """

@@ -140,7 +140,7 @@ class Encoder:
         self.data = bytearray(_BEGIN)
 
     def align(self, size: int) -> int:
-        """Pad to a multiple of `size` (bytes). Returns the place of what comes next."""
+        """Pad to a multiple of `size` (bytes). Returns the place of the next value."""
         self.data += bytes(-(len(self.data) - _HEADER) % size)
         return len(self.data)
 
@@ -156,13 +156,13 @@ class Encoder:
         self.data += raw
 
     def stamp(self) -> int:
-        """Leave room for a stamp. Returns its place."""
+        """Reserve space for a stamp. Returns its place."""
         at = self.align(4)
         self.data += bytes(STAMP.size)
         return at
 
     def numbers(self, count: int) -> int:
-        """Leave room for `count` float64. Returns their place."""
+        """Reserve space for `count` float64. Returns their place."""
         at = self.align(8)
         self.data += bytes(8 * count)
         return at
@@ -193,7 +193,7 @@ class Template:
 
 
 def _complete(root: str, types: Types) -> bool:
-    """Whether a type is known, and all that it is made of, none of them holding itself."""
+    """Whether a type and all its parts are known, and no part contains itself."""
     done: set[str] = set()
 
     def whole(name: str, above: tuple[str, ...]) -> bool:

@@ -56,8 +56,8 @@ class Variable:
 
 @dataclass
 class Result:
-    """What came out. `faults` are what is wrong with the log itself; `versions` those that are
-    others here: (there, here) by name; `lost` what was never written, as a text."""
+    """Result. `faults` are faults of the log itself; `versions` are the differing ones: (there,
+    here) by name; `lost` names messages that were never written."""
 
     steps: int = 0
     compared: int = 0
@@ -72,7 +72,7 @@ class Result:
 
     @property
     def equal(self) -> bool:
-        """Whether every number is the same, and the log is what was written."""
+        """Whether every number is the same, and the log is as written."""
         return self.first is None and not self.faults
 
 
@@ -189,7 +189,7 @@ class _Comparison:
         self._cause = told if entry['kind'] != 'start' else ''
 
     def _act(self, entry: dict[str, Any], told: str) -> None:
-        """What was damaged may ask for what cannot be done."""
+        """Damaged entries may request impossible actions."""
         self._sample = None
         try:
             if self._rerun.step_before(entry) > self._rerun.step_of(self._log.survey.last):
@@ -206,7 +206,7 @@ class _Comparison:
         return topic in (*told, *self._readings, *own) or topic.endswith(_BESIDE)
 
     def _count_missing(self) -> None:
-        """What was dropped while it was recorded is told, what is missing besides is a fault."""
+        """Messages dropped while recording are reported; other missing messages are a fault."""
         missing, dropped = sum(self._missing.values()), self._log.survey.dropped
         if missing > dropped:
             for topic, count in self._missing.items():

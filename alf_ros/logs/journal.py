@@ -1,8 +1,9 @@
-"""The journal of a log: one JSON object for all that changes a motion, each sealing those before.
+"""The journal of a log: one JSON object for each change of a motion, each sealing the entries
+before.
 
 `seal` is the start of the SHA-256 of the entry, without it, behind the seal of the entry before.
 So one changed bit is found where it is, also when the motion does not show it, and so is an entry
-that is missing. It protects against accidents, not against somebody who seals anew.
+that is missing. It protects against accidents, not against a person who computes new seals.
 """
 
 from __future__ import annotations
@@ -106,8 +107,8 @@ _FIELDS: dict[str, dict[str, Callable[[object], bool]]] = {
 
 
 def fault(entry: dict[str, Any], seal: str) -> str:
-    """What is wrong with an entry behind the one with `seal`; '' if nothing, or if it is of a
-    journal without seals."""
+    """The fault of an entry behind the one with `seal`; '' without a fault, or in a journal
+    without seals."""
     if SEAL not in entry or entry[SEAL] == _seal(entry, seal):
         return ''
     return 'changed after it was written, or one before it is missing'

@@ -1,4 +1,4 @@
-"""A log of the simulator: what was run, its inputs, and what came out, as arrays.
+"""A log of the simulator: the scene, its inputs and its results, as arrays.
 
 Files that were cut off are read up to their last whole chunk. Everything is read when it is first
 asked for; `pieces` goes through a log of any length in bounded memory.
@@ -45,11 +45,11 @@ class States:
 
 @dataclass
 class Survey:
-    """What one passage through a log shows.
+    """Contents of a log, from one passage through it.
 
     `lost`: messages that are missing, by topic, of which `dropped` were never written; `damage`:
-    where it cannot be read, `passed_over` where something behind was read; `leap`: a stamp that
-    cannot be one of the run, '' if there is none. first and last stamp without such.
+    the unreadable places, `passed_over` if later parts were read; `leap`: a stamp that cannot be
+    one of the run, '' if there is none. first and last stamp without such.
     """
 
     counts: dict[str, int] = field(default_factory=dict)
@@ -102,9 +102,9 @@ class Log:
     def scene(self, trust: bool = False) -> Scene:
         """The scene as it was run.
 
-        Nothing but the log is read. An effect that is a file is known by its digest, whatever
-        lies where it once was: its text is that of the log, and runs if `trust` says so, or if it
-        has run in this process before. Raises InputError otherwise.
+        Only the log is read. An effect that is a file is known by its digest, whatever file has
+        its path now. Its text comes from the log, and runs with `trust`, or if it has run in this
+        process before. Raises InputError otherwise.
         """
         file = str(self.path)
         names = [name for name in effect_names(self.scene_text, file) if is_file_name(name)]
@@ -141,7 +141,7 @@ class Log:
 
     @cached_property
     def survey(self) -> Survey:
-        """What one passage through the log shows: counts, the journal, what is damaged."""
+        """Contents of the log, from one passage: counts, the journal, damage."""
         return self.surveyed(progress.silent)
 
     def surveyed(self, report: progress.Report) -> Survey:
@@ -184,7 +184,7 @@ class Log:
 
     def topic(self, name: str) -> str:
         """Where a topic of the simulator is in this log: by the name a user writes, without '~/',
-        or in full. Raises InputError where it cannot be told."""
+        or in full. Raises InputError if it is ambiguous or absent."""
         if name.startswith('/'):
             return name
         known: dict[str, str] = self.info.get('topics', {})
@@ -203,8 +203,8 @@ class Log:
     ) -> Iterator[list[Series]]:
         """The log chunk by chunk: a list of series each time, in the order of the log.
 
-        `topics`: only these. A topic may come in several series of one piece. `found` is told the
-        damage, for who has no other need of a survey.
+        `topics`: only these. A topic may come in several series of one piece. `found` is called
+        with the damage, as an alternative to a survey.
         """
         wanted = {self.topic(name) for name in topics}
         readers: dict[tuple[int, str], ChannelReader] = {}
@@ -269,7 +269,7 @@ class Log:
         )
 
     def _repr_html_(self) -> str:
-        """What a notebook shows; a log above 100 MB is not read through for it, unless it was."""
+        """HTML for a notebook; a log above 100 MB is not read for it, unless already done."""
         solver = ', '.join(f'{key} {value}' for key, value in self.info['solver'].items())
         about = [
             ('log', str(self.path)),
@@ -301,8 +301,8 @@ _MOST_STEPS = 10_000_000
 
 
 class _Stamps:
-    """The stamps (ns) of a log as far as they can be those of its run: `first`, `last`, and a word
-    about the first that cannot."""
+    """The stamps (ns) of a log that are possible in its run: `first`, `last`, and a description of
+    the first impossible one."""
 
     def __init__(self, info: dict[str, Any]) -> None:
         self._h = 0.0
@@ -323,7 +323,7 @@ class _Stamps:
             self._h = max(self._h, float(step))
 
     def add(self, stamps: Integers) -> None:
-        """Go on with the stamps of a chunk."""
+        """Continue with the stamps of a chunk."""
         farthest = min(_MOST_STEPS * self._h * 1e9, 2.0**62)
         ordered = np.unique(stamps)
         if not self._begun and ordered.size:

@@ -1,7 +1,7 @@
 """MCAP files, read from the front: chunk by chunk, whole or cut off, in bounded memory.
 
-The format is that of https://mcap.dev/spec. Nothing of an index is needed, because a log that was
-killed has none; and no message becomes an object, because a log may have ten million.
+The format is defined at https://mcap.dev/spec. An index is not needed, because a log that was
+killed has none; and messages do not become objects, because a log may have ten million.
 """
 
 from __future__ import annotations
@@ -44,8 +44,8 @@ class Channel:
 
 @dataclass
 class Contents:
-    """What a file says of itself, as far as it was read: `damage` is the first place that cannot
-    be read, '' if there is none; `passed_over` that of which something behind was read."""
+    """Properties of a file, as far as it was read: `damage` is the first unreadable place, ''
+    without one; `passed_over` one with readable parts behind it."""
 
     channels: dict[int, Channel] = field(default_factory=dict)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
@@ -119,7 +119,7 @@ def blocks(path: Path, contents: Contents, begin: int = 0) -> Iterator[Block]:
 
 
 class _Damaged(Exception):
-    """What cannot be read: a record, or, where the file `ends` with it, all that is left."""
+    """An unreadable part: a record, or the remainder if the file `ends` with it."""
 
     def __init__(self, what: str, ends: bool = False) -> None:
         super().__init__(what)

@@ -1,4 +1,4 @@
-"""What a run was computed with: versions of everything that may change a digit."""
+"""Software and machine of a run: versions of everything that may change a digit."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ def about() -> str:
 
 
 def start(setup: Setup, ahead: int, topics: Mapping[str, str]) -> dict[str, Any]:
-    """What a log says of a run besides the scene's text: stamps are `ahead` (ns) of the simulated
-    time; where `topics` are, by the names users write."""
+    """Description of a run in a log, without the scene's text: stamps are `ahead` (ns) of the
+    simulated time; where `topics` are, by the names users write."""
     scene, simulation = setup.scene, setup.simulation
     return {
         'scene': scene.name,
@@ -65,8 +65,8 @@ def record(about: Mapping[str, Any], scene: Scene) -> dict[str, str]:
 
 
 def _of_effects(scene: Scene) -> dict[str, Any]:
-    """What the text of a scene does not say: `files`, the texts of effects that are files
-    (by full name), and `effects`, the `origins` of the others."""
+    """Parts of a scene outside its text: `files`, the texts of effects that are files (by full
+    name), and `effects`, the `origins` of the others."""
     kinds = dict.fromkeys(effect.kind for effect in scene.effects)
     files = {kind: user_file.source(kind) for kind in kinds if user_file.is_file_name(kind)}
     return {'files': files, 'effects': origins(scene)}

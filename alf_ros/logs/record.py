@@ -1,4 +1,4 @@
-"""What a log says of itself, checked: whatever else is in it, of the kind that readers expect."""
+"""The description in a log, checked: every value has the type that readers expect."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _NAMES = 'texts by name'
 def read(record: Mapping[str, str], file: str) -> dict[str, Any]:
     """The texts of a record `alf_ros` as values, the scene's text left out.
 
-    Raises InputError for what is missing, or not of its kind.
+    Raises InputError for a missing value or a wrong type.
     """
     info: dict[str, Any] = {}
     for key, text in record.items():

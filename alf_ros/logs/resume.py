@@ -1,4 +1,4 @@
-"""A log's run at one of its instants, ready to go on: state, inputs held, and what is to come."""
+"""A log's run at one of its instants, ready to continue: state, inputs held, and later inputs."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def resume(log: Log, at: float, trust: bool = False) -> Resumed:
 
 
 def _source(log: Log) -> str:
-    """The topic whose instants are those of the log: the states, or another of every tick."""
+    """The topic that gives the instants of the log: the states, or another one of every tick."""
     topics = [log.topic(reading.name) for reading in READINGS.values()]
     found = [topic for topic in topics if topic in log.survey.counts]
     if not found:

@@ -26,11 +26,10 @@ NUMERIC = (_JOINT_STATE, _WRENCHES, _NUMBER)
 class Series:
     """N messages of `topic` in the order of the log.
 
-    stamp (N,) ns, `told` (N,) ns that of its header where it has one; `names` (k,) of what the
-    numbers are; `columns`: 'position', 'velocity',
-    'effort' (N, k), 'wrench' (N, k, 6: force N, torque N m), 'data' (N, 1), those that the type
-    has; `messages` are dictionaries, of types that hold something else than numbers; `place` (N,)
-    orders the messages of all topics of one piece.
+    stamp (N,) ns, `told` (N,) ns in its header if it has one; `names` (k,) of the numbers;
+    `columns`: 'position', 'velocity', 'effort' (N, k), 'wrench' (N, k, 6: force N, torque N m),
+    'data' (N, 1), depending on the type; `messages` are dictionaries, for types that do not
+    consist of numbers; `place` (N,) orders the messages of all topics of one piece.
     """
 
     topic: str

@@ -1,4 +1,4 @@
-"""What exists: points, bodies, joints and drives as frozen data, and its coordinates.
+"""The mechanism: points, bodies, joints and drives as frozen data, and its coordinates.
 
 No YAML and no compiled code.
 """

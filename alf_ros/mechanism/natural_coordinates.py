@@ -1,9 +1,9 @@
-"""Which block of the natural coordinates a point or vector of a body is, and what a place or a
-direction on a body is in terms of them.
+"""The block of each point or vector in the natural coordinates, and places and directions on a
+body as functions of them.
 
 Two layouts of one mechanism are used. In the assembled one, bodies that meet at a point or share a
 vector share its block: the step integrates that. In the cut one every body owns its blocks: it
-tells what acts on each body alone, hence the reactions in the joints.
+gives the forces on each body alone, and thus the reactions in the joints.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ _APART = 0.5  # sine from which on directions are well apart
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """What carries bodies of one shape: r = P_0 + Σ c_k d_k with c = `inverse` (k, D) times the
+    """Affine forms of bodies of one shape: r = P_0 + Σ c_k d_k with c = `inverse` (k, D) times the
     local place.
 
     Blocks are counted on the body, points then vectors: `local` holds each in the body frame (D,),
-    m, `ends` are those that make d_k: P_k (then `is_point`) or a vector. A planar body has d_1
-    alone; d_2 = J d_1.
+    m, `ends` are the blocks that make d_k: P_k (then `is_point`) or a vector. A planar body has
+    d_1 alone; d_2 = J d_1.
     """
 
     local: tuple[Floats, ...]
@@ -49,9 +49,9 @@ class Layout:
     """Blocks of a mechanism: `movable` of them first, `blocks` in all.
 
     `of_point` and `of_vector` give the block of a point or vector on its own (in the cut layout,
-    that of the first body that has it), `of_body` those of each body: points, then vectors.
-    `of_prescribed` are the blocks that move as functions of time, `of_auxiliary` those that
-    belong to no body otherwise (`auxiliary`).
+    the first body that has it), `of_body` the blocks of each body: points, then vectors.
+    `of_prescribed` are the blocks that move as functions of time, `of_auxiliary` those that belong
+    to no body otherwise (`auxiliary`).
     """
 
     mechanism: Mechanism
@@ -91,7 +91,7 @@ class Layout:
 
     @cached_property
     def length(self) -> float:
-        """Length of the blocks of unit vectors, m: that of the drawing, so that every natural
+        """Length of the blocks of unit vectors, m, as in the drawing, so that every natural
         coordinate is a length, and every mass one."""
         places = np.array([point.at for point in self.mechanism.points])
         return float(np.ptp(places, axis=0).max(initial=0.0)) or 1.0
@@ -102,7 +102,7 @@ class Layout:
         return self.mechanism.bodies
 
     def shape(self, name: str) -> Shape:
-        """What carries a body; of all bodies of one shape at once, for there may be many."""
+        """Affine forms of a body, made for all bodies of one shape at once."""
         body = self.mechanism.body[name]
         key = body.local, body.axes
         if key not in self._shapes:

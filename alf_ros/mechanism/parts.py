@@ -73,9 +73,10 @@ class Freedom:
     """One freedom that a type of joint leaves: an angle or a length.
 
     In space an angle is about, and a length along the z axis of the joint; in the plane a length
-    is along its x axis. `suffix`: what the coordinate's name has after that of the joint, if the
-    type leaves several. `on_child`: an angle about the child's x axis. `alone`: no other angle of
-    the joint moves its axis, so that a torque about that axis is an effort on this freedom only.
+    is along its x axis. `suffix`: the end of the coordinate's name after the name of the joint, if
+    the type leaves several. `on_child`: an angle about the child's x axis. `alone`: no other angle
+    of the joint moves its axis, so that a torque about that axis is an effort on this freedom
+    only.
     """
 
     is_angle: bool
@@ -88,17 +89,17 @@ class Freedom:
 class Joint:
     """A joint between `parent` and `child` (bodies, or 'ground').
 
-    kind: its type, by the name of its file in `alf_ros/model/joints`. `frames` are those of the
-    joint on parent and child. What the two share is named `point` and `vector` (the axis): it
-    needs no constraint. `value` is what the type needs besides: a length (m), the radius of the
-    child (m) or an advance (m/rad); `of_parent` is the radius of the parent (m), and the smaller
-    of an internal pair is negative. `motion`, if it has any, is a function of time: an angle (rad)
-    by which a direction is `turning` on the child, or the velocity of what the child rolls on:
-    along each axis of the parent's frame (m/s), in space then its spin about the normal through
-    the frame's origin (rad/s).
+    kind: its type, by the name of its file in `alf_ros/model/joints`. `frames` are the frames of
+    the joint on parent and child. The shared point and axis are `point` and `vector`: they need no
+    constraint. `value` is a further number of the type: a length (m), the radius of the child (m)
+    or an advance (m/rad); `of_parent` is the radius of the parent (m), and the smaller of an
+    internal pair is negative. `motion`, if it has any, is a function of time: an angle (rad) by
+    which a direction is `turning` on the child, or the velocity of the surface on which the child
+    rolls: along each axis of the parent's frame (m/s), in space then its spin about the normal
+    through the frame's origin (rad/s).
 
-    What follows from the type is said by the type: the `freedoms` that it leaves, and the
-    `auxiliary` blocks that its rows need, by what their names have after that of the joint.
+    The type defines the `freedoms` that it leaves, and the `auxiliary` blocks that its rows need,
+    by the ends of their names after the name of the joint.
     """
 
     name: str
@@ -133,7 +134,7 @@ class Coordinate:
 
 @dataclass(frozen=True, slots=True)
 class Drive:
-    """What is prescribed as a function of time (rheonomic), and what that takes is an effort.
+    """A motion prescribed as a function of time (rheonomic); the drive exerts an effort.
 
     kind: 'angle' (rad) or 'length' (m) of a joint coordinate, 'distance' (m) between two points,
     'point' (m), the place of one. `of`: the name of the coordinate, or of the points. `motion` has
@@ -158,8 +159,8 @@ class Coupling:
 
 @dataclass(frozen=True, slots=True)
 class Rotor:
-    """What turns or slides as the joint coordinate `of` does, geared to it; its inertia as seen
-    from there: kg m^2, or kg."""
+    """A rotor geared to the joint coordinate `of`; its inertia as seen from there: kg m^2, or
+    kg."""
 
     name: str
     of: str
@@ -206,7 +207,7 @@ class Mechanism:
 
     @cached_property
     def prescribed(self) -> tuple[PrescribedBlock, ...]:
-        """What moves as a function of time: for the drives, then for joints, by their names."""
+        """Motions as functions of time: for the drives, then for joints, by their names."""
         found = [_of_drive(drive) for drive in self.drives]
         for joint in self.joints:
             if joint.motion and joint.turning:
@@ -228,7 +229,7 @@ class Mechanism:
 
     @property
     def blocks(self) -> tuple[Point | Vector, ...]:
-        """What the natural coordinates are made of: points, then vectors."""
+        """The parts of the natural coordinates: points, then vectors."""
         return (*self.points, *self.vectors)
 
 

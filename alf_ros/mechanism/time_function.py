@@ -101,7 +101,7 @@ def table(points: Sequence[tuple[float, float]]) -> Signal:
 
 
 def rate(speed: Signal | float) -> Signal:
-    """What has this rate, where only its rates matter: its value is taken as zero."""
+    """A function with this rate, for uses of its rates only: its value is set to zero."""
     return Signal('rate', (signal(speed),))
 
 

@@ -13,8 +13,8 @@ from alf_ros.mechanism.natural_coordinates import Layout
 def arms_of(layout: Layout) -> Arms:
     """Each point of a body turns about another of its points, vectors about themselves.
 
-    The tree grows from the ground, by as few bodies as it takes; what floats hangs on one of its
-    points, which turns about none.
+    The tree grows from the ground, by as few bodies as possible; a floating part hangs on one of
+    its points, which turns about no other.
     """
     neighbours: dict[int, list[tuple[int, ...]]] = defaultdict(list)
     about = np.full(layout.movable, FREE, dtype=np.int64)

@@ -1,8 +1,8 @@
-"""Closing the loops of the drawn positions, and completing the velocities from those given.
+"""Closing the loops of the drawn positions, and completing the velocities from the given ones.
 
-What the user holds becomes linear rows beside the mechanism's own, so that the leading matrix of
-the step does both: positions move along M onto Φ = 0, velocities are those of least kinetic
-energy.
+Given values become linear rows in addition to the rows of the mechanism, so that the leading
+matrix of the step serves both: positions move along M onto Φ = 0, velocities have the least
+kinetic energy.
 """
 
 from __future__ import annotations
@@ -54,11 +54,11 @@ def follow(
 ) -> list[Floats]:
     """Positions q (blocks D, m) where a path, given at some s > 0, leads from `start`, at s = 0.
 
-    All of the path give the same components. What the constraints do not allow on the way is met
-    as nearly as they allow, at the end to `tolerance` of the size. Each begins where the two
-    before it lead: so a path crosses singular positions, and stays on its branch. What is free
-    besides moves no more than it must along M. Gears and racks stay in mesh, wheels may slip.
-    Raises AssemblyError with the constraints that stay open.
+    All of the path give the same components. Components that the constraints do not allow on the
+    way are met as nearly as possible, at the end to `tolerance` of the size. Each begins at the
+    extrapolation of the two before it: so a path crosses singular positions, and stays on its
+    branch. Other freedoms move as little as possible along M. Gears and racks stay in mesh, wheels
+    may slip. Raises AssemblyError with the constraints that stay open.
     """
     rows = [held(model, given) for _, given in path]
     places = [0.0, *(s for s, _ in path)]
@@ -84,9 +84,9 @@ def follow(
 
 
 def _led(model: Model, system: System, work: Work, before: Floats, now: Floats) -> Floats:
-    """What led from q to q, m, without what was free to go elsewhere: it would go on and on.
+    """The change from q to q, m, without the free motion, which would continue without end.
 
-    In a singular position more is free than before it or behind it: the lesser of the two counts.
+    A singular position has more freedoms than its neighbours: the smaller number counts.
     """
     step, found = now - before, []
     momenta = np.zeros(model.n)
@@ -144,7 +144,7 @@ def _settle(model: Model, system: System, work: Work, least: float) -> Floats:
 
 @dataclass(frozen=True)
 class _Mesh:
-    """What stays in mesh, and the system whose rows of velocities are theirs alone."""
+    """The parts in mesh, and the system with their rows of velocities only."""
 
     meshes: tuple[Mesh, ...]
     names: list[str]
@@ -153,7 +153,8 @@ class _Mesh:
 
 
 def _mesh(model: Model, given: list[Row]) -> _Mesh | None:
-    """What keeps teeth in mesh while the given rows stay as they are; None without teeth."""
+    """The correction that keeps teeth in mesh while the given rows are unchanged; None without
+    teeth."""
     meshes = meshing(model.layout)
     if not meshes:
         return None
@@ -236,8 +237,8 @@ def complete(
 
 
 def _finished(model: Model, system: System, work: Work, x: Floats, wanted: Floats) -> Floats:
-    """What a solve for velocities that rounds alone do not end comes to, as in `kernel.solved`;
-    or x itself, where rows that contradict each other do not let it end."""
+    """Result of a solve for velocities that rounds alone do not end, as in `kernel.solved`; or x
+    itself, where rows that contradict each other do not let it end."""
     y, rate, open_by = np.array(x), np.zeros_like(wanted), []
     for rest in range(3):
         if rest:
@@ -279,10 +280,10 @@ def brought_back(model: Model, q: Floats, qd: Floats, t: float) -> tuple[Floats,
 
 
 def ordinary(model: Model, q: Floats) -> tuple[int, Floats, float]:
-    """What is ordinary near q: how many rows depend on the others, a place, and its distance σ.
+    """Ordinary values near q: the number of dependent rows, a position, and its distance σ.
 
-    q (blocks D, m) itself may be a singular position, so that places around it are looked at too,
-    and if rows depend on others there, places with drives elsewhere.
+    q (blocks D, m) itself may be a singular position, so that positions around it are examined
+    too, and if rows depend on others there, places with drives elsewhere.
     """
     random = np.random.default_rng(0)
     work = allocate(model, model.system, 1)
@@ -358,8 +359,8 @@ def _displace(model: Model, q: Floats, by: float) -> None:
 
 
 def _rank(model: Model, work: Work, q: Floats) -> int:
-    """The rank of Φ_q, -1 if A has no factor; with the penalty of the model, or one that tells
-    modes as soft as those of a chain of thousands of bars."""
+    """The rank of Φ_q, -1 if A has no factor; with the penalty of the model, or with one that
+    resolves the soft modes of chains of thousands of bars."""
     found, off = -1, 1.0
     for penalty in (model.penalty, 1e10):
         stiff = model.with_penalty(penalty)
@@ -385,9 +386,9 @@ def within(model: Model, q: Floats, dependent_rows: int) -> bool:
 
 
 def _softness(model: Model, work: Work, q: Floats, rank: int) -> float:
-    """The distance σ at an ordinary place, with the smallest penalty that can tell it.
+    """The distance σ at an ordinary place, with the smallest penalty that resolves it.
 
-    With a large one what is missing from the rank would be lost in rounding.
+    With a large one the deficit of the rank would be below rounding.
     """
     if rank == 0:
         return 1.0
@@ -402,7 +403,8 @@ def _softness(model: Model, work: Work, q: Floats, rank: int) -> float:
 
 
 def held(model: Model, given: Given) -> list[Row]:
-    """One more linear row for each component given; those of vectors are in their own length."""
+    """One more linear row for each component given; components of vectors are in their own
+    length."""
     layout, D = model.layout, model.layout.dimension
     rows = []
     for name, components in given.items():

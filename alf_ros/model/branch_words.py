@@ -31,7 +31,8 @@ def alike(
 
 
 def listed(model: Model, velocities: Sequence[Floats]) -> str:
-    """What moves alike, then what does not, alternative by alternative, the fastest first."""
+    """The common motion, then the differing ones, alternative by alternative, the fastest
+    first."""
     velocities = sorted(velocities, key=lambda v: -round(float(np.linalg.norm(v)), 6))
     shown = [_by_name(model, v) for v in velocities[:BRANCHES]]
     names = list(shown[0])
@@ -70,6 +71,6 @@ def moving(model: Model, directions: Floats) -> list[str]:
 
 
 def shaky(model: Model, free: Floats) -> str:
-    """That nothing begins to move in the directions `free` (freedoms, blocks D)."""
+    """State that no motion begins in the directions `free` (freedoms, blocks D)."""
     names = ', '.join(moving(model, free)[:6])
     return f'infinitesimally mobile only (shaky): no motion begins here, though {names} may yield'

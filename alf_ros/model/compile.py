@@ -58,7 +58,7 @@ class Model:
     row: Integers  # (rows,) place in the kernel of each named row
 
     def __getstate__(self) -> dict[str, Any]:
-        """Without the address of what is prescribed: it is of this process."""
+        """Without the address of prescribed motions: it belongs to this process."""
         bare = replace(self.system.prescribed, program=np.zeros(0, dtype=np.uint64))
         return {**vars(self), 'system': replace(self.system, prescribed=bare)}
 
@@ -223,7 +223,7 @@ def _draft(mechanism: Mechanism) -> Layout:
 
 
 def drawn(layout: Layout) -> Floats:
-    """(blocks D,) points and vectors as drawn; what is neither is zero."""
+    """(blocks D,) points and vectors as drawn; other blocks are zero."""
     q = np.zeros((layout.blocks, layout.dimension))
     for point in layout.mechanism.points:
         q[layout.of_point[point.name]] = point.at
@@ -252,8 +252,8 @@ def hold(model: Model, extra: Sequence[Row], velocities: bool) -> tuple[System, 
 
 
 def _patient(system: System) -> System:
-    """With the ratio from which on a solve is called slow: above what rounding leaves of a round,
-    and far below that of a place that is too close to a singular position."""
+    """Set the convergence ratio above which a solve is slow. It is above the rounding of a round,
+    and far below the ratio of a position too close to a singular one."""
     sigma = system.close * system.ordinary
     near = 1.0 / (1.0 + system.penalty * sigma**2)
     patience = max(_PATIENCE, min(_ROUNDED * EPS * system.penalty, _NEAR * near))
@@ -263,8 +263,8 @@ def _patient(system: System) -> System:
 def _scaled(system: System, q: Floats, layout: Layout, penalty: float) -> Rows:
     """The rows with scale 1 / |Φ_q,r| and α_r = penalty / (Φ_q,r M⁻¹ Φ_q,rᵀ), both as drawn.
 
-    What the denominator is one over is the mass that the row feels: of the lightest it holds. For
-    M stands its diagonal, and for what has no mass the mean.
+    One over the denominator is the mass that the row moves: about its lightest block. M is
+    replaced by its diagonal, and missing masses by the mean.
     """
     rows, D = system.rows, layout.dimension
     g, g2 = np.zeros(rows.i.size * D), np.zeros(rows.b.size)

@@ -102,8 +102,8 @@ def made_consistent(
 def _fitted(walk: Walk, places: list[Floats], singular: list[Floats]) -> Mechanism:
     """The mechanism whose rows agree at the places, by Gauss and Newton.
 
-    That of the walk if they cannot be made to agree in singular positions alone: it is then as
-    drawn, and steps say so where it comes there.
+    The mechanism of the walk if rows disagree in singular positions only: it is then as drawn, and
+    steps report it where the motion comes there.
     """
     drawn, alone = walk.model.mechanism, walk.gap(places) <= EXACT * walk.rounding
     start, contradiction = walk.gap(places + singular), _contradiction(walk, places + singular)

@@ -1,7 +1,7 @@
 """A mechanism at one position as dense matrices: Φ_q, its singular values, the free directions, M.
 
-For questions that are asked once, such as those of `check`; the step has its own, sparse ways.
-Rows are scaled to length one as drawn, and every coordinate is a length: all numbers compare.
+For questions that are asked once, such as in `check`; the step uses sparse methods. Rows are
+scaled to length one as drawn, and every coordinate is a length: all numbers compare.
 """
 
 from __future__ import annotations
@@ -112,8 +112,8 @@ class Linearised:
         """The position nearest to q + step (n, m) where Φ = 0, or None if it is not found.
 
         Of the singular values the `rank` largest are used: away from Φ = 0 rows that depend on the
-        others look independent, and would pull back along the free motion. What is small among
-        them is softened, so that it works at singular positions too.
+        others look independent, and would pull back along the free motion. Small ones are
+        regularised, so that the method works at singular positions too.
         """
         n, size = self.model.n, self.model.size
         q = self.q.copy()

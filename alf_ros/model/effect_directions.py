@@ -27,7 +27,7 @@ class Direction(NamedTuple):
 
 
 def softened(system: System, layout: Layout, directions: Sequence[Direction]) -> System:
-    """The system with M̂ in the place of M: the directions, and a pattern with room for them."""
+    """The system with M̂ in the place of M: the directions, and a pattern with space for them."""
     D, movable = layout.dimension, layout.movable
     cliques = [sorted(b for b in each.blocks if b < movable) for each in directions]
     fixed = [sorted(b for b in each.blocks if b >= movable) for each in directions]

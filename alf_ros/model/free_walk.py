@@ -131,7 +131,7 @@ class Walk:
         return best
 
     def is_ordinary(self, q: Floats) -> bool:
-        """Whether what is open at q is a contradiction: it is not beside a singular position."""
+        """Whether the residual at q is a contradiction; beside a singular position it is not."""
         if self.widest(q) <= EXACT * self.rounding:
             return True
         model, work = self.model, self._work
@@ -236,7 +236,7 @@ class Walk:
 
 
 def compiled(mechanism: Mechanism) -> Model:
-    """A model with the rows that bind positions; those of velocities alone have no Φ."""
+    """A model with the rows that bind positions; rows that bind velocities only have no Φ."""
     model = compile_model(mechanism, PENALTY)
     if not model.system.rows.velocity:
         return model
@@ -245,7 +245,7 @@ def compiled(mechanism: Mechanism) -> Model:
 
 
 def carried(layout: Layout, q: Floats, model: Model) -> Floats:
-    """What moves of q (blocks D, m) as coordinates of another model of like mechanisms."""
+    """The movable part of q (blocks D, m) as coordinates of another model of a like mechanism."""
     D, other = layout.dimension, model.layout
     found, places = model.q.copy().reshape(-1, D), q.reshape(-1, D)
     scale = other.length / layout.length  # of unit vectors

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def paused() -> Iterator[None]:
-    """As a block, or around a function. It goes on as it was, also where something is raised."""
+    """As a block, or around a function. Restores the previous setting, also after an exception."""
     collects = gc.isenabled()
     gc.disable()
     try:

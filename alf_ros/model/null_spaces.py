@@ -31,7 +31,7 @@ def linearise(model: Model, system: System, work: Work) -> None:
 
 def free_directions(model: Model, system: System, work: Work) -> tuple[Floats, Floats]:
     """Directions (d, blocks D), orthonormal in the metric of M, and the singular value σ of each:
-    those with s² = penalty σ² < 1. In this form rounding falls with what is still to go.
+    for all with s² = penalty σ² < 1. In this form rounding falls with the remaining error.
     """
     n, rows, unit = model.n, system.rows, model.unit
     expected = n - effective_rank(replace(model, system=system), work)

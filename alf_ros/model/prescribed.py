@@ -1,4 +1,4 @@
-"""What moves as a function of time, as the kernel wants it."""
+"""Motions as functions of time, in the form of the kernel."""
 
 from __future__ import annotations
 

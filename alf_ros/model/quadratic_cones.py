@@ -123,9 +123,9 @@ def _apart(forms: Floats, noise: float) -> Floats:
 
 
 def _split(forms: Floats, noise: float, other: Floats) -> list[tuple[Floats, Floats]] | None:
-    """The subspaces where one of the forms (k, d, d) is zero, and linear forms (…, d) that are not
-    zero there besides; preferably of one for which that is one subspace. `other` (…, d): linear
-    forms that are not zero. None if no form splits."""
+    """The subspaces where one of the forms (k, d, d) is zero, and linear forms (…, d) that are
+    also not zero there; preferably of a form with one subspace. `other` (…, d): linear forms that
+    are not zero. None if no form splits."""
     two: list[tuple[Floats, Floats]] | None = None
     for form in forms:
         felt = np.flatnonzero(np.abs(form).max(axis=1) > _ROUNDED)

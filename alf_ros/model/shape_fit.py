@@ -103,8 +103,8 @@ def violation(model: Model, q: Floats) -> Floats:
 
 
 def _violations(model: Model, mechanism: Mechanism) -> Callable[[Floats], Floats]:
-    """The same of a mechanism that differs from that of the model in its shapes only, at q of the
-    model. Nothing but its rows is made: they have the blocks of the model."""
+    """The same of a mechanism that differs from the mechanism of the model in its shapes only, at
+    q of the model. Only its rows are made: they have the blocks of the model."""
     here = model.layout
     layout = assembled(mechanism, here.of_point, here.of_vector, here.of_auxiliary)
     made = [row for row in constraints(mechanism, layout) if row.name in set(model.row_names)]

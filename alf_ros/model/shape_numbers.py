@@ -1,6 +1,6 @@
-"""The numbers that shapes are made of: of bodies, joints, and what the ground holds.
+"""The numbers of shapes: of bodies, of joints and of the ground.
 
-Each can be changed by an amount (m), and each row is made of those of a few items.
+Each can be changed by an amount (m), and each row depends on the numbers of a few items.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Change = Callable[[Mechanism, Mapping[str, float]], Mechanism]
 
 
 def touched(model: Model) -> list[set[Item]]:
-    """What each row is made of, by row."""
+    """The items on which each row depends."""
     layout, mechanism = model.layout, model.mechanism
     fixed = {item.name for item in mechanism.blocks if item.fixed}
     parts: dict[str, set[Item]] = {GROUND: set()}
@@ -42,7 +42,8 @@ def touched(model: Model) -> list[set[Item]]:
 
 
 def apart(items: list[Item], made_of: list[set[Item]]) -> list[list[Item]]:
-    """Those of the items that any row is made of, in groups of which no row is made of two."""
+    """The items on which rows depend, in groups such that no row depends on two items of a
+    group."""
     rows: dict[Item, set[int]] = {item: set() for item in items}
     for r, each in enumerate(made_of):
         for item in each & rows.keys():

@@ -71,8 +71,9 @@ class Position:
 
     `q` (blocks D, m) at `t` (s); `free` (freedoms, blocks D): directions with Φ_q v = 0,
     orthonormal in the metric of M; `lost` (k, rows): left null vectors, in the kernel's order of
-    rows; `x`: the largest singular value that was taken for zero, over the ordinary one; `drift`
-    (blocks D): velocities that drives ask for, of least kinetic energy; `pushed` (rows,): Φ_q,s s̈.
+    rows; `x`: the largest singular value that counts as zero, over the ordinary one; `drift`
+    (blocks D): velocities that drives require, of least kinetic energy; `pushed` (rows,): Φ_q,s
+    s̈.
     """
 
     model: Model
@@ -118,12 +119,12 @@ class Position:
         return np.asarray(np.where(np.abs(pull).max(initial=0.0) > nothing, pull, 0.0))
 
     def departure(self, Q: Floats) -> Branch | None:
-        """The branch on which forces Q (blocks D, N) set the mechanism going from rest; None if
-        they do nothing, or if branches are not enumerated.
+        """The branch on which forces Q (blocks D, N) start the mechanism from rest; None if they
+        do no work, or if branches are not enumerated.
 
         By Gauss's principle of least constraint: the branch that lets the mechanism accelerate
-        most nearly as it would without the rows that are lost. Raises AssemblyError if no branch
-        lets it accelerate, or if two do it alike.
+        most nearly as it would without the lost rows. Raises AssemblyError if no branch lets it
+        accelerate, or if two do it equally.
         """
         n, pull = self.model.n, self.pull(Q)
         if not pull.any() or self.kind in (SMOOTH, CURVED, MANY):
@@ -146,8 +147,8 @@ class Position:
     ) -> str:
         """Branches of a position, or all, in words: 'A: [-1, 0] with B: [-2, 0], or B: [0, 0]'.
 
-        Of a branch that is a line its direction, as fast as what is `given` says; of one with more
-        freedoms only how many there are.
+        Of a branch that is a line its direction, scaled to `given`; of one with more freedoms only
+        their number.
         """
         branches = self.branches if branches is None else branches
         lines = [branch for branch in branches if branch.dimension <= 1]
@@ -186,7 +187,8 @@ class Position:
         return kind, tuple(branch for branch in made if branch is not None)
 
     def _branch(self, coordinates: Floats, rate: float) -> Branch | None:
-        """Of a subspace (dimension, freedoms + 1) of (z, τ): what has τ = `rate`; None without."""
+        """The part of a subspace (dimension, freedoms + 1) of (z, τ) with τ = `rate`; None
+        without."""
         if not self.is_driven:
             return Branch(coordinates @ self.free, self.drift)
         z, tau = coordinates[:, :-1], coordinates[:, -1]

@@ -31,14 +31,15 @@ _NOT_ENUMERATED = (
 def start(
     model: Model, q: Floats, given: Given, dependent: int, near: bool, t: float = 0.0
 ) -> tuple[Floats, Position | None]:
-    """Velocities q̇ (blocks D, m/s) of a start at q (blocks D, m), completed from those given; and
-    the position, if it is a singular one where not too many freedoms are gained to look at.
+    """Velocities q̇ (blocks D, m/s) of a start at q (blocks D, m), completed from the given ones;
+    and the position, if it is a singular one with few enough freedoms to be examined.
 
-    In an ordinary position as `assembly.complete` does. In a singular one all that is given must
-    fit one branch, and what is free on it gets the least kinetic energy. `dependent`: rows that
-    depend on others in ordinary positions; `near`: whether q is `assembly.within` a singular one.
+    In an ordinary position as `assembly.complete` does. In a singular one all given values must
+    fit one branch, and the free velocities on it get the least kinetic energy. `dependent`: rows
+    that depend on others in ordinary positions; `near`: whether q is `assembly.within` a singular
+    one.
 
-    Raises AssemblyError if nothing fits, naming the constraints or the branches, and if several
+    Raises AssemblyError if no branch fits, naming the constraints or the branches, and if several
     branches fit with different velocities.
     """
     if near and _freedoms(model, q) > WIDE:
@@ -66,7 +67,7 @@ def start(
 
 
 def unexamined(model: Model, q: Floats, here: Position | None, Q: Floats) -> str:
-    """What the rule for starts at rest could not look at, in words; empty if nothing.
+    """Positions that the rule for starts at rest does not cover, in words; empty if it covers all.
 
     q (blocks D, m) lies in a singular position, `here` as `start` returns it; Q (blocks D, N)
     acts.
@@ -110,9 +111,9 @@ def _freedoms(model: Model, q: Floats) -> int:
 
 
 def _check_setting_off(here: Position) -> None:
-    """Raise AssemblyError if drives set a mechanism at rest going on more branches than one.
+    """Raise AssemblyError if drives start a mechanism from rest on more than one branch.
 
-    From rest q̈ takes the place of q̇: Φ⁗ = 0 asks of it what Φ̈ = 0 asks of q̇.
+    From rest q̈ takes the place of q̇: Φ⁗ = 0 is the condition for it, as Φ̈ = 0 is for q̇.
     """
     qdd, _ = _accelerated(here.model, here.q, np.zeros_like(here.q), here.t)
     going = replace(here, drift=qdd, pushed=np.zeros_like(here.pushed))

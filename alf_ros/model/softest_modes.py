@@ -97,9 +97,9 @@ def found(model: Model, work: Work, redundant: int, memory: Modes | None = None)
 
 
 def _among_dependent(model: Model, work: Work, redundant: int, soft: int) -> Modes:
-    """The modes where some are so soft that K takes them away with what depends on other rows.
+    """The modes where some are so soft that K removes them together with dependent rows.
 
-    So that is followed too, and left out as what comes out softest.
+    Dependent rows are therefore followed too, and omitted as the softest results.
     """
     rows, spare = model.system.rows.alpha.size, 2
     while True:

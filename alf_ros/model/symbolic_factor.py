@@ -109,7 +109,7 @@ def pattern_of(
 def _fill(start: Integers, column: Integers) -> tuple[Integers, Integers]:
     """The columns of L below the diagonal, by `first` and rows, ascending.
 
-    `column` [`start` [i] .. `start` [i + 1]] are those of A in row i. Row i of L is what is
+    `column` [`start` [i] .. `start` [i + 1]] are the columns of A in row i. Row i of L is the set
     reached from there on the elimination tree: Davis, Direct Methods for Sparse Linear Systems
     (2006), ch. 4.
     """

@@ -115,7 +115,7 @@ def _guess(c: Floats) -> Floats:
 
 @cache
 def method(integrator: str, iterations: int, tolerance: float) -> Method:
-    """What the kernel has to know of the solver section of a scene; read only, so shared."""
+    """The solver section of a scene for the kernel; read only, so shared."""
     tableau = TABLEAUX[integrator]
     a, b, c, _, embedded, estimate, sharp = tableau
     return Method(
@@ -132,8 +132,8 @@ def method(integrator: str, iterations: int, tolerance: float) -> Method:
 
 
 def first_pace(h: float, size: float, qd: Floats) -> float:
-    """The first step (s) that an adaptive method tries, on a grid of h (s): what is fastest of q̇
-    (m/s) goes a fifth of the size (m) in it.
+    """The first step (s) that an adaptive method tries, on a grid of h (s): the fastest part of q̇
+    (m/s) travels a fifth of the size (m) in it.
 
     A step of a radian can be far off and its embedded errors small, by chance.
     """

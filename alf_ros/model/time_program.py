@@ -140,7 +140,8 @@ def run(
 
 
 def program(outputs: Mapping[int, Signal]) -> tuple[Integers, Floats]:
-    """slots and params that compute each signal at its place; what is alike is computed once."""
+    """slots and params that compute each signal at its place; equal expressions are computed
+    once."""
     number: dict[Signal, int] = {}
     instructions: list[tuple[int, int, int]] = []
     params: list[float] = []

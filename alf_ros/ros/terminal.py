@@ -1,4 +1,4 @@
-"""What a person at the terminal sees: start-up messages, then one live line."""
+"""Output on the terminal: start-up messages, then one live line."""
 
 from __future__ import annotations
 

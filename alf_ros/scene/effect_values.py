@@ -47,7 +47,7 @@ def _values(effect: Effect) -> Iterator[EffectValue]:
 
 
 def _plain(value: object) -> bool | float | list[float] | None:
-    """The value if it is a switch, a number or a vector; None for names and what is absent."""
+    """The value if it is a switch, a number or a vector; None for names and absent values."""
     if isinstance(value, bool):
         return value
     if isinstance(value, (int, float)):

@@ -1,4 +1,4 @@
-"""The effects of a scene: every parameter read as its metadata says.
+"""The effects of a scene: every parameter is read according to its metadata.
 
 `kind` of a parameter: 'number'; 'vector', 2 or 3 numbers; 'spin', 1 or 3; 'boolean'; 'text', one
 of `choices` if the metadata has them; names: 'body', 'point', 'joint', 'coordinate' (of a joint),

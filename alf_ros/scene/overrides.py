@@ -44,7 +44,7 @@ def with_changes(scene: Scene, changes: Mapping[str, str]) -> Scene:
 
 
 def _place(root: Entry, name: str) -> tuple[str, ...]:
-    """The keys that lead to what is meant."""
+    """The keys that lead to the value."""
     first, *rest = name.split('.')
     fields = root.mapping()
     mechanism = fields['mechanism'].mapping()

@@ -81,12 +81,12 @@ Components = tuple[float | None, ...]
 
 @dataclass(frozen=True)
 class Solver:
-    """How the motion is computed.
+    """Settings of the solver.
 
     step: h (s). penalty: α relative to the scale of the masses, without dimension. The iterations
     of a solve stop after `iterations`. tolerance: relative error of a step that an adaptive
-    integrator allows; it takes as many as that needs in each `step`. accuracy: a position error
-    (m) for which a simulation picks integrator and tolerance. Raises InputError.
+    integrator allows; it makes as many as needed in each `step`. accuracy: a position error (m)
+    for which a simulation chooses integrator and tolerance. Raises InputError.
     """
 
     step: float = 1e-3
@@ -109,7 +109,7 @@ class Solver:
 
     @property
     def method(self) -> Method:
-        """What the kernel has to know of it."""
+        """The values that the kernel needs."""
         return method(self.integrator, self.iterations, self.tolerance)
 
 
@@ -148,7 +148,7 @@ class Scene:
         return hashlib.sha256(self.text.encode()).hexdigest()
 
     def _repr_html_(self) -> str:
-        """What a notebook shows."""
+        """HTML for a notebook."""
         mechanism, solver = self.mechanism, self.solver
         judged = {'accuracy': f'{solver.accuracy} m'} if solver.accuracy else {}
         settings = {'integrator': solver.integrator, 'step': f'{solver.step:g} s', **judged}
@@ -220,7 +220,8 @@ def scene_from_text(
 ) -> Scene:
     """The scene in a YAML text; errors name it `file`.
 
-    `references`: which files it may name (those of the present folder). Raises InputError.
+    `references`: which files it may name (by default files of the present folder). Raises
+    InputError.
     """
     root = yaml_document.parse(text, file)
     return _read_scene(root, 'scene', references or References(), parameters)
@@ -383,7 +384,7 @@ def _solver(section: Entry, names: Mapping[str, float]) -> Solver:
 
 
 def _setting_fault(name: str, value: object) -> dict[str, Any] | None:
-    """What is wrong with one setting of the solver, as keywords of an InputError."""
+    """The error in one setting of the solver, as keywords of an InputError."""
     if name in CHOICES:
         if isinstance(value, str) and (value in CHOICES[name] or value in RENAMED):
             return None

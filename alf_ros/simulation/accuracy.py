@@ -1,7 +1,7 @@
-"""An accuracy asked for in metres: which integrator and tolerance keep to it, found by trying.
+"""A requested accuracy in metres: integrator and tolerance that keep to it, found by trials.
 
-The scene is run from its start, as often as it takes, and what is picked is what takes the fewest
-evaluations. No clock is looked at, so the same scene always gets the same. See doc/performance.md.
+The scene is run from its start, as often as needed, and the setting with the fewest evaluations is
+chosen. The choice reads no clock, so the same scene always gets the same. See doc/performance.md.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ DEAR = 1.8  # explicit evaluations that cost as much as an implicit one (benchma
 
 
 class Trial(Protocol):
-    """What a run is asked for: a `Simulation` of the scene with other settings."""
+    """Factory of trial runs: a `Simulation` of the scene with other settings."""
 
     @property
     def model(self) -> Model:
@@ -67,11 +67,11 @@ class Trial(Protocol):
 
 @dataclass(frozen=True)
 class Budget:
-    """What was picked for an accuracy.
+    """The choice for an accuracy.
 
     solver: with it in place. asked, estimate (m): the largest distance of a point, at any instant
-    compared, from the same run at a far smaller tolerance, and how well that one is known. It
-    holds for `horizon` (s) from the start of the scene without inputs; it is no bound.
+    compared, from the same run at a far smaller tolerance, plus the error of that run. It holds
+    for `horizon` (s) from the start of the scene without inputs; it is no bound.
     """
 
     solver: Solver
@@ -81,7 +81,7 @@ class Budget:
 
     @property
     def met(self) -> bool:
-        """Whether the estimate is below what was asked."""
+        """Whether the estimate is below the requested error."""
         return self.estimate <= self.asked
 
 
@@ -154,8 +154,8 @@ class _Trials:
             tolerance *= DECADE
 
     def _implicit(self, fine: float, most: float) -> Iterator[tuple[float, Solver]]:
-        """The implicit integrator, if something may be stiff, with the largest tolerance that
-        keeps to the accuracy; unless that takes more than `most` evaluations/s."""
+        """The implicit integrator, if effects may be stiff, with the largest tolerance that keeps
+        to the accuracy; None if that needs more than `most` evaluations/s."""
         tolerance = LOOSEST
         while tolerance >= fine:
             solver = self._adaptive(tolerance, coarse=True, integrator=IMPLICIT)

@@ -1,4 +1,4 @@
-"""What acts on the mechanism in a run: the scene's effects and the inputs held, packed."""
+"""Forces on the mechanism in a run: the scene's effects and the inputs held, packed."""
 
 from __future__ import annotations
 
@@ -40,8 +40,8 @@ class Wrench:
 
 @dataclass(frozen=True)
 class Target:
-    """What the motor on a joint is to follow, in place of what the scene says: x* (rad or m), and
-    ẋ* (rad/s or m/s) if not the slope of x*."""
+    """Target of the motor on a joint, in place of the target in the scene: x* (rad or m), and ẋ*
+    (rad/s or m/s) if not the slope of x*."""
 
     position: float | Curve | None = None
     velocity: float | None = None
@@ -61,14 +61,14 @@ NO_INPUTS = Inputs({}, {})
 
 
 class Part(NamedTuple):
-    """Some of what acts, packed: effects, and which of all loads (`Applied.loads`) are theirs."""
+    """A part of the effects, packed, and the indices of their loads (`Applied.loads`)."""
 
     effects: Effects
     loads: list[int]
 
 
 class OnAxes(NamedTuple):
-    """What acts on free axes of joints, axis after axis."""
+    """Efforts on free axes of joints, axis after axis."""
 
     axes: Axes
     part: Part
@@ -76,8 +76,8 @@ class OnAxes(NamedTuple):
 
 @dataclass(frozen=True)
 class _Kind:
-    """An effect's functions (addresses; 0: none, or nobody asks), its instances packed, and those
-    of them that have a load: none, or all."""
+    """An effect's functions (addresses; 0: none, or nobody asks), its instances packed, and the
+    instances with a load: none, or all."""
 
     force: int
     potential: int
@@ -138,7 +138,7 @@ class _Scene:
 
     @cached_property
     def bearings(self) -> Bearings:
-        """What tells the loads, without what acts on the cut mechanism."""
+        """The data that give the loads, without the forces on the cut mechanism."""
         joints = {each.name: each.joint for each in self._model.coordinates}
         loaded = (_loaded(effect) for effect in self._rubbing)
         return bearings(self.reactions, [None if n is None else joints[n] for n in loaded])
@@ -211,7 +211,7 @@ class Applied:
             self._held[key] = known[key] if again else _held(model, key[1], what)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """What it packs: the addresses of compiled code are of this process."""
+        """State without the addresses of compiled code, which belong to this process."""
         given = self._given, self.inputs, self._reactions, self._weights, self._tangents
         return Applied, (self._model, *given)
 
@@ -255,7 +255,7 @@ class Applied:
 
     @property
     def loads(self) -> Floats:
-        """N, of each effect with friction: what was found by the last solve for accelerations."""
+        """N, of each effect with friction, from the last solve for accelerations."""
         return self._scene.bearings.loads.copy()
 
     @property
@@ -264,7 +264,7 @@ class Applied:
         return self._scene.each
 
     def on(self, layout: Layout) -> Effects:
-        """All of it for another layout: that of the reactions, with each body alone."""
+        """All forces for another layout: the layout of the reactions, with each body alone."""
         if self._elsewhere is None or self._elsewhere[0] is not layout:
             self._elsewhere = layout, self._pack(layout)
         return self._elsewhere[1]
@@ -352,7 +352,7 @@ def _starts(parts: Sequence[Floats] | Sequence[Integers]) -> Addresses:
 
 
 def _held(model: Model, name: str, what: Wrench | float | Curve) -> _Held:
-    """What is held on a body, point or joint, as an effect."""
+    """The held command on a body, point or joint, as an effect."""
     if isinstance(what, Wrench):
         return _Held(what, registry.held(WRENCH, name, what))
     coordinate = model.coordinates[model.coordinate_names.index(name)]

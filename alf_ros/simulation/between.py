@@ -14,8 +14,8 @@ from alf_ros.simulation.stepping import Stepper
 class Between:
     """Goes from the last grid point of a run to instants behind it.
 
-    A method of fixed steps takes one step from the grid point. An adaptive method goes on from the
-    last instant that was asked for: otherwise each instant would cost all steps since the grid
+    A method of fixed steps takes one step from the grid point. An adaptive method continues from
+    the last instant that was asked for: otherwise each instant would cost all steps since the grid
     point.
     """
 

@@ -1,4 +1,4 @@
-"""What is only looked at: settings of ~/markers and tf, and the arithmetic of arrows."""
+"""Display only: settings of ~/markers and tf, and the arithmetic of arrows."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ _BARB = 0.2
 
 @dataclass
 class Display:
-    """frame_prefix: stands before the names of bodies as frames. force_scale: length of an arrow
-    per force, m/N; 0 makes that of the mechanism's weight a quarter of its size."""
+    """frame_prefix: precedes the names of bodies as frames. force_scale: length of an arrow per
+    force, m/N; 0 makes the arrow of the mechanism's weight a quarter of its size."""
 
     frame_prefix: str = ''
     force_scale: float = 0.0

@@ -17,7 +17,7 @@ def beyond_reach(model: Model, q: Floats, t: float, h: float) -> tuple[str, str]
     """Whether drives go where the loops do not reach, in the step of h (s) from q (blocks D, m)
     at t (s): the reason and the remedy, or None.
 
-    Loops are closed for their own sake, without forces: so it is said alike of every method.
+    Loops are closed without forces: the result is the same for every method.
     """
     if not model.mechanism.drives:
         return None
@@ -50,7 +50,7 @@ def beyond_reach(model: Model, q: Floats, t: float, h: float) -> tuple[str, str]
 
 
 def _followed(model: Model, q: Floats, t: float) -> tuple[Floats | None, str]:
-    """The position near q where drives are at t (s); None, and what stays open, without one."""
+    """The position near q where drives are at t (s); without one None, and the gap."""
     start, unused = np.array(q), np.zeros_like(q)
     prescribe(model.system, t, start, unused, unused)
     try:

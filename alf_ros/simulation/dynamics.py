@@ -30,7 +30,7 @@ _DOUBTFUL, _ROUNDED = 5e-3, 1e-6
 
 
 class Dynamics(Kinematics):
-    """q̈, λ and what follows from them."""
+    """q̈, λ and derived values."""
 
     def __init__(
         self,
@@ -72,7 +72,7 @@ class Dynamics(Kinematics):
         return 0.5 * float(momenta @ qd[: model.n])
 
     def _act(self, part: Part, q: Floats, qd: Floats, Q: Floats) -> None:
-        """Q of some of what acts, friction with the loads of now."""
+        """Q of a part of the effects, friction with the present loads."""
         kernel.applied_forces(part.effects, self.t, q, qd, self._near, Q)
         if part.loads:
             loads = self._loads[part.loads]
@@ -109,7 +109,7 @@ class Dynamics(Kinematics):
 
     @kept
     def _limits(self) -> Limits | None:
-        """What values are limits of, in a singular position or too near to one."""
+        """The support positions of limits, in a singular position or too near to one."""
         if not self._within and not self._doubtful:
             return None
         state = self._state

@@ -1,6 +1,6 @@
-"""What a call is given: checked once, before anything changes.
+"""Checks of arguments: made once, before anything changes.
 
-Numbers are real ones of Python or numpy; truth values and text are none.
+Numbers are real numbers of Python or numpy; truth values and text are refused.
 """
 
 from __future__ import annotations
@@ -116,7 +116,7 @@ def checked_wrench_of(
 
 
 def checked_inputs(model: Model, effects: Sequence[Effect], inputs: Any) -> Inputs:
-    """What is held, if all of it can be held there. Raises InputError."""
+    """The held inputs, if all can act on this mechanism. Raises InputError."""
     if not isinstance(inputs, Inputs):
         raise InputError('not the held inputs', key='state.inputs', value=inputs)
     for kind, held, wanted in (
@@ -141,9 +141,9 @@ def checked_inputs(model: Model, effects: Sequence[Effect], inputs: Any) -> Inpu
 def checked_state(
     model: Model, effects: Sequence[Effect], state: Any, like: State, accounts: Sequence[str]
 ) -> State:
-    """The state, if it is one that a run of this mechanism can go on from; `like`: its first one.
+    """The state, if a run of this mechanism can continue from it; `like`: its first state.
 
-    Works and loads it may lack, for they came later. Raises InputError.
+    Works and loads may be missing, because older versions lack them. Raises InputError.
     """
     if not isinstance(state, State):
         raise InputError('not a state', key='state', value=state, expected='State')

@@ -1,7 +1,7 @@
-"""What the samples of a simulation are read with: analyses of the model, and memory to compute in.
+"""Tools for the samples of a simulation: analyses of the model, and work memory.
 
-An analysis is made when it is first asked for. Memory is lent to a sample for as long as there is
-one, and lent again to the next: which sample had it before changes no number.
+An analysis is made when it is first asked for. Memory is lent to a sample while it exists, and
+then to the next one. The order of use changes no number.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ T = TypeVar('T')
 
 
 class Keeper:
-    """What has such properties."""
+    """An object with such properties."""
 
     def __init__(self) -> None:
         self._lock = threading.RLock()

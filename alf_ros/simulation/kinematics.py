@@ -1,4 +1,4 @@
-"""Kinematics of a sample: what follows from q and q̇ alone."""
+"""Kinematics of a sample: values that depend on q and q̇ alone."""
 
 from __future__ import annotations
 
@@ -96,7 +96,8 @@ class Kinematics(Keeper):
         """Frame of each body: in the plane (bodies, 3) x, y (m), angle of the x axis (rad, turns
         counted); in space (bodies, 7) x, y, z (m), quaternion x, y, z, w.
 
-        A body without orientation has that of the world, a rod its x axis and no turn about it.
+        A body without orientation has the orientation of the world, a rod its x axis without a
+        turn about it.
         """
         layout, q = self.model.layout, self._state.q.reshape(-1, self.model.layout.dimension)
         origins = q[[layout.of_body[name][0] for name in self.model.body_names]]

@@ -34,7 +34,7 @@ def stop_all() -> None:
 
 
 class Listener:
-    """What the compiled code of one workspace asks."""
+    """The requests of the compiled code of one workspace."""
 
     def __init__(self, work: Work) -> None:
         """It must live as long as `work` is used: this holds its address."""

@@ -38,7 +38,7 @@ class MissedPositions:
         return self._walked(self._start.q, along, nearby=False)
 
     def _walked(self, q: Floats, along: Floats, nearby: bool) -> float:
-        """As `Walk.missed`; 0 for what is not looked at."""
+        """As `Walk.missed`; 0 for mechanisms that are not examined."""
         model = self._model
         is_free = not model.mechanism.drives and not model.system.rows.velocity
         if not is_free or model.n > _LOOKED_AT or self.reason == MOTION:

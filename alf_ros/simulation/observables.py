@@ -1,4 +1,4 @@
-"""What a topic says of a sample: names and arrays, the same for a message and for a re-run.
+"""Values of a topic from a sample: names and arrays, the same for a message and for a re-run.
 
 A reading of many things at one instant; all SI, world frame.
 """

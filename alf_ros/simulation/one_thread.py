@@ -16,7 +16,7 @@ from alf_ros.errors import BusyError
 
 
 class Locked(Protocol):
-    """What has methods of this kind."""
+    """An object with methods of this kind."""
 
     _lock: threading.Lock
 

@@ -1,9 +1,9 @@
 """A body put elsewhere, or given another speed, with the mechanism assembled around it.
 
 The body goes there along a screw, as a nut goes along a bolt: turned less than half a turn, and
-about a pin that holds it, if one does. The rest follows in small steps. So the mechanism stays on
-its branch, and angles are counted as in a motion. Velocities are those after an impulse on the
-body: what it does not reach goes on as it was.
+about a pin that holds it, if one does. The other bodies follow in small steps. So the mechanism
+stays on its branch, and angles are counted as in a motion. Velocities follow from an impulse on
+the body: parts that it does not reach keep their velocities.
 """
 
 from __future__ import annotations
@@ -51,8 +51,8 @@ def placed(
     pose: in the plane x, y (m), angle (rad, of any turn); in space x, y, z, quaternion x, y, z, w.
     twist: velocity of the origin of the frame (m/s), angular velocity (rad/s), in the world frame:
     3 or 6 numbers. Without a pose the mechanism stays where it is; without a twist the body keeps
-    its own, or what the constraints leave of it there. Raises InputError for what is no pose or
-    twist, AssemblyError, with how far the constraints would be open, for what cannot be.
+    its own, as far as the constraints permit. Raises InputError for an invalid pose or twist,
+    AssemblyError with the gap of the constraints for an impossible one.
     """
     layout = model.layout
     if text(body, 'body') not in layout.body:
@@ -176,7 +176,7 @@ def _led_to(
 
 
 def _given(body: Body, origin: Floats, axes: Floats) -> assembly.Given:
-    """Where a body has its points (m) and vectors, if its frame is there."""
+    """The points (m) and vectors of a body with this frame."""
     points = (origin + axes @ np.array(local) for local in body.local)
     vectors = (axes @ np.array(axis) for axis in body.axes)
     named = [*zip(body.points, points, strict=True), *zip(body.vectors, vectors, strict=True)]
@@ -186,9 +186,9 @@ def _given(body: Body, origin: Floats, axes: Floats) -> assembly.Given:
 class _Way:
     """The way s = 0 .. 1 of a body from where it is, in q, to where its frame shall be.
 
-    With R_s = exp(s δ×) and V_s its mean over the way there, the place x of a body goes to
-    R_s x + s V_s u; δ (rad) is the whole turn, and u (m) so that the whole way leads there.
-    `steps`: how many of the longest ones it is.
+    With R_s = exp(s δ×) and V_s its mean over the way there, the place x of a body goes to R_s x +
+    s V_s u; δ (rad) is the whole turn, and u (m) so that the whole way leads there. `steps`: its
+    length in longest steps.
     """
 
     def __init__(self, model: Model, q: Floats, body: Body, origin: Floats, axes: Floats) -> None:
@@ -213,7 +213,7 @@ class _Way:
         self.steps = min(most, self.steps)
 
     def at(self, *s: float) -> list[tuple[float, assembly.Given]]:
-        """What is given of the body on its way."""
+        """The given values of the body on its way."""
         return [(each, _given(self.body, *self._frame(each))) for each in s]
 
     def _frame(self, s: float) -> tuple[Floats, Floats]:
@@ -225,7 +225,7 @@ class _Way:
 
 
 def _present(layout: Layout, body: str, places: Floats) -> Floats:
-    """(3, 3) axes of a body; of one without orientation those of `orientation`."""
+    """(3, 3) axes of a body; for a body without orientation the axes in `orientation`."""
     if layout.dimension == 3:
         return _axes(orientation(layout, body, places))
     axes = np.eye(3)

@@ -1,4 +1,4 @@
-"""The present of a run: the arrays that compiled code steps, and what acts on them."""
+"""The present of a run: the arrays that compiled code steps, and the forces on them."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from alf_ros.simulation.state import State
 
 @dataclass(frozen=True, eq=False)
 class Present:
-    """Where a run is.
+    """The present state of a run.
 
-    `phase` and `carried` (what a formulation other than alf2 integrates) are written by the steps,
-    the number of steps taken with them. Whatever else changes the run makes another `Present`, so
-    that one assignment changes all of it: an exception, even that of a signal, comes before or
-    after. `since`: the step at which the run was set to a state, before the first it has made.
+    `phase` and `carried` (the variables of a formulation other than alf2) are written by the
+    steps, with the number of steps. Every other change of the run makes another `Present`, so that
+    one assignment changes all of it: an exception, even from a signal, comes before or after.
+    `since`: the step at which the run was set to a state, before the first it has made.
     """
 
     phase: Phase

@@ -1,4 +1,4 @@
-"""What the kernel needs to know the reactions that friction depends on, where there is any."""
+"""Data for the reactions on which friction depends, if a scene has such friction."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def bearings(
 ) -> Bearings:
     """Bearings of these joints, one for each load; None for a load that is always zero.
 
-    What acts on the cut mechanism is left open. If no joint is loaded nothing is compiled.
+    Forces on the cut mechanism are not set. Without a loaded joint no code is compiled.
     """
     if not any(joint is not None for joint in joints):
         return Bearings.empty()

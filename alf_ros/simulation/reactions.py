@@ -1,9 +1,9 @@
-"""What joints carry: the wrench of the parent on the child, from the multipliers.
+"""Reactions of joints: the wrench of the parent on the child, from the multipliers.
 
 Each body alone, on blocks of its own, needs f = M q̈ + Φᵀλ - Q there. Constraints of a joint act
-on the child with -Φᵀλ. What is then still needed at a block that bodies share goes through the
-joints that connect them there, which form a tree with the ground: cutting one leaves the child's
-side, and the joint carries the sum of what that side needs.
+on the child with -Φᵀλ. The remaining force at a shared block goes through the joints that connect
+the bodies there. These joints form a tree with the ground: cutting one separates the child's side,
+and the joint carries the sum of the forces that this side needs.
 """
 
 from __future__ import annotations
@@ -103,7 +103,7 @@ class Reactions:
 
     @cached_property
     def arrays(self) -> Cut:
-        """What the kernel sums wrenches with."""
+        """Arrays with which the kernel sums wrenches."""
         joints, D = self.model.mechanism.joints, self.cut.dimension
         places = [self.cut.place(joint.child, joint.frames[1].origin) for joint in joints]
         return Cut(

@@ -28,11 +28,11 @@ class Resolution:
 
     `step` (s); `error`: sum of the estimated errors of these steps, displacements in parts of the
     size of the mechanism; `unresolved`: part of these steps in which an acceleration, of whatever
-    size, is not resolved, as beyond the stability limit; `steps`: how many they are. NaN where
-    nothing is measured: with adaptive integrators, which keep a tolerance, and in formulations
-    other than alf2. `crossing` (m): by how much a singular position was missed that steps passed,
-    at best as if they met it; `missed_by`: what missed it, `lengths` or, with several freedoms,
-    `the motion`; `unexamined`: what was not looked at where the motion began, in words.
+    size, is not resolved, as beyond the stability limit; `steps`: their number. NaN without a
+    measurement: with adaptive integrators, which keep a tolerance, and in formulations other than
+    alf2. `crossing` (m): by how much a singular position was missed that steps passed, at best as
+    if they met it; `missed_by`: the cause, `lengths` or, with several freedoms, `the motion`;
+    `unexamined`: the part of the start that was not examined, in words.
     """
 
     step: float
@@ -65,8 +65,8 @@ class Resolution:
         return nice(found)
 
     def trouble(self, adequate: float) -> str:
-        """What is wrong, in words, with the step that would do (s) if steps are too long; empty if
-        nothing is."""
+        """The faults in words, with a sufficient step (s) if steps are too long; empty without
+        faults."""
         if not self.too_long and self.crossing > 0.0:
             off = f'a singular position by about {self.crossing:.1g} m, which steps do not resolve'
             if self.missed_by == MOTION:

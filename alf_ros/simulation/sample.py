@@ -45,12 +45,12 @@ class JointState:
 
 @dataclass(frozen=True)
 class Reaction:
-    """What the parent exerts on the child at the joint, world frame: force (D,) N; torque N m, in
+    """Wrench of the parent on the child at the joint, world frame: force (D,) N; torque N m, in
     the plane a number, about +z, in space (3,).
 
-    `indeterminate` says that the constraints are redundant here, and that the share of this joint
-    is one of many that balance (the one of least norm); or that it is sampled in a singular
-    position where the reaction has a pole: components that have no limit are NaN.
+    `indeterminate`: the constraints are redundant here, and the share of this joint is one of many
+    that balance (the one of least norm); or the sample is in a singular position where the
+    reaction has a pole: components that have no limit are NaN.
     """
 
     force: Floats
@@ -86,7 +86,7 @@ class Sample(Dynamics):
         return Diagnostics(self, *self._told)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """What it is computed from: what it has computed is computed again when asked for."""
+        """State without computed values, which are computed again on demand."""
         iterations, step_cost, resolution = self._told
         parts = self.model, self._applied, self._solver, self.t, self._state, self._dependent_rows
         health = iterations, step_cost, self._beside, Known(resolution())
@@ -120,11 +120,11 @@ class Sample(Dynamics):
 
     @property
     def works(self) -> Mapping[str, float]:
-        """What each effect has given to the motion since the start, J, named as in `powers`; of
-        all that is held from outside 'inputs', of drives and belts 'drives'.
+        """Work of each effect since the start, J, named as in `powers`; 'inputs' for all commands,
+        'drives' for drives and belts.
 
-        Together they are the change of kinetic energy. An effect has taken from the mechanism for
-        good what its work lacks of the fall of what it stores. Raises InputError without a ledger.
+        Together they are the change of kinetic energy. The dissipation of an effect is the fall of
+        its stored energy minus its work. Raises InputError without a ledger.
         """
         if not self._state.works:
             raise InputError(
@@ -134,7 +134,7 @@ class Sample(Dynamics):
 
     @kept
     def powers(self) -> Mapping[str, float]:
-        """What each effect of the scene gives to the motion now, W; less than zero: it takes.
+        """Power of each effect of the scene, W; negative if the effect removes energy.
 
         By kind, or `kind.name` where it has a name of its own.
         """
@@ -149,7 +149,7 @@ class Sample(Dynamics):
 
     @kept
     def joint_efforts(self) -> Floats:
-        """(joint coordinates,) what acts on the free axis, N m or N: inputs held, motors, springs,
+        """(joint coordinates,) efforts on the free axis, N m or N: inputs held, motors, springs,
         stops, friction, drives; not the reaction."""
         model, place = self.model, self.model.coordinate_names.index
         efforts = np.zeros(len(model.coordinates))
@@ -171,7 +171,7 @@ class Sample(Dynamics):
 
     @kept
     def drive_efforts(self) -> Mapping[str, Floats]:
-        """What each drive exerts: (1,) N m or N along its coordinate, (D,) N on its point."""
+        """Effort of each drive: (1,) N m or N along its coordinate, (D,) N on its point."""
         model, drives = self.model, self.model.mechanism.drives
         if not drives:
             return {}
@@ -292,7 +292,7 @@ class Sample(Dynamics):
     # ---------------------------------------------------------------------------------- a notebook
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: it computes energy, joint coordinates and reactions."""
+        """HTML for a notebook: it computes energy, joint coordinates and reactions."""
         try:
             parts = [self._about(), self._joint_table(), self._reaction_table()]
         except AlfError as error:

@@ -36,7 +36,7 @@ class Diagnostics:
 
     @property
     def adequate_step(self) -> float:
-        """A step (s) that would do: that of the run if it does, NaN where nothing is measured.
+        """A sufficient step (s): the step of the run if it suffices, NaN without a measurement.
 
         Where effects chatter beyond the stability limit it is half of their limit at this instant.
         """
@@ -52,7 +52,7 @@ class Diagnostics:
 
     @property
     def trouble(self) -> str:
-        """That the steps are too long, and which would do; empty if they are not."""
+        """A report of steps that are too long, with a sufficient one; empty if they are not."""
         return self.resolution.trouble(self.adequate_step)
 
     @property
@@ -83,7 +83,7 @@ class Diagnostics:
 
     @property
     def distance_error(self) -> float:
-        """By how much it may be off, by rounding and by what is left of the iteration for it."""
+        """Its error bound, from rounding and from the residual of its iteration."""
         return self._sample._softest[1]
 
     @property

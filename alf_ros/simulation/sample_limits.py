@@ -1,8 +1,8 @@
 """Values in a singular position, as limits along the motion.
 
-The equations are singular there, the motion is not: what is smooth along it is interpolated from
-four places on either side, to eighth order, as stages are. Not everything is smooth: multipliers
-and reactions may have a pole, and then there is no limit.
+The equations are singular there, the motion is not: values that are smooth along it are
+interpolated from four places on either side, to eighth order, as stages are. Not everything is
+smooth: multipliers and reactions may have a pole, and then no limit exists.
 """
 
 from __future__ import annotations

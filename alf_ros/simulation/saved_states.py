@@ -54,7 +54,7 @@ def _plain(value: float | Curve | None) -> Any:
 
 
 def read_curve(value: Any) -> Any:
-    """What `as_data` and the journal write of a number, a curve or nothing.
+    """The form of a number, a curve or None in `as_data` and the journal.
 
     Raises ValueError if it is no curve.
     """
@@ -67,8 +67,8 @@ def read_curve(value: Any) -> Any:
 
 
 def from_data(data: Any, like: State) -> State:
-    """What `as_data` wrote, for the scene of the state `like`. Raises ValueError, in a line, if it
-    is not such a state."""
+    """A state from the output of `as_data`, for the scene of the state `like`. Raises ValueError,
+    in a line, if it is not such a state."""
     fields = _mapping(data, 'state')
     inputs = _mapping(fields.get('inputs'), 'inputs')
     wrenches = {name: _wrench(x) for name, x in _mapping(inputs.get('wrenches')).items()}
@@ -155,7 +155,7 @@ def _number_or_curve(value: Any, name: str) -> float | Curve:
 
 
 class SavedStates:
-    """States by name: those of this process in memory, and in `<folder>/<scene>/<name>.json`.
+    """States by name: in the memory of this process, and in `<folder>/<scene>/<name>.json`.
 
     Without a folder they last as long as the process.
     """
@@ -165,8 +165,8 @@ class SavedStates:
         self._kept: dict[tuple[str, str], dict[str, Any]] = {}
 
     def save(self, name: str, scene: Scene, simulation: Simulation) -> str:
-        """Keep the present state; says where. Raises InputError if the file cannot be written,
-        the state is then in memory all the same; or if the name cannot be one."""
+        """Keep the present state; returns the place. Raises InputError if the file cannot be
+        written (the state is then still in memory) or if the name is invalid."""
         path = self._path(scene, name)
         document = {
             'alf_ros_state': FORMAT,
@@ -248,7 +248,7 @@ def _digest(scene: Scene) -> str:
 
 
 def _read(path: Path, like: State) -> dict[str, Any]:
-    """What a file says. Raises InputError if it is no JSON, or more than a state can be."""
+    """The content of a file. Raises InputError if it is no JSON, or larger than a state can be."""
     numbers = 4 * like.q.size + like.turns.size + like.carried.size + like.loads.size
     most = _ROOM + _DIGITS * numbers
     try:

@@ -1,4 +1,4 @@
-"""What the parameters make of a scene: a simulation and its ticks; and what a change makes."""
+"""A simulation and its ticks from a scene and parameters; and the effect of a change."""
 
 from __future__ import annotations
 
@@ -70,8 +70,8 @@ def made(
 
 
 def chosen(solver: Mapping[str, Any], accuracy: float, said: Collection[str]) -> dict[str, Any]:
-    """What to give to a simulation: `solver`, of which an `accuracy` (m; 0: none) picks what
-    nobody `said`. What it picked before, as a dump of parameters says it, stays."""
+    """Arguments of a simulation: `solver`, of which an `accuracy` (m; 0: none) chooses the values
+    that were not `said`. An earlier choice in a dump of parameters stays."""
     if not accuracy:
         return dict(solver)
     kept = {k: v for k, v in solver.items() if k not in PICKED or k in said}
@@ -79,7 +79,7 @@ def chosen(solver: Mapping[str, Any], accuracy: float, said: Collection[str]) ->
 
 
 def asked(before: Solver, accuracy: float) -> dict[str, Any]:
-    """The change of a solver that asks for an accuracy (m); 0 goes on with what was picked."""
+    """The change of a solver that requests an accuracy (m); 0 keeps the chosen settings."""
     return {'accuracy': accuracy} if accuracy else {k: getattr(before, k) for k in PICKED}
 
 

@@ -40,7 +40,7 @@ class Simulation:
     """A scene, stepped.
 
     Keywords override the scene's solver section: `step` (s), `integrator`, `formulation`,
-    `penalty` (α without dimension; alf2 takes 1e6 at least, and in soft mechanisms, such as long
+    `penalty` (α without dimension; alf2 uses 1e6 at least, and in soft mechanisms, such as long
     chains, more), `iterations` (at most, per solve), `tolerance` (relative error of a step, for an
     adaptive integrator, whose `step` is the grid it keeps), `accuracy` (m, in place of integrator
     and tolerance: they are picked by trying; the attribute `solver` says which, `accuracy` how
@@ -52,9 +52,9 @@ class Simulation:
     by more, or the initial velocities contradict each other.
 
     A call that raises InputError has changed nothing. A step that fails or is interrupted leaves
-    the state of the last whole step, with its time. A copy, by `copy` or `pickle`, goes on from
-    the present by itself, bit for bit. One thread at a time may use a Simulation, else BusyError;
-    `t`, `step_index` and `stop` are free for all.
+    the state of the last whole step, with its time. A copy, by `copy` or `pickle`, continues from
+    the present independently, bit for bit. One thread at a time may use a Simulation, else
+    BusyError; `t`, `step_index` and `stop` are free for all.
     """
 
     _present: Present
@@ -111,7 +111,7 @@ class Simulation:
             self._watcher = self._watching()
 
     def _set_up(self, solver: Solver, formulation: Formulation | None = None) -> None:
-        """What steps with these settings need."""
+        """The data of steps with these settings."""
         self.solver, self.model = solver, self._start.model
         self._stepper = Stepper(self._start, solver, self.scene.effects, self.ledger, formulation)
         self._watcher = None
@@ -134,7 +134,7 @@ class Simulation:
 
     @by_one_thread
     def __getstate__(self) -> dict[str, Any]:
-        """Scene, start and state, and what has been counted: nothing that compiled code writes."""
+        """Scene, start, state and counts, without the arrays that compiled code writes."""
         return {
             'version': version(),
             'scene': self.scene,
@@ -229,8 +229,8 @@ class Simulation:
     @property
     def resolution(self) -> Resolution:
         """How well the steps resolve the motion since the start or the last restored state, and
-        whether they are too long; and what it was that could not be told. Measured with alf2,
-        steps with the integrators of fixed steps."""
+        whether they are too long; and the parts that were not examined. Measured with alf2, steps
+        with the integrators of fixed steps."""
         return self._stepper.resolution
 
     @property
@@ -255,8 +255,8 @@ class Simulation:
     def step(self, n: int = 1) -> None:
         """Take n steps in one compiled call that releases the GIL.
 
-        Raises StepError if one fails, StoppedError or what the handler of a signal raises if one
-        is interrupted; the state is then that of the last whole step.
+        Raises StepError if one fails, and StoppedError or the exception of a signal handler if one
+        is interrupted; the state is then the end of the last whole step.
         """
         started, present = time.perf_counter(), self._present
         first = present.step
@@ -283,9 +283,9 @@ class Simulation:
         """Advance by `duration` (s), yielding a Sample now and after every `every` steps.
 
         Or at the times `at` (s from the start of the scene, ascending). An instant between two
-        steps is reached aside, so that the motion is the same whatever is looked at. This costs
-        a step per instant, and with an adaptive method at most the steps of the motion again.
-        Whatever ends the run early, the simulation goes on from the last whole step.
+        steps is computed separately, so that the motion does not depend on the requested instants.
+        This costs a step per instant, and with an adaptive method at most the steps of the motion
+        again. After an early end of the run the simulation continues from the last whole step.
         """
         last = self.step_index + check.steps_of(duration, self.h, self.step_index)
         every = check.whole(every, 'every', 1)
@@ -357,12 +357,12 @@ class Simulation:
 
     @property
     def departure(self) -> Branch | None:
-        """The branch on which what acts sets the mechanism going, if the scene starts at rest
-        exactly in a singular position.
+        """The branch on which forces start the motion, if the scene starts at rest exactly in a
+        singular position.
 
-        By Gauss's principle of least constraint, see `branching.Position.departure`. None if it
-        does not start so, if nothing acts on a branch, and if branches are not enumerated: then
-        it goes where the branch is nearest to its acceleration without the rows that are lost.
+        By Gauss's principle of least constraint, see `branching.Position.departure`. None for
+        other starts, if no force acts along a branch, and if branches are not enumerated. In the
+        last case the motion follows the branch nearest to the acceleration without the lost rows.
         """
         return self._stepper.departure(self._applied)
 
@@ -384,18 +384,18 @@ class Simulation:
 
     @by_one_thread
     def restore(self, state: State) -> None:
-        """Go on from a state of this scene. The run repeats bit for bit.
+        """Continue from a state of this scene. The run repeats bit for bit.
 
-        Works that the state does not know begin at zero, loads with the balance that friction
-        leads to as it is put on. Raises InputError, and changes nothing, for what is no state of
-        this scene.
+        Works that the state does not know begin at zero, loads with the balance that is reached as
+        friction grows from zero. Raises InputError, and changes nothing, for a state of another
+        scene.
         """
         model, effects = self.model, self.scene.effects
         check.checked_state(model, effects, state, self._initial, self.accounts)
         self._enter(state, self._applied)
 
     def _enter(self, state: State, applied: Applied) -> None:
-        """Go on from a state that can be gone on from; of `applied` what is packed is used."""
+        """Continue from a usable state; uses the packed parts of `applied`."""
         present = Present.at(self.model, state, applied, self.accounts, self.h)
         self._stepper.begin()
         if self._watcher is not None:
@@ -414,14 +414,14 @@ class Simulation:
         pose: Sequence[float] | Any | None = None,
         twist: Sequence[float] | Any | None = None,
     ) -> None:
-        """Go on with the frame of a body elsewhere, or with another velocity of it.
+        """Continue with the frame of a body elsewhere, or with another velocity of it.
 
         pose and twist are given as `Sample.body_poses` has them: x, y (m), angle (rad) and their
         rates in the plane; x, y, z, quaternion x, y, z, w, and velocity and angular velocity (6,)
         in the world frame in space. The mechanism is assembled around it, on its branch, with its
-        turns counted; velocities are those after an impulse on the body. Without a pose nothing
-        changes its place, without a twist the body keeps its own where it can. Raises InputError,
-        and changes nothing, for what cannot be.
+        turns counted; velocities follow from an impulse on the body. Without a pose all places
+        stay, without a twist the body keeps its own if possible. Raises InputError, and changes
+        nothing, for an impossible request.
         """
         now, formulation = self._present.state(), self._stepper.formulation
         q, qd, turns = placed(self.model, now, self.t, body, pose, twist)
@@ -448,9 +448,9 @@ class Simulation:
         """Hold a wrench on a body or a point from the next step on, in place of the one before.
 
         force: (D,) N; torque: N m, in the plane about +z, in space (3,); at: a point of the body,
-        else its centre of mass; frame: that of both, 'world' or 'body'. Raises InputError, and
-        changes nothing, for an unknown name, numbers that are not finite, or a torque on what does
-        not turn.
+        else its centre of mass; frame: the frame of both, 'world' or 'body'. Raises InputError,
+        and changes nothing, for an unknown name, numbers that are not finite, or a torque on a
+        point.
         """
         wrench = check.checked_wrench_of(self.model, name, force, torque, at, frame)
         inputs = self._applied.inputs

@@ -1,13 +1,13 @@
 """Passes through singular positions, as events.
 
 A mode of Φ_q with singular value σ and vectors z (of rows) and u (of motions) can be followed with
-a sign: σ = z·B u. Through a singular position it goes linearly, from plus to minus. So two places
-tell whether a mode vanishes between them: z·B u with the vectors of one and the B of the other has
-the other sign. What only comes near and turns back has not.
+a sign: σ = z·B u. Through a singular position it goes linearly, from plus to minus. Two positions
+thus show whether a mode vanishes between them: z·B u with the vectors of one and the B of the
+other has the other sign. A mode that only comes near and turns back keeps its sign.
 
 After each step the kernel follows the two softest modes, and stops where their σ changes much.
-Then the step is looked at here, with parts of it made aside: as many as it takes until each part
-shows either that no mode changes its sign or where one does.
+Then the step is examined here. Parts of it are computed separately, as many as needed until each
+part shows either that no mode changes its sign or where one does.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class ModesAt:
 
 
 class ModeComparison:
-    """What the modes of two places, one soon after the other, say of the way between them."""
+    """Information from the modes of two successive positions about the motion between them."""
 
     def __init__(self, model: Model, work: Work, a: ModesAt, b: ModesAt, moving: bool) -> None:
         """`moving`: the places know their velocities."""
@@ -168,7 +168,7 @@ class Watcher:
         self.restart()
 
     def restart(self) -> None:
-        """Forget all passes: the simulation goes on from another state."""
+        """Forget all passes: the simulation continues from another state."""
         self.passes.clear()
         self._known = False
         # the last place whose σ has a sign, if that of the places since then has none
@@ -177,7 +177,7 @@ class Watcher:
 
     @property
     def memory(self) -> dict[str, Any]:
-        """What a copy must know to go on as this one does, in arrays of its own."""
+        """Data of a copy that continues in the same way, in arrays of its own."""
         watch = copy(self._watch) if self._watch is not None else None
         return {
             'passes': tuple(self.passes),
@@ -188,7 +188,7 @@ class Watcher:
         }
 
     def recall(self, memory: Mapping[str, Any]) -> None:
-        """Go on from the memory of another watcher of the same run."""
+        """Continue from the memory of another watcher of the same run."""
         self.passes[:] = memory['passes']
         self._known, self._open, self._nil = (memory[name] for name in ('known', 'open', 'nil'))
         self._watch = memory['watch']

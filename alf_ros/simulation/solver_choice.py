@@ -1,4 +1,4 @@
-"""Which solver a simulation takes: what its scene says, and what is given with it."""
+"""The solver of a simulation: the section of its scene, changed by given values."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from alf_ros.scene.scene import PICKED, Scene, Solver, joined
 
 
 def chosen(scene: Scene, given: Mapping[str, Any]) -> tuple[Solver, bool]:
-    """The scene's solver section with what was given, without a section that of `given`; and
-    whether its accuracy has integrator and tolerance still to pick. Raises InputError."""
+    """The scene's solver section with the given changes, or the section of `given`; and whether
+    integrator and tolerance are still to be chosen for its accuracy. Raises InputError."""
     section = scene.solver if scene.says_solver or not given else Solver()
     settings = joined(asdict(section), given)
     solver = Solver(**settings)

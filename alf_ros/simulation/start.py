@@ -18,11 +18,11 @@ from alf_ros.scene.scene import Scene, Solver
 class Start:
     """The start of a scene.
 
-    q (blocks D, m) and qd (m/s): all blocks in the kernel's order. dependent_rows: how many rows
-    depend on the others in ordinary positions, of which `ordinary` (blocks D, m) is one nearby.
-    singular: the position, to second order, if it is a singular one; near: whether it is so near
-    to one that nothing may be felt of it. adjustment: of redundant lengths, if any. unexamined:
-    what could not be told of a start at rest; empty if all could.
+    q (blocks D, m) and qd (m/s): all blocks in the kernel's order. dependent_rows: the number of
+    rows that depend on others in ordinary positions. `ordinary` (blocks D, m): an ordinary
+    position nearby. singular: the position, to second order, if it is a singular one; near:
+    whether it is too near to one for the solves to notice. adjustment: of redundant lengths, if
+    any. unexamined: the parts of a start at rest that were not examined; empty if all were.
     """
 
     model: Model
@@ -61,8 +61,8 @@ def started(scene: Scene, solver: Solver) -> Start:
 
 
 def _assembled(scene: Scene, model: Model) -> tuple[Model, Floats, int, Floats]:
-    """The model, knowing what is ordinary near its closed position; that position q (blocks D, m);
-    how many rows depend on others; and an ordinary position (blocks D, m)."""
+    """The model with ordinary values near its closed position; that position q (blocks D, m); the
+    number of dependent rows; and an ordinary position (blocks D, m)."""
     q = assembly.close(model, scene.positions)
     dependent, ordinary, sigma = assembly.ordinary(model, q)
     return model.accustomed(sigma, dependent), q, dependent, ordinary

@@ -1,4 +1,4 @@
-"""What a run goes on from."""
+"""The state from which a run continues."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from alf_ros.simulation.applied import Inputs
 class State:
     """Everything a run depends on: restore it and the run repeats bit for bit.
 
-    q (m), qd (m/s): all blocks in the kernel's order; turns: of each angle; pace: the step an
-    adaptive integrator would like to take next, s; carried: what a formulation other than alf2
-    integrates; works (J): of each account, if a ledger is kept; loads (N): the
-    reaction that each effect with friction depends on, as found last; zero where none is known.
+    q (m), qd (m/s): all blocks in the kernel's order; turns: of each angle; pace: the next step of
+    an adaptive integrator, s; carried: the variables of a formulation other than alf2; works (J):
+    of each account, if a ledger is kept; loads (N): the last reaction on which each effect with
+    friction depends; zero if unknown.
     """
 
     step: int

@@ -2,8 +2,8 @@
 
 In the order of the scene's file: the natural coordinates of movable points, vectors and auxiliary
 blocks (m; vectors in the length of the drawing, as the kernel has them) with their velocities;
-then, with zero rates, the turns of each counted angle, the pace (s), what other formulations
-carry, the works of a ledger (J), the reactions that friction depends on (N), and the step
+then, with zero rates, the turns of each counted angle, the pace (s), the variables of other
+formulations, the works of a ledger (J), the reactions on which friction depends (N), and the step
 index.
 """
 

@@ -110,9 +110,9 @@ class Stepper:
         return self._take(self.work, present, present.step, n, self.h, 0.0, watch)
 
     def aside(self, present: Present, start: float, h: float, counted: bool = True) -> Status:
-        """One step of h (s) from `present` at `start` (s), which is not that of the run.
+        """One step of h (s) from `present` at `start` (s), outside the steps of the run.
 
-        `counted`: its evaluations are.
+        `counted`: whether its evaluations count.
         """
         if self._aside is None:
             made = allocate(self._model, self.system, self.method.b.size)
@@ -154,7 +154,7 @@ class Stepper:
         return Status(result)
 
     def _problem(self, work: Work, forces: Forces) -> Problem:
-        """What the kernel steps with; another one when other inputs are held."""
+        """The problem of the kernel; replaced when held inputs change."""
         known = self._problems.get(work is self.work)
         if known is None or known.forces is not forces:
             known = Problem(self._model.unit, self.system, forces, self.method, work)
@@ -162,8 +162,8 @@ class Stepper:
         return known
 
     def error(self, status: Status, present: Present) -> StepError:
-        """What to raise where a step from the present failed. Raises what stopped it, if that is
-        the reason."""
+        """The exception for a failed step from the present. If the step was stopped, raises the
+        exception that stopped it."""
         if status == Status.STOPPED:
             self.listener.answer()
         t = present.step * self.h
@@ -231,13 +231,13 @@ class Stepper:
         return self._aside is not None and bool(self._aside.aside[0])
 
     def begin(self) -> None:
-        """The run goes on from another state: its steps are judged anew."""
+        """The run continues from another state: its steps are judged again."""
         self.work.judged[:] = 0.0
         self.work.crossing[:] = 0.0
 
     @property
     def memory(self) -> dict[str, Any]:
-        """What a copy must know to count and judge on."""
+        """Data of a copy that continues to count and judge."""
         work = self.work
         names = ('evaluations', 'rounded', 'judged', 'crossing', 'aside')
         counts = {name: getattr(work, name).copy() for name in names}
@@ -253,7 +253,8 @@ class Stepper:
     # -------------------------------------------------------------------------------------- rest
 
     def examined(self, applied: Applied) -> str:
-        """What could not be told of a start at rest near a singular position; empty if all could.
+        """The parts of a start at rest near a singular position that were not examined; empty if
+        all were.
 
         Raises AssemblyError where the motion that begins is not unique.
         """
@@ -265,15 +266,15 @@ class Stepper:
         return singular_start.unexamined(start.model, start.q, start.singular, Q)
 
     def departure(self, applied: Applied) -> Branch | None:
-        """The branch on which what acts sets the mechanism going, from rest in a singular
-        position. Raises AssemblyError where it is not unique."""
+        """The branch on which forces start the motion, from rest in a singular position. Raises
+        AssemblyError where it is not unique."""
         start = self._start
         if start.singular is None or start.qd.any() or self.formulation is not None:
             return None
         return start.singular.departure(self._forces_at_rest(applied))
 
     def _forces_at_rest(self, applied: Applied) -> Floats:
-        """(blocks D,) N, where the scene starts, with what is held."""
+        """(blocks D,) N, at the start of the scene, with held inputs."""
         q, qd, angles = self._start.q, self._start.qd, self._model.system.angles
         Q, near = np.zeros_like(q), np.zeros(angles.c.size // 2)
         places, turns = np.zeros(angles.c.size), np.zeros(near.size, dtype=np.int64)

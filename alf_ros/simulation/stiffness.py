@@ -87,7 +87,7 @@ class _Instant:
     def matrices(self, part: Part, qd: Floats) -> Floats:
         """(2, freedoms, freedoms) K (1/s²) and C (1/s) of some effects, by central differences.
 
-        Loads of friction are those of the instant.
+        Loads of friction belong to this instant.
         """
         q, V = self._sample.state.q, self.free
         found = np.zeros((2, V.shape[1], V.shape[1]))

@@ -1,4 +1,4 @@
-"""What the kernel needs to keep account of the work of each effect, where somebody asks for it."""
+"""Data of the kernel for the work of each effect, made on request."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def named_accounts(effects: Sequence[Effect], solver: Solver) -> tuple[str, ...]
 def ledger(
     model: Model, weights: Floats, parts: Sequence[tuple[str, tuple[Effects, list[int]]]]
 ) -> Ledger:
-    """The ledger of what acts, each with its account and which of all loads are its own.
+    """The ledger of the effects, each with its account and the indices of its loads.
 
     weights (stages,): of the method. Parts that are inputs share an account.
     """

@@ -1,4 +1,4 @@
-"""The documents read as plain technical English, and every public name has a docstring."""
+"""Documents and docstrings are plain technical English; every public name has a docstring."""
 
 from __future__ import annotations
 
@@ -106,8 +106,8 @@ def sentences(text: str) -> Iterator[tuple[int, str]]:
     yield start, text[start:]
 
 
-def faults(text: str) -> list[str]:
-    """`line: phrase -> reason` of each fault in a document."""
+def faults(text: str, most: int = WORDS) -> list[str]:
+    """`line: phrase -> reason` of each fault in a document; `most` words in a sentence."""
     found: list[tuple[int, str]] = []
     found += [
         (number, f'{len(line)} columns -> {COLUMNS} at most')
@@ -118,7 +118,7 @@ def faults(text: str) -> list[str]:
         joined = plain('\n'.join(line.strip() for _, line in block))
         for start, sentence in sentences(joined):
             words = re.findall(r'[^\W_]\S*|`x`', sentence)
-            if len(words) > WORDS and not joined.startswith('|'):
+            if len(words) > most and not joined.startswith('|'):
                 place = block[0][0] + joined.count('\n', 0, start)
                 found.append((place, f'{" ".join(words[:6])} … -> {len(words)} words'))
             for rule, reason in RULES.items():
@@ -203,15 +203,65 @@ def without_docstring(modules: dict[str, ast.Module]) -> list[str]:
     return missing
 
 
-def test_public_functions_have_docstrings() -> None:
+@pytest.fixture(scope='module')
+def modules() -> dict[str, ast.Module]:
+    """All modules of the package, by path."""
     package = ROOT / 'alf_ros'
-    modules = {
+    found = {
         path.relative_to(package).as_posix(): ast.parse(path.read_text('utf-8'))
         for path in sorted(package.rglob('*.py'))
     }
-    assert len(modules) > 300
+    assert len(found) > 300
+    return found
+
+
+def test_public_functions_have_docstrings(modules: dict[str, ast.Module]) -> None:
     missing = without_docstring(modules)
     assert not missing, '\n'.join(missing)
+
+
+# In a docstring that defines fields one after another a sentence may be long.
+LONGEST = 150
+CLAUSE = re.compile(r'(what|that|who)\b', re.IGNORECASE)
+
+
+def unclear(modules: dict[str, ast.Module]) -> list[str]:
+    """`module:line: phrase -> reason` of each fault in a docstring, private ones too.
+
+    A docstring names a thing or an action: it does not begin with a relative clause.
+    """
+    found: list[str] = []
+    for module, tree in modules.items():
+        for node in ast.walk(tree):
+            if not isinstance(node, ast.Module | Definition):
+                continue
+            text = ast.get_docstring(node)
+            if text is None:
+                continue
+            start = 1 if isinstance(node, ast.Module) else node.body[0].lineno
+            places = [fault.partition(': ') for fault in faults(text, LONGEST)]
+            found += [f'{module}:{start + int(line) - 1}: {what}' for line, _, what in places]
+            if CLAUSE.match(text):
+                found.append(f'{module}:{start}: {text.split()[0]} -> {NAME_IT}')
+    return found
+
+
+def test_docstrings_are_plain(modules: dict[str, ast.Module]) -> None:
+    found = unclear(modules)
+    assert not found, '\n'.join(found)
+
+
+def test_an_unclear_docstring_is_found() -> None:
+    text = '''"""A module."""
+def of_those():
+    """The force.
+
+    It is that of the pin."""
+def what():
+    """What a pin needs."""
+'''
+    expected = [f'a.py:5: that of -> {NOUN}', f'a.py:7: What -> {NAME_IT}']
+    assert unclear({'a.py': ast.parse(text)}) == expected
 
 
 def test_a_missing_docstring_is_found() -> None:

@@ -1,4 +1,4 @@
-"""What an effect is: one file in this folder, named after the effect, that holds
+"""Contract of an effect: one file in this folder, named after the effect, that holds
 
 `Parameters`
     a frozen dataclass; every field's metadata says its `kind` (see `scene_effects`), `unit` and
@@ -17,9 +17,9 @@
 `potential(t, q, near, slots, params)` (optional)
     compiled by `@potential`; the energy stored, J.
 `friction(t, q, qd, near, loads, slots, params, Q)` and `loaded(parameters)` (optional)
-    compiled by `@friction`: adds what depends on the reactions of joints, which it changes itself.
-    `loads` holds the size of one reaction (N) for each instance, that of the joint or joint
-    coordinate that `loaded` names; where it says None, zero. The kernel finds the loads and
+    compiled by `@friction`: adds forces that depend on the reactions of joints, which they change.
+    `loads` holds the size of one reaction (N) for each instance, the reaction of the joint or
+    joint coordinate that `loaded` names; where it says None, zero. The kernel finds the loads and
     reactions that agree.
 
 `tangent(t, q, qd, near, loads, slots, params, n, stiff, G)` (optional)
@@ -28,7 +28,7 @@
     `stiff`, and ADDS ∂x/∂q into G.
 
 `HOLDS` and `held(name, what)` (optional)
-    the roles of an effect as which things held from outside are packed, and its parameters then:
+    the roles of an effect for held commands, and its parameters then:
     WRENCH on a body or point, EFFORT on a joint that has one free axis, EFFORT_OVER_TIME on any
     joint coordinate. `effects.ROLES` says which file plays which.
 `follows(parameters)` and `aimed(parameters, position, velocity)` (optional)
@@ -101,14 +101,14 @@ class Effect:
 
     @property
     def label(self) -> str:
-        """What tells it from all other effects of a scene."""
+        """Name that distinguishes it from all other effects of a scene."""
         kind = Path(self.kind.partition('#')[0]).stem
         return self.name if self.name.startswith(kind) else f'{kind}.{self.name}'
 
 
 @dataclass(frozen=True)
 class Packed:
-    """What the compiled functions of an effect read: `slots` are indices, `params` numbers.
+    """Data of the compiled functions of an effect: `slots` are indices, `params` numbers.
 
     directions: the blocks that each direction of `tangent` moves.
     """

@@ -69,7 +69,7 @@ def force(
     params: Floats,
     Q: Floats,
 ) -> None:
-    """Add K q + k to Q (blocks D,), N; `slots` and `params` are those of `Affine.packed`."""
+    """Add K q + k to Q (blocks D,), N; `slots` and `params` come from `Affine.packed`."""
     D = slots[0]
     for n in range(slots[1]):
         for a in range(D):

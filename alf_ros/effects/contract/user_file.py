@@ -1,7 +1,7 @@
 """Effects in files outside the package, named by path.
 
 A scene calls one `my_effect.py`, relative to itself; in full it is `/path/my_effect.py#sha256=…`,
-so that what is logged says which text was run, and another is refused.
+so that a log identifies the text that was run. Another text is refused.
 """
 
 from __future__ import annotations

@@ -1,13 +1,13 @@
-"""What the kernel reads and writes, as structs of arrays.
+"""Input and output of the kernel, as structs of arrays.
 
 Conventions. Vectors are flat, block i at [i D, (i + 1) D); D, 2 or 3, is the length of the tuple
 `unit` and so a constant when compiled. Movable blocks come first, in elimination order; fixed and
 prescribed blocks, for which A has no columns, follow. Rows: distance rows between movable blocks,
 distance rows with a fixed end, quadratic rows.
 
-`system`: the mechanism. `forces`: what acts on it. `motion`: state, method and singular modes.
+`system`: the mechanism. `forces`: the effects on it. `motion`: state, method and singular modes.
 `work`: the workspace. `problem`: these bundled, and numbers that functions of the kernel pass on
-together. `readings`: what samples are read from.
+together. `readings`: data of samples.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""State and method of a run, and what is known of the modes of Φ_q along it."""
+"""State and method of a run, and the known modes of Φ_q along it."""
 
 from __future__ import annotations
 
@@ -47,7 +47,8 @@ class Phase(Struct):
 
 @dataclass(frozen=True, eq=False)
 class Modes(Struct):
-    """The softest modes of Φ_q at a position: those of its least singular values. See `softest`.
+    """The softest modes of Φ_q at a position: the modes of its least singular values. See
+    `softest`.
 
     Rows are scaled by α^½, so that the singular values are s, with s² = penalty σ².
     """

@@ -1,4 +1,5 @@
-"""What functions of the kernel pass on together: the problem, and three bundles of numbers."""
+"""Data that functions of the kernel pass on together: the problem, and three bundles of
+numbers."""
 
 from __future__ import annotations
 
@@ -27,7 +28,7 @@ class Problem(Struct):
 
 
 class Scales(NamedTuple):
-    """What nearness to a singular position is measured by in a step, known where it begins."""
+    """Scales of the nearness to a singular position in a step, known at its start."""
 
     radius: float  # m, of the path
     close: float  # distance x to a singular position below which rounding would be felt

@@ -1,4 +1,4 @@
-"""What readings of a sample are made from: joint coordinates, free axes, the cut mechanism."""
+"""Data for the readings of a sample: joint coordinates, free axes, the cut mechanism."""
 
 from __future__ import annotations
 

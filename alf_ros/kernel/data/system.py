@@ -30,9 +30,9 @@ class Mass(Struct):
 class Rows(Struct):
     """Φ(q): distance rows ½(|q_i - q_j|² - L²), then quadratic ones Σ ½(g + b)·q + c.
 
-    Behind them the rows that bind velocities only, N(q, t) q̇ + B(q, t) = 0 (38): their entries are
-    those of N, and they have no Φ. Wherever velocities are meant, N stands below Φ_q. Entries of
-    prescribed blocks are what t does: Φ_t and B are their part of Φ_q q̇ and N q̇.
+    Rows that bind velocities only follow, N(q, t) q̇ + B(q, t) = 0 (38): their entries form N, and
+    they have no Φ. In equations of velocities, N is appended to Φ_q. Entries of prescribed blocks
+    express the dependence on t: Φ_t and B are their part of Φ_q q̇ and N q̇.
     """
 
     constant = True
@@ -77,7 +77,7 @@ class Pattern(Struct):
 
 @dataclass(frozen=True, eq=False)
 class Prescribed(Struct):
-    """What moves as a function of time: a program, and the compiled function that runs it."""
+    """Motions as functions of time: a program, and the compiled function that runs it."""
 
     addresses = ('program',)
 
@@ -107,7 +107,7 @@ class Soft(Struct):
 
 @dataclass(frozen=True, eq=False)
 class Arms(Struct):
-    """Which blocks are at a constant distance from another: those of a body are."""
+    """Pairs of blocks at a constant distance, such as blocks of one body."""
 
     order: Indices  # (movable,) after what they turn about
     about: Integers  # (movable,) the block that each turns about, or ORIGIN or FREE

@@ -2,8 +2,9 @@
 
 `block(unit, v, i)` is block i of a vector v of numbers; `put` writes one, `add` and `subtract`
 change one. Blocks add, subtract and scale as vectors do, `b[a]` is a coordinate, and `dot` the
-inner product, summed from the first coordinate on. Who writes a vector by single numbers and soon
-reads it by blocks makes the processor wait: what is read by blocks is written by blocks.
+inner product, summed from the first coordinate on. A vector that was written by single numbers and
+is soon read by blocks makes the processor wait. Vectors that are read by blocks must be written by
+blocks.
 """
 
 from __future__ import annotations

@@ -12,18 +12,18 @@ nothing in it can be old.
   imported; if the sources are no longer the same when the code is saved, it is not saved
   (`cache_sources`).
 - A file holds one overload. Its name has the digest of the types of the arguments. It is written
-  under another name, then renamed: who reads it reads all of it. Its content has a digest too:
-  what a disk or a crash has made of it is compiled again, never run.
-- One process compiles at a time: on a miss it locks the folder, looks again, compiles and saves.
-  A hit takes no lock. Folders are locked in the order of imports, which has no circle. Who waits
-  for a process that has saved nothing for `PATIENCE` seconds, because it is stopped or hangs,
-  compiles and saves beside it: what both save is the same (`cache_folder`).
+  under another name, then renamed: a reader thus reads all of it. Its content has a digest too: a
+  damaged file is compiled again, never run.
+- One process compiles at a time: on a miss it locks the folder, looks again, compiles and saves. A
+  hit takes no lock. Folders are locked in the order of imports, which has no circle. If the other
+  process has saved nothing for `PATIENCE` seconds, because it is stopped or hangs, the waiting
+  process compiles and saves too: both save the same (`cache_folder`).
 - The folder lies below NUMBA_CACHE_DIR if that is set; else in `__pycache__` of the package; else,
-  where that cannot be written, in the cache folder of the user. What cannot be written is read all
-  the same. Where no folder can be written, each process compiles for itself.
-- Who creates a folder removes older ones of the same name, but for the last `KEPT`, which other
-  versions of Python, other processors or another branch may use, and those in use: each process
-  holds a shared lock on the folders that it reads.
+  where that cannot be written, in the cache folder of the user. A folder that cannot be written is
+  read nevertheless. If no folder can be written, each process compiles for itself.
+- A process that creates a folder removes older ones of the same name. It keeps folders in use and
+  the last `KEPT`, which other versions of Python, other processors or another branch may use: each
+  process holds a shared lock on the folders that it reads.
 """
 
 from __future__ import annotations
@@ -115,7 +115,7 @@ class Cache(_Cache):
         return data
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Save code, unless it holds addresses or the sources are no longer what was compiled."""
+        """Save code, unless it holds addresses or the sources have changed since."""
         if not self._enabled or self._folder is None or self._sources is None:
             return
         if data.library.has_dynamic_globals or any(not one.can_cache for one in data.lifted):

@@ -98,7 +98,7 @@ class Folder:
             os.utime(place)
 
     def read(self, name: str, key: str) -> Any:
-        """What was saved under a name and a key, or None: not there, or not as it was written."""
+        """Data saved under a name and a key; None if absent or damaged."""
         for place in self._places:
             try:
                 whole = (place / name).read_bytes()
@@ -111,7 +111,7 @@ class Folder:
 
     @contextlib.contextmanager
     def locked(self) -> Iterator[None]:
-        """No other process compiles for this folder meanwhile, but for those out of patience.
+        """Exclude other processes from compiling for this folder, unless they run out of patience.
 
         This one may lock it again.
         """
@@ -150,9 +150,10 @@ class Folder:
         return None, None
 
     def _take(self, handle: int) -> bool:
-        """Lock; False if who has the lock has saved nothing for long: it is stopped, or hangs.
+        """Lock; False if the owner of the lock has saved nothing for long: it is stopped, or
+        hangs.
 
-        It may be written to all the same: files are replaced as wholes, by their like.
+        Writing is safe nevertheless: files are replaced as wholes, by equal ones.
         """
         saved, since = None, 0.0
         while True:

@@ -1,9 +1,9 @@
-"""What machine code is made of: the digest of its sources, as they were imported.
+"""The sources of machine code: their digest, as they were imported.
 
 The process keeps one picture of the sources of each package: as they were when the first compiled
-function of the package was imported. What is edited later changes no digest of this process, so
-its code is neither taken for new code nor saved as such. A file that is imported after an edit
-would not fit to what is compiled: AlfError.
+function of the package was imported. Later edits change no digest of this process, so its code is
+neither used nor saved as new code. A file that is imported after an edit would not fit the
+compiled code: AlfError.
 """
 
 from __future__ import annotations
@@ -43,13 +43,13 @@ _imported_as = functools.cache(_now)  # of the packages; by their folders
 
 
 def _below(folder: str, found: Callable[[str], Mapping[str, str]]) -> dict[str, str]:
-    """Those of a folder within a package."""
+    """The sources of a folder within a package."""
     whole = found(folder.partition('/')[0])
     return {name: text for name, text in whole.items() if name.startswith(f'{folder}/')}
 
 
 class Sources:
-    """What the code of a function is made of: digest when it was imported, and now.
+    """The sources of a function: digest when it was imported, and now.
 
     package: folders of this package, relative to it; files: other people's, with their digests.
     """
@@ -91,7 +91,7 @@ class Sources:
         return found
 
     def changed(self) -> bool:
-        """Whether the sources are no longer what was imported."""
+        """Whether the sources have changed since the import."""
         try:
             if any(_below(f, _now) != _below(f, _imported_as) for f in self.package):
                 return True

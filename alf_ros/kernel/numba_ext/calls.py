@@ -81,11 +81,11 @@ def _call_plainly(address: Any, *arguments: Any) -> Any:
 
 @lowered(_call_plainly)
 def call(typing: Any, address: Any, *arguments: Any) -> Any:
-    """Call the C function at an address; or that of a vector of none or one, if there is one.
+    """Call the C function at an address, or at the address in a vector of none or one.
 
     Vectors are passed as pointers to their first numbers; a whole number behind one says at which
-    number the pointer begins instead. To ask here whether there is an address, and not in code of
-    its own, saves a second of compiling.
+    number the pointer begins instead. Testing here for an address, instead of in separate code,
+    saves a second of compiling.
     """
     return _call(ir.VoidType(), types.void, (address, *arguments))
 
@@ -106,7 +106,7 @@ def ask(typing: Any, words: Any) -> Any:
 
     It is called without arguments, with the interpreter's lock, which compiled code does not have.
     Returns 1 if it raised, or if the handler of a signal did: the exception (type, value,
-    traceback) is then in the other words, and belongs to who takes it out. Else 0.
+    traceback) is then in the other words, and belongs to the code that reads it. Else 0.
     """
 
     def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:

@@ -39,7 +39,7 @@ def compiled(function: Callable[..., Any]) -> Any:
 
 
 def inner(function: Callable[..., Any]) -> Any:
-    """Called from compiled code only: without code that takes arguments from Python objects."""
+    """For calls from compiled code only: omits the code that converts Python arguments."""
     return _cached(function, **_options, **_called_inside)
 
 
@@ -58,7 +58,7 @@ expanded = njit(**_options, inline='always')
 
 
 def by_address(signature: Any) -> Callable[[Callable[..., Any]], Any]:
-    """A C function, which the kernel calls by its `address`: who needs none compiles none."""
+    """A C function, which the kernel calls by its `address`. It is compiled only if needed."""
 
     def compile(function: Callable[..., Any]) -> Any:
         if PLAIN:

@@ -1,8 +1,9 @@
 """The kernel as plain Python, with NUMBA_DISABLE_JIT=1: for a debugger, coverage, bounds checks.
 
-Then nothing is compiled. A struct becomes a `View` of its numbers, an array of it a `PlainVector`,
-which refuses indices outside; what is told to LLVM (`lowered`) has a twin in Python; and a C
-function is found by a number that stands for its address. Sums are the same in the same order.
+Then no function is compiled. A struct becomes a `View` of its numbers, an array of it a
+`PlainVector`, which refuses indices outside; instructions for LLVM (`lowered`) have a twin in
+Python; and a C function is found by a number that stands for its address. Sums are the same in the
+same order.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ _functions: list[Callable[..., Any]] = []
 
 
 def lowered(twin: Callable[..., Any]) -> Callable[[Callable[..., Any]], Any]:
-    """What LLVM is told to do, as an intrinsic of numba; `twin` does it in plain Python."""
+    """Instructions for LLVM, as an intrinsic of numba; `twin` does it in plain Python."""
 
     def decorate(function: Callable[..., Any]) -> Any:
         twin.__doc__ = function.__doc__
@@ -74,7 +75,7 @@ class View:
 
 
 def argument(value: Any) -> Any:
-    """What compiled code makes of an argument."""
+    """An argument as compiled code receives it."""
     make = getattr(value, '_view', None)
     if make is not None:
         return make()

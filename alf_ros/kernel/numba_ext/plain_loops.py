@@ -1,10 +1,10 @@
 """Loops that stay as they are written.
 
-LLVM unrolls the loop of a `range`, and puts code before and behind it that deals with what is
-left over. The rows and columns of a mechanism may be two or a hundred thousand: for a few, that
-code is more than the loop. `for i in each(a, b)` is `for i in range(a, b)` without it: how often
-it goes round cannot be told beforehand, as each time b passes through an instruction that does
-nothing. Loops over plain numbers, which the vector unit takes several at a time, remain ranges.
+LLVM unrolls the loop of a `range`, and adds code before and behind it for the remainder. The rows
+and columns of a mechanism may be two or a hundred thousand: for a few, that code is more than the
+loop. `for i in each(a, b)` is `for i in range(a, b)` without it: the number of rounds is unknown
+to LLVM, because b passes through an empty instruction each time. Loops over plain numbers, which
+the vector unit takes several at a time, remain ranges.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def _range(first: Any, end: Any) -> Any:
 
 @lowered(_range)
 def each(typing: Any, first: Any, end: Any) -> Any:
-    """What a loop takes from first up to end, without it."""
+    """The range of a loop from first up to end, without the empty instruction."""
 
     def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         value = cgutils.create_struct_proxy(sig.return_type)(context, builder)

@@ -14,9 +14,9 @@ A struct in a struct is one word, the address of its table: `problem.system.rows
 which LLVM makes once in a function. A field `unit`, a tuple as long as space has dimensions, takes
 no word: it is a part of the type, so that D is a constant when compiled.
 
-A copy has arrays of its own, and so has what is unpickled: the table is made anew. Addresses of
+A copy has arrays of its own, and so has an unpickled struct: the table is made again. Addresses of
 code and of Python objects are of one process: a struct that holds some is not pickled, but made
-again by who knows what they are of.
+again by its owner.
 """
 
 from __future__ import annotations
@@ -75,9 +75,9 @@ class StructType(types.Type):
 class Struct:
     """Base of structs: frozen dataclasses of arrays, numbers (float, np.uint64) and structs.
 
-    A field `unit` says how many dimensions space has. `addresses`: the fields that hold addresses;
-    `borrowed`: those of them that a copy has not.
-    Raises TypeError for an array of another type than annotated, or one that is not contiguous.
+    The length of a field `unit` is the dimension of space. `addresses`: the fields that hold
+    addresses; `borrowed`: fields among these that a copy does not have. Raises TypeError for an
+    array of another type than annotated, or one that is not contiguous.
     """
 
     constant: ClassVar[bool] = False
@@ -127,7 +127,7 @@ class Struct:
         return type(self), tuple(getattr(self, field.name) for field in fields(self))
 
     def _view(self) -> View:
-        """What stands for it where nothing is compiled."""
+        """Its substitute without compilation."""
         view: View | None = self.__dict__.get('_plain')
         if view is None:
             view = View()
@@ -145,7 +145,7 @@ class Struct:
 
     @classmethod
     def empty(cls: type[S]) -> S:
-        """One without any numbers; what is a number is zero."""
+        """One without any data; numbers are zero."""
         values: list[Any] = []
         hints = get_type_hints(cls)
         for hint in (hints[field.name] for field in fields(cls)):
@@ -159,7 +159,7 @@ class Struct:
 
     @classmethod
     def _numba_type(cls, D: int = 0) -> StructType:
-        """What compiled code takes it for; D: how long its `unit` is, if it has one."""
+        """Its type in compiled code; D: the length of its `unit`, if it has one."""
         if (cls, D) not in Struct._types:
             hints, parts, word = get_type_hints(cls), [], 0
             module = cls.__module__.removeprefix('alf_ros.')
@@ -218,7 +218,7 @@ class _StructAttribute(AttributeTemplate):
 
 
 def load(builder: Any, pointer: Any, constant: bool, align: int | None = None) -> Any:
-    """What stands at a pointer; `constant`: it need not be read again."""
+    """The value at a pointer; `constant`: it need not be read again."""
     value = builder.load(pointer, align=align)
     if constant:
         value.set_metadata('invariant.load', builder.module.add_metadata([]))

@@ -1,4 +1,4 @@
-"""Anderson's mixing for the fixed point N = |R(N)|: trial loads from those of past passes.
+"""Anderson's mixing for the fixed point N = |R(N)|: trial loads from past passes.
 
 Anderson (1965), Journal of the ACM 12. Of the last `MEMORY` passes it combines the differences of
 trial and answer such that the combined gap is least.

@@ -16,8 +16,8 @@ from alf_ros.kernel.numba_ext.vectors import zero
 
 @inner
 def place_cut(problem: Problem, t: float) -> None:
-    """Position, velocity, Φ_q and load-independent Q of the cut mechanism, from those of the
-    assembled one."""
+    """Position, velocity, Φ_q and load-independent Q of the cut mechanism, from the assembled
+    one."""
     unit, work = problem.unit, problem.work
     cut = problem.forces.bearings
     for b in range(cut.source.size):

@@ -1,6 +1,6 @@
 """Newton's method for the loads at which friction and reactions agree, N = |R(N)|, R linear in N.
 
-A balance is told from others by its sense, the sign of det(1 - d|R|/dN), and by the directions of
+A balance differs from others in its sense, the sign of det(1 - d|R|/dN), and by the directions of
 R: Newton's method begins with the directions that R had last.
 """
 

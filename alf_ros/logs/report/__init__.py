@@ -1,1 +1,1 @@
-"""What a log shows, gathered in one passage through it, and the page that shows it."""
+"""The contents of a log, gathered in one passage, and the page that shows them."""

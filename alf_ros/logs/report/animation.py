@@ -33,7 +33,7 @@ _ELEVATION, _AZIMUTH = np.radians(22.0), np.radians(-60.0)
 
 @dataclass(frozen=True)
 class Film:
-    """What one panel shows. t (k,) s; places (k, points, 2) m on the picture; energy J (k,), NaN
+    """Contents of one panel. t (k,) s; places (k, points, 2) m on the picture; energy J (k,), NaN
     where the log has none; `title` stands above the panel; films of one scene share a scale."""
 
     title: str
@@ -156,7 +156,7 @@ class Screen:
             panel.show(t, self._speed)
 
     def pixels(self) -> Any:
-        """(height, width, 3) bytes of what was shown last."""
+        """(height, width, 3) bytes of the last picture."""
         self.canvas.draw()
         return np.asarray(self.canvas.buffer_rgba())[..., :3]
 

@@ -1,4 +1,4 @@
-"""The journal of a log as signals: what was commanded, and which forces were held where."""
+"""The journal of a log as signals: commands, and held forces."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Orders:
     held: list[Held] = field(default_factory=list)
 
     def add(self, t: Floats, entries: Sequence[dict[str, Any]]) -> None:
-        """Go on with entries of the journal, stamped t (n,) s."""
+        """Continue with entries of the journal, stamped t (n,) s."""
         for at, entry in zip(t.tolist(), entries, strict=True):
             if entry['kind'] == 'start':
                 continue

@@ -24,7 +24,7 @@ class Trace:
         self._filled = 0  # values in the last row
 
     def add(self, t: Floats, values: Floats) -> None:
-        """Go on with values (n, signals) at times t (n,)."""
+        """Continue with values (n, signals) at times t (n,)."""
         at = 0
         while at < len(t):
             if self._count and self._filled < self.group:
@@ -47,7 +47,7 @@ class Trace:
                 self._count, self._filled = self._count + 1, 0
 
     def _fill(self, values: Floats) -> int:
-        """Put values into the last row, as many as it takes; returns their number."""
+        """Put values into the last row, as many as fit; returns their number."""
         some, last = values[: self.group - self._filled], self._count - 1
         self._low[last] = np.fmin(self._low[last], np.fmin.reduce(some))
         self._high[last] = np.fmax(self._high[last], np.fmax.reduce(some))
@@ -91,7 +91,7 @@ class Instants:
         self.stride = 1
 
     def add(self, t: Floats, values: Floats) -> None:
-        """Go on with instants t (n,) s and what there is at each, values (n, …)."""
+        """Continue with instants t (n,) s and what there is at each, values (n, …)."""
         first = -self._seen % self.stride
         self._seen += len(t)
         # Copies: a view would keep the whole chunk of the log in memory.

@@ -31,7 +31,7 @@ _JOULE = '_j'
 @dataclass
 class Reports:
     """`levels` by task: 0 OK, 1 WARN, 2 ERROR; `numbers` by (panel, name); `texts`: (t, level,
-    text) of what was not OK, told once while it lasts. `task` stands before the names of tasks."""
+    text) of warnings and errors, once while they last. `task` precedes the names of tasks."""
 
     task: str = ''
     levels: dict[str, Trace] = field(default_factory=dict)
@@ -40,7 +40,7 @@ class Reports:
     _last: dict[str, str] = field(default_factory=dict)
 
     def add(self, t: Floats, messages: Sequence[dict[str, Any]]) -> None:
-        """Go on with messages of the topic /diagnostics, stamped t (n,) s."""
+        """Continue with messages of the topic /diagnostics, stamped t (n,) s."""
         for stamp, message in zip(t.tolist(), messages, strict=True):
             for status in message['status']:
                 if status['name'].startswith(self.task):
@@ -60,7 +60,7 @@ class Reports:
 
 
 def _work(task: str, key: str) -> tuple[str, str] | None:
-    """What the energy report has besides the energy itself, in J: the work of each effect."""
+    """Values of the energy report in addition to the energy, in J: the work of each effect."""
     if task == 'energy' and key.endswith(_JOULE) and key not in _ENERGY:
         return 'work', key.removesuffix(_JOULE).removeprefix('work_')
     return None

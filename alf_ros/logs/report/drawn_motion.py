@@ -73,7 +73,7 @@ def mechanism(log: Log) -> Simulation:
 def motion(
     found: Gathered, simulation: Simulation, report: progress.Report = progress.silent
 ) -> DrawnMotion | None:
-    """The frames of what was gathered; None if there are no states of this mechanism."""
+    """The gathered frames; None without states of this mechanism."""
     model = simulation.model
     wanted = state_vector.names(model, simulation.state)[: model.n]
     states = {names: each for names, each in found.states.items() if set(wanted) <= set(names)}

@@ -1,4 +1,4 @@
-"""What a log shows, in memory that does not grow with it: signals for plots, frames, commands."""
+"""The contents of a log, in memory of constant size: signals for plots, frames, commands."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ class Signals:
 
 @dataclass
 class Gathered:
-    """`states` by the names of their numbers, `reactions` (frames of (joints, 3) N) by those of
-    the joints: a change of settings may change the names."""
+    """`states` by the names of their numbers, `reactions` (frames of (joints, 3) N) by the names
+    of the joints: a change of settings may change the names."""
 
     first: float = np.inf  # s
     last: float = -np.inf
@@ -163,7 +163,7 @@ def _work(found: Gathered, series: Series, t: Floats) -> None:
 
 
 def _other(found: Gathered, series: Series, t: Floats, node: str) -> None:
-    """Topics of numbers that are none of the above: a panel for each, named by the topic."""
+    """Other topics of numbers: a panel for each, named by the topic."""
     short = series.topic.removeprefix(node).lstrip('/')
     labelled = series.labelled()
     labels = [Label(f'~{short}', name) for name in labelled]

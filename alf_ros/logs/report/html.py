@@ -59,7 +59,7 @@ def packed(values: Floats) -> float | Json:
 
 
 def _single(values: Floats) -> NDArray[np.float32]:
-    """As float32: what is too large for one becomes infinite."""
+    """As float32: values that are too large become infinite."""
     with np.errstate(over='ignore'):
         return np.ascontiguousarray(values, dtype='<f4')
 

@@ -1,4 +1,4 @@
-"""The panels of the page, in order: what is drawn in each, with its unit."""
+"""The panels of the page, in order: the quantities in each, with their unit."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def place(panel: str, name: str, angles: Collection[str] | None) -> str:
 
 
 def panel(key: str) -> Panel:
-    """What is drawn there; topics that others added have a panel of their own."""
+    """The panel of a topic; topics that others added have a panel of their own."""
     return PANELS.get(key) or Panel(key, 'as recorded')
 
 

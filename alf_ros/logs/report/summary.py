@@ -1,4 +1,4 @@
-"""What is said in words about a log, beside what is drawn of it."""
+"""The summary of a log in words, beside its plots."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ Text = tuple[float, int, str]
 
 @dataclass
 class Account:
-    """`about`: (what, text); `notes`: what was left out; `faults`: what is wrong with the log;
-    `texts`: (t, level, text) of commands, passes and warnings in the order of time. Times in s."""
+    """`about`: (what, text); `notes`: omissions; `faults`: faults of the log; `texts`: (t, level,
+    text) of commands, passes and warnings in the order of time. Times in s."""
 
     name: str
     scene: str
@@ -93,7 +93,7 @@ def _short(value: object) -> str:
 
 
 def _notes(made: Account, why: str) -> list[str]:
-    """What was left out, so that nobody takes the page for the log."""
+    """Omissions, so that the page is not mistaken for the complete log."""
     found, notes = made.found, []
     groups = sorted({s.trace.group for s in found.signals.values()} - {1})
     if groups:

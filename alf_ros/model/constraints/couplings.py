@@ -25,7 +25,7 @@ def coupling_row(coupling: Coupling, layout: Layout) -> Row:
 
 
 def unit_of(coupling: Coupling, layout: Layout) -> float:
-    """What makes a length, m, of the first coordinate."""
+    """The factor that makes a length, m, of the first coordinate."""
     first, _ = coupling.of[0]
     return layout.length if layout.mechanism.coordinate[first].is_angle else 1.0
 

@@ -1,6 +1,6 @@
 """Drives: constraints that depend on time.
 
-What moves as a function of time is a block of its own, s(t), so that every row stays a quadratic
+A motion as a function of time is a block of its own, s(t), so that every row stays a quadratic
 form: of a length x(q) - s, of an angle w·d with w the direction that d must stay normal to.
 """
 
@@ -19,7 +19,7 @@ from alf_ros.model.constraints.row import Row, linear, plus, product, scaled, va
 
 
 def drive_rows(drive: Drive, layout: Layout) -> Iterator[Row]:
-    """What keeps a coordinate, a distance or a point where its drive has it."""
+    """The rows that keep a coordinate, a distance or a point on its drive."""
     D, name = layout.dimension, drive.name
     s = affine.of_block(layout.of_prescribed[name], D)
     x = np.eye(D)[0]
@@ -54,9 +54,9 @@ def motion_names(mechanism: Mechanism) -> tuple[str, ...]:
 
 
 def effort(drive: Drive, s: Floats, pull: Floats) -> Floats:
-    """What a drive exerts along its coordinate (1,), N m or N, or on its point (D,), N.
+    """Effort of a drive along its coordinate (1,), N m or N, or on its point (D,), N.
 
-    s (D,): its block; pull (D,): Φ_q,sᵀ λ there. Its power is the effort times the speed, for
+    s (D,): its block; pull (D,): Φ_q,sᵀ λ there. Its power is the effort times the speed, because
     Φ_q q̇ = -Φ_q,s ṡ.
     """
     if drive.kind == 'angle':
@@ -65,9 +65,9 @@ def effort(drive: Drive, s: Floats, pull: Floats) -> Floats:
 
 
 def offset(drive: Drive, layout: Layout, q: Floats) -> float:
-    """How far what a drive moves is from where the drive has it: rad, or m.
+    """Distance of a driven coordinate or point from its drive: rad, or m.
 
-    q (blocks D, m): positions, those of the drive's own block included.
+    q (blocks D, m): positions, including the drive's own block.
     """
     places = q.reshape(-1, layout.dimension)
     s = places[layout.of_prescribed[drive.name]]

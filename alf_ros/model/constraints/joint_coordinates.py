@@ -1,9 +1,9 @@
 """Joint coordinates: continuous angles, turns counted, and lengths.
 
-An angle is measured by two rows, x and y, of which it is atan2(y, x); the kernel counts the
-passages of (x, y) over the negative x axis. In the plane these are the x axes of the bodies, and
-the coordinate of a joint is the child's angle less the parent's; in space they are the child's x
-axis in the parent's frame of the joint, so that the coordinate is zero as drawn.
+An angle is atan2(y, x) of two rows, x and y; the kernel counts the passages of (x, y) over the
+negative x axis. In the plane these are the x axes of the bodies, and the coordinate of a joint is
+the child's angle minus the parent's; in space they are the child's x axis in the parent's frame of
+the joint, so that the coordinate is zero as drawn.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def counted(layout: Layout) -> Rows:
 
 
 def angle_rows(coordinate: Coordinate, layout: Layout) -> list[Row]:
-    """The rows x, y of the angle that a joint coordinate is, and of that which it is less."""
+    """The rows x, y of the angle of a joint coordinate, and of the angle subtracted from it."""
     if layout.dimension == 2:
         bodies = [layout.bodies[n].name for n in (coordinate.place, coordinate.less) if n >= 0]
         return [

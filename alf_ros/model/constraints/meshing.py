@@ -1,6 +1,7 @@
-"""What stays in mesh: by how much gears, racks, threads or couplings would slip between positions.
+"""Parts in mesh: by how much gears, racks, threads or couplings would slip between positions.
 
-Their rows bind velocities. These can be integrated, so that what is moved by hand stays in mesh.
+Their rows bind velocities. These can be integrated, so that parts stay in mesh when a body is
+placed.
 """
 
 from __future__ import annotations
@@ -18,9 +19,9 @@ from alf_ros.model.joints import type_of
 
 
 class Mesh(NamedTuple):
-    """What has a row of velocities of this name.
+    """A part with a row of velocities of this name.
 
-    slip: m, from q to q (blocks, D). advance: m/rad, a way along which an angle of it turns.
+    slip: m, from q to q (blocks, D). advance: m/rad, the travel per angle.
     """
 
     name: str

@@ -30,5 +30,6 @@ def rotor_rows(rotor: Rotor, layout: Layout) -> Iterator[Row]:
 
 
 def unit_of(coordinate: Coordinate, layout: Layout) -> float:
-    """What z is of x: of an angle the length of the drawing, for all coordinates are lengths."""
+    """The factor of z = factor · x: for an angle the length of the drawing, because all
+    coordinates are lengths."""
     return layout.length if coordinate.is_angle else 1.0

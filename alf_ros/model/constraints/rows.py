@@ -40,10 +40,10 @@ def unit_rows(layout: Layout) -> Iterator[Row]:
 
 
 def rigidity(body: Body, layout: Layout) -> Iterator[Constraint]:
-    """Lengths and angles of what carries a body; every further point and vector from it.
+    """Lengths and angles of the affine form of a body; every further point and vector from it.
 
-    A row between fixed blocks binds nothing that moves, but it is there: a body on two fixed
-    points has one constraint too many, and a reaction along the line between them that is open.
+    A row between fixed blocks exists although it constrains no motion: a body on two fixed points
+    has one constraint too many, and a reaction along the line between them that is open.
     """
     blocks, items = layout.of_body[body.name], (*body.points, *body.vectors)
     for row in _rigid(layout.shape(body.name)):
@@ -83,5 +83,5 @@ def _rigid(shape: Shape) -> tuple[Constraint, ...]:
 
 
 def joint_rows(joint: Joint, layout: Layout) -> list[Row]:
-    """What a joint adds to what its bodies share: nothing for a planar revolute."""
+    """Rows that a joint adds to shared points and vectors: none for a planar revolute."""
     return type_of(joint).rows(Frames(joint, layout))

@@ -19,7 +19,7 @@ _NAMES = {2: 'PLANAR', 3: 'SPATIAL'}
 
 @cache
 def kinds() -> tuple[str, ...]:
-    """Names of all types, none of them imported."""
+    """Names of all types. Imports no type."""
     names = (module.name for module in pkgutil.iter_modules(__path__))
     return tuple(sorted(name for name in names if name != 'contract'))
 

@@ -44,7 +44,7 @@ def _read(given: Given) -> Joint:
 
 
 def _rows(joint: Joint, layout: Layout) -> Iterator[Row]:
-    """What e and c are, that the lowest point touches, and that it does not slip."""
+    """Rows that define e and c, keep the lowest point on the plane, and prevent slip."""
     (base, tip), R, name = joint.frames, joint.value, joint.name
     length, z = layout.length, np.array(base.axes[2])
     e, c = (

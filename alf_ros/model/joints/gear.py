@@ -1,7 +1,7 @@
 """`gear`: two wheels with teeth, whose centres are held by other joints.
 
 R ω_parent + r ω_child = (R + r) × the rate of the line of centres: a row of velocities, which can
-be integrated, so that what is moved by hand stays in mesh.
+be integrated, so that the wheels stay in mesh when a body is placed.
 """
 
 from alf_ros.arrays import Floats

@@ -4,9 +4,9 @@ s = l θ, l = pitch / 2π (m/rad), s the place of the child's origin on the axis
 the axis, both from the drawing and counted over all turns. A positive pitch is a right-handed
 thread: turning right-handed about the axis goes along it.
 
-No row of second order knows more than one turn, so the last row binds velocities: ṡ - l θ̇ = 0 with
-ṡ = d/dt (z · gap) and θ̇ = u̇_x · u_y of the child less that of the parent, u_x and u_y their axes
-across z. It can be integrated. How far s - l θ drifts from zero is the error of the integrator.
+A row of second order covers one turn only, so the last row binds velocities: ṡ - l θ̇ = 0 with ṡ =
+d/dt (z · gap) and θ̇ = u̇_x · u_y of the child minus the rate of the parent, u_x and u_y their
+axes across z. It can be integrated. The drift of s - l θ from zero is the error of the integrator.
 """
 
 import math
@@ -63,7 +63,7 @@ def _slip(joint: Joint, layout: Layout, before: Floats, after: Floats) -> float:
 
 
 def _draw(pen: Pen) -> None:
-    """A rod, and the thread around it, which rises as that of the joint."""
+    """A rod, and the thread around it, which rises as the thread of the joint."""
     s, across = pen.size, np.cross(pen.along, pen.side)
     part = np.linspace(-1.0, 1.0, _POINTS)[:, None]
     angle = math.copysign(_TURNS * math.pi, pen.joint.value) * part

@@ -58,8 +58,8 @@ def template(make: Callable[[list[float]], Any], counts: list[int]) -> cdr.Templ
 
 
 def joint_states(model: Model) -> Write | None:
-    """`joint_states`: all joints, passive ones too; angle (rad) or travel (m), its rate, and what
-    acts on the free axis (N m or N): drive, spring, friction and command, not the reaction."""
+    """`joint_states`: all joints, passive ones too; angle (rad) or travel (m), its rate, and the
+    effort on the free axis (N m or N): drive, spring, friction and command, not the reaction."""
 
     return _joint_state(model.coordinate_names, observables.JOINT_STATES)
 
@@ -70,7 +70,7 @@ def constraints(model: Model) -> Write | None:
 
 
 def drives(model: Model) -> Write | None:
-    """`~/drives`: of each motion prescribed, position, velocity and the effort it takes."""
+    """`~/drives`: of each motion prescribed, position, velocity and the effort of the drive."""
     return _joint_state(driving.motion_names(model.mechanism), observables.DRIVES)
 
 

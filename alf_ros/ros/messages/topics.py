@@ -37,9 +37,9 @@ Make = Callable[['Simulation', Display], 'Write | None']
 
 @dataclass(frozen=True)
 class Topic:
-    """A topic of the simulator; `name` is what a user writes, `make(simulation, display)` gives
-    its writer, or None if there is nothing to say: a free body has no joints. What is only `shown`
-    is not published at every tick. `mode`: whether it is published if nobody says so."""
+    """A topic of the simulator; `name` is the name that a user writes, `make(simulation, display)`
+    gives its writer, or None without content: a free body has no joints. A topic that is only
+    `shown` is not published at every tick. `mode`: the default publication."""
 
     name: str
     type: type

@@ -40,10 +40,10 @@ def fork(
 ) -> Path:
     """Continue a log from its last instant up to `at` (s), for `duration` (s) or to its end.
 
-    `changes` are those of `scene.overrides`. The inputs that the log has from there on act at the
-    same times. `warn` is called with a text if the steps are too long. Returns the folder of the
-    new log, made in `folder`. Raises InputError for what cannot be, StepError if a step fails, the
-    log being whole up to it.
+    `changes` are changes for `scene.overrides`. The inputs that the log has from there on act at
+    the same times. `warn` is called with a text if the steps are too long. Returns the folder of
+    the new log, made in `folder`. Raises InputError for an impossible request, StepError if a step
+    fails; the log is complete up to that step.
     """
     resumed = resume(log, at, trust)
     rerun = resumed.rerun
@@ -87,7 +87,8 @@ def fork(
 
 
 def _change(rerun: Rerun, changes: Mapping[str, str], changed: set[str]) -> State:
-    """Let `rerun` go on with changes; returns the state in which the changed mechanism begins."""
+    """Let `rerun` continue with changes; returns the state in which the changed mechanism
+    begins."""
     before = rerun.simulation
     scene = overrides.with_changes(rerun.scene, changes)
     own = {key: getattr(scene.solver, key) for key in changed}

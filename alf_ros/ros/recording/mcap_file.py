@@ -34,8 +34,8 @@ HOW = 'pip install "mcap>=1.5" zstandard'
 
 
 def lacking() -> str:
-    """What libraries are missing to write logs, or to write them small, and how to get them; '' if
-    none is."""
+    """The missing libraries for logs, or for small logs, and how to get them; '' if none is
+    missing."""
     if Writer is None:
         return f'no log can be written: the library mcap is missing; {HOW}'
     if zstandard is None:
@@ -67,7 +67,7 @@ class _Stream:
         """There is nothing to flush."""
 
     def check(self) -> None:
-        """Raise OSError if the file is no longer where it was: what is written would be lost."""
+        """Raise OSError if the file has been moved or deleted: later data would not be found."""
         found = os.stat(self.path)
         if self._file >= 0 and not os.path.samestat(found, os.fstat(self._file)):
             raise OSError(errno.ENOENT, os.strerror(errno.ENOENT))
@@ -82,7 +82,7 @@ class _Stream:
         return True
 
     def cut(self) -> None:
-        """Back to what is whole."""
+        """Truncate to the last whole chunk."""
         if self._file >= 0:
             os.ftruncate(self._file, self.good)
 
@@ -116,8 +116,8 @@ class _ChunkIndices(list[_Written]):
 class LogFile:
     """Messages as an MCAP file that rosbag2 and Foxglove open; methods raise OSError.
 
-    `info` (str -> str) becomes the Metadata record `alf_ros`. Raises InputError without mcap; what
-    is written without zstandard is not compressed.
+    `info` (str -> str) becomes the Metadata record `alf_ros`. Raises InputError without mcap.
+    Without zstandard the file is not compressed.
     """
 
     def __init__(self, path: Path, info: dict[str, str]) -> None:
@@ -223,7 +223,7 @@ class LogFile:
         self._stream.close()
 
     def summary(self) -> rosbag2_metadata.File:
-        """What metadata.yaml says of the file."""
+        """The entry of the file in metadata.yaml."""
         return rosbag2_metadata.File(
             self.path.name, min(self.start, self.end), self.end, self.count
         )

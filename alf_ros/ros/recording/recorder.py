@@ -44,10 +44,10 @@ class Split:
 class Recorder:
     """Writes one run to `<folder>/<scene>_<UTC time>/<the same>_0.mcap`, `…_1.mcap` …
 
-    `info` (str -> str) says what is needed to repeat the run; it becomes the Metadata record
-    `alf_ros` of each file and rosbag2's `custom_data`. `queue_size` (bytes) bounds what waits to
-    be written: what comes on top is dropped and counted, so that `write` never waits for the disk.
-    `name` is that of the folder made in `folder`, in place of scene and time.
+    `info` (str -> str) contains everything needed to repeat the run; it becomes the Metadata
+    record `alf_ros` of each file and rosbag2's `custom_data`. `queue_size` (bytes) limits the data
+    that wait to be written: further data are dropped and counted, so that `write` never waits for
+    the disk. `name` replaces scene and time in the name of the folder made in `folder`.
 
     Raises `InputError` when the folder cannot be made or written.
     """
@@ -94,10 +94,10 @@ class Recorder:
 
     @property
     def dropped(self) -> int:
-        """Messages that are not in the log: no room in the queue, or an `error` of the disk.
+        """Messages that are not in the log: the queue was full, or an `error` of the disk.
 
-        After an error `written` and this are all that were given to `write`, and `written` is what
-        the files hold.
+        After an error `written` and this add up to all messages given to `write`, and `written` is
+        the number in the files.
         """
         return self._refused + (self._queued - self.written if self.error else 0)
 
@@ -117,8 +117,8 @@ class Recorder:
     ) -> None:
         """Queue one serialised message; `stamp` (ns) becomes its log time and publish time.
 
-        What is `essential` to repeat the run may fill the queue to twice its size. The sequence
-        number in the log counts what is dropped too: a gap shows how many are missing where.
+        Messages that are `essential` to repeat the run may fill the queue to twice its size. The
+        sequence number in the log counts dropped messages too: a gap shows their number and place.
         """
         number = self._numbers[topic] = self._numbers.get(topic, 0) + 1
         room = self.queue_size * (2 if essential else 1)
@@ -130,7 +130,7 @@ class Recorder:
         self._queue.append((topic, kind, qos, stamp, data, number))
 
     def close(self) -> None:
-        """Write what is queued, the summary and metadata.yaml. Further calls do nothing."""
+        """Write the queue, the summary and metadata.yaml. Further calls have no effect."""
         self._closing.set()
         self._thread.join()
 
@@ -186,7 +186,7 @@ def _named_folder(parent: Path, name: str) -> Path:
 
 
 def _new_folder(parent: Path, scene: str) -> Path:
-    """Make `<parent>/<scene>_<UTC time>`, numbered when a log of the same second is there."""
+    """Make `<parent>/<scene>_<UTC time>`, numbered if a log of the same second exists."""
     name = f'{scene}_{datetime.now(timezone.utc):%Y%m%dT%H%M%SZ}'
     parent.mkdir(parents=True, exist_ok=True)
     number = 1

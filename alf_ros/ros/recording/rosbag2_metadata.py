@@ -135,7 +135,7 @@ class File:
 def metadata(
     files: Sequence[File], channels: Iterable[RecordedTopic], info: Mapping[str, str]
 ) -> dict[str, Any]:
-    """What rosbag2 keeps about a log of these files; `channels` of all of them."""
+    """The metadata that rosbag2 keeps about a log of these files; `channels` of all of them."""
     topics: dict[str, RecordedTopic] = {}
     for channel in channels:
         before = topics[channel.topic].count if channel.topic in topics else 0

@@ -1,4 +1,4 @@
-"""A run written to a log without a node: the same topics, bytes and journal as those of a node."""
+"""A run written to a log without a node: the same topics, bytes and journal as from a node."""
 
 from __future__ import annotations
 
@@ -49,10 +49,10 @@ class Write(Protocol):
 
 
 class RunWriter:
-    """What the run of `setup` says, given to `write` as a node would publish it.
+    """The messages of the run of `setup`, given to `write` as a node would publish them.
 
-    `names`: where the topics are, by the name users write; `recorded`: which of them are wanted;
-    scene and journal always are. Stamps are `ahead` (ns) of the simulated time.
+    `names`: where the topics are, by the name users write; `recorded`: the recorded topics; scene
+    and journal are always recorded. Stamps are `ahead` (ns) of the simulated time.
     """
 
     def __init__(
@@ -81,7 +81,7 @@ class RunWriter:
         return texts | {self._names[t.name]: (t.type, t.qos) for t in self._topics}
 
     def use(self, setup: Setup) -> None:
-        """Go on with another setup, at the same state."""
+        """Continue with another setup, at the same state."""
         self.setup = setup
         simulation = setup.simulation
         made = ((topic, topic.make(simulation, Display())) for topic in self._topics)
@@ -89,7 +89,7 @@ class RunWriter:
         self._write_text(self._scene, setup.scene.text)
 
     def note(self, entry: dict[str, Any]) -> None:
-        """Write to the journal what acts from the next step on."""
+        """Write the inputs that act from the next step to the journal."""
         simulation = self.setup.simulation
         place = {'step': simulation.step_index, 't': simulation.t}
         text, self._seal = journal.chained({**place, **entry}, self._seal)

@@ -81,7 +81,7 @@ class Replay(Node):
         return float(self._log.time(self._stamp))
 
     def _go_to(self, t: float) -> None:
-        """Go on from a simulated time (s)."""
+        """Continue from a simulated time (s)."""
         stamp = stamp_of(self._log, t)
         self._items: Iterator[StampedMessage] = self._source.items(stamp)
         self._next = next(self._items, None)
@@ -134,7 +134,7 @@ class Replay(Node):
         return response
 
     def _judge(self, changed: list[Parameter]) -> SetParametersResult:
-        """The limits are those of the descriptors; a log that is run again may fail to begin."""
+        """Descriptors define the limits; a log that is run again may fail to begin."""
         for parameter in changed:
             if parameter.name == 'seek':
                 try:

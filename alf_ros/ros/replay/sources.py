@@ -180,9 +180,9 @@ def stamp_of(log: Log, t: float) -> int:
 
 
 def _qos(metadata: dict[str, str]) -> QoSProfile:
-    """As it was offered; but deep, for bursts, unless it is kept for those who come late.
+    """QoS as offered, with a deep queue for bursts, unless the topic is transient local.
 
-    Raises InputError for what is no QoS.
+    Raises InputError for an invalid QoS.
     """
     text = metadata.get('offered_qos_profiles', '')
     try:

@@ -93,11 +93,11 @@ def check_names(topic: str, names: Sequence[str], joints: Collection[str]) -> No
 def read_joints(
     message: JointState, joints: Collection[str], controlled: Controlled
 ) -> dict[str, dict[str, float]]:
-    """What is commanded, by joint: `effort` (N m or N), `position` (rad or m), `velocity`.
+    """Commands by joint: `effort` (N m or N), `position` (rad or m), `velocity`.
 
-    NaN is no command, as ros2_control has it, and a message of nothing else commands nothing. A
-    position or velocity that no motor controls is refused, unless the joint has an effort: whoever
-    sends a whole joint state means that. Raises Refused.
+    NaN is no command, as ros2_control has it, and a message with NaN only has no effect. A
+    position or velocity that no motor controls is refused, unless the joint has an effort: a
+    sender of complete joint states intends this. Raises Refused.
     """
     given = {'effort': message.effort, 'position': message.position, 'velocity': message.velocity}
     given = {field: values for field, values in given.items() if values}
@@ -125,9 +125,9 @@ def _places(message: JointState, controlled: Controlled) -> dict[str, list[str]]
     """The joints to which the values of each field belong, in order.
 
     The plugins of ros2_control for topics leave out the values of joints without that command
-    interface, and name the joints all the same. As many values as there are motors for them among
-    the joints named belong to these; or to the joints that have no other value, if that fits.
-    Raises Refused if none fits, or both and they differ.
+    interface, but still name the joints. If the number of values equals the number of their motors
+    among the named joints, they belong to these motors; or to the joints that have no other value,
+    if that number fits. Raises Refused if none fits, or both and they differ.
     """
     places: dict[str, list[str]] = {}
     for n, field in enumerate(('position', 'velocity', 'effort')):

@@ -26,11 +26,11 @@ class WrongState(AlfError):
 
 
 class Control:
-    """What the run does next; every transition falls between two ticks.
+    """The state machine of the run; every transition falls between two ticks.
 
-    Playing, ticks come as the pacer says. Paused, there are none, but for those of `step`, which
-    come as fast as they can. A failed step pauses. `report` is called then, `pace` when another
-    beat is needed, `end` when the run is over.
+    While playing, the pacer triggers ticks. While paused, only `step` triggers ticks, as fast as
+    possible. A failed step pauses. `report` is called then, `pace` when another period is needed,
+    `end` when the run is over.
     """
 
     def __init__(
@@ -93,7 +93,8 @@ class Control:
     # -------------------------------------------------------------------------------- transitions
 
     def play(self) -> str:
-        """Go on. After a failure this tries again, at once: raises StepError if it fails again."""
+        """Continue. After a failure this tries again, at once: raises StepError if it fails
+        again."""
         if not self.paused:
             return 'already playing'
         self._finish_steps()
@@ -108,7 +109,7 @@ class Control:
         return 'playing'
 
     def _fail(self) -> None:
-        """A step failed: stand still until somebody plays, or begins anew."""
+        """A step failed: pause until a request to play or to reset."""
         played = not self.paused
         self.pause()
         self._stopped = played
@@ -161,8 +162,9 @@ class Control:
         return 'ending'
 
     def reset(self, keep_time: bool) -> str:
-        """The initial state, nothing held; with `keep_time` stamps go on, else they start again.
-        A new log begins. Raises InputError, the run being reset, if there can be none."""
+        """The initial state without held inputs; with `keep_time` stamps continue, else they start
+        again. A new log begins. Raises InputError if it cannot be written; the run is reset
+        nevertheless."""
         self._finish_steps()
         self._report()  # the last word of the log that ends here
         self.inputs.clear()
@@ -170,7 +172,7 @@ class Control:
         return str(self.run)
 
     def change(self, setup: Setup, effects: dict[str, Any]) -> None:
-        """Go on at the same state with other settings, noted in the log."""
+        """Continue at the same state with other settings, noted in the log."""
         tick = self.run.setup.tick
         self.inputs.use(setup.simulation)
         self.run.change(setup, effects)
@@ -198,9 +200,9 @@ class Control:
         return f'{name}: {self.run}, {self._saved.save(name, setup.scene, setup.simulation)}'
 
     def restore(self, name: str) -> str:
-        """The state kept under `name`, with what it held; stamps go on. A new log begins.
+        """The state kept under `name`, with its held inputs; stamps continue. A new log begins.
 
-        Raises InputError, and changes nothing, if there is none that fits.
+        Raises InputError, and changes nothing, without a state that fits.
         """
         setup = self.run.setup
         before = setup.simulation.state
@@ -222,10 +224,10 @@ class Control:
         return f'{name}: {self.run}'
 
     def place(self, body: str, pose: Floats | None, twist: Floats | None) -> str:
-        """A body elsewhere, or with another velocity (`Simulation.place`); stamps go on. A new log
-        begins.
+        """A body elsewhere, or with another velocity (`Simulation.place`); stamps continue. A new
+        log begins.
 
-        Raises InputError, and changes nothing, if that cannot be.
+        Raises InputError, and changes nothing, if this is impossible.
         """
         self.inputs.apply()
         simulation = self.run.simulation
@@ -238,7 +240,7 @@ class Control:
         return f'{body}: {self.run}'
 
     def _finish_steps(self) -> None:
-        """Whoever waits for steps gets an answer; what is not made yet is dropped."""
+        """Answer requests that wait for steps; the remaining steps are dropped."""
         self._dropped, self._left = self._left, 0
         if not self._stepped.done():
             self._stepped.set_result(None)

@@ -36,7 +36,7 @@ OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.E
 
 @dataclass(frozen=True)
 class Report:
-    """What one task says."""
+    """The report of one task."""
 
     task: str
     level: bytes
@@ -122,8 +122,8 @@ def balance(sample: Sample) -> float:
 
 
 def work(sample: Sample, initial: float) -> Report:
-    """Work of each effect, of inputs and drives since the start, and what is missing to the
-    change of kinetic energy: the error of the steps."""
+    """Work of each effect, of inputs and drives since the start, and the difference to the change
+    of kinetic energy: the error of the steps."""
     lost = balance(sample) - initial
     values = {f'{name}_j': work for name, work in sample.works.items()}
     return Report('work', OK, f'{lost:.1e} J not accounted for', {**values, 'missing_j': lost})
@@ -131,7 +131,7 @@ def work(sample: Sample, initial: float) -> Report:
 
 @dataclass(frozen=True)
 class Pace:
-    """What a pacer had counted at some time: ticks, overruns, real time lost (s)."""
+    """The counts of a pacer at some time: ticks, overruns, real time lost (s)."""
 
     ticks: int
     overruns: int

@@ -20,8 +20,9 @@ from alf_ros.simulation.sample import Sample
 def entity_state(sample: Sample, name: str, ns: int) -> EntityState:
     """The frame of a body at stamp `ns`, in `world`: m, rad/s, m/s^2 ...
 
-    With d from the first point to the others, and the vectors of the body: ω is that of ḋ = ω × d,
-    α that of d̈ = α × d + ω × (ω × d). What nothing turns about, as a rod about itself, is zero.
+    With d from the first point to the others, and the vectors of the body: ω satisfies ḋ = ω × d,
+    and α satisfies d̈ = α × d + ω × (ω × d). Undetermined components, as of a rod about itself,
+    are zero.
     """
     n = sample.model.body_names.index(name)
     origin, d, rates, changes = _moving(sample, name)

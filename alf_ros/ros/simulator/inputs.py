@@ -1,8 +1,9 @@
 """Commands from ROS: wrenches on bodies and points; efforts, targets and trajectories of joints.
 
 A command is taken whole or refused whole. It acts from the next tick on, the last one of several,
-and is held until replaced, or becomes zero when it was not renewed for the timeout. What acts goes
-to the journal with the number of steps made before it; a refusal changes nothing and is counted.
+and is held until replaced, or becomes zero when it was not renewed for the timeout. Applied
+commands go to the journal with the number of steps made before it; a refusal changes nothing and
+is counted.
 """
 
 from __future__ import annotations
@@ -49,8 +50,8 @@ Journal = Callable[[dict[str, Any]], None]
 class CommandSubscriber:
     """Subscribes, applies to `simulation`, and counts.
 
-    `journal` gets a mapping for every change of what is applied; `alarm` is called on the first
-    trouble after a quiet time; `ahead` says by how much (ns) stamps are ahead of simulated time.
+    `journal` gets a mapping for every change of the applied inputs; `alarm` is called on the first
+    trouble after a quiet time; `ahead` (ns) is the offset of stamps from simulated time.
     """
 
     def __init__(
@@ -112,7 +113,7 @@ class CommandSubscriber:
         self._controlled = {name: follows(effects, name) for name in names}
 
     def hold(self, inputs: Inputs) -> None:
-        """What a restored state holds counts as commanded now."""
+        """Count the held inputs of a restored state as commanded now."""
         self.clear()
         now = time.monotonic()
         kinds = {'wrench': inputs.wrenches, 'effort': inputs.efforts, 'target': inputs.targets}
@@ -151,7 +152,7 @@ class CommandSubscriber:
                     self._refuse(Refused('wrong_type', f'{topic} is a {kind}, not a {_WRENCH}'))
 
     def expire(self, now: float) -> None:
-        """Zero what was not renewed within the timeout (s of the steady clock)."""
+        """Zero the commands that were not renewed within the timeout (s of the steady clock)."""
         if self.timeout <= 0.0 or not self._held:
             return
         for (kind, name), renewed in list(self._held.items()):
@@ -180,7 +181,7 @@ class CommandSubscriber:
         return isinstance(effort, Curve) and self._simulation.t < effort.end
 
     def clear(self) -> None:
-        """Forget what is held, and what came for it: the simulation was reset."""
+        """Forget held and received commands: the simulation was reset."""
         self._held.clear()
         self._waiting.clear()
         self.tracking.clear()
@@ -234,7 +235,8 @@ class CommandSubscriber:
         self.accepted += 1
 
     def apply(self) -> None:
-        """To be called before every tick, and while there are none: what came acts from now on."""
+        """Apply received commands. To be called before every tick, and periodically without
+        ticks."""
         if not self._waiting:
             return
         waiting, self._waiting = self._waiting, {}
@@ -295,7 +297,7 @@ class CommandSubscriber:
 
     @contextmanager
     def _whole(self) -> Iterator[None]:
-        """Take back what was applied if a part of it cannot act."""
+        """Undo the applied part if another part cannot act."""
         before = self._simulation.state
         try:
             yield

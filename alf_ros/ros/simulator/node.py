@@ -234,7 +234,7 @@ class Simulator(Node):
     def set_parameters_atomically(
         self, parameter_list: list[Parameter[Any]]
     ) -> SetParametersResult:
-        """What `ros2 param set` and others call: says which type was expected, and which came."""
+        """Callback of `ros2 param set` and others: reports the expected and the given type."""
         fitted, reason = parameters.fitted(self, parameter_list)
         if reason:
             return SetParametersResult(successful=False, reason=reason)
@@ -254,7 +254,7 @@ class Simulator(Node):
         return SetParametersResult(successful=not reason, reason=reason)
 
     def _prepared(self, values: dict[str, Any]) -> tuple[Setup, dict[str, Any]] | None:
-        """What the run will be with these parameters, or None if it stays as it is."""
+        """The run with these parameters, or None if it is unchanged."""
         solver = _below('solver', values)
         if 'scene' in values:
             solver |= {'accuracy': values['accuracy']} if values.get('accuracy') else {}
@@ -338,7 +338,7 @@ class Simulator(Node):
 
 
 class Compiling:
-    """What takes long: compiling, once something was found in no cache; else ''."""
+    """The current long task: compiling, after the first cache miss; else ''."""
 
     def __init__(self) -> None:
         from alf_ros.kernel.numba_ext import cache  # the solver is loaded by now

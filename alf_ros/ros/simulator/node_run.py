@@ -75,8 +75,8 @@ class NodeRun:
     def begin(self, state: State | None = None, keep_time: bool = False) -> None:
         """Start from `state`, or the initial one.
 
-        With `keep_time` the stamps go on a tick after the last, whatever the time of the state is;
-        otherwise they are its time. Raises InputError if there can be no log.
+        With `keep_time` the stamps continue a tick after the last, for any time of the state;
+        otherwise they are its time. Raises InputError if the log cannot be written.
         """
         later = self.ahead + round((self.simulation.t + self.setup.tick) * 1e9)
         self.close()
@@ -105,7 +105,8 @@ class NodeRun:
         self.send(whole=True)
 
     def change(self, setup: Setup, effects: dict[str, Any]) -> None:
-        """Go on with other settings at the same state; `effects` are the numbers that changed."""
+        """Continue with other settings at the same state; `effects` are the numbers that
+        changed."""
         self.setup = setup
         self.note({'kind': 'settings', **self._settings(), 'effects': effects})
         if effects:
@@ -116,8 +117,8 @@ class NodeRun:
         return {'solver': solver, 'steps_per_tick': self.setup.steps}
 
     def tick(self, whole: bool = False) -> None:
-        """Make one tick's steps, fewer at the end of the run, and send what came out; `whole` also
-        what is not shown at every tick."""
+        """Make one tick's steps, fewer at the end of the run, and send the results; `whole`: with
+        topics that are not shown at every tick."""
         if self._cut:
             return
         steps = self.setup.steps
@@ -134,7 +135,8 @@ class NodeRun:
             self.send(whole=whole)
 
     def send(self, record: bool = True, whole: bool = False) -> None:
-        """Publish and log the present state; `whole` also what is not shown at every tick."""
+        """Publish and log the present state; `whole`: with topics that are not shown at every
+        tick."""
         try:
             sample = self.simulation.sample()
             self._outputs.send(sample, self.stamp, record, whole)
@@ -144,14 +146,15 @@ class NodeRun:
             self.failure = error
 
     def note(self, entry: dict[str, Any]) -> None:
-        """Write to the journal what acts from the step that follows the steps made so far."""
+        """Write to the journal the inputs that act from the next step."""
         if self._outputs.journal.wanted:
             step, t = self.simulation.step_index, self.simulation.t
             text, self._chain = journal.chained({'step': step, 't': t, **entry}, self._chain)
             self._outputs.journal.send(serialize_message(String(data=text)), self.stamp)
 
     def lose_log(self) -> None:
-        """Go on without a log that can no longer be written; `recorder` still says why."""
+        """Continue without a log that can no longer be written; `recorder` still has the
+        reason."""
         self._outputs.record(None)
 
     def close(self) -> None:

@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 
 
 class Output:
-    """One topic. `mode` is 'auto' (published while somebody subscribes), 'on' or 'off'; what is
-    sent goes to `recorder` as well if there is one. Raises InputError for a bad QoS override.
+    """One topic. `mode` is 'auto' (published while somebody subscribes), 'on' or 'off'; messages
+    also go to `recorder` if it exists. Raises InputError for a bad QoS override.
     """
 
     def __init__(self, node: Node, name: str, message_type: type, qos: QoSProfile) -> None:
@@ -78,7 +78,7 @@ class Output:
         self.send_if_wanted(lambda: data, ns, record)
 
     def send_if_wanted(self, make: Callable[[], bytes], ns: int, record: bool = True) -> None:
-        """`send` what is made if it goes anywhere: a log may want only some."""
+        """Make and `send` a message if it has a receiver: a log may record only some."""
         published, recorder = self.published, self.recorder
         due = record and recorder is not None and self._due(ns)
         if not published and not due:
@@ -94,9 +94,10 @@ class Output:
 class Outputs:
     """All topics of the simulator.
 
-    `optional`: those that parameters switch, by name; `journal` and `scene` are in every log, for
-    without them no run could be repeated. What is only shown is sent at every `shown_every`th
-    tick. `rates` (Hz, by key): of messages in the log. `display`: how it is shown.
+    `optional`: topics that parameters switch, by name; `journal` and `scene` are in every log,
+    because a run cannot be repeated without them. Topics that are only shown are sent at every
+    `shown_every`th tick. `rates` (Hz, by key): of messages in the log. `display`: settings of the
+    display.
     """
 
     def __init__(
@@ -140,8 +141,8 @@ class Outputs:
         self._write = {name: write for name, write in writers.items() if write is not None}
 
     def switched(self) -> dict[str, list[str]]:
-        """Topics that have something to say: what is `on` (recorded, or always published), what
-        waits until somebody is `subscribed`, what is `off`."""
+        """Topics with content: `on` (recorded, or always published), waiting until they are
+        `subscribed`, and `off`."""
         said: dict[str, list[str]] = {'on': [], 'subscribed': [], 'off': []}
         for name, output in self.optional.items():
             if name not in self.samples or name in self._write:
@@ -163,7 +164,7 @@ class Outputs:
         self.look(ns)
 
     def look(self, ns: int) -> None:
-        """To be called now and then: who subscribes to robot_description late gets it as well."""
+        """Publish robot_description again for late subscribers; to be called periodically."""
         scene = self._undescribed
         if scene is not None and self.description.wanted:
             text = urdf(scene.mechanism, self.display.frame_prefix)
@@ -176,8 +177,8 @@ class Outputs:
             output.record(recorder)
 
     def send(self, sample: Sample, ns: int, record: bool = True, whole: bool = False) -> None:
-        """Publish and log what is wanted of `sample`, all with the stamp `ns`; `whole` also what
-        is not shown at every tick."""
+        """Publish and log the requested topics of `sample`, all with the stamp `ns`; `whole`: with
+        topics that are not shown at every tick."""
         self._ticks += not whole
         shown = whole or self._ticks % self.shown_every == 0
         for name, write in self._write.items():

@@ -13,8 +13,8 @@ _MANY = 1 << 30
 class Pacer:
     """Paces ticks of `tick` simulated seconds at `factor` simulated seconds per second.
 
-    A factor of 0 does not pace: a tick is always due. `beat` (s) is the period for the timer.
-    All times are those of one steady clock, in seconds.
+    A factor of 0 does not pace: a tick is always due. `beat` (s) is the period for the timer. All
+    times are in seconds of one steady clock.
     """
 
     def __init__(self, tick: float, factor: float) -> None:
@@ -40,8 +40,8 @@ class Pacer:
         self.start()
 
     def start(self) -> None:
-        """Start, or go on after a pause, at the next call of `due`: what passes until then is not
-        owed."""
+        """Start, or continue after a pause, at the next call of `due`: the time until then is not
+        made up."""
         self._started = False
         self.achieved = 0.0
 

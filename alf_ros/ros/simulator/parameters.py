@@ -59,8 +59,8 @@ _TYPES = {
 
 @dataclass(frozen=True)
 class Spec:
-    """One parameter. `limits` are inclusive; what shapes the run or its log is `fixed`; only what
-    is `untyped` may have a value of another type than the default."""
+    """One parameter. `limits` are inclusive. A parameter that shapes the run or its log is
+    `fixed`. Only an `untyped` parameter may have a value of another type than the default."""
 
     name: str
     default: Any
@@ -94,7 +94,7 @@ SCENE = Spec(
 
 
 def solver_specs(solver: Solver) -> list[Spec]:
-    """`solver.*` and `accuracy`: defaults are what the scene says, limits those of `Solver`."""
+    """`solver.*` and `accuracy`: defaults come from the scene, limits from `Solver`."""
     return [
         Spec(
             'accuracy',
@@ -279,7 +279,7 @@ def mode_of(topic: str) -> str:
 
 
 def declare(node: Node, specs: Iterable[Spec], override: bool = True) -> dict[str, Any]:
-    """Declare parameters and return their values; `override` by what was given at the start.
+    """Declare parameters and return their values; `override`: with the values given at the start.
 
     Raises InputError, one line, for a value of the wrong type or out of range.
     """

@@ -1,4 +1,4 @@
-"""What the simulator says of itself: /diagnostics, and the line on the terminal."""
+"""Reports of the simulator: /diagnostics, and the line on the terminal."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """The standard services of simulators (simulation_interfaces), where that package is installed.
 
-They stand in front of the same state machine as the services of std_srvs. What a release of the
-package does not have is not offered; what is reported by `~/get_simulator_features` works.
+They use the same state machine as the services of std_srvs. Only services of the installed release
+are offered; all features that `~/get_simulator_features` reports work.
 """
 
 from __future__ import annotations
@@ -323,7 +323,7 @@ def _tried(response: Any, act: Callable[[], str], code: int = 4) -> Any:
 
 
 def _scene(uri: str) -> str | None:
-    """What the parameter `scene` takes: a path, or a name; None for neither."""
+    """The value of the parameter `scene`: a path, or a name; None for neither."""
     parts = urlsplit(uri)
     if parts.scheme == 'package':
         roots = [folder.parents[1] for folder in resources.folder('scenes')]

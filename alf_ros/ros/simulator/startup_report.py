@@ -1,4 +1,4 @@
-"""What a run computes and what not, for the terminal: effects with their cost, outputs."""
+"""Enabled and disabled parts of a run, for the terminal: effects with their cost, outputs."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ _MOST = 14  # names on a line
 
 
 def lines(simulation: Simulation, outputs: Mapping[str, Sequence[str]]) -> list[str]:
-    """What was adjusted of the mechanism; effects on, each with its µs per step here and now, and
-    off; the ledger; outputs by `Outputs.switched`."""
+    """Adjustments of the mechanism; effects on, each with its µs per step here and now, and off;
+    the ledger; outputs by `Outputs.switched`."""
     # Imported late: loading the solver takes a good part of the start.
     from alf_ros import effects
     from alf_ros.inspection.effect_costs import call_costs

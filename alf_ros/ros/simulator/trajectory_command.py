@@ -119,7 +119,7 @@ def _given(points: Sequence[JointTrajectoryPoint], field: str) -> bool:
 
 
 def _knot(point: JointTrajectoryPoint, n: int) -> Knot:
-    """What the point says of its n-th joint; an acceleration needs a velocity."""
+    """The values of the point for its n-th joint; an acceleration needs a velocity."""
     if not point.velocities:
         return (point.positions[n],)
     if not point.accelerations:

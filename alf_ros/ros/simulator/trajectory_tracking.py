@@ -1,8 +1,9 @@
 """How well joints follow their trajectories, with the tolerances of ros2_controllers.
 
-The error of a joint is the distance between its position and that of its trajectory, rad or m. On
-the way it may be `path`; `goal_time` (s) after the end of the last trajectory it may be `goal`. A
-tolerance of 0 asks for nothing. A tolerance that is not kept is reported and stops nothing.
+The error of a joint is the distance between its position and the position on its trajectory, rad
+or m. On the way it may be `path`; `goal_time` (s) after the end of the last trajectory it may be
+`goal`. A tolerance of 0 is not checked. A violated tolerance is reported and does not stop the
+motion.
 """
 
 from __future__ import annotations

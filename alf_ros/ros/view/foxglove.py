@@ -101,7 +101,7 @@ class FoxgloveBridge:
         self._node.destroy_node()
 
     def _look(self) -> None:
-        """Subscribe to what is looked at in Foxglove, and to nothing else."""
+        """Subscribe only to topics that are shown in Foxglove."""
         for topic, (channel, kind) in self._channels.items():
             if channel.has_sinks() and topic not in self._heard:
                 self._heard[topic] = self._node.create_subscription(
@@ -129,5 +129,5 @@ class FoxgloveBridge:
         self._server.broadcast_time(self._now)
 
     def _on_run(self, _: String) -> None:
-        """Another run: time may begin anew, so Foxglove is to forget what it has."""
+        """Another run: time may start again, so Foxglove must forget its data."""
         self._server.clear_session()

@@ -1,4 +1,4 @@
-"""What the page of the live view may ask of a simulator, as service calls and messages."""
+"""Requests of the live view to a simulator, as service calls and messages."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class NotDone(AlfError):
 
 
 class Operator:
-    """Takes commands in any thread; `work`, in that of the node, passes them on."""
+    """Takes commands in any thread; `work`, in the thread of the node, passes them on."""
 
     def __init__(self, node: ViewNode, simulator: str) -> None:
         self._node = node
@@ -52,7 +52,7 @@ class Operator:
         }
 
     def obey(self, command: object) -> str:
-        """Do `{'do': one of the above, 'value': its argument}`; returns what came of it.
+        """Do `{'do': one of the above, 'value': its argument}`; returns the result.
 
         Raises NotDone.
         """
@@ -62,7 +62,7 @@ class Operator:
         return self._acts[act](command.get('value'))
 
     def work(self) -> None:
-        """Pass on what was asked; to be called where the node is spun."""
+        """Pass on the requests; to be called in the thread that spins the node."""
         while True:
             try:
                 self._todo.get_nowait()()

@@ -1,8 +1,8 @@
 """The page of the live view, served on this machine only, with Python's own library.
 
 A browser gets the page and its script, then the pictures as server-sent events, and posts
-commands. A command is taken only from the page itself: other pages that the browser has open can
-neither read what is here nor command.
+commands. A command is taken only from the page itself: other open pages of the browser can neither
+read its data nor command.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ HEARTBEAT = 1.0
 
 
 class Broadcast:
-    """The newest picture, for any number of readers: who is slow misses some."""
+    """The newest picture, for any number of readers: a slow reader misses some."""
 
     def __init__(self) -> None:
         self._changed = threading.Condition()
@@ -59,7 +59,7 @@ class Broadcast:
         return self.readers > 0
 
     def put(self, about: dict[str, Any], picture: dict[str, Any] | None) -> None:
-        """What is known now; a picture of None is the last one still."""
+        """The present data; a picture of None means that the last one is unchanged."""
         text = json.dumps(about)
         if text == self._about and picture is None:
             return
@@ -101,7 +101,8 @@ class Broadcast:
 
 
 class Server(ThreadingHTTPServer):
-    """Serves `broadcast` at `url` while entered; commands go to `obey`, whose AlfErrors are told.
+    """Serves `broadcast` at `url` while entered; commands go to `obey`, whose AlfErrors are
+    answered.
 
     Raises InputError if the port is taken.
     """
@@ -170,7 +171,7 @@ _FULL = b'HTTP/1.0 503 Too many connections\r\nContent-Length: 0\r\n\r\n'
 
 
 class _Head(io.BufferedReader):
-    """What a connection sends, of which the lines before the body are limited together."""
+    """The input of a connection, with a common limit for the lines before the body."""
 
     left = LARGEST_HEAD
 

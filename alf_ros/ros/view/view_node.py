@@ -1,7 +1,7 @@
-"""The live view as a ROS node: what it hears of a simulator, as a picture.
+"""The live view as a ROS node: data from a simulator, as a picture.
 
 The simulator publishes at every tick. A page needs thirty pictures a second, so topics are read
-best effort with a queue of one, when the view has time: what came between is never unpacked.
+best effort with a queue of one, when the view has time: messages in between are never unpacked.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ Json = dict[str, Any]
 class ViewNode(Node):
     """Hears the simulator of that name in its own namespace.
 
-    `picture`: what is to be drawn, None if nothing is new; `about`: what changes now and then.
-    Both are made anew by `look`, never changed.
+    `picture`: the data to draw, None without news; `about`: data that change rarely. `look`
+    replaces both and never changes them.
     """
 
     def __init__(self, simulator: str) -> None:
@@ -90,7 +90,8 @@ class ViewNode(Node):
             self._forget()
 
     def look(self) -> None:
-        """Take what has come, at most once from each source, and make the picture of it."""
+        """Take the received messages, at most one from each source, and make the picture of
+        them."""
         for _ in range(len(self._listening) + sum(1 for _ in self.clients)):
             self._executor.spin_once(timeout_sec=0.0)
         if time.monotonic() - self._last > SILENCE:
@@ -110,7 +111,7 @@ class ViewNode(Node):
         }
 
     def show_state(self, state: str) -> None:
-        """What a service just answered, until the next report."""
+        """The state that a service just answered, until the next report."""
         self._state = state
 
     def _note(self, **heard: Any) -> None:
@@ -122,7 +123,7 @@ class ViewNode(Node):
     def _on_scene(self, message: String) -> None:
         """A run begins: another simulator, another scene, or this one from its start.
 
-        Unless only numbers of its effects are others: then the run goes on.
+        If only numbers of its effects differ, the run continues.
         """
         before, self._scene = self._scene, _scene(message.data)
         if before != self._scene and _without_effects(before) == _without_effects(self._scene):

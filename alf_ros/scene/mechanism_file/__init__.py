@@ -1,7 +1,7 @@
 """A mechanism file to a Mechanism: every key read, every mistake refused with its line.
 
-What a mechanism as a whole must satisfy (pins closed once, nothing immovable) is in
-mechanism_check.
+`topology_check` has the conditions for a mechanism as a whole (pins closed once, no immovable
+body).
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ WORLD = 'world'
 
 @dataclass
 class _Parts:
-    """What has been read so far. `entries` tells where each name was declared, for errors."""
+    """The parts read so far. `entries` gives the place of each declaration, for errors."""
 
     points: dict[str, Point] = field(default_factory=dict)
     vectors: dict[str, Vector] = field(default_factory=dict)
@@ -70,7 +70,7 @@ class _Parts:
 
 
 class MechanismFound(NamedTuple):
-    """A mechanism, cut, the values of its parameters, and what was read without references to
+    """A mechanism, cut, the values of its parameters, and the entry without references to
     files."""
 
     layout: Layout

@@ -166,7 +166,7 @@ class BodyReader:
     def moment(
         self, item: Item, local: tuple[Numbers, ...], mass: float
     ) -> tuple[str, float | tuple[Numbers, ...]]:
-        """What `inertia` says: 'rod', 'point' or 'about_com', and its value (kg m²)."""
+        """The value of `inertia`: 'rod', 'point' or 'about_com', and its value (kg m²)."""
         entry = item.fields.get('inertia')
         if entry is None:
             if mass > 0.0:

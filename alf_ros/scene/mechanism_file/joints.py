@@ -267,7 +267,7 @@ class GivenJoint:
         self.check_carries(key, point, self.child)
 
     def refuse_parent(self, message: str) -> NoReturn:
-        """Raise what is wrong where the parent should be the ground."""
+        """Raise an error if the parent should be the ground."""
         expected = f'[ground, {self.child}]'
         raise self.error('between', message, value=self.parent, expected=expected)
 

@@ -1,8 +1,8 @@
-"""What must hold for a mechanism as a whole, whatever it was read from.
+"""Conditions for a mechanism as a whole, for any source.
 
 At every point or vector the bodies that carry it, and the ground if it is fixed, must be connected
-by the declared joints as a tree: a missing one would be a connection without a name, one more
-would make the split of the reaction among them arbitrary.
+by the declared joints as a tree. A missing joint would be a connection without a name. An
+additional joint would make the split of the reaction arbitrary.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def check(layout: Layout, entries: Mapping[str, Entry]) -> None:
 def _check_shared(
     mechanism: Mechanism, kind: str, fixed: Collection[str], entries: Mapping[str, Entry]
 ) -> None:
-    """What several bodies carry must be connected by joints there."""
+    """Require that joints connect the bodies at every shared point or vector."""
     items = mechanism.points if kind == 'point' else mechanism.vectors
     carriers: dict[str, list[str]] = {item.name: [] for item in items}
     for body in mechanism.bodies:
@@ -79,7 +79,8 @@ def _check_pin(
 
 
 def _check_row_names(layout: Layout, entries: Mapping[str, Entry]) -> None:
-    """Rows are named after bodies, vectors and joints; two of one name could not be told apart."""
+    """Rows are named after bodies, vectors and joints; two rows of one name could not be
+    distinguished."""
     owners: dict[str, str] = {}
     for row, owner in _row_names(layout):
         if row in owners:

@@ -19,8 +19,7 @@ Table = tuple[tuple[float, ...], ...]
 
 
 class Tables:
-    """Reads tables, and remembers what came from files, which are relative to that which names
-    them."""
+    """Reads tables, and remembers tables from files. Paths are relative to the naming file."""
 
     def __init__(self, references: References) -> None:
         self._references = references
@@ -45,7 +44,7 @@ class Tables:
         return rows
 
     def without_files(self, entry: Entry) -> Entry:
-        """The entry, what came from files written out."""
+        """The entry, with tables from files written out."""
         value = entry.value
         if id(entry) in self._from_file:
             return self._from_file[id(entry)]

@@ -1,7 +1,7 @@
 """Many alike: `B<k>: {for: {k: [0, N]}, at: [k*L, L]}` stands for B0, B1 … BN.
 
-What is between angle brackets is an expression with a whole value; it is replaced by that value in
-names and in references to names (`B<k-1>`). The index may be used in every number of the entry.
+The text between angle brackets is an expression with a whole value, which replaces it in names and
+in references to names (`B<k-1>`). The index may be used in every number of the entry.
 """
 
 from __future__ import annotations

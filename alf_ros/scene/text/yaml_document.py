@@ -1,7 +1,7 @@
-"""YAML with positions: every value knows its file, line and key path, so every error can tell.
+"""YAML with positions: every value knows its file, line and key path, for error messages.
 
-PyYAML only splits the text into events. What a scalar means is decided by whoever asks for it, so
-`1e-3` is a number and `on` is a name, always. Tags are refused, and a key may stand only once.
+PyYAML only splits the text into events. The reader of a scalar decides its meaning, so `1e-3` is
+always a number and `on` always a name. Tags are refused, and a key may occur only once.
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ _Loader = getattr(yaml, 'CSafeLoader', yaml.SafeLoader)
 class Entry:
     """One value of a document: a scalar (`str`), a sequence (`tuple`) or a mapping (`dict`).
 
-    `plain` is false for a quoted scalar. `line` is that of the key, or of the item in a sequence;
-    None where there is no text. `path` is the dotted key path. Every accessor raises InputError
-    with all of them when the value is not what was asked for.
+    `plain` is false for a quoted scalar. `line` is the line of the key, or of the item in a
+    sequence; None without a text. `path` is the dotted key path. Every accessor raises InputError
+    with all of them when the value has another type than requested.
     """
 
     value: str | tuple[Entry, ...] | dict[str, Entry]
@@ -56,8 +56,8 @@ class Entry:
         return self.plain and isinstance(self.value, str) and self.value in NULL
 
     def error(self, message: str, *, value: object = None, **details: Any) -> InputError:
-        """An InputError at this place; `value` defaults to the scalar as written, but of a whole
-        file: whoever names a file must not be told what it says."""
+        """An InputError at this place; `value` defaults to the scalar as written, but never a
+        whole file: the message must not reveal the content of a file."""
         if value is None and self.path and isinstance(self.value, str) and not self.is_null:
             value = self.value
         return InputError(

@@ -27,7 +27,7 @@ OMEGA, MU = 10.0, 1.0  # 1/s and 1, the paper's
 
 @dataclass(frozen=True)
 class _Kind:
-    """The file that says how, the most iterations it means, and what is singular when it fails.
+    """A formulation: its module, its maximum iterations, and the singular matrix of its failure.
 
     A file holds `prepare`, `start` and the compiled `rates` and `advance`. It is imported when its
     formulation is asked for.
@@ -109,8 +109,7 @@ class Formulation:
     ) -> tuple[int, int, int]:
         """Take `steps` steps of h (s) from t0 + first h; returns (result, taken, most iterations).
 
-        y is the state, in and out, and `phase` goes with it. On failure they are those of the last
-        step that could be gone on from.
+        y is the state, in and out, with `phase`. On failure they belong to the last usable step.
         """
         model, method, storage = self._model, self._method, self._storage
         result, taken, most = self._module.advance(

@@ -1,6 +1,6 @@
 """LU of a dense matrix, for the formulations that have one: O(N³), which is part of comparing.
 
-Not LAPACK: it allocates in every stage, and what is singular but for rounding it solves.
+LAPACK is unsuitable: it allocates in every stage, and solves nearly singular systems.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from alf_ros.kernel.numba_ext.jit import ONE, inner
 def factorise(N: np.uint64, matrix: Floats, swap: Indices) -> bool:
     """P A = L U in place, by rows, largest pivots first; returns False if A is singular.
 
-    That is, to working precision, by a pivot beside the largest element: A must be scaled.
+    A is singular if a pivot is below working precision of the largest element: A must be scaled.
     """
     largest = 0.0
     for i in range(N * N):

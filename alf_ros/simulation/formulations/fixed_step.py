@@ -41,9 +41,9 @@ def runge_kutta(
 ) -> tuple[int, int, int]:
     """Take `steps` steps of h from step number `first`; returns (result, taken, most iterations).
 
-    y is the state, in and out, and `phase` goes with it; on failure they are those of the last
-    step that could be gone on from. `rates` takes the state of a stage in storage.y, leaves its
-    rates in storage.k and its q and q̇ in `work`.
+    y is the state, in and out, and `phase` goes with it; on failure they belong to the last usable
+    step. `rates` takes the state of a stage in storage.y, leaves its rates in storage.k and its q
+    and q̇ in `work`.
     """
     N, stages, start = np.uint64(y.size), method.b.size, np.uint64(0)
     k, ys = storage.k, storage.y
@@ -87,7 +87,7 @@ def runge_kutta(
 
 @inner
 def _judged(unit: Unit, system: System, work: Work, storage: Storage, result: int) -> int:
-    """Return what is wrong with a state: that it has run away, which says more, or `result`."""
+    """Return the fault of a state: that it has diverged, which is more specific, or `result`."""
     if result == FOLDED:
         return result
     check = 0.0

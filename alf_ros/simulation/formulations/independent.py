@@ -8,7 +8,7 @@ them from z in every stage.
     Rᵀ M R z̈ = Rᵀ (Q - M Ṙ ż)                                      (15)
 
 It ends where the columns of Φ_q for the dependent coordinates lose rank: in a singular position,
-and already where a coordinate of z turns back while the mechanism goes on.
+and already where a coordinate of z turns back while the mechanism continues.
 """
 
 from __future__ import annotations
@@ -59,10 +59,12 @@ def split(model: Model, q: Floats) -> tuple[Indices, Indices]:
 
 
 def prepare(model: Model, settings: Settings, q: Floats) -> Storage:
-    """Allocate what a run from q (all blocks D) writes, and choose its independent coordinates.
+    """Allocate the arrays that a run from q (all blocks D) writes, and choose its independent
+    coordinates.
 
     Raises InputError for constraints of velocities: they leave more coordinates independent than
-    velocities. And for drives, whose velocities are no longer those of the independent ones alone.
+    velocities. Raises InputError for drives too: velocities then do not depend on the independent
+    ones alone.
     """
     if model.system.rows.velocity or model.mechanism.prescribed:
         raise InputError(

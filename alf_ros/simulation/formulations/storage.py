@@ -1,4 +1,4 @@
-"""What a formulation writes besides the kernel's Work, and what can go wrong in it."""
+"""Arrays of a formulation in addition to the kernel's Work, and its failures."""
 
 from __future__ import annotations
 

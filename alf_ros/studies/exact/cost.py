@@ -1,8 +1,8 @@
-"""The one freedom alone, integrated with the adaptive steps of the kernel: what a motion costs.
+"""The one freedom alone, integrated with the adaptive steps of the kernel: the cost of a motion.
 
-State (θ, P), P = I(θ) θ̇ its momentum: θ̇ = P/I, Ṗ = I θ̈ + I' θ̇². Nothing is singular here. The
-method, the embedded errors, what they are relative to, and the choice of the next step are those
-of `kernel.advance_adaptively`, so that evaluations can be compared at the same error.
+State (θ, P), P = I(θ) θ̇ its momentum: θ̇ = P/I, Ṗ = I θ̈ + I' θ̇². The equation has no
+singularity. The method, the embedded errors, their scales, and the choice of the next step are the
+same as in `kernel.advance_adaptively`, so that evaluations can be compared at the same error.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ def integrate(
 ) -> Cost | None:
     """From θ (rad), θ̇ (rad/s) at times[0] through all `times` (s), each a point of the grid.
 
-    exact: q (times, n) to compare with, m. size (m): that of the mechanism, to which the tolerance
-    is relative; slowest (m/s): what a slower speed counts as, as in the kernel. None if it takes
-    more than MOST evaluations: rounding is then above the tolerance.
+    exact: q (times, n) to compare with, m. size (m): of the mechanism, to which the tolerance is
+    relative; slowest (m/s): the least speed for relative errors, as in the kernel. None if it
+    needs more than MOST evaluations: rounding is then above the tolerance.
     """
     a, b, embedded = _METHOD.a, _METHOD.b, _METHOD.embedded
     assert embedded is not None  # that of an adaptive method
@@ -88,10 +88,10 @@ def integrate(
 
 
 def evaluations_for(position: float, costs: Sequence[Cost]) -> float:
-    """Evaluations for a position error (m), between those of `costs` in their logarithms.
+    """Evaluations for a position error (m), interpolated in `costs` in logarithms.
 
-    Some runs are lucky: of those that come below an error the cheapest counts. Outside the errors
-    of `costs` it is that of the nearest.
+    Some runs are lucky: the cheapest run below an error counts. Outside the errors of `costs` the
+    nearest run counts.
     """
     errors: list[float] = []
     evaluations: list[int] = []

@@ -16,7 +16,7 @@ TEN_SECONDS = tuple(0.1 * k for k in range(101))
 
 @dataclass(frozen=True)
 class ExactMotion:
-    """A scene, the times (s) at which it is looked at, and its exact q (times, n) then, m.
+    """A scene, the times (s) of comparison, and its exact q (times, n), m.
 
     `start` tells motions of the same mechanism apart; `driven`: its energy is not constant.
     """

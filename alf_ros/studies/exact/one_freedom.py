@@ -1,7 +1,7 @@
 """Exact motions: a mechanism reduced by hand to its one angle, whose equation is integrated alone.
 
-There are no constraints in it, so the singular positions of the mechanism are ordinary points.
-Sizes are those of the mechanisms in config: rods of 1 m and 1 kg, gravity 9.81 m/s^2.
+It has no constraints, so the singular positions of the mechanism are ordinary points. Sizes are
+the same as in config: rods of 1 m and 1 kg, gravity 9.81 m/s^2.
 """
 
 from __future__ import annotations
@@ -111,8 +111,8 @@ def change_point_alone() -> OneFreedom:
 
     With f = |AC| the law of cosines puts B at x along AC and y to its left, x = (f² + b² - c²)/2f,
     4 f² y² = (b + c - f)(b + c + f)(f + c - b)(f + b - c). As a + d = b + c, the first two factors
-    are 4 a d cos²(φ/2): the motion that goes straight on through the change point is the one whose
-    y has the sign of cos(φ/2), a smooth function of φ with period 4π.
+    are 4 a d cos²(φ/2): in the motion straight through the change point, y has the sign of
+    cos(φ/2), a smooth function of φ with period 4π.
     """
     crank, coupler, rocker = 1.0, 1.0, 2.0  # kg
 

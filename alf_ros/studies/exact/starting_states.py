@@ -1,8 +1,8 @@
 """Thirty starting states of a mechanism that passes singular positions, as motions of 3 s.
 
-At rest exactly in a singular position is none of them: where branches cross, the motion that
-starts there is not determined by the equations, so there is no exact one to compare with. With a
-speed along a branch, or at rest however little beside the position, there is.
+Rest exactly in a singular position is excluded: where branches cross, the equations do not
+determine the motion that starts there, so no exact motion exists for comparison. It exists with a
+speed along a branch, or at rest at any distance from the position.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class StartingState:
 
     @cached_property
     def costs(self) -> tuple[Cost, ...]:
-        """What the one freedom alone costs, at tolerances closer than those of the campaign."""
+        """The cost of the one freedom alone, at tolerances closer than in the campaign."""
         model = Simulation(self.motion.scene()).model
         weight = max(body.mass for body in model.mechanism.bodies) * one_freedom.GRAVITY
         # as the kernel has it, for forces that are weights of two rods at a point

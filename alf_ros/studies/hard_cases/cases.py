@@ -149,7 +149,7 @@ CASES = {
 
 
 def judge(row: TableRow, results: Sequence[RunResult]) -> str:
-    """'passed', or what is wrong with the runs of a row."""
+    """'passed', or the fault in the runs of a row."""
     bad = [result for result in results if result.verdict != 'passed']
     if bad:
         efforts = list(dict.fromkeys(result.run.effort for result in bad))
@@ -165,6 +165,6 @@ def judge(row: TableRow, results: Sequence[RunResult]) -> str:
 
 
 def ratios(results: Sequence[RunResult]) -> tuple[float, float]:
-    """Median and worst ratio of the evaluations to those of the one freedom alone."""
+    """Median and worst ratio of the evaluations to the evaluations of the one freedom alone."""
     ratios = [math.inf if result.failure else result.ratio for result in results]
     return statistics.median(ratios), max(ratios)

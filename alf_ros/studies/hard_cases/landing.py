@@ -68,7 +68,7 @@ class _Passage:
         return float(theta), float(rate)
 
     def motion(self, when: float) -> ExactMotion:
-        """That reaches the position at the time `when` (s)."""
+        """A motion that reaches the position at the time `when` (s)."""
         theta, rate = self._at(-when)
 
         def by_point(values: Floats) -> dict[str, list[float]]:
@@ -102,7 +102,7 @@ class _Driven:
     source: Callable[[float], dict[str, Any]]
 
     def motion(self, when: float) -> ExactMotion:
-        """That reaches the position at the time `when` (s)."""
+        """A motion that reaches the position at the time `when` (s)."""
         return ExactMotion(
             self.mechanism,
             f'driven at {self.rate:.4g} rad/s in {when:.13g} s',
@@ -114,8 +114,8 @@ class _Driven:
 
 
 def _piston(rate: float) -> _Driven:
-    """A slider-crank whose slider is driven: at its dead centre the crank may turn back or go on,
-    and goes on."""
+    """A slider-crank whose slider is driven: at its dead centre the crank may turn back or
+    continue, and continues."""
 
     def place(t: float) -> Floats:
         cos, sin = -math.cos(rate * t), -math.sin(rate * t)
@@ -137,8 +137,8 @@ def _piston(rate: float) -> _Driven:
 
 
 def _five_bar(rate: float) -> _Driven:
-    """A five-bar with both cranks driven. Its outer bars come to lie in a line (type II), and go
-    on: γ is their angle."""
+    """A five-bar with both cranks driven. Its outer bars come to lie in a line (type II), and
+    continue: γ is their angle."""
     a, long = 1.0, 1.8  # m: half the base and the cranks; the outer bars
 
     def place(t: float) -> Floats:

@@ -1,4 +1,4 @@
-"""What the hard cases say: a line of text for each row, a line of CSV for each run."""
+"""Results of the hard cases: a line of text for each row, a line of CSV for each run."""
 
 from __future__ import annotations
 

@@ -21,8 +21,8 @@ LARGEST_GAP = 1e-12  # m, of a constraint
 class RunSpec:
     """A motion, computed with the step `h` (s), or with `tolerance` on a grid of `h`.
 
-    `bound` (m) is on its position error. `penalty`: in place of that of the scene. `reduced`: what
-    the equation of the one freedom alone costs, by tolerance, to compare the evaluations with.
+    `bound` (m) is on its position error. `penalty`: in place of the penalty of the scene.
+    `reduced`: the cost of the equation of the one freedom alone, by tolerance, for comparison.
     """
 
     motion: ExactMotion
@@ -35,7 +35,7 @@ class RunSpec:
 
     @property
     def effort(self) -> str:
-        """What sets the accuracy, in words."""
+        """The setting of the accuracy, in words."""
         if self.tolerance is not None:
             return f'tolerance {self.tolerance:.0e}'
         return f'h = {1e3 * self.h:.4g} ms'
@@ -79,8 +79,8 @@ class RunResult:
 
 @dataclass(frozen=True)
 class TableRow:
-    """A line of the table: runs of one mechanism; `order` is the lowest one that will do,
-    `ratio` the highest median of the evaluations over those of the one freedom alone.
+    """A line of the table: runs of one mechanism; `order` is the lowest acceptable one, `ratio`
+    the highest median of the evaluations over the evaluations of the one freedom alone.
     """
 
     case: str
@@ -116,7 +116,7 @@ def observed_order(results: Iterable[RunResult]) -> float:
     """Slope of log error over log step; NaN where the errors do not lie along one.
 
     That is: fewer than four steps, less than two decades, or a correlation below 0.9. Only errors
-    that are above what rounding makes of a passage (1e-9 m) and small (below 1 cm) count.
+    above the rounding of a pass (1e-9 m) and below 1 cm count.
     """
     points = [(r.run.h, r.position) for r in results if 1e-9 < r.position < 1e-2]
     if len({h for h, _ in points}) < 4:

@@ -19,9 +19,8 @@ FLOOR = 1e-17  # m or J: errors smaller than this stand here
 
 @dataclass(frozen=True)
 class _Panel:
-    """What is drawn of a curve, and beside the exact curve the share by which the axis is wider
-    than 98 % of that one: a curve that is far off would hide the others. 0: an error, as a
-    logarithm."""
+    """The quantity drawn of a curve, and the share by which the axis is wider than 98 % of the
+    exact curve: a curve that is far off would hide the others. 0: an error, as a logarithm."""
 
     title: str
     values: Sequence[Floats]  # of each curve

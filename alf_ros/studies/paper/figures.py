@@ -21,7 +21,7 @@ _LONGEST = 1.0  # s: the grid of the adaptive steps of alf2; as its tolerance as
 
 @dataclass(frozen=True)
 class Figure:
-    """The runs of an example beside its exact motion; `name` is that of its files."""
+    """The runs of an example beside its exact motion; `name` is the name of its files."""
 
     name: str
     title: str
@@ -30,7 +30,7 @@ class Figure:
 
     @property
     def heading(self) -> str:
-        """What stands above the picture."""
+        """The title of the picture."""
         return f'{self.comparison.example.section}; {self.title}'
 
     @property
@@ -93,7 +93,7 @@ def fixed(comparison: FormulationComparison, solver: Mapping[str, Any]) -> Figur
 
 
 def finding(runs: Sequence[ComparedMotion]) -> str:
-    """What runs of the two four-bars in the setting of the paper show of what the paper says."""
+    """Whether runs of the two four-bars in the setting of the paper reproduce its finding."""
     lost = {curve.name: curve.lost for curve in runs}
     alf1, alf2 = lost['alf1'], lost['alf2_as_printed']
     here = ', '.join(

@@ -1,7 +1,7 @@
 """The two examples of the paper run with a formulation, beside their exact motion.
 
-Bayo & Avello, Nonlinear Dynamics 5 (1994): slider-crank (6.2) and two four-bars (6.3), 10 s. q̈ and
-λ are those of the state reached, as `Sample` has them, in every formulation.
+Bayo & Avello, Nonlinear Dynamics 5 (1994): slider-crank (6.2) and two four-bars (6.3), 10 s. q̈
+and λ belong to the reached state, as in `Sample`, in every formulation.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ OFF, CHANGED = 0.1, 0.01  # m off the branch, of the energy: from there on a run
 
 @dataclass(frozen=True)
 class Example:
-    """A mechanism with an exact motion, and what is shown of it.
+    """A mechanism with an exact motion, and its displayed quantities.
 
     shown: place in q of the coordinate; rows: constraints whose λ are shown, times `weight`(θ),
     which vanishes at the singular positions. figures: where the paper shows this example.
@@ -126,7 +126,7 @@ class FormulationComparison:
 
     @cached_property
     def _observer(self) -> Simulation:
-        """What is asked for q̈, λ and the energy of a state."""
+        """A simulation that gives q̈, λ and the energy of a state."""
         return Simulation(load_scene(self.example.mechanism))
 
     @cached_property
@@ -163,7 +163,7 @@ class FormulationComparison:
         return replace(curve, nearest=float(np.abs(self.example.weight(angles)).min()))
 
     def lost_at(self, formulation: str, setting: PublishedSetting) -> float | None:
-        """When (s) such a run is lost, if it is; it goes no further."""
+        """The time (s) at which such a run fails, where it stops; None if it does not fail."""
         run = PublishedRun(load_scene(self.example.mechanism), formulation, setting)
         first, reached = None, 0.0
         try:
@@ -216,9 +216,8 @@ class FormulationComparison:
         )
 
     def _is_lost(self, sample: Sample, first: Sample) -> bool:
-        """Whether the points are not where the mechanism has them when its first bar is as here,
-        or the energy is not that of the start. A run that is late by its integrator's error is
-        not lost."""
+        """Whether the points differ from the mechanism with the same first bar, or the energy
+        differs from the energy at the start. A run that is only late does not count."""
         off = np.abs(sample.q - self._alone.position(_angle(sample.q))).max()
         kept = abs(sample.energy - first.energy) <= CHANGED * first.energy
         return not (off <= OFF and kept)

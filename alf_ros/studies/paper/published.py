@@ -1,9 +1,9 @@
 """The setting in which Bayo & Avello ran their examples: a variable-step multistep method.
 
-They give a tolerance of 1e-5 and α = 1e7, here the same for every row. Which code they took is
-not known to us. The usual one of the time is that of Shampine & Gordon, which SciPy does not have:
-`formulations/adams.py`. Beside it stands VODE, which SciPy has. It repeats the corrector until
-that converges, which takes shorter steps beside a singular position and brings evaluations nearer.
+They give a tolerance of 1e-5 and α = 1e7, here the same for every row. We do not know which code
+they used. The usual one of the time is the code of Shampine & Gordon, which SciPy does not have:
+`formulations/adams.py`. VODE of SciPy is the alternative. It repeats the corrector until
+convergence, with shorter steps beside a singular position and nearer evaluations.
 
 The integrators drive the rates of a formulation from outside the compiled step, and take the
 examples only: nothing is counted, prescribed or watched on the way.

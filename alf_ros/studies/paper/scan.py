@@ -1,4 +1,4 @@
-"""Where ALF1 and ALF2 as printed are lost: tolerances and penalties around those of the paper."""
+"""When ALF1 and ALF2 as printed fail: tolerances and penalties around the values of the paper."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def table(
     tolerances: Sequence[float] = TOLERANCES,
     penalties: Sequence[float] = PENALTIES,
 ) -> str:
-    """When a run is lost, a line for each α."""
+    """When a run fails, a line for each α."""
     title = f'{comparison.example.mechanism}, {formulation}: time of failure, s'
     lines = [title, 'α \\ tolerance' + ''.join(f'{tolerance:>9.0e}' for tolerance in tolerances)]
     for penalty in penalties:
@@ -40,7 +40,7 @@ def neighbours(
     setting: PublishedSetting,
     factors: Sequence[float] = tuple(NEIGHBOURS),
 ) -> str:
-    """How many runs are lost, and when, with tolerances that nobody would tell apart."""
+    """How many runs fail, and when, with nearly equal tolerances."""
     runs = [replace(setting, tolerance=setting.tolerance * factor) for factor in factors]
     found = [comparison.lost_at(formulation, each) for each in runs]
     times = Counter(_time(at) for at in found if at is not None)

@@ -1,7 +1,7 @@
-"""Table I of the paper: the error of q̈ after each iteration, and what is misprinted about it.
+"""Table I of the paper: the error of q̈ after each iteration, and its misprints.
 
 The slider-crank of 6.1 with q = (x1, y1, x2), at θ = 45° and in its singular position, θ = 90°,
-with ẋ2 = -2 m/s and α = 1e4. Nothing is integrated: (26) is iterated at one position.
+with ẋ2 = -2 m/s and α = 1e4. (26) is iterated at one position, without integration.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""What accuracy costs in time."""
+"""The cost of accuracy in time."""

@@ -38,7 +38,7 @@ class Setting:
 
     @property
     def curve(self) -> tuple[str, str, int]:
-        """What it shares with the settings that differ in accuracy alone."""
+        """The common part of settings that differ in accuracy alone."""
         return self.formulation, self.integrator, self.iterations
 
     @property
@@ -148,7 +148,7 @@ def _timed(simulation: Simulation, steps: int) -> float:
 
 
 def _failed(scene: Scene, setting: Setting, error: StepError, duration: float) -> Measurement:
-    """What the run cost as far as it came."""
+    """The cost of the run as far as it came."""
     simulation = Simulation(scene, **dataclasses.asdict(setting))
     spent = []
     for _ in range(FEWEST):

@@ -1,4 +1,4 @@
-"""What runs of a scene are compared with: its exact motion, or a run so fine that it converged."""
+"""References for runs of a scene: its exact motion, or a run so fine that it converged."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ PAIRS = ((1e-12, 1e-11), (1e-11, 1e-10), (1e-10, 1e-9), (1e-8, 1e-7))  # fine ru
 
 @dataclass(frozen=True)
 class Course:
-    """What a run showed at given instants.
+    """Results of a run at given instants.
 
     q (instants, n), m; energy (instants,), J; force (instants, n): Φ_qᵀ λ, N; gap: the largest by
     which a constraint was open, m.
@@ -59,9 +59,9 @@ def course(simulation: Simulation, times: tuple[float, ...]) -> Course:
 def reference(scene: Scene, duration: float | None = None) -> Reference:
     """The reference for `duration` (s; as long as the exact motion is known, or 10 s).
 
-    Positions are those of the exact motion where there is one. Everything else is of a run with
-    `dop853_adaptive` at tolerance 1e-12, or the finest that runs; its own error is how far the
-    same at a ten times larger tolerance is from it. Raises InputError if nothing converges.
+    Positions come from the exact motion if it is known. Everything else comes from a run with
+    `dop853_adaptive` at tolerance 1e-12, or the finest that runs. Its own error is the distance to
+    the same run at a ten times larger tolerance. Raises InputError if no run converges.
     """
     motion = _exact(scene)
     whole = duration or (motion.times[-1] if motion else 10.0)

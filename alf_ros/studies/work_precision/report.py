@@ -1,4 +1,4 @@
-"""What a work-precision sweep says: the cost to reach an error, as a table and as a sentence."""
+"""Results of a work-precision sweep: the cost to reach an error, as a table and as a sentence."""
 
 from __future__ import annotations
 
@@ -34,17 +34,17 @@ def curves(points: Iterable[Measurement]) -> dict[Curve, list[Measurement]]:
 
 @dataclass(frozen=True)
 class CostToReach:
-    """What an error costs: ms per simulated second, with the setting next below that error."""
+    """The cost of an error: ms per simulated second, with the setting next below that error."""
 
     cpu: float
     point: Measurement
 
 
 def cost_to_reach(curve: Sequence[Measurement], error: float) -> CostToReach | None:
-    """What `error` (m) costs along a curve, or None if it is not reached.
+    """The cost of `error` (m) along a curve, or None if it is not reached.
 
-    A point counts as the worst of it and all that are finer, so that a run that is lucky in its
-    error does not; at the fine end rounding may be above it. Between points logarithms are linear.
+    A point counts with the worst error of itself and all finer points, so that luck does not
+    count; at the fine end rounding may be above it. Between points logarithms are linear.
     """
     last: tuple[float, Measurement] | None = None
     for point in curve:
@@ -68,7 +68,7 @@ def best(points: Iterable[Measurement], error: float) -> CostToReach | None:
 
 
 def sentence(summary: Summary, error: float = 1e-6) -> str:
-    """What `error` (m) costs, and what ten times tighter does."""
+    """The cost of `error` (m), and of an error ten times smaller."""
     found = best(summary.points, error)
     if found is None:
         return f'{summary.scene}: no setting reaches {error:.0e} m.'

@@ -1,6 +1,6 @@
-"""A sweep of settings, and the CSV file that keeps what was measured.
+"""A sweep of settings, and the CSV file that keeps the measurements.
 
-What is measured is not measured again, as long as version, machine, scene and duration are the
+Existing measurements are not repeated, as long as version, machine, scene and duration are the
 same.
 """
 
@@ -95,9 +95,9 @@ def sweep(
     store: Store,
     announce: Announce = silent,
 ) -> Summary:
-    """Measure what is not in the store yet; returns all points of the plan.
+    """Measure the settings that are not in the store yet; returns all points of the plan.
 
-    Each setting is told to `announce` before. Raises OSError if the store cannot be written.
+    `announce` is called with each setting before. Raises OSError if the store cannot be written.
     """
     points = []
     for setting in plan:

@@ -1,7 +1,7 @@
-"""What a type of joint is: its keys, freedoms, constraint rows, symbol and meaning elsewhere.
+"""Contract of a joint type: its keys, freedoms, constraint rows, symbol and meaning elsewhere.
 
-The reader, the schema, the rows, coordinates, reactions, pictures and exporters ask the type; none
-of them knows its name. What a type is given by rooms above is said here as protocols: `Given`, the
+The reader, the schema, the rows, coordinates, reactions, pictures and exporters ask the type;
+these modules do not know its name. Protocols define the data that a type receives: `Given`, the
 joint in a file, and `Pen`, which draws it.
 """
 
@@ -68,8 +68,9 @@ INTERNAL = Key('internal', 'boolean', 'one wheel inside the other; false if abse
 class UrdfJoint(NamedTuple):
     """One joint of the row of URDF joints that a joint is.
 
-    suffix: of its name, after that of the joint; `type` and `axis` (3,) as URDF has them, in the
-    joint's frame. mimics: its position is `value` times that of the joint of the same name.
+    suffix: of its name, after the name of the joint; `type` and `axis` (3,) as URDF has them, in
+    the joint's frame. mimics: its position is `value` times the position of the joint of the same
+    name.
     """
 
     suffix: str
@@ -82,9 +83,9 @@ class UrdfJoint(NamedTuple):
 class JointType:
     """A type of joint in the plane or in space.
 
-    keys: what a file must say besides `type` and `between`; `optional`: what it may.
-    read: makes the joint of what a file says.
-    rows: the constraint rows, in order; what the bodies share needs none.
+    keys: required keys of a file in addition to `type` and `between`; `optional`: optional keys.
+    read: makes the joint from a file.
+    rows: the constraint rows, in order; shared points and vectors need no rows.
     draw: its symbol.
     listed: its place in lists of types.
     freedoms: the joint coordinates that it has.
@@ -97,10 +98,10 @@ class JointType:
     slip: m, by how much an integrable one has slipped from q to q (blocks, D), for it is held by
       rows of velocities; half a turn at most lies between. `value` is then m/rad.
     block: where its auxiliary block with this suffix is at q (blocks, D).
-    axes: how many axes tell it in other formats; None if they have no such type. `other_names`:
-      what URDF and SDF call it besides.
-    urdf: what it is in URDF; None if it is nothing there. urdf_rail: it is a `prismatic` joint of
-      the ground with a link of its own, for what slides may turn as well.
+    axes: the number of its axes in other formats; None if they have no such type. `other_names`:
+      its other names in URDF and SDF.
+    urdf: its URDF joints; None if URDF has no equivalent. urdf_rail: it is a `prismatic` joint of
+      the ground with a link of its own, because the sliding part may turn as well.
     """
 
     keys: tuple[Key, ...]

@@ -34,7 +34,7 @@ class Given(Protocol):
         ...
 
     def error(self, key: str, message: str, n: int | None = None, **details: Any) -> InputError:
-        """What is wrong with the value of a key ('' for the joint as a whole)."""
+        """The error for the value of a key ('' for the joint as a whole)."""
         ...
 
     def point(self, key: str) -> str:
@@ -58,7 +58,7 @@ class Given(Protocol):
         ...
 
     def check_carries(self, key: str, point: str, body: str, n: int | None = None) -> None:
-        """Refuse a point that is none of a body's, or of the ground's."""
+        """Refuse a point that belongs neither to a body nor to the ground."""
         ...
 
     def body(self, name: str) -> Body | None:
@@ -102,7 +102,7 @@ class Given(Protocol):
         ...
 
     def frame(self, body: str, point: str, axes: Floats | None = None) -> Frame:
-        """At a point, along axes in rows (those of the world if none), on a body."""
+        """At a point, along axes in rows (by default the world axes), on a body."""
         ...
 
     def frame_at(self, body: str, place: Numbers, axes: Floats | None = None) -> Frame:

@@ -1,4 +1,4 @@
-"""What draws the symbol of a joint, as its type sees it."""
+"""Interface that draws the symbol of a joint, for joint types."""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
-"""What rolls: rows of velocities Σ f(q) · d/dt g(q) = 0, the speed of slip.
+"""Rolling: rows of velocities Σ f(q) · d/dt g(q) = 0, the speed of slip.
 
-A spin enters as ω = J d · ḋ / |d|² in the plane, d fixed in the body, and as ω × r = Σ (r·u_k) u̇_k
-in space, u_k the axes of the body: both linear in q, as rows that bind velocities must be (38).
+A spin enters as ω = J d · ḋ / |d|² in the plane, d fixed in the body, and as ω × r = Σ (r·u_k)
+u̇_k in space, u_k the axes of the body: both linear in q, as rows that bind velocities must be
+(38).
 """
 
 from __future__ import annotations
@@ -21,8 +22,7 @@ Pair = tuple[Form, Form]
 def on_a_line(joint: Joint, layout: Layout) -> Row:
     """x · (v - v_line) + R ω = 0 where a wheel of radius R meets the x axis of the parent's frame.
 
-    The line may move: what is on it has the same velocity along x everywhere. So may a belt on it:
-    ṡ is its speed.
+    The line may move, with one velocity along x. A belt on it may move too: ṡ is its speed.
     """
     base, tip = joint.frames
     x = layout.direction(joint.parent, base.axes[0])

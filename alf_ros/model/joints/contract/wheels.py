@@ -1,4 +1,4 @@
-"""What joints of wheels have in common: radii that fit the drawing, bodies that can turn."""
+"""Common parts of joints of wheels: radii that fit the drawing, bodies that can turn."""
 
 from __future__ import annotations
 
