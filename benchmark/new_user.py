@@ -1,13 +1,13 @@
 """The first hour of a new user, timed: from the README to an own mechanism and a pushed node.
 
-    .venv/bin/python benchmark/new_user.py [--fresh]
+    .venv/bin/python benchmark/new_user.py [--fresh | --warm]
 
 Commands, files and programs are taken from README.md and doc/, in the order of doc/new_user.md.
 Without `--fresh` they run in a temporary folder, with the environment of this interpreter and an
 empty cache of compiled code. With `--fresh` they run in a new clone, where `make setup` first
-makes a new environment (needs a package index). Prints the seconds that the machine needs for each step,
-and its processor seconds, which other programs hardly change. Writes
-benchmark/results/new_user.csv. Reading and typing are not included.
+makes a new environment (needs a package index). Prints the seconds of each step, and its processor
+seconds, which other programs hardly change. Writes benchmark/results/new_user.csv. Reading and
+typing are not included.
 """
 
 from __future__ import annotations
@@ -180,9 +180,14 @@ def an_own_mechanism_moves(user: User) -> None:
 PATHS = {'node': the_node_moves, 'plot': forces_are_plotted, 'own': an_own_mechanism_moves}
 
 
-def new_user(folder: Path, fresh: bool) -> User:
-    """A user in an empty folder. `fresh`: in a new clone, with the environment of `make setup`."""
-    own = {'MPLBACKEND': 'Agg', 'NUMBA_CACHE_DIR': str(folder / 'compiled')}
+def new_user(folder: Path, fresh: bool, warm: bool) -> User:
+    """A user in an empty folder. `fresh`: in a new clone, with the environment of `make setup`.
+
+    `warm`: the solver is compiled already.
+    """
+    own = {'MPLBACKEND': 'Agg'}
+    if not warm:
+        own['NUMBA_CACHE_DIR'] = str(folder / 'compiled')
     # of a `make` around this process
     of_make = ('MAKEFLAGS', 'MAKEOVERRIDES', 'MAKELEVEL', 'MFLAGS', 'ARGS', 'PYTHONPATH')
     rest = {key: value for key, value in os.environ.items() if key not in of_make} | own
@@ -204,6 +209,7 @@ def main() -> None:
     """Run the paths, print and write."""
     parser = argparse.ArgumentParser(description=(__doc__ or '').partition('\n')[0])
     parser.add_argument('--fresh', action='store_true', help='in a new clone, with make setup')
+    parser.add_argument('--warm', action='store_true', help='use stored compiled code')
     parser.add_argument('--only', nargs='+', choices=PATHS, default=list(PATHS), metavar='PATH')
     parser.add_argument('--output', type=Path, default=RESULTS / 'new_user.csv', metavar='FILE')
     options = parser.parse_args()
@@ -212,7 +218,7 @@ def main() -> None:
 
     before = os.getloadavg()[0]
     with tempfile.TemporaryDirectory(prefix='alf_ros-new_user-') as folder:
-        user = new_user(Path(folder), options.fresh)
+        user = new_user(Path(folder), options.fresh, options.warm)
         for name in options.only:
             PATHS[name](user)
     with open(options.output, 'w', encoding='utf-8', newline='') as stream:

@@ -30,7 +30,7 @@ from alf_ros.studies.work_precision.report import (  # noqa: E402
 from alf_ros.studies.work_precision.sweep import measurement_of  # noqa: E402
 
 RESULTS = ROOT / 'benchmark' / 'results'
-DOCUMENTS = ('README.md', 'doc/performance.md', 'doc/reliability.md')
+DOCUMENTS = ('README.md', 'doc/performance.md', 'doc/reliability.md', 'doc/new_user.md')
 SURVIVAL = (0.01 / 60, 0.01 / 5)  # s, steps of the sweep
 STIFF = 1e-4  # m
 LOST = 1e-2  # m: above it, it is another motion
@@ -278,6 +278,16 @@ def fuzz() -> str:
     return markdown(about, head, [*body, ['all', *total.values()]])
 
 
+def new_user() -> str:
+    """Seconds of each step of a new user."""
+    about, found = rows('new_user.csv')
+    head = 'step | command | seconds | processor seconds'
+    keys = ('seconds', 'processor_seconds')
+    body = [[row['step'], f'`{row["command"]}`', *(row[key] for key in keys)] for row in found]
+    total = [f'{sum(float(row[key]) for row in found):.1f}' for key in keys]
+    return markdown(about, head, [*body, ['all', '', *total]])
+
+
 def draw(path: Path) -> None:
     """Above the error of every step of the sweep, below what an error costs."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -334,6 +344,7 @@ TABLES = (
     ('peers', peers),
     ('engines', engines),
     ('fuzz', fuzz),
+    ('new_user', new_user),
 )
 
 

@@ -8,7 +8,7 @@ import time
 
 _WIDTH = 30
 _PERIOD = 0.1  # s between two pictures of a part
-_FIRST = 0.5  # s before the first of them: what is quick needs none
+_FIRST = 0.5  # s before the first of them: quick runs need none
 
 
 class ProgressBar:

@@ -22,7 +22,7 @@ from alf_ros.errors import InputError
 __all__ = ['ROLES', 'Effect', 'held', 'full_name', 'kinds', 'load', 'origin', 'own', 'short_name']
 
 _GROUP = 'alf_ros.effects'
-# the files that pack what is held from outside, by role (`contract`): found without importing all
+# the files that pack held commands, by role (`contract`): found without importing all
 ROLES = {
     contract.WRENCH: 'constant_wrench',
     contract.EFFORT: 'joint_effort',
@@ -54,7 +54,7 @@ def full_name(name: str, folder: Path | None, code: bool = True) -> str:
     """
     if user_file.is_file_name(name):
         return user_file.full_name(name, folder, code)
-    if name not in own() and name not in _registered():  # asking what is installed takes long
+    if name not in own() and name not in _registered():  # a search for installed packages is slow
         raise KeyError(name)
     return name
 

@@ -96,7 +96,7 @@ def examined(
     )  # matrices are small, and cores are for others
     context = multiprocessing.get_context('forkserver')
     context.set_forkserver_preload([__name__])
-    first = context.Process(target=_compile)  # which takes as long as it takes, once
+    first = context.Process(target=_compile)  # once, of any duration
     first.start()
     first.join()
     for path in files_below(folder):
@@ -124,7 +124,7 @@ def _answer(mine: Pipe, found: Examined, seconds: float) -> Examined:
             found = mine.recv()
     except EOFError:
         return replace(found, why=f'its process ended while {found.why}')
-    if found.result == LIMIT:  # what has been simulated runs, sound or not
+    if found.result == LIMIT:  # a simulated mechanism runs, sound or not
         result = LIMIT if found.seconds is None else OK
         return replace(found, result=result, why=f'{found.why} took longer than {seconds:g} s')
     return found
@@ -141,7 +141,7 @@ def _work(
             answer.send(found)
     except MemoryError:
         answer.send(Examined(name, REFUSED, f'it needs more than {limits.memory >> 20} MiB'))
-    except Exception as error:  # a mistake of ours: the table shows it, and goes on
+    except Exception as error:  # a fault of this package: the table shows it, and continues
         message = ' '.join(f'{type(error).__name__}: {error}'.split())
         answer.send(Examined(name, BROKEN, message))
 

@@ -44,7 +44,7 @@ MOTION = {
     'joints of unknown type': 'they are omitted',
     'includes': 'their content is omitted',
 }
-_COUNTED = ('contact',)  # who has it says nothing
+_COUNTED = ('contact',)  # names give no information here
 # what reads differently, but moves alike
 READING = {
     'names, changed': '',

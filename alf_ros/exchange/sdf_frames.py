@@ -87,7 +87,7 @@ class SdfFrames:
         if not to:
             raise self._refuse(name, f'its pose does not lead to {base!r}')
         found = self._within(to, base, (*waiting, name)) @ frame.pose
-        if placed:  # the pose is that of a frame of the model, and the model hangs from it
+        if placed:  # the pose belongs to a frame of the model, and places the model
             found = found @ self._within(self.find(placed, ''), name, ()).inverse
         if base == WORLD:
             self._poses[name] = found

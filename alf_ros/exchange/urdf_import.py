@@ -268,7 +268,7 @@ def _parsed(path: Path, arguments: Mapping[str, str] | None) -> tuple[ElementTre
             ElementTree.SubElement(plain, element.tag, element.attrib).extend(kept)
     for element in plain.iter():
         xml_file.check_sizes(element, path)
-    told, core.on_error = core.on_error, lambda message: None  # what is unknown we list ourselves
+    told, core.on_error = core.on_error, lambda message: None  # unknown elements are listed here
     try:
         robot = urdf.URDF.from_xml_string(ElementTree.tostring(plain))
     except core.ParseError as error:

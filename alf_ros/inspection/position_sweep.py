@@ -18,7 +18,7 @@ from alf_ros.model.dense_linearisation import DEPENDENT, Linearised
 _STEP = 0.03  # of the shortest bar
 _MOST, _SAMPLE = 1200, 480  # positions: of one way, of several together
 _LABOUR = 3e8  # n³ times positions, of all ways
-_BOTTOM = 40  # positions that it takes to find where a dip is deepest
+_BOTTOM = 40  # positions for finding the minimum of a dip
 _LEAST = 20  # positions: with fewer there is no walk
 _SUSPECT = 0.3  # singular value, of its usual one, below which a dip is looked at
 _SINGULAR = 1e-5  # and below which its bottom counts as singular

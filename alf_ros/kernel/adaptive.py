@@ -38,8 +38,8 @@ _SHARE = 0.05  # of the tolerance for one step: errors add up along a motion
 _ROUNDED = EPS  # over x²: relative error of a step that may be rounding …
 _FLAT = 1e-14  # … far from singular positions, over the ordinary σ …
 _MOST_ROUNDED = 1e-10  # … and at most; ten times more if it stays
-_DECAY = 2.5  # an error of order h⁴ that falls by less than this power of h is that of a kink
-_LEAP = 100.0  # times: so much above that of the step before, likewise
+_DECAY = 2.5  # an error of order h⁴ that falls by less than this power of h belongs to a kink
+_LEAP = 100.0  # times: an error that exceeds the previous one by so much, likewise
 _TURN = 1.5  # rad that an arm may turn in a step, so that turns can be counted
 _MARGIN = 4.0  # as rounding is different in every step
 ENDED = 1e-6  # part of the step of the grid up to which the end of a balance is found
@@ -185,7 +185,7 @@ def advance_adaptively(
                     error = max(fine, coarse)
                 part = error / floor
                 factor = min(5.0, max(0.2, 0.8 * part ** (-1.0 / 8.0))) if part > 0.0 else 5.0
-            # the error of a method falls as h⁸, that of rounding as h: then a shorter step is no
+            # the error of a method falls as h⁸, rounding as h: then a shorter step is no
             # better
             stays = tries > 0 and fine > before * (dt / longer) ** 1.5
             likely = _likely_rounding(system, work) * (1.0 if tries < 2 else 10.0)
@@ -221,7 +221,7 @@ def advance_adaptively(
         save_grid_point(problem, phase)
         phase.step[0] = first + taken + 1
         good_pace = pace[0]
-        if watch is not None:  # known when it is compiled: who does not watch does without
+        if watch is not None:  # known at compilation: code without watching omits it
             if may_have_passed(problem, phase, watch, end):
                 return OK, taken + 1, most  # to be looked at
     return OK, steps, most

@@ -226,7 +226,7 @@ def accelerate_under(problem: Problem, t: float, exactly: bool) -> tuple[int, fl
     bearings = problem.forces.bearings
     if bearings.settle.size > 0:
         work = problem.work
-        for i in range(work.p.size):  # what is prescribed stands behind
+        for i in range(work.p.size):  # prescribed blocks follow
             work.qdd[i] = 0.0
         bias(problem.unit, problem.system, work, work.r2)
         for r in range(work.r2.size):

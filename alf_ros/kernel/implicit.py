@@ -304,7 +304,7 @@ def advance_implicitly(
                 factor = min(5.0, max(0.2, 0.8 * error**-0.25)) if error > 0.0 else 5.0
             good = error <= 1.0
             if not good and tries > 0 and error > before * (dt / longer) ** 1.5:
-                # that of the method falls as h⁴, that of rounding as h: shorter is no better
+                # the error of the method falls as h⁴, rounding as h: shorter is no better
                 likely = _ROUNDING if work.nearest[0] < np.inf else _FLAT
                 good = error * _SHARE * method.tolerance < likely
                 work.rounded[0] += good
@@ -338,7 +338,7 @@ def advance_implicitly(
         save_grid_point(problem, phase)
         phase.step[0] = first + taken + 1
         good_pace = pace[0]
-        if watch is not None:  # known when it is compiled: who does not watch does without
+        if watch is not None:  # known at compilation: code without watching omits it
             zero(system.soft.weight)
             linearise(unit, system, work, work.q)
             if may_have_passed(problem, phase, watch, end):

@@ -36,7 +36,7 @@ NEAR = 0.01  # distance x from which down a step may have passed a position with
 _TURNED = 0.01  # part of the velocity by which a direction may be off
 SPACING = 6.0  # of the places, in parts of the distance that is too close
 _WIDER = 3.0  # spacing, where one of the places is not clear of the position
-_WIDEST = 0.5  # of the size: places further apart do not determine what is between
+_WIDEST = 0.5  # of the size: positions further apart do not determine values in between
 _TRIES = 4
 _SLOW = (
     1e-3  # part of the speed that forces give, below which a velocity has no reliable direction
@@ -138,7 +138,7 @@ def end_interpolated(
         for a in range(work.p.size):
             work.q[a], work.qd[a] = work.sum_q[a], work.sum_qd[a]
     prescribe(system, t, work.q, work.qd, work.qdd)
-    apply(problem, t)  # an embedded error is relative to what acts
+    apply(problem, t)  # an embedded error is relative to the forces
     if not linearise(unit, system, work, work.q):
         return NOT_CLOSED, count
     opening_twofold(unit, system.rows, work.q, work.r2)

@@ -14,7 +14,7 @@ from alf_ros.kernel.data import System, Work
 from alf_ros.kernel.inverse_trace import mass_trace
 from alf_ros.kernel.numba_ext.jit import FOUR, ONE, THREE, TWO, ZERO, inner
 
-_FALLEN = 8.0  # of log det A: a row for which solves are not slow, s > 100, and is lost then
+_FALLEN = 8.0  # of log det A: a lost row that had s > 100, above which solves are not slow
 _FALLEN_BY = np.exp(_FALLEN)
 _SMALL, _LARGE = 1e-200, 1e200  # between which products are kept
 

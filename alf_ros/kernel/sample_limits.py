@@ -17,7 +17,7 @@ from alf_ros.kernel.prescribed import prescribe
 from alf_ros.kernel.step import evaluate_first, scales_of
 
 # Forces are read here, and where all that moves is driven they are off by rounding over x⁴: the
-# places are four times as far away as those of a stage.
+# support positions are four times as far away as for a stage.
 _APART = 1.2
 
 

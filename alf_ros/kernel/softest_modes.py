@@ -26,7 +26,7 @@ _SWEEPS = 6  # of Jacobi's rotations, which converge quadratically
 _FRESH = 0.1  # of all rows, mixed into the last mode
 STIFF = 10.0  # σ of modes that do not vanish soon
 _TWICE = 100.0  # s² of a mode that is very soft
-ALL_SOFT = 4.0  # s² up to which a mode cannot be told from a softer one by 1 - K
+ALL_SOFT = 4.0  # s² up to which 1 - K does not separate a mode from a softer one
 _RIGID = 100.0  # σ above which, as of a mode that moves no mass, it is not told from rounding
 _LITTLE = 1e-3  # of it, of which more than rounding depends on others
 _NOTHING_LEFT = 1e-14  # of a combination of rows: what it comes to is rounding
@@ -117,7 +117,7 @@ def _filter(unit: Unit, system: System, work: Work, modes: Modes, i: np.uint64) 
         copy(work.w, x)
         _leave_out(modes, i)
         left = _scale(x, m)
-    if left < _NOTHING_LEFT:  # what is left is stiff: any of it will do
+    if left < _NOTHING_LEFT:  # the other modes are stiff: any of them will do
         copy(modes.fresh, x)
         _times(unit, system, work, modes)
         copy(work.w, x)

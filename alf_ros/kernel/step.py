@@ -64,7 +64,7 @@ def evaluate_first(problem: Problem, phase: Phase, t: float) -> tuple[int, float
         return most, sigma
     record_power(problem, phase, t, np.uint64(0), 1.0, ALL_FORCES)
     copy(work.qdd, work.pull)
-    copy(work.qdd, work.bend)  # of what is prescribed
+    copy(work.qdd, work.bend)  # of prescribed motions
     for i in range(work.p.size):
         work.bend[i] = 0.0
     zero(work.p)
@@ -83,7 +83,7 @@ def scales_of(system: System, work: Work, phase: Phase) -> Scales:
     radius, close = system.size, system.close
     if fastest * fastest < radius * bend:
         radius = fastest * fastest / bend
-    # rounding is felt as v² / x³: what is slow may be closer
+    # rounding acts as v² / x³: slow motions may come closer
     if fastest * fastest < radius * hardest:
         close *= (fastest * fastest / (radius * hardest)) ** (1.0 / 3.0)
     return Scales(radius, close, np.sqrt(hardest * system.size))

@@ -23,7 +23,7 @@ from alf_ros.kernel.numba_ext.jit import compiled
 
 MAGIC = b'\x89MCAP0\r\n'
 SCHEMA, CHANNEL, MESSAGE, CHUNK, METADATA, DATA_END = 0x03, 0x04, 0x05, 0x06, 0x0C, 0x0F
-# Longest record, and largest chunk, that is believed (bytes): what is beyond is a broken file.
+# Longest record, and largest chunk, that is accepted (bytes): larger ones mean a broken file.
 _LONGEST = 1 << 28
 _HEAD = 31  # bytes of a message record before its data
 
@@ -149,7 +149,7 @@ def _read(stream: BinaryIO, left: int) -> tuple[int, bytes]:
     code, length = struct.unpack('<BQ', head)
     if length > _LONGEST:
         raise _Damaged('broken', ends=True)
-    if length > left - len(head):  # nothing is made room for that is not there
+    if length > left - len(head):  # memory is reserved only for existing data
         raise _Damaged('cut off', ends=True)
     content = stream.read(length)
     if len(content) < length:
@@ -182,7 +182,7 @@ def _decompressed(compression: str, packed: bytes, size: int) -> bytes:
         import zstandard
 
         try:
-            # what a frame says of its size is made room for, whatever the chunk says
+            # decompression reserves the size in the frame, even if the chunk states less
             if zstandard.frame_content_size(packed) > size:
                 raise _Damaged('broken chunk')
             return zstandard.ZstdDecompressor().decompress(packed, max_output_size=size)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 Report = Callable[[float], None]  # takes the part that is done, 0 to 1
-Announce = Callable[[str], None]  # takes what is done next, in words
+Announce = Callable[[str], None]  # receives the next action, in words
 
 
 def silent(_: object) -> None:

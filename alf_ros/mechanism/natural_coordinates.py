@@ -165,7 +165,7 @@ def _shape(dimension: int, length: float, body: Body) -> Shape:
     points = len(body.points)
     places = [np.array(place, dtype=float) for place in body.local]
     places += [length * np.array(axis) for axis in body.axes]
-    # the second point, then vectors, then further points: what is independent carries
+    # the second point, then vectors, then further points: independent ones span the body
     order = [*range(1, min(2, points)), *range(points, len(places)), *range(2, points)]
     found = independent([places[n] for n in order], 1 if dimension == 2 else 3)
     ends = tuple(order[k] for k in found)
@@ -225,7 +225,7 @@ def cut(mechanism: Mechanism) -> Layout:
         for name, block in zip(body.vectors, vectors, strict=True):
             of_vector.setdefault(name, block)
     for names, places in ((mechanism.points, of_point), (mechanism.vectors, of_vector)):
-        for item in names:  # of no body: nothing of a body acts there
+        for item in names:  # of no body: no force of a body acts there
             if item.name not in places:
                 places[item.name] = n
                 n += 1

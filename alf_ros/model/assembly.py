@@ -27,8 +27,8 @@ from alf_ros.model.prescribed import prescribe
 from alf_ros.model.rank import distance, effective_rank
 
 _TO_ROUNDING = kernel.Until(iterations=100, tolerance=1e-15, patience=1.0)
-_SOFT = 0.05  # σ from which down it may be that of a place beside a singular position
-_FIRMER = 20.0  # times, that of an ordinary place near it
+_SOFT = 0.05  # σ below which a position may be beside a singular one
+_FIRMER = 20.0  # times the σ of an ordinary position near it
 
 # components of points and vectors by name; None leaves one free
 Given = Mapping[str, Sequence[float | None]]
@@ -71,7 +71,7 @@ def follow(
         c = system.rows.c.copy()
         c[c.size - len(given) :] = [row.c for row in given]  # these stand last
         here = replace(system, rows=replace(system.rows, c=c))
-        # near a singular position what is open by e leaves a way of √e to go
+        # near a singular position a residual e leaves the position undetermined by √e
         gap = _settle(model, here, work, 1e-15 if k < len(rows) else 0.0)
         if mesh is not None:
             gap = _in_mesh(model, here, work, mesh, found[-1])
@@ -164,7 +164,7 @@ def _mesh(model: Model, given: list[Row]) -> _Mesh | None:
     found = {name: first + n for n, name in enumerate(names[first:])}
     rows = [found[name] for name in own]
     alpha = system.rows.alpha.copy()
-    alpha[[n for n in found.values() if n not in rows]] = 0.0  # what has no teeth may slip
+    alpha[[n for n in found.values() if n not in rows]] = 0.0  # parts without teeth may slip
     return _Mesh(meshes, own, replace(system, rows=replace(system.rows, alpha=alpha)), rows)
 
 
@@ -292,7 +292,7 @@ def ordinary(model: Model, q: Floats) -> tuple[int, Floats, float]:
         near, away = np.array(q), 0.05 * model.size if turn else 0.0
         if turn >= 4 and best == len(model.row_names):
             break
-        if 4 <= turn < 8:  # what is long may close nearer only
+        if 4 <= turn < 8:  # long chains may close nearer only
             if closed:
                 continue
             away = 0.05 * min(model.size, _shortest(model))

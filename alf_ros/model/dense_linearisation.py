@@ -124,7 +124,7 @@ class Linearised:
             gap = float(np.abs(at.phi).max(initial=0.0))
             if gap < 1e-13 * size or gap > 1e3 * size:
                 break
-            if gap > 0.1 * before:  # the decomposition is no longer that of this place
+            if gap > 0.1 * before:  # the decomposition does not belong to this position any more
                 tangent = at
             before = gap
             U, s, Vt = tangent._decomposed

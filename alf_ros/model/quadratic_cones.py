@@ -14,7 +14,7 @@ from alf_ros.arrays import Floats
 from alf_ros.kernel.data import NOTHING
 
 CROSSING = 'crossing'  # branches cross
-TOUCHING = 'touching'  # branches have one tangent: to second order they cannot be told apart
+TOUCHING = 'touching'  # branches have one tangent: to second order they do not differ
 SHAKY = 'shaky'  # infinitesimally mobile: no motion begins in the directions gained
 CURVED = 'curved'  # the cone is no union of subspaces
 MANY = 'many'  # too many directions gained to look for branches

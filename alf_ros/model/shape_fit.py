@@ -58,7 +58,7 @@ def fitted(model: Model, places: list[Floats], rounding: float) -> Mechanism:
 
     operator = LinearOperator((m * len(places), len(columns)), matvec=forth, rmatvec=back)
     wanted = np.concatenate([-P(weight * phi) for P, phi in zip(projectors, before, strict=True)])
-    # no further than rounding: what remains would ask for large changes that nothing needs
+    # no further than rounding: a smaller remainder would need large changes without use
     heaviest, whole = float(weight.max()), float(np.linalg.norm(wanted))
     most = max(1e-6, 0.1 * rounding * np.sqrt(len(places)) * heaviest / whole)
     damp = _DAMPING * heaviest

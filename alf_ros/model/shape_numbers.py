@@ -16,7 +16,7 @@ from alf_ros.model.compile import Model
 from alf_ros.model.constraints.rows import joint_rows, rigidity
 from alf_ros.model.joints import type_of
 
-# What has a shape: ('body' | 'joint' | 'ground', name); of the ground each fixed point or vector.
+# An item with a shape: ('body' | 'joint' | 'ground', name); 'ground': a fixed point or vector.
 Item = tuple[str, str]
 # The mechanism in which one number of the shape is larger by an amount (m), of each item given.
 Change = Callable[[Mechanism, Mapping[str, float]], Mechanism]

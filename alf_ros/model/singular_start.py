@@ -168,7 +168,7 @@ def _is_tight(model: Model, q: Floats, t: float) -> bool:
     try:
         qd = assembly.complete(model, q, {}, t, near=random)
     except AssemblyError:
-        return False  # it is said where velocities are completed
+        return False  # the completion of velocities reports it
     return _accelerated(model, q, qd, t)[1] > _TYPED
 
 

@@ -153,7 +153,7 @@ def _targets(first: Integers, row: Integers) -> Integers:
     at = 0
     for k in range(first.size - 1):
         start, m = first[k], first[k + 1] - first[k]
-        for r in range(m):  # the rest of this column is part of that of its r-th block
+        for r in range(m):  # the other entries here are part of the column of the r-th block
             place = first[row[start + r]]
             for s in range(r + 1, m):
                 while row[place] != row[start + s]:

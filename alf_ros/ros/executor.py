@@ -28,7 +28,7 @@ def spin(node: Finite) -> None:
     """Call the callbacks of a node until its `finished` is done."""
     executor = Executor()
     executor.add_node(node)
-    # What was made at the start stays: the collector need not look at it again and again. The
+    # Objects from the start stay: the collector need not examine them again and again. The
     # second collection tells it that nothing is left; it waits for a quarter of what it counted.
     gc.collect()
     gc.freeze()

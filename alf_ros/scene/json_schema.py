@@ -268,7 +268,7 @@ def _mechanism() -> Schema:
 
 # ----------------------------------------------------------------------------------------- scene
 
-_SIZED = _list(_NUMBER, 2, 3)  # the dimension is that of a mechanism which may be another file
+_SIZED = _list(_NUMBER, 2, 3)  # the dimension belongs to a mechanism, which may be another file
 _PLACE = _any(_NOTHING, _TEXT, _SIZED)
 _KINDS: Mapping[str, Schema] = {
     'number': _NUMBER,

@@ -63,7 +63,7 @@ INITIAL = ('positions', 'velocities')
 _SUFFIXES = ('.yaml', '.yml')
 PICKED = ('integrator', 'tolerance')  # by an accuracy
 CHOICES = {'integrator': INTEGRATORS, 'formulation': FORMULATIONS}
-NUMBERS = {  # smallest, largest, whole, what is expected
+NUMBERS = {  # smallest, largest, whole, expected value
     'step': (1e-12, 1e6, False, 's, from 1e-12 to 1e6'),
     'penalty': (
         yaml_document.SMALLEST,

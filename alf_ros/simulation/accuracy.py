@@ -20,17 +20,17 @@ from alf_ros.model.compile import Model
 from alf_ros.scene.scene import Solver
 from alf_ros.simulation.state import State
 
-HORIZON = 10.0  # s of motion looked at, less where that takes too much
+HORIZON = 10.0  # s of examined motion, less if that needs too much
 SPACING = 0.1  # s between the instants compared
 WORK = 2e7  # (coordinates + OVERHEAD) times evaluations of one run: about a second
 OVERHEAD = 20
-MARGIN = 2.0  # what is picked errs less than asked by this
+MARGIN = 2.0  # the chosen setting errs less than the request by this
 FINEST = 1e-12  # tolerance: below it rounding decides
 LOOSEST = 1e-3
 DECADE = 10.0**0.5  # between two tolerances that are tried
 RETRIES = 3  # of the adaptive integrator, with a tenth of the tolerance each time
 FIXED = {'rk4': 4, 'dop853': 12}  # evaluations in a step
-IMPLICIT = 'esdirk43_adaptive'  # where effects yield, and it takes fewer
+IMPLICIT = 'esdirk43_adaptive'  # with stiff effects, if it needs fewer
 DEAR = 1.8  # explicit evaluations that cost as much as an implicit one (benchmark/stiff.py)
 
 

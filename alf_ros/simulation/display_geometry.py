@@ -13,7 +13,7 @@ from alf_ros.simulation.sample import Sample
 
 # An arrow is three segments: shaft and two barbs.
 POINTS_PER_ARROW = 6
-# Longest standard arrow, as a part of the mechanism's size: that of a force like its weight.
+# Longest standard arrow, as a part of the mechanism's size, for a force like its weight.
 _WEIGHT_LENGTH = 0.25
 _BARB = 0.2
 

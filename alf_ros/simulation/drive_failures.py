@@ -10,7 +10,7 @@ from alf_ros.model import assembly
 from alf_ros.model.compile import Model
 from alf_ros.model.prescribed import prescribe, without_value
 
-_PARTS, _HALVINGS = 64, 24  # of a step, in which it is looked for where drives lead
+_PARTS, _HALVINGS = 64, 24  # of a step, for the search for the instant
 
 
 def beyond_reach(model: Model, q: Floats, t: float, h: float) -> tuple[str, str] | None:

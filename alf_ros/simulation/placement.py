@@ -26,7 +26,7 @@ from alf_ros.simulation.input_checks import numbers, text
 from alf_ros.simulation.state import State
 
 # How far, of the size, a pose may be from one that the constraints allow, and of the largest
-# speed, a twist: what is typed or computed elsewhere has a few digits less.
+# speed, a twist: typed or computed values have a few digits less.
 TOLERANCE = 1e-6
 # Most that a body goes at once: rad, and of the size.
 _TURN, _MOVE = 0.2, 0.1

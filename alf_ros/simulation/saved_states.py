@@ -23,7 +23,7 @@ from alf_ros.simulation.state import State
 
 FORMAT = 1
 _NAME = re.compile(r'[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}')
-_ROOM = 2**26  # bytes of a file, besides those of the numbers of a state
+_ROOM = 2**26  # bytes of a file, in addition to the numbers of a state
 _DIGITS = 32  # bytes of one of them
 
 

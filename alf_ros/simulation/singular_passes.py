@@ -171,7 +171,7 @@ class Watcher:
         """Forget all passes: the simulation continues from another state."""
         self.passes.clear()
         self._known = False
-        # the last place whose σ has a sign, if that of the places since then has none
+        # the last position whose σ has a sign, if later ones have none
         self._open: ModesAt | None = None
         self._nil: float | None = None  # s, when σ was least since then
 

@@ -12,7 +12,7 @@ import pytest
 from support.paths import ROOT
 
 PAGES = [ROOT / file for file in ('README.md', 'CONTRIBUTING.md', 'SECURITY.md')]
-PAGES += sorted((ROOT / 'doc').glob('*.md'))
+PAGES += [ROOT / 'doc/site/index.md', *sorted((ROOT / 'doc').glob('*.md'))]
 COLUMNS = 100
 WORDS = 40
 

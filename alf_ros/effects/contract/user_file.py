@@ -25,7 +25,7 @@ from alf_ros.errors import InputError
 _NAME = re.compile(r'(?P<path>.*\.py)(#sha256=(?P<digest>[0-9a-f]{64}))?')
 TRUSTED = 'trust in the file: see doc/security.md'
 LARGEST = 1 << 20  # bytes of a file
-# By digest: what has run in this process, and copies of texts that a log brings.
+# By digest: texts that have run in this process, and copies of texts in logs.
 _modules: dict[str, ModuleType] = {}
 _texts: dict[str, str] = {}
 _provided: dict[str, Path] = {}
@@ -104,7 +104,7 @@ def provide(name: str, text: str) -> None:
         encoded = b''
     if hashlib.sha256(encoded).hexdigest() != wanted:
         raise InputError('not the text of this effect', value=path)
-    # numba compiles for its cache only what is in a file, whose name must not be the log's choice
+    # numba caches only code from files, and the log must not choose the name of the file
     folder = tempfile.mkdtemp(prefix='alf_ros_effect_')
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     _provided[wanted] = Path(folder) / f'effect_{wanted[:12]}.py'

@@ -94,7 +94,7 @@ class Ledger(Struct):
     effects: Effects  # one by one
     account: Indices  # (effects,) account of each effect
     weights: Floats  # (stages,) of the method
-    rates: Floats  # (stages, accounts) W, in a step; the last account is that of drives
+    rates: Floats  # (stages, accounts) W, in a step; the last account belongs to drives
     Q: Floats  # (all blocks D,) of one effect
     good: Floats  # (accounts,) works at the last point of the grid that an adaptive method reached
 

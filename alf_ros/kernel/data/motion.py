@@ -41,7 +41,7 @@ class Phase(Struct):
     loads: Floats = field(default_factory=lambda: np.zeros(0))
     # (1,) 1 in a singular position, where solves may not show a lost rank, else 0; NaN: unknown
     within: Floats = field(default_factory=lambda: np.zeros(1))
-    # (1,) the number of steps taken: time goes with the state, whatever happens to who asked
+    # (1,) the number of steps taken: it changes together with the state
     step: Integers = field(default_factory=lambda: np.zeros(1, dtype=np.int64))
 
 

@@ -40,14 +40,14 @@ class Until(NamedTuple):
 
     iterations: int | np.int64  # at most
     tolerance: float  # relative to x, or to what f would do to the masses alone
-    patience: float  # ratio of two rounds above which it is called slow, and left
+    patience: float  # ratio of two rounds above which a solve is slow and left
 
 
 class ModeLimits(NamedTuple):
     """Which modes conjugate gradients leave out, and when rows count as fulfilled."""
 
     noise: float  # by which rows may be off, in the unit of x
-    faintest: float  # σ of a mode below which it cannot be told from rounding
+    faintest: float  # σ of a mode below which it does not differ from rounding
     furthest: float  # step of x along a mode, at most, over its σ
 
 

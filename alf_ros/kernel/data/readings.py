@@ -71,7 +71,7 @@ class CutWork(Struct):
     q: Floats  # (cut blocks D,)
     qd: Floats  # (cut blocks D,)
     qdd: Floats  # (cut blocks D,)
-    Q: Floats  # (cut blocks D,) what acts there
+    Q: Floats  # (cut blocks D,) forces there
     needed: Floats  # (cut blocks D,) force that joints must exert on each block, N
     y: Floats  # (cut rows,) λ
     g: Floats  # (cut distance rows D,)

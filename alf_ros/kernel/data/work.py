@@ -20,7 +20,7 @@ class Chart(Struct):
     rate: Floats  # (movable D,) ξ̇ where the step begins, m/s
     momentum: Floats  # (movable D,) w there, kg m/s
     rest: Floats  # (movable D,) of p there, that rounding loses in w
-    w: Floats  # (movable D,) that of the stage unfolded last
+    w: Floats  # (movable D,) of the stage unfolded last
     first: Floats  # (all blocks D,) q̈ there, m/s²
     sin: Floats  # (movable,) of κa, where it was unfolded last
     cos: Floats  # (movable,)
@@ -76,7 +76,7 @@ class Work(Struct):
     nearest: Floats  # (1,) x of the stage nearest to a singular position; inf: none is near
     crossing: Floats  # (3,) m, see `interpolated_stages`: most that was passed, and that is not;
     # and the longest way of a step that had a stage near a singular position
-    place_step: Floats  # (1,) s from a place to the next, for what is prescribed; 0 from rest
+    place_step: Floats  # (1,) s between two support positions, for prescribed motions; 0 from rest
     aside: Integers  # (2,) whether the end of the step is interpolated, and a rank lost there
     sum: Floats  # (movable D,) q̈ interpolated from those places; also other sums
     sum_q: Floats  # (movable D,) q interpolated from those places

@@ -68,7 +68,7 @@ def _plain_cross(b: Any, c: Any) -> Any:
     return np.roll(b, -1) * np.roll(c, -2) - np.roll(b, -2) * np.roll(c, -1)
 
 
-# --------------------------------------------------------------------------- what LLVM is told
+# ----------------------------------------------------------------------- instructions for LLVM
 
 
 class BlockType(types.Type):

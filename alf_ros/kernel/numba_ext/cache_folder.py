@@ -179,7 +179,7 @@ class Folder:
             other.write_bytes(_head(key, data) + data)
             other.replace(self._open / name)
             if self._lock is not None:
-                os.utime(self._lock)  # who waits sees that it goes on
+                os.utime(self._lock)  # shows progress to waiting processes
         except OSError:
             with contextlib.suppress(OSError):
                 other.unlink()

@@ -34,7 +34,7 @@ def _now(folder: str) -> dict[str, str]:
         path.relative_to(PACKAGE).as_posix(): digest_of(path.read_bytes())
         for path in sorted(place.rglob('*.py'))
     }
-    if not found:  # what has moved must not drop out of a digest in silence
+    if not found:  # a file that has moved must not drop out of a digest in silence
         raise FileNotFoundError(f'no source of this package: {folder}')
     return found
 

@@ -13,7 +13,7 @@ from numba.core.ccallback import CFunc
 from alf_ros.kernel.numba_ext.cache import Cache
 from alf_ros.kernel.numba_ext.plain import PLAIN, Function, entered
 
-# whole numbers of 64 bit without sign: with those of the language sums would be floats
+# whole numbers of 64 bit without sign: with Python integers sums would be floats
 ZERO = np.uint64(0)
 ONE = np.uint64(1)
 TWO = np.uint64(2)
@@ -53,7 +53,7 @@ def shared(function: Callable[..., Any]) -> Any:
     return _cached(function, error_model='numpy')
 
 
-# stands in the code that calls it: a compilation less, for what is called from one or two places
+# inlined into its caller: saves a compilation for functions with one or two callers
 expanded = njit(**_options, inline='always')
 
 

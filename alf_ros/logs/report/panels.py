@@ -38,7 +38,7 @@ PANELS = {
     'ordered_position': Panel('Positions commanded', 'rad or m', steps=True),
     'wrench': Panel('Forces commanded', 'N', steps=True),
 }
-# Of what is an error only the peaks count.
+# Of errors only the peaks count.
 PEAKS = ('violation',)
 _OF_JOINTS = ('position', 'velocity', 'effort')
 

@@ -93,7 +93,7 @@ def _message(marks: list[float], counts: list[int], width: float) -> MarkerArray
         marker = Marker(header=Header(stamp=STAMP, frame_id=WORLD), ns=name, id=0)
         balls = name == 'joints'
         marker.type = Marker.SPHERE_LIST if balls else Marker.LINE_LIST
-        # What has no points is taken away: viewers complain of an empty list.
+        # A marker without points is removed: viewers complain of an empty list.
         marker.action = Marker.ADD if count else Marker.DELETE
         marker.pose.orientation.w = 1.0
         thick = 3.0 * width if balls else width

@@ -79,7 +79,7 @@ def state(model: Model) -> Write:
     writers: dict[tuple[object, ...], Write] = {}
 
     def write(sample: Sample, ns: int) -> bytes:
-        # Another formulation, set while the run goes on, may carry more.
+        # Another formulation, set during the run, may carry more.
         key = (sample.state.carried.size, sample.state.loads.size, *sample.state.works)
         if key not in writers:
             made = _joint_state(state_vector.names(model, sample.state), observables.STATE)

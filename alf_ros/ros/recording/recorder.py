@@ -143,14 +143,14 @@ class Recorder:
             write_metadata(self.folder, [*self._finished, self._file], self.info)
         except Exception as error:
             # Nothing that happens to the log, such as a full disk, may stop the simulation: it is
-            # reported, and `write` counts what is lost from here on.
+            # reported, and `write` counts the messages dropped from here.
             with suppress(OSError):
                 self._file.abandon()
             self.written = sum(file.kept for file in (*self._finished, self._file))
             self.error = f'{self.path}: {getattr(error, "strerror", None) or error}'
 
     def _write_files(self) -> None:
-        # The first chunk is closed at once: a log says what was run, however soon it is killed.
+        # The first chunk is closed at once: a log identifies its run, however soon it is killed.
         chunk_end = time.monotonic()
         while not self._closing.wait(LOOK_PERIOD):
             self._drain()

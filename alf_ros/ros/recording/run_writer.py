@@ -176,7 +176,7 @@ def ticks(
         run.note({key: value for key, value in entry.items() if key not in _PLACE})
 
     while True:
-        while due(rerun.simulation.t + rerun.simulation.h):  # what acts from this instant on
+        while due(rerun.simulation.t + rerun.simulation.h):  # inputs from this instant
             act()
         tick = min(rerun.simulation.t + run.setup.tick, end)
         if tick < rerun.simulation.t + 0.5 * rerun.simulation.h:

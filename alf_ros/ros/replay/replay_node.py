@@ -23,7 +23,7 @@ from alf_ros.ros.replay.sources import Source, StampedMessage, stamp_of
 from alf_ros.ros.simulator.parameters import Spec, declare
 from alf_ros.ros.terminal import LOOK_PERIOD, StatusLine
 
-BEAT = 1e-3  # s between two looks at what is due
+BEAT = 1e-3  # s between two checks for due messages
 _MOST = 1000  # messages in one call, so that services and parameters get their turn
 _CLOCK = '/clock'
 _PATIENCE = 1.0  # s, with readers at the end

@@ -301,7 +301,7 @@ class CommandSubscriber:
         before = self._simulation.state
         try:
             yield
-            # Packs what is held now, so that what cannot act shows here and not in a tick.
+            # Packs the held commands now, so that an impossible one fails here and not in a tick.
             self._simulation.step(0)
         except InputError as error:
             self._simulation.restore(before)

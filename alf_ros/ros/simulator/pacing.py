@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-# Real time (s) that may be caught up after a delay; the rest is lost, counted, and never made up.
+# Real time (s) that may be caught up after a delay; more is counted as lost and never made up.
 BACKLOG = 0.1
 # Shortest time (s) between two calls of the timer: faster ticks come several at a call.
 SHORTEST_BEAT = 1e-3

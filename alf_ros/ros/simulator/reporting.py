@@ -33,7 +33,7 @@ class Reporting:
     ) -> None:
         # Several simulators on one machine share the topic: the namespace tells them apart.
         self._logger = node.get_logger()
-        self._lost: Recorder | None = None  # whose error was said
+        self._lost: Recorder | None = None  # whose error was reported
         self._warned: tuple[int, Simulation] | None = None  # whose steps were said to be too long
         self._name = node.get_fully_qualified_name().lstrip('/')
         self._control, self._pacer, self._outputs = control, pacer, outputs
@@ -68,7 +68,7 @@ class Reporting:
         if regular:
             self._before = Pace(self._pacer.ticks, self._pacer.overruns, self._pacer.lost)
             if self._control.paused:
-                # Who came late, or missed the message, sees the state as well.
+                # Late subscribers, and those that missed the message, receive the state too.
                 run.send(record=False, whole=True)
         if self._status.live or self._looks % round(PLAIN_PERIOD / LOOK_PERIOD) == 0:
             self._status.show(self._line())

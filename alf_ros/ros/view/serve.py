@@ -44,5 +44,5 @@ def serve(
 
 
 def _bridge(simulator: str, port: int) -> FoxgloveBridge:
-    # Imported here: who looks at the page alone need not have it.
+    # Imported here: the page alone works without it.
     return FoxgloveBridge(simulator, port)

@@ -19,7 +19,7 @@ KEYS = ('points', 'mass', 'inertia', 'com', 'length')  # the first two are requi
 IN_SPACE = ('vectors',)
 INERTIAS = ('rod', 'point')  # besides `about_com`
 _COINCIDENT = 1e-12  # of their largest coordinate: closer points give no direction
-_LOST = 1e-15  # of all coordinates: what is shorter is lost in the rounding when loops are closed
+_LOST = 1e-15  # of all coordinates: shorter lengths drown in the rounding when loops are closed
 _SHORTEST = 1e-100  # m: the square of less would vanish
 _ROUNDING = 1e-12  # of the largest moment
 _PARALLEL = 1e-6  # sine of the angle below which directions count as parallel
@@ -208,7 +208,7 @@ def _tensor(entry: Entry, names: Mapping[str, float]) -> tuple[Numbers, ...]:
     if not np.array_equal(J, J.T):
         raise entry.error('not symmetric', expected=expected)
     moments = np.linalg.eigvalsh(J)
-    # a slender rod has a moment of zero: of what is turned, rounding is left
+    # a slender rod has a moment of zero: turning it leaves rounding
     if moments[0] < -_ROUNDING * moments[2] or moments[0] + moments[1] < moments[2] * (1.0 - 1e-9):
         message = 'no body has such an inertia: each principal moment is at most the sum of others'
         raise entry.error(message, value=[float(f'{moment:.6g}') for moment in moments])

@@ -37,7 +37,7 @@ FUNCTIONS: dict[str, Callable[..., float]] = {
     'hypot': math.hypot,
     'exp': math.exp,
     'log': math.log,
-    'floor': lambda x: float(math.floor(x)),  # as floats: all arithmetic is that of 64 bits
+    'floor': lambda x: float(math.floor(x)),  # as floats: all arithmetic has 64 bits
     'ceil': lambda x: float(math.ceil(x)),
     'degrees': math.degrees,
     'radians': math.radians,

@@ -21,7 +21,7 @@ from alf_ros.scene.text.expression import ExpressionError, evaluate, motion
 
 T = TypeVar('T')
 
-LARGEST, SMALLEST = 1e40, 1e-60  # so that what is made of several neither over- nor underflows
+LARGEST, SMALLEST = 1e40, 1e-60  # so that products of several neither over- nor underflow
 DEEPEST = 40
 # 200,000 points have a million values. Each takes some 300 bytes; aliases of aliases would grow
 # without bound.

@@ -105,7 +105,7 @@ def rates(
         zero(storage.f)
         add_mass_times(unit, system.mass, 1.0, work.qd, storage.f)
     prescribe(system, t, work.q, work.qd, work.qdd)
-    # Φ̇_q: that of a distance row is the difference of the velocities
+    # Φ̇_q: for a distance row the difference of the velocities
     jacobian(unit, rows, work.qd, storage.gd, storage.g2d)
     jacobian_rate(unit, rows, work.qd, storage.g2d)
     applied_forces(forces.effects, t, work.q, work.qd, work.near, work.Q)

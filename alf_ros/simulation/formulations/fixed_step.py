@@ -65,7 +65,7 @@ def runge_kutta(
                 for m in range(s):
                     rate += (method.b[m] if end else method.a[s * stages + m]) * k[m * N + i]
                 ys[i] = y[i] + h * rate
-            # the rates at the end are those of the first stage of the next step
+            # the rates at the end are also the rates of the first stage of the next step
             to = start if end else s
             ts = t0 + (first + taken + 1) * h if end else t + method.c[s] * h
             prescribe(system, ts, work.q, work.qd, work.qdd)

@@ -58,7 +58,7 @@ def rates(
     for r in range(c.size):
         c[r] = -c[r]
     saddle_point.solve(system, storage, work.p, c, work.qd, sigma)  # eq. (12)
-    # Φ̇_q: that of a distance row is the difference of the velocities
+    # Φ̇_q: for a distance row the difference of the velocities
     jacobian(unit, rows, work.qd, storage.gd, storage.g2d)
     jacobian_rate(unit, rows, work.qd, storage.g2d)
     applied_forces(forces.effects, t, work.q, work.qd, work.near, work.Q)

@@ -34,7 +34,7 @@ class Storage(Struct):
     f: Floats  # (all blocks D,) forces or momenta
     phi: Floats  # (rows,) Φ
     phi_d: Floats  # (rows,) Φ̇
-    c: Floats  # (rows,) what is asked of Φ̈ or Φ̇
+    c: Floats  # (rows,) required value of Φ̈ or Φ̇
     sigma: Floats  # (rows,) σ or λ
     gd: Floats  # (distance rows D,) Φ̇_q
     g2d: Floats  # (entries D,)

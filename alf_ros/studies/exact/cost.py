@@ -46,7 +46,7 @@ def integrate(
     needs more than MOST evaluations: rounding is then above the tolerance.
     """
     a, b, embedded = _METHOD.a, _METHOD.b, _METHOD.embedded
-    assert embedded is not None  # that of an adaptive method
+    assert embedded is not None  # as of an adaptive method
     stages = b.size
     k = np.zeros((stages, 2))
     theta, rate = start

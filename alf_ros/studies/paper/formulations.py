@@ -24,7 +24,7 @@ from alf_ros.studies.exact.one_freedom import OneFreedom
 from alf_ros.studies.paper.published import PublishedRun, PublishedSetting
 
 DURATION, SPACING = 10.0, 0.02  # s
-OFF, CHANGED = 0.1, 0.01  # m off the branch, of the energy: from there on a run is lost
+OFF, CHANGED = 0.1, 0.01  # m off the branch, part of the energy: beyond these a run has failed
 
 
 @dataclass(frozen=True)

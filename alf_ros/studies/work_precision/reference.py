@@ -15,7 +15,7 @@ from alf_ros.studies.exact import motions
 
 EXACT_ERROR = 1e-12  # m, what the exact motions are good to (exact.py)
 SPACING = 0.1  # s between the instants looked at
-GRID = 0.025  # s; not that of the runs, so that none is compared with itself
+GRID = 0.025  # s; differs from the step of the runs, so that no run is compared with itself
 PAIRS = ((1e-12, 1e-11), (1e-11, 1e-10), (1e-10, 1e-9), (1e-8, 1e-7))  # fine run, and its check
 
 

@@ -26,7 +26,7 @@ COLUMNS = (
     'reference_force_error_N'
 ).split(',')
 NUMBERS = (COLUMNS[9], *COLUMNS[11:17])  # of a point
-KEYS = COLUMNS[:9]  # what is measured; the rest is what came out
+KEYS = COLUMNS[:9]  # measured settings; the other columns are results
 ONLY_FORMULATIONS = 20  # bodies above which the dense formulations are left out
 
 Row = dict[str, str]
