@@ -34,8 +34,8 @@ from alf_ros.simulation.formulations import dense_lu
 from alf_ros.simulation.formulations.fixed_step import runge_kutta
 from alf_ros.simulation.formulations.storage import Settings, Storage, allocate
 
-_CLOSED = 1e-15  # gap of a row, relative to the mechanism, at which it is closed
-_ENOUGH = 1e-10  # and which is accepted if it does not close any further
+_CLOSED = 1e-15  # gap of a closed row, relative to the mechanism
+_ENOUGH = 1e-10  # gap that is accepted if it does not close any further
 
 
 def split(model: Model, q: Floats) -> tuple[Indices, Indices]:
