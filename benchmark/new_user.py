@@ -6,7 +6,7 @@ Commands, files and programs are taken from README.md and doc/, in the order of 
 Without `--fresh` they run in a temporary folder, with the environment of this interpreter and an
 empty cache of compiled code. With `--fresh` they run in a new clone, where `make setup` first
 makes a new environment (needs a package index). Prints the seconds of each step, and its processor
-seconds, which other programs hardly change. Writes benchmark/results/new_user.csv. Reading and
+seconds, which other programs change less. Writes benchmark/results/new_user.csv. Reading and
 typing are not included.
 """
 
