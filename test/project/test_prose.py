@@ -11,7 +11,8 @@ import pytest
 
 from support.paths import ROOT
 
-PAGES = [ROOT / file for file in ('README.md', 'CONTRIBUTING.md', 'SECURITY.md')]
+ROOT_PAGES = ('README.md', 'CONTRIBUTING.md', 'SECURITY.md', 'QUALITY_DECLARATION.md')
+PAGES = [ROOT / file for file in ROOT_PAGES]
 PAGES += [ROOT / 'doc/site/index.md', *sorted((ROOT / 'doc').glob('*.md'))]
 COLUMNS = 100
 WORDS = 40
