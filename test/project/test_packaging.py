@@ -1,4 +1,4 @@
-"""The package as others install it: colcon (both ways) and plain pip."""
+"""The package as others install it: colcon (both ways), source distribution and wheel."""
 
 import json
 import os
@@ -91,6 +91,14 @@ def test_colcon(sources, tmp_path, flags):
 
 
 def test_pip(sources, tmp_path):
+    """A wheel made of the source distribution, installed beside the libraries."""
+    build = "from setuptools import build_meta as build; build.build_sdist('../../dist')"
+    run(sys.executable, '-c', build, cwd=sources)
+    (archive,) = (tmp_path / 'dist').iterdir()
+    assert archive.name == f'alf_ros-{VERSION}.tar.gz'
+    wheel = [sys.executable, '-m', 'pip', 'wheel', '--no-deps', '--no-build-isolation']
+    run(*wheel, '--wheel-dir', tmp_path / 'wheels', archive, cwd=tmp_path)
+    (made,) = (tmp_path / 'wheels').iterdir()
     prefix = tmp_path / 'venv'
     python = prefix / 'bin' / 'python'
     run(sys.executable, '-m', 'venv', '--without-pip', prefix, cwd=tmp_path)
@@ -99,7 +107,7 @@ def test_pip(sources, tmp_path):
     libraries = [path for path in sys.path if path.endswith('-packages')]
     (site / 'libraries.pth').write_text('\n'.join(libraries) + '\n')
     pip = [sys.executable, '-m', 'pip', '--python', python, 'install', '--no-deps']
-    run(*pip, '--no-build-isolation', '--ignore-installed', sources, cwd=tmp_path)
+    run(*pip, '--ignore-installed', made, cwd=tmp_path)
     check_prefix(prefix)
     # Neither venv is activated: the executable has to find the python it was installed for.
     path = f'{sys.base_prefix}/bin{os.pathsep}{os.defpath}'
