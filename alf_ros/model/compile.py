@@ -34,7 +34,7 @@ from alf_ros.model.mass import renumbered as renumbered_mass
 from alf_ros.model.prescribed import prescribe, prescribed, reached, without_value
 from alf_ros.model.symbolic_factor import elimination_order, pattern_of
 
-_PATIENCE = 1e-4  # of two rounds of a solve, the ratio above which it is slow; at least
+_PATIENCE = 1e-4  # of two rounds of a solve: the ratio that counts as slow; at least
 _ROUNDED = 300.0  # times ε penalty: what rounding leaves of a round, at most
 _NEAR = 0.05  # of the ratio at a place that is too close to a singular position
 _CLOSE = 5e-4  # distance to a singular position below which a stage is interpolated, at σ = 0.5
