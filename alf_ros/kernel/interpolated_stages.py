@@ -3,7 +3,8 @@
 Projection onto Φ = 0 along M, and what it leaves of momenta and forces, are smooth functions along
 the branch, also through the position; only their equations are singular in it. So the functions
 are evaluated at four places on either side and interpolated, to eighth order: the position Π(q),
-then the velocity (33), then the acceleration (26). Applied forces are evaluated once, at the
+then the velocity (33), then the acceleration (26). The places lie around the stage, or, if one of
+them is not clear of the position, around the position. Applied forces are evaluated once, at the
 interpolated position and velocity: a force that has a kink beside the position, such as a stop, is
 not interpolated across the kink.
 
@@ -35,9 +36,11 @@ DIRECTION_ONLY = 1e-6
 NEAR = 0.01  # distance x from which down a step may have passed a position without a word
 _TURNED = 0.01  # part of the velocity by which a direction may be off
 SPACING = 6.0  # of the places, in parts of the distance that is too close
-_WIDER = 3.0  # spacing, where one of the places is not clear of the position
+_WIDER = 1.5  # spacing, where a support position is not clear of the singular position
 _WIDEST = 0.5  # of the size: positions further apart do not determine values in between
-_TRIES = 4
+_TRIES = 6
+_LEAST = 0.1  # least clearance of support positions if none are clear
+_BETWEEN = 2.0  # spacings: two singular positions this close together are passed in one
 _SLOW = (
     1e-3  # part of the speed that forces give, below which a velocity has no reliable direction
 )
@@ -45,13 +48,18 @@ _CLOSED = 1e-10  # part of the size
 _SAME = 1e-11  # part of the size by which a place that is found may be off by rounding
 DRIFT = 1e-12  # part of the size by which lengths may miss the position without energy drifting
 _SMOOTH = 10.0  # times what a smooth branch leaves: 29 is what lengths that disagree leave
-_WEIGHTS = (-1 / 70, 8 / 70, -28 / 70, 56 / 70, 56 / 70, -28 / 70, 8 / 70, -1 / 70)
 
 
 @inner
 def _offset(k: int) -> int:
     """-4, -3, -2, -1, 1, 2, 3, 4."""
     return k - 4 if k < 4 else k - 3
+
+
+@inner
+def _apart(work: Work, k: int) -> float:
+    """From the stage to place k, in parts of the spacing."""
+    return _offset(k) + work.place_shift[0]
 
 
 @inner
@@ -80,9 +88,9 @@ def evaluate_interpolated(
         if more <= 0:
             return more
         count = max(count, more)
-        record_power(problem, phase, t, s, _WEIGHTS[k], REACTION_DEPENDENT)
+        record_power(problem, phase, t, s, work.place_weights[k], REACTION_DEPENDENT)
         for a in range(n):
-            work.sum[a] += _WEIGHTS[k] * work.qdd[a]
+            work.sum[a] += work.place_weights[k] * work.qdd[a]
     prescribe(problem.system, t, work.q, work.qd, work.qdd)
     for a in range(n):
         work.q[a], work.qd[a], work.qdd[a] = work.sum_q[a], work.sum_qd[a], work.sum[a]
@@ -110,7 +118,7 @@ def evaluate_place(problem: Problem, t: float, k: int) -> int:
     system, work = problem.system, problem.work
     n = work.p.size
     at = TWO * n * np.uint64(k)
-    prescribe(system, t + work.place_step[0] * _offset(k), work.q, work.qd, work.qdd)
+    prescribe(system, t + work.place_step[0] * _apart(work, k), work.q, work.qd, work.qdd)
     for a in range(n):
         work.q[a], work.qd[a] = work.places[at + a], work.places[at + n + a]
     copy(work.given, work.Q)
@@ -219,11 +227,14 @@ def _find(
 def _curve(work: Work, step: float) -> None:
     """The second derivative of the branch by time, from places that are `step` (s) apart."""
     n = work.p.size
-    before, after = TWO * n * np.uint64(3), TWO * n * np.uint64(4)
-    for a in range(n):
-        middle = work.sum_q[a]
-        apart = (work.places[after + a] - middle) + (work.places[before + a] - middle)
-        work.curve[a] = apart / (step * step)
+    one = TWO * n
+    two, three, four = one + one, one + one + one, one + one + one + one
+    for a in range(n):  # sums of the places k on either side: 2 f + f'' k² + f⁗ k⁴ / 12
+        first = work.places[four + a] + work.places[three + a]
+        second = work.places[four + one + a] + work.places[two + a]
+        third = work.places[four + two + a] + work.places[one + a]
+        bent = (13.0 * (second - first) - 3.0 * (third - second)) / 24.0
+        work.curve[a] = bent / (step * step)
 
 
 @inner
@@ -231,43 +242,90 @@ def _interpolate(problem: Problem, t: float, moving: bool, scales: Scales, spaci
     """`sum_q` and `sum_qd` from places `spacing` (m) apart along `along`; returns the iterations.
 
     `moving`: `along` is the velocity, so prescribed blocks are where they will be when the
-    mechanism is at the place. If one of the places is not clear of the position, all are taken
-    further away.
+    mechanism is at the place. If one of the places is not clear of the position, the next ones lie
+    around the position and further apart. If places are never clear, those with the largest
+    clearance serve; they are off by rounding over x². Without any clearance the stage is refused.
     """
     system, work = problem.system, problem.work
     n, most = work.p.size, 0
     speed = largest(work.along, n)
-    for _ in range(_TRIES):
+    position = 0.0  # about where, m along the branch
+    best, best_spacing, best_position = _LEAST, 0.0, 0.0
+    for attempt in range(_TRIES + 1):
+        if attempt == _TRIES:
+            if best_spacing == 0.0:
+                return 0
+            spacing, position = best_spacing, best_position
         zero(work.sum_q)
         zero(work.sum_qd)
-        good, step = True, spacing / speed
+        clearest, step = np.inf, spacing / speed
         work.place_step[0] = step if moving else 0.0
+        _weigh(work, position / spacing)
         for k in range(PLACES):
-            away = step * _offset(k)
-            prescribe(system, t + work.place_step[0] * _offset(k), work.q, work.qd, work.qdd)
+            away = step * _apart(work, k)
+            prescribe(system, t + work.place_step[0] * _apart(work, k), work.q, work.qd, work.qdd)
             for a in range(n):
-                work.target[a] = work.base[a] + away * work.along[a]
-                # a guess off Φ = 0 by less: there the rows are turned by that over the distance
-                work.q[a] = work.target[a] + 0.5 * away * away * work.curve[a]
-            count, _x, clear = stage(problem, t, scales, True, False)
+                # off Φ = 0 by little: the rows are turned by that over the distance
+                place = work.base[a] + away * (work.along[a] + 0.5 * away * work.curve[a])
+                work.q[a], work.target[a] = place, place
+            count, x, clearance = stage(problem, t, scales, True, False)
             if count <= 0:
                 return count
             most = max(most, count)
-            good = good and clear
+            clearest = min(clearest, clearance)
+            work.place_x[k] = x
             _store_place(work, k)
             for a in range(n):
-                work.sum_q[a] += _WEIGHTS[k] * work.q[a]
-                work.sum_qd[a] += _WEIGHTS[k] * work.qd[a]
-        if good:
+                work.sum_q[a] += work.place_weights[k] * work.q[a]
+                work.sum_qd[a] += work.place_weights[k] * work.qd[a]
+        if clearest > 1.0 or attempt == _TRIES:
             gap = _gap(system, work, spacing / scales.radius)
             if gap > _CLOSED * system.size:
                 _refuse(work, gap)
                 return 0
-            if gap > DRIFT * system.size:
+            if gap > DRIFT * system.size and clearest > 1.0:  # below, rounding tells as much
                 work.crossing[0] = max(work.crossing[0], gap)
-            break
+            return most
+        if clearest > best:
+            best, best_spacing, best_position = clearest, spacing, position
+        position = _position(work) * spacing
         spacing *= _WIDER
-    return most
+    return 0
+
+
+@inner
+def _weigh(work: Work, shift: float) -> None:
+    """Weights of Lagrange's interpolation from places around `shift` to the stage; `shift` in
+    parts of the spacing."""
+    work.place_shift[0] = shift
+    for k in range(PLACES):
+        over, under = 1.0, 1.0
+        for m in range(PLACES):
+            if m != k:
+                over *= -(_offset(m) + shift)
+                under *= _offset(k) - _offset(m)
+        work.place_weights[k] = over / under
+
+
+@inner
+def _position(work: Work) -> float:
+    """About where the singular position is, from the distances x of the places: in parts of their
+    spacing from the stage; 0 if x does not fall to about one place from either side, or if that is
+    further from the stage than the first place."""
+    x, nearest = work.place_x, 2
+    for k in range(3, PLACES - 2):
+        if x[k] < x[nearest]:
+            nearest = k
+    before, after = nearest - 1, nearest + 1
+    fall, rise = x[before - 1] - x[before], x[after + 1] - x[after]
+    if not (fall > 0.0 and rise > 0.0 and x[before] < np.inf and x[after] < np.inf):
+        return 0.0
+    wide = _apart(work, before) - _apart(work, before - 1)
+    left = _apart(work, before) + wide * x[before] / fall
+    wide = _apart(work, after + 1) - _apart(work, after)
+    right = _apart(work, after) - wide * x[after] / rise
+    found = 0.5 * (left + right)
+    return found if abs(right - left) < _BETWEEN and abs(found) <= 1.0 else 0.0
 
 
 @inner

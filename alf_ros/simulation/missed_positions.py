@@ -52,7 +52,9 @@ class MissedPositions:
         gap = told if told > 0.0 else self._walked(q, qd, nearby=True)
         if not 0.0 < gap <= _MEANT * self._model.size:
             return None
-        remedy = 'take a smaller step, or an adaptive integrator'
+        remedy = 'take a smaller step, or ' + (
+            'an adaptive integrator' if self._leaps else 'ask for a smaller tolerance'
+        )
         if self.reason == LENGTHS:
             remedy = (
                 'make the lengths agree, or let them differ by more than 1e-6 of the size; or '

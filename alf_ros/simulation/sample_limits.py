@@ -34,8 +34,9 @@ class Place:
 class Limits:
     """The places around a singular position, and limits of what can be computed at each."""
 
-    def __init__(self, places: list[Place]) -> None:
-        self._places = places
+    def __init__(self, places: list[Place], shift: float) -> None:
+        """`shift` (in parts of the spacing): from the position of the sample to the middle."""
+        self._places, self._at = places, _OFFSETS + shift
 
     @property
     def beside(self) -> Work:
@@ -48,11 +49,11 @@ class Limits:
         There is one if the six outer places predict the two inner ones.
         """
         values = np.array([read(place) for place in self._places])
-        limit = np.tensordot(_weights(_OFFSETS, 0.0), values, 1)
+        limit = np.tensordot(_weights(self._at, 0.0), values, 1)
         outer = np.abs(_OFFSETS) > 1.0
         off = np.zeros_like(limit)
         for k in np.flatnonzero(~outer):
-            predicted = np.tensordot(_weights(_OFFSETS[outer], _OFFSETS[k]), values[outer], 1)
+            predicted = np.tensordot(_weights(self._at[outer], self._at[k]), values[outer], 1)
             off = np.maximum(off, np.abs(predicted - values[k]))
         scale = np.abs(values).max(initial=0.0)
         return np.asarray(np.where(off <= _SMOOTH * scale, limit, np.nan))
@@ -79,7 +80,7 @@ def limits(
         for name in _READ:
             getattr(there, name)[:] = getattr(work, name)
         places.append(Place(there, forces.bearings.loads.copy()))
-    return Limits(places)
+    return Limits(places, float(work.place_shift[0]))
 
 
 def _weights(at: Floats, x: float) -> Floats:

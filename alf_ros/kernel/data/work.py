@@ -77,6 +77,9 @@ class Work(Struct):
     crossing: Floats  # (3,) m, see `interpolated_stages`: most that was passed, and that is not;
     # and the longest way of a step that had a stage near a singular position
     place_step: Floats  # (1,) s between two support positions, for prescribed motions; 0 from rest
+    place_shift: Floats  # (1,) from the stage to the middle of the support positions, in spacings
+    place_weights: Floats  # (8,) of the support positions in the interpolation
+    place_x: Floats  # (8,) distances x of the support positions
     aside: Integers  # (2,) whether the end of the step is interpolated, and a rank lost there
     sum: Floats  # (movable D,) q̈ interpolated from those places; also other sums
     sum_q: Floats  # (movable D,) q interpolated from those places
