@@ -23,11 +23,13 @@ if TYPE_CHECKING:
     from alf_ros.simulation.sample import Sample
     from alf_ros.simulation.simulation import Simulation
     from alf_ros.simulation.state import State
+    from alf_ros.studies.statics.positions_of_rest import Equilibrium, equilibria, equilibrium
 
 __all__ = [
     'AlfError',
     'AssemblyError',
     'BusyError',
+    'Equilibrium',
     'InputError',
     'Run',
     'Sample',
@@ -36,6 +38,8 @@ __all__ = [
     'State',
     'StepError',
     'StoppedError',
+    'equilibria',
+    'equilibrium',
     'load_scene',
     'record',
 ]
@@ -54,6 +58,9 @@ _HOME = {
     'load_scene': 'scene.scene',
     'Simulation': 'simulation.simulation',
     'State': 'simulation.state',
+    'Equilibrium': 'studies.statics.positions_of_rest',
+    'equilibria': 'studies.statics.positions_of_rest',
+    'equilibrium': 'studies.statics.positions_of_rest',
 }
 
 announce()

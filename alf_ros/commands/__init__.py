@@ -9,6 +9,7 @@ COMMANDS = {
     'simulator': 'alf_ros.commands.simulator',
     'view': 'alf_ros.commands.view',
     'check': 'alf_ros.commands.check',
+    'equilibrium': 'alf_ros.commands.equilibrium',
     'hard_cases': 'alf_ros.commands.hard_cases',
     'work_precision': 'alf_ros.commands.work_precision',
     'figures': 'alf_ros.commands.figures',
