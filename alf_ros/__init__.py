@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from alf_ros.simulation.sample import Sample
     from alf_ros.simulation.simulation import Simulation
     from alf_ros.simulation.state import State
+    from alf_ros.studies.statics.linear_model import LinearModel
+    from alf_ros.studies.statics.linearisation import linearise
     from alf_ros.studies.statics.positions_of_rest import Equilibrium, equilibria, equilibrium
 
 __all__ = [
@@ -31,6 +33,7 @@ __all__ = [
     'BusyError',
     'Equilibrium',
     'InputError',
+    'LinearModel',
     'Run',
     'Sample',
     'Scene',
@@ -40,6 +43,7 @@ __all__ = [
     'StoppedError',
     'equilibria',
     'equilibrium',
+    'linearise',
     'load_scene',
     'record',
 ]
@@ -61,6 +65,8 @@ _HOME = {
     'Equilibrium': 'studies.statics.positions_of_rest',
     'equilibria': 'studies.statics.positions_of_rest',
     'equilibrium': 'studies.statics.positions_of_rest',
+    'LinearModel': 'studies.statics.linear_model',
+    'linearise': 'studies.statics.linearisation',
 }
 
 announce()

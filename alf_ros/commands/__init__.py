@@ -10,6 +10,7 @@ COMMANDS = {
     'view': 'alf_ros.commands.view',
     'check': 'alf_ros.commands.check',
     'equilibrium': 'alf_ros.commands.equilibrium',
+    'linearise': 'alf_ros.commands.linearise',
     'hard_cases': 'alf_ros.commands.hard_cases',
     'work_precision': 'alf_ros.commands.work_precision',
     'figures': 'alf_ros.commands.figures',

@@ -7,7 +7,7 @@ Both are orthonormal in the metric of M, so that their columns have the unit kg^
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -62,10 +62,15 @@ class Loads:
         return self.applied.holding(inputs).assembled.effects
 
 
-def forces(effects: Effects, t: float, q: Floats, qd: Floats, near: Floats) -> Floats:
-    """Q (blocks D,), N, without the friction that depends on reactions."""
+def forces(
+    effects: Effects, t: float, q: Floats, qd: Floats, near: Floats, rubbing: Floats
+) -> Floats:
+    """Q (blocks D,), N; `rubbing` (loads,) N: what loads the friction that depends on reactions,
+    or (0,) without this friction."""
     Q = np.zeros_like(q)
     kernel.applied_forces(effects, t, q, qd, near, Q)
+    if rubbing.size:
+        kernel.add_friction(effects, t, q, qd, near, rubbing, Q)
     return Q
 
 
@@ -87,13 +92,17 @@ def counted(model: Model, before: Floats, turns: Integers, after: Floats) -> Int
 
 @dataclass(frozen=True, eq=False)
 class Instant:
-    """Loads at t (s), q, q̇ (blocks D, m, m/s) and turns; drives are where they are at t."""
+    """Loads at t (s), q, q̇ (blocks D, m, m/s) and turns; drives are where they are at t.
+
+    rubbing (loads,): the reactions that load friction, N, which are held; none at rest.
+    """
 
     loads: Loads
     t: float
     q: Floats
     qd: Floats
     turns: Integers
+    rubbing: Floats = field(default_factory=lambda: np.zeros(0))
 
     @property
     def model(self) -> Model:
@@ -109,7 +118,7 @@ class Instant:
     def force(self) -> Force:
         """Q(q, q̇) near this instant."""
         effects, t, near = self.loads.applied.assembled.effects, self.t, self.near
-        return lambda q, qd: forces(effects, t, q, qd, near)
+        return lambda q, qd: forces(effects, t, q, qd, near, self.rubbing)
 
     @cached_property
     def Q(self) -> Floats:
@@ -195,9 +204,3 @@ class Instant:
         Z = V @ turn / np.sqrt(masses)
         sign = np.sign(Z[np.argmax(np.abs(Z), axis=0), np.arange(Z.shape[1])])
         return np.asarray(Z * sign)
-
-
-def instant_of(simulation: Simulation) -> Instant:
-    """The present of a simulation."""
-    state = simulation.state
-    return Instant(Loads(simulation), simulation.t, state.q, state.qd, state.turns)

@@ -14,6 +14,7 @@ from alf_ros.arrays import Floats
 from alf_ros.errors import AssemblyError, InputError
 from alf_ros.model import assembly
 from alf_ros.model.branch_words import moving
+from alf_ros.model.compile import Model
 from alf_ros.model.prescribed import prescribe
 from alf_ros.model.singular_branches import SMOOTH, position
 from alf_ros.scene.scene import Scene
@@ -39,15 +40,17 @@ _HOLDING = {'joint_friction': 'friction', 'joint_stop': 'a stop', 'ground_contac
 class Equilibrium:
     """A position of rest.
 
-    sample: all quantities there, at rest. state: what `Simulation.restore` takes. stability:
-    'stable', 'unstable', 'neutral', or 'undecided' (in a singular position, or of a mechanism too
-    large to tell). stiffness (f,): eigenvalues of the reduced Hessian in the metric of the mass,
-    1/s², ascending: the squares of the natural frequencies in rad/s if nothing damps. directions
-    (f, n): their motions in the order of `q`, for a unit of mass. residual: the largest
-    acceleration that is left, m/s². conservative: whether the loads have a potential here. notes:
-    what a reader should know, a sentence each. steps: of the search.
+    simulation: one of its own, with the held inputs. sample: all quantities, at rest. state: what
+    `Simulation.restore` takes. stability: 'stable', 'unstable', 'neutral', or 'undecided' (in a
+    singular position, or of a mechanism too large to tell). stiffness (f,): eigenvalues of the
+    reduced Hessian in the metric of the mass, 1/s², ascending; the squares of the natural
+    frequencies in rad/s if nothing damps. directions (f, n): their motions in the order of `q`,
+    for a unit of mass. residual: the largest acceleration that is left, m/s². conservative: whether
+    the loads have a potential here. notes: what a reader should know, a sentence each. steps: of
+    the search.
     """
 
+    simulation: Simulation
     sample: Sample
     state: State
     stability: str
@@ -227,11 +230,12 @@ def _found(simulation: Simulation, landing: Landing) -> Equilibrium:
             notes.append('rows bind velocities only: other positions of rest lie all around')
     sample = simulation._sample(instant.t, state, False)
     return Equilibrium(
+        simulation=simulation,
         sample=sample,
         state=state,
         stability=told.verdict,
         stiffness=told.stiffness,
-        directions=_in_order(simulation, told.directions),
+        directions=in_order(model, told.directions),
         residual=landing.left,
         conservative=told.conservative,
         notes=tuple(notes),
@@ -239,9 +243,8 @@ def _found(simulation: Simulation, landing: Landing) -> Equilibrium:
     )
 
 
-def _in_order(simulation: Simulation, directions: Floats) -> Floats:
-    """Directions (f, n) in the order of `Sample.q`, vectors without unit."""
-    model = simulation.model
+def in_order(model: Model, directions: Floats) -> Floats:
+    """Directions (f, n) of the kernel in the order of `Sample.q`, vectors without unit."""
     D, points = model.layout.dimension, sum(not p.fixed for p in model.mechanism.points)
     own = directions.reshape(len(directions), model.layout.movable, D)
     blocks = own[:, model.coordinate_block]

@@ -92,7 +92,7 @@ def turning(model: Model, v: Floats) -> Sparse:
     """R(v) = ∂(J v)/∂q (rows, blocks D) of v (blocks D)."""
     rows: Rows = model.system.rows
     D, m1 = model.layout.dimension, rows.i.size
-    blocks = v.reshape(-1)
+    blocks = v.reshape(-1, D)
     d = (blocks[rows.i] - blocks[rows.j])[:, None, :]
     entry, at, T = _terms(rows, D)
     along = np.einsum('sab,sa->sb', T, blocks[rows.block[entry]])[:, None, :]
