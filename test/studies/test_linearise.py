@@ -218,4 +218,4 @@ def test_control_is_asked_for_by_name() -> None:
         space = model.state_space()
         assert isinstance(space, control.StateSpace)
         np.testing.assert_array_equal(space.A, model.A)
-        assert list(space.input_labels) == ['joints.j0.effort']
+        assert list(space.input_labels) == ['joints_j0_effort']

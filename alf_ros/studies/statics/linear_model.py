@@ -125,7 +125,10 @@ class LinearModel:
         return linear_files.write(self, path)
 
     def state_space(self) -> Any:
-        """The same as `control.StateSpace`. Raises InputError without python-control."""
+        """The same as `control.StateSpace`; '_' stands for '.' in names, as it allows no dots.
+
+        Raises InputError without python-control.
+        """
         try:
             import control
         except ImportError:
@@ -138,6 +141,6 @@ class LinearModel:
             self.C,
             self.D,
             states=list(self.states),
-            inputs=list(self.inputs),
-            outputs=list(self.outputs),
+            inputs=[name.replace('.', '_') for name in self.inputs],
+            outputs=[name.replace('.', '_') for name in self.outputs],
         )

@@ -45,9 +45,9 @@ class Equilibrium:
     singular position, or of a mechanism too large to tell). stiffness (f,): eigenvalues of the
     reduced Hessian in the metric of the mass, 1/s², ascending; the squares of the natural
     frequencies in rad/s if nothing damps. directions (f, n): their motions in the order of `q`,
-    for a unit of mass. residual: the largest acceleration that is left, m/s². conservative: whether
-    the loads have a potential here. notes: what a reader should know, a sentence each. steps: of
-    the search.
+    for a unit of mass. residual: the largest acceleration that is left, m/s². conservative:
+    whether the loads have a potential here. notes: what a reader should know, a sentence each.
+    steps: of the search.
     """
 
     simulation: Simulation
