@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from alf_ros.studies.statics.linear_model import LinearModel
     from alf_ros.studies.statics.linearisation import linearise
     from alf_ros.studies.statics.positions_of_rest import Equilibrium, equilibria, equilibrium
+    from alf_ros.studies.statics.vibration_modes import VibrationModes, modes
 
 __all__ = [
     'AlfError',
@@ -41,10 +42,12 @@ __all__ = [
     'State',
     'StepError',
     'StoppedError',
+    'VibrationModes',
     'equilibria',
     'equilibrium',
     'linearise',
     'load_scene',
+    'modes',
     'record',
 ]
 
@@ -67,6 +70,8 @@ _HOME = {
     'equilibrium': 'studies.statics.positions_of_rest',
     'LinearModel': 'studies.statics.linear_model',
     'linearise': 'studies.statics.linearisation',
+    'VibrationModes': 'studies.statics.vibration_modes',
+    'modes': 'studies.statics.vibration_modes',
 }
 
 announce()

@@ -11,6 +11,7 @@ COMMANDS = {
     'check': 'alf_ros.commands.check',
     'equilibrium': 'alf_ros.commands.equilibrium',
     'linearise': 'alf_ros.commands.linearise',
+    'modes': 'alf_ros.commands.modes',
     'hard_cases': 'alf_ros.commands.hard_cases',
     'work_precision': 'alf_ros.commands.work_precision',
     'figures': 'alf_ros.commands.figures',

@@ -41,12 +41,13 @@ class ConstrainedSolve:
         self._alpha = system.rows.alpha
         self._S: Sparse = sparse.csr_matrix((model.n, model.n))
         self._J: Sparse = sparse.csr_matrix((self._alpha.size, model.n))
+        self._transposed: Sparse = self._J.T
 
     def factorise(self, S: Sparse, J: Sparse, q: Floats) -> bool:
         """Factorise S (n, n), symmetric, N/m, with J (rows, n) at q (blocks D, m); returns whether
         S is positive on the directions that J leaves free."""
         model, D = self._model, self._model.layout.dimension
-        self._S, self._J = S, J
+        self._S, self._J, self._transposed = S, J, J.T.tocsr()
         diagonal = np.abs(S.diagonal()).reshape(-1, D).max(axis=1)
         scale = float((diagonal / self._masses).max(initial=0.0)) or 1.0  # 1/s²
         self._alpha = model.system.rows.alpha * scale
@@ -67,27 +68,25 @@ class ConstrainedSolve:
         )
         return bool(kernel.linearise(model.unit, system, self._work, q))
 
-    def solve(self, f: Floats, r: Floats) -> tuple[Floats, Floats]:
-        """x (n,) and y (rows,) of f (n,) and r (rows,), with the last factor."""
-        S, J, alpha = self._S, self._J, self._alpha
-        x, y = np.zeros(f.size), np.zeros(r.size)
+    def solve(self, f: Floats, r: Floats, done: float = _DONE) -> tuple[Floats, Floats]:
+        """x (n,) and y (rows,) of f (n,) and r (rows,), with the last factor.
+
+        done: the part of x that the last round may change; as far as rounding allows if absent.
+        """
+        S, J, transposed, alpha = self._S, self._J, self._transposed, self._alpha
+        pattern, work = self._system.pattern, self._work
+        x, y, gap = np.zeros(f.size), np.zeros(r.size), r
+        d = f + transposed @ (alpha * r) if r.any() else np.array(f)
         before = np.inf
         for turn in range(_ROUNDS):
-            left, gap = f - S @ x - J.T @ y, r - J @ x
-            d = left + J.T @ (alpha * gap)
-            kernel.solve(
-                self._model.unit,
-                self._system.pattern,
-                self._work.diagonal,
-                self._work.off,
-                d,
-            )
+            kernel.solve(self._model.unit, pattern, work.diagonal, work.off, d)
             change = float(np.abs(d).max(initial=0.0))
             x += d
             y += alpha * (J @ d - gap)
-            small = change <= _DONE * float(np.abs(x).max(initial=0.0))
+            small = change <= done * float(np.abs(x).max(initial=0.0))
             # where x is nearly zero, the second round takes back what the first one made
             if small or (turn >= _FEWEST and change > 0.5 * before):
                 break
-            before = change
+            before, gap = change, r - J @ x
+            d = f - S @ x + transposed @ (alpha * gap - y)
         return x, y
