@@ -23,12 +23,18 @@ if TYPE_CHECKING:
     from alf_ros.simulation.sample import Sample
     from alf_ros.simulation.simulation import Simulation
     from alf_ros.simulation.state import State
+    from alf_ros.studies.statics.linear_model import LinearModel
+    from alf_ros.studies.statics.linearisation import linearise
+    from alf_ros.studies.statics.positions_of_rest import Equilibrium, equilibria, equilibrium
+    from alf_ros.studies.statics.vibration_modes import VibrationModes, modes
 
 __all__ = [
     'AlfError',
     'AssemblyError',
     'BusyError',
+    'Equilibrium',
     'InputError',
+    'LinearModel',
     'Run',
     'Sample',
     'Scene',
@@ -36,7 +42,12 @@ __all__ = [
     'State',
     'StepError',
     'StoppedError',
+    'VibrationModes',
+    'equilibria',
+    'equilibrium',
+    'linearise',
     'load_scene',
+    'modes',
     'record',
 ]
 
@@ -54,6 +65,13 @@ _HOME = {
     'load_scene': 'scene.scene',
     'Simulation': 'simulation.simulation',
     'State': 'simulation.state',
+    'Equilibrium': 'studies.statics.positions_of_rest',
+    'equilibria': 'studies.statics.positions_of_rest',
+    'equilibrium': 'studies.statics.positions_of_rest',
+    'LinearModel': 'studies.statics.linear_model',
+    'linearise': 'studies.statics.linearisation',
+    'VibrationModes': 'studies.statics.vibration_modes',
+    'modes': 'studies.statics.vibration_modes',
 }
 
 announce()

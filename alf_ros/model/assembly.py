@@ -83,6 +83,19 @@ def follow(
     return found[1:]
 
 
+def displaced(model: Model, q: Floats, step: Floats) -> Floats:
+    """q + step (blocks D, m) moved along M to where it is closed, with gears and racks in mesh as
+    they are at q. Raises AssemblyError with the constraints that stay open."""
+    system, names, _ = hold(model, [], velocities=False)
+    mesh, work = _mesh(model, []), allocate(model, system, 1)
+    work.q[:] = q + step
+    gap = _settle(model, system, work, 1e-15)
+    if mesh is not None:
+        gap = _in_mesh(model, system, work, mesh, q)
+    _check(model, work, [*names, *(mesh.names if mesh else ())], gap, 1e-10)
+    return np.array(work.q)
+
+
 def _led(model: Model, system: System, work: Work, before: Floats, now: Floats) -> Floats:
     """The change from q to q, m, without the free motion, which would continue without end.
 

@@ -1,0 +1,79 @@
+"""List the natural frequencies of a scene at rest, their damping, and who moves in each mode."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from alf_ros.arrays import Floats
+from alf_ros.commands.parser import Parser, add_numbers, numbers, writing
+from alf_ros.scene.library import load
+from alf_ros.studies.statics.positions_of_rest import equilibrium
+from alf_ros.studies.statics.vibration_modes import VibrationModes, modes
+
+_NAMED = 3  # of a mode
+_LEAST = 0.005  # share that is worth a name
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """List the modes of one scene; returns 0. Raises InputError."""
+    parser = Parser(
+        prog='modes',
+        description='List the lowest natural frequencies of a scene about its position of rest, '
+        'with damping, and the shares of bodies and effects in their energy.',
+    )
+    parser.add_argument('scene', help='a scene or a mechanism: a name, or the path of a file')
+    parser.add_argument(
+        '--count', type=int, default=20, metavar='N', help='modes at most (default: 20)'
+    )
+    parser.add_argument(
+        '--at', type=float, metavar='T', help='instant at which drives are frozen, s (default: 0)'
+    )
+    add_numbers(parser)
+    parser.add_argument('--json', metavar='FILE', help='write numbers and shapes to this file too')
+    options = parser.parse_args(argv)
+    rest = equilibrium(load(options.scene, numbers(options.set)), t=options.at)
+    found = modes(rest, count=options.count)
+    print('\n'.join([f'at rest, {rest.stability}', *(f'note: {note}' for note in rest.notes)]))
+    print(_table(found))
+    if options.json:
+        with writing('--json', options.json), open(options.json, 'w', encoding='utf-8') as stream:
+            json.dump(_data(found), stream, indent=1, allow_nan=False)
+    return 0
+
+
+def _table(found: VibrationModes) -> str:
+    kinetic, potential = found.kinetic_shares, found.potential_shares
+    head = f'{"mode":>4}{"frequency, Hz":>18}{"damping ratio":>18}'
+    lines = ['', f'{head}   kinetic energy; potential energy']
+    for k, (f, z) in enumerate(zip(found.frequencies, found.damping_ratios, strict=True)):
+        low = 'falls' if np.isnan(f) else f'{f:.9g}'
+        ratio = '-' if np.isnan(z) else f'{z + 0.0:.9g}'
+        shares = f'{_largest(kinetic, k)}; {_largest(potential, k)}'
+        lines.append(f'{k + 1:>4}{low:>18}{ratio:>18}   {shares}')
+    return '\n'.join(lines)
+
+
+def _largest(shares: Mapping[str, Floats], k: int) -> str:
+    """The largest shares of mode k in words."""
+    order = sorted(shares, key=lambda name: -abs(float(np.nan_to_num(shares[name][k]))))
+    named = [name for name in order if abs(shares[name][k]) >= _LEAST][:_NAMED]
+    return ', '.join(f'{name} {shares[name][k]:.0%}' for name in named) or 'none'
+
+
+def _data(found: VibrationModes) -> dict[str, object]:
+    """Numbers as plain data; None for what has no number."""
+
+    def plain(values: Floats) -> list[object]:
+        return [None if not np.isfinite(value) else float(value) for value in values]
+
+    return {
+        'frequencies': plain(found.frequencies),
+        'squares': plain(found.squares),
+        'damping_ratios': plain(found.damping_ratios),
+        'shapes': [plain(shape) for shape in found.shapes],
+        'kinetic_shares': {name: plain(each) for name, each in found.kinetic_shares.items()},
+        'potential_shares': {name: plain(each) for name, each in found.potential_shares.items()},
+    }

@@ -1,0 +1,1 @@
+"""What a mechanism is before it moves: equilibrium, linear model, modes, branches."""

@@ -1,0 +1,254 @@
+"""`alf_ros.linearise`: the linear model of a mechanism about rest, a motion, or any instant.
+
+Coordinates of neighbouring motions are η = Yᵀ M (q - q₀) and ν = Zᵀ M q̇. What q and q̇ change
+besides is at right angles to Y and Z in the metric of M, so that no derivative of a mass appears,
+and the following is exact to first order. With J = [Φ_q; N], δJ its change along δq, and λ the
+multipliers of the instant:
+
+    δq = Y δη,   δq̇ = Z δν + U δη,   J U δη = -δJ q̇₀,
+    δν̇ = Zᵀ [(∂Q/∂q - L) δq + ∂Q/∂q̇ δq̇],   L δq = δJᵀ λ.
+
+The rows that are redundant agree on δJ q̇₀, and L does not depend on which of their λ is taken.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from alf_ros.arrays import Floats
+from alf_ros.errors import InputError
+from alf_ros.inspection.run import Run
+from alf_ros.model import assembly
+from alf_ros.model.compile import Model
+from alf_ros.model.singular_branches import SMOOTH, position
+from alf_ros.scene.scene import Scene
+from alf_ros.simulation.sample import Sample
+from alf_ros.simulation.simulation import Simulation
+from alf_ros.simulation.state import State
+from alf_ros.studies.statics.constrained_solve import ConstrainedSolve
+from alf_ros.studies.statics.descent import moved
+from alf_ros.studies.statics.instant import Instant, Loads, forces
+from alf_ros.studies.statics.linear_model import LinearModel
+from alf_ros.studies.statics.named_inputs import NamedInput, named_inputs
+from alf_ros.studies.statics.positions_of_rest import Equilibrium, equilibrium, in_order
+
+_AWAY = 3e-3  # of a typical length, and of it a second
+_WEIGHTS = (4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0)
+_ROUNDED = 1e-12  # of the largest in a row of C or D, that is rounding of the differences
+
+
+def linearise(
+    about: Scene | Simulation | Equilibrium,
+    *,
+    inputs: Sequence[str] = (),
+    outputs: Sequence[str] | None = None,
+) -> LinearModel:
+    """The linear model about the present of a simulation, about a position of rest, or about the
+    equilibrium of a scene.
+
+    inputs: names such as 'joints.crank_pin.effort', 'wrenches.coupler.force.x',
+    'targets.crank_pin.position'. outputs: names of quantities as of a `Run`, such as
+    'joints.knee.position', 'points.B.x', 'reactions.knee.force.x'; the positions of all joints if
+    absent. Ends of names that only one has are enough. The loads of dry friction are held.
+
+    Raises InputError for unknown names, in a singular position, where a free motion has no mass,
+    and for more than 1200 coordinates; and what `equilibrium` raises.
+    """
+    simulation, state, t = _instant_of(about)
+    sample = simulation._sample(t, state, False)
+    loads = Loads(simulation)
+    rubbing = sample._loads if loads.applied.load_count else np.zeros(0)
+    instant = Instant(loads, t, state.q, state.qd, state.turns, rubbing)
+    _refuse_singular(instant)
+    named = named_inputs(loads, t, inputs)
+    A, stiffness, damping, drift = _motion(instant, sample)
+    charted = _Charted(instant, simulation, state)
+    names, units = _outputs(sample, outputs)
+    notes = ('the loads of friction are held',) if rubbing.size else ()
+    B = np.zeros((len(A), len(named)))
+    places = instant.position_directions.shape[1]
+    for k, each in enumerate(named):
+        B[places:, k] = instant.velocity_directions.T @ _pushed_by(instant, each)
+    return LinearModel(
+        A=A,
+        B=B,
+        C=charted.slopes(names, charted.away),
+        D=_direct(charted, simulation, state, t, names, named),
+        stiffness=stiffness,
+        damping=damping,
+        drift=drift,
+        directions=in_order(instant.model, instant.position_directions.T),
+        inputs=tuple(each.name for each in named),
+        outputs=names,
+        input_units=tuple(each.unit for each in named),
+        output_units=units,
+        t=t,
+        notes=notes,
+    )
+
+
+def _instant_of(about: Scene | Simulation | Equilibrium) -> tuple[Simulation, State, float]:
+    if isinstance(about, Simulation):
+        return copy.copy(about), about.state, about.t
+    rest = about if isinstance(about, Equilibrium) else equilibrium(about)
+    simulation = copy.copy(rest.simulation)
+    return simulation, rest.state, rest.t
+
+
+def _refuse_singular(instant: Instant) -> None:
+    """Raises InputError in a singular position, where there is no linear model."""
+    model = instant.model
+    dependent = len(model.row_names) - round(model.system.rank)
+    lost = instant.rank < round(model.system.rank)
+    if lost or assembly.within(model, instant.q, dependent):
+        found = position(model, instant.q, instant.t)
+        kind = found.kind if found.kind != SMOOTH else 'rank lost'
+        raise InputError(
+            f'a singular position ({kind}) has no linear model', key='linearise', value=instant.t
+        )
+
+
+def _motion(instant: Instant, sample: Sample) -> tuple[Floats, Floats, Floats, Floats]:
+    """A, and stiffness and damping of unit mass; and ẋ of the instant."""
+    model, n = instant.model, instant.model.n
+    Y, Z = instant.position_directions, instant.velocity_directions
+    lam = np.empty(len(model.row_names))
+    lam[model.row] = sample.lam
+    g, f = Y.shape[1], Z.shape[1]
+    U = np.zeros((n, g))
+    if instant.qd.any():
+        solve = ConstrainedSolve(model, ())
+        solve.factorise(instant.M, instant.J[:, :n].tocsr(), instant.q)
+        for y, u in zip(Y.T, U.T, strict=True):
+            u[:] = solve.solve(np.zeros(n), -(instant.turning @ y))[0]
+    force = instant.K @ Y + instant.curvature(lam) @ Y + instant.C @ U
+    stiffness, damping = Z.T @ force, Z.T @ (instant.C @ Z)
+    A = np.block([[Y.T @ (instant.M @ U), Y.T @ (instant.M @ Z)], [-stiffness, -damping]]).reshape(
+        g + f, g + f
+    )
+    acceleration = np.zeros((model.layout.movable, model.layout.dimension))
+    acceleration[model.coordinate_block] = _blocks(model, sample.qdd)
+    rates = [Y.T @ (instant.M @ instant.qd[:n]), Z.T @ (instant.M @ acceleration.ravel())]
+    if g != f:
+        stiffness = damping = np.zeros((0, 0))
+    return A, stiffness, damping, np.concatenate(rates)
+
+
+def _blocks(model: Model, values: Floats) -> Floats:
+    """Numbers in the order of `Sample.q` as blocks (movable, D), vectors in their own length."""
+    blocks = np.array(values).reshape(-1, model.layout.dimension)
+    blocks[sum(not point.fixed for point in model.mechanism.points) :] *= model.layout.length
+    return blocks
+
+
+def _pushed_by(instant: Instant, each: NamedInput) -> Floats:
+    """(n,) ∂Q/∂u."""
+    found, held = [], instant.loads.inputs
+    for sign in (1.0, -1.0):
+        try:
+            effects = instant.loads.with_inputs(each.added(held, sign * each.size))
+        except ValueError as error:
+            raise InputError(str(error), key='inputs', value=each.name) from None
+        at = instant.t, instant.q, instant.qd, instant.near, instant.rubbing
+        found.append(forces(effects, *at))
+    return np.asarray((found[0] - found[1])[: instant.model.n] / (2.0 * each.size))
+
+
+def _outputs(
+    sample: Sample, outputs: Sequence[str] | None
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Names of numbers and their units. Raises InputError for an unknown one."""
+    if outputs is None:
+        outputs = [f'joints.{name}.position' for name in sample.model.coordinate_names]
+    if not outputs:
+        return (), ()
+    run = Run([sample])
+    names = tuple(run.columns(*outputs))
+    return names, tuple(run.unit(name) for name in names)
+
+
+class _Charted:
+    """Samples at states beside an instant."""
+
+    def __init__(self, instant: Instant, simulation: Simulation, state: State) -> None:
+        self._instant, self._simulation, self._state = instant, simulation, state
+        length = _AWAY * instant.loads.tangents.length
+        Y, Z = instant.position_directions, instant.velocity_directions
+        both = [*Y.T, *Z.T]
+        self._places = Y.shape[1]
+        self._sizes = [length / float(np.abs(each).max(initial=1e-300)) for each in both]
+
+    def away(self, k: int, steps: int) -> tuple[Sample, float]:
+        """The sample so many steps along state k, and the step."""
+        instant, size = self._instant, self._sizes[k]
+        q, turns, qd = instant.q, instant.turns, np.array(instant.qd)
+        n = instant.model.n
+        if k < self._places:
+            there = moved(instant, steps * size * instant.position_directions[:, k])
+            q, turns = there.q, there.turns
+        else:
+            qd[:n] += steps * size * instant.velocity_directions[:, k - self._places]
+        if qd.any():
+            qd = assembly.complete(instant.model, q, {}, instant.t, near=qd)
+        state = replace(self._state, q=q, qd=qd, turns=turns)
+        return self._simulation._sample(instant.t, state, False), size
+
+    def slopes(
+        self, names: tuple[str, ...], away: Callable[[int, int], tuple[Sample, float]]
+    ) -> Floats:
+        """(names, states) slopes of quantities, by differences of eighth order."""
+        found = np.zeros((len(names), len(self._sizes)))
+        for k in range(len(self._sizes) if names else 0):
+            samples, size = [], 1.0
+            for steps in (*range(1, 5), *range(-1, -5, -1)):
+                sample, size = away(k, steps)
+                samples.append(sample)
+            values = _read(samples, names)
+            for n, weight in enumerate(_WEIGHTS):
+                found[:, k] += weight / size * (values[:, n] - values[:, n + 4])
+        return _rounded(found)
+
+
+def _read(samples: Sequence[Sample], names: tuple[str, ...]) -> Floats:
+    """(names, samples)."""
+    columns = Run(samples, only=sorted({_quantity(samples[0], name) for name in names}))
+    return np.array([columns.columns(name)[name] for name in names])
+
+
+def _quantity(sample: Sample, name: str) -> str:
+    """The quantity that a number is a component of."""
+    axis = name.rpartition('.')[2]
+    is_component = axis in ('x', 'y', 'z', 'angle', 'qx', 'qy', 'qz', 'qw')
+    return name.rpartition('.')[0] if is_component else name
+
+
+def _direct(
+    charted: _Charted,
+    simulation: Simulation,
+    state: State,
+    t: float,
+    names: tuple[str, ...],
+    named: Sequence[NamedInput],
+) -> Floats:
+    """D (outputs, inputs)."""
+    found = np.zeros((len(names), len(named)))
+    for k, each in enumerate(named if names else ()):
+        samples = []
+        for sign in (1.0, -1.0):
+            other = copy.copy(simulation)
+            pushed = replace(state, inputs=each.added(state.inputs, sign * each.size))
+            other.restore(pushed)
+            samples.append(other._sample(t, pushed, False))
+        values = _read(samples, names)
+        found[:, k] = (values[:, 0] - values[:, 1]) / (2.0 * each.size)
+    return _rounded(found)
+
+
+def _rounded(slopes: Floats) -> Floats:
+    """Without what differences leave of zeros."""
+    largest = np.abs(slopes).max(axis=1, initial=0.0, keepdims=True)
+    return np.asarray(np.where(np.abs(slopes) > _ROUNDED * largest, slopes, 0.0))

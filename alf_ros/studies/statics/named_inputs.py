@@ -1,0 +1,129 @@
+"""The inputs of a linear model by name: efforts, wrenches, targets of motors.
+
+- `joints.crank_pin.effort`: N m, or N of a length;
+- `wrenches.coupler.force.x`, `wrenches.coupler.torque` (in space `.torque.x`): N, N m, in the
+  world frame at the centre of mass of a body; the force on a point;
+- `targets.crank_pin.position`, `.velocity`: what the motor of the scene is to follow.
+
+An input adds to what is held.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from alf_ros import effects as registry
+from alf_ros.effects.contract.trajectory import Curve
+from alf_ros.errors import InputError
+from alf_ros.simulation.applied import Inputs, Target, Wrench
+from alf_ros.simulation.quantities import full_name
+from alf_ros.studies.statics.instant import Loads
+
+_EFFORT, _WRENCH, _TARGET = 1.0, 1.0, 1e-4  # N m, N; rad or m, and per second
+
+
+@dataclass(frozen=True)
+class NamedInput:
+    """An input: its name, its unit, the size of a difference, and what adds a value to Inputs."""
+
+    name: str
+    unit: str
+    size: float
+    added: Callable[[Inputs, float], Inputs]
+
+
+def named_inputs(loads: Loads, t: float, names: Sequence[str]) -> tuple[NamedInput, ...]:
+    """The inputs of these names, or of ends of names that only one has. Raises InputError."""
+    known = {each.name: each for each in _all(loads, t)}
+    return tuple(known[full_name(name, tuple(known), 'inputs')] for name in names)
+
+
+def _all(loads: Loads, t: float) -> list[NamedInput]:
+    model, found = loads.model, list[NamedInput]()
+    space = model.layout.dimension == 3
+    axes = 'xyz' if space else 'xy'
+    for each in model.coordinates:
+        unit = 'N m' if each.is_angle else 'N'
+        found.append(
+            NamedInput(f'joints.{each.name}.effort', unit, _EFFORT, _effort(each.name, t))
+        )
+    for name in (*model.body_names, *model.point_names):
+        for axis in range(len(axes)):
+            path = f'wrenches.{name}.force.{axes[axis]}'
+            found.append(NamedInput(path, 'N', _WRENCH, _wrench(name, axis, None, len(axes))))
+        if name in model.body_names and model.layout.turns(name):
+            for axis, end in enumerate(('.x', '.y', '.z') if space else ('',)):
+                path = f'wrenches.{name}.torque{end}'
+                found.append(
+                    NamedInput(path, 'N m', _WRENCH, _wrench(name, None, axis, len(axes)))
+                )
+    for effect in loads.effects:
+        module = registry.load(effect.kind)
+        if hasattr(module, 'follows'):
+            joint = effect.parameters.joint
+            follows = zip(('position', 'velocity'), module.follows(effect.parameters), strict=True)
+            angle = model.mechanism.coordinate[joint].is_angle
+            for what, does in follows:
+                if does:
+                    unit = ('rad' if angle else 'm') + '/s' * (what == 'velocity')
+                    path = f'targets.{joint}.{what}'
+                    found.append(NamedInput(path, unit, _TARGET, _target(effect, what, t)))
+    return found
+
+
+def _effort(joint: str, t: float) -> Callable[[Inputs, float], Inputs]:
+    def added(inputs: Inputs, value: float) -> Inputs:
+        now = inputs.efforts.get(joint, 0.0)
+        held = now.at(t)[0] if isinstance(now, Curve) else now
+        return replace(inputs, efforts={**inputs.efforts, joint: held + value})
+
+    return added
+
+
+def _wrench(
+    name: str, force: int | None, torque: int | None, dimension: int
+) -> Callable[[Inputs, float], Inputs]:
+    def added(inputs: Inputs, value: float) -> Inputs:
+        now = inputs.wrenches.get(name, Wrench((0.0,) * dimension))
+        if now.frame != 'world' or now.at is not None:
+            raise InputError(
+                'a wrench is held there in the frame of the body, or at a point of it',
+                key=f'wrenches.{name}',
+                expected='a wrench in the world frame at the centre of mass',
+            )
+        if force is not None:
+            whole = np.array(now.force, dtype=float)
+            whole[force] += value
+            changed = replace(now, force=tuple(whole.tolist()))
+        else:
+            turning = np.zeros(3 if dimension == 3 else 1)
+            turning[:] = now.torque
+            turning[torque] += value
+            held = tuple(turning.tolist()) if dimension == 3 else float(turning[0])
+            changed = replace(now, torque=held)
+        return replace(inputs, wrenches={**inputs.wrenches, name: changed})
+
+    return added
+
+
+def _target(effect: registry.Effect, what: str, t: float) -> Callable[[Inputs, float], Inputs]:
+    joint = effect.parameters.joint
+
+    def added(inputs: Inputs, value: float) -> Inputs:
+        given = inputs.targets.get(joint, Target())
+        own = getattr(given, what)
+        now = getattr(effect.parameters, what) if own is None else own
+        if now is not None and not isinstance(now, float | int):
+            raise InputError(
+                'the motor follows a curve: no target beside it', key=f'targets.{joint}.{what}'
+            )
+        changed = replace(given, **{what: (now or 0.0) + value})
+        speed = effect.parameters.velocity
+        if what == 'position' and given.velocity is None and isinstance(speed, float):
+            changed = replace(changed, velocity=speed)  # it would become the slope of x*
+        return replace(inputs, targets={**inputs.targets, joint: changed})
+
+    return added

@@ -1,0 +1,304 @@
+"""Positions of rest of a scene: `alf_ros.equilibrium` and `alf_ros.equilibria`."""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from alf_ros import kernel
+from alf_ros.arrays import Floats
+from alf_ros.errors import AssemblyError, InputError
+from alf_ros.model import assembly
+from alf_ros.model.branch_words import moving
+from alf_ros.model.compile import Model
+from alf_ros.model.prescribed import prescribe
+from alf_ros.model.singular_branches import SMOOTH, position
+from alf_ros.scene.scene import Scene
+from alf_ros.simulation.input_checks import number, whole
+from alf_ros.simulation.sample import JointState, Reaction, Sample
+from alf_ros.simulation.simulation import Simulation
+from alf_ros.simulation.state import State
+from alf_ros.studies.statics.descent import Landing, descended
+from alf_ros.studies.statics.instant import DENSE, Instant, Loads
+from alf_ros.studies.statics.newton_rest import nearest_rest
+from alf_ros.studies.statics.rest_stability import NEUTRAL, RestStability, stability_of
+
+UNDECIDED = 'undecided'
+_SAME = 1e-6  # of the size, between positions that count as one
+_NEAR_SINGULAR = (
+    1e-3  # of the acceleration without rows, from which down a singular position is looked for
+)
+_DRIVEN = 0.05  # of the size that a drive moves in one step on the way to an instant
+_HOLDING = {'joint_friction': 'friction', 'joint_stop': 'a stop', 'ground_contact': 'a contact'}
+
+
+@dataclass(frozen=True, eq=False)
+class Equilibrium:
+    """A position of rest.
+
+    simulation: one of its own, with the held inputs. sample: all quantities, at rest. state: what
+    `Simulation.restore` takes. stability: 'stable', 'unstable', 'neutral', or 'undecided' (in a
+    singular position, or of a mechanism too large to tell). stiffness (f,): eigenvalues of the
+    reduced Hessian in the metric of the mass, 1/s², ascending; the squares of the natural
+    frequencies in rad/s if nothing damps. directions (f, n): their motions in the order of `q`,
+    for a unit of mass. residual: the largest acceleration that is left, m/s². conservative:
+    whether the loads have a potential here. notes: what a reader should know, a sentence each.
+    steps: of the search.
+    """
+
+    simulation: Simulation
+    sample: Sample
+    state: State
+    stability: str
+    stiffness: Floats
+    directions: Floats
+    residual: float
+    conservative: bool
+    notes: tuple[str, ...]
+    steps: int
+
+    @property
+    def t(self) -> float:
+        """The instant at which drives are frozen, s."""
+        return self.sample.t
+
+    @property
+    def q(self) -> Floats:
+        """(n,) as `Sample.q`: points, m, then unit vectors."""
+        return self.sample.q
+
+    @property
+    def points(self) -> Mapping[str, Floats]:
+        """Position of each point (D,), m."""
+        return self.sample.points
+
+    @property
+    def joints(self) -> Mapping[str, JointState]:
+        """Position and effort of each joint coordinate."""
+        return self.sample.joints
+
+    @property
+    def reactions(self) -> Mapping[str, Reaction]:
+        """What each joint carries at rest."""
+        return self.sample.reactions
+
+    @property
+    def frequencies(self) -> Floats:
+        """(f,) natural frequencies without damping, Hz; NaN of a direction that falls."""
+        squares = self.stiffness
+        return np.sqrt(np.where(squares >= 0.0, squares, np.nan)) / (2.0 * math.pi)
+
+    def __repr__(self) -> str:
+        return f'<Equilibrium {self.stability}, {self.stiffness.size} freedoms, t = {self.t:g} s>'
+
+
+def equilibrium(
+    scene: Scene | Simulation, *, t: float | None = None, nearest: bool = False
+) -> Equilibrium:
+    """Where a scene rests under its effects, from where it starts; or a simulation, from its
+    present, under its effects and held inputs.
+
+    t (s): the instant at which drives and signals are frozen; the present of a simulation, 0 of a
+    scene if absent. The search goes down the potential, so that it ends in a stable or neutral
+    position, unless it starts in another one. With `nearest` it goes to the nearest position of
+    rest of any kind, by Newton's method.
+
+    Raises InputError if there is none, or loads without a potential do not settle; AssemblyError
+    if the mechanism cannot be closed.
+    """
+    simulation, start = _start(scene, t)
+    landing = nearest_rest(start) if nearest else descended(start)
+    if not landing.rests and not nearest and simulation.model.n <= DENSE:
+        landing = _better(landing, start)
+    return _found(simulation, landing)
+
+
+def equilibria(
+    scene: Scene | Simulation, *, starts: int = 20, seed: int = 0, t: float | None = None
+) -> tuple[Equilibrium, ...]:
+    """The positions of rest found from the start and from so many random positions (`seed`), down
+    the potential and to the nearest one: stable ones first, then by energy.
+
+    It is a search: more starts may find more. Raises as `equilibrium` if none is found.
+    """
+    simulation, start = _start(scene, t)
+    model, random = simulation.model, np.random.default_rng(seed)
+    found: list[Equilibrium] = []
+    refused: InputError | None = None
+    for turn in range(whole(starts, 'starts', 0) + 1):
+        begin = start
+        if turn:
+            away = np.array(start.q)
+            away[: model.n] += 0.5 * model.size * random.standard_normal(model.n)
+            try:
+                begin = replace(start, q=assembly.close(model, {}, away))
+            except AssemblyError:
+                continue
+        for search in (descended, nearest_rest):
+            try:
+                each = _found(simulation, search(begin))
+            except InputError as error:
+                refused = refused or error
+                continue
+            if not any(_is_same(model.size, each, other) for other in found):
+                found.append(each)
+    if not found:
+        raise refused or InputError('no position of rest was found', key='starts', value=starts)
+    order = {'stable': 0, NEUTRAL: 1}
+    return tuple(sorted(found, key=lambda e: (order.get(e.stability, 2), e.sample.energy)))
+
+
+def _is_same(size: float, one: Equilibrium, other: Equilibrium) -> bool:
+    D = one.sample.model.layout.dimension
+    apart = np.abs(one.state.q - other.state.q).reshape(-1, D)[: one.sample.model.layout.movable]
+    return bool(apart.max(initial=0.0) <= _SAME * size)
+
+
+def _start(scene: Scene | Simulation, t: float | None) -> tuple[Simulation, Instant]:
+    """A simulation of one's own, and its present at rest with drives at t (s)."""
+    if isinstance(scene, Simulation):
+        simulation = copy.copy(scene)
+    elif isinstance(scene, Scene):
+        simulation = Simulation(replace(scene, velocities={}))
+    else:
+        raise InputError('not a scene', key='scene', value=scene, expected='load_scene(…)')
+    state, now = simulation.state, simulation.t
+    q = state.q
+    if t is not None:
+        q, now = _driven(simulation, q, now, number(t, 't', 0.0)), float(t)
+    return simulation, Instant(Loads(simulation), now, q, np.zeros_like(q), state.turns)
+
+
+def _driven(simulation: Simulation, q: Floats, start: float, end: float) -> Floats:
+    """q (blocks D, m) with drives brought from one instant to another (s), bit by bit."""
+    model, now, step = simulation.model, start, end - start
+    if not model.mechanism.prescribed:
+        return q
+    rates = np.zeros((2, q.size))
+    while abs(end - now) > 0.0:
+        step = math.copysign(min(abs(step), abs(end - now)), end - start)
+        there = np.array(q)
+        prescribe(model.system, now + step, there, *rates)
+        far = float(np.abs(there - q).max()) > _DRIVEN * model.size
+        if far and abs(step) > 1e-9 * abs(end - start):
+            step *= 0.5
+            continue
+        q = assembly.close(model, {}, there)
+        now, step = (end if abs(end - now - step) <= 1e-12 * abs(end) else now + step), 2.0 * step
+    return q
+
+
+def _better(landing: Landing, start: Instant) -> Landing:
+    """What Newton's method makes of a descent that came to no end; else the landing itself."""
+    other = nearest_rest(landing.instant)
+    return other if other.rests else landing
+
+
+def _found(simulation: Simulation, landing: Landing) -> Equilibrium:
+    """Raises InputError if the landing is no position of rest."""
+    instant, model = landing.instant, simulation.model
+    singular = _singular(simulation, landing)
+    if not landing.rests and not singular:
+        raise InputError(_unrest(simulation, landing), key='effects')
+    state = replace(
+        simulation.state,
+        q=instant.q,
+        qd=np.zeros_like(instant.q),
+        turns=instant.turns,
+        loads=np.zeros_like(simulation.state.loads),
+        step=round(instant.t / simulation.h),
+    )
+    notes = [singular] if singular else []
+    told = RestStability(UNDECIDED, np.zeros(0), np.zeros((0, model.n)), True)
+    if model.n > DENSE:
+        notes.append(f'stability is not told of more than {DENSE} coordinates; see `modes`')
+    elif not singular:
+        told = stability_of(instant, landing.lam)
+        if not told.stiffness.size:
+            notes.append('nothing is free: rows and drives hold every point')
+    if not told.conservative:
+        notes.append('the loads have no potential here: stability is that of the linear motion')
+    notes += _held(instant)
+    if model.mechanism.drives:
+        notes.append(f'drives are frozen at t = {instant.t:g} s')
+    if told.stiffness.size and model.system.rows.velocity:
+        if instant.position_directions.shape[1] > told.stiffness.size:
+            notes.append('rows bind velocities only: other positions of rest lie all around')
+    sample = simulation._sample(instant.t, state, False)
+    return Equilibrium(
+        simulation=simulation,
+        sample=sample,
+        state=state,
+        stability=told.verdict,
+        stiffness=told.stiffness,
+        directions=in_order(model, told.directions),
+        residual=landing.left,
+        conservative=told.conservative,
+        notes=tuple(notes),
+        steps=landing.steps,
+    )
+
+
+def in_order(model: Model, directions: Floats) -> Floats:
+    """Directions (f, n) of the kernel in the order of `Sample.q`, vectors without unit."""
+    D, points = model.layout.dimension, sum(not p.fixed for p in model.mechanism.points)
+    own = directions.reshape(len(directions), model.layout.movable, D)
+    blocks = own[:, model.coordinate_block]
+    blocks[:, points:] /= model.layout.length
+    return np.asarray(blocks.reshape(len(directions), model.n))
+
+
+def _singular(simulation: Simulation, landing: Landing) -> str:
+    """What the position is if it is a singular one; empty if not."""
+    model, q = simulation.model, landing.instant.q
+    if model.n > DENSE or landing.left > _NEAR_SINGULAR * landing.scale:
+        return ''
+    dependent = len(model.row_names) - round(model.system.rank)
+    if not assembly.within(model, q, dependent):
+        return ''
+    with np.errstate(all='ignore'):
+        found = position(model, assembly.close(model, {}, q, least=0.0), landing.instant.t)
+    gained = found.kind != SMOOTH or len(found.lost) > dependent
+    kind = found.kind if gained else 'too near to tell'
+    return f'it lies in a singular position ({kind}): stability is not decided there'
+
+
+def _held(instant: Instant) -> list[str]:
+    """What holds the mechanism besides: friction, and stops and contacts that push."""
+    notes, each = [], instant.loads.applied.each
+    for effect in instant.loads.effects:
+        what = _HOLDING.get(effect.kind)
+        if effect.kind == 'joint_friction':
+            notes.append(
+                f'{effect.label}: friction holds positions around this one too; this is the one '
+                'that rests without it'
+            )
+        elif what is not None:
+            Q = np.zeros_like(instant.q)
+            part = each[effect.label].effects
+            kernel.applied_forces(part, instant.t, instant.q, instant.qd, instant.near, Q)
+            if Q.any():
+                notes.append(f'{effect.label}: {what} carries load here')
+    return notes
+
+
+def _unrest(simulation: Simulation, landing: Landing) -> str:
+    """Why there is no position of rest."""
+    model, instant = simulation.model, landing.instant
+    names = ', '.join(moving(model, instant.force(instant.q, instant.qd)[None])[:3])
+    text = (
+        f'no position of rest: after {landing.steps} steps {landing.left:.3g} m/s^2 are left, '
+        f'with forces on {names}'
+    )
+    K = (instant.K + instant.curvature(landing.lam)).toarray() if model.n <= DENSE else None
+    if K is not None:
+        Z = instant.velocity_directions
+        reduced = Z.T @ K @ Z
+        skew = np.abs(reduced - reduced.T).max(initial=0.0)
+        if skew > 1e-6 * np.abs(reduced).max(initial=1e-300):
+            return text + '; the loads have no potential, and do not settle'
+    return text + '; loads that never stop doing work have none'

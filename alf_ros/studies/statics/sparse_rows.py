@@ -1,0 +1,103 @@
+"""M, Φ_q and its derivatives as sparse matrices, on the columns of all blocks.
+
+Rows are linear or quadratic in q, so that their Hessians H_k are constant, and so is the
+derivative of N in a velocity row N(q) q̇. With J = [Φ_q; N]:
+
+- `curvature`: L(λ) = ∂(Jᵀ λ)/∂q = Σ λ_k H_k, which is not symmetric for velocity rows;
+- `turning`: R(v) = ∂(J v)/∂q, for constant v.
+"""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+import numpy as np
+import scipy.sparse as sparse
+
+from alf_ros import kernel
+from alf_ros.arrays import Floats, Integers
+from alf_ros.kernel import Mass, Rows
+from alf_ros.model.compile import Model
+
+Sparse: TypeAlias = Any  # scipy.sparse.csr_matrix: scipy has no types
+
+
+def of_blocks(i: Integers, j: Integers, values: Floats, shape: tuple[int, int]) -> Sparse:
+    """Of blocks (count, a, b) in block row i and block column j; those at one place add up."""
+    _, a, b = values.shape
+    row = (i.astype(np.int64) * a)[:, None, None] + np.arange(a)[None, :, None]
+    column = (j.astype(np.int64) * b)[:, None, None] + np.arange(b)[None, None, :]
+    row, column = np.broadcast_to(row, values.shape), np.broadcast_to(column, values.shape)
+    return sparse.coo_matrix((values.ravel(), (row.ravel(), column.ravel())), shape).tocsr()
+
+
+def mass_matrix(model: Model) -> Sparse:
+    """M (n, n), kg."""
+    mass: Mass = model.system.mass
+    D, blocks = model.layout.dimension, mass.diagonal.size
+    eye = np.eye(D)
+    off = mass.k[:, None, None] * eye
+    if mass.skew.size:
+        off[mass.skew] += mass.w[:, None, None] * np.array([[0.0, -1.0], [1.0, 0.0]])
+    own = np.arange(blocks)
+    i = np.concatenate([own, mass.i, mass.j])
+    j = np.concatenate([own, mass.j, mass.i])
+    values = np.concatenate([mass.diagonal[:, None, None] * eye, off, off.transpose(0, 2, 1)])
+    return of_blocks(i, j, values, (model.n, model.n))
+
+
+def jacobian(model: Model, q: Floats) -> Sparse:
+    """J = [Φ_q; N] (rows, blocks D) at q (blocks D, m), rows in the kernel's order."""
+    rows: Rows = model.system.rows
+    D, m1 = model.layout.dimension, rows.i.size
+    g, g2 = np.zeros(m1 * D), np.zeros(rows.b.size)
+    kernel.jacobian(model.unit, rows, q, g, g2)
+    d = g.reshape(-1, 1, D)
+    own = np.arange(m1)
+    i = np.concatenate([own, own, m1 + _owner(rows)])
+    j = np.concatenate([rows.i, rows.j, rows.block])
+    values = np.concatenate([d, -d, g2.reshape(-1, 1, D)])
+    return of_blocks(i, j, values, (rows.alpha.size, q.size))
+
+
+def _owner(rows: Rows) -> Integers:
+    """(entries,) the row, among those that are no distances."""
+    first = rows.first.astype(np.int64)
+    return np.repeat(np.arange(first.size - 1), np.diff(first))
+
+
+def _terms(rows: Rows, D: int) -> tuple[Integers, Integers, Floats]:
+    """(terms,) the entry of each term, its block, and T (terms, D, D)."""
+    first = rows.first_term.astype(np.int64)
+    entry = np.repeat(np.arange(first.size - 1), np.diff(first))
+    return entry, rows.term_block.astype(np.int64), rows.term.reshape(-1, D, D)
+
+
+def curvature(model: Model, lam: Floats) -> Sparse:
+    """L(λ) = ∂(Jᵀ λ)/∂q (blocks D, blocks D) of λ (rows,) in the kernel's order."""
+    rows: Rows = model.system.rows
+    D, m1 = model.layout.dimension, rows.i.size
+    a, b = rows.i.astype(np.int64), rows.j.astype(np.int64)
+    own = lam[:m1, None, None] * np.eye(D)
+    entry, at, T = _terms(rows, D)
+    of = lam[m1 + _owner(rows)][entry]
+    i = np.concatenate([a, b, a, b, rows.block[entry].astype(np.int64)])
+    j = np.concatenate([a, b, b, a, at])
+    values = np.concatenate([own, own, -own, -own, of[:, None, None] * T])
+    size = model.layout.blocks * D
+    return of_blocks(i, j, values, (size, size))
+
+
+def turning(model: Model, v: Floats) -> Sparse:
+    """R(v) = ∂(J v)/∂q (rows, blocks D) of v (blocks D)."""
+    rows: Rows = model.system.rows
+    D, m1 = model.layout.dimension, rows.i.size
+    blocks = v.reshape(-1, D)
+    d = (blocks[rows.i] - blocks[rows.j])[:, None, :]
+    entry, at, T = _terms(rows, D)
+    along = np.einsum('sab,sa->sb', T, blocks[rows.block[entry]])[:, None, :]
+    own = np.arange(m1)
+    i = np.concatenate([own, own, m1 + _owner(rows)[entry]])
+    j = np.concatenate([rows.i.astype(np.int64), rows.j.astype(np.int64), at])
+    values = np.concatenate([d, -d, along])
+    return of_blocks(i, j, values, (rows.alpha.size, v.size))

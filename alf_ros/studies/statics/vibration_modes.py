@@ -1,0 +1,134 @@
+"""`alf_ros.modes`: the lowest natural frequencies of a mechanism at rest, and who moves in them.
+
+The modes are those without damping: (K + L - ω² M) x = 0 on the free directions. The damping of a
+mode is xᵀ C x / 2ω, the share that damping takes if it is small. `linearise` has the exact ones.
+
+Energies: of the kinetic energy of a mode the share of each body, and of its potential energy (½ ω²
+for unit mass) the share of each effect, -½ xᵀ (∂Q_e/∂q) x, and of the reactions, ½ xᵀ L x.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from alf_ros.arrays import Floats
+from alf_ros.errors import InputError
+from alf_ros.model.mass import mass_of
+from alf_ros.scene.scene import Scene
+from alf_ros.simulation.input_checks import whole
+from alf_ros.simulation.simulation import Simulation
+from alf_ros.studies.statics.constrained_solve import ConstrainedSolve
+from alf_ros.studies.statics.descent import pushed
+from alf_ros.studies.statics.instant import DENSE, Instant, Loads, forces
+from alf_ros.studies.statics.lowest_modes import lowest
+from alf_ros.studies.statics.positions_of_rest import Equilibrium, equilibrium, in_order
+from alf_ros.studies.statics.rest_stability import reduced_stiffness
+from alf_ros.studies.statics.sparse_rows import mass_matrix
+
+REACTIONS = 'reactions'
+_AWAY = 3e-3  # of a typical length
+_WEIGHTS = (4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0)
+
+
+@dataclass(frozen=True, eq=False)
+class VibrationModes:
+    """Modes at a position of rest, the lowest first.
+
+    squares (k,): ω², 1/s². motions (k, n): in the kernel's order, of unit mass, kg^-½. instant,
+    and lam (rows,): where they are modes, and its multipliers.
+    """
+
+    instant: Instant
+    lam: Floats
+    squares: Floats
+    motions: Floats
+
+    @property
+    def frequencies(self) -> Floats:
+        """(k,) ω / 2π, Hz; NaN of a motion that falls."""
+        return np.sqrt(np.where(self.squares >= 0.0, self.squares, np.nan)) / (2.0 * math.pi)
+
+    @cached_property
+    def damping_ratios(self) -> Floats:
+        """(k,) xᵀ C x / 2ω; NaN of a motion that falls, or that nothing brings back."""
+        loss = np.einsum('kn,kn->k', self.motions, (self.instant.C @ self.motions.T).T)
+        rates = np.sqrt(np.where(self.squares > 0.0, self.squares, np.nan))
+        return np.asarray(loss / (2.0 * rates))
+
+    @cached_property
+    def shapes(self) -> Floats:
+        """(k, n) motions in the order of `Sample.q`, the largest number of each 1."""
+        ordered = in_order(self.instant.model, self.motions)
+        if not ordered.size:
+            return ordered
+        peak = ordered[np.arange(len(ordered)), np.argmax(np.abs(ordered), axis=1)]
+        return np.asarray(ordered / peak[:, None])
+
+    @cached_property
+    def kinetic_shares(self) -> Mapping[str, Floats]:
+        """(k,) of each body: its share of the kinetic energy; together with those of rotors 1."""
+        model, shares = self.instant.model, dict[str, Floats]()
+        for body in model.mechanism.bodies:
+            alone = replace(model.mechanism, bodies=(body,), rotors=())
+            layout = replace(model.layout, mechanism=alone)
+            system = replace(model.system, mass=mass_of(layout))
+            own = mass_matrix(replace(model, system=system)) @ self.motions.T
+            shares[body.name] = np.einsum('kn,nk->k', self.motions, own)
+        return shares
+
+    @cached_property
+    def potential_shares(self) -> Mapping[str, Floats]:
+        """(k,) of each effect, and of the 'reactions': its share of the potential energy ½ ω²;
+        NaN of a motion that nothing brings back. Shares may be negative, their sum is 1."""
+        instant = self.instant
+        found = {label: self._stored(label) for label in instant.loads.applied.each}
+        L = instant.curvature(self.lam)
+        found[REACTIONS] = np.einsum('kn,nk->k', self.motions, L @ self.motions.T)
+        whole = np.where(np.abs(self.squares) > 0.0, self.squares, np.nan)
+        return {label: np.asarray(each / whole) for label, each in found.items()}
+
+    def _stored(self, label: str) -> Floats:
+        """(k,) -xᵀ (∂Q_e/∂q) x of one effect, 1/s²."""
+        instant, n = self.instant, self.instant.model.n
+        effects = instant.loads.applied.each[label].effects
+        nothing, stored = np.zeros(0), np.zeros(len(self.motions))
+        for k, motion in enumerate(self.motions):
+            step = _AWAY * instant.loads.tangents.length / np.abs(motion).max()
+            away = np.zeros_like(instant.q)
+            for turn, weight in enumerate(_WEIGHTS, 1):
+                away[:n] = turn * step * motion
+                at = instant.qd, instant.near, nothing
+                ahead = forces(effects, instant.t, instant.q + away, *at)
+                behind = forces(effects, instant.t, instant.q - away, *at)
+                stored[k] -= weight / step * float(motion @ (ahead - behind)[:n])
+        return stored
+
+
+def modes(about: Scene | Simulation | Equilibrium, *, count: int = 20) -> VibrationModes:
+    """The `count` lowest modes about the position of rest of a scene, or about a position of rest
+    that was found, or about the present position of a simulation, which must be one.
+
+    Of up to 1200 coordinates all modes are computed by dense matrices, of more the lowest ones by
+    shift-invert Lanczos.
+
+    Raises InputError where the mechanism is not at rest or singular, where a free motion has no
+    mass, and what `equilibrium` raises.
+    """
+    rest = about if isinstance(about, Equilibrium) else equilibrium(about)
+    count = whole(count, 'count', 1)
+    if rest.stability == 'undecided' and rest.sample.model.n <= DENSE:
+        raise InputError('no modes are told', key='modes', value='; '.join(rest.notes))
+    loads = Loads(rest.simulation)
+    instant = Instant(loads, rest.t, rest.state.q, np.zeros_like(rest.state.q), rest.state.turns)
+    _, lam = pushed(instant, ConstrainedSolve(instant.model, loads.tangents.cliques))
+    if instant.model.n > DENSE:
+        return VibrationModes(instant, lam, *lowest(instant, lam, count))
+    stiffness, _ = reduced_stiffness(instant, lam)
+    squares, turn = np.linalg.eigh(0.5 * (stiffness + stiffness.T))
+    motions = (instant.velocity_directions @ turn).T
+    return VibrationModes(instant, lam, squares[:count], motions[:count])

@@ -1,0 +1,163 @@
+"""Positions of rest against closed forms and a computation at 30 digits."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from alf_ros import InputError, Simulation, equilibria, equilibrium, load_scene
+from support.statics_scenes import GRAVITY, KNOWN, chain, redundant_parallelogram, sprung
+
+
+def points_of(known: dict[str, object]) -> dict[str, list[float]]:
+    return {name: [float(x) for x in at] for name, at in known['points'].items()}  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    ('mechanism', 'number'),
+    [(name, n) for name, found in KNOWN.items() for n in range(len(found))],
+)
+def test_rest_and_frequency_are_those_of_30_digits(mechanism: str, number: int) -> None:
+    known = KNOWN[mechanism][number]
+    at, square = points_of(known), float(known['square'])
+    angle = float(known['angle']) + 0.1
+    first, radius = next(iter(at)), {'four_bar': 0.1}.get(mechanism, 1.0)
+    tip = radius * np.array([np.cos(angle), np.sin(angle)])
+    near = {first: tip.tolist()}
+    if mechanism == 'double_four_bar':
+        near |= {f'B{k}': (tip + [k, 0.0]).tolist() for k in range(3)}
+    found = equilibrium(sprung(mechanism, near), nearest=True)
+    for name, place in at.items():
+        np.testing.assert_allclose(found.points[name], place, rtol=0.0, atol=1e-11)
+    assert found.stiffness.shape == (1,)
+    assert found.stiffness[0] == pytest.approx(square, rel=1e-10)
+    assert found.stability == ('stable' if square > 0.0 else 'unstable')
+    assert found.conservative and found.notes == ()
+
+
+def test_a_descent_ends_in_a_stable_position() -> None:
+    known = KNOWN['four_bar'][0]
+    found = equilibrium(sprung('four_bar'))
+    np.testing.assert_allclose(found.points['B'], points_of(known)['B'], rtol=0.0, atol=1e-11)
+    assert found.stability == 'stable'
+
+
+def test_several_starts_find_all_that_are_known() -> None:
+    found = equilibria(sprung('four_bar'), starts=8)
+    open_ones = {round(float(np.arctan2(*e.points['A'][::-1])), 9) for e in found}
+    assert {round(float(each['angle']), 9) for each in KNOWN['four_bar']} <= open_ones
+    kinds = [e.stability for e in found]
+    assert kinds == sorted(kinds) and set(kinds) == {'stable', 'unstable'}
+
+
+def test_a_hanging_chain_has_the_zeros_of_laguerre() -> None:
+    found = equilibrium(chain(8))
+    zeros = np.polynomial.laguerre.lagroots([0.0] * 8 + [1.0])
+    np.testing.assert_allclose(found.stiffness, 9.81 * zeros, rtol=1e-10)
+    np.testing.assert_allclose(found.points['P8'], [0.0, -8.0], atol=1e-12)
+    np.testing.assert_allclose(
+        found.frequencies, np.sqrt(9.81 * zeros) / (2.0 * np.pi), rtol=1e-10
+    )
+    # a mode moves with unit kinetic energy ½ at unit speed
+    tips = found.directions.reshape(8, 8, 2)
+    np.testing.assert_allclose((tips**2).sum(axis=(1, 2)), np.ones(8), rtol=1e-12)
+    assert found.reactions['j0'].force[1] == pytest.approx(8 * 9.81, rel=1e-12)
+
+
+def test_redundant_rows_change_nothing() -> None:
+    found = equilibrium(redundant_parallelogram())
+    assert found.stability == 'stable' and found.stiffness.shape == (1,)
+    assert found.stiffness[0] == pytest.approx(9.81 * 2.5 / 2.0, rel=1e-11)
+    np.testing.assert_allclose(found.points['B1'], [1.0, -1.0], atol=1e-12)
+    loads = [found.reactions[f'pin{k}'] for k in range(3)]
+    assert all(load.indeterminate for load in loads)
+    assert sum(load.force[1] for load in loads) == pytest.approx(4 * 9.81, rel=1e-11)
+
+
+def test_upright_is_unstable_and_says_how_it_falls() -> None:
+    found = equilibrium(redundant_parallelogram(np.pi / 2.0))
+    assert found.stability == 'unstable'
+    assert found.stiffness[0] == pytest.approx(-9.81 * 2.5 / 2.0, rel=1e-12)
+    assert np.isnan(found.frequencies[0])
+    motion = dict(zip(('B0', 'B1', 'B2'), found.directions[0].reshape(-1, 2), strict=True))
+    np.testing.assert_allclose(motion['B1'], [np.sqrt(0.5), 0.0], atol=1e-12)
+
+
+def test_nothing_acts_is_neutral() -> None:
+    found = equilibrium(load_scene({'mechanism': 'bricard', 'effects': {}}))
+    assert found.stability == 'neutral' and found.residual == 0.0
+
+
+def test_held_inputs_count_and_the_state_can_be_restored() -> None:
+    simulation = Simulation(chain(1))
+    simulation.apply_wrench('P1', force=[9.81, 0.0])
+    found = equilibrium(simulation)
+    np.testing.assert_allclose(
+        found.points['P1'], np.array([1.0, -1.0]) * np.sqrt(0.5), atol=1e-12
+    )
+    assert found.stiffness[0] == pytest.approx(9.81 * np.sqrt(2.0), rel=1e-11)
+    simulation.restore(found.state)
+    simulation.step(200)
+    np.testing.assert_allclose(simulation.sample().points['P1'], found.points['P1'], atol=1e-12)
+
+
+def test_a_follower_moment_beside_gravity() -> None:
+    """Torque T on a pendulum: sin of the angle from the vertical is T / (m g l)."""
+    scene = chain(1, {**GRAVITY, 'constant_wrench': {'on': 'b0', 'torque': 9.81 / 2.0}})
+    found = equilibrium(scene)
+    np.testing.assert_allclose(found.points['P1'], [0.5, -np.sqrt(0.75)], atol=1e-12)
+    assert found.stiffness[0] == pytest.approx(9.81 * np.sqrt(0.75), rel=1e-11)
+
+
+def test_drives_are_frozen_at_the_instant_asked_for() -> None:
+    scene = load_scene(
+        {
+            'mechanism': 'double_pendulum',
+            'effects': GRAVITY,
+            'drives': {'turn': {'joint': 'shoulder', 'angle': '0.5*t'}},
+        }
+    )
+    found = equilibrium(scene, t=1.0)
+    elbow = np.array([np.cos(0.5), np.sin(0.5)])
+    np.testing.assert_allclose(found.points['A'], elbow, atol=1e-12)
+    np.testing.assert_allclose(found.points['B'], elbow - [0.0, 0.8], atol=1e-12)
+    assert found.stiffness[0] == pytest.approx(1.5 * 9.81 / 0.8, rel=1e-11)
+    assert found.t == 1.0 and 'drives are frozen at t = 1 s' in found.notes
+
+
+def test_friction_is_said_as_such() -> None:
+    friction = {'joint': 'j0', 'dynamic': 0.2, 'radius': 0.01}
+    found = equilibrium(chain(1, {**GRAVITY, 'joint_friction': friction}))
+    np.testing.assert_allclose(found.points['P1'], [0.0, -1.0], atol=1e-12)
+    assert len(found.notes) == 1 and 'friction holds positions around' in found.notes[0]
+
+
+def test_a_stop_that_carries_is_said_as_such() -> None:
+    stop = {'joint': 'j0', 'lower': -1.0, 'upper': 1.0, 'stiffness': 1e5}
+    found = equilibrium(chain(1, {**GRAVITY, 'joint_stop': stop}))
+    depth = -1.0 - found.joints['j0'].position
+    # the child hangs below the stop at -1 rad: k depth^1.5 = m g l cos(angle)
+    assert 1e5 * depth**1.5 == pytest.approx(9.81 * np.cos(1.0 + depth), rel=1e-9)
+    assert found.notes == ('joint_stop: a stop carries load here',)
+
+
+def test_a_singular_position_is_named() -> None:
+    found = equilibrium(load_scene({'mechanism': 'slider_crank', 'effects': GRAVITY}))
+    assert found.stability == 'undecided'
+    assert 'singular position' in found.notes[0]
+    np.testing.assert_allclose(found.points['A'], [0.0, -1.0], atol=1e-4)
+
+
+def test_none_is_said_in_one_line() -> None:
+    with pytest.raises(InputError, match='never stop doing work') as error:
+        equilibrium(chain(1, {'constant_wrench': {'on': 'b0', 'torque': 1.0}}))
+    assert '\n' not in str(error.value) and 'P1' in str(error.value)
+
+
+def test_refused() -> None:
+    with pytest.raises(InputError, match='not a scene'):
+        equilibrium('slider_crank')  # type: ignore[arg-type]
+    with pytest.raises(InputError, match='t: '):
+        equilibrium(chain(1), t=float('nan'))
+    with pytest.raises(InputError, match='starts'):
+        equilibria(chain(1), starts=-1)

@@ -1,0 +1,221 @@
+"""Linear models against closed forms, and about moving instants against differences."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.io import loadmat
+
+from alf_ros import InputError, Simulation, equilibrium, linearise, load_scene
+from alf_ros.arrays import Floats
+from alf_ros.model import assembly
+from support.statics_scenes import GRAVITY, KNOWN, chain, redundant_parallelogram, sprung
+
+
+def accelerations(simulation: Simulation, model: Any, step: Floats, speed: Floats) -> Floats:
+    """(f,) ν̇ beside the present: closed and completed by the assembly, accelerated by a sample."""
+    own, state, t = simulation.model, simulation.state, simulation.t
+    Y = model.directions
+    D, points = own.layout.dimension, sum(not p.fixed for p in own.mechanism.points)
+    blocks = np.empty((len(Y), own.layout.movable, D))
+    ordered = Y.reshape(len(Y), -1, D).copy()
+    ordered[:, points:] *= own.layout.length
+    blocks[:, own.coordinate_block] = ordered
+    along = blocks.reshape(len(Y), -1)
+    q, qd = np.array(state.q), np.array(state.qd)
+    q[: own.n] += step @ along
+    q = assembly.close(own, {}, q)
+    qd[: own.n] += speed @ along
+    qd = assembly.complete(own, q, {}, t, near=qd)
+    sample = simulation._sample(t, replace(state, q=q, qd=qd), False)
+    qdd = np.array(sample.qdd).reshape(-1, D)
+    qdd[points:] *= own.layout.length
+    whole = np.empty((own.layout.movable, D))
+    whole[own.coordinate_block] = qdd
+    from alf_ros.studies.statics.sparse_rows import mass_matrix
+
+    return np.asarray(along @ (mass_matrix(own) @ whole.ravel()))
+
+
+DAMPED: dict[str, Any] = {
+    'mechanism': 'four_bar',
+    'effects': {
+        **GRAVITY,
+        'spring': {'between': ['A', 'C'], 'stiffness': 50.0, 'free_length': 0.1},
+        'damper': {'between': ['B', 'ground'], 'at': [None, [0.1, 0.4]], 'damping': 3.0},
+    },
+    'initial': {'velocities': {'A': ['-3*a*sin(theta)', '3*a*cos(theta)']}},
+}
+DRIVEN: dict[str, Any] = {
+    'mechanism': 'double_pendulum',
+    'effects': {
+        **GRAVITY,
+        'damper': {'between': ['B', 'ground'], 'at': [None, [0, -2]], 'damping': 1.0},
+    },
+    'drives': {'turn': {'joint': 'shoulder', 'angle': '0.5*t + sin(t)'}},
+    'initial': {'velocities': {'B': [0.3, None]}},
+}
+
+
+@pytest.mark.parametrize('scene', [DAMPED, DRIVEN, 'bricard'], ids=['damped', 'driven', 'bricard'])
+def test_about_a_moving_instant(scene: Any) -> None:
+    simulation = Simulation(load_scene(scene))
+    simulation.step(40)
+    model = linearise(simulation)
+    assert model.A.shape == (2, 2)
+    h, found = 3e-5, np.zeros((1, 2))
+    for k, away in enumerate(np.eye(2)):
+        for n, weight in ((1, 2.0 / 3.0), (2, -1.0 / 12.0)):
+            for sign in (1.0, -1.0):
+                step, speed = sign * n * h * away[:1], sign * n * h * away[1:]
+                value = accelerations(simulation, model, step, speed)
+                found[:, k] += sign * weight / h * value
+    np.testing.assert_allclose(model.A[1:], found, rtol=2e-7, atol=1e-6)
+    np.testing.assert_allclose(model.A[0], [0.0, 1.0], atol=1e-12)
+    assert model.drift[1] == pytest.approx(
+        accelerations(simulation, model, np.zeros(1), np.zeros(1))[0], rel=1e-9
+    )
+
+
+@pytest.mark.parametrize('number', range(len(KNOWN['four_bar'])))
+def test_eigenvalues_are_those_of_30_digits(number: int) -> None:
+    known = KNOWN['four_bar'][number]
+    near = {'A': [float(x) for x in known['points']['A']]}
+    model = linearise(equilibrium(sprung('four_bar', near), nearest=True))
+    square = float(known['square'])
+    expected = np.sqrt(complex(-square))
+    assert abs(model.eigenvalues[0] - expected) < 1e-10 * abs(expected)
+    np.testing.assert_allclose(model.stiffness, [[square]], rtol=1e-10)
+    assert model.is_stable is False  # without damping nothing decays
+
+
+def test_inputs_and_outputs_of_a_damped_pendulum() -> None:
+    """m l² θ̈ + c θ̇ + m g l θ = τ + l F, with l = 1 m, m = 1 kg."""
+    friction = {'joint': 'j0', 'viscous': 0.4}
+    scene = chain(1, {**GRAVITY, 'joint_friction': friction})
+    names = ['joints.j0.effort', 'wrenches.P1.force.x', 'wrenches.b0.torque']
+    outputs = ['j0.position', 'j0.velocity', 'points.P1.x', 'velocities.P1.x', 'j0.force']
+    model = linearise(scene, inputs=names, outputs=outputs)
+    assert model.inputs == tuple(names)
+    assert model.input_units == ('N m', 'N', 'N m')
+    assert model.outputs[-2:] == ('reactions.j0.force.x', 'reactions.j0.force.y')
+    assert model.output_units[:4] == ('rad', 'rad/s', 'm', 'm/s')
+    np.testing.assert_allclose(model.A, [[0.0, 1.0], [-9.81, -0.4]], atol=1e-10)
+    sense = np.sign(model.C[0, 0])
+    np.testing.assert_allclose(sense * model.B, [[0, 0, 0], [1, 1, 1]], atol=1e-11)
+    np.testing.assert_allclose(sense * model.C[:4], [[1, 0], [0, 1], [1, 0], [0, 1]], atol=1e-10)
+    np.testing.assert_allclose(model.D[:4], 0.0, atol=1e-12)
+    # m ẍ = F + R_x of the tip, ẍ = -9.81 x - 0.4 ẋ + τ + F; the damper is on the axis
+    np.testing.assert_allclose(sense * model.C[4], [-9.81, -0.4], atol=1e-8)
+    np.testing.assert_allclose(model.D[4], [1.0, 0.0, 1.0], atol=1e-10)
+    decay = 0.2 / np.sqrt(9.81)
+    assert model.damping_ratios[0] == pytest.approx(decay, rel=1e-10)
+    assert model.frequencies[0] == pytest.approx(np.sqrt(9.81) / (2.0 * np.pi), rel=1e-11)
+    assert model.is_stable
+
+
+def test_targets_of_a_controlled_mechanism() -> None:
+    """A motor (k_p, k_v) on a pendulum: its target acts with k_p, the speed of it with k_v."""
+    motor = {
+        'joint': 'j0',
+        'position': 0.3,
+        'velocity': 0.0,
+        'position_gain': 50.0,
+        'velocity_gain': 6.0,
+    }
+    scene = chain(1, {'motor': motor})
+    model = linearise(
+        scene, inputs=['targets.j0.position', 'targets.j0.velocity'], outputs=['j0.position']
+    )
+    sense = model.C[0, 0]
+    np.testing.assert_allclose(model.A, [[0.0, 1.0], [-50.0, -6.0]], atol=1e-9)
+    np.testing.assert_allclose(sense * model.B, [[0, 0], [50, 6]], atol=1e-8)
+    gain = -model.C @ np.linalg.solve(model.A, model.B)
+    np.testing.assert_allclose(gain[0, 0], 1.0, atol=1e-9)
+
+
+def test_redundant_rows_change_nothing() -> None:
+    model = linearise(redundant_parallelogram(), outputs=['pin0.position'])
+    np.testing.assert_allclose(model.stiffness, [[9.81 * 2.5 / 2.0]], rtol=1e-11)
+    assert model.directions.shape == (1, 6)
+
+
+def test_the_multipliers_of_redundant_rows_may_be_any() -> None:
+    """Adding any left null vector to λ leaves the reduced stiffness of Bricard's mechanism."""
+    from alf_ros.studies.statics.instant import Instant, Loads
+    from alf_ros.studies.statics.rest_stability import reduced_stiffness
+
+    rest = equilibrium(load_scene('bricard'))
+    instant = Instant(Loads(rest.simulation), 0.0, rest.state.q, rest.state.qd, rest.state.turns)
+    model, lam = instant.model, np.empty(len(instant.model.row_names))
+    lam[model.row] = rest.sample.lam
+    J = instant.J[:, : model.n].toarray()
+    U, s, _ = np.linalg.svd(J)
+    null = U[:, int((s > 1e-9 * s[0]).sum()) :]
+    assert null.shape[1] == 1
+    before, _ = reduced_stiffness(instant, lam)
+    after, _ = reduced_stiffness(instant, lam + 100.0 * null[:, 0])
+    np.testing.assert_allclose(after, before, rtol=1e-9)
+    assert np.abs(instant.curvature(null[:, 0]).toarray()).max() > 0.1
+
+
+def test_a_rolling_disk_keeps_what_cannot_be_integrated() -> None:
+    """Positions that rows of velocities do not bind are states too."""
+    model = linearise(Simulation(load_scene('chaplygin_sleigh')))
+    places, speeds = len(model.directions), len(model.A) - len(model.directions)
+    assert (places, speeds) == (3, 2) and model.stiffness.size == 0
+    assert len(model.states) == 5
+
+
+def test_none_in_a_singular_position() -> None:
+    upright = {'A': [0, 1], 'B': [0, 0]}
+    scene = load_scene(
+        {'mechanism': 'slider_crank', 'effects': GRAVITY, 'initial': {'positions': upright}}
+    )
+    with pytest.raises(InputError, match=r'singular position \(crossing\) has no linear model'):
+        linearise(Simulation(scene))
+
+
+def test_unknown_names_are_refused() -> None:
+    with pytest.raises(InputError, match='inputs.*j0.effort'):
+        linearise(chain(1), inputs=['j0.efort'])
+    with pytest.raises(InputError, match='no such quantity'):
+        linearise(chain(1), outputs=['j0.positio'])
+
+
+def test_files_hold_the_model(tmp_path: Path) -> None:
+    model = linearise(chain(2), inputs=['j0.effort'], outputs=['points.P2.x'])
+    for name in ('m.npz', 'm.mat', 'm.json'):
+        assert model.write(tmp_path / name) == tmp_path / name
+    archive, mat = np.load(tmp_path / 'm.npz'), loadmat(tmp_path / 'm.mat')
+    text = json.loads((tmp_path / 'm.json').read_text('utf-8'))
+    for key in 'ABCD':
+        expected = getattr(model, key)
+        np.testing.assert_array_equal(archive[key], expected)
+        np.testing.assert_array_equal(mat[key], expected)
+        np.testing.assert_array_equal(text[key], expected)
+    np.testing.assert_array_equal(mat['eigenvalues'][:, 0], model.eigenvalues)
+    np.testing.assert_array_equal(np.array(text['eigenvalues']) @ [1, 1j], model.eigenvalues)
+    assert archive['inputs'].tolist() == text['inputs'] == ['joints.j0.effort']
+    assert mat['outputs'][0, 0].item() == 'points.P2.x'
+    with pytest.raises(InputError, match=r"got 'm.txt'; expected .json or .mat or .npz"):
+        model.write(tmp_path / 'm.txt')
+
+
+def test_control_is_asked_for_by_name() -> None:
+    model = linearise(chain(1), inputs=['j0.effort'])
+    try:
+        import control
+    except ImportError:
+        with pytest.raises(InputError, match='pip install control'):
+            model.state_space()
+    else:
+        space = model.state_space()
+        assert isinstance(space, control.StateSpace)
+        np.testing.assert_array_equal(space.A, model.A)
+        assert list(space.input_labels) == ['joints_j0_effort']
