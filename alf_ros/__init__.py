@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from alf_ros.simulation.sample import Sample
     from alf_ros.simulation.simulation import Simulation
     from alf_ros.simulation.state import State
+    from alf_ros.studies.ensemble.ensemble import ensemble
 
 __all__ = [
     'AlfError',
@@ -36,6 +37,7 @@ __all__ = [
     'State',
     'StepError',
     'StoppedError',
+    'ensemble',
     'load_scene',
     'record',
 ]
@@ -54,6 +56,7 @@ _HOME = {
     'load_scene': 'scene.scene',
     'Simulation': 'simulation.simulation',
     'State': 'simulation.state',
+    'ensemble': 'studies.ensemble.ensemble',
 }
 
 announce()

@@ -10,6 +10,7 @@ COMMANDS = {
     'view': 'alf_ros.commands.view',
     'check': 'alf_ros.commands.check',
     'hard_cases': 'alf_ros.commands.hard_cases',
+    'ensemble': 'alf_ros.commands.ensemble',
     'work_precision': 'alf_ros.commands.work_precision',
     'figures': 'alf_ros.commands.figures',
     'analyze': 'alf_ros.commands.analyze',
