@@ -171,8 +171,11 @@ def distribution(data: Any, key: str) -> Distribution:
         if frozen is not None and hasattr(data, 'args') and hasattr(data, 'kwds'):
             shapes = [*(frozen.shapes or '').replace(' ', '').split(','), 'loc', 'scale']
             told = dict(zip([name for name in shapes if name], data.args, strict=False))
-            numbers = {**told, **data.kwds}
-            return Distribution(frozen.name, tuple((k, float(v)) for k, v in numbers.items()))
+            numbers = {k: float(v) for k, v in {**told, **data.kwds}.items()}
+            if frozen.name == 'uniform':  # ours has other numbers
+                low = numbers.get('loc', 0.0)
+                return uniform(low, low + numbers.get('scale', 1.0))
+            return Distribution(frozen.name, tuple(numbers.items()))
     except InputError as error:
         raise InputError(str(error), key=key) from None
     raise InputError(

@@ -114,7 +114,7 @@ class Store:
                             if part == 'versions'
                             else f'the store of another {what}',
                             key=f'store: {key}',
-                            value=_brief(now[part][key]),
+                            value=now[part][key],
                             expected=f'{_brief(before[part].get(key))}, or a new folder',
                         )
         except (ValueError, KeyError, TypeError, AttributeError):
