@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -49,12 +48,9 @@ def test_a_member_is_a_log_that_verifies_and_can_be_forked(study, tmp_path, caps
     assert main(['verify', str(folder)]) == 0
     assert 'EQUAL' in capsys.readouterr().out
     # the same bits as the row of the ensemble
-    (energy,) = log['energy']
     member = run_member(load_study(study), 3).arrays[0]
-    assert np.isin(member, np.asarray(energy.values)).all()
+    assert np.isin(member, log.read('~/energy').values).all()
     assert main(['fork', str(folder), '--at', '0.1', '--set', 'm=2']) == 0
-    assert main(['analyze', str(folder), '--help']) == 0 if False else True
-    shutil.rmtree(folder)
 
 
 @pytest.mark.parametrize(
