@@ -15,7 +15,7 @@ from alf_ros.commands.parser import Parser, writing
 from alf_ros.commands.progress import ProgressBar
 from alf_ros.errors import InputError
 from alf_ros.studies.ensemble.ensemble import Progress, conduct, crew
-from alf_ros.studies.ensemble.store import Store
+from alf_ros.studies.ensemble.store import EnsembleStore
 from alf_ros.studies.ensemble.study import Study
 from alf_ros.studies.ensemble.study_reading import load_study
 from alf_ros.studies.ensemble.summary_page import page
@@ -63,7 +63,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         conduct(study, folder, crew(options.workers, options.scheduler), lines)
     assert lines.last is not None
     lines.tell()
-    with Store(folder, study) as store, writing('--store', report):
+    with EnsembleStore(folder, study) as store, writing('--store', report):
         report.write_text(page(lines.last, store.finished()), 'utf-8')
     print(f'{folder} and {report.name}: {study.members} members, {lines.last.failed} failed')
     return 0

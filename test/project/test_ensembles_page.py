@@ -1,4 +1,4 @@
-"""The tutorial of doc/ensembles.md done as a reader does it, and its tables against the library."""
+"""The tutorial of doc/ensembles.md done as a reader does it, and its tables."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ def test_a_member_is_a_log_that_verifies_and_can_be_forked(study, tmp_path, caps
     assert 'EQUAL' in capsys.readouterr().out
     # the same bits as the row of the ensemble
     member = run_member(load_study(study), 3).arrays[0]
-    assert np.isin(member, log.read('~/energy').values).all()
+    assert np.isin(member, log.read('~/energy').columns['data']).all()
     assert main(['fork', str(folder), '--at', '0.1', '--set', 'm=2']) == 0
 
 

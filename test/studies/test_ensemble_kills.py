@@ -9,6 +9,7 @@ import random
 import subprocess
 import sys
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -51,6 +52,10 @@ def kills(request: pytest.FixtureRequest) -> Iterator[random.Random]:
     return (random.Random(f'{request.node.name} {n}') for n in range(count))
 
 
+def _are_gone(pids: list[int]) -> bool:
+    return all(map(is_gone, pids))
+
+
 def test_the_client(whole: Whole, tmp_path: Path, kills: Iterator[random.Random]) -> None:
     store = tmp_path / 'killed.zarr'
     for chance in kills:
@@ -59,7 +64,7 @@ def test_the_client(whole: Whole, tmp_path: Path, kills: Iterator[random.Random]
         workers = children(process.pid)
         kill(process.pid)
         ended(process)
-        wait(lambda gone=workers: all(map(is_gone, gone)))
+        wait(partial(_are_gone, workers))
         before = seals(store)
     code, said = ended(begun(whole.file, store, '--workers', '1'))
     assert code == 0, said

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from alf_ros.studies.ensemble.study_reading import study_of
 
 DOWN, BELOW = 'gravity.acceleration.1', 'gravity.acceleration.2'
 # scene, what varies, duration (s): singular positions, space, redundant rows, drives
-LIBRARY = {
+LIBRARY: dict[str, tuple[dict[str, Any], float]] = {
     'slider_crank': ({'coupler.mass': normal(1, 0.05), DOWN: uniform(-10, -9)}, 0.8),
     'change_point': ({'m': uniform(0.9, 1.1), DOWN: uniform(-10, -9)}, 0.6),
     'double_four_bar': ({DOWN: uniform(-10, -9)}, 0.2),
@@ -73,7 +74,7 @@ def test_other_integrators_and_instants_between_steps():
 
 
 def test_processes_and_chunks_change_nothing():
-    settings = {
+    settings: dict[str, Any] = {
         'vary': {'coupler.mass': normal(1.0, 0.05)},
         'members': 7,
         'duration': 0.1,
@@ -147,7 +148,12 @@ def test_a_function_of_the_user_that_raises_is_a_reason():
     ],
 )
 def test_what_cannot_be_is_said_before_anything_runs(changes, said):
-    settings = {'vary': {'m': uniform(1, 2)}, 'members': 4, 'duration': 1.0, **changes}
+    settings: dict[str, Any] = {
+        'vary': {'m': uniform(1, 2)},
+        'members': 4,
+        'duration': 1.0,
+        **changes,
+    }
     with pytest.raises(InputError) as caught:
         alf_ros.ensemble('slider_crank', **settings)
     assert str(caught.value).startswith(said)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from scipy import stats
 import alf_ros
 from alf_ros import InputError
 from alf_ros.studies.ensemble.chunk import Chunk, run_chunk
-from alf_ros.studies.ensemble.outputs import outputs
+from alf_ros.studies.ensemble.kept_outputs import outputs
 from alf_ros.studies.ensemble.statistics import Statistics
 from alf_ros.studies.ensemble.study_reading import study_of
 
@@ -63,7 +64,7 @@ def test_outputs_of_a_crank_that_turns():
     for k, (L, w) in enumerate([(0.5, 3.0), (0.8, 2.0)]):
         member = found.isel(member=k)
         angle = 1.0 + w * t
-        close = {'rel': 1e-9, 'abs': 1e-9}
+        close: dict[str, Any] = {'rel': 1e-9, 'abs': 1e-9}
         assert float(member.height) == pytest.approx(L * np.sin(angle).max(), **close)
         assert float(member.height_t) == pytest.approx(t[np.sin(angle).argmax()], **close)
         assert float(member.low) == pytest.approx(L * np.sin(angle).min(), **close)
@@ -74,8 +75,8 @@ def test_outputs_of_a_crank_that_turns():
         assert float(member.area) == pytest.approx(exact, rel=1e-6)
         assert member.end.values == pytest.approx(member.path.values[-1], abs=0)
         for row, instant in zip(member.seen.values, (0.123, 1.5), strict=True):
-            exact = L * np.array([math.cos(1 + w * instant), math.sin(1 + w * instant)])
-            assert row == pytest.approx(exact, **close)
+            place = L * np.array([math.cos(1 + w * instant), math.sin(1 + w * instant)])
+            assert row == pytest.approx(place, **close)
         turns = [(2 * math.pi * n - math.acos(0.1 / L) - 1.0) / w for n in range(1, 4)]
         turns = [at for at in turns if 0 < at < 3.0][:2]
         assert member.up_t.values[: len(turns)] == pytest.approx(turns, abs=1e-7)
@@ -111,7 +112,7 @@ def test_statistics_and_indices_of_a_law_that_is_known():
         chunk=2,
     )
     statistics = Statistics(study)
-    ran = run_chunk(study, 3).arrays
+    ran: dict[str, Any] = dict(run_chunk(study, 3).arrays)
     assert ran['final_energy'] == pytest.approx(ran['m'] * ran['L'] ** 2 * 1.5, rel=1e-9)
     for number in range(study.chunks):
         given = [study.samples.values(k) for k in study.indices(number)]

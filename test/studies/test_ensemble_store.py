@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from alf_ros import InputError
 from alf_ros.studies.ensemble.chunk import run_chunk
 from alf_ros.studies.ensemble.crews import ThisProcess
 from alf_ros.studies.ensemble.ensemble import conduct
-from alf_ros.studies.ensemble.store import Store
+from alf_ros.studies.ensemble.store import EnsembleStore
 from alf_ros.studies.ensemble.study_reading import load_study
 from support.ensemble_kills import (
     begun,
@@ -57,7 +58,7 @@ def test_xarray_alone_reads_it(whole):
     done = subprocess.run(
         [sys.executable, '-c', READER, str(store)], capture_output=True, text=True, check=True
     )
-    with Store(store, study) as opened:
+    with EnsembleStore(store, study) as opened:
         chunks = list(opened.finished())
     energy = np.concatenate([chunk.arrays['energy'] for chunk in chunks])
     failed = sum(chunk.failed for chunk in chunks)
@@ -77,7 +78,7 @@ def test_any_workers_make_the_same_bytes_and_the_dataset_is_that_of_no_store(who
     assert contents(tmp_path / 'two.zarr') == bytes_
     page = (tmp_path / 'two.html').read_text('utf-8')
     assert page.count('<svg') >= 6 and 'members failed' in page and 'http' not in page
-    settings = {
+    settings: dict[str, Any] = {
         'members': 5,
         'duration': 0.1,
         'outputs': ['energy', 'final(points.B)'],
@@ -99,7 +100,7 @@ def test_what_is_torn_or_damaged_is_made_again(whole, tmp_path):
     (store / '.alf_ros' / '123.tmp').write_bytes(b'left')
     (store / 'points.B' / '7.0.0').unlink()
     before = seals(store)
-    with Store(store, study) as opened:
+    with EnsembleStore(store, study) as opened:
         there = {chunk.number for chunk in opened.finished()}
     assert set(range(study.chunks)) - there == {3, 5, 7}
     conduct(study, store, ThisProcess())
@@ -123,7 +124,7 @@ def test_another_study_or_other_versions_or_something_else_is_left_as_it_is(whol
         conduct(study, foreign, ThisProcess())
     assert [path.name for path in foreign.iterdir()] == ['thesis.tex']
     old = tmp_path / 'old.zarr'
-    with Store(old, study):
+    with EnsembleStore(old, study):
         pass
     manifest = json.loads((old / '.alf_ros' / 'manifest.json').read_text())
     manifest['versions']['numpy'] = '1.0'
@@ -137,7 +138,10 @@ def test_another_study_or_other_versions_or_something_else_is_left_as_it_is(whol
 
 def test_two_processes_do_not_write_into_one_store(whole, tmp_path):
     _, study, _, _ = whole
-    with Store(tmp_path / 'one', study), pytest.raises(InputError, match='another process writes'):
+    with (
+        EnsembleStore(tmp_path / 'one', study),
+        pytest.raises(InputError, match='another process writes'),
+    ):
         conduct(study, tmp_path / 'one', ThisProcess())
 
 
@@ -150,7 +154,7 @@ def _small_files() -> None:
 def test_a_full_disk_is_one_line_and_what_is_finished_is_kept(whole, tmp_path):
     file, study, bytes_, _ = whole
     store = tmp_path / 'full.zarr'
-    with Store(store, study) as opened:
+    with EnsembleStore(store, study) as opened:
         for number in range(4):
             opened.put(run_chunk(study, number))
     before = seals(store)

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from alf_ros.studies.ensemble.kept_outputs import LabelledArray
 from alf_ros.studies.ensemble.member import LONGEST_REASON, run_member
-from alf_ros.studies.ensemble.outputs import Variable
 from alf_ros.studies.ensemble.study import Study
 
-REASON = Variable('reason', text=LONGEST_REASON)
+REASON = LabelledArray('reason', text=LONGEST_REASON)
 Arrays = Mapping[str, NDArray[np.generic]]
 
 
@@ -47,6 +47,6 @@ def run_chunk(study: Study, number: int) -> Chunk:
     return Chunk(number, found)
 
 
-def variables_of(study: Study) -> tuple[Variable, ...]:
+def variables_of(study: Study) -> tuple[LabelledArray, ...]:
     """Of all arrays of a chunk."""
     return (*study.parameters, *study.variables, REASON)

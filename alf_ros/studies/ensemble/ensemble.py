@@ -17,7 +17,7 @@ from alf_ros.studies.ensemble.chunk import REASON, Arrays
 from alf_ros.studies.ensemble.cluster import Cluster
 from alf_ros.studies.ensemble.crews import Crew, Processes, ThisProcess
 from alf_ros.studies.ensemble.statistics import Statistics
-from alf_ros.studies.ensemble.store import Memory, Store, joined
+from alf_ros.studies.ensemble.store import EnsembleStore, Memory, joined
 from alf_ros.studies.ensemble.study import Study
 from alf_ros.studies.ensemble.study_reading import study_of
 
@@ -72,9 +72,9 @@ def ensemble(
     or a frozen one of scipy.stats) or a list of values. `sampling`: 'random', 'lhs', 'sobol',
     'saltelli', 'grid' or 'table'; the last two say themselves how many `members` there are. A
     member is defined by `seed` and its index. `outputs`: what is kept, see
-    `alf_ros.studies.ensemble.outputs`. Each member runs for `duration` (s) and is looked at every
-    `period` (s; a hundredth of it). `store`: a folder in which finished chunks of `chunk` members
-    survive whatever happens; the same call goes on from there. `workers`: processes of this
+    `alf_ros.studies.ensemble.kept_outputs`. Each member runs for `duration` (s) and is looked at
+    every `period` (s; a hundredth of it). `store`: a folder in which finished chunks of `chunk`
+    members survive whatever happens; the same call goes on from there. `workers`: processes of this
     machine (as many as it has processors; 0: none, this one). `scheduler`: the address of a Dask
     cluster that takes their place. `watching` is called after each chunk.
 
@@ -125,7 +125,7 @@ def conduct(
     Raises as `ensemble` does.
     """
     with ExitStack() as stack:
-        keeper = Memory() if store is None else stack.enter_context(Store(store, study))
+        keeper = Memory() if store is None else stack.enter_context(EnsembleStore(store, study))
         statistics = Statistics(study)
         failed, finished = 0, set()
         for chunk in keeper.finished():

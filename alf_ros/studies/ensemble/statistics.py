@@ -17,7 +17,7 @@ _FEWEST = 8  # points from which indices are estimated
 
 
 @dataclass(frozen=True)
-class Summary:
+class NumberSummary:
     """Of the members that have a number: how many, mean, standard deviation, `QUANTILES`, and the
     extremes with the index of the member."""
 
@@ -79,14 +79,14 @@ class Statistics:
         for name, values in self.parameters.items():
             values[rows] = chunk.arrays[name]
 
-    def summary(self, name: str) -> Summary | None:
+    def summary(self, name: str) -> NumberSummary | None:
         """Of one number; None if no member has it."""
         values = self.numbers[name]
         there = values[np.isfinite(values)]
         if not there.size:
             return None
         low, high = int(np.nanargmin(values)), int(np.nanargmax(values))
-        return Summary(
+        return NumberSummary(
             there.size,
             float(there.mean()),
             float(there.std(ddof=1)) if there.size > 1 else 0.0,

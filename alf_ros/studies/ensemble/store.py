@@ -28,7 +28,7 @@ from alf_ros.errors import InputError
 from alf_ros.resources import version
 from alf_ros.studies.ensemble import zarr_format
 from alf_ros.studies.ensemble.chunk import Arrays, Chunk, variables_of
-from alf_ros.studies.ensemble.outputs import Variable
+from alf_ros.studies.ensemble.kept_outputs import LabelledArray
 from alf_ros.studies.ensemble.study import Study
 
 HIDDEN = '.alf_ros'
@@ -40,7 +40,7 @@ def versions() -> dict[str, str]:
     return {'alf_ros': version(), **{name: metadata.version(name) for name in _LIBRARIES}}
 
 
-class Store:
+class EnsembleStore:
     """The store of a study in a folder, for one process at a time; use it in a `with` block.
 
     Raises InputError for a folder that holds something else, the store of another study or of
@@ -54,7 +54,7 @@ class Store:
         self._variables = {variable.name: variable for variable in variables_of(study)}
         self._lock: Any = None
 
-    def __enter__(self) -> Store:
+    def __enter__(self) -> EnsembleStore:
         manifest = self._hidden / 'manifest.json'
         with self._writing():
             if self.folder.exists() and not manifest.exists():
@@ -187,7 +187,7 @@ class Store:
     def _seal(self, number: int) -> Path:
         return self._hidden / 'chunks' / f'{number}.json'
 
-    def _place(self, number: int, variable: Variable) -> Path:
+    def _place(self, number: int, variable: LabelledArray) -> Path:
         name = zarr_format.chunk_name(number, 1 + len(variable.shape))
         return self.folder / variable.name / name
 
@@ -239,7 +239,7 @@ def joined(study: Study, chunks: Iterator[Chunk]) -> Arrays:
     return {name: np.concatenate(values) for name, values in found.items()}
 
 
-def _along(variables: tuple[Variable, ...]) -> dict[str, Any]:
+def _along(variables: tuple[LabelledArray, ...]) -> dict[str, Any]:
     """The coordinates of all dimensions that have some."""
     found: dict[str, Any] = {}
     for variable in variables:

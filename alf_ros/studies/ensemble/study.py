@@ -21,7 +21,7 @@ from alf_ros.scene.scene import Scene, scene_from_text
 from alf_ros.simulation import input_checks as check
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.studies.ensemble.distributions import Distribution
-from alf_ros.studies.ensemble.outputs import SAME, Output, Variable
+from alf_ros.studies.ensemble.kept_outputs import SAME, KeptOutput, LabelledArray
 from alf_ros.studies.ensemble.sampling import Sampling, Varied
 
 
@@ -43,7 +43,7 @@ class Study:
     sampling: str
     duration: float
     period: float
-    outputs: tuple[Output, ...]
+    outputs: tuple[KeptOutput, ...]
     chunk: int
 
     def __getstate__(self) -> dict[str, Any]:
@@ -84,12 +84,12 @@ class Study:
         return merged, np.searchsorted(merged, self.times)
 
     @cached_property
-    def parameters(self) -> tuple[Variable, ...]:
+    def parameters(self) -> tuple[LabelledArray, ...]:
         """The varied values as arrays: texts where they are no numbers."""
-        return tuple(Variable(name, text=_text_length(varied)) for name, varied in self.vary)
+        return tuple(LabelledArray(name, text=_text_length(varied)) for name, varied in self.vary)
 
     @cached_property
-    def variables(self) -> tuple[Variable, ...]:
+    def variables(self) -> tuple[LabelledArray, ...]:
         """The arrays that the outputs make, in their order. Raises InputError."""
         run = Run([Simulation(self.scene, ledger=self.ledger).sample()])
         return tuple(

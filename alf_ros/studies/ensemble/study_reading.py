@@ -29,7 +29,7 @@ from alf_ros.scene.text.yaml_document import BOOLEAN, Entry
 from alf_ros.simulation import input_checks as check
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.studies.ensemble.distributions import distribution, value
-from alf_ros.studies.ensemble.outputs import outputs as read_outputs
+from alf_ros.studies.ensemble.kept_outputs import outputs as read_outputs
 from alf_ros.studies.ensemble.sampling import Sampling, Varied
 from alf_ros.studies.ensemble.study import Study
 

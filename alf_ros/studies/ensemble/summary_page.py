@@ -17,8 +17,8 @@ from alf_ros import html_table
 from alf_ros.studies.ensemble import svg_charts
 from alf_ros.studies.ensemble.chunk import REASON, Arrays, Chunk
 from alf_ros.studies.ensemble.ensemble import Progress
-from alf_ros.studies.ensemble.outputs import Variable
-from alf_ros.studies.ensemble.statistics import QUANTILES, Influence, Statistics, Summary
+from alf_ros.studies.ensemble.kept_outputs import LabelledArray
+from alf_ros.studies.ensemble.statistics import QUANTILES, Influence, NumberSummary, Statistics
 from alf_ros.studies.ensemble.study import Study
 
 MOST_MEMBERS = 4096  # of which the fans are drawn
@@ -87,7 +87,7 @@ def _number(statistics: Statistics, name: str) -> Iterator[str]:
             yield svg_charts.scatter(f'against {each.name}', varied[both], values[both])
 
 
-def _lines(told: Summary) -> list[tuple[str, str]]:
+def _lines(told: NumberSummary) -> list[tuple[str, str]]:
     shares = zip(QUANTILES, told.quantiles, strict=True)
     return [
         ('mean', f'{told.mean:.6g} ± {told.deviation:.3g} of {told.count} members'),
@@ -143,7 +143,7 @@ class _Histories:
                     yield svg_charts.fan(f'{name}{unit}', self._t, part)
 
 
-def _names(variable: Variable) -> list[str]:
+def _names(variable: LabelledArray) -> list[str]:
     """Of a history, or of each of its components."""
     if len(variable.dims) == 1:
         return [variable.name]

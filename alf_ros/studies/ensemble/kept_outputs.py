@@ -42,7 +42,7 @@ LABEL = re.compile(r'[A-Za-z][\w.-]*')
 
 
 @dataclass(frozen=True)
-class Variable:
+class LabelledArray:
     """One array of a Dataset: for each member numbers of this shape, along `dims` by name.
 
     `along`: the coordinates of those dims that have some. `text`: characters of each, if it holds
@@ -63,7 +63,7 @@ class Variable:
 
 
 @dataclass(frozen=True)
-class Output:
+class KeptOutput:
     """One output, as data: `kind` of `_FOLDED`, 'history', or of `_KEYS`.
 
     `quantity`: what it reads; `norm`: of which the magnitude is taken. `times` (s), `value`,
@@ -93,19 +93,19 @@ class Output:
         """The quantities that are read."""
         return (self.quantity,) if self.quantity else self.reads
 
-    def variables(self, run: Run, times: Floats) -> tuple[Variable, ...]:
+    def variables(self, run: Run, times: Floats) -> tuple[LabelledArray, ...]:
         """The arrays it makes; `run`: one sample of the scene; `times` (s) of the study's period.
 
         Raises InputError for a quantity that the scene does not have, or of the wrong shape.
         """
         label = self.label
         if self.kind == 'passes':
-            number = Variable(f'{label}_number')
-            return number, Variable(f'{label}_t', (self.count,), (f'{label}_n',), 's')
+            number = LabelledArray(f'{label}_number')
+            return number, LabelledArray(f'{label}_t', (self.count,), (f'{label}_n',), 's')
         if self.kind == 'function':
             for name in self.reads:
                 run[name]
-            return (Variable(label),)
+            return (LabelledArray(label),)
         axes, unit, axis = self._axes(run)
         shape = (len(axes),) if axes else ()
         along: dict[str, Sequence[float | str]] = {axis: axes} if axes else {}
@@ -113,17 +113,17 @@ class Output:
         if self.kind == 'crossing':
             if axes:
                 raise InputError('not a single number', key=label, value=self.quantity)
-            return (Variable(f'{label}_t', (self.count,), (f'{label}_n',), 's'),)
+            return (LabelledArray(f'{label}_t', (self.count,), (f'{label}_n',), 's'),)
         if self.kind in ('history', 'at'):
             mine = 't' if self.kind == 'history' else f't_{label}'
             instants = times.tolist() if self.kind == 'history' else list(self.times)
             along = {mine: instants, **along}
-            return (Variable(label, (len(instants), *shape), (mine, *dims), unit, along),)
+            return (LabelledArray(label, (len(instants), *shape), (mine, *dims), unit, along),)
         if self.kind == 'integral':
             unit = f'{unit} s'.strip()
-        values = Variable(label, shape, dims, unit, along)
+        values = LabelledArray(label, shape, dims, unit, along)
         if self.kind in ('max', 'min'):
-            return values, Variable(f'{label}_t', shape, dims, 's', along)
+            return values, LabelledArray(f'{label}_t', shape, dims, 's', along)
         return (values,)
 
     def _axes(self, run: Run) -> tuple[tuple[str, ...], str, str]:
@@ -172,7 +172,7 @@ class Output:
         return [_root(t, off, n) for n in np.flatnonzero(wanted)[: self.count].tolist()]
 
 
-_FIELDS = tuple(Output.__dataclass_fields__)
+_FIELDS = tuple(KeptOutput.__dataclass_fields__)
 SAME = 1e-9  # s
 
 
@@ -219,7 +219,7 @@ def _integral(t: Floats, values: Floats) -> Floats:
 # ----------------------------------------------------------------------------------------- reading
 
 
-def outputs(data: Any) -> tuple[Output, ...]:
+def outputs(data: Any) -> tuple[KeptOutput, ...]:
     """The outputs of a list of names and mappings, or of a mapping by label; a Python function
     may stand for `{function: …}`. Raises InputError."""
     if isinstance(data, Mapping):
@@ -241,8 +241,8 @@ def outputs(data: Any) -> tuple[Output, ...]:
     return tuple(found)
 
 
-def _output(data: Any, label: str | None) -> Output:
-    if isinstance(data, Output):
+def _output(data: Any, label: str | None) -> KeptOutput:
+    if isinstance(data, KeptOutput):
         return data
     if isinstance(data, str):
         return _called(data, label)
@@ -260,7 +260,7 @@ def _output(data: Any, label: str | None) -> Output:
     return _READ[key](data, label)
 
 
-def _called(text: str, label: str | None) -> Output:
+def _called(text: str, label: str | None) -> KeptOutput:
     """`max(norm(knee.force))`, or a name alone: its history."""
     kind, inner = 'history', text.strip()
     found = _CALL.fullmatch(inner)
@@ -271,7 +271,7 @@ def _called(text: str, label: str | None) -> Output:
             raise InputError('no such output', key='outputs', value=kind, choices=choices)
     quantity, norm = _measured(inner)
     named = '_'.join((['norm'] if norm else []) + [quantity])
-    return Output(
+    return KeptOutput(
         label or (named if kind == 'history' else f'{kind}_{named}'), kind, quantity, norm
     )
 
@@ -300,7 +300,7 @@ def _count(value: Any, key: str) -> int:
     return value
 
 
-def _at(data: Mapping[str, Any], label: str | None) -> Output:
+def _at(data: Mapping[str, Any], label: str | None) -> KeptOutput:
     given = data['at'] if isinstance(data['at'], Sequence) else [data['at']]
     times = tuple(_number(t, 'at') for t in given)
     if not times or any(b <= a for a, b in zip(times, times[1:], strict=False)) or times[0] < 0:
@@ -309,15 +309,15 @@ def _at(data: Mapping[str, Any], label: str | None) -> Output:
         )
     quantity, norm = _measured(data.get('of'))
     named = '_'.join((['norm'] if norm else []) + [quantity])
-    return Output(label or f'{named}_at', 'at', quantity, norm, times=times)
+    return KeptOutput(label or f'{named}_at', 'at', quantity, norm, times=times)
 
 
-def _crossing(data: Mapping[str, Any], label: str | None) -> Output:
+def _crossing(data: Mapping[str, Any], label: str | None) -> KeptOutput:
     quantity, norm = _measured(data['crossing'])
     direction = data.get('direction', 'both')
     if direction not in DIRECTIONS:
         raise InputError('no direction', key='direction', value=direction, choices=DIRECTIONS)
-    return Output(
+    return KeptOutput(
         label or f'{quantity}_crossing',
         'crossing',
         quantity,
@@ -328,19 +328,19 @@ def _crossing(data: Mapping[str, Any], label: str | None) -> Output:
     )
 
 
-def _passes(data: Mapping[str, Any], label: str | None) -> Output:
-    return Output(label or 'passes', 'passes', count=_count(data['passes'], 'passes'))
+def _passes(data: Mapping[str, Any], label: str | None) -> KeptOutput:
+    return KeptOutput(label or 'passes', 'passes', count=_count(data['passes'], 'passes'))
 
 
-def _function(data: Mapping[str, Any], label: str | None) -> Output:
+def _function(data: Mapping[str, Any], label: str | None) -> KeptOutput:
     function = UserFunction.of(data['function'])
     reads = data.get('reads', [])
     if isinstance(reads, str) or not all(isinstance(name, str) for name in reads):
         raise InputError('not a list of names', key='reads', value=reads)
-    return Output(label or function.name, 'function', function=function, reads=tuple(reads))
+    return KeptOutput(label or function.name, 'function', function=function, reads=tuple(reads))
 
 
-_READ: dict[str, Callable[[Mapping[str, Any], str | None], Output]] = {
+_READ: dict[str, Callable[[Mapping[str, Any], str | None], KeptOutput]] = {
     'at': _at,
     'crossing': _crossing,
     'passes': _passes,
