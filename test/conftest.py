@@ -53,7 +53,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     """How many scene files with mistakes test/scene/test_mutants.py tries, and how often each
     process of an ensemble is killed (test/studies/test_ensemble_kills.py)."""
     parser.addoption('--mutants', type=int, default=300, metavar='N')
-    parser.addoption('--kills', type=int, default=2, metavar='N')
+    parser.addoption('--kills', type=int, default=1, metavar='N')
 
 
 @pytest.fixture

@@ -134,8 +134,11 @@ def test_a_function_of_the_user_that_raises_is_a_reason():
 @pytest.mark.parametrize(
     ('changes', 'said'),
     [
-        ({'vary': {'couple.mass': uniform(1, 2)}}, "--set: nothing of this name, got 'couple'"),
-        ({'outputs': ['max(kne.force)']}, "name: no such quantity, got 'kne.force'"),
+        (
+            {'vary': {'couple.mass': uniform(1, 2)}},
+            "vary: --set: nothing of this name, got 'couple'",
+        ),
+        ({'outputs': ['max(kne.force)']}, "outputs: name: no such quantity, got 'kne.force'"),
         (
             {'outputs': ['peak(energy)']},
             "outputs: no such output, got 'peak'; did you mean 'mean'?",
@@ -148,12 +151,8 @@ def test_a_function_of_the_user_that_raises_is_a_reason():
     ],
 )
 def test_what_cannot_be_is_said_before_anything_runs(changes, said):
-    settings: dict[str, Any] = {
-        'vary': {'m': uniform(1, 2)},
-        'members': 4,
-        'duration': 1.0,
-        **changes,
-    }
+    settings: dict[str, Any] = {'vary': {'m': uniform(1, 2)}, 'members': 4, 'duration': 1.0}
+    settings |= changes
     with pytest.raises(InputError) as caught:
         alf_ros.ensemble('slider_crank', **settings)
     assert str(caught.value).startswith(said)

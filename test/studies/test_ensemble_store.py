@@ -47,9 +47,9 @@ class Block:
 sys.meta_path.insert(0, Block())
 import xarray
 found = xarray.open_zarr(sys.argv[1])
-print(dict(found.sizes), found['coupler.mass'].dims, found['energy'].attrs['units'])
+print(sorted(found.sizes.items()), found['coupler.mass'].dims, found['energy'].attrs['units'])
 print(float(found['energy'].mean(skipna=True)), int((found['reason'] != '').sum()))
-print(found['points.B'].sel(axis='x').isel(member=0, t=-1).item())
+print(float(found['points.B'].sel(axis='x').isel(t=-1).max()))
 """
 
 
@@ -61,12 +61,13 @@ def test_xarray_alone_reads_it(whole):
     with EnsembleStore(store, study) as opened:
         chunks = list(opened.finished())
     energy = np.concatenate([chunk.arrays['energy'] for chunk in chunks])
+    ends = np.concatenate([chunk.arrays['points.B'][:, -1, 0] for chunk in chunks])
     failed = sum(chunk.failed for chunk in chunks)
     assert 2 < failed < 15
     assert done.stdout.splitlines() == [
-        "{'member': 23, 't': 6, 'axis': 2} ('member',) J",
+        "[('axis', 2), ('member', 23), ('t', 6)] ('member',) J",
         f'{np.nanmean(energy)} {failed}',
-        f'{chunks[0].arrays["points.B"][0, -1, 0]}',
+        f'{np.nanmax(ends)}',
     ]
 
 

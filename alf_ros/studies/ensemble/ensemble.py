@@ -68,15 +68,16 @@ def ensemble(
 ) -> xarray.Dataset:
     """Run a scene many times, each time with other numbers; returns all that was kept.
 
-    `vary`: by the names of `fork --set` a distribution (`alf_ros.studies.ensemble.distributions`,
-    or a frozen one of scipy.stats) or a list of values. `sampling`: 'random', 'lhs', 'sobol',
-    'saltelli', 'grid' or 'table'; the last two say themselves how many `members` there are. A
-    member is defined by `seed` and its index. `outputs`: what is kept, see
-    `alf_ros.studies.ensemble.kept_outputs`. Each member runs for `duration` (s) and is looked at
-    every `period` (s; a hundredth of it). `store`: a folder in which finished chunks of `chunk`
-    members survive whatever happens; the same call goes on from there. `workers`: processes of this
-    machine (as many as it has processors; 0: none, this one). `scheduler`: the address of a Dask
-    cluster that takes their place. `watching` is called after each chunk.
+    `vary`: by the names of `fork --set` a distribution
+    (`alf_ros.studies.ensemble.distributions`, or a frozen one of scipy.stats) or a list of
+    values. `sampling`: 'random', 'lhs', 'sobol', 'saltelli', 'grid' or 'table'; the last two
+    say themselves how many `members` there are. A member is defined by `seed` and its index.
+    `outputs`: what is kept, see `alf_ros.studies.ensemble.kept_outputs`. Each member runs for
+    `duration` (s) and is looked at every `period` (s; a hundredth of it). `store`: a folder in
+    which finished chunks of `chunk` members survive whatever happens; the same call goes on
+    from there. `workers`: processes of this machine (as many as it has processors; 0: none,
+    this one). `scheduler`: the address of a Dask cluster that takes their place. `watching` is
+    called after each chunk.
 
     The Dataset lies along `member`, with the varied names as coordinates and `reason`, which is
     empty unless a member failed. Raises InputError for what cannot be, AlfError if workers or

@@ -122,8 +122,11 @@ def _examined(study: Study) -> None:
     """Raises InputError for a quantity that is none, and for names or values that no scene of the
     first members takes: single ones may be refused."""
     run = Run([Simulation(study.scene, ledger=study.ledger).sample()])
-    for output in study.outputs:
-        output.variables(run, study.times)
+    try:
+        for output in study.outputs:
+            output.variables(run, study.times)
+    except InputError as error:
+        raise InputError(str(error), key='outputs') from None
     first: InputError | None = None
     for k in range(min(study.members, 8)):
         try:
@@ -131,8 +134,7 @@ def _examined(study: Study) -> None:
             return
         except InputError as error:
             first = first or error
-    assert first is not None
-    raise first
+    raise InputError(str(first), key='vary')
 
 
 def _chunk(study: Study) -> int:
