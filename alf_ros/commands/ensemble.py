@@ -54,8 +54,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     study = load_study(options.study, members=options.members)
     if options.log is not None:
         return _log(study, options.log, options.output)
-    if options.scheduler is not None:  # what it has to say, this command says in one line
-        logging.getLogger('distributed').setLevel(logging.CRITICAL)
+    if options.scheduler is not None:  # distributed logs tracebacks: here one line says it
+        logging.disable(logging.CRITICAL)
     name = paths.named(options.study).stem
     folder = paths.named(options.store or f'{name}.zarr', '--store')
     report = folder.with_name(f'{folder.stem}.html')
