@@ -65,6 +65,7 @@ setup(
         'plot': ['matplotlib'],
         'table': ['pandas', 'pyarrow', 'xarray'],
         'import': ['urdf-parser-py', 'mujoco', 'xacro'],
+        'ensemble': ['dask', 'distributed', 'xarray', 'zarr'],
         'view': ['foxglove-sdk'],
     },
     zip_safe=False,

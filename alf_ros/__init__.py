@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from alf_ros.simulation.sample import Sample
     from alf_ros.simulation.simulation import Simulation
     from alf_ros.simulation.state import State
+    from alf_ros.studies.ensemble.ensemble import ensemble
     from alf_ros.studies.statics.linear_model import LinearModel
     from alf_ros.studies.statics.linearisation import linearise
     from alf_ros.studies.statics.positions_of_rest import Equilibrium, equilibria, equilibrium
@@ -43,6 +44,7 @@ __all__ = [
     'StepError',
     'StoppedError',
     'VibrationModes',
+    'ensemble',
     'equilibria',
     'equilibrium',
     'linearise',
@@ -72,6 +74,7 @@ _HOME = {
     'linearise': 'studies.statics.linearisation',
     'VibrationModes': 'studies.statics.vibration_modes',
     'modes': 'studies.statics.vibration_modes',
+    'ensemble': 'studies.ensemble.ensemble',
 }
 
 announce()

@@ -13,6 +13,7 @@ COMMANDS = {
     'linearise': 'alf_ros.commands.linearise',
     'modes': 'alf_ros.commands.modes',
     'hard_cases': 'alf_ros.commands.hard_cases',
+    'ensemble': 'alf_ros.commands.ensemble',
     'work_precision': 'alf_ros.commands.work_precision',
     'figures': 'alf_ros.commands.figures',
     'analyze': 'alf_ros.commands.analyze',

@@ -47,6 +47,11 @@ class ProgressBar:
             self._print(f'{bar} {self._done}/{self._total}  {what}')
         self._done += 1
 
+    def note(self, text: str) -> None:
+        """Show a line of another kind in place of the bar."""
+        if self._live:
+            self._print(f'{self._what} {text}')
+
     def clear(self) -> None:
         """Remove the bar, so that other lines can be printed; the next call shows it again."""
         if self._shown:

@@ -262,8 +262,10 @@ def _wanted(known: Sequence[Group], only: Sequence[str] | None) -> list[tuple[Gr
         return [(group, list(range(len(group.names)))) for group in known]
     if isinstance(only, str) or not isinstance(only, Sequence):
         raise InputError('not a list of names', key='only', value=only)
-    names = [name for group in known for name in group.names]
-    asked = {full_name(name, names, 'only') for name in only}
+    owner = {name: name for group in known for name in group.names}
+    for group in known:
+        owner |= {f'{name}.{axis}': name for name in group.names for axis in group.components}
+    asked = {owner[full_name(name, tuple(owner), 'only')] for name in only}
     found = [
         (group, [n for n, name in enumerate(group.names) if name in asked]) for group in known
     ]

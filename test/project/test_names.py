@@ -29,6 +29,7 @@ SAME = {
     # the type of a joint and what such types share
     'rolling': {'model/joints/rolling.py', 'model/joints/contract/rolling.py'},
     # a verb of the command line and the work that it calls
+    'ensemble': {'commands/ensemble.py', 'studies/ensemble/ensemble.py'},
     'export': {'commands/export.py', 'exchange/export.py'},
     'figures': {'commands/figures.py', 'studies/paper/figures.py'},
     'fork': {'commands/fork.py', 'ros/recording/fork.py'},

@@ -1,0 +1,131 @@
+"""Run a scene many times with other numbers, in a store that survives, with a report.
+
+See doc/ensembles.md.
+"""
+
+from __future__ import annotations
+
+import logging
+import sys
+import time
+from collections.abc import Sequence
+
+from alf_ros import paths
+from alf_ros.commands.parser import Parser, writing
+from alf_ros.commands.progress import ProgressBar
+from alf_ros.errors import InputError
+from alf_ros.studies.ensemble.ensemble import Progress, conduct, crew
+from alf_ros.studies.ensemble.store import EnsembleStore
+from alf_ros.studies.ensemble.study import Study
+from alf_ros.studies.ensemble.study_reading import load_study
+from alf_ros.studies.ensemble.summary_page import page
+
+_PERIOD = 0.5  # s between two lines
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run a study; returns 0, or 1 if a logged member fails. Raises InputError, AlfError."""
+    parser = Parser(
+        prog='ensemble',
+        description='Run a scene many times, each time with other numbers. What is finished is '
+        'in the store; the same command goes on from there.',
+    )
+    parser.add_argument('study', metavar='STUDY.yaml', help='what varies and what is kept')
+    parser.add_argument('--members', type=int, metavar='N', help='in place of those of the study')
+    parser.add_argument(
+        '--workers',
+        type=int,
+        metavar='N',
+        help='processes of this machine (default: one for each processor)',
+    )
+    parser.add_argument(
+        '--scheduler', metavar='tcp://HOST:PORT', help='of a Dask cluster that takes their place'
+    )
+    parser.add_argument(
+        '--store', metavar='FOLDER', help='zarr folder (default: STUDY.zarr in this folder)'
+    )
+    parser.add_argument(
+        '--log', type=int, metavar='K', help='only run member K again, into a log (MCAP)'
+    )
+    parser.add_argument(
+        '-o', '--output', default='logs', metavar='DIR', help='folder of that log (default: logs)'
+    )
+    options = parser.parse_args(argv)
+    study = load_study(options.study, members=options.members)
+    if options.log is not None:
+        return _log(study, options.log, options.output)
+    if options.scheduler is not None:  # distributed logs tracebacks: here one line says it
+        logging.disable(logging.CRITICAL)
+    name = paths.named(options.study).stem
+    folder = paths.named(options.store or f'{name}.zarr', '--store')
+    report = folder.with_name(f'{folder.stem}.html')
+    with _Lines() as lines:
+        conduct(study, folder, crew(options.workers, options.scheduler), lines)
+    assert lines.last is not None
+    lines.tell()
+    with EnsembleStore(folder, study) as store, writing('--store', report):
+        report.write_text(page(lines.last, store.finished()), 'utf-8')
+    print(f'{folder} and {report.name}: {study.members} members, {lines.last.failed} failed')
+    return 0
+
+
+def _log(study: Study, k: int, output: str) -> int:
+    from alf_ros.ros.recording.member_log import log_member
+
+    try:
+        with ProgressBar('ensemble') as bar:
+            folder, reason = log_member(study, k, paths.named(output, '--output'), bar)
+    except OSError as error:
+        raise InputError(str(error), key='--output') from None
+    values = ', '.join(f'{name} = {value}' for name, value in study.samples.values(k).items())
+    print(f'{folder}: member {k}, {values}')
+    if reason:
+        print(f'it fails: {reason}')
+    return 1 if reason else 0
+
+
+class _Lines:
+    """The progress, in one line on a terminal."""
+
+    def __init__(self) -> None:
+        self._bar = ProgressBar('ensemble')
+        self._next = 0.0
+        self.last: Progress | None = None
+
+    def __enter__(self) -> _Lines:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._bar.clear()
+
+    def __call__(self, progress: Progress) -> None:
+        self.last, now = progress, time.monotonic()
+        if not sys.stderr.isatty() or now < self._next:
+            return
+        self._next = now + _PERIOD
+        self._bar.note(
+            f'{progress.done}/{progress.members} members, {progress.rate:.3g}/s, '
+            f'{progress.left:.0f} s left, {progress.failed} failed{_first(progress)}'
+        )
+
+    def tell(self) -> None:
+        """Print the statistics of each number."""
+        assert self.last is not None
+        statistics = self.last.statistics
+        for name, unit in statistics.units.items():
+            told = statistics.summary(name)
+            if told is None:
+                print(f'{name}: of no member')
+                continue
+            print(
+                f'{name}: {told.mean:.6g} ± {told.deviation:.3g} {unit}'.rstrip()
+                + f', median {told.quantiles[2]:.6g}, least {told.least[0]:.6g} (member '
+                f'{told.least[1]}), largest {told.largest[0]:.6g} (member {told.largest[1]})'
+            )
+
+
+def _first(progress: Progress) -> str:
+    """The first number so far."""
+    name = next(iter(progress.statistics.numbers), None)
+    told = progress.statistics.summary(name) if name else None
+    return f'; {name} {told.mean:.4g} ± {told.deviation:.2g}' if told else ''

@@ -1,0 +1,198 @@
+"""What a varied name may be: a distribution, or a list of values.
+
+A distribution is a function from u in (0, 1) to a number, its quantile function. It is evaluated
+for one member at a time, never on an array: so the number of a member has the same bits whoever
+computes it, and with whom.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from scipy import special
+
+from alf_ros.errors import InputError
+
+Value = str  # of a varied name, as `fork --set` takes it: text in YAML
+
+
+def _uniform(u: float, low: float, high: float) -> float:
+    return low + u * (high - low)
+
+
+def _normal(u: float, mean: float, deviation: float) -> float:
+    return mean + deviation * float(special.ndtri(u))
+
+
+def _lognormal(u: float, median: float, sigma: float) -> float:
+    return median * math.exp(sigma * float(special.ndtri(u)))
+
+
+def _triangular(u: float, low: float, mode: float, high: float) -> float:
+    part = (mode - low) / (high - low)
+    if u < part:
+        return low + math.sqrt(u * (high - low) * (mode - low))
+    return high - math.sqrt((1.0 - u) * (high - low) * (high - mode))
+
+
+@dataclass(frozen=True)
+class _Law:
+    """A quantile function, its numbers by name, and what they must satisfy."""
+
+    quantile: Callable[..., float]
+    numbers: tuple[str, ...]
+    fits: Callable[..., bool]
+    expected: str
+
+
+LAWS = {
+    'uniform': _Law(_uniform, ('low', 'high'), lambda a, b: a < b, 'low < high'),
+    'normal': _Law(
+        _normal, ('mean', 'deviation'), lambda _, s: s > 0.0, 'mean, deviation above 0'
+    ),
+    'lognormal': _Law(
+        _lognormal, ('median', 'sigma'), lambda m, s: m > 0.0 < s, 'median and sigma above 0'
+    ),
+    'triangular': _Law(
+        _triangular,
+        ('low', 'mode', 'high'),
+        lambda a, m, b: a <= m <= b and a < b,
+        'low <= mode <= high',
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Distribution:
+    """A law of `LAWS`, or a continuous distribution of scipy.stats, with its numbers by name.
+
+    Raises InputError for an unknown law, numbers that are missing or too many, or that the law
+    does not take.
+    """
+
+    law: str
+    numbers: tuple[tuple[str, float], ...]
+
+    def __post_init__(self) -> None:
+        given = dict(self.numbers)
+        for name, number in given.items():
+            if isinstance(number, bool) or not isinstance(number, (int, float)):
+                raise InputError('not a number', key=f'{self.law}.{name}', value=number)
+            if not math.isfinite(number):
+                raise InputError('not finite', key=f'{self.law}.{name}', value=number)
+        if self.law in LAWS:
+            law = LAWS[self.law]
+            if set(given) != set(law.numbers):
+                raise InputError(
+                    'other numbers', key=self.law, value=sorted(given), expected=str(law.numbers)
+                )
+            if not law.fits(*(given[name] for name in law.numbers)):
+                raise InputError(
+                    'numbers that cannot be', key=self.law, value=given, expected=law.expected
+                )
+        elif not math.isfinite(self.at(0.5)):
+            raise InputError('numbers that cannot be', key=self.law, value=given)
+
+    @cached_property
+    def _quantile(self) -> Callable[[float], float]:
+        given = dict(self.numbers)
+        if self.law in LAWS:
+            law = LAWS[self.law]
+            ordered = [float(given[name]) for name in law.numbers]
+            return lambda u: law.quantile(u, *ordered)
+        from scipy import stats
+
+        found = getattr(stats, self.law, None)
+        if not isinstance(found, stats.rv_continuous):
+            raise InputError('no such distribution', value=self.law, choices=LAWS)
+        try:
+            frozen = found(**given)
+        except TypeError as error:
+            raise InputError(str(error), key=self.law) from None
+        return lambda u: float(frozen.ppf(u))
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {'law': self.law, 'numbers': self.numbers}
+
+    def __setstate__(self, state: Mapping[str, Any]) -> None:
+        vars(self).update(state)
+
+    def at(self, u: float) -> float:
+        """The quantile of u, 0 < u < 1."""
+        return self._quantile(u)
+
+    @property
+    def data(self) -> Any:
+        """What `distribution` makes the same of."""
+        return {self.law: dict(self.numbers)}
+
+
+def uniform(low: float, high: float) -> Distribution:
+    """Equally likely between `low` and `high`."""
+    return Distribution('uniform', (('low', low), ('high', high)))
+
+
+def normal(mean: float, deviation: float) -> Distribution:
+    """Gaussian, of this mean and standard deviation."""
+    return Distribution('normal', (('mean', mean), ('deviation', deviation)))
+
+
+def lognormal(median: float, sigma: float) -> Distribution:
+    """median e^(sigma z), with z of the standard normal distribution."""
+    return Distribution('lognormal', (('median', median), ('sigma', sigma)))
+
+
+def triangular(low: float, mode: float, high: float) -> Distribution:
+    """A density that rises from `low` to `mode` and falls to `high`."""
+    return Distribution('triangular', (('low', low), ('mode', mode), ('high', high)))
+
+
+def distribution(data: Any, key: str) -> Distribution:
+    """The distribution of `{law: [numbers]}`, of `{law: {name: number}}`, a Distribution itself,
+    or a frozen continuous distribution of scipy.stats. Raises InputError, which says `key`."""
+    if isinstance(data, Distribution):
+        return data
+    try:
+        if isinstance(data, Mapping) and len(data) == 1:
+            ((law, numbers),) = data.items()
+            if isinstance(numbers, Sequence) and not isinstance(numbers, str):
+                names = LAWS[law].numbers if law in LAWS else ()
+                if len(names) != len(numbers):
+                    expected = f'{names}' if names else '{name: number} of scipy.stats'
+                    raise InputError('other numbers', key=law, value=numbers, expected=expected)
+                numbers = dict(zip(names, numbers, strict=True))
+            if isinstance(numbers, Mapping):
+                return Distribution(str(law), tuple(numbers.items()))
+        frozen = getattr(data, 'dist', None)
+        if frozen is not None and hasattr(data, 'args') and hasattr(data, 'kwds'):
+            shapes = [*(frozen.shapes or '').replace(' ', '').split(','), 'loc', 'scale']
+            told = dict(zip([name for name in shapes if name], data.args, strict=False))
+            numbers = {k: float(v) for k, v in {**told, **data.kwds}.items()}
+            if frozen.name == 'uniform':  # ours has other numbers
+                low = numbers.get('loc', 0.0)
+                return uniform(low, low + numbers.get('scale', 1.0))
+            return Distribution(frozen.name, tuple(numbers.items()))
+    except InputError as error:
+        raise InputError(str(error), key=key) from None
+    raise InputError(
+        'not a distribution', key=key, value=data, expected='{normal: [mean, deviation]} or a list'
+    )
+
+
+def value(given: Any, key: str) -> Value:
+    """A value as the text that `fork --set` takes: numbers keep all their digits."""
+    if isinstance(given, bool):
+        return 'true' if given else 'false'
+    if isinstance(given, str):
+        return given
+    if hasattr(given, 'tolist'):
+        given = given.tolist()
+    if isinstance(given, (int, float)):
+        return repr(given)
+    if isinstance(given, Sequence):
+        return f'[{", ".join(value(item, key) for item in given)}]'
+    raise InputError('not a value', key=key, value=given, expected='a number, a text or a list')

@@ -1,0 +1,153 @@
+"""A study: a scene, what varies in it, and what is kept of each member."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from alf_ros.arrays import Floats, Integers
+from alf_ros.effects.contract import user_file
+from alf_ros.inspection.run import Run
+from alf_ros.scene import overrides
+from alf_ros.scene.references import WHOLE
+from alf_ros.scene.scene import Scene, scene_from_text
+from alf_ros.simulation import input_checks as check
+from alf_ros.simulation.simulation import Simulation
+from alf_ros.studies.ensemble.distributions import Distribution
+from alf_ros.studies.ensemble.kept_outputs import SAME, KeptOutput, LabelledArray
+from alf_ros.studies.ensemble.sampling import Sampling, Varied
+
+
+@dataclass(frozen=True)
+class Study:
+    """All that the members depend on, and that a worker needs.
+
+    `text` is the scene's (`Scene.text`), `files` the texts of its effects that are files, by full
+    name. `duration` and `period` (s): how long a member runs, and how often it is looked at.
+    `chunk`: how many members are one piece of work. Made by `made`.
+    """
+
+    name: str
+    text: str
+    files: tuple[tuple[str, str], ...]
+    vary: tuple[tuple[str, Varied], ...]
+    members: int
+    seed: int
+    sampling: str
+    duration: float
+    period: float
+    outputs: tuple[KeptOutput, ...]
+    chunk: int
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {each.name: getattr(self, each.name) for each in fields(self)}
+
+    def __setstate__(self, state: Mapping[str, Any]) -> None:
+        vars(self).update(state)
+
+    @cached_property
+    def scene(self) -> Scene:
+        """The scene, with the numbers of its file."""
+        for name, text in self.files:
+            if not user_file.is_known(name):
+                user_file.provide(name, text)
+        return scene_from_text(self.text, self.name, references=WHOLE)
+
+    @cached_property
+    def samples(self) -> Sampling:
+        """The varied values of each member."""
+        return Sampling(self.sampling, dict(self.vary), self.members, self.seed)
+
+    def scene_of(self, k: int) -> Scene:
+        """The scene of member k. Raises InputError for values that cannot be."""
+        return overrides.with_changes(self.scene, self.samples.values(k))
+
+    @cached_property
+    def times(self) -> Floats:
+        """The instants of the period, s."""
+        count = math.floor(self.duration / self.period + check.CLOSE)
+        return np.asarray(np.arange(count + 1) * self.period, dtype=float)
+
+    @cached_property
+    def instants(self) -> tuple[Floats, Integers]:
+        """All instants (s) at which a member is looked at, and which of them are `times`."""
+        asked = {t for output in self.outputs for t in output.times}
+        outside = [t for t in sorted(asked) if np.abs(self.times - t).min() > SAME]
+        merged = np.sort(np.concatenate([self.times, outside]))
+        return merged, np.searchsorted(merged, self.times)
+
+    @cached_property
+    def parameters(self) -> tuple[LabelledArray, ...]:
+        """The varied values as arrays: texts where they are no numbers."""
+        return tuple(LabelledArray(name, text=_text_length(varied)) for name, varied in self.vary)
+
+    @cached_property
+    def variables(self) -> tuple[LabelledArray, ...]:
+        """The arrays that the outputs make, in their order. Raises InputError."""
+        run = Run([Simulation(self.scene, ledger=self.ledger).sample()])
+        return tuple(
+            variable for output in self.outputs for variable in output.variables(run, self.times)
+        )
+
+    @property
+    def watch(self) -> bool:
+        """Whether passes through singular positions are looked for."""
+        return any(output.kind == 'passes' for output in self.outputs)
+
+    @property
+    def ledger(self) -> bool:
+        """Whether the works of effects are integrated."""
+        names = [name for output in self.outputs for name in output.quantities]
+        return any(name.startswith('works.') for name in names)
+
+    @property
+    def chunks(self) -> int:
+        """How many pieces of work there are."""
+        return -(-self.members // self.chunk)
+
+    def indices(self, chunk: int) -> range:
+        """The members of a chunk."""
+        return range(chunk * self.chunk, min(self.members, (chunk + 1) * self.chunk))
+
+    @property
+    def data(self) -> dict[str, Any]:
+        """The same as plain data: what a manifest says."""
+        return {
+            'name': self.name,
+            'scene': self.text,
+            'effects': {name: user_file.digest(name) for name, _ in self.files},
+            'vary': {
+                name: varied.data if isinstance(varied, Distribution) else list(varied)
+                for name, varied in self.vary
+            },
+            'members': self.members,
+            'seed': self.seed,
+            'sampling': self.sampling,
+            'duration': self.duration,
+            'period': self.period,
+            'outputs': [output.data for output in self.outputs],
+            'chunk': self.chunk,
+        }
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of `data`."""
+        return hashlib.sha256(json.dumps(self.data, sort_keys=True).encode()).hexdigest()
+
+
+def _text_length(varied: Varied) -> int:
+    """How long the texts of a list are; 0 if all are numbers."""
+    if isinstance(varied, Distribution):
+        return 0
+    try:
+        [float(text) for text in varied]
+    except ValueError:
+        return max(map(len, varied))
+    return 0

@@ -1,0 +1,225 @@
+"""A study from Python values, or from a YAML file; whatever cannot be is refused here.
+
+A file has the keys of `study_of`:
+
+    scene: slider_crank
+    vary:
+      coupler.mass: {normal: [1.0, 0.05]}
+      gravity.acceleration.1: {uniform: [-9.9, -9.7]}
+    members: 1000
+    outputs: [max(norm(crank_pin.force)), final(energy)]
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from alf_ros import paths
+from alf_ros.effects.contract import user_file
+from alf_ros.errors import InputError, StepError
+from alf_ros.inspection.run import Run
+from alf_ros.scene.scene import Scene, load_scene
+from alf_ros.scene.text import yaml_document
+from alf_ros.scene.text.expression import ExpressionError, evaluate
+from alf_ros.scene.text.yaml_document import BOOLEAN, Entry
+from alf_ros.simulation import input_checks as check
+from alf_ros.simulation.simulation import Simulation
+from alf_ros.studies.ensemble.distributions import distribution, value
+from alf_ros.studies.ensemble.kept_outputs import outputs as read_outputs
+from alf_ros.studies.ensemble.sampling import Sampling, Varied
+from alf_ros.studies.ensemble.study import Study
+
+KEYS = ('scene', 'vary', 'members', 'seed', 'sampling', 'duration', 'period', 'outputs', 'chunk')
+SAMPLES = 100  # in the duration, if no period is given
+MOST_SEED = 2**63 - 1
+
+# A chunk: seconds of work, of which a member costs about so much (measured: benchmark/ensemble.py)
+_WORK = 2.0
+_MEMBER, _SAMPLE, _STAGE, _BLOCK = 15e-3, 2e-4, 5e-7, 2.5e-7  # s; a stage, and each block in it
+_LEAST_CHUNKS, _MOST_CHUNK = 64, 4096
+_TRIED = 200  # steps of the scene, to learn how many stages they take
+
+
+def study_of(
+    scene: str | Path | Scene | Mapping[str, Any],
+    vary: Mapping[str, Any],
+    *,
+    members: int | None = None,
+    seed: int = 0,
+    outputs: Any = ('energy',),
+    sampling: str = 'random',
+    duration: float = 10.0,
+    period: float | None = None,
+    chunk: int | None = None,
+) -> Study:
+    """The study of these values; `alf_ros.ensemble` explains them. Raises InputError."""
+    loaded = scene if isinstance(scene, Scene) else load_scene(scene)
+    if not isinstance(vary, Mapping):
+        raise InputError('not a mapping', key='vary', value=vary, expected='{name: distribution}')
+    varied = {str(name): _varied(data, f'vary.{name}') for name, data in vary.items()}
+    if members is not None:
+        members = check.whole(members, 'members', 1)
+    seed = check.whole(seed, 'seed', 0, MOST_SEED)
+    samples = Sampling(sampling, varied, members, seed)
+    simulation = Simulation(loaded)
+    duration = _positive(duration, 'duration')
+    steps = check.steps_of(duration, simulation.h, 0)
+    if not steps:
+        raise InputError('shorter than a step', key='duration', value=duration)
+    if period is None:
+        period = max(1, round(steps / SAMPLES)) * simulation.h
+    period = _positive(period, 'period')
+    if period > duration:
+        raise InputError('longer than the duration', key='period', value=period)
+    found = read_outputs(outputs)
+    for output in found:
+        if output.times and output.times[-1] > duration:
+            late = output.times[-1]
+            raise InputError('after the end', key=output.label, value=late, expected='duration')
+    kinds = dict.fromkeys(effect.kind for effect in loaded.effects)
+    files = [(k, user_file.source(k)) for k in kinds if user_file.is_file_name(k)]
+    study = Study(
+        name=loaded.name,
+        text=loaded.text,
+        files=tuple(files),
+        vary=tuple(varied.items()),
+        members=samples.members,
+        seed=seed,
+        sampling=sampling,
+        duration=duration,
+        period=period,
+        outputs=found,
+        chunk=1,
+    )
+    _examined(study)
+    if chunk is None:
+        return replace(study, chunk=_chunk(study))
+    return replace(study, chunk=check.whole(chunk, 'chunk', 1))
+
+
+def _varied(data: Any, key: str) -> Varied:
+    if hasattr(data, 'tolist'):
+        data = data.tolist()
+    if isinstance(data, Sequence) and not isinstance(data, str):
+        if not data:
+            raise InputError('an empty list', key=key, expected='values')
+        return tuple(value(item, key) for item in data)
+    return distribution(data, key)
+
+
+def _positive(given: Any, key: str) -> float:
+    found = check.number(given, key, 0.0)
+    if found == 0.0:
+        raise InputError('not usable', key=key, value=given, expected='s, more than 0')
+    return found
+
+
+def _examined(study: Study) -> None:
+    """Raises InputError for a quantity that is none, and for names or values that no scene of the
+    first members takes: single ones may be refused."""
+    run = Run([Simulation(study.scene, ledger=study.ledger).sample()])
+    try:
+        for output in study.outputs:
+            output.variables(run, study.times)
+    except InputError as error:
+        raise InputError(str(error), key='outputs') from None
+    first: InputError | None = None
+    for k in range(min(study.members, 8)):
+        try:
+            study.scene_of(k)
+            return
+        except InputError as error:
+            first = first or error
+    raise InputError(str(first), key='vary')
+
+
+def _chunk(study: Study) -> int:
+    """How many members are about two seconds of work: a power of 2 that depends on the study
+    alone, not on what a machine measures, so that every machine writes the same chunks."""
+    simulation = Simulation(study.scene, watch=study.watch, ledger=study.ledger)
+    steps = check.steps_of(study.duration, simulation.h, 0)
+    tried, stages = min(steps, _TRIED), simulation.evaluations
+    try:
+        simulation.step(tried)
+    except StepError:
+        tried = max(1, simulation.step_index)
+    each = (simulation.evaluations - stages) / tried * (_STAGE + _BLOCK * simulation.model.n)
+    cost = _MEMBER + _SAMPLE * len(study.instants[0]) + steps * each
+    wanted = min(_WORK / cost, study.members / _LEAST_CHUNKS, _MOST_CHUNK)
+    return 1 << max(0, math.ceil(math.log2(max(wanted, 1.0))))
+
+
+# -------------------------------------------------------------------------------------------- YAML
+
+
+def load_study(source: str | Path, **changes: Any) -> Study:
+    """The study in a YAML file; `changes` replace keys of it. Raises InputError."""
+    path = paths.named(source)
+    fields = yaml_document.read(path).mapping(KEYS, ('scene', 'vary'))
+    given: dict[str, Any] = {}
+    for key, entry in fields.items():
+        given[key] = _within(entry, lambda entry=entry: _plain(entry))  # type: ignore[misc]
+    given['scene'] = _within(fields['scene'], lambda: _scene(given['scene'], path.parent))
+    if 'outputs' in given:
+        files = lambda: _functions(given['outputs'], path.parent)  # noqa: E731
+        given['outputs'] = _within(fields['outputs'], lambda: read_outputs(files()))
+    given.update({key: value for key, value in changes.items() if value is not None})
+    try:
+        return study_of(**given)
+    except InputError as error:
+        said = fields.get((error.key or '').partition('.')[0])
+        if error.file is None and said is not None:
+            raise InputError(str(error), file=str(path), line=said.line) from None
+        raise
+
+
+def _within(entry: Entry, made: Callable[[], Any]) -> Any:
+    """What `made` returns; its errors say where the entry is."""
+    try:
+        return made()
+    except InputError as error:
+        if error.file is not None:
+            raise
+        raise InputError(str(error), file=entry.file, line=entry.line) from None
+
+
+def _plain(entry: Entry) -> Any:
+    """The value of an entry: numbers and expressions of constants as numbers."""
+    if isinstance(entry.value, dict):
+        return {key: _plain(inner) for key, inner in entry.value.items()}
+    if isinstance(entry.value, tuple):
+        return [_plain(inner) for inner in entry.value]
+    if entry.is_null:
+        return None
+    if not entry.plain:
+        return entry.value
+    if entry.value in BOOLEAN:
+        return BOOLEAN[entry.value]
+    try:
+        number = evaluate(entry.value, {})
+    except ExpressionError:
+        return entry.value
+    return int(number) if number == int(number) and abs(number) < 2**53 else number
+
+
+def _scene(given: Any, folder: Path) -> Any:
+    """A path is one from the folder of the study."""
+    if isinstance(given, str) and (given.endswith(('.yaml', '.yml')) or '/' in given):
+        return folder / paths.named(given)
+    return given
+
+
+def _functions(data: Any, folder: Path) -> Any:
+    """The outputs with the files of functions looked for in the folder of the study."""
+    if isinstance(data, Mapping):
+        return {
+            key: str(folder / inner)
+            if key == 'function' and isinstance(inner, str)
+            else _functions(inner, folder)
+            for key, inner in data.items()
+        }
+    return [_functions(inner, folder) for inner in data] if isinstance(data, list) else data

@@ -1,0 +1,119 @@
+"""A function of the user that makes a number of a Run, and how it travels to workers."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import importlib
+import inspect
+import pickle
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from alf_ros import paths
+from alf_ros.effects.contract.user_file import LARGEST
+from alf_ros.errors import InputError
+
+
+@dataclass(frozen=True)
+class UserFunction:
+    """`source`: the text of a file and the name of a function in it; or `pickled`, of a function
+    that was given itself, whose own text is `source` then. `digest` says which one it is."""
+
+    name: str
+    source: str = ''
+    pickled: str = ''  # base64
+
+    @classmethod
+    def of(cls, given: Any) -> UserFunction:
+        """Of 'file.py:name', of a function, or a UserFunction itself. Raises InputError."""
+        if isinstance(given, UserFunction):
+            return given
+        if isinstance(given, str):
+            file, _, name = given.rpartition(':')
+            if not file.endswith('.py') or not name.isidentifier():
+                raise InputError(
+                    'not a function', key='function', value=given, expected='FILE.py:NAME'
+                )
+            made = cls(name, source=paths.content(paths.named(file), LARGEST).decode('utf-8'))
+            made.called  # noqa: B018  a fault of the file shows here, and not in each member
+            return made
+        if not callable(given):
+            raise InputError('not a function', key='function', value=given)
+        name = getattr(given, '__name__', 'function')
+        data = base64.b64encode(_pickled(given)).decode()
+        return cls(name if name.isidentifier() else 'function', _text(given), data)
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of its name and text; of what is pickled where there is no text."""
+        said = self.source or self.pickled
+        return hashlib.sha256(f'{self.name}\0{said}'.encode()).hexdigest()
+
+    @cached_property
+    def called(self) -> Callable[[Any], Any]:
+        """The function. Raises InputError if it cannot be had."""
+        if self.pickled:
+            found: Callable[[Any], Any] = pickle.loads(base64.b64decode(self.pickled))
+            return found
+        names: dict[str, Any] = {'__name__': f'ensemble_{self.digest[:12]}'}
+        try:
+            exec(compile(self.source, f'<{self.name}>', 'exec'), names)
+        except (Exception, SystemExit) as error:  # whatever somebody's file raises
+            text = f'{type(error).__name__}: {error}'
+            raise InputError(text, key='function', value=self.name) from None
+        if not callable(names.get(self.name)):
+            choices = [name for name, value in names.items() if callable(value)]
+            raise InputError('no such function', key='function', value=self.name, choices=choices)
+        made: Callable[[Any], Any] = names[self.name]
+        return made
+
+    def __getstate__(self) -> dict[str, str]:
+        return {'name': self.name, 'source': self.source, 'pickled': self.pickled}
+
+
+def _pickled(function: Callable[[Any], Any]) -> bytes:
+    """By reference, if a worker can import it; else by value, which needs cloudpickle."""
+    module = getattr(function, '__module__', '__main__')
+    try:
+        if module != '__main__' and _importable(module):
+            return pickle.dumps(function, protocol=4)
+    except (pickle.PicklingError, AttributeError, TypeError):
+        pass
+    try:
+        import cloudpickle
+    except ImportError:
+        raise InputError(
+            'a function that a worker cannot import needs cloudpickle',
+            key='function',
+            value=getattr(function, '__name__', 'function'),
+            expected="'FILE.py:NAME', or pip install 'alf_ros[ensemble]'",
+        ) from None
+    own = sys.modules.get(module)
+    by_value = own is not None and module != '__main__'
+    if by_value:
+        cloudpickle.register_pickle_by_value(own)
+    try:
+        found: bytes = cloudpickle.dumps(function, protocol=4)
+    finally:
+        if by_value:
+            cloudpickle.unregister_pickle_by_value(own)
+    return found
+
+
+def _text(function: Callable[[Any], Any]) -> str:
+    """The source of a function; '' where there is none."""
+    try:
+        return inspect.getsource(function)
+    except (OSError, TypeError):
+        return ''
+
+
+def _importable(module: str) -> bool:
+    """Whether any process of this interpreter imports it: it lies where packages are installed."""
+    file = getattr(importlib.import_module(module), '__file__', None)
+    return file is not None and 'site-packages' in Path(file).parts

@@ -1,0 +1,158 @@
+"""A member has the bits of its single run, whoever runs it."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+
+import alf_ros
+from alf_ros import InputError, Simulation, load_scene, record
+from alf_ros.scene.overrides import with_changes
+from alf_ros.studies.ensemble.chunk import run_chunk
+from alf_ros.studies.ensemble.distributions import normal, uniform
+from alf_ros.studies.ensemble.member import run_member
+from alf_ros.studies.ensemble.study_reading import study_of
+
+DOWN, BELOW = 'gravity.acceleration.1', 'gravity.acceleration.2'
+# scene, what varies, duration (s): singular positions, space, redundant rows, drives
+LIBRARY: dict[str, tuple[dict[str, Any], float]] = {
+    'slider_crank': ({'coupler.mass': normal(1, 0.05), DOWN: uniform(-10, -9)}, 0.8),
+    'change_point': ({'m': uniform(0.9, 1.1), DOWN: uniform(-10, -9)}, 0.6),
+    'double_four_bar': ({DOWN: uniform(-10, -9)}, 0.2),
+    'four_bar': ({'coupler.mass': uniform(0.5, 2.0), 'initial.velocities.A.0': ['-20*a']}, 0.1),
+    'spatial_slider_crank': ({BELOW: uniform(-10, -9)}, 0.2),
+    'wiper': ({DOWN: uniform(-10, -9)}, 0.2),
+}
+
+SAID = ('mass', 'beta|value|sqrt|acos', 't = ')
+WITH_A = ('slider_crank', 'change_point', 'four_bar')
+
+
+@pytest.mark.parametrize('name', LIBRARY)
+def test_a_member_has_the_bits_of_its_single_run(name):
+    vary, duration = LIBRARY[name]
+    kept = ['energy', 'points.A'] if name in WITH_A else ['energy', 'kinetic_energy']
+    study = study_of(name, vary, members=2, seed=5, duration=duration, period=0.02, outputs=kept)
+    for k in range(2):
+        member = run_member(study, k)
+        scene = with_changes(load_scene(name), study.samples.values(k))
+        if member.reason:
+            assert name == 'four_bar' and 'contradict' in member.reason
+            continue
+        simulation = Simulation(scene)
+        alone = record(simulation, duration, period=0.02)
+        for array, output in zip(member.arrays, study.outputs, strict=True):
+            assert array.tobytes() == alone[output.quantity].tobytes()
+        # and the same as without looking at it
+        blind = Simulation(scene)
+        blind.step(simulation.step_index)
+        assert blind.state.q.tobytes() == simulation.state.q.tobytes()
+
+
+def test_other_integrators_and_instants_between_steps():
+    scene = load_scene('slider_crank')
+    vary = {
+        'solver.integrator': ['rk4', 'dop853', 'dop853_adaptive'],
+        'solver.tolerance': [1e-8],
+        'm': [1.1],
+    }
+    outputs = {'at': {'at': [0.1001, 0.39104, 0.45], 'of': 'velocities.B'}}
+    study = study_of(scene, vary, sampling='grid', duration=0.45, outputs=outputs, period=0.1)
+    for k in range(3):
+        simulation = Simulation(with_changes(scene, study.samples.values(k)))
+        times = sorted({*study.times.tolist(), 0.1001, 0.39104, 0.45})
+        seen = {s.t: s.velocities['B'] for s in simulation.run(0.45, at=times)}
+        found = run_member(study, k).arrays[0]
+        assert [row.tobytes() for row in found] == [
+            seen[t].tobytes()
+            for t in seen
+            if any(abs(t - x) < 1e-9 for x in study.outputs[0].times)
+        ]
+
+
+def test_processes_and_chunks_change_nothing():
+    settings: dict[str, Any] = {
+        'vary': {'coupler.mass': normal(1.0, 0.05)},
+        'members': 7,
+        'duration': 0.1,
+        'outputs': ['max(norm(knee.force))', 'energy'],
+    }
+    one = alf_ros.ensemble('slider_crank', workers=0, chunk=7, **settings)
+    two = alf_ros.ensemble('slider_crank', workers=2, chunk=2, **settings)
+    assert one.drop_attrs().identical(two.drop_attrs())
+    assert one['max_norm_knee.force'].attrs == {'units': 'N'}
+    assert one['coupler.mass'].dims == ('member',)
+
+
+def test_members_that_fail_are_rows_with_a_reason():
+    """A negative density is no scene; bars that do not reach each other do not close; a step that
+    is far too long fails on the way."""
+    study = study_of(
+        'four_bar',
+        {
+            'density': [0.54, -1.0, 0.54, 0.54],
+            'd': [0.3, 0.3, 0.9, 0.3],
+            'solver.step': [5e-4, 5e-4, 5e-4, 5e-2],
+        },
+        sampling='table',
+        duration=0.5,
+        period=0.05,
+        outputs=['final(energy)', 'points.A'],
+        chunk=4,
+    )
+    chunk = run_chunk(study, 0)
+    reasons = chunk.arrays['reason'].tolist()
+    assert reasons[0] == '' and chunk.failed == 3
+    assert [
+        bool(re.search(said, reason)) for said, reason in zip(SAID, reasons[1:], strict=True)
+    ] == [True] * 3, reasons
+    assert np.isnan(chunk.arrays['points.A'][1:]).all()
+    assert np.isfinite(chunk.arrays['points.A'][0]).all()
+
+
+def test_a_function_of_the_user_that_raises_is_a_reason():
+    def picky(run):
+        if run['energy'][0] > 13.61:
+            raise ValueError('too much')
+        return run['energy'].max()
+
+    found = alf_ros.ensemble(
+        'slider_crank',
+        {'m': [1.0, 1.1]},
+        sampling='table',
+        outputs={'picky': {'function': picky, 'reads': ['energy']}},
+        duration=0.01,
+        workers=1,
+    )
+    assert found.reason.values.tolist() == ['', 'function picky: ValueError: too much']
+    assert np.isfinite(found.picky.values[0]) and np.isnan(found.picky.values[1])
+
+
+@pytest.mark.parametrize(
+    ('changes', 'said'),
+    [
+        (
+            {'vary': {'couple.mass': uniform(1, 2)}},
+            "vary: --set: nothing of this name, got 'couple'",
+        ),
+        ({'outputs': ['max(kne.force)']}, "outputs: name: no such quantity, got 'kne.force'"),
+        (
+            {'outputs': ['peak(energy)']},
+            "outputs: no such output, got 'peak'; did you mean 'mean'?",
+        ),
+        ({'outputs': ['energy', 'energy']}, "outputs: two outputs of one label, got 'energy'"),
+        ({'duration': 0.0}, 'duration: not usable, got 0.0; expected s, more than 0'),
+        ({'period': 2.0}, 'period: longer than the duration, got 2.0'),
+        ({'members': 0}, 'members: '),
+        ({'workers': 1, 'scheduler': 'tcp://127.0.0.1:1'}, 'workers: a cluster has its own'),
+    ],
+)
+def test_what_cannot_be_is_said_before_anything_runs(changes, said):
+    settings: dict[str, Any] = {'vary': {'m': uniform(1, 2)}, 'members': 4, 'duration': 1.0}
+    settings |= changes
+    with pytest.raises(InputError) as caught:
+        alf_ros.ensemble('slider_crank', **settings)
+    assert str(caught.value).startswith(said)

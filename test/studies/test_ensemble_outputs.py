@@ -1,0 +1,164 @@
+"""What is kept of a member, against motions that are known exactly."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import alf_ros
+from alf_ros import InputError
+from alf_ros.studies.ensemble.chunk import Chunk, run_chunk
+from alf_ros.studies.ensemble.kept_outputs import outputs
+from alf_ros.studies.ensemble.statistics import Statistics
+from alf_ros.studies.ensemble.study_reading import study_of
+
+# A crank of length L and mass m that turns at w (rad/s), from 1 rad; nothing else acts.
+TURNING = {
+    'mechanism': {
+        'alf': 1,
+        'space': 'planar',
+        'parameters': {'L': 0.5, 'm': 2.0, 'w': 3.0},
+        'points': {
+            'O': {'at': [0, 0], 'fixed': True},
+            'A': {'at': ['L*cos(1)', 'L*sin(1)']},
+        },
+        'bodies': {'crank': {'points': ['O', 'A'], 'mass': 'm', 'inertia': 'rod'}},
+        'joints': {'pin': {'type': 'revolute', 'between': ['ground', 'crank'], 'at': 'O'}},
+    },
+    'initial': {'velocities': {'A': ['-L*w*sin(1)', 'L*w*cos(1)']}},
+    'solver': {'step': 1e-2, 'integrator': 'dop853'},
+}
+KEPT = {
+    'height': {'max': 'points.A.y'},
+    'low': {'min': 'points.A.y'},
+    'force': {'max': 'norm(pin.force)'},
+    'mean_x': {'mean': 'points.A.x'},
+    'area': {'integral': 'points.A.y'},
+    'end': {'final': 'points.A'},
+    'seen': {'at': [0.123, 1.5], 'of': 'points.A'},
+    'up': {'crossing': 'points.A.x', 'value': 0.1, 'direction': 'up', 'count': 2},
+    'path': 'points.A',
+    'fastest': {
+        'function': lambda run: np.abs(run['velocities.A']).max(),
+        'reads': ['velocities.A'],
+    },
+}
+
+
+def test_outputs_of_a_crank_that_turns():
+    found = alf_ros.ensemble(
+        TURNING,
+        {'L': [0.5, 0.8], 'w': [3.0, 2.0]},
+        sampling='table',
+        outputs=KEPT,
+        duration=3.0,
+        period=0.02,
+        workers=0,
+    )
+    assert found.reason.values.tolist() == ['', '']
+    t = found.t.values
+    for k, (L, w) in enumerate([(0.5, 3.0), (0.8, 2.0)]):
+        member = found.isel(member=k)
+        angle = 1.0 + w * t
+        close: dict[str, Any] = {'rel': 1e-9, 'abs': 1e-9}
+        assert float(member.height) == pytest.approx(L * np.sin(angle).max(), **close)
+        assert float(member.height_t) == pytest.approx(t[np.sin(angle).argmax()], **close)
+        assert float(member.low) == pytest.approx(L * np.sin(angle).min(), **close)
+        assert float(member.force) == pytest.approx(2.0 * 0.5 * L * w**2, rel=1e-8)
+        exact = L / w * (math.sin(1 + 3 * w) - math.sin(1))
+        assert float(member.mean_x) == pytest.approx(exact / 3.0, rel=1e-6)
+        exact = L / w * (math.cos(1) - math.cos(1 + 3 * w))
+        assert float(member.area) == pytest.approx(exact, rel=1e-6)
+        assert member.end.values == pytest.approx(member.path.values[-1], abs=0)
+        for row, instant in zip(member.seen.values, (0.123, 1.5), strict=True):
+            place = L * np.array([math.cos(1 + w * instant), math.sin(1 + w * instant)])
+            assert row == pytest.approx(place, **close)
+        turns = [(2 * math.pi * n - math.acos(0.1 / L) - 1.0) / w for n in range(1, 4)]
+        turns = [at for at in turns if 0 < at < 3.0][:2]
+        assert member.up_t.values[: len(turns)] == pytest.approx(turns, abs=1e-7)
+        assert np.isnan(member.up_t.values[len(turns) :]).all()
+        assert float(member.fastest) == pytest.approx(
+            L * w * np.abs([np.sin(angle), np.cos(angle)]).max(), rel=1e-8
+        )
+
+
+def test_passes_are_those_of_a_simulation_that_watches():
+    study = study_of(
+        'slider_crank', {'m': [1.0]}, sampling='table', duration=1.5, outputs=[{'passes': 3}]
+    )
+    simulation = alf_ros.Simulation(alf_ros.load_scene('slider_crank'), watch=True)
+    simulation.step(1500)
+    chunk = run_chunk(study, 0)
+    times = [each.t for each in simulation.passes]
+    assert chunk.arrays['passes_number'].tolist() == [2.0] == [float(len(times))]
+    assert chunk.arrays['passes_t'][0, :2].tolist() == times
+    assert np.isnan(chunk.arrays['passes_t'][0, 2])
+
+
+def test_statistics_and_indices_of_a_law_that_is_known():
+    """The energy of the crank is m L² w² / 6: a product, whose Sobol' indices are known."""
+    vary = {'m': stats.uniform(1.0, 2.0), 'L': stats.uniform(0.5, 0.5)}
+    study = study_of(
+        TURNING,
+        vary,
+        sampling='saltelli',
+        members=4 * 1024,
+        outputs=['final(energy)'],
+        duration=0.01,
+        chunk=2,
+    )
+    statistics = Statistics(study)
+    ran: dict[str, Any] = dict(run_chunk(study, 3).arrays)
+    assert ran['final_energy'] == pytest.approx(ran['m'] * ran['L'] ** 2 * 1.5, rel=1e-9)
+    for number in range(study.chunks):
+        given = [study.samples.values(k) for k in study.indices(number)]
+        arrays = {name: np.array([float(each[name]) for each in given]) for name in vary}
+        arrays['final_energy'] = arrays['m'] * arrays['L'] ** 2 * 1.5
+        statistics.add(Chunk(number, arrays))
+    values = statistics.numbers['final_energy']
+    told = statistics.summary('final_energy')
+    assert told is not None and told.count == study.members
+    assert (told.mean, told.deviation) == pytest.approx((values.mean(), values.std(ddof=1)))
+    assert told.least == (values.min(), int(values.argmin()))
+    assert told.quantiles[2] == pytest.approx(np.median(values))
+
+    def moment(of: int, power: int) -> float:  # of m, and of L²
+        return (
+            (3 ** (power + 1) - 1) / (2 * (power + 1))
+            if of == 0
+            else (1 - 0.5 ** (2 * power + 1)) / (0.5 * (2 * power + 1))
+        )
+
+    spread = [moment(of, 2) - moment(of, 1) ** 2 for of in (0, 1)]
+    whole = moment(0, 2) * moment(1, 2) - (moment(0, 1) * moment(1, 1)) ** 2
+    first = [spread[0] * moment(1, 1) ** 2 / whole, spread[1] * moment(0, 1) ** 2 / whole]
+    total = [1 - first[1], 1 - first[0]]
+    found = {each.name: each for each in statistics.influences('final_energy')}
+    for name, one, all_of_it in zip(('m', 'L'), first, total, strict=True):
+        assert found[name].first == pytest.approx(one, abs=0.01)
+        assert found[name].total == pytest.approx(all_of_it, abs=0.01)
+    assert found['m'].correlation > 0.2 and found['L'].correlation > 0.2
+
+
+@pytest.mark.parametrize(
+    ('given', 'said'),
+    [
+        ('energy', "outputs: not a list, got 'energy'"),
+        ([], 'outputs: nothing to keep'),
+        ([3], 'outputs: not an output, got 3; expected max(NAME)'),
+        ([{'at': [0.2, 0.1], 'of': 'energy'}], 'at: not instants'),
+        ([{'passes': 0}], 'outputs.passes: not a count, got 0'),
+        ([{'crossing': 'energy', 'direction': 'left'}], "direction: no direction, got 'left'"),
+        ([{'crossing': 'energy', 'valeu': 1}], "crossing: unknown key, got 'valeu'; did you mean"),
+        ({'1st': 'energy'}, "outputs: not a label, got '1st'"),
+        ([{'function': 'nowhere'}], "function: not a function, got 'nowhere'"),
+    ],
+)
+def test_an_output_that_cannot_be_is_said(given, said):
+    with pytest.raises(InputError) as caught:
+        outputs(given)
+    assert str(caught.value).startswith(said)

@@ -1,0 +1,145 @@
+"""Which numbers a member has: against numpy and scipy, and whoever asks in whatever order."""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import pickle
+import re
+
+import numpy as np
+import pytest
+from scipy import stats
+from scipy.stats import qmc
+
+from alf_ros.errors import InputError
+from alf_ros.studies.ensemble import distributions as law
+from alf_ros.studies.ensemble.distributions import distribution
+from alf_ros.studies.ensemble.sampling import Sampling
+
+TWO = {'a': law.uniform(0.0, 1.0), 'b': law.normal(2.0, 0.5)}
+
+
+@pytest.mark.parametrize(
+    ('given', 'exact'),
+    [
+        (law.uniform(-1.0, 3.0), stats.uniform(-1.0, 4.0)),
+        (law.normal(2.0, 0.5), stats.norm(2.0, 0.5)),
+        (law.lognormal(3.0, 0.2), stats.lognorm(0.2, scale=3.0)),
+        (law.triangular(1.0, 1.5, 4.0), stats.triang(1 / 6, 1.0, 3.0)),
+        (distribution({'weibull_min': {'c': 2.0, 'scale': 3.0}}, 'x'), stats.weibull_min(2, 0, 3)),
+        (distribution(stats.beta(2, 3, scale=2.0), 'x'), stats.beta(2, 3, 0, 2)),
+    ],
+)
+def test_a_distribution_is_that_of_scipy(given, exact):
+    u = np.linspace(1e-6, 1.0 - 1e-6, 41)
+    found = [pickle.loads(pickle.dumps(given)).at(each) for each in u]
+    assert found == pytest.approx(exact.ppf(u), rel=1e-9, abs=1e-12)
+    assert distribution(given.data, 'x') == given
+
+
+def test_a_number_is_a_word_of_philox():
+    """The scheme of the page, with numpy alone."""
+    key = int.from_bytes(hashlib.sha256(b'a').digest()[:8], 'little')
+    words = np.random.Philox(key=[7, key]).random_raw(8)
+    # numpy counts before it draws: the block of its first words has the counter 1
+    found = [float(Sampling('random', TWO, 9, 7).values(k)['a']) for k in range(8)]
+    assert found == [(int(word) >> 12) * 2.0**-52 + 2.0**-53 for word in words]
+
+
+@pytest.mark.parametrize('kind', ['random', 'lhs', 'sobol', 'saltelli'])
+def test_a_member_needs_no_member_before_it(kind):
+    in_order = [Sampling(kind, TWO, 32, 3).values(k) for k in range(32)]
+    asked = Sampling(kind, TWO, 32, 3)
+    order = np.random.default_rng(0).permutation(32).tolist()
+    assert {k: asked.values(k) for k in order} == dict(enumerate(in_order))
+    assert in_order != [Sampling(kind, TWO, 32, 4).values(k) for k in range(32)]
+
+
+def test_random_members_do_not_depend_on_what_else_varies_or_how_many_there_are():
+    more = {'c': law.uniform(0.0, 1.0), **TWO}
+    assert Sampling('random', TWO, 5, 0).values(4) == {
+        name: value
+        for name, value in Sampling('random', more, 5000, 0).values(4).items()
+        if name in TWO
+    }
+
+
+def test_random_numbers_are_spread_as_they_should_be():
+    sampling = Sampling('random', TWO, 4000, 1)
+    numbers = np.array([sampling.unit(k) for k in range(4000)])
+    for column in numbers.T:
+        assert stats.kstest(column, 'uniform').pvalue > 0.01
+    assert abs(stats.spearmanr(*numbers.T).statistic) < 0.05
+
+
+def test_a_latin_hypercube_has_one_member_in_each_slice():
+    sampling = Sampling('lhs', TWO, 50, 2)
+    numbers = np.array([sampling.unit(k) for k in range(50)])
+    for column in numbers.T:
+        assert sorted(np.floor(column * 50).tolist()) == list(range(50))
+
+
+def test_sobol_is_the_sequence_of_scipy():
+    sampling = Sampling('sobol', TWO, 64, 5)
+    exact = qmc.Sobol(2, scramble=True, rng=5).random(64)
+    assert np.array_equal([sampling.unit(k) for k in range(64)], exact + 2.0**-31)
+
+
+def test_saltelli_changes_one_number_at_a_time():
+    sampling = Sampling('saltelli', TWO, 32, 5)
+    for point in range(8):
+        a, b, first, second = (sampling.unit(4 * point + role) for role in range(4))
+        assert np.array_equal(first, [b[0], a[1]])
+        assert np.array_equal(second, [a[0], b[1]])
+
+
+def test_grids_and_tables():
+    lists = {'a': ('1', '2', '3'), 'b': ('[0, 1]', 'x')}
+    grid = Sampling('grid', lists, None, 0)
+    found = [tuple(grid.values(k).values()) for k in range(grid.members)]
+    assert found == list(itertools.product(*lists.values()))
+    table = Sampling('table', {'a': ('1', '2'), 'b': ('x', 'y')}, None, 0)
+    assert [table.values(k) for k in range(table.members)] == [
+        {'a': '1', 'b': 'x'},
+        {'a': '2', 'b': 'y'},
+    ]
+
+
+def test_each_value_of_a_list_is_equally_likely():
+    sampling = Sampling('random', {'a': ('x', 'y', 'z')}, 3000, 0)
+    found = [sampling.values(k)['a'] for k in range(3000)]
+    assert stats.chisquare([found.count(value) for value in 'xyz']).pvalue > 0.01
+
+
+@pytest.mark.parametrize(
+    ('kind', 'vary', 'members', 'said'),
+    [
+        ('dice', TWO, 3, "sampling: no such sampling, got 'dice'; known: random, lhs"),
+        ('random', {}, 3, 'vary: nothing varies; expected {name: distribution or list}'),
+        ('random', TWO, None, 'members: how many?; expected a whole number'),
+        ('saltelli', TWO, 30, 'members: not usable for Sobol indices, got 30; expected 4 times'),
+        ('grid', TWO, None, 'vary.a: a distribution in a grid; expected a list'),
+        ('grid', {'a': ('1', '2')}, 3, 'members: a grid has fewer, got 3; expected 2 at most'),
+        ('table', {'a': ('1',), 'b': ('1', '2')}, None, 'vary: lists of other lengths'),
+    ],
+)
+def test_what_cannot_be_is_said(kind, vary, members, said):
+    with pytest.raises(InputError, match=f'^{re.escape(said)}'):
+        Sampling(kind, vary, members, 0)
+
+
+@pytest.mark.parametrize(
+    ('data', 'said'),
+    [
+        ({'normal': [1.0, -0.1]}, 'x: normal: numbers that cannot be'),
+        ({'normal': [1.0]}, 'x: normal: other numbers, got [1.0]'),
+        ({'gauss': {'mean': 1.0}}, "x: no such distribution, got 'gauss'"),
+        ({'uniform': {'low': 1.0, 'high': float('inf')}}, 'x: uniform.high: not finite, got inf'),
+        ({'beta': {'a': -1.0, 'b': 2.0}}, 'x: beta: numbers that cannot be'),
+        ('normal', "x: not a distribution, got 'normal'; expected {normal: [mean, deviation]}"),
+    ],
+)
+def test_a_distribution_that_cannot_be_is_said(data, said):
+    with pytest.raises(InputError, match=f'^{re.escape(said)}'):
+        distribution(data, 'x')

@@ -1,0 +1,199 @@
+"""The store: nothing that is finished is lost, and nothing of others is overwritten."""
+
+from __future__ import annotations
+
+import json
+import resource
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import alf_ros
+from alf_ros import InputError
+from alf_ros.studies.ensemble.chunk import run_chunk
+from alf_ros.studies.ensemble.crews import ThisProcess
+from alf_ros.studies.ensemble.ensemble import conduct
+from alf_ros.studies.ensemble.store import EnsembleStore
+from alf_ros.studies.ensemble.study_reading import load_study
+from support.ensemble_kills import (
+    begun,
+    contents,
+    ended,
+    environment,
+    seals,
+    study_in,
+    undisturbed,
+)
+
+
+@pytest.fixture(scope='module')
+def whole(tmp_path_factory):
+    """Study file, study and the bytes of an undisturbed store."""
+    folder = tmp_path_factory.mktemp('ensemble')
+    file, study = study_in(folder)
+    return file, study, undisturbed(folder, study), folder / 'undisturbed.zarr'
+
+
+READER = """
+import sys
+class Block:
+    def find_spec(self, name, path=None, target=None):
+        assert not name.startswith('alf_ros'), name
+sys.meta_path.insert(0, Block())
+import xarray
+found = xarray.open_zarr(sys.argv[1])
+print(sorted(found.sizes.items()), found['coupler.mass'].dims, found['energy'].attrs['units'])
+print(float(found['energy'].mean(skipna=True)), int((found['reason'] != '').sum()))
+print(float(found['points.B'].sel(axis='x').isel(t=-1).max()))
+"""
+
+
+def test_xarray_alone_reads_it(whole):
+    _, study, _, store = whole
+    done = subprocess.run(
+        [sys.executable, '-c', READER, str(store)], capture_output=True, text=True, check=True
+    )
+    with EnsembleStore(store, study) as opened:
+        chunks = list(opened.finished())
+    energy = np.concatenate([chunk.arrays['energy'] for chunk in chunks])
+    ends = np.concatenate([chunk.arrays['points.B'][:, -1, 0] for chunk in chunks])
+    failed = sum(chunk.failed for chunk in chunks)
+    assert 2 < failed < 15
+    assert done.stdout.splitlines() == [
+        "[('axis', 2), ('member', 23), ('t', 6)] ('member',) J",
+        f'{np.nanmean(energy)} {failed}',
+        f'{np.nanmax(ends)}',
+    ]
+
+
+def test_any_workers_make_the_same_bytes_and_the_dataset_is_that_of_no_store(whole, tmp_path):
+    file, study, bytes_, _ = whole
+    process = begun(file, tmp_path / 'two.zarr', '--workers', '2')
+    code, said = ended(process)
+    assert code == 0, said
+    assert contents(tmp_path / 'two.zarr') == bytes_
+    page = (tmp_path / 'two.html').read_text('utf-8')
+    assert page.count('<svg') >= 6 and 'members failed' in page and 'http' not in page
+    settings: dict[str, Any] = {
+        'members': 5,
+        'duration': 0.1,
+        'outputs': ['energy', 'final(points.B)'],
+        'chunk': 2,
+    }
+    vary = {'coupler.mass': {'normal': [1.0, 0.05]}, 'solver.integrator': ['rk4', 'dop853']}
+    kept = alf_ros.ensemble('slider_crank', vary, store=tmp_path / 's', workers=0, **settings)
+    none = alf_ros.ensemble('slider_crank', vary, workers=0, **settings)
+    assert kept.load().equals(none)
+    assert kept['energy'].attrs == none['energy'].attrs
+
+
+def test_what_is_torn_or_damaged_is_made_again(whole, tmp_path):
+    _, study, bytes_, _ = whole
+    store = tmp_path / 'torn.zarr'
+    conduct(study, store, ThisProcess())
+    (store / 'energy' / '3.0').write_bytes(b'half')
+    (store / '.alf_ros' / 'chunks' / '5.json').write_text('{')
+    (store / '.alf_ros' / '123.tmp').write_bytes(b'left')
+    (store / 'points.B' / '7.0.0').unlink()
+    before = seals(store)
+    with EnsembleStore(store, study) as opened:
+        there = {chunk.number for chunk in opened.finished()}
+    assert set(range(study.chunks)) - there == {3, 5, 7}
+    conduct(study, store, ThisProcess())
+    assert contents(store) == bytes_
+    made_again = {name for name, stamp in seals(store).items() if before.get(name) != stamp}
+    assert made_again == {'3.json', '5.json', '7.json'}
+
+
+def test_another_study_or_other_versions_or_something_else_is_left_as_it_is(whole, tmp_path):
+    file, study, bytes_, store = whole
+    other = load_study(file, members=22)
+    with pytest.raises(InputError, match=r'^store: members: the store of another study, got 22; '):
+        conduct(other, store, ThisProcess())
+    with pytest.raises(InputError, match=r'expected 23, or a new folder$'):
+        conduct(other, store, ThisProcess())
+    assert contents(store) == bytes_
+    foreign = tmp_path / 'foreign'
+    foreign.mkdir()
+    (foreign / 'thesis.tex').write_text('years of work')
+    with pytest.raises(InputError, match='not a store of an ensemble, and left as it is'):
+        conduct(study, foreign, ThisProcess())
+    assert [path.name for path in foreign.iterdir()] == ['thesis.tex']
+    old = tmp_path / 'old.zarr'
+    with EnsembleStore(old, study):
+        pass
+    manifest = json.loads((old / '.alf_ros' / 'manifest.json').read_text())
+    manifest['versions']['numpy'] = '1.0'
+    (old / '.alf_ros' / 'manifest.json').write_text(json.dumps(manifest))
+    with pytest.raises(InputError, match=r"^store: numpy: the store of other versions, got '"):
+        conduct(study, old, ThisProcess())
+    (old / '.alf_ros' / 'manifest.json').write_text('{')
+    with pytest.raises(InputError, match='its manifest cannot be read'):
+        conduct(study, old, ThisProcess())
+
+
+def test_two_processes_do_not_write_into_one_store(whole, tmp_path):
+    _, study, _, _ = whole
+    with (
+        EnsembleStore(tmp_path / 'one', study),
+        pytest.raises(InputError, match='another process writes'),
+    ):
+        conduct(study, tmp_path / 'one', ThisProcess())
+
+
+def _small_files() -> None:
+    """Files cannot be longer than this: writing on is refused, as on a full disk."""
+    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (64, 64))
+
+
+def test_a_full_disk_is_one_line_and_what_is_finished_is_kept(whole, tmp_path):
+    file, study, bytes_, _ = whole
+    store = tmp_path / 'full.zarr'
+    with EnsembleStore(store, study) as opened:
+        for number in range(4):
+            opened.put(run_chunk(study, number))
+    before = seals(store)
+    code = (
+        'import sys; from alf_ros.__main__ import main; '
+        f'sys.exit(main(["ensemble", {str(file)!r}, "--store", {str(store)!r}, "--workers", "0"]))'
+    )
+    done = subprocess.run(
+        [sys.executable, '-c', code],
+        capture_output=True,
+        text=True,
+        check=False,
+        preexec_fn=_small_files,
+        env=environment(),
+    )
+    assert done.returncode == 2
+    assert (
+        done.stderr.count('\n') == 1 and 'store: cannot be written: File too large' in done.stderr
+    )
+    assert before == seals(store)
+    conduct(study, store, ThisProcess())
+    assert contents(store) == bytes_
+
+
+def test_a_chunk_on_which_workers_die_ends_the_study_in_one_line(tmp_path):
+    def deadly(run):
+        import os
+
+        os._exit(9)
+
+    with pytest.raises(alf_ros.AlfError, match='3 workers have died .* members 0 to 0') as caught:
+        alf_ros.ensemble(
+            'slider_crank',
+            {'m': [1.0]},
+            sampling='table',
+            outputs={'deadly': deadly},
+            duration=0.01,
+            store=Path(tmp_path / 's'),
+            workers=1,
+        )
+    assert 'exit code' in str(caught.value)
