@@ -100,8 +100,7 @@ def _solve_stage(
         add_soft_times(unit, system.soft, 1.0, work.qd, work.p)  # (30) with M̂
         copy(work.q, work.base)
         copy(work.q, work.target)  # a stage of order 2 is not behind the path
-        count, x, clearance = stage(problem, t, scales, near, True)  # (33), (26) with M̂
-        clear = clearance > 1.0
+        count, x, clear = stage(problem, t, scales, near, True)  # (33), (26) with M̂ for M
         near = x < np.inf
         if not clear and count > 0:
             moved = furthest(work.q, work.base, n)

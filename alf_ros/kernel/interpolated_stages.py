@@ -39,7 +39,6 @@ SPACING = 6.0  # of the places, in parts of the distance that is too close
 _WIDER = 1.5  # spacing, where a support position is not clear of the singular position
 _WIDEST = 0.5  # of the size: positions further apart do not determine values in between
 _TRIES = 6
-_LEAST = 0.1  # least clearance of support positions if none are clear
 _BETWEEN = 2.0  # spacings: two singular positions this close together are passed in one
 _SLOW = (
     1e-3  # part of the speed that forces give, below which a velocity has no reliable direction
@@ -243,22 +242,16 @@ def _interpolate(problem: Problem, t: float, moving: bool, scales: Scales, spaci
 
     `moving`: `along` is the velocity, so prescribed blocks are where they will be when the
     mechanism is at the place. If one of the places is not clear of the position, the next ones lie
-    around the position and further apart. If places are never clear, those with the largest
-    clearance serve; they are off by rounding over x². Without any clearance the stage is refused.
+    around the position and further apart. If they are never clear, the stage is refused.
     """
     system, work = problem.system, problem.work
     n, most = work.p.size, 0
     speed = largest(work.along, n)
     position = 0.0  # about where, m along the branch
-    best, best_spacing, best_position = _LEAST, 0.0, 0.0
-    for attempt in range(_TRIES + 1):
-        if attempt == _TRIES:
-            if best_spacing == 0.0:
-                return 0
-            spacing, position = best_spacing, best_position
+    for _ in range(_TRIES):
         zero(work.sum_q)
         zero(work.sum_qd)
-        clearest, step = np.inf, spacing / speed
+        good, step = True, spacing / speed
         work.place_step[0] = step if moving else 0.0
         _weigh(work, position / spacing)
         for k in range(PLACES):
@@ -268,26 +261,24 @@ def _interpolate(problem: Problem, t: float, moving: bool, scales: Scales, spaci
                 # off Φ = 0 by little: the rows are turned by that over the distance
                 place = work.base[a] + away * (work.along[a] + 0.5 * away * work.curve[a])
                 work.q[a], work.target[a] = place, place
-            count, x, clearance = stage(problem, t, scales, True, False)
+            count, x, clear = stage(problem, t, scales, True, False)
             if count <= 0:
                 return count
             most = max(most, count)
-            clearest = min(clearest, clearance)
+            good = good and clear
             work.place_x[k] = x
             _store_place(work, k)
             for a in range(n):
                 work.sum_q[a] += work.place_weights[k] * work.q[a]
                 work.sum_qd[a] += work.place_weights[k] * work.qd[a]
-        if clearest > 1.0 or attempt == _TRIES:
+        if good:
             gap = _gap(system, work, spacing / scales.radius)
             if gap > _CLOSED * system.size:
                 _refuse(work, gap)
                 return 0
-            if gap > DRIFT * system.size and clearest > 1.0:  # below, rounding tells as much
+            if gap > DRIFT * system.size:
                 work.crossing[0] = max(work.crossing[0], gap)
             return most
-        if clearest > best:
-            best, best_spacing, best_position = clearest, spacing, position
         position = _position(work) * spacing
         spacing *= _WIDER
     return 0

@@ -15,25 +15,25 @@ _CLEARANCE = 4.0  # least distance from a singular position, in parts of the way
 @inner
 def stage(
     problem: Problem, t: float, scales: Scales, neighbour: bool, rubbing: bool
-) -> tuple[int, float, float]:
+) -> tuple[int, float, bool]:
     """q̇ and q̈ of a stage from q and p' in `work`.
 
     `neighbour`: the last stage was beside a singular position, so this one is expected to be
     beside it too. `rubbing`: with friction that depends on reactions. Returns iterations (0: no
     factor, or stopped; -1: no balance of friction), about the distance x to a singular position
-    (its least singular value over the ordinary one), and the clearance. The stage is clear of the
-    position if the clearance is above 1: x is above `scales.close`, and x times the radius of the
-    path well above the way that the stage was moved onto Φ = 0.
+    (its least singular value over the ordinary one), and whether the stage is clear of it: x is
+    above `scales.close`, and x times the radius of the path well above the way that the stage was
+    moved onto Φ = 0.
     """
     work = problem.work
     if told_to_stop(work):
-        return 0, 0.0, 0.0
+        return 0, 0.0, False
     n = work.p.size
     exactly = neighbour
     while True:
         work.evaluations[0] += 1
         if project_stage(problem.unit, problem.system, work, exactly) != OK:
-            return 0, 0.0, 0.0
+            return 0, 0.0, False
         count, sigma = velocities(problem, exactly)  # (33)
         if sigma > 0.0 or exactly:
             if rubbing:
@@ -42,7 +42,7 @@ def stage(
                 apply(problem, t)
                 more, same = accelerate_freely(problem, exactly)  # (26)
             if more < 0:
-                return more, 0.0, 0.0
+                return more, 0.0, False
             if same > 0.0 or exactly:
                 break
         exactly = True
@@ -50,7 +50,4 @@ def stage(
     for i in range(n):
         moved = max(moved, abs(work.q[i] - work.target[i]))
     x = sigma / problem.system.ordinary
-    clearance = x / scales.close
-    if _CLEARANCE * moved * clearance > x * scales.radius:
-        clearance = x * scales.radius / (_CLEARANCE * moved)
-    return max(count, more), x, clearance
+    return max(count, more), x, x > scales.close and x * scales.radius > _CLEARANCE * moved

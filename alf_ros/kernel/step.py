@@ -116,10 +116,10 @@ def end_step(
             return _finite(work, OK), most
         copy(work.base, work.q)
     copy(work.q, work.target)
-    most, x, clearance = stage(problem, end, scales, True, True)
+    most, x, clear = stage(problem, end, scales, True, True)
     if most <= 0:
         return JAMMED if most < 0 else NOT_CLOSED, 1
-    if clearance > 1.0 and not (x == np.inf and lost(unit, system, work)):
+    if clear and not (x == np.inf and lost(unit, system, work)):
         copy(work.base, work.q)
         result = project(unit, system, work, True)
         if result == OK:
@@ -202,7 +202,7 @@ def step(
         copy(work.q, work.base)
         if s == 0:
             count, x = 1, sigma / system.ordinary
-            clearance = x / scales.close
+            clear = x > scales.close
         else:
             copy(work.q, work.target)
             # how far the stage is behind the path, in h² of its curvature
@@ -210,10 +210,10 @@ def step(
             for m in range(s):
                 lag -= method.a[s * stages + m] * method.c[m]
             shift_along_path(unit, system.arms, work, h * h * lag)
-            count, x, clearance = stage(problem, ts, scales, x < np.inf, True)  # (33), (26)
+            count, x, clear = stage(problem, ts, scales, x < np.inf, True)  # (33), (26)
             record_power(problem, phase, ts, s, 1.0, ALL_FORCES)
         nearest = min(nearest, x)
-        if not clearance > 1.0 and count > 0:
+        if not clear and count > 0:
             moved = furthest(work.q, work.base, work.p.size)
             add_up(method, work, s, h)
             prescribe(system, ts, work.q, work.qd, work.qdd)
