@@ -42,6 +42,8 @@ COMPARED = (
 
 
 class Harness:
+    SUFFIX = SUFFIX
+
     def __init__(self) -> None:
         from alf_ros import load_scene
         from alf_ros.logs import journal, load
