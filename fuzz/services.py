@@ -6,6 +6,7 @@ A case is a list of acts. `Graph` (in `node_graph`) carries them out and judges 
 from __future__ import annotations
 
 import json
+import os
 from random import Random
 from typing import Any
 
@@ -14,7 +15,16 @@ from spoiling import INTEGERS, TEXTS, number, scratch, value
 TRIGGERS = ('step', 'reset', 'reset_state', 'save_state', 'restore_state')
 ABOUT = ('get_parameters', 'get_parameter_types', 'describe_parameters')
 SET = ('set_parameters', 'set_parameters_atomically')
-SCENES = ('slider_crank', 'four_bar', 'rolling_disk', 'missing', 'scene.yaml', '.', 'circle', 'pipe')
+SCENES = (
+    'slider_crank',
+    'four_bar',
+    'rolling_disk',
+    'missing',
+    'scene.yaml',
+    '.',
+    'circle',
+    'pipe',
+)
 WRENCHED = ('crank', 'coupler', 'A', 'B')
 JOINTS = ('crank_pin', 'coupler_pin', 'slide', 'crank', '')
 TOPICS = ('joints', 'path', *WRENCHED)
@@ -23,6 +33,7 @@ VERIFIED = 40  # of so many cases, the log of one is run again
 
 class Harness:
     SUFFIX = '.json'
+    SECONDS = 120.0  # also of compiling and of steps while it plays
 
     def __init__(self) -> None:
         self._folder = scratch('services')
@@ -102,17 +113,26 @@ class Harness:
     def check(self, case: bytes) -> str:
         """Every call is answered with one line, every message is taken or refused; a refusal
         changes nothing, all numbers stay finite, and the log verifies."""
-        if self._graph is None:
-            import node_graph
-
-            self._graph = node_graph.Graph(self._folder)
+        here = os.getcwd()
+        os.chdir(self._folder)
         try:
+            if self._graph is None:
+                import node_graph
+
+                self._graph = node_graph.Graph(self._folder)
             self._graph.begin()
             ends = {self._graph.do(*act) for act in json.loads(case)}
             if sum(case) % VERIFIED == 0:
                 self._graph.verify()
         except BaseException:
-            self._graph.close()
-            self._graph = None
+            self.close()
             raise
+        finally:
+            os.chdir(here)
         return 'refused' if ends == {'refused'} else 'ran'
+
+    def close(self) -> None:
+        """End the nodes."""
+        graph, self._graph = self._graph, None
+        if graph is not None:
+            graph.close()
