@@ -2,13 +2,13 @@
 
     .venv/bin/python benchmark/soak.py [--minutes 60] [--factor 0] [--seed 1]
 
-Each simulator (slider_crank, delta_robot_controlled) runs as fast as it can (--factor 0), with its
-work ledger and its log; two readers subscribe. At random instants it gets a wrench, an effort, a
-pause, a reset, a saved or restored state, SIGSTOP for a second, or a limit of 64 open files. The
-first also gets Ctrl-C, SIGKILL, a disk that is full, or a folder of its log that vanishes, and is
-started again. The second lives for the whole time: its memory and open files are the measured
-ones. A log that has ended is recovered if it was cut, verified, and removed if every message of
-the run came out again; one that differs is named.
+Each simulator (slider_crank at 1 kHz, delta_robot_controlled at 100 Hz) runs as fast as it can
+(--factor 0), with its work ledger and its log; two readers subscribe. At random instants it gets a
+wrench, an effort, a pause, a reset, a saved or restored state, SIGSTOP for a second, or a limit of
+64 open files. The first also gets Ctrl-C, SIGKILL, a full disk, or a folder of its log that
+vanishes, and is started again. The second lives for the whole time: its memory and open files are
+the measured ones. A log that has ended is recovered if it was cut, verified, and removed if every
+message of the run came out again; one that differs is named.
 
 Prints a line each minute, and at the end writes benchmark/results/soak.csv: quantity, value, unit.
 Exit code 1 if a log differs, a process ends with another code than it should, or work is missing.
@@ -29,6 +29,7 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -52,6 +53,7 @@ from support.ros_node import Peer, SimulatorProcess  # noqa: E402
 RESULTS = ROOT / 'benchmark/results/soak.csv'
 SCENES = {'left': 'slider_crank', 'right': 'delta_robot_controlled'}
 LASTING = 'right'
+RATES = {'left': 1000.0, 'right': 100.0}  # Hz
 LARGEST_MISSING = 1e-3  # J, of runs of some ten joules
 SETTLED = 20.0  # s after a start, from which on memory counts
 PAUSE = 0.5  # s between two acts, on average
@@ -114,7 +116,7 @@ class Simulated:
         """Start the process; it logs into the folder that all share."""
         folder = self.folder / f'{self.side}{self._totals.acts["start"]}'
         ros = ['--ros-args', '-r', f'__ns:=/{self.side}', '-p', 'ledger:=true']
-        ros += ['-p', f'real_time_factor:={self._factor}']
+        ros += ['-p', f'real_time_factor:={self._factor}', '-p', f'rate:={RATES[self.side]}']
         options = ['--log-folder', str(self.folder), '--scene', self.scene]
         self._process = SimulatorProcess(folder, *options, *ros).wait_running()
         self._began, self._heard = time.monotonic(), 0.0
@@ -196,8 +198,7 @@ class Simulated:
     @property
     def _log(self) -> Path:
         """The folder of the log that is written now."""
-        logs = self.folder.glob(f'{self.scene}_*')
-        return max(logs, key=lambda path: path.stat().st_ctime_ns)
+        return max(self.folder.glob(f'{self.scene}_*'))  # the time is in the name
 
     def end(self, _: random.Random) -> None:
         """Ctrl-C, and a new start."""
@@ -260,8 +261,7 @@ def ended(folder: Path) -> list[Path]:
     """Folders of logs in which nobody writes any more: all but the newest two of each scene."""
     found = []
     for scene in SCENES.values():
-        logs = sorted(folder.glob(f'{scene}_*'), key=lambda path: path.stat().st_ctime_ns)
-        found += logs[:-2]
+        found += sorted(folder.glob(f'{scene}_*'))[:-2]  # the time is in the name
     return found
 
 
@@ -279,7 +279,8 @@ def soak(options: argparse.Namespace, folder: Path) -> Totals:
     """Run as the command line says; logs below `folder`."""
     totals, chance = Totals(), random.Random(options.seed)
     most = options.acts or sys.maxsize
-    with Peer() as peer:
+    waiting: dict[Path, Future[None]] = {}  # logs that are judged, one at a time, meanwhile
+    with Peer() as peer, ThreadPoolExecutor(1) as judge:
         sides = [
             Simulated(side, scene, folder, options.factor, peer, totals)
             for side, scene in SCENES.items()
@@ -293,17 +294,21 @@ def soak(options: argparse.Namespace, folder: Path) -> Totals:
                 side = chance.choice(sides)
                 side.act(chance)
                 side.watch()
-                for log in ended(folder)[:1]:
-                    judged(log, totals)
+                for log in ended(folder):
+                    if log not in waiting:
+                        waiting[log] = judge.submit(judged, log, totals)
                 if time.monotonic() - told > 60.0:
                     told = time.monotonic()
                     print(line(totals), flush=True)
         finally:
             for side in sides:
                 side.stop()
-    for scene in SCENES.values():
-        for log in sorted(folder.glob(f'{scene}_*')):
-            judged(log, totals)
+        for scene in SCENES.values():
+            for log in folder.glob(f'{scene}_*'):
+                if log not in waiting:
+                    waiting[log] = judge.submit(judged, log, totals)
+        for each in waiting.values():
+            each.result()
     return totals
 
 
