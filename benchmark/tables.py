@@ -278,6 +278,13 @@ def fuzz() -> str:
     return markdown(about, head, [*body, ['all', *total.values()]])
 
 
+def soak() -> str:
+    """The last long run of two nodes."""
+    about, found = rows('soak.csv')
+    body = [[row['quantity'], f'{row["value"]} {row["unit"]}'.strip()] for row in found]
+    return markdown(about, 'quantity | value', body)
+
+
 def draw(path: Path) -> None:
     """Above the error of every step of the sweep, below what an error costs."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -334,6 +341,7 @@ TABLES = (
     ('peers', peers),
     ('engines', engines),
     ('fuzz', fuzz),
+    ('soak', soak),
 )
 
 

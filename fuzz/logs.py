@@ -43,6 +43,7 @@ COMPARED = (
 
 class Harness:
     SUFFIX = SUFFIX
+    every = False  # use of a log, not one of them
 
     def __init__(self) -> None:
         from alf_ros import load_scene
@@ -304,8 +305,8 @@ class Harness:
     # ------------------------------------------------------------- what is asked
 
     def check(self, case: bytes) -> str:
-        """Everything that reads logs, on this one; raises what it should not, and AssertionError
-        for a change that `verify` did not see."""
+        """`verify`, and one of all else that reads logs; raises what it should not, and
+        AssertionError for a change that `verify` did not see."""
         from alf_ros.errors import AlfError
         from alf_ros.logs import load, tables
         from alf_ros.logs.comparison import compare, told
@@ -333,22 +334,24 @@ class Harness:
                 pass
 
         out = self.folder / 'out'
+        uses = [
+            lambda: page([account(load(path))]),
+            lambda: tables.to_csv(load(path), self.folder / 'tables'),
+            lambda: recover(load(path), out / 'recovered'),
+            lambda: replayed(Recorded(load(path))),
+        ]
         if not one(lambda: is_long(load(path))):
             result = one(lambda: compare(load(path)))
             if result is not None:
                 assert all(line.isprintable() for line in told(load(path), result).splitlines())
                 if result.equal:
                     self._same(case, result)
-            # each takes as long as all the rest: a case has one of them
-            again = (
+            uses += [
                 lambda: fork(load(path), 0.01, {}, out, 'fork'),
                 lambda: replayed(Redriven(load(path))),
-            )
-            one(again[sum(case) % 2])
-        one(lambda: page([account(load(path))]))
-        one(lambda: tables.to_csv(load(path), self.folder / 'tables'))
-        one(lambda: recover(load(path), out / 'recovered'))
-        one(lambda: replayed(Recorded(load(path))))
+            ]
+        for use in uses if self.every else [uses[sum(case) % len(uses)]]:
+            one(use)
         shutil.rmtree(out, ignore_errors=True)
         shutil.rmtree(self.folder / 'tables', ignore_errors=True)
         return 'refused' if said else 'ran'
