@@ -361,8 +361,11 @@ class Harness:
         now, before = outputs(case[1:]), self._whole[case[0]]
         for topic, messages in now.items():
             known = before.get(topic, [])
-            cut = messages != known[: len(messages)]
-            assert not cut, f'silent: {topic} was changed, and verify calls it equal'
+            same = len(messages) <= len(known) and all(
+                a == b or plain(topic, a) == plain(topic, b)
+                for a, b in zip(messages, known, strict=False)
+            )
+            assert same, f'silent: {topic} was changed, and verify calls it equal'
         # What ends earlier as a whole is a shorter log; where it was cut off, that is told.
         missing = {topic: len(m) - len(now.get(topic, [])) for topic, m in before.items()}
         missing.pop('/simulator/inputs', None)
@@ -382,6 +385,21 @@ def is_long(log) -> bool:
     steps = [solver.get('step') for solver in solvers]
     least = min((h for h in steps if isinstance(h, float) and h > 0.0), default=1.0)
     return (log.survey.last - log.survey.first) * 1e-9 / least > MOST_STEPS
+
+
+def plain(topic: str, message: bytes) -> bytes:
+    """A message of `outputs` with zeros in the bytes that only align its numbers, which say
+    nothing: as the serialiser of ROS writes what it has read."""
+    from rclpy.serialization import deserialize_message, serialize_message
+
+    from alf_ros.ros.messages.topics import TOPICS
+
+    kinds = {each.name.rpartition('/')[2]: each.type for each in TOPICS}
+    kind = kinds.get(topic.rpartition('/')[2])
+    if kind is None:
+        return message
+    read = deserialize_message(message[12:], kind)
+    return message[:12] + message[12:16] + bytes(serialize_message(read))[4:]
 
 
 def outputs(data: bytes) -> dict[str, list[bytes]]:

@@ -142,7 +142,7 @@ def test_a_motion_that_ends_ends_the_step_with_its_name(angle: str) -> None:
     ],
 )
 def test_a_belt_without_a_speed_is_named(speed: str, error: type, message: str) -> None:
-    scene = copy.deepcopy(BELT)
+    scene: Any = copy.deepcopy(BELT)
     scene['mechanism']['joints']['rim']['on']['speed'] = speed
     with pytest.raises(error, match=message):
         Simulation(load_scene(scene), step=1e-2, integrator='rk4').step(20)

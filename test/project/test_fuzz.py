@@ -25,7 +25,7 @@ CASES |= {'logs': 5, 'commands': 10, 'services': 10}
 @pytest.mark.parametrize('name', [name for name in HARNESSES if CORPUS[name]])
 def test_what_was_found_once_is_found_no_more(name):
     tried = harness(name)
-    tried.every = True
+    vars(tried)['every'] = True  # use of a log
     try:
         for path in CORPUS[name]:
             assert tried.check(path.read_bytes()) in ('ran', 'refused'), path
