@@ -23,7 +23,6 @@ import random
 import resource
 import shutil
 import signal
-import subprocess
 import sys
 import tempfile
 import time
@@ -47,7 +46,11 @@ from sensor_msgs.msg import JointState, MultiDOFJointState  # noqa: E402
 from std_srvs.srv import SetBool, Trigger  # noqa: E402
 
 from alf_ros import Simulation, load_scene  # noqa: E402
+from alf_ros.errors import AlfError  # noqa: E402
+from alf_ros.logs import load  # noqa: E402
+from alf_ros.logs.comparison import compare, told  # noqa: E402
 from alf_ros.logs.provenance import about  # noqa: E402
+from alf_ros.ros.recording.recover import recover  # noqa: E402
 from support.ros_node import Peer, SimulatorProcess  # noqa: E402
 
 RESULTS = ROOT / 'benchmark/results/soak.csv'
@@ -235,26 +238,20 @@ class Simulated:
 
 def judged(log: Path, totals: Totals) -> None:
     """Recover a log if it was cut, verify it, and remove it if all came out again."""
-    command = [sys.executable, '-m', 'alf_ros']
-    path = log
-    for verb in ('recover', 'verify'):
-        done = subprocess.run(
-            [*command, verb, str(path)],
-            capture_output=True,
-            text=True,
-            env={**os.environ, 'PYTHONPATH': str(ROOT)},
-            check=False,
-        )
-        if verb == 'recover':  # a whole log is left as it is
-            continue
-        if done.returncode != 0:
-            said = (done.stdout + done.stderr).splitlines()[-1:]
-            totals.faults.append(f'{log}: verify ends with {done.returncode}: {said}')
-            return
+    try:
+        read = load(log)
+        if read.damage:
+            recover(read, log / 'recovered')
+            read = load(log / 'recovered')
+        result = compare(read)
+        said = '' if result.equal else told(read, result)
+    except AlfError as error:
+        said = str(error)
+    if said:
+        totals.faults.append(f'{log}: {said}')
+        return
     totals.logs += 1
-    for each in log.iterdir():
-        each.unlink()
-    log.rmdir()
+    shutil.rmtree(log)
 
 
 def ended(folder: Path) -> list[Path]:
@@ -285,7 +282,7 @@ def soak(options: argparse.Namespace, folder: Path) -> Totals:
             Simulated(side, scene, folder, options.factor, peer, totals)
             for side, scene in SCENES.items()
         ]
-        end, told = time.monotonic() + 60.0 * options.minutes, time.monotonic()
+        end, printed = time.monotonic() + 60.0 * options.minutes, time.monotonic()
         try:
             while time.monotonic() < end and totals.acts.total() < most:
                 until = time.monotonic() + chance.expovariate(1.0 / PAUSE)
@@ -297,8 +294,8 @@ def soak(options: argparse.Namespace, folder: Path) -> Totals:
                 for log in ended(folder):
                     if log not in waiting:
                         waiting[log] = judge.submit(judged, log, totals)
-                if time.monotonic() - told > 60.0:
-                    told = time.monotonic()
+                if time.monotonic() - printed > 60.0:
+                    printed = time.monotonic()
                     print(line(totals), flush=True)
         finally:
             for side in sides:
@@ -346,11 +343,15 @@ def main() -> int:
         ('logs verified equal', totals.logs, ''),
         ('faults', len(totals.faults), ''),
         ('largest work not accounted for', f'{totals.missing:.1e}', 'J'),
-        ('memory at half of the time', totals.watched[len(totals.watched) // 2][1], 'kB'),
-        ('memory at the end', totals.watched[-1][1], 'kB'),
         ('growth of memory, second half', round(memory, 1), 'kB/min'),
         ('growth of open files, second half', files, ''),
     ]
+    if totals.watched:
+        half, end = totals.watched[len(totals.watched) // 2], totals.watched[-1]
+        rows += [
+            ('memory at half of the time', half[1], 'kB'),
+            ('memory at the end', end[1], 'kB'),
+        ]
     if not options.no_store:
         with open(RESULTS, 'w', newline='') as stream:
             stream.write(f'{about()}\n')
