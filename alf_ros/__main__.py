@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from alf_ros.commands import COMMANDS
-from alf_ros.errors import AlfError, InputError
+from alf_ros.errors import AlfError, InputError, printable, shortened
 from alf_ros.resources import version
 
 
@@ -65,7 +65,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         sys.stdout.flush()
         return code
     except AlfError as error:
-        print(f'alf_ros {name}: {error}', file=sys.stderr)
+        print(f'alf_ros {printable(shortened(name))}: {error}', file=sys.stderr)
         return error.exit_code
     except ImportError as error:
         if (error.name or '').partition('.')[0] == 'alf_ros':

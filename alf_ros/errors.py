@@ -38,7 +38,8 @@ class InputError(AlfError):
         where = file or ''
         if line is not None:
             where += f':{line}' if where else f'line {line}'
-        text = ': '.join(part for part in (where, shortened(key or ''), message) if part)
+        said = ' '.join(map(shortened, message.split()))  # also what parsers of others quote
+        text = ': '.join(part for part in (where, shortened(key or ''), said) if part)
         if value is not None:
             text += f', got {shortened(repr(value))}'
         if expected:

@@ -288,6 +288,13 @@ def new_user() -> str:
     return markdown(about, head, [*body, ['all', '', *total]])
 
 
+def soak() -> str:
+    """The last long run of two nodes."""
+    about, found = rows('soak.csv')
+    body = [[row['quantity'], f'{row["value"]} {row["unit"]}'.strip()] for row in found]
+    return markdown(about, 'quantity | value', body)
+
+
 def draw(path: Path) -> None:
     """Above the error of every step of the sweep, below what an error costs."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -345,6 +352,7 @@ TABLES = (
     ('engines', engines),
     ('fuzz', fuzz),
     ('new_user', new_user),
+    ('soak', soak),
 )
 
 

@@ -10,7 +10,7 @@ from signal import SIGALRM, SIGPROF
 
 from worker import Found, case, harness, serve
 
-BATCH = {'expressions': 2000, 'tables': 500, 'states': 200, 'scenes': 50}
+BATCH = {'expressions': 2000, 'tables': 500, 'states': 200, 'scenes': 50, 'commands': 50}
 
 
 @dataclass

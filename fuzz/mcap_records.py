@@ -9,6 +9,7 @@ from __future__ import annotations
 import struct
 import zlib
 from dataclasses import dataclass, field
+from typing import Any
 
 MAGIC = b'\x89MCAP0\r\n'
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK = 0x01, 0x02, 0x03, 0x04, 0x05, 0x06
@@ -22,7 +23,7 @@ class Record:
     code: int
     content: bytes
     inner: list[Record] | None = None
-    head: dict[str, object] = field(default_factory=dict)
+    head: dict[str, Any] = field(default_factory=dict)
 
     def packed(self) -> bytes:
         """The bytes of the record."""
@@ -32,7 +33,12 @@ class Record:
 
     def _chunk(self) -> bytes:
         inside = b''.join(record.packed() for record in self.inner or ())
-        told = {'size': len(inside), 'crc': zlib.crc32(inside), 'compression': b'', 'packed': None}
+        told: dict[str, Any] = {
+            'size': len(inside),
+            'crc': zlib.crc32(inside),
+            'compression': b'',
+            'packed': None,
+        }
         told.update({key: value for key, value in self.head.items() if key in told})
         data = inside
         if told['compression'] == b'zstd' and told['packed'] is None:

@@ -13,6 +13,7 @@ import sys
 from pathlib import Path
 
 from campaign import Tally, campaign
+from guided import GUIDED, available, guided
 from worker import HARNESSES, Found, harness
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -29,19 +30,26 @@ def main() -> int:
     parser.add_argument('--cases', type=int, default=0, help='of each harness, in place of a time')
     parser.add_argument('--harness', nargs='+', choices=HARNESSES, default=HARNESSES)
     parser.add_argument('--first', type=int, default=0, help='number of the first case')
+    parser.add_argument('--guided', action='store_true', help='led by coverage; needs atheris')
     parser.add_argument('--add', action='store_true', help='add to what the results have')
     options = parser.parse_args()
-    share = 60.0 * options.minutes / len(options.harness)
+    names = [name for name in options.harness if name in GUIDED or not options.guided]
+    if options.guided and not available():
+        parser.error('--guided: pip install -r fuzz/requirements.txt (Python 3.11 to 3.13, Linux)')
+    share = 60.0 * options.minutes / max(1, len(names))
     rows = {row['harness']: row for row in _stored()} if options.add else {}
     code = 0
-    for name in options.harness:
-        tally = campaign(name, options.first, share, options.cases, _progress)
+    for name in names:
+        if options.guided:
+            tally = guided(name, share)
+        else:
+            tally = campaign(name, options.first, share, options.cases, _progress)
         print(file=sys.stderr)
         for where, each in sorted(_kinds(tally).items()):
             print(f'  {each[0].kind} {where}: {len(each)}, such as {name} {each[0].number}')
             _keep(name, each[0])
         code |= bool(tally.found)
-        rows[name] = _row(tally, rows.get(name))
+        rows[tally.name] = _row(tally, rows.get(tally.name))
     _store(list(rows.values()))
     print(table(list(rows.values())))
     return code

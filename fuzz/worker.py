@@ -22,7 +22,7 @@ from typing import NamedTuple, Protocol
 # what waits for something uses none.
 SECONDS, PATIENCE = 20.0, 600.0
 MEMORY = 6 << 30  # bytes of address space
-HARNESSES = ('expressions', 'tables', 'scenes', 'robots', 'states', 'logs', 'commands')
+HARNESSES = ('expressions', 'tables', 'scenes', 'robots', 'states', 'logs', 'commands', 'services')
 
 
 class Harness(Protocol):

@@ -42,6 +42,8 @@ def read(path: Path, positions: Mapping[str, float], key: str | None = None) -> 
     try:
         model, lighter = _compiled(mujoco, path)
         robot = _Reader(mujoco, model, str(path), positions, key).robot
+    except UnicodeDecodeError as error:  # MuJoCo takes any bytes as names
+        raise InputError(f'a name is not UTF-8: {error.object!r}', file=str(path)) from None
     finally:
         mujoco.set_mju_user_warning(None)
     for body in lighter:

@@ -15,6 +15,7 @@ from alf_ros.logs import journal, progress, provenance
 from alf_ros.logs.log import Log
 from alf_ros.logs.rerun import Rerun, in_order
 from alf_ros.logs.series import COMPONENTS, Series
+from alf_ros.logs.stamps import stamp_ns
 from alf_ros.simulation.observables import READINGS, Reading
 from alf_ros.simulation.sample import Sample
 
@@ -175,6 +176,8 @@ class _Comparison:
         told = journal.told(entry)
         if number > expected:
             self._fault(f'{number - expected} inputs are missing before {told}')
+        if int(series.stamp[row]) != stamp_ns(entry['t'], self._log.ahead):
+            self._fault(f'input at {told}: stamp {int(series.stamp[row])} ns is not that of its t')
         self._check(entry, told)
         self._act(entry, told)
 

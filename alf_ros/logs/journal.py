@@ -51,7 +51,7 @@ def entries(series: Series) -> list[dict[str, Any]]:
 
 def _is_entry(entry: dict[str, Any]) -> bool:
     kind, step, seal = entry.get('kind'), entry.get('step'), entry.get(SEAL, '')
-    if not (isinstance(kind, str) and isinstance(seal, str) and _is_number(entry.get('t'))):
+    if not (isinstance(kind, str) and isinstance(seal, str) and _is_time(entry.get('t'))):
         return False
     wanted = _FIELDS.get(kind, {})
     return _is_whole(step) and all(key in entry and is_(entry[key]) for key, is_ in wanted.items())
@@ -63,6 +63,11 @@ def _is_whole(value: object) -> bool:
 
 def _is_number(value: object) -> bool:
     return type(value) in (int, float) and abs(value) < 1e300  # type: ignore[arg-type]
+
+
+def _is_time(value: object) -> bool:
+    """A time (s) that a stamp can tell."""
+    return _is_number(value) and abs(value) < 2**63 * 1e-9  # type: ignore[arg-type]
 
 
 def _is_text(value: object) -> bool:

@@ -213,11 +213,14 @@ def _block(
     channel = _integers(data, starts + 9, '<u2')
     if set(np.unique(channel)) - contents.channels.keys():
         raise _Damaged('message without a channel')
+    stamp = _integers(data, starts + 15, '<i8')
+    if stamp.size and stamp.min() < 0:  # the file holds 64 bit without sign, ROS time 63
+        raise _Damaged('stamp beyond 2**63 ns')
     return Block(
         data,
         channel,
         _integers(data, starts + 11, '<u4'),
-        _integers(data, starts + 15, '<i8'),
+        stamp,
         starts + _HEAD,
         starts + 9 + _integers(data, starts + 1, '<i8'),
         read,

@@ -25,8 +25,11 @@ class Resumed:
 
 def resume(log: Log, at: float, trust: bool = False) -> Resumed:
     """Go to the last logged instant up to `at` (s): from its state, or through all steps before if
-    the log has no states. Raises InputError if `at` is not within the log, StepError."""
+    the log has no states. Raises InputError if `at` is not within the log or the log has no
+    journal, StepError."""
     rerun = Rerun(log, trust)
+    if not log.inputs:
+        raise InputError('the log has no journal: its inputs are not known', file=str(log.path))
     source = _source(log)
     has_states = source == log.topic('~/state')
     latest: Event | None = None

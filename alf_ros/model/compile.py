@@ -181,7 +181,9 @@ def compile_model(mechanism: Mechanism, penalty: float) -> Model:
     without = without_value(layout, system, 0.0)
     if without:
         text = 'this motion has no value, rate or acceleration at t = 0'
-        raise AssemblyError(text, key=f'drives.{without}')
+        belts = {joint.name for joint in mechanism.joints}
+        key = 'joints' if without in belts else 'drives'
+        raise AssemblyError(text, key=f'{key}.{without}')
     for name, n in layout.of_auxiliary.items():
         q.reshape(-1, layout.dimension)[n] = auxiliary.place(name, layout, q)
     block = {**layout.of_point, **layout.of_vector}

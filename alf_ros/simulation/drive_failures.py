@@ -1,4 +1,4 @@
-"""Whether drives are the reason why a step failed; the others are in `kernel.Status`."""
+"""Whether drives or belts are the reason why a step failed; the others are in `kernel.Status`."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ _PARTS, _HALVINGS = 64, 24  # of a step, for the search for the instant
 
 
 def beyond_reach(model: Model, q: Floats, t: float, h: float) -> tuple[str, str] | None:
-    """Whether drives go where the loops do not reach, in the step of h (s) from q (blocks D, m)
-    at t (s): the reason and the remedy, or None.
+    """Whether a motion has no value, or drives go where the loops do not reach, in the step of
+    h (s) from q (blocks D, m) at t (s): the reason and the remedy, or None.
 
     Loops are closed without forces: the result is the same for every method.
     """
-    if not model.mechanism.drives:
+    if not model.layout.of_prescribed:
         return None
     good, closed = 0.0, np.array(q)
     for part in range(1, _PARTS + 1):
@@ -30,6 +30,8 @@ def beyond_reach(model: Model, q: Floats, t: float, h: float) -> tuple[str, str]
                 f'the motion {without!r} has no value, rate or acceleration at t = {t + s:.6g} s',
                 'take one that has them at every instant',
             )
+        if not model.mechanism.drives:  # belts alone turn no joint
+            continue
         found, said = _followed(model, closed, t + s)
         if found is not None:
             good, closed = s, found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 
 from alf_ros import AssemblyError, InputError, Simulation, StepError, load_scene
 from alf_ros.scene.scene import scene_from_text
-from support.driven_mechanisms import ARM, GRAVITY, pendulum
+from support.driven_mechanisms import ARM, BELT, GRAVITY, pendulum
 
 
 def test_a_table_begins_and_ends_at_rest(tmp_path: Any) -> None:
@@ -131,3 +132,17 @@ def test_a_motion_that_ends_ends_the_step_with_its_name(angle: str) -> None:
     sample = simulation.sample()
     assert 0.0 < simulation.t < 0.06
     assert all(np.isfinite(x).all() for x in (sample.q, sample.qd, sample.qdd, sample.lam))
+
+
+@pytest.mark.parametrize(
+    ('speed', 'error', 'message'),
+    [
+        ('t*sin(t)/t', AssemblyError, 'joints.rim: this motion has no value.* at t = 0'),
+        ('sqrt(0.05 - t)', StepError, "the motion 'rim' has no value.* at t = 0.05"),
+    ],
+)
+def test_a_belt_without_a_speed_is_named(speed: str, error: type, message: str) -> None:
+    scene: Any = copy.deepcopy(BELT)
+    scene['mechanism']['joints']['rim']['on']['speed'] = speed
+    with pytest.raises(error, match=message):
+        Simulation(load_scene(scene), step=1e-2, integrator='rk4').step(20)

@@ -2,10 +2,13 @@
 
 import pytest
 import yaml
+from rcl_interfaces.msg import Parameter as ParameterMessage
+from rcl_interfaces.msg import ParameterValue
 from rcl_interfaces.srv import (
     DescribeParameters,
     GetParameters,
     ListParameters,
+    SetParameters,
     SetParametersAtomically,
 )
 from rclpy.parameter import Parameter, parameter_value_to_python
@@ -274,3 +277,22 @@ def test_an_accuracy_picks_says_what_and_repeats(peer, tmp_path):
     with again as node:
         assert node.wait() == 0, node.output
     assert load(node.logs[0]).info['solver'] == log.info['solver']
+
+
+def test_a_value_of_an_unknown_type_is_refused_and_ends_nothing(peer, tmp_path):
+    """rclpy alone raises ValueError there, which ends the node."""
+    asked = ParameterMessage(name='rate', value=ParameterValue(type=255, double_value=5.0))
+    known = Parameter('step_count', value=7).to_parameter_msg()
+    with SimulatorProcess(tmp_path, '--no-record', start_paused='true').wait_running() as node:
+        told = peer.call(SetParameters, '/simulator/set_parameters', parameters=[asked, known])
+        whole = peer.call(
+            SetParametersAtomically,
+            '/simulator/set_parameters_atomically',
+            parameters=[asked, known],
+        )
+        assert [each.successful for each in told.results] == [False, True]
+        assert not whole.result.successful
+        for reason in (told.results[0].reason, whole.result.reason):
+            assert 'rate: not a value of a parameter' in reason and reason.isprintable()
+        assert dumped(peer)['step_count'] == 7
+        assert node.stop() == 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import threading
 import time
 from collections.abc import Callable
@@ -132,16 +133,32 @@ def test_the_steps_release_the_lock_of_the_interpreter() -> None:
         assert module.advance.targetoptions['nogil'] is True
 
 
-def test_python_runs_while_compiled_code_does() -> None:
-    """Another thread counts on during one call."""
-    sim, counted = made('explicit'), 0
+@pytest.mark.parametrize('name', RUNS)
+def test_steps_go_on_while_another_thread_holds_the_interpreter(name: str) -> None:
+    """This thread hands the interpreter over only where it sleeps. So steps that it sees between
+    two of its own instructions are made by code without the lock, however busy the machine is."""
+    sim = made(name)
+    sim.step(100)  # from now on compiled code asks the interpreter every 20 ms, not at once
     thread = threading.Thread(target=lambda: _until_stopped(sim))
-    thread.start()
-    while sim.step_index < 1000:
-        counted += 1  # this thread runs, and the steps go on
-    sim.stop()
-    thread.join()
-    assert counted > 0 and sim.step_index >= 1000
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1e3)
+    try:
+        thread.start()
+        made_meanwhile = 0
+        for _ in range(1000):
+            before = sim.step_index
+            for _ in range(100_000):
+                made_meanwhile = sim.step_index - before
+                if made_meanwhile:
+                    break
+            if made_meanwhile:
+                break
+            time.sleep(1e-3)  # it waits for the interpreter: let it ask, and go on
+    finally:
+        sys.setswitchinterval(interval)
+        sim.stop()
+        thread.join()
+    assert made_meanwhile > 0
 
 
 def _until_stopped(sim: Simulation) -> None:

@@ -19,6 +19,7 @@ from alf_ros.errors import AlfError
 from alf_ros.logs.log import Log
 from alf_ros.ros.messages.templates import to_time
 from alf_ros.ros.messages.topics import BEST_EFFORT
+from alf_ros.ros.parameter_services import ParameterServices
 from alf_ros.ros.replay.sources import Source, StampedMessage, stamp_of
 from alf_ros.ros.simulator.parameters import Spec, declare
 from alf_ros.ros.terminal import LOOK_PERIOD, StatusLine
@@ -39,7 +40,8 @@ class Replay(Node):
     def __init__(
         self, log: Log, source: Source, given: list[Parameter], status: StatusLine
     ) -> None:
-        super().__init__('replay', parameter_overrides=given)
+        super().__init__('replay', parameter_overrides=given, start_parameter_services=False)
+        ParameterServices(self)
         self.finished: Future[None] = Future()
         self.failure: AlfError | None = None
         self._log, self._source, self._status = log, source, status

@@ -15,6 +15,7 @@ from rclpy.parameter import Parameter
 from rclpy.task import Future
 
 from alf_ros.errors import AlfError, InputError, StepError
+from alf_ros.ros.parameter_services import ParameterServices
 from alf_ros.ros.recording import mcap_file
 from alf_ros.ros.recording.recorder import Split
 from alf_ros.ros.simulator import parameters, startup_report
@@ -57,7 +58,10 @@ class Simulator(Node):
     """
 
     def __init__(self, status: StatusLine, stop: Stop, overrides: list[Parameter[Any]]) -> None:
-        super().__init__('simulator', parameter_overrides=overrides)
+        super().__init__(
+            'simulator', parameter_overrides=overrides, start_parameter_services=False
+        )
+        ParameterServices(self)
         self.finished: Future[None] = Future()
         self._status, self._stop = status, stop
         self._loading = False

@@ -23,6 +23,7 @@ from visualization_msgs.msg import MarkerArray
 from alf_ros.errors import InputError
 from alf_ros.resources import library
 from alf_ros.ros.messages.topics import BEST_EFFORT, LATCHED
+from alf_ros.ros.parameter_services import ParameterServices
 from alf_ros.scene.text import yaml_document
 from alf_ros.simulation.display_geometry import POINTS_PER_ARROW
 
@@ -43,7 +44,8 @@ class ViewNode(Node):
     """
 
     def __init__(self, simulator: str) -> None:
-        super().__init__('view')
+        super().__init__('view', start_parameter_services=False)
+        ParameterServices(self)
         self.picture: Json | None = None
         self.about: Json = {}
         self._executor = SingleThreadedExecutor()

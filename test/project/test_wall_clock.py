@@ -1,0 +1,40 @@
+"""A clock that is set, forward or back, changes no run: nothing but names and dates reads it."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+
+from support.paths import ROOT
+
+PACKAGE = ROOT / 'alf_ros'
+READ = {'time', 'time_ns', 'now', 'today', 'utcnow', 'localtime', 'gmtime', 'strftime'}
+# the name of the folder of a log; the date of a stored result
+ALLOWED = {('ros/recording/recorder.py', 'now'), ('logs/provenance.py', 'strftime')}
+
+
+def calls() -> Iterator[tuple[str, str, ast.Call]]:
+    """Every call of an attribute: file, name and call."""
+    for path in sorted(PACKAGE.rglob('*.py')):
+        for node in ast.walk(ast.parse(path.read_text('utf-8'))):
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
+                yield path.relative_to(PACKAGE).as_posix(), node.func.attr, node
+
+
+def test_only_names_and_dates_come_from_the_wall_clock() -> None:
+    """A simulation and a log have a `time` too: what counts is whose it is."""
+    found = set()
+    for file, name, call in calls():
+        whose = ast.unparse(call.func).split('.')[0]
+        if name in READ and whose in ('time', 'datetime', 'date', 'clock'):
+            found.add((file, name))
+        assert name != 'get_clock', file
+    assert found == ALLOWED
+
+
+def test_timers_of_the_nodes_run_on_the_steady_clock() -> None:
+    timers = [(file, call) for file, name, call in calls() if name == 'create_timer']
+    assert timers
+    for file, call in timers:
+        given = {keyword.arg: ast.unparse(keyword.value) for keyword in call.keywords}
+        assert 'steady' in given.get('clock', ''), file
