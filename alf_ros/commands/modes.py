@@ -64,7 +64,7 @@ def _largest(shares: Mapping[str, Floats], k: int) -> str:
 
 
 def _data(found: VibrationModes) -> dict[str, object]:
-    """Numbers as plain data; None for what has no number."""
+    """Numbers as plain data; None for values that are not finite."""
 
     def plain(values: Floats) -> list[object]:
         return [None if not np.isfinite(value) else float(value) for value in values]

@@ -1,8 +1,8 @@
 """The parameter services of a node, which answer a value of an unknown type with a refusal.
 
-Those of rclpy convert each message with `Parameter.from_parameter_msg` outside any `try`. The
-type of a value is a byte of the message, and any byte that is none of the ten types raises
-ValueError there, which ends the node.
+The services of rclpy convert each message with `Parameter.from_parameter_msg` outside any `try`.
+The type of a value is a byte of the message. A byte that does not stand for one of the ten types
+raises ValueError there, which ends the node.
 """
 
 from __future__ import annotations

@@ -132,7 +132,7 @@ class LogRun(RunWriter):
         split: Split | None = None,
         name: str = '',
     ) -> None:
-        names = dict(topics or full_names())
+        names = full_names() | dict(topics or {})
         simulation = setup.simulation
         said = provenance.start(setup, ahead, names)
         said.update(about or {})

@@ -119,7 +119,7 @@ class Redriven:
         resumed = resume(self._log, at, self._trust)
         self._rerun, self._entries = resumed.rerun, resumed.rest
         setup = Setup(resumed.rerun.scene, resumed.rerun.simulation, resumed.rerun.steps_per_tick)
-        names = self._log.info.get('topics') or full_names()
+        names = full_names() | (self._log.info.get('topics') or {})
         self._made.clear()
         self._run = RunWriter(self._keep, setup, self._log.ahead, names, self._recorded)
         self._run.note(self._start())

@@ -1,4 +1,4 @@
-"""Who runs the chunks: this process, or worker processes of this machine.
+"""Crews run the chunks: this process, or worker processes of this machine.
 
 A crew takes numbers of chunks and gives chunks, in whatever order they are done. A worker that
 dies costs the chunk that it had: another one gets it.

@@ -1,8 +1,8 @@
-"""What a varied name may be: a distribution, or a list of values.
+"""Values of a varied name: a distribution, or a list.
 
 A distribution is a function from u in (0, 1) to a number, its quantile function. It is evaluated
-for one member at a time, never on an array: so the number of a member has the same bits whoever
-computes it, and with whom.
+for one member at a time, never on an array: so the number of a member has the same bits in every
+process and beside any other members.
 """
 
 from __future__ import annotations
@@ -127,7 +127,7 @@ class Distribution:
 
     @property
     def data(self) -> Any:
-        """What `distribution` makes the same of."""
+        """Plain data from which `distribution` makes the same distribution."""
         return {self.law: dict(self.numbers)}
 
 

@@ -72,16 +72,16 @@ def ensemble(
     (`alf_ros.studies.ensemble.distributions`, or a frozen one of scipy.stats) or a list of
     values. `sampling`: 'random', 'lhs', 'sobol', 'saltelli', 'grid' or 'table'; the last two
     say themselves how many `members` there are. A member is defined by `seed` and its index.
-    `outputs`: what is kept, see `alf_ros.studies.ensemble.kept_outputs`. Each member runs for
+    `outputs`: the kept values, see `alf_ros.studies.ensemble.kept_outputs`. Each member runs for
     `duration` (s) and is looked at every `period` (s; a hundredth of it). `store`: a folder in
-    which finished chunks of `chunk` members survive whatever happens; the same call goes on
-    from there. `workers`: processes of this machine (as many as it has processors; 0: none,
-    this one). `scheduler`: the address of a Dask cluster that takes their place. `watching` is
+    which finished chunks of `chunk` members survive whatever happens; the same call continues
+    there. `workers`: processes of this machine (as many as it has processors; 0: none,
+    this one). `scheduler`: the address of a Dask cluster to use instead. `watching` is
     called after each chunk.
 
     The Dataset lies along `member`, with the varied names as coordinates and `reason`, which is
-    empty unless a member failed. Raises InputError for what cannot be, AlfError if workers or
-    the scheduler are lost: what is finished is then in the store.
+    empty unless a member failed. Raises InputError for a study that cannot be run, AlfError if
+    workers or the scheduler die: the store then holds the finished chunks.
     """
     _needs('xarray')
     if store is not None:
@@ -106,7 +106,7 @@ def ensemble(
 
 
 def crew(workers: int | None, scheduler: str | None) -> Crew:
-    """Who runs the chunks. Raises InputError for two answers, and if no scheduler answers."""
+    """The crew that runs the chunks. Raises InputError if both are given, or none answers."""
     if scheduler is not None:
         if workers is not None:
             raise InputError('a cluster has its own', key='workers', value=workers)

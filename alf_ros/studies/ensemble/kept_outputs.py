@@ -1,7 +1,8 @@
-"""What is kept of each member: numbers and histories of the quantities that a `Run` has.
+"""Outputs of each member: numbers and histories of the quantities that a `Run` has.
 
 An output reads some quantities and makes arrays of them whose shape is known beforehand. The names
-of quantities are those of `alf_ros.record`, and `norm(crank_pin.force)` is the magnitude of one.
+of quantities are the names of `alf_ros.record`, and `norm(crank_pin.force)` is the magnitude of
+one.
 
     max(norm(crank_pin.force))            the largest value, and when it is reached
     min(energy), final(energy), mean(energy), integral(energy)
@@ -127,8 +128,8 @@ class KeptOutput:
         return (values,)
 
     def _axes(self, run: Run) -> tuple[tuple[str, ...], str, str]:
-        """The components of what is read, its unit, and the name of the axis along which they
-        lie."""
+        """The components of the quantity, its unit, and the name of the axis along which the
+        components lie."""
         unit, columns = run.unit(self.quantity), tuple(run.columns(self.quantity))
         axis = 'pose' if columns[0].startswith('body_poses.') else 'axis'
         if run[self.quantity].ndim == 1:

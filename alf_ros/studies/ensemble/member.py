@@ -1,4 +1,4 @@
-"""One member of a study: a run of its scene with other numbers, and what is kept of it."""
+"""One member of a study: a run of its scene with other numbers, and its outputs."""
 
 from __future__ import annotations
 

@@ -1,12 +1,12 @@
-"""A store: the chunks of an ensemble in a zarr folder, of which nothing that is finished is lost.
+"""A store: the chunks of an ensemble in a zarr folder that keeps every finished chunk.
 
 A chunk is one file for each array. Each is written beside and renamed into its place, and the
 last one written is the seal of the chunk, with the SHA-256 of the others. A chunk counts if its
-seal is there and every digest fits: so a process may be killed, or a machine lose its power, at
-any instant. What is half written is computed again, to the same bytes.
+seal exists and every digest fits: so a process may be killed, or a machine lose its power, at any
+instant. A chunk that is half written is computed again, to the same bytes.
 
 `.alf_ros/manifest.json` says study and versions, `.alf_ros/chunks` holds the seals, and
-`.alf_ros/lock` is locked while a process writes. Readers of zarr see none of them.
+`.alf_ros/lock` is locked while a process writes. Readers of zarr do not see these files.
 """
 
 from __future__ import annotations
@@ -192,7 +192,7 @@ class EnsembleStore:
         return self.folder / variable.name / name
 
     def _put(self, path: Path, content: bytes) -> None:
-        """Write beside and rename: at `path` there is the whole content, or what was there."""
+        """Write beside and rename: `path` holds the whole content, or what it held before."""
         path.parent.mkdir(exist_ok=True)
         beside = self._hidden / f'{os.getpid()}.tmp'
         try:

@@ -1,4 +1,4 @@
-"""A study: a scene, what varies in it, and what is kept of each member."""
+"""A study: a scene, the names that vary in it, and the outputs of each member."""
 
 from __future__ import annotations
 

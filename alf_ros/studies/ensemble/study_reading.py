@@ -178,7 +178,7 @@ def load_study(source: str | Path, **changes: Any) -> Study:
 
 
 def _within(entry: Entry, made: Callable[[], Any]) -> Any:
-    """What `made` returns; its errors say where the entry is."""
+    """The result of `made`; its errors say where the entry is."""
     try:
         return made()
     except InputError as error:

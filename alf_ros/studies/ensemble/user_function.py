@@ -50,7 +50,7 @@ class UserFunction:
 
     @property
     def digest(self) -> str:
-        """SHA-256 of its name and text; of what is pickled where there is no text."""
+        """SHA-256 of its name and text; without a text, of its pickled bytes."""
         said = self.source or self.pickled
         return hashlib.sha256(f'{self.name}\0{said}'.encode()).hexdigest()
 

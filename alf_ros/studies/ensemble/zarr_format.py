@@ -52,7 +52,7 @@ def array(
 def metadata(
     arrays: Mapping[str, Mapping[str, Any]], about: Mapping[str, Any]
 ) -> dict[str, bytes]:
-    """The files of a group that describe it, by path; `arrays` are those of `array`."""
+    """The files of a group that describe it, by path; `arrays`: the files that `array` returns."""
     files: dict[str, Any] = {GROUP: {'zarr_format': 2}, ATTRIBUTES: dict(about)}
     for name, parts in arrays.items():
         files.update({f'{name}/{part}': content for part, content in parts.items()})

@@ -1,1 +1,1 @@
-"""What a mechanism is before it moves: equilibrium, linear model, modes, branches."""
+"""Properties of a mechanism before it moves: equilibrium, linear model, modes."""

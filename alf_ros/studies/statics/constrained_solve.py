@@ -1,6 +1,6 @@
 """Solves of S x + Jᵀ y = f, J x = r with a sparse S, on the order-n factor of the step.
 
-The factor is that of S + Jᵀ α J, so that redundant rows need no treatment: they share y by least
+The matrix S + Jᵀ α J is factorised, so redundant rows need no treatment: they share y by least
 norm. Rounds of the method of multipliers remove what α leaves of r and what rounding leaves of f.
 The factor exists if and only if S is positive on the free directions, up to 1/α: so it also counts
 as the test of stability.
@@ -25,7 +25,7 @@ _DONE = 1e-15  # part of x that the last round changes
 
 
 class ConstrainedSolve:
-    """A pattern with room for the blocks that effects bind, and one factor on it."""
+    """A pattern that includes the blocks that effects bind, and one factor on it."""
 
     def __init__(self, model: Model, cliques: Sequence[Sequence[int]]) -> None:
         self._model, movable = model, model.layout.movable

@@ -33,7 +33,7 @@ DENSE = 1200  # coordinates, up to which dense matrices are used
 
 
 class Loads:
-    """What acts on a model: its effects, and the inputs held."""
+    """The loads on a model: its effects, and the inputs held."""
 
     def __init__(self, simulation: Simulation) -> None:
         """Of the present of a simulation."""

@@ -64,7 +64,7 @@ class LinearModel:
 
     @cached_property
     def _decomposed(self) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-        """Eigenvalues by magnitude, those of a pair with the positive one first, and vectors."""
+        """Eigenvalues by magnitude, of a pair the positive one first, and vectors."""
         values, vectors = np.linalg.eig(self.A)
         values, vectors = values.astype(complex), vectors.astype(complex)
         scale = float(np.abs(values).max(initial=0.0))

@@ -5,7 +5,7 @@
   world frame at the centre of mass of a body; the force on a point;
 - `targets.crank_pin.position`, `.velocity`: what the motor of the scene is to follow.
 
-An input adds to what is held.
+An input adds to the inputs held.
 """
 
 from __future__ import annotations

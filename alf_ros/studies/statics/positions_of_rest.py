@@ -83,7 +83,7 @@ class Equilibrium:
 
     @property
     def reactions(self) -> Mapping[str, Reaction]:
-        """What each joint carries at rest."""
+        """The reaction of each joint at rest."""
         return self.sample.reactions
 
     @property
@@ -193,7 +193,7 @@ def _driven(simulation: Simulation, q: Floats, start: float, end: float) -> Floa
 
 
 def _better(landing: Landing, start: Instant) -> Landing:
-    """What Newton's method makes of a descent that came to no end; else the landing itself."""
+    """The landing of Newton's method if the descent did not end in rest; else the landing."""
     other = nearest_rest(landing.instant)
     return other if other.rests else landing
 
@@ -253,7 +253,7 @@ def in_order(model: Model, directions: Floats) -> Floats:
 
 
 def _singular(simulation: Simulation, landing: Landing) -> str:
-    """What the position is if it is a singular one; empty if not."""
+    """The kind of a singular position; empty for other positions."""
     model, q = simulation.model, landing.instant.q
     if model.n > DENSE or landing.left > _NEAR_SINGULAR * landing.scale:
         return ''
@@ -268,7 +268,7 @@ def _singular(simulation: Simulation, landing: Landing) -> str:
 
 
 def _held(instant: Instant) -> list[str]:
-    """What holds the mechanism besides: friction, and stops and contacts that push."""
+    """Notes about friction, and about stops and contacts that push."""
     notes, each = [], instant.loads.applied.each
     for effect in instant.loads.effects:
         what = _HOLDING.get(effect.kind)

@@ -15,7 +15,7 @@ _ROUNDED = 1e-10  # of the largest number of its kind, from which down one is pr
 
 
 def report(found: Equilibrium) -> str:
-    """What a reader wants to know first, then points, joints and reactions."""
+    """Stability and notes, then points, joints and reactions."""
     model = found.sample.model
     D = model.layout.dimension
     lines = [f'{found.stability}, at t = {found.t:g} s; {_freedoms(found)}']
