@@ -71,7 +71,7 @@ class VibrationModes:
 
     @cached_property
     def kinetic_shares(self) -> Mapping[str, Floats]:
-        """(k,) share of each body in the kinetic energy; with the shares of rotors the sum is 1."""
+        """(k,) share of each body in the kinetic energy; with rotors the sum is 1."""
         model, shares = self.instant.model, dict[str, Floats]()
         for body in model.mechanism.bodies:
             alone = replace(model.mechanism, bodies=(body,), rotors=())
