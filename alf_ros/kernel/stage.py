@@ -50,4 +50,5 @@ def stage(
     for i in range(n):
         moved = max(moved, abs(work.q[i] - work.target[i]))
     x = sigma / problem.system.ordinary
-    return max(count, more), x, x > scales.close and x * scales.radius > _CLEARANCE * moved
+    clear = x > scales.close and not _CLEARANCE * moved > x * scales.radius  # also if x is inf
+    return max(count, more), x, clear

@@ -96,6 +96,13 @@ def text(value: Any, key: str) -> str:
     raise InputError('not a name', key=key, value=value, expected='text')
 
 
+def texts(value: Any, key: str) -> tuple[str, ...]:
+    """Names in a sequence. Raises InputError."""
+    if isinstance(value, Sequence) and not isinstance(value, (str, bytes)):
+        return tuple(text(each, key) for each in value)
+    raise InputError('not a list of names', key=key, value=value, expected='a list of names')
+
+
 def truth(value: Any, key: str) -> bool:
     """Yes or no. Raises InputError."""
     if isinstance(value, (bool, np.bool_)):

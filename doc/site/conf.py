@@ -30,6 +30,7 @@ nitpick_ignore_regex = [
     ('py:.*', r'alf_ros\.(kernel|mechanism|model|logs\.progress)\..*'),
     ('py:.*', r'alf_ros\.simulation\.(applied|dynamics|instruments|reactions)\..*'),
     ('py:.*', r'alf_ros\.simulation\.(formulations|start)\..*'),
+    ('py:.*', r'alf_ros\.studies\.statics\.instant\..*'),
 ]
 
 autodoc_member_order = 'bysource'

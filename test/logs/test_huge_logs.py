@@ -120,23 +120,25 @@ def test_what_is_huge_ends_within_the_stated_memory_and_time(whole: bytes, tmp_p
 
 
 def endless(parts: list[Record]) -> None:
-    """A step so small that the run takes days."""
+    """A step so small that the run takes an hour, at 8 million steps a stamp."""
     record = next(part for part in parts if part.code == METADATA)
     name, at = read_text(record.content, 0)
     pairs = read_mapping(record.content, at)
-    pairs['solver'] = json.dumps({**json.loads(pairs['solver']), 'step': 1e-12})
+    pairs['solver'] = json.dumps({**json.loads(pairs['solver']), 'step': 2.5e-10})
     record.content = text(name) + mapping(pairs)
 
 
 @pytest.mark.parametrize('verb', ['verify', 'fork'])
-def test_a_command_that_would_take_days_ends_at_ctrl_c(
+def test_a_command_that_would_take_an_hour_ends_at_ctrl_c(
     whole: bytes, tmp_path: Path, verb: str
 ) -> None:
     parts = records(whole)
-    endless(parts)
+    if verb == 'verify':
+        endless(parts)
     path = tmp_path / 'log_0.mcap'
     path.write_bytes(together(parts))
-    arguments = [verb, str(path), *(['--at', '0.01'] if verb == 'fork' else [])]
+    further = ['--at', '0.01', '--duration', '1e6'] if verb == 'fork' else []
+    arguments = [verb, str(path), *further]
     with subprocess.Popen(
         [sys.executable, '-c', ENDLESS, *arguments],
         cwd=tmp_path,

@@ -361,10 +361,38 @@ def test_a_run_is_recorded_or_refused_in_a_line(data: st.DataObject) -> None:
         assert '\n' not in str(error)
 
 
+STUDIES = {
+    alf_ros.equilibrium: {'scene': JUNK, 't': JUNK, 'nearest': JUNK},
+    alf_ros.equilibria: {'scene': JUNK, 'seed': JUNK, 't': JUNK},
+    alf_ros.linearise: {'about': JUNK, 'inputs': JUNK, 'outputs': JUNK},
+    alf_ros.modes: {'about': JUNK, 'count': JUNK},
+    alf_ros.ensemble: dict.fromkeys(('scene', 'vary', 'outputs', 'period', 'sampling'), JUNK),
+}
+RIGHT: dict[Any, dict[str, Any]] = {
+    alf_ros.equilibria: {'starts': 1},
+    alf_ros.ensemble: {'vary': {}, 'members': 1, 'duration': 0.01, 'workers': 0},
+}
+
+
+@pytest.mark.parametrize('study', STUDIES, ids=lambda study: study.__name__)
+@settings(max_examples=30, deadline=None, suppress_health_check=list(HealthCheck))
+@given(st.data())
+def test_a_study_is_made_or_refused_in_a_line(study: Any, data: st.DataObject) -> None:
+    first = next(iter(STUDIES[study]))
+    given = {first: MADE, **RIGHT.get(study, {})}
+    for name in data.draw(st.sets(st.sampled_from(sorted(STUDIES[study])), max_size=2)):
+        given[name] = data.draw(STUDIES[study][name])
+    try:
+        study(**given)
+    except AlfError as error:
+        assert '\n' not in str(error)
+
+
 def test_everything_public_is_told_of_here() -> None:
     """What the package exports: whoever adds to it adds a test of what it refuses."""
-    called: list[Callable[..., Any]] = [load_scene, Simulation, alf_ros.record]
+    called: list[Callable[..., Any]] = [load_scene, Simulation, alf_ros.record, *STUDIES]
     made_by_calls = [alf_ros.Run, alf_ros.Sample, alf_ros.Scene, State]
+    made_by_calls += [alf_ros.Equilibrium, alf_ros.LinearModel, alf_ros.VibrationModes]
     for name in alf_ros.__all__:
         each = getattr(alf_ros, name)
         assert each in called or each in made_by_calls or issubclass(each, AlfError), name

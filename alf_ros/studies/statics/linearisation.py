@@ -26,6 +26,7 @@ from alf_ros.model import assembly
 from alf_ros.model.compile import Model
 from alf_ros.model.singular_branches import SMOOTH, position
 from alf_ros.scene.scene import Scene
+from alf_ros.simulation.input_checks import texts
 from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.simulation.state import State
@@ -58,6 +59,8 @@ def linearise(
     Raises InputError for unknown names, in a singular position, where a free motion has no mass,
     and for more than 1200 coordinates; and what `equilibrium` raises.
     """
+    inputs = texts(inputs, 'inputs')
+    outputs = None if outputs is None else texts(outputs, 'outputs')
     simulation, state, t = _instant_of(about)
     sample = simulation._sample(t, state, False)
     loads = Loads(simulation)

@@ -126,7 +126,7 @@ def equilibria(
     It is a search: more starts may find more. Raises as `equilibrium` if none is found.
     """
     simulation, start = _start(scene, t)
-    model, random = simulation.model, np.random.default_rng(seed)
+    model, random = simulation.model, np.random.default_rng(whole(seed, 'seed', 0))
     found: list[Equilibrium] = []
     refused: InputError | None = None
     for turn in range(whole(starts, 'starts', 0) + 1):
