@@ -361,7 +361,7 @@ def test_a_run_is_recorded_or_refused_in_a_line(data: st.DataObject) -> None:
         assert '\n' not in str(error)
 
 
-STUDIES = {
+STUDIES: dict[Callable[..., Any], dict[str, Any]] = {
     alf_ros.equilibrium: {'scene': JUNK, 't': JUNK, 'nearest': JUNK},
     alf_ros.equilibria: {'scene': JUNK, 'seed': JUNK, 't': JUNK},
     alf_ros.linearise: {'about': JUNK, 'inputs': JUNK, 'outputs': JUNK},
