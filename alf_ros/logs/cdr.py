@@ -127,7 +127,7 @@ class _Reader:
     def text(self) -> str:
         length = self.number('I')
         raw = self._data[self._at : self._at + length]
-        if len(raw) < length:
+        if len(raw) < length or raw[-1:] not in (b'\0', b''):  # a string ends with NUL
             raise struct.error
         self._at += length
         return raw[:-1].decode()

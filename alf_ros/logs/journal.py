@@ -31,11 +31,11 @@ def chained(entry: dict[str, Any], seal: str) -> tuple[str, str]:
 
 
 def read(text: object) -> dict[str, Any]:
-    """An entry from its text; of the kind 'unreadable' if it is none, or one whose fields are not
-    what its kind has."""
+    """An entry from its text; of the kind 'unreadable' if it is none, if its fields are not the
+    fields of its kind, or if the text is not the one that `chained` writes."""
     try:
         entry = record.parsed(text)
-        if isinstance(entry, dict) and _is_entry(entry):
+        if isinstance(entry, dict) and _is_entry(entry) and json.dumps(entry) == text:
             return entry
     except ValueError:
         pass
