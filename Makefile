@@ -36,8 +36,10 @@ view: setup
 	@$(BIN)/python -m alf_ros view $(ARGS)
 
 # For every change, before `make test`: quick tests without a node, and the linter of the prose.
-# Coverage is of these tests.
-CHECKED := test/kernel test/mechanism test/scene test/project/test_prose.py
+# Coverage is of these tests. What kills processes and waits for them is left to `make test`.
+LONG := test/kernel/test_cache_attacks.py test/scene/test_mutants.py
+CHECKED := $(filter-out $(LONG),$(wildcard $(addsuffix /test_*.py,test/kernel test/mechanism test/scene))) \
+	test/project/test_prose.py
 # Plugins are named: a sourced ROS 2 brings some that do not fit this pytest.
 PYTEST := -m pytest --disable-plugin-autoload -p xdist -p hypothesispytest -n 2 --dist loadfile
 COVERAGE := COVERAGE_FILE='$(CURDIR)/.coverage' $(BIN)/coverage

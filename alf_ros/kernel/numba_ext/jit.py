@@ -11,6 +11,7 @@ from numba.core import sigutils
 from numba.core.ccallback import CFunc
 
 from alf_ros.kernel.numba_ext.cache import Cache
+from alf_ros.kernel.numba_ext.inner_code import InnerCompiler
 from alf_ros.kernel.numba_ext.plain import PLAIN, Function, entered
 
 # whole numbers of 64 bit without sign: with Python integers sums would be floats
@@ -21,7 +22,11 @@ THREE = np.uint64(3)
 FOUR = np.uint64(4)
 
 _options: dict[str, Any] = {'nogil': True, 'error_model': 'numpy'}
-_called_inside = {'no_cpython_wrapper': True, 'no_cfunc_wrapper': True}
+_called_inside = {
+    'no_cpython_wrapper': True,
+    'no_cfunc_wrapper': True,
+    'pipeline_class': InnerCompiler,
+}
 
 
 def _cached(function: Callable[..., Any], **options: Any) -> Any:

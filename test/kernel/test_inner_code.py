@@ -1,0 +1,66 @@
+"""Code that only compiled code calls has no machine code of its own, in memory and on disk."""
+
+import json
+import os
+import subprocess
+import sys
+
+from support.paths import ROOT
+
+SOURCE = """
+from alf_ros.kernel.numba_ext.jit import compiled, inlined, inner
+
+@inlined
+def third(x):
+    return x / 3.0
+
+@inner
+def cubic(x):
+    return third(x) * x * x
+
+@compiled
+def once(x):
+    return cubic(x)
+
+@compiled
+def twice(x):
+    return cubic(cubic(x))
+"""
+SCRIPT = """
+import json, sys
+import cubics
+from numba.core import event
+
+with event.install_recorder('numba:compile') as recorder:
+    value = getattr(cubics, sys.argv[1])(0.7)
+names = [e.data['dispatcher'].py_func.__name__ for _, e in recorder.buffer if e.is_start]
+(code,) = cubics.cubic.overloads.values() if cubics.cubic.overloads else (None,)
+address = code and code.library.get_pointer_to_function(code.fndesc.llvm_func_name)
+print(json.dumps([value, names, address]))
+"""
+
+
+def run(folder, name):
+    done = subprocess.run(
+        [sys.executable, '-c', SCRIPT, name],
+        cwd=folder,
+        env={**os.environ, 'NUMBA_CACHE_DIR': str(folder / 'cache'), 'PYTHONPATH': str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return json.loads(done.stdout)
+
+
+def test_it_is_compiled_once_and_serves_two_callers_in_two_processes(tmp_path):
+    (tmp_path / 'cubics.py').write_text(SOURCE)
+
+    def cubic(x):
+        return x / 3.0 * x * x
+
+    assert run(tmp_path, 'once') == [cubic(0.7), ['once', 'cubic', 'third'], 0]
+    # the text of `cubic` comes from the disk, with what it calls
+    assert run(tmp_path, 'twice') == [cubic(cubic(0.7)), ['twice'], 0]
+    # nothing but the caller is read
+    assert run(tmp_path, 'once') == [cubic(0.7), [], None]
+    assert run(tmp_path, 'twice') == [cubic(cubic(0.7)), [], None]
