@@ -26,6 +26,7 @@ class InnerLibrary(JITCodeLibrary):
 
     @property
     def codegen(self) -> Any:
+        """What numba tells the address of the environment of this function."""
         return _NoEnvironment()
 
     def _optimize_final_module(self) -> None:
@@ -37,10 +38,12 @@ class InnerLibrary(JITCodeLibrary):
         self._finalized = True
 
     def get_pointer_to_function(self, name: str) -> int:
+        """0: there is none."""
         self._ensure_finalized()
         return 0
 
     def serialize_using_object_code(self) -> Any:
+        """Name, kind and LLVM code, for `_unserialize`."""
         self._ensure_finalized()
         return self.name, 'inner', self._get_module_for_linking().as_bitcode()
 
@@ -57,6 +60,7 @@ class InnerCompiler(Compiler):
     """numba's compiler, which writes into an `InnerLibrary`."""
 
     def compile_extra(self, func: Any) -> Any:
+        """Compile a Python function."""
         self.state.library = InnerLibrary(self.state.targetctx.codegen(), func.__qualname__)
         return super().compile_extra(func)
 
