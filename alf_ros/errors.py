@@ -35,6 +35,7 @@ class InputError(AlfError):
     ) -> None:
         self.message, self.file, self.line, self.key, self.value = message, file, line, key, value
         self.expected = expected
+        self.choices = None if choices is None else list(choices)
         where = file or ''
         if line is not None:
             where += f':{line}' if where else f'line {line}'
@@ -44,8 +45,8 @@ class InputError(AlfError):
             text += f', got {shortened(repr(value))}'
         if expected:
             text += f'; expected {expected}'
-        if choices is not None:
-            names = list(choices)
+        if self.choices is not None:
+            names = self.choices
             near = difflib.get_close_matches(
                 str(value if value is not None else key), names, 1, 0.5
             )

@@ -6,9 +6,8 @@ See doc/ensembles.md.
 from __future__ import annotations
 
 import logging
-import sys
-import time
 from collections.abc import Sequence
+from pathlib import Path
 
 from alf_ros import paths
 from alf_ros.commands.parser import Parser, writing
@@ -20,18 +19,18 @@ from alf_ros.studies.ensemble.study import Study
 from alf_ros.studies.ensemble.study_reading import load_study
 from alf_ros.studies.ensemble.summary_page import page
 
-_PERIOD = 0.5  # s between two lines
-
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a study; returns 0, or 1 if a logged member fails. Raises InputError, AlfError."""
     parser = Parser(
         prog='ensemble',
-        description='Run a scene many times, each time with other numbers. What is finished is '
-        'in the store; the same command goes on from there.',
+        description='Run a scene many times, each time with other numbers. The store keeps the '
+        'finished members: after an interruption the same command continues.',
     )
     parser.add_argument('study', metavar='STUDY.yaml', help='what varies and what is kept')
-    parser.add_argument('--members', type=int, metavar='N', help='in place of those of the study')
+    parser.add_argument(
+        '--members', type=int, metavar='N', help='how many (default: as in the study)'
+    )
     parser.add_argument(
         '--workers',
         type=int,
@@ -39,7 +38,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         help='processes of this machine (default: one for each processor)',
     )
     parser.add_argument(
-        '--scheduler', metavar='tcp://HOST:PORT', help='of a Dask cluster that takes their place'
+        '--scheduler',
+        metavar='tcp://HOST:PORT',
+        help='address of a Dask cluster whose workers run the members',
     )
     parser.add_argument(
         '--store', metavar='FOLDER', help='zarr folder (default: STUDY.zarr in this folder)'
@@ -59,7 +60,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     name = paths.named(options.study).stem
     folder = paths.named(options.store or f'{name}.zarr', '--store')
     report = folder.with_name(f'{folder.stem}.html')
-    with _Lines() as lines:
+    with _Lines(folder) as lines:
         conduct(study, folder, crew(options.workers, options.scheduler), lines)
     assert lines.last is not None
     lines.tell()
@@ -85,24 +86,29 @@ def _log(study: Study, k: int, output: str) -> int:
 
 
 class _Lines:
-    """The progress, in one line on a terminal."""
+    """The progress, on stderr."""
 
-    def __init__(self) -> None:
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
         self._bar = ProgressBar('ensemble')
-        self._next = 0.0
         self.last: Progress | None = None
 
     def __enter__(self) -> _Lines:
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         self._bar.clear()
+        if kind is KeyboardInterrupt and self.last is not None:
+            self._bar.line(
+                f'stopped; {self._folder} keeps {self.last.done} of {self.last.members} members, '
+                'the same command continues'
+            )
 
     def __call__(self, progress: Progress) -> None:
-        self.last, now = progress, time.monotonic()
-        if not sys.stderr.isatty() or now < self._next:
-            return
-        self._next = now + _PERIOD
+        if self.last is None:
+            before = f', {progress.kept} finished before' if progress.kept else ''
+            self._bar.line(f'{progress.members} members{before}, in {self._folder}')
+        self.last = progress
         self._bar.note(
             f'{progress.done}/{progress.members} members, {progress.rate:.3g}/s, '
             f'{progress.left:.0f} s left, {progress.failed} failed{_first(progress)}'

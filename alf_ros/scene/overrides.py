@@ -30,20 +30,35 @@ def read(assignments: Sequence[str]) -> dict[str, str]:
     return found
 
 
-def with_changes(scene: Scene, changes: Mapping[str, str]) -> Scene:
+def with_changes(scene: Scene, changes: Mapping[str, str], prefix: str = '--set ') -> Scene:
     """The scene with other values, YAML as in a scene file. Raises InputError for an unknown name,
-    or a value that cannot be there."""
+    or a value that cannot be there; its message gives the name of the change after
+    `prefix`."""
     if not changes:
         return scene
     root = yaml_document.parse(scene.text, '<scene>')
-    for name, text in changes.items():
-        value = yaml_document.parse(f'value: {text}', f'--set {name}').mapping()['value']
-        place = _place(root, name)
-        root = _replaced(_without_rivals(root, place), place, value, name)
-    return dataclasses.replace(load_scene(root.mapping()), file=scene.file)
+    sources = [f'{prefix}{name}' for name in changes]
+    try:
+        for (name, text), source in zip(changes.items(), sources, strict=True):
+            value = yaml_document.parse(f'value: {text}', source).mapping()['value']
+            place = _place(root, name, prefix.rstrip(' .'))
+            root = _replaced(_without_rivals(root, place), place, value, name)
+        changed = load_scene(root.mapping())
+    except InputError as error:
+        if error.file not in sources:
+            raise
+        # the text of a change is no file with lines and keys
+        raise InputError(
+            error.message,
+            key=error.file,
+            value=error.value,
+            expected=error.expected,
+            choices=error.choices,
+        ) from None
+    return dataclasses.replace(changed, file=scene.file)
 
 
-def _place(root: Entry, name: str) -> tuple[str, ...]:
+def _place(root: Entry, name: str, said: str) -> tuple[str, ...]:
     """The keys that lead to the value."""
     first, *rest = name.split('.')
     fields = root.mapping()
@@ -64,10 +79,10 @@ def _place(root: Entry, name: str) -> tuple[str, ...]:
                     places.setdefault(key, []).append(('effects', kind, key))
     found = places.get(first, [])
     if not found:
-        raise InputError('nothing of this name', key='--set', value=first, choices=places)
+        raise InputError('nothing of this name', key=said, value=first, choices=places)
     if len(found) > 1:
         ways = ' or '.join('.'.join((*place, *rest)) for place in found)
-        raise InputError('several things of this name', key='--set', value=first, expected=ways)
+        raise InputError('several things of this name', key=said, value=first, expected=ways)
     return (*found[0], *rest)
 
 

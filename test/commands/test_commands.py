@@ -210,8 +210,16 @@ def test_a_bar_shows_the_part_of_what_takes_long(terminal, monkeypatch):
     ]
 
 
-def test_no_bar_where_there_is_no_terminal(capsys):
-    with ProgressBar('quiet', total=2) as bar:
+def test_a_pipe_gets_a_line_every_ten_seconds(capsys, monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr('alf_ros.commands.progress.time.monotonic', lambda: now[0])
+    with ProgressBar('verify', total=2) as bar:
+        bar.show('quick')
+        for now[0], part in ((1.0, 0.1), (10.0, 0.25), (19.9, 0.5), (30.0, 0.75)):
+            bar(part)
+        bar.show('early')
+        now[0] = 40.0
         bar.show('a')
-        bar(1.0)
-    assert capsys.readouterr() == ('', '')
+    out, errors = capsys.readouterr()
+    assert out == ''
+    assert errors == 'verify  25%, 30 s left\nverify  75%, 10 s left\n2/2  a\n'

@@ -136,7 +136,7 @@ def test_a_function_of_the_user_that_raises_is_a_reason():
     [
         (
             {'vary': {'couple.mass': uniform(1, 2)}},
-            "vary: --set: nothing of this name, got 'couple'",
+            "vary: nothing of this name, got 'couple'",
         ),
         ({'outputs': ['max(kne.force)']}, "outputs: name: no such quantity, got 'kne.force'"),
         (

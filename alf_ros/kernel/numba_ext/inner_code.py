@@ -26,7 +26,7 @@ class InnerLibrary(JITCodeLibrary):
 
     @property
     def codegen(self) -> Any:
-        """What numba tells the address of the environment of this function."""
+        """The object that numba gives the address of the environment of this function."""
         return _NoEnvironment()
 
     def _optimize_final_module(self) -> None:

@@ -67,7 +67,7 @@ class Study:
 
     def scene_of(self, k: int) -> Scene:
         """The scene of member k. Raises InputError for values that cannot be."""
-        return overrides.with_changes(self.scene, self.samples.values(k))
+        return overrides.with_changes(self.scene, self.samples.values(k), prefix='vary.')
 
     @cached_property
     def times(self) -> Floats:

@@ -134,7 +134,8 @@ def _examined(study: Study) -> None:
             return
         except InputError as error:
             first = first or error
-    raise InputError(str(first), key='vary')
+    assert first is not None
+    raise first
 
 
 def _chunk(study: Study) -> int:
