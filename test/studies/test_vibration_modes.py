@@ -74,3 +74,11 @@ def test_refused() -> None:
         lowest(found.instant, found.lam, 40)
     with pytest.raises(InputError, match='singular position'):
         modes(load_scene({'mechanism': 'slider_crank', 'effects': GRAVITY}))
+
+
+def test_a_motion_without_stiffness_has_no_frequency() -> None:
+    """A coin that hangs by its rim under the table rolls and turns freely; rounding is no ω²."""
+    found = modes(load_scene('coin'))
+    assert found.squares[:2].tolist() == [0.0, 0.0]
+    assert found.squares[2] == pytest.approx(9.81 / (1.25 * 0.0129), rel=1e-8)
+    assert np.isnan(found.damping_ratios[:2]).all()

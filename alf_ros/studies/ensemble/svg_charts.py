@@ -96,7 +96,7 @@ def scatter(title: str, x: Floats, y: Floats) -> str:
     x, y = x[:MOST_POINTS], y[:MOST_POINTS]
     frame = _Frame(title, (float(x.min()), float(x.max())), (float(y.min()), float(y.max())))
     for a, b in zip(x.tolist(), y.tolist(), strict=True):
-        frame.add(f'<circle cx="{frame.x(a):.1f}" cy="{frame.y(b):.1f}" r="1.5"/>')
+        frame.add(f'<circle cx="{frame.x(a):.1f}" cy="{frame.y(b):.1f}" r="2"/>')
     return frame.svg
 
 

@@ -41,6 +41,11 @@ def reduced_stiffness(instant: Instant, lam: Floats) -> tuple[Floats, float]:
     return np.asarray(Z.T @ (H @ Z)), size
 
 
+def without_rounding(squares: Floats, size: float) -> Floats:
+    """ω² (1/s²) of the reduced stiffness, zero where it is rounding of terms as large as `size`."""
+    return np.where(np.abs(squares) > _NEUTRAL * size, squares, 0.0)
+
+
 def stability_of(instant: Instant, lam: Floats) -> RestStability:
     """Of an instant at rest with λ (rows,) in the kernel's order. Raises InputError if a free
     motion has no mass, or the mechanism is too large for dense matrices."""
@@ -57,4 +62,4 @@ def stability_of(instant: Instant, lam: Floats) -> RestStability:
     least = float(deciding.min(initial=np.inf))
     nothing = _NEUTRAL * size
     verdict = STABLE if least > nothing else NEUTRAL if least >= -nothing else UNSTABLE
-    return RestStability(verdict, values, (Z @ turn).T, conservative)
+    return RestStability(verdict, without_rounding(values, size), (Z @ turn).T, conservative)

@@ -27,7 +27,7 @@ from alf_ros.studies.statics.descent import pushed
 from alf_ros.studies.statics.instant import DENSE, Instant, Loads, forces
 from alf_ros.studies.statics.lowest_modes import lowest
 from alf_ros.studies.statics.positions_of_rest import Equilibrium, equilibrium, in_order
-from alf_ros.studies.statics.rest_stability import reduced_stiffness
+from alf_ros.studies.statics.rest_stability import reduced_stiffness, without_rounding
 from alf_ros.studies.statics.sparse_rows import mass_matrix
 
 REACTIONS = 'reactions'
@@ -128,7 +128,8 @@ def modes(about: Scene | Simulation | Equilibrium, *, count: int = 20) -> Vibrat
     _, lam = pushed(instant, ConstrainedSolve(instant.model, loads.tangents.cliques))
     if instant.model.n > DENSE:
         return VibrationModes(instant, lam, *lowest(instant, lam, count))
-    stiffness, _ = reduced_stiffness(instant, lam)
+    stiffness, size = reduced_stiffness(instant, lam)
     squares, turn = np.linalg.eigh(0.5 * (stiffness + stiffness.T))
     motions = (instant.velocity_directions @ turn).T
+    squares = without_rounding(squares, size)
     return VibrationModes(instant, lam, squares[:count], motions[:count])
