@@ -17,6 +17,7 @@ from alf_ros.effects import contract
 from alf_ros.mechanism.natural_coordinates import Layout, place
 
 MULTIPLE = False
+CONSTANT = True
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,7 @@ from alf_ros.effects.contract.scalars import (
 from alf_ros.mechanism.natural_coordinates import Layout
 
 MULTIPLE = True
+AT_REST = contract.CONTACT
 
 
 @dataclass(frozen=True)

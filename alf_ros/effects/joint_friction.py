@@ -19,6 +19,7 @@ from alf_ros.effects.contract.scalars import Measures, numbers_of, push, scalar,
 from alf_ros.mechanism.natural_coordinates import Layout
 
 MULTIPLE = True
+AT_REST = contract.FRICTION_HOLDS
 
 
 @dataclass(frozen=True)

@@ -34,6 +34,11 @@
 `follows(parameters)` and `aimed(parameters, position, velocity)` (optional)
     whether the effect, on the coordinate `parameters.joint`, follows a position and a velocity
     from outside, and its parameters when it is given them.
+`CONSTANT` (optional)
+    True if the force depends neither on time nor on the motion.
+`AT_REST` (optional)
+    FRICTION_HOLDS if the effect holds positions around a balance, STOP or CONTACT if it pushes
+    beyond a limit only: `equilibrium` says so.
 
 The kernel calls them through their addresses: naming another set of effects compiles nothing but
 the effects that are new. The arguments are pointers, so nothing is checked and nothing is
@@ -134,6 +139,7 @@ def friction(function: Callable[..., None]) -> Any:
 
 
 WRENCH, EFFORT, EFFORT_OVER_TIME = 'wrench', 'effort', 'effort over time'
+FRICTION_HOLDS, STOP, CONTACT = 'friction', 'a stop', 'a contact'
 
 
 class Tangent:

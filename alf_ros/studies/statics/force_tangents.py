@@ -95,7 +95,7 @@ def _cliques(model: Model, effects: Sequence[Effect]) -> list[tuple[int, ...]]:
     found: dict[tuple[int, ...], None] = {}
     for kind, instances in kinds.items():
         module = registry.load(kind)
-        if kind == 'gravity':  # constant
+        if getattr(module, 'CONSTANT', False):
             continue
         if module.force is affine_force.force:
             found.update(dict.fromkeys(_of_affine(module.pack(instances, model.layout).slots)))

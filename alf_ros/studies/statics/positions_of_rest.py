@@ -9,8 +9,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from alf_ros import kernel
+from alf_ros import effects, kernel
 from alf_ros.arrays import Floats
+from alf_ros.effects import contract
 from alf_ros.errors import AssemblyError, InputError
 from alf_ros.model import assembly
 from alf_ros.model.branch_words import moving
@@ -29,11 +30,9 @@ from alf_ros.studies.statics.rest_stability import NEUTRAL, RestStability, stabi
 
 UNDECIDED = 'undecided'
 _SAME = 1e-6  # of the size, between positions that count as one
-_NEAR_SINGULAR = (
-    1e-3  # of the acceleration without rows, from which down a singular position is looked for
-)
+# of the acceleration without rows, from which down a singular position is looked for
+_NEAR_SINGULAR = 1e-3
 _DRIVEN = 0.05  # of the size that a drive moves in one step on the way to an instant
-_HOLDING = {'joint_friction': 'friction', 'joint_stop': 'a stop', 'ground_contact': 'a contact'}
 
 
 @dataclass(frozen=True, eq=False)
@@ -271,8 +270,8 @@ def _held(instant: Instant) -> list[str]:
     """Notes about friction, and about stops and contacts that push."""
     notes, each = [], instant.loads.applied.each
     for effect in instant.loads.effects:
-        what = _HOLDING.get(effect.kind)
-        if effect.kind == 'joint_friction':
+        what = getattr(effects.load(effect.kind), 'AT_REST', None)
+        if what == contract.FRICTION_HOLDS:
             notes.append(
                 f'{effect.label}: friction holds positions around this one too; this is the one '
                 'that rests without it'

@@ -42,7 +42,7 @@ def reduced_stiffness(instant: Instant, lam: Floats) -> tuple[Floats, float]:
 
 
 def without_rounding(squares: Floats, size: float) -> Floats:
-    """ω² (1/s²) of the reduced stiffness, zero where it is rounding of terms as large as `size`."""
+    """ω² (1/s²) of the reduced stiffness; zero where terms as large as `size` leave rounding."""
     return np.where(np.abs(squares) > _NEUTRAL * size, squares, 0.0)
 
 
