@@ -6,14 +6,18 @@ from functools import cached_property
 
 import numpy as np
 
+from alf_ros import kernel
 from alf_ros.arrays import Floats
 from alf_ros.kernel.interpolated_stages import DRIFT
+from alf_ros.model.compile import allocate
 from alf_ros.model.free_walk import PENALTY, Walk
+from alf_ros.model.softest_modes import found
 from alf_ros.simulation.resolution import LENGTHS, MOTION, Resolution
 from alf_ros.simulation.start import Start
 
 _LOOKED_AT = 600  # coordinates of mechanisms that are searched for what lengths miss
 _MEANT = 1e-3  # of the size: what misses a position by more is not why a step fails
+_BESIDE = 5e-3  # distance to a singular position that stages take for near at all speeds
 
 
 class MissedPositions:
@@ -48,10 +52,11 @@ class MissedPositions:
 
     def explained(self, told: float, q: Floats, qd: Floats) -> tuple[str, str] | None:
         """(addition to the reason, remedy) for a step that could not be closed from q (blocks D,
-        m) and q̇ (m/s); None if no position is missed by little. `told` (m): what a stage found."""
+        m) and q̇ (m/s); None if no singular position is near. `told` (m): by how much a stage
+        found that one is missed."""
         gap = told if told > 0.0 else self._walked(q, qd, nearby=True)
         if not 0.0 < gap <= _MEANT * self._model.size:
-            return None
+            return self._beside(q)
         remedy = 'take a smaller step, or ' + (
             'an adaptive integrator' if self._leaps else 'ask for a smaller tolerance'
         )
@@ -62,6 +67,21 @@ class MissedPositions:
             )
         verb = 'miss' if self.reason == LENGTHS else 'misses'
         return f': {self.reason} {verb} a singular position by about {gap:.1g} m', remedy
+
+    def _beside(self, q: Floats) -> tuple[str, str] | None:
+        """The same for a motion that is no single pass, but stays beside a singular position."""
+        model = self._model.apart()
+        work = allocate(model, model.system, 0)
+        if not kernel.linearise(model.unit, model.system, work, q):
+            return None
+        modes = found(model, work, self._start.dependent_rows)
+        distance = float(modes.sigma[0]) if modes else 1.0
+        if not distance < _BESIDE:
+            return None
+        return (
+            f': a singular position is near, at the distance {distance:.1g}',
+            'take a smaller step; a motion that stays beside a singular position is not computed',
+        )
 
     def resolution(
         self, judged: tuple[float, float, float, float, bool], told: float, longest: float
