@@ -46,6 +46,7 @@ from numba.extending import (
     register_model,
     unbox,
 )
+from numba.np.numpy_support import as_dtype
 
 from alf_ros.kernel.numba_ext.plain import View, flat, lowered
 
@@ -64,10 +65,16 @@ class VectorType(types.Type):
 
 
 class StructType(types.Type):
-    """A pointer to a table of words; `parts`: (name, first word, type) of each field."""
+    """A pointer to a table of words; `parts`: (name, first word, type) of each field. `words`: the
+    fields that have words, with the dtype of those that are arrays."""
 
     def __init__(self, name: str, parts: tuple[tuple[str, int, types.Type], ...]) -> None:
         self.parts = parts
+        self.words = tuple(
+            (name, as_dtype(part.number) if isinstance(part, VectorType) else None)
+            for name, _, part in parts
+            if not isinstance(part, types.UniTuple)
+        )
         super().__init__(name)
 
 
@@ -84,19 +91,21 @@ class Struct:
     addresses: ClassVar[tuple[str, ...]] = ()
     borrowed: ClassVar[tuple[str, ...]] = ()
     _table: ClassVar[Any]
+    _address: ClassVar[int]
     _types: ClassVar[dict[tuple[type[Struct], int], StructType]] = {}
+    _evaluated: ClassVar[dict[type[Struct], dict[str, Any]]] = {}
 
     def __post_init__(self) -> None:
         kind = self._numba_type(len(getattr(self, 'unit', ())))
         words: list[int] = []
-        for name, _, part in kind.parts:
+        for name, dtype in kind.words:
             value = getattr(self, name)
-            if isinstance(part, VectorType):
-                if from_dtype(value.dtype) != part.number or not value.flags.c_contiguous:
-                    raise TypeError(f'{type(self).__name__}.{name} is no array of {part.number}')
-                words += (value.ctypes.data, value.size)
-            elif not isinstance(part, types.UniTuple):
+            if dtype is None:
                 words.append(_word_of(value))
+                continue
+            if value.dtype != dtype or not value.flags.c_contiguous:
+                raise TypeError(f'{type(self).__name__}.{name} is no array of {dtype}')
+            words += (value.__array_interface__['data'][0], value.size)
         table = np.array(words, dtype=np.uint64)
         for name, value in (
             ('_table', table),
@@ -147,8 +156,7 @@ class Struct:
     def empty(cls: type[S]) -> S:
         """One without any data; numbers are zero."""
         values: list[Any] = []
-        hints = get_type_hints(cls)
-        for hint in (hints[field.name] for field in fields(cls)):
+        for hint in cls._hints().values():
             if hint in _SCALARS:
                 values.append(hint(0))
             elif isinstance(hint, type) and issubclass(hint, Struct):
@@ -158,10 +166,18 @@ class Struct:
         return cls(*values)
 
     @classmethod
+    def _hints(cls) -> dict[str, Any]:
+        """The types of the fields, in their order; to evaluate them costs more than a table."""
+        if cls not in Struct._evaluated:
+            hints = get_type_hints(cls)
+            Struct._evaluated[cls] = {field.name: hints[field.name] for field in fields(cls)}
+        return Struct._evaluated[cls]
+
+    @classmethod
     def _numba_type(cls, D: int = 0) -> StructType:
         """Its type in compiled code; D: the length of its `unit`, if it has one."""
         if (cls, D) not in Struct._types:
-            hints, parts, word = get_type_hints(cls), [], 0
+            hints, parts, word = cls._hints(), [], 0
             module = cls.__module__.removeprefix('alf_ros.')
             for field in fields(cls):
                 hint = hints[field.name]
@@ -183,7 +199,7 @@ class Struct:
 
 def _word_of(value: Struct | np.uint64 | float) -> int:
     if isinstance(value, Struct):
-        return int(value._table.ctypes.data)
+        return int(value._address)
     return int(np.float64(value).view(np.uint64) if isinstance(value, float) else value)
 
 
