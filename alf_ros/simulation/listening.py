@@ -18,7 +18,7 @@ from alf_ros.errors import StoppedError
 from alf_ros.kernel import Work
 from alf_ros.kernel.stopping import GIVEN, LEFT, STOP
 
-PERIOD = 0.02  # s between two looks, about: a step hears within a few of them
+PERIOD = 0.02  # s of processor time between two looks: a step hears within a few of them
 _FIRST = 8  # stages and rounds before the first look, when nobody knows how long they take
 _GROWTH = 8.0  # by which their number may grow from look to look
 
@@ -40,12 +40,13 @@ class Listener:
         """It must live as long as `work` is used: this holds its address."""
         self._pulse, self._words = work.pulse, work.caller
         self._pulse[GIVEN] = self._pulse[LEFT] = _FIRST
-        self._heard = time.monotonic()
+        self._heard = time.thread_time()
         self._words[0] = id(self)
 
     def __call__(self) -> None:
         """Called by compiled code. The interpreter runs the handlers of signals before it."""
-        now, pulse = time.monotonic(), self._pulse
+        # of this thread: time that others take, or hold the interpreter, makes no stage long
+        now, pulse = time.thread_time(), self._pulse
         share = PERIOD / max(now - self._heard, PERIOD / _GROWTH)
         pulse[GIVEN] = pulse[LEFT] = max(1, int(share * pulse[GIVEN]))
         self._heard = now

@@ -12,12 +12,17 @@ import subprocess
 import sys
 import threading
 import time
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
+import numpy as np
 import pytest
 
 from alf_ros import BusyError, Simulation, StepError, StoppedError, load_scene
+from alf_ros.kernel import Work
+from alf_ros.kernel.stopping import GIVEN
 from alf_ros.simulation import listening
+from alf_ros.simulation.listening import Listener
 from support.paths import ROOT
 from support.runs import bits, made
 
@@ -324,3 +329,13 @@ def test_a_failing_step_still_says_why() -> None:
     sim.apply_wrench('coupler', [1e200, 0.0])
     with pytest.raises(StepError):
         sim.step(10)
+
+
+def test_time_that_others_take_makes_no_stage_long() -> None:
+    """A thread that waits for the interpreter would else ask for it again after a single stage."""
+    work = cast(Work, SimpleNamespace(pulse=np.zeros(3, np.int64), caller=np.zeros(4, np.uint64)))
+    listener = Listener(work)
+    given = work.pulse[GIVEN]
+    time.sleep(0.2)
+    listener()
+    assert work.pulse[GIVEN] > given

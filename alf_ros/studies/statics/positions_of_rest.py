@@ -19,7 +19,7 @@ from alf_ros.model.compile import Model
 from alf_ros.model.prescribed import prescribe
 from alf_ros.model.singular_branches import SMOOTH, position
 from alf_ros.scene.scene import Scene
-from alf_ros.simulation.input_checks import number, whole
+from alf_ros.simulation.input_checks import number, truth, whole
 from alf_ros.simulation.sample import JointState, Reaction, Sample
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.simulation.state import State
@@ -109,6 +109,7 @@ def equilibrium(
     Raises InputError if there is none, or loads without a potential do not settle; AssemblyError
     if the mechanism cannot be closed.
     """
+    nearest = truth(nearest, 'nearest')
     simulation, start = _start(scene, t)
     landing = nearest_rest(start) if nearest else descended(start)
     if not landing.rests and not nearest and simulation.model.n <= DENSE:
