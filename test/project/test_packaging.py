@@ -17,13 +17,18 @@ from support.paths import ROOT
 
 VERSION = ElementTree.parse(ROOT / 'package.xml').findtext('version')
 SCENES = {path.name for path in (ROOT / 'config' / 'scenes').glob('*.yaml')}
-# Run with the package installed: says what is found where.
+# Run with the package installed: says what is found where, and which commands can be called.
 REPORT = """
 import alf_ros, json
+from importlib.metadata import entry_points
 from alf_ros import load_scene, resources
-print(json.dumps([alf_ros.__file__, *map(str, resources.folder('scenes')), resources.version()]))
+scripts = [each for each in entry_points(group='console_scripts') if each.module[:7] == 'alf_ros']
+commands = sorted({each.name for each in scripts if callable(each.load())})
+scenes = [*map(str, resources.folder('scenes'))]
+print(json.dumps([commands, alf_ros.__file__, *scenes, resources.version()]))
 load_scene('slider_crank')
 """
+STARTED = ('simulator', 'check')  # of the scripts, which differ by the name of a function
 
 
 @pytest.fixture
@@ -78,16 +83,16 @@ def test_colcon(sources, tmp_path, flags):
     prefix = tmp_path / 'install' / 'alf_ros'
     check_prefix(prefix)
     sourced = f'. {tmp_path}/install/local_setup.bash && exec "$@"'
-    for name in COMMANDS:
+    for name in STARTED:
         command = prefix / 'lib/alf_ros' / name
         assert 'usage:' in run('bash', '-c', sourced, '-', command, '--help', cwd=tmp_path)
-    module, *scenes, version = json.loads(
+    commands, module, *scenes, version = json.loads(
         run('bash', '-c', sourced, '-', sys.executable, '-c', REPORT, cwd=tmp_path)
     )
     assert Path(module).is_relative_to(tmp_path)
     check_pages(Path(module).parent)
     assert Path(scenes[0]).is_relative_to(sources if flags else prefix)
-    assert version == VERSION
+    assert version == VERSION and commands == sorted(COMMANDS)
 
 
 def test_pip(sources, tmp_path):
@@ -111,14 +116,14 @@ def test_pip(sources, tmp_path):
     check_prefix(prefix)
     # Neither venv is activated: the executable has to find the python it was installed for.
     path = f'{sys.base_prefix}/bin{os.pathsep}{os.defpath}'
-    for name in COMMANDS:
+    for name in STARTED:
         command = prefix / 'lib/alf_ros' / name
         assert 'usage:' in run(command, '--help', cwd=tmp_path, PATH=path)
-    module, *scenes, version = json.loads(run(python, '-c', REPORT, cwd=tmp_path))
+    commands, module, *scenes, version = json.loads(run(python, '-c', REPORT, cwd=tmp_path))
     assert Path(module).is_relative_to(site)
     check_pages(Path(module).parent)
     assert scenes[0] == str(prefix / 'share/alf_ros/config/scenes')
-    assert version == VERSION
+    assert version == VERSION and commands == sorted(COMMANDS)
 
 
 def test_resources_come_from_the_source_tree_first(tmp_path, monkeypatch):
