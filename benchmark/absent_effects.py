@@ -1,11 +1,11 @@
-"""What effects cost that a scene does not name: nothing.
+"""The cost of effects that a scene does not name: none.
 
     .venv/bin/python benchmark/absent_effects.py [--rounds 200]
 
 Times a step of scenes without effects, in this package and in a copy of it from which the files of
 all effects are deleted: two processes that stay, asked in turns, so that both meet the same
-neighbours on the machine. Prints the median of the ratio of each turn, with its quartiles, beside
-that of this package against a second process of itself, which is the noise; and writes
+neighbours on the machine. Prints the median of the ratio of each turn, with its quartiles. Prints
+also the ratio of this package to a second process of itself, which is the noise. Writes
 benchmark/results/absent_effects.csv.
 """
 

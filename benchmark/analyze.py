@@ -1,4 +1,4 @@
-"""What the page of a long log costs: time, memory, size.
+"""The cost of the page of a long log: time, memory, size.
 
     .venv/bin/python benchmark/analyze.py [--size 1000] [--scene slider_crank] [--folder DIR]
 

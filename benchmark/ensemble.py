@@ -1,8 +1,8 @@
-"""What an ensemble costs beside single runs: python benchmark/ensemble.py [--members N]
+"""The cost of an ensemble beside single runs: python benchmark/ensemble.py [--members N]
 
 Of members of the slider-crank: the time of the steps alone, of assembling a scene with other
 numbers, and of a whole member; members per second in this process, with one and with two worker
-processes; and what chunks and a store cost. Ratios are of medians in one run of this program.
+processes; and the cost of chunks and a store. Ratios are of medians in one run of this program.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ T = TypeVar('T')
 
 
 def timed(call: Callable[..., T], *arguments: object) -> tuple[T, float]:
-    """What a call returns, and how long it takes, s."""
+    """The result of a call, and its duration, s."""
     start = time.perf_counter()
     found = call(*arguments)
     return found, time.perf_counter() - start

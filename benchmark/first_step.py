@@ -99,7 +99,7 @@ def write_out(path: Path) -> None:
 
 
 def asked(what: str, path: Path) -> str:
-    """What a process of its own says: a child of a large one would begin with its memory."""
+    """The output of a separate process: a child of a large process would begin with its memory."""
     command = [sys.executable, __file__, what, str(path)]
     return subprocess.run(command, capture_output=True, text=True, check=True).stdout
 

@@ -112,7 +112,7 @@ def cpu_seconds(pid: int) -> float:
 def start_up(**environment: str) -> tuple[float, float]:
     """Seconds from starting the process to its first joint state, and until this one has it.
 
-    What lies between is discovery, by DDS: 0.1 s, or some seconds when nodes come and go quickly.
+    The time between is discovery, by DDS: 0.1 s, or some seconds when nodes come and go quickly.
     """
     with Listener() as listener, tempfile.TemporaryDirectory() as name:
         folder, started = Path(name), time.monotonic()

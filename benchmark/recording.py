@@ -1,4 +1,4 @@
-"""What recording costs at 1 kHz: lateness of ticks with and without it, bytes, processor.
+"""The cost of recording at 1 kHz: lateness of ticks with and without it, bytes, processor.
 
     .venv/bin/python benchmark/recording.py [--duration 600] [--scene slider_crank]
 

@@ -65,7 +65,7 @@ FEW_FILES = 64
 
 @dataclass
 class Totals:
-    """What has happened, of all simulators."""
+    """The counts and faults of all simulators."""
 
     acts: Counter[str] = field(default_factory=Counter)
     simulated: float = 0.0
@@ -310,7 +310,7 @@ def soak(options: argparse.Namespace, folder: Path) -> Totals:
 
 
 def line(totals: Totals) -> str:
-    """What has happened so far."""
+    """The report so far, in one line."""
     memory, files = growth(totals)
     return (
         f'{totals.simulated / 3600.0:.2f} h simulated, {totals.acts.total()} acts, '

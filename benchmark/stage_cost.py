@@ -1,11 +1,11 @@
-"""What one stage evaluation costs: N four-bars, RK4 at 0.1 ms, everything of a step included.
+"""The cost of one stage evaluation: N four-bars, RK4 at 0.1 ms, everything of a step included.
 
     .venv/bin/python benchmark/stage_cost.py [--runs 5] [--against ANOTHER_CHECKOUT]
 
-With --against: the cost here over that of another checkout of this repository, in turns, so that
-a machine that others use too slows both. Else prints µs per stage for N = 2 to 100,000 and writes
-benchmark/results/stage_cost.csv: the median of so many processes, which load their code from
-numba's cache and compile nothing, and in each the fastest of several repetitions.
+With --against: the ratio of the cost here to the cost in another checkout of this repository, in
+turns, so that a machine that others use too slows both. Else prints µs per stage for N = 2 to
+100,000 and writes benchmark/results/stage_cost.csv: the median of so many processes, which load
+their code from numba's cache and compile nothing, and in each the fastest of several repetitions.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ answer(int(sys.argv[2]))
 
 
 def against(other: str, bars: int, turns: int = 150) -> tuple[float, float]:
-    """µs a stage here, and the median of the ratios to those of the checkout `other`."""
+    """µs a stage here, and the median ratio of this time to the time of the checkout `other`."""
     here, ratios = [], []
     for _ in range(3):
         ours, theirs = (

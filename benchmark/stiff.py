@@ -116,7 +116,7 @@ def measured(rate: float, duration: float) -> tuple[Reference, list[Measurement]
 
 
 def costs(points: list[Measurement]) -> dict[str, CostToReach]:
-    """What the target costs with each integrator that meets it."""
+    """The cost of the target with each integrator that meets it."""
     found = {curve[1]: cost_to_reach(points, TARGET) for curve, points in curves(points).items()}
     return {integrator: each for integrator, each in found.items() if each is not None}
 

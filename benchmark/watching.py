@@ -1,4 +1,4 @@
-"""What it costs to watch for singular positions: a step with and without `watch=True`.
+"""The cost of watching for singular positions: a step with and without `watch=True`.
 
     .venv/bin/python benchmark/watching.py
 

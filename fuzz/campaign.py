@@ -1,4 +1,4 @@
-"""Cases by the million: each in a worker of its own kind, and what is found attributed to it."""
+"""Cases by the million: each kind in a worker of its own, and each finding with its case."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ BATCH = {'expressions': 2000, 'tables': 500, 'states': 200, 'scenes': 50, 'comma
 
 @dataclass
 class Tally:
-    """What became of the cases of one harness."""
+    """The outcomes of the cases of one harness."""
 
     name: str
     cases: int = 0

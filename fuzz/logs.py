@@ -140,7 +140,7 @@ class Harness:
         record.content = bytes(head) + bytes(data)
 
     def _entry(self, parts: list[Record], random: Random) -> None:
-        """Of the journal, sometimes sealed anew."""
+        """Change an entry of the journal; sometimes seal it again."""
         found = [
             r
             for part in parts
@@ -357,7 +357,7 @@ class Harness:
         return 'refused' if said else 'ran'
 
     def _same(self, case: bytes, result) -> None:
-        """What another, plain reading finds is the begin of what was recorded."""
+        """The result of another, plain reader is the beginning of the recorded messages."""
         now, before = outputs(case[1:]), self._whole[case[0]]
         for topic, messages in now.items():
             known = before.get(topic, [])

@@ -223,7 +223,7 @@ class Graph:
         return self._sent('path', message)
 
     def _bytes(self, topic: str, seed: int) -> str:
-        """A serialised message, damaged: it may be lost, and what is lost is no command."""
+        """Publish a damaged serialised message: it may be dropped, and then it is no command."""
         random = Random(seed)
         kind = {'joints': JointState, 'path': JointTrajectory}.get(topic, WrenchStamped)
         message = kind()
@@ -263,7 +263,7 @@ class Graph:
         return Path('logs') / recorder.folder.name
 
     def _state(self) -> tuple[Any, Any]:
-        """All numbers of the motion; what is held."""
+        """All numbers of the motion, and the held inputs."""
         state = self._simulation.state
         return np.concatenate([state.q, state.qd, [self._simulation.t]]), repr(state.inputs)
 
@@ -296,7 +296,7 @@ class Graph:
         return self._clients[name]
 
     def _publisher(self, topic: str) -> Any:
-        """A publisher that the node has found; another scene subscribes anew."""
+        """A publisher that the node has found; a node with another scene subscribes again."""
         if topic not in self._publishers:
             known = {'joints': ('/joint_commands', JointState)}
             known['path'] = ('/simulator/joint_trajectory', JointTrajectory)

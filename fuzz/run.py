@@ -1,6 +1,6 @@
 """Try what nobody would write: `make fuzz ARGS="--minutes 60"`.
 
-Every harness gets the same share of the time. What is found is printed and kept as a file of
+Every harness gets the same share of the time. A finding is printed and kept as a file of
 test/data/fuzz, which a test tries again for ever; numbers go to benchmark/results/fuzz.csv.
 """
 

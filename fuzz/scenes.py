@@ -1,7 +1,7 @@
 """Scenes and mechanisms: whole ones with values, keys and references changed, and steps taken.
 
-The changes are those of the test of mutants; here by the ten thousand, and with what a person at a
-terminal would see.
+The test of mutants makes the same changes; here they come by the ten thousand, and with the output
+that a person at a terminal would see.
 """
 
 from __future__ import annotations

@@ -36,8 +36,10 @@ class Harness(Protocol):
 
 
 class Found(NamedTuple):
-    """What went wrong with a case: 'traceback', 'silent', 'hang' or 'crash', where, and the case
-    where it is known."""
+    """A fault of a case: 'traceback', 'silent', 'hang' or 'crash', with its place.
+
+    The case itself is kept if it is known.
+    """
 
     number: int
     kind: str

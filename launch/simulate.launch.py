@@ -22,7 +22,7 @@ TRUE_FALSE = {'true': True, 'false': False}
 
 
 def value(name, kind, text):
-    """Return the text of an argument as its type; ValueError tells what was expected."""
+    """Return the text of an argument as its type; ValueError names the expected type."""
     try:
         return TRUE_FALSE[text.lower()] if kind is bool else kind(text)
     except (KeyError, ValueError):

@@ -2,7 +2,7 @@
 
 Run by `make setup`; needs only Python with its venv module. With a ROS 2 installation sourced,
 .venv sees it and uses its rclpy; otherwise rclpy comes as wheels. A stamp, written last, says what
-.venv was made from: when it still agrees nothing is done, and without it .venv is made anew.
+.venv was made from: when it still agrees nothing is done, and without it .venv is made again.
 """
 
 from __future__ import annotations

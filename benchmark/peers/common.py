@@ -1,4 +1,4 @@
-"""What every engine is asked: where the points of a mechanism are, at instants, for steps of h.
+"""The task of every engine: the points of a mechanism, at instants, computed with steps of h.
 
     python peer_<name>.py plan.json results.jsonl
 
@@ -93,7 +93,7 @@ def tips(q: Any) -> Any:
 
 
 def timed(work: Callable[[], Any]) -> tuple[Any, float]:
-    """What it returns, and the processor time it takes, s."""
+    """The result of `work`, and its processor time, s."""
     started = time.process_time()
     result = work()
     return result, time.process_time() - started

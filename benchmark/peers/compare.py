@@ -78,7 +78,7 @@ def environment(folder: Path) -> Path:
 
 
 def lines(theirs: Path) -> list[dict[str, Any]]:
-    """What all engines say; one that does not run is told and left out."""
+    """The results of all engines; an engine that does not run is named and left out."""
     with tempfile.TemporaryDirectory() as folder:
         asked, said = Path(folder, 'plan.json'), Path(folder, 'results.jsonl')
         asked.write_text(json.dumps(plan()), encoding='utf-8')

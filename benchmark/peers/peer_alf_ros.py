@@ -31,7 +31,7 @@ def run(
 
 
 def made(mechanism: str, integrator: str, case: dict[str, Any]) -> Any:
-    """What runs a mechanism, and its energy."""
+    """The function that runs a mechanism, and the energy of the mechanism, J."""
     return partial(run, mechanism, integrator), Simulation(load_scene(mechanism)).sample().energy
 
 

@@ -2,8 +2,8 @@
 
 Settings: index 3, spectral radius 0.9, full Newton to 1e-8, dense solver. Tighter is no more
 accurate, modified Newton slower, a radius of 1 does not end, of 0.6 errs more. Index 2 needs
-Newmark's method. The sparse solver errs as the dense one does; it takes half the time for ten
-four-bars, and a third more for two.
+Newmark's method. The sparse solver errs as the dense one does; its time is half as long for ten
+four-bars, and a third longer for two.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ class Mechanism:
         )
 
     def runner(self) -> Any:
-        """What runs it."""
+        """The function that runs the mechanism."""
         self.system.Assemble()
         dense = self.system.systemData.ODE2Size() <= DENSE
         solver = exu.LinearSolverType.EigenDense if dense else exu.LinearSolverType.EigenSparse

@@ -58,7 +58,7 @@ def slider_crank(case: dict[str, Any]) -> Any:
 def four_bars(n: int, case: dict[str, Any]) -> Any:
     """Every crank is hinged on the ground, a coupler on its tip, and tied to the tip of the next.
 
-    As one chain ten are lost at steps above 1.2 ms.
+    One chain of ten fails at steps above 1.2 ms.
     """
     coupler = f'<body pos="1 0 0">{HINGE}{ROD}<site name="end{{k}}" pos="1 0 0"/></body>'
     crank = f'<body pos="{{k}} 0 0">{HINGE}{ROD}<site name="tip{{k}}" pos="1 0 0"/>'

@@ -1,8 +1,8 @@
 """Pinocchio: minimal coordinates of a tree, loops closed by proximal constraint dynamics.
 
-It has no integrator of its own: RK4 is written here, in Python. So that this is not counted, the
-cost of a step is four times that of a call of `constraintDynamics`, measured alone, at states of
-the motion.
+It has no integrator of its own: RK4 is written here, in Python. The cost of a step excludes this
+Python code: it is four times the cost of a call of `constraintDynamics`, measured alone, at states
+of the motion.
 Settings: 3-D contacts, μ = 1e-10, to 1e-14; Baumgarte correction of 50 1/s. The best found.
 """
 
@@ -56,7 +56,7 @@ class Tree:
         self.ties.append(tie)
 
     def runner(self, start: list[float], speeds: list[float], points: Any) -> Any:
-        """What runs it; `points` makes places of q (instants, nq)."""
+        """The function that runs the mechanism; `points` makes places of q (instants, nq)."""
         data, ties = self.model.createData(), self.ties
         datas = pin.StdVec_RigidConstraintData()
         datas.extend([tie.createData() for tie in ties])

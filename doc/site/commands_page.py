@@ -56,7 +56,7 @@ def page() -> str:
 
 
 def _arguments(usage: str) -> str:
-    """What follows the name of the program."""
+    """The part of a usage line after the name of the program."""
     at = min((usage.find(mark) for mark in (' [', ' -') if mark in usage), default=len(usage))
     return usage[at:]
 

@@ -29,7 +29,7 @@ def markdown(text: str) -> str:
 
 
 def _each(text: str, code: Callable[[str], str], plain: Callable[[str], str]) -> str:
-    """The text with `code` in backticks changed in one way, and what is between in another."""
+    """The text with `code` in backticks changed by `code`, and the text between by `plain`."""
     parts = _CODE.split(text)
     return ''.join(code(part) if n % 2 else plain(part) for n, part in enumerate(parts))
 
@@ -41,7 +41,7 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def paragraphs(docstring: str) -> str:
-    """A docstring as Markdown; what is indented stays as it stands there."""
+    """A docstring as Markdown; indented paragraphs keep their layout."""
     found = []
     for part in docstring.strip().split('\n\n'):
         lines = part.strip('\n').splitlines()

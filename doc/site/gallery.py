@@ -1,7 +1,7 @@
 """The gallery: every scene of the library with its picture, its motion, its files and numbers.
 
-Pictures are those of `python -m alf_ros check`, moving ones those of `analyze --animation`. They
-are kept from build to build, by what they are drawn from.
+`python -m alf_ros check` draws the pictures, `analyze --animation` the moving ones. They are kept
+from build to build, by a key of their sources.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _SHOWN = {'stewart_platform': (0.6, 0.2)}  # others: s, and s per second; it soo
 
 @dataclass(frozen=True)
 class Exhibit:
-    """A scene, its file and that of its mechanism, and what `check` finds."""
+    """A scene, its file, the file of its mechanism, and the findings of `check`."""
 
     scene: Scene
     file: Path
@@ -61,7 +61,7 @@ class Exhibit:
 
 
 def exhibits(names: list[str] | None = None) -> list[Exhibit]:
-    """All scenes of the library, or those of these names."""
+    """All scenes of the library, or the scenes with these names."""
     mechanisms = resources.library('mechanisms')
     made = []
     for name, file in sorted(resources.library('scenes').items()):
@@ -72,7 +72,7 @@ def exhibits(names: list[str] | None = None) -> list[Exhibit]:
 
 
 def comment(file: Path) -> tuple[str, str]:
-    """What the head of a file says: its first sentence, and the rest as Markdown."""
+    """The comment at the head of a file: its first paragraph, and the others as Markdown."""
     lines = []
     for line in file.read_text('utf-8').splitlines():
         if not line.startswith('#'):

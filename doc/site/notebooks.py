@@ -61,7 +61,7 @@ def _command(line: str) -> str:
 
 
 def _add_text(cells: list[dict[str, Any]], text: str) -> None:
-    """Text goes on in one cell. A notebook travels alone: pictures and links stay behind."""
+    """Join adjacent texts in a cell. A notebook travels alone: pictures and links stay behind."""
     text = _LINK.sub(r'\1', _IMAGE.sub('', text)).strip()
     if not text:
         return

@@ -215,7 +215,7 @@ def _initial(field: dataclasses.Field[Any]) -> str:
 
 
 def _docstring(package: Any, name: str) -> str:
-    """That of a file of a package, as it stands there."""
+    """The docstring of a file of a package, unchanged."""
     module = importlib.import_module(f'{package.__name__}.{name}')
     return ast.get_docstring(ast.parse(Path(str(module.__file__)).read_text('utf-8'))) or ''
 

@@ -42,7 +42,7 @@ def _relinked(text: str, folder: Path, target: Path) -> str:
 
 
 def _to_copies(folder: Path, target: Path) -> Callable[[re.Match[str]], str]:
-    """What replaces a link of a page in `folder`; a file to which it leads is copied."""
+    """A function that replaces a link of a page in `folder`, and copies the file of the link."""
     names = pages()
 
     def lead(match: re.Match[str]) -> str:

@@ -167,7 +167,7 @@ def test_a_file_that_cannot_be_written_is_told_by_its_option(tmp_path):
 
 
 class Terminal(io.StringIO):
-    """What stderr is on a terminal of 60 columns."""
+    """A stderr on a terminal of 60 columns."""
 
     def isatty(self):
         return True

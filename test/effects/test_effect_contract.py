@@ -1,4 +1,4 @@
-"""What holds for every effect: compiled as written, power as energy, nothing at zero strength."""
+"""The contract of every effect: compiled as written, power as energy, nothing at zero strength."""
 
 from __future__ import annotations
 

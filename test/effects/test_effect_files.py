@@ -1,4 +1,4 @@
-"""Effects of users: a file beside the scene, or a package's; doc/effects.md done as told."""
+"""Effects of users: a file beside the scene, or a package; the example of doc/effects.md."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def output(folder: Path) -> str:
-    """What `python orbit.py` prints in the folder, with the cache a user would have."""
+    """The output of `python orbit.py` in the folder, with the default cache."""
     done = subprocess.run(
         [sys.executable, 'orbit.py'],
         cwd=folder,

@@ -1,4 +1,4 @@
-"""Effects: what the kernel runs is what the file says, and what is not named does not exist."""
+"""Effects: the kernel runs the effects of the scene file, and no other effect exists in a run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""URDF and MJCF imported: the mechanism moves like the original, and what is lost is said."""
+"""Import of URDF and MJCF: the mechanism moves like the original, and omissions are listed."""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
-"""What acts on the joints of imported robots, against an independent integration of MuJoCo's M, J.
+"""Forces on the joints of imported robots, against an independent integration of MuJoCo's M and J.
 
 MuJoCo gives the mass matrix with armature, the bias forces and the Jacobians of the constraints.
-The laws are written here once more, constraints hold exactly: M q̈ = τ - bias + Jᵀ λ, J q̈ = -J̇ q̇.
+The test states the laws independently of the package, and its constraints hold exactly:
+M q̈ = τ - bias + Jᵀ λ, J q̈ = -J̇ q̇.
 """
 
 from __future__ import annotations
@@ -119,7 +120,7 @@ def test_all_that_acts_on_joints_like_mujoco() -> None:
 
 
 def test_what_a_leg_leaves() -> None:
-    """What changes the motion comes first, with its consequence."""
+    """Omissions that change the motion come first, each with its consequence."""
     pytest.importorskip('mujoco')
     lines = imported(LEG, key='bent').split('\n')
     assert lines[1] == '# Changes of the motion:'

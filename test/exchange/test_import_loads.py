@@ -150,7 +150,7 @@ def test_a_weld_where_a_joint_is() -> None:
 
 
 def test_meshes_and_pictures_that_are_not_there() -> None:
-    """What has an inertia of its own moves as before; what has none is named."""
+    """A body with an inertia in the file keeps its motion; a body without one is named."""
     pytest.importorskip('mujoco')
     text = imported(str(FOLDER / 'missing_meshes.xml'), scene=True)
     assert '#   shapes without their file: their mass is not counted: tip\n' in text
@@ -229,7 +229,7 @@ def test_a_screw_of_an_sdf() -> None:
 
 
 def test_an_included_model(tmp_path: Path) -> None:
-    """By a folder of its name; what is not found is listed."""
+    """The importer finds a model in the folder of its name; it lists a model without a folder."""
     (tmp_path / 'rod').mkdir()
     model = (FOLDER / 'nested.sdf').read_text(encoding='utf-8')
     saved(tmp_path / 'rod', 'model.sdf', model)
@@ -269,7 +269,7 @@ def test_mistakes_of_an_sdf(change: tuple[str, str], message: str, tmp_path: Pat
 
 
 def test_limits_of_an_sdf(tmp_path: Path) -> None:
-    """On one side, on none, and without room."""
+    """Limits on one side, limits that are infinite, and limits that enclose no range."""
     source = (FOLDER / 'nested.sdf').read_text(encoding='utf-8')
     for lower, upper, said in (
         ('-inf', '2', 'roll: {joint: roll, upper: 2.0, stiffness: 10000.0}'),

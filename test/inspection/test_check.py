@@ -1,4 +1,4 @@
-"""`python -m alf_ros check`: sound mechanisms, unsound ones, what is said of them, pictures."""
+"""`python -m alf_ros check`: its verdicts on sound and unsound mechanisms, and its pictures."""
 
 from __future__ import annotations
 

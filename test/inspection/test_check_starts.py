@@ -1,4 +1,4 @@
-"""What `check` says of starts in singular positions, of velocities, of drives and of armature."""
+"""`check` on starts in singular positions, on velocities, on drives and on armature."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Command `effects`: what it lists, and that its prices say what is so."""
+"""Command `effects`: its list is complete, and its prices agree with the effects."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def test_work_of_all_effects_is_the_kinetic_energy_gained() -> None:
 
 
 def test_an_effect_without_which_nothing_runs() -> None:
-    """Of two that balance each other; no change can be told, and the rest is priced."""
+    """Two effects balance each other: the change without either is infinite; drag is priced."""
     scene = scene_from_text(
         'mechanism:\n  alf: 1\n  points: {P: {at: [0, 0]}}\n'
         '  bodies: {mass: {points: [P], mass: 1.0, inertia: point}}\n'

@@ -30,7 +30,7 @@ def crank() -> Run:
 
 @pytest.mark.parametrize('name', SCENES)
 def test_every_quantity_is_that_of_the_samples(name: str) -> None:
-    """A name is a path in Sample: what lies at its end, in every sample, is what the run has."""
+    """A name is a path in Sample: the run has the value at its end, for every sample."""
     simulation = Simulation(load_scene(name), ledger=True)
     other = Simulation(load_scene(name), ledger=True)
     run = record(simulation, 0.1, every=20)
@@ -43,7 +43,7 @@ def test_every_quantity_is_that_of_the_samples(name: str) -> None:
 
 
 def read(sample: Any, section: str, rest: str) -> Any:
-    """What a user of Sample finds."""
+    """The value that a user of Sample reads."""
     found = getattr(sample, section)
     if section == 'diagnostics':
         return getattr(found, rest)
@@ -117,7 +117,7 @@ def test_only_what_is_asked_for_is_read(monkeypatch: pytest.MonkeyPatch) -> None
 
 
 def test_a_period_between_the_steps() -> None:
-    """The instants of a period are those of `run(at=…)`, and the motion is the same."""
+    """`period=` gives the instants that `run(at=…)` gives, and the same motion."""
     one, other = (Simulation(load_scene('slider_crank'), step=0.002) for _ in range(2))
     one.step(3)
     other.step(3)

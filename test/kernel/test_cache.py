@@ -229,7 +229,7 @@ def test_a_file_that_was_not_written_to_its_end_is_compiled_again(root):
 
 
 def test_what_a_function_calls_is_in_its_digest():
-    """Compiled code of the package calls only that of the kernel, and of its own folder."""
+    """Compiled code calls only compiled code of the kernel and of its own folder."""
     for path in (ROOT / 'alf_ros').rglob('*.py'):
         text = path.read_text()
         if 'numba_ext.jit import' in text and 'numba_ext' not in path.parts:

@@ -107,7 +107,7 @@ OVERLOADS = 2  # of total and of twice
 
 
 def processes(folder: Path, script: str) -> Any:
-    """What a script with the functions above prints, in a folder with a cache of its own."""
+    """The output of a script with the functions above, run in a folder with its own cache."""
     (folder / 'main.py').write_text(PROCESSES + script)
     env = {**os.environ, 'PYTHONPATH': f'{ROOT}:{folder}', 'PYTHONDONTWRITEBYTECODE': '1'}
     env['NUMBA_CACHE_DIR'] = str(folder / 'cache')
@@ -293,7 +293,7 @@ print(json.dumps([str(place) for one in sources for place in Folder.of(one, magi
 
 
 def test_sources_of_the_package_that_change_while_it_runs(tmp_path: Path) -> None:
-    """What is imported goes on, and saves nothing; what would not fit to it is refused."""
+    """Imported code still runs, and saves nothing; a law whose source has changed is refused."""
     shutil.copytree(
         ROOT / 'alf_ros', tmp_path / 'alf_ros', ignore=shutil.ignore_patterns('__pycache__')
     )

@@ -95,7 +95,7 @@ def test_an_array_of_another_kind_is_refused(where: Indices) -> None:
 
 @pytest.mark.parametrize('D', [2, 3])
 def test_the_dimension_is_a_part_of_the_type(D: int) -> None:
-    """And takes no room: what stands behind it in the struct is read where it is."""
+    """The dimension occupies no memory: the fields after it in the struct keep their offsets."""
     before = np.zeros(1, dtype=np.int64)
     space = Space(before, (0.0,) * D, sums(), 0.5)
     assert scaled(space) == (1.5 * D, (0.0,) * D)

@@ -45,8 +45,10 @@ def force(t, q, qd, near, slots, params, Q):
 
 
 class Archive:
-    """A folder with a log of a slider-crank whose scene is made to say something else; `owned` is
-    there as soon as code of the folder has run."""
+    """A folder with a log of a slider-crank whose scene has been replaced by another text.
+
+    The file `owned` exists as soon as code of the folder has run.
+    """
 
     def __init__(self, folder: Path, log: Path) -> None:
         self.folder, self._log = folder / 'archive', log
@@ -155,7 +157,7 @@ def test_what_a_scene_names_is_never_looked_for(archive, capsys, case, trusted):
 
 @pytest.mark.parametrize('name', ['{}', '/home/a/{}', '../../{}', '{}/../gravity.py', '\x1b[2J{}'])
 def test_brought_code_needs_trust_and_is_that_of_the_log(archive, capsys, name):
-    """Every file is named with its digest; what lies beside under its name is not taken."""
+    """The refusal names every file with its digest; a file beside the log is not used."""
     name = name.format('lift.py')
     (archive.folder / 'lift.py').write_text('raise SystemExit(7)')
     full = f'{name}#sha256={archive.digest}'
@@ -192,7 +194,7 @@ MECHANISM = 'mechanism:\n'
 
 
 def test_a_log_reads_no_other_file(archive, capsys):
-    """Neither a mechanism nor a table: what is not in the log is not known to be what ran."""
+    """Neither a mechanism nor a table: the recorded run may have used another file."""
     (archive.folder / 'table.csv').write_text('0, 1\n1, secret of the folder\n')
     table = '  joint_effort: {joint: crank_pin, effort: table.csv}\n'
     log = archive.log(old='effects:\n', new=f'effects:\n{table}')

@@ -1,4 +1,4 @@
-"""What a notebook shows of a scene, a sample and a log: the numbers, and names that stay text."""
+"""Tables of a scene, a sample and a log in a notebook: the numbers, and names that stay text."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ TAGS = {'p', 'b', 'table', 'thead', 'tbody', 'tr', 'th', 'td'}
 
 
 class Reader(HTMLParser):
-    """The texts of cells by row, and those of paragraphs; only tags of tables may come."""
+    """The texts of cells by row, and the texts of paragraphs; only tags of tables are accepted."""
 
     def __init__(self, page: str) -> None:
         super().__init__()
@@ -133,7 +133,7 @@ def test_a_large_log_is_not_read_through(path: Path, monkeypatch: pytest.MonkeyP
 
 
 def test_hostile_names_stay_text(path: Path) -> None:
-    """Names of a scene are checked when it is read; those of a log are whatever stands in it."""
+    """The loader checks the names of a scene; the names in a log may be any text."""
     scene = copy.copy(load_scene('pendulum'))
     object.__setattr__(scene, 'name', HOSTILE)
     object.__setattr__(scene, 'file', HOSTILE)

@@ -237,8 +237,10 @@ def test_any_bit_of_the_journal_is_found(pushed, tmp_path):
 
 
 def test_a_damaged_record_is_one_line_or_a_fault(pushed, tmp_path, capsys):
-    """Metadata records have no checksum: whatever is changed in them is told, or changes nothing
-    that a re-run uses."""
+    """`verify` reports every change of a metadata record that matters for a re-run.
+
+    Metadata records have no checksum.
+    """
     whole = rewritten(pushed, tmp_path).read_bytes()
     start = whole.index(b'alf_ros', 30)
     end = whole.index(b'rosbag2', start) - 20

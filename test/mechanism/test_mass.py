@@ -183,7 +183,7 @@ def test_kinetic_energy_in_the_plane(points: int) -> None:
 
 @pytest.mark.parametrize('sine', [0.3, 0.03, 3e-4])
 def test_points_nearly_in_a_line_carry_a_body_as_well_as_others(sine: float) -> None:
-    """A torque-free body of three or four such points keeps its energy and spin all the same."""
+    """A torque-free body of three or four nearly collinear points keeps its energy and spin."""
     for flat in ('', ', S'):
         text = f"""
 mechanism:

@@ -105,7 +105,7 @@ def test_reactions_and_check() -> None:
 
 
 def test_put_elsewhere_in_phase() -> None:
-    """A body that is put elsewhere takes what is coupled along, over turns."""
+    """`place` moves the coupled bodies with the body that it places, over several turns."""
     sim = Simulation(scene_from_text(CAM), step=1e-3)
     for angle in (2.0, 4.0, 6.0, 8.0):
         sim.place('crank', [0.0, 0.0, angle])

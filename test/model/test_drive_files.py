@@ -1,4 +1,4 @@
-"""What users write of drives: tables, mistakes, motions that cannot begin."""
+"""Drives as users write them: tables, mistakes, motions that cannot begin."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ drives: {motor: {joint: pin, angle: {table: way.csv}}}
 
 
 def test_what_comes_to_rest_stays_there() -> None:
-    """What is left of a velocity falls from step to step, to where its square is no number."""
+    """The remaining velocity decreases from step to step until its square underflows."""
     table = [[0, 0], [0.5, 0.4], [1, 1]]
     mechanism = {
         'alf': 1,
@@ -123,7 +123,7 @@ def test_motions_that_cannot_begin(angle: str, message: str) -> None:
 
 @pytest.mark.parametrize('angle', ['sqrt(0.05 - t)', 'asin(20*t)', '(0.0505 - t)**1.5'])
 def test_a_motion_that_ends_ends_the_step_with_its_name(angle: str) -> None:
-    """The state before it is kept, and nothing of it is NaN."""
+    """The simulation keeps the state before the failed step, and no value of it is NaN."""
     drawn = {'sqrt(0.05 - t)': 0.05**0.5, '(0.0505 - t)**1.5': 0.0505**1.5}.get(angle, 0.0)
     scene = pendulum(drives={'motor': {'joint': 'pin', 'angle': f'{angle} - {drawn}'}})
     simulation = Simulation(load_scene(scene), step=1e-2, integrator='rk4')

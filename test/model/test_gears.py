@@ -1,4 +1,4 @@
-"""Gears and racks: what is refused, what a run keeps. Their motions are in test_library."""
+"""Gears and racks: refused input and conserved quantities. Their motions are in test_library."""
 
 from __future__ import annotations
 

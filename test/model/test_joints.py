@@ -108,7 +108,7 @@ def carried(model: Model, body: str, twist: tuple[Floats, Floats]) -> Floats:
 
 @pytest.mark.parametrize('dimension, kind', CASES)
 def test_freedoms(dimension: int, kind: str) -> None:
-    """The rows of the bodies let every rigid motion be; those of the joint leave what they should.
+    """The rows of the bodies allow every rigid motion; the rows of the joint leave its freedoms.
 
     `one` stands still; `two` moves with each unit twist.
     """
@@ -348,7 +348,7 @@ effects: {gravity: {acceleration: [0, 0, -9.81]}}
 
 
 def test_a_door_on_two_fixed_points() -> None:
-    """Its two hinges take three forces each, one too many: who carries the weight is open."""
+    """Two hinges carry three forces each, one too many: the weight has indeterminate shares."""
     sim = Simulation(scene_from_text(DOOR))
     sim.step(20)
     sample = sim.sample()

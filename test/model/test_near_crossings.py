@@ -138,7 +138,7 @@ def test_what_is_passed_as_if_lengths_agreed_is_said(error: float, integrator: s
 def test_fixed_steps_do_not_leap_over_it_without_a_word(
     error: float, integrator: str, step: float
 ) -> None:
-    """Whether a stage comes near the position is chance; what is said does not depend on it."""
+    """Whether a stage comes near the position is chance; the message does not depend on it."""
     for part in np.linspace(1.0, 1.4, 5).tolist():
         sim = Simulation(load_scene(crank(error)), integrator=integrator, step=part * step)
         try:

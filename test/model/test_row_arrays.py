@@ -1,4 +1,4 @@
-"""Arrays that are renumbered or joined are those that would be made anew; and the fill."""
+"""Arrays after renumbering or joining equal arrays made in that order; the fill of the factor."""
 
 from __future__ import annotations
 

@@ -102,7 +102,7 @@ def drift(sim: Simulation) -> float:
 
 
 def test_jack() -> None:
-    """What the motor does lifts the lid and is lost in the bearing; ten turns go 100 mm."""
+    """The motor's work lifts the lid or heats the bearing; ten turns push the rod 100 mm."""
     sim = Simulation(load_scene('screw_jack'), step=1e-3, ledger=True)
     first = sim.sample()
     for sample in sim.run(3.0, every=500):

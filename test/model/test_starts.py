@@ -1,5 +1,8 @@
-"""Starts in singular positions with a speed: which velocities begin a motion, how they are
-completed, what is refused and in which words; against closed forms."""
+"""Starts in singular positions with a speed, against closed forms.
+
+The tests cover the velocities that begin a motion, their completion, and the refused velocities
+with the text of the refusal.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The tables of the documents are those of the stored results."""
+"""The tables in the documents agree with the stored results."""
 
 from __future__ import annotations
 

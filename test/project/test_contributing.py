@@ -1,4 +1,4 @@
-"""What CONTRIBUTING.md and design.md name is there, and the plan is drawn from the code."""
+"""The files that CONTRIBUTING.md and design.md name exist, and the plan is drawn from the code."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the declarations at the root say agrees with the package."""
+"""The declarations at the root of the repository agree with the package."""
 
 from __future__ import annotations
 

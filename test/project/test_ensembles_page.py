@@ -17,7 +17,7 @@ TEXT = (ROOT / 'doc' / 'ensembles.md').read_text('utf-8')
 
 
 def typed(line: str, folder: Path) -> str:
-    """What a shell prints for one line."""
+    """The output of a shell for one line."""
     done = subprocess.run(
         ['bash', '-ec', line.replace('.venv/bin/python', sys.executable)],
         cwd=folder,

@@ -1,4 +1,4 @@
-"""`make setup`: nothing to do when nothing changed, and no stamp on what is not finished."""
+"""`make setup` does nothing when nothing changed, and leaves no stamp on an unfinished setup."""
 
 import json
 import os
@@ -14,7 +14,7 @@ from support.paths import ROOT
 
 @pytest.fixture
 def clone(tmp_path):
-    """What `make setup` reads, in a folder of its own."""
+    """A folder with the files that `make setup` reads."""
     for name in ('Makefile', 'scripts', 'requirements'):
         source = ROOT / name
         (shutil.copytree if source.is_dir() else shutil.copy)(source, tmp_path / name)

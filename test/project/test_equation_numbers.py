@@ -1,4 +1,4 @@
-"""One numbering of equations for the README, the documents and the code: that of the paper."""
+"""The README, the documents and the code number equations as the paper does."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ def run(*command: str, cwd: Path) -> str:
 
 
 def cache() -> dict[str, str]:
-    """What the tests have compiled is compiled for the reader too."""
+    """The cache of the tests: the reader's commands use the code that the tests have compiled."""
     import numba
 
     return {'NUMBA_CACHE_DIR': numba.config.CACHE_DIR} if numba.config.CACHE_DIR else {}

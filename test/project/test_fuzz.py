@@ -1,4 +1,4 @@
-"""What the campaigns of fuzz/ have found once is tried for ever, and some hundred new cases too.
+"""Cases that the campaigns of fuzz/ have found once are tried always, with some hundred new cases.
 
 The campaigns are `make fuzz ARGS="--minutes 60"`; a case that went wrong is kept as a file below
 test/data/fuzz, in the folder of its harness.
@@ -43,8 +43,11 @@ def test_a_few_new_cases(name):
 
 
 def test_what_goes_wrong_is_found_and_blamed():
-    """A hang in compiled code, a crash, memory without end, an exit, a traceback, a wrong number:
-    each with the number of its case, and the campaign goes on."""
+    """Each fault is found with the number of its case, and the campaign continues after it.
+
+    The faults: a hang in compiled code, a crash, memory without end, an exit, a traceback, a wrong
+    number.
+    """
     tally = campaign('support.misbehaving', 0, count=30)
     kinds = {found.number: found.kind for found in tally.found}
     assert kinds == {

@@ -1,4 +1,4 @@
-"""Imports go one way, and only the last rooms know ROS: the order that doc/design.md states."""
+"""Imports follow the order in doc/design.md, and only the last packages of it import ROS."""
 
 import ast
 import re

@@ -19,7 +19,7 @@ STAMP = re.compile(r'\d{8}T\d{6}Z')
 
 
 def shell(text, folder):
-    """What a shell prints for the lines of a block, with this interpreter and package."""
+    """The output of a shell for the lines of a block, with this interpreter and package."""
     text = text.replace('.venv/bin/python', sys.executable)
     done = subprocess.run(
         ['bash', '-ec', text],

@@ -33,7 +33,7 @@ STARTED = ('simulator', 'check')  # of the scripts, which differ by the name of 
 
 @pytest.fixture
 def sources(tmp_path):
-    """A copy of the source tree without what was made from it."""
+    """A copy of the source tree without generated files."""
     everywhere = shutil.ignore_patterns('.*', '__pycache__', '*.egg-info')
     above = shutil.ignore_patterns('build', 'install', 'log', 'logs')
 
@@ -57,7 +57,7 @@ def run(*command, cwd, **changes):
 
 
 def check_prefix(prefix):
-    """What ROS 2 tools look for under a prefix."""
+    """A prefix has the files that ROS 2 tools look for."""
     assert (prefix / 'share/ament_index/resource_index/packages/alf_ros').is_file()
     assert (prefix / 'share/alf_ros/package.xml').is_file()
     assert (prefix / 'share/alf_ros/launch/simulate.launch.py').is_file()
@@ -68,7 +68,7 @@ def check_prefix(prefix):
 
 
 def check_pages(package):
-    """What `view` and `analyze` show in a browser."""
+    """The package has the files that `view` and `analyze` show in a browser."""
     for page in (
         'ros/view/page/index.html',
         'logs/report/page/stage.js',

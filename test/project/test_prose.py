@@ -221,6 +221,18 @@ def test_public_functions_have_docstrings(modules: dict[str, ast.Module]) -> Non
     assert not missing, '\n'.join(missing)
 
 
+# Python files outside the package: folders and a file.
+OUTSIDE = ('test', 'benchmark', 'fuzz', 'scripts', 'doc', 'launch', 'setup.py')
+
+
+def outside(place: str) -> dict[str, ast.Module]:
+    """All Python files at a place of the repository, by path; at least one exists."""
+    root = ROOT / place
+    found = [root] if root.is_file() else sorted(root.rglob('*.py'))
+    assert found
+    return {name(path): ast.parse(path.read_text('utf-8')) for path in found}
+
+
 # In a docstring that defines fields one after another a sentence may be long.
 LONGEST = 150
 CLAUSE = re.compile(r'(what|that|who)\b', re.IGNORECASE)
@@ -249,6 +261,12 @@ def unclear(modules: dict[str, ast.Module]) -> list[str]:
 
 def test_docstrings_are_plain(modules: dict[str, ast.Module]) -> None:
     found = unclear(modules)
+    assert not found, '\n'.join(found)
+
+
+@pytest.mark.parametrize('place', OUTSIDE)
+def test_docstrings_outside_the_package_are_plain(place: str) -> None:
+    found = unclear(outside(place))
     assert not found, '\n'.join(found)
 
 

@@ -48,7 +48,7 @@ def folder(tmp_path_factory):
 
 
 def made(command):
-    """What `make ...` of the tutorial runs once .venv is there, with this interpreter."""
+    """The command `make ...` of the tutorial runs once .venv exists, with this interpreter."""
     assert command in [text.strip() for kind, text in BLOCKS if kind == 'sh']
     make, *arguments = shlex.split(command)
     lines = subprocess.run(
@@ -125,7 +125,7 @@ def pushed(folder):
 
 
 def test_push_moves_the_mechanism(pushed):
-    """The log shows the push and its release, and the motion is that of this push, bit for bit."""
+    """The log has the push and its release; a run with this push repeats it bit for bit."""
     entries = [json.loads(message.data) for _, message in pushed['/simulator/inputs']]
     push, release = [entry for entry in entries if entry['kind'] == 'wrench']
     assert (push['name'], push['force'], push['frame']) == ('coupler', [0.0, 5.0], 'world')
@@ -163,7 +163,7 @@ def test_log_is_looked_at(folder, pushed):
 
 
 def test_command_for_an_installed_ros_2_pushes_alike():
-    """`ros2` is not on PyPI: topic, type and fields of its line are those of push.py."""
+    """`ros2` is not on PyPI; its line and push.py have the same topic, type and fields."""
     (line,) = re.findall(r'^`(ros2 topic pub .*)`', TUTORIAL, re.MULTILINE)
     *start, topic, kind, fields = shlex.split(line)
     assert start == ['ros2', 'topic', 'pub', '--once']

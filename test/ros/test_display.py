@@ -1,4 +1,4 @@
-"""What viewers get: markers, tf and URDF against the points and bodies of the sample."""
+"""Messages for viewers: markers, tf and URDF against the points and bodies of the sample."""
 
 from typing import Any
 from xml.etree import ElementTree

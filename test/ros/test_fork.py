@@ -71,7 +71,7 @@ def messages(log, after=0):
 
 
 def entries(log, after=0.0):
-    """What the journal says from a time on, without the place in its chain."""
+    """The entries of the journal from a time on, without their seals in the chain."""
     acts = [entry for entry in log.inputs if entry['kind'] != 'start' and entry['t'] >= after]
     return [{k: v for k, v in entry.items() if k != 'seal'} for entry in acts]
 

@@ -1,4 +1,4 @@
-"""Foxglove gets what the simulator published, and only what is asked for."""
+"""Foxglove gets the simulator's messages, and only on the topics that it subscribes to."""
 
 import base64
 import json

@@ -31,7 +31,7 @@ def simulation():
 
 
 def check(simulation, name, frame, force, torque, at=None):
-    """The accelerations after a command are those of a force and a torque in the world."""
+    """After a command, the accelerations agree with a force and a torque in the world frame."""
     x, y, z = FORCE
     message = wrench(x, y, TORQUE[2] if name == 'body' else 0.0, frame=frame, forcez=z)
     if name == 'body':

@@ -1,4 +1,4 @@
-"""Scenes that are loaded while the node runs: their code needs the trust of who started it."""
+"""Scenes that are loaded while the node runs: their code runs only if `trust_scenes` is set."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def test_a_scene_loaded_at_run_time_brings_code_only_if_trusted(peer, tmp_path, 
 
 
 def test_the_scene_of_the_start_may_be_loaded_again(peer, tmp_path):
-    """Its code has run: who started the node named it."""
+    """The code of the scene that the node was started with has run: it needs no further trust."""
     owned, file = tmp_path / 'owned', tmp_path / 'lift.py'
     file.write_text(LIFT.format(owned=str(owned)))
     scene = tmp_path / 'scene.yaml'

@@ -1,4 +1,4 @@
-"""doc/ros_interface.md and config/security against a running node: neither more nor less."""
+"""A running node has exactly the interface of doc/ros_interface.md and config/security."""
 
 import ast
 import importlib.util
@@ -178,7 +178,7 @@ def test_launch_arguments():
 
 
 def test_exit_codes():
-    """What ends with each of them is in test_node_faults, test_recording and test_input_errors."""
+    """The cases of each code are in test_node_faults, test_recording and test_input_errors."""
     head = DOC.partition('\n## ')[0]
     assert re.findall(r'^\| `(\d)` \|', head, re.MULTILINE) == ['0', '1', '2']
 
@@ -198,7 +198,7 @@ def rules(enclave, node):
     assert profile.get('ns') == '/'
 
     def unused(names, kind, access):
-        """Rules that none of the names needs; every name must have one."""
+        """Rules that match no name; every name must have one."""
         groups = [group for group in profile.findall(kind) if group.get(access) == 'ALLOW']
         allowed = {resolved(item.text, node) for group in groups for item in group}
         for name in names:

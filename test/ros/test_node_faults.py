@@ -1,4 +1,4 @@
-"""What goes wrong around a node is said: a terminal that closes, a parameter of another type."""
+"""The node reports faults of its surroundings: a closed terminal, a parameter of another type."""
 
 import fcntl
 import os

@@ -1,4 +1,4 @@
-"""The node keeps account of works, and says at its start what is on and what it costs."""
+"""The node keeps the work ledger; at its start it lists effects, outputs and their cost."""
 
 import re
 

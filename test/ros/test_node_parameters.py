@@ -1,4 +1,4 @@
-"""Parameters of a running node: what they change, what is refused, that a dump repeats it."""
+"""Parameters of a running node: their effect, refused values, and a dump that repeats the run."""
 
 import pytest
 import yaml
@@ -64,7 +64,7 @@ def dumped(peer):
 
 @pytest.fixture(scope='module')
 def changed(tmp_path_factory, peer):
-    """A run with changes on the way: its dump, its log, and the reasons of what was refused."""
+    """A run with changes on the way: its dump, its log, and the reasons of the refused changes."""
     folder = tmp_path_factory.mktemp('changed')
     (folder / 'pushed.yaml').write_text(SCENE)
     heard = peer.listen('joint_states', JointState)

@@ -40,8 +40,10 @@ def small_disk(tmp_path):
 
 
 def goes_on_without_a_log(peer, node, spoil, expected):
-    """Spoil the log of a node that is paused, play, and see that it is said once, in diagnostics
-    and on /rosout, and no more."""
+    """Spoil the log of a paused node and play: the node continues and reports the error once.
+
+    The report is in the diagnostics and on /rosout.
+    """
     said, found = peer.listen('/rosout', Log), Diagnostics(peer)
     peer.until(lambda: found.value('record', 'error') == '', 'health')
     spoil()

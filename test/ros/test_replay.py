@@ -90,7 +90,7 @@ class Replayed:
 
 
 def check_heard(replayed, log):
-    """What was heard is what is in the log, to the last bit."""
+    """The received messages equal the messages in the log, to the last bit."""
     series = log.read('joint_states')
     assert replayed.stamps == series.stamp.tolist()
     for key, column in series.columns.items():

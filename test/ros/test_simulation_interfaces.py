@@ -266,7 +266,7 @@ def test_entities_in_space_against_differences(scene):
 
 
 def wanted(entity, place=(0.0, 0.0, 0.0), turn=(0.0, 0.0, 0.0, 1.0), v=(), omega=(), **flags):
-    """What to ask SetEntityState for; flags that a release does not have are left out."""
+    """A request of SetEntityState; flags that a release does not have are left out."""
     request = srv.SetEntityState.Request(entity=entity)
     state = request.state
     for vector, values in (
@@ -295,7 +295,7 @@ def test_an_entity_is_put_elsewhere_and_the_mechanism_closes_around_it(standard)
         ).result
 
     def is_there(angle, rate):
-        """The joints that are published, and the pose that is told."""
+        """The published joints and the pose of GetEntityState agree with `angle` and `rate`."""
 
         def found():
             crank, knee, *_ = standard.heard[-1].position

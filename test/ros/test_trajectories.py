@@ -1,4 +1,4 @@
-"""joint_trajectory messages: what they become, and what is refused."""
+"""joint_trajectory messages: their conversion to curves, and refused messages."""
 
 import math
 

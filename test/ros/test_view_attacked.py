@@ -57,7 +57,7 @@ def closed(connection):
 
 
 def serves(server):
-    """Whether the page is there for who asks as a browser does."""
+    """Whether the server answers the request of a browser with the page."""
     connection = http.client.HTTPConnection('localhost', server.server_port, timeout=LIMIT)
     try:
         connection.request('GET', '/')

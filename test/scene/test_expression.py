@@ -122,7 +122,7 @@ def test_no_text_takes_long() -> None:
 
 
 def test_same_text_with_other_names() -> None:
-    """What is remembered of a text must not include the values of its names."""
+    """The cache of parsed expressions must not include the values of their names."""
     assert [evaluate('k*L', {'L': 2.0, 'k': float(k)}) for k in range(3)] == [0.0, 2.0, 4.0]
     with pytest.raises(ExpressionError):
         evaluate('k*L', {'L': 2.0})

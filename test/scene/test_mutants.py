@@ -31,7 +31,7 @@ PATIENCE = 120.0  # s; the longest take a few on an idle machine
 
 
 class Judge:
-    """A process that gives verdicts, started again when it is lost."""
+    """A process that gives verdicts; it is started again after a crash."""
 
     def __init__(self) -> None:
         self.found: Counter[str] = Counter()

@@ -65,7 +65,7 @@ def test_commands_end_in_one_line(folder: Path, verb: str, path: str, capsys) ->
 
 
 def test_a_file_larger_than_stated_is_not_taken_in(tmp_path: Path) -> None:
-    """Sparse: it takes no room, and would take 1 TB of memory."""
+    """A sparse file occupies no disk space, and would occupy 1 TB of memory."""
     path = tmp_path / 'large.yaml'
     with open(path, 'wb') as stream:
         stream.truncate(1 << 40)

@@ -126,7 +126,7 @@ def test_the_text_holds_what_was_replaced() -> None:
 
 
 def test_parameters_reach_what_depends_on_them() -> None:
-    """Of the scene and of the call, the call's win; both before what is computed from them."""
+    """Parameters of the call replace parameters of the scene before expressions are evaluated."""
     text = 'mechanism: slider_crank\nparameters: {L: 3, m: 4*L}\ninitial: {positions: {B: [L, ~]}}'
     scene = scene_from_text(text, parameters={'L': 0.5})
     crank = scene.mechanism.bodies[0]
@@ -374,7 +374,7 @@ def _random_text(rng: random.Random) -> str:
 
 
 def _plain(node: yaml_document.Entry) -> object:
-    """What an entry holds, without its place; a scalar with what it could be taken for."""
+    """The value of an entry without its place; a scalar with its other possible readings."""
     if isinstance(node.value, tuple):
         return [_plain(item) for item in node.value]
     if isinstance(node.value, dict):

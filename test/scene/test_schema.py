@@ -1,4 +1,4 @@
-"""The JSON schemas: what is shipped is what the loader reads, and what it accepts they accept."""
+"""The JSON schemas: the shipped files describe the loader, and they accept all that it accepts."""
 
 from __future__ import annotations
 

@@ -178,7 +178,7 @@ def test_what_a_caller_cannot_ask() -> None:
 
 
 def test_changes_of_a_scene_by_name() -> None:
-    """What fork does: an accuracy takes the place of what it picks, and the other way round."""
+    """Changes of `fork`: an accuracy discards a tolerance, a tolerance discards an accuracy."""
     scene = with_changes(load_scene('slider_crank'), {'solver.accuracy': '1e-5'})
     assert scene.solver.accuracy == 1e-5
     scene = with_changes(scene, {'solver.tolerance': '1e-5'})

@@ -1,4 +1,4 @@
-"""Copies and pickles: they own their memory, and go on bit for bit, in other processes too."""
+"""Copies and pickles own their memory, and continue bit for bit, in other processes too."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ pickle.dump(told, sys.stdout.buffer)
 
 
 def in_another_process(parts: Any) -> Any:
-    """What the child makes of pickled parts: simulations are stepped there."""
+    """The result of a child process for pickled parts; the child steps the simulations."""
     done = subprocess.run(
         [sys.executable, '-c', CHILD],
         input=pickle.dumps(parts),
@@ -241,7 +241,7 @@ def test_a_users_effect_travels_with_its_text(tmp_path: Path) -> None:
 
 
 def addresses(struct: Any) -> set[int]:
-    """Where the table and the arrays of a struct lie, and those of the structs in it."""
+    """The addresses of the table and the arrays of a struct, and of the structs in it."""
     found = {struct._address}
     for name in struct.__dataclass_fields__:
         value = getattr(struct, name)

@@ -155,7 +155,7 @@ def dense(sim: Simulation) -> tuple[Floats, Floats, Floats, Floats]:
 
 
 def rates(model: Model, sim: Simulation) -> Floats:
-    """What the formulation found at the end of its last step."""
+    """The derivatives that the formulation found at the end of its last step."""
     assert sim._stepper.formulation is not None
     return sim._stepper.formulation._storage.k[: sim.state.carried.size]
 
@@ -357,7 +357,7 @@ def test_a_restored_run_repeats_bit_for_bit(name: str) -> None:
 
 @pytest.mark.parametrize('name', formulations.NAMES)
 def test_forces_from_outside_and_turns_are_counted(name: str) -> None:
-    """A pendulum driven round: the effort does work, and the joint's angle goes on past π."""
+    """An effort drives a pendulum round: the effort does work, and the joint's angle passes π."""
     source = {
         'alf': 1,
         'points': {'O': {'at': [0, 0], 'fixed': True}, 'A': {'at': [0, -1]}},

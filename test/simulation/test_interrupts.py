@@ -88,7 +88,7 @@ CASES: list[tuple[str, dict[str, Any], str, int]] = [
 
 
 def interrupted(script: str, argument: str, after: float) -> tuple[str, str, int]:
-    """What a script prints, on both streams, and its exit code, with a SIGINT `after` s."""
+    """The stdout, stderr and exit code of a script that gets a SIGINT after `after` s."""
     with subprocess.Popen(
         [sys.executable, '-c', script, argument],
         stdout=subprocess.PIPE,
@@ -211,7 +211,7 @@ def test_a_signal_ends_the_steps_of_other_threads(how: str) -> None:
 
 
 def in_a_thread(sim: Simulation, n: int) -> tuple[threading.Thread, list[BaseException]]:
-    """A thread that steps, and what is raised there; it has begun."""
+    """A thread that has begun to step, and the list of the errors that are raised in it."""
     raised: list[BaseException] = []
 
     def work() -> None:

@@ -94,7 +94,7 @@ class Leg:
         return np.asarray(2 * INERTIA / 10 * (omega @ u) * u + across * (omega - (omega @ u) * u))
 
     def across(self, t: float) -> Floats:
-        """The force of the plate on the leg, without what is along it, by moments about B."""
+        """The part of the force of the plate across the leg, by moments about B, N."""
         R, length = self.axes(t), self.length(t)
         u = R[:, 0]
         weight = MASS * length * np.cross(u, WEIGHT)  # halves at HALF and length - HALF
@@ -106,7 +106,7 @@ class Leg:
         return np.asarray(f[0] * R[:, 1] + f[1] * R[:, 2])
 
     def push(self, t: float, axial: float) -> float:
-        """What the actuator exerts on the upper half, if the plate exerts `axial` along it."""
+        """Force of the actuator on the upper half if the plate exerts `axial` along it, N."""
 
         def centre(t: float) -> Floats:
             return np.asarray((self.length(t) - HALF) * self.axes(t)[:, 0])

@@ -38,12 +38,12 @@ def small(mechanism: str, effects: str, velocities: str = '', **solver: Any) -> 
 
 
 def missing(start: Sample, end: Sample) -> float:
-    """What all works leave unexplained of the change of kinetic energy, J."""
+    """The change of kinetic energy that the works do not explain, J."""
     return end.kinetic_energy - start.kinetic_energy - sum(end.works.values())
 
 
 def taken(start: Sample, end: Sample) -> Mapping[str, float]:
-    """What each effect has taken from the mechanism for good, J."""
+    """The energy that each effect has removed from the mechanism for good, J."""
     return {
         label: start.stored[label] - end.stored[label] - end.works[label] for label in end.stored
     }
@@ -95,7 +95,7 @@ def test_motor_that_runs_up(mechanism: str, method: dict[str, Any]) -> None:
 
 
 def test_rotor_of_a_motor_counts() -> None:
-    """What the motor gives is in J + I; a rotor is no effect."""
+    """The work of the motor is the kinetic energy of J + I; a rotor is no effect."""
     sim = small(ROTOR, 'motor: {joint: pin, effort: 0.3, armature: 0.7}')
     sim.step(1000)
     omega = 0.3 / 1.2
@@ -103,7 +103,7 @@ def test_rotor_of_a_motor_counts() -> None:
 
 
 def test_inputs_from_outside() -> None:
-    """Held, replaced and let go, at a point and on a joint; each goes on with the same account."""
+    """An input is held, replaced and released, at a point and on a joint, in one account."""
     sim = small(MASS, 'gravity: {acceleration: [0, -1]}')
     sim.apply_wrench('P', force=[3.0, 0.0])
     sim.step(100)
@@ -236,7 +236,7 @@ def test_free_slider_crank_through_its_singular_position(method: dict[str, Any])
 
 
 def test_a_wheel_on_a_belt(method: dict[str, Any]) -> None:
-    """2 kg, solid, 0.5 m: it takes a third of the belt's speed v, and so v² / 3 J."""
+    """A solid wheel of 2 kg, 0.5 m reaches a third of the belt speed v; the work is v² / 3 J."""
     sim = Simulation(load_scene(BELT), ledger=True, **method)
     for sample in sim.run(2.0, at=[0.7, 2.0]):
         v = sample.t - math.sin(sample.t)
@@ -298,7 +298,7 @@ def test_a_restored_run_repeats_bit_for_bit(method: dict[str, Any]) -> None:
 
 
 def test_works_between_two_steps() -> None:
-    """As those of a run with steps of that length."""
+    """A run with steps of that length gives the same works."""
     sim, finer = busy(step=1e-3), busy(step=5e-4)
     (between,) = sim.run(0.0105, at=[0.0105])
     finer.step(21)
@@ -307,7 +307,7 @@ def test_works_between_two_steps() -> None:
 
 
 def test_a_state_of_other_effects_or_without_a_ledger() -> None:
-    """What it does not know begins at zero; what is not there is left out."""
+    """Works that the state does not have begin at zero; works without an effect are left out."""
     sim, plain = busy(), busy(ledger=False)
     plain.step(10)
     sim.step(5)

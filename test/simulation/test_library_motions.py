@@ -159,7 +159,7 @@ def test_delta_robot_moves_without_turning() -> None:
 
 @pytest.mark.parametrize('name', ['delta_robot', 'stewart_platform'])
 def test_actuators_hold_the_weight(name: str) -> None:
-    """The efforts of the scene are those of virtual work: started at rest, it stays at rest."""
+    """The scene's efforts satisfy virtual work: a mechanism that starts at rest stays at rest."""
     sim = Simulation(replace(load_scene(name), velocities={}))
     first = sim.sample()
     sim.step(100)

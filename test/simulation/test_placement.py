@@ -263,7 +263,7 @@ def test_without_a_twist_a_body_keeps_its_own_where_it_can() -> None:
 
 @pytest.mark.parametrize('formulation', ['alf1', 'baumgarte', 'canonical', 'lagrange_canonical'])
 def test_other_formulations_go_on_from_there(formulation: str) -> None:
-    """What they integrate begins anew with the place."""
+    """The integrated variables of a formulation start again from the new place."""
     one = moving('slider_crank', 50, formulation=formulation, integrator='rk4')
     one.place('crank', (0.0, 0.0, 0.5), (0.0, 0.0, 3.0))
     other = moving('slider_crank', 50)

@@ -22,7 +22,7 @@ def scene(points: str, bodies: str, joints: str, rest: str = ''):
 
 
 def test_slider_crank_reactions_are_its_multipliers() -> None:
-    """Closed form: the guide carries what is left of the coupler's balance; the pins follow."""
+    """Closed form: the guide carries the remainder of the coupler's balance; the pins follow."""
     path = DATA / 'slider_crank_6_2.json'
     wanted = json.loads(path.read_text())['samples'][37]
     th, thd, thdd = wanted['theta'], wanted['thetad'], wanted['thetadd']
@@ -62,7 +62,7 @@ def test_hanging_chain_at_rest_carries_its_weight() -> None:
 
 
 def test_three_bodies_at_one_pin_balance() -> None:
-    """What passes through each joint of a shared pin, against the bodies' own balances."""
+    """The reaction of each joint of a shared pin, against the bodies' own balances."""
     sim = Simulation(load_scene('double_four_bar'))
     sim.step(300)
     sample = sim.sample()
@@ -100,8 +100,11 @@ def test_applied_wrench_is_no_reaction() -> None:
 
 
 def test_redundant_bars_are_flagged_and_the_rest_is_not() -> None:
-    """Two sliders in a line hold a plate: their shares along the normal cannot be told apart from
-    three supports on one rigid body; the hanging rod below is determinate all the same."""
+    """Two sliders in a line hold a plate; the hanging rod below is determinate.
+
+    The shares of the sliders along the normal are not unique: the plate is one rigid body on three
+    supports.
+    """
     sim = Simulation(
         scene(
             '{A: {at: [0, 0]}, B: {at: [1, 0]}, C: {at: [2, 0]}, D: {at: [1, -1]}}',

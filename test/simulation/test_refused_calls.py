@@ -389,7 +389,7 @@ def test_a_study_is_made_or_refused_in_a_line(study: Any, data: st.DataObject) -
 
 
 def test_everything_public_is_told_of_here() -> None:
-    """What the package exports: whoever adds to it adds a test of what it refuses."""
+    """Every public name is in the lists here: a new name needs a test of its refusals."""
     called: list[Callable[..., Any]] = [load_scene, Simulation, alf_ros.record, *STUDIES]
     made_by_calls = [alf_ros.Run, alf_ros.Sample, alf_ros.Scene, State]
     made_by_calls += [alf_ros.Equilibrium, alf_ros.LinearModel, alf_ros.VibrationModes]

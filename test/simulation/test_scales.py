@@ -52,7 +52,7 @@ effects: {{gravity: {{acceleration: [0, -9.81]}}}}
 
 @pytest.mark.parametrize('ratio', [1e3, 1e6, 1e9])
 def test_a_light_body_does_not_disturb_a_heavy_one(ratio: float) -> None:
-    """The heavy rod swings as alone, and what is light keeps its own energy balance."""
+    """The heavy rod swings as alone, and the light rod keeps its own energy balance."""
     sim = Simulation(scene_from_text(pendulum(1.0 / ratio)), integrator='dop853', step=1e-3)
     alone = Simulation(
         load_scene(
@@ -101,8 +101,10 @@ def chain(bars: int, **settings: Any) -> Simulation:
 
 @pytest.mark.parametrize('bars', [10, 300, 3000])
 def test_rounds_do_not_grow_with_a_chain(bars: int) -> None:
-    """Its softest wave has σ = 1 / bars, about; with the penalty of a short one that takes
-    conjugate gradients in every stage."""
+    """The softest wave of the chain has σ ≈ 1 / bars.
+
+    With the penalty of a short chain, every stage would need conjugate gradients.
+    """
     sim = chain(bars, step=1e-4)
     sim.step(5)
     assert sim.sample().diagnostics.iterations <= 3
@@ -110,7 +112,10 @@ def test_rounds_do_not_grow_with_a_chain(bars: int) -> None:
 
 
 def test_a_long_chain_falls_as_with_any_penalty() -> None:
-    """The level of its end: it falls freely but for what has reached it of the pull."""
+    """The chain falls alike with any penalty.
+
+    Its end falls freely, except for the part of the pull that has reached the end.
+    """
     ends, before = [], chain(100).sample().energy
     for penalty in (1e6, 1e11):
         sim = chain(100, step=1e-3, integrator='dop853', penalty=penalty)

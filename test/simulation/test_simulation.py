@@ -263,7 +263,7 @@ def test_samples_keep_their_instant_and_are_read_only() -> None:
 
 
 def test_what_is_too_stiff_for_an_adaptive_step_says_so_and_keeps_the_state() -> None:
-    """Instead of going on for hours."""
+    """The step fails with a message: it does not run for hours."""
     source = {
         'mechanism': 'double_pendulum',
         'effects': {

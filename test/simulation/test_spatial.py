@@ -114,10 +114,10 @@ def value(f: Form, blocks: Floats) -> Floats:
 
 
 def newton_euler(sim: Simulation, sample: Sample) -> dict[str, Floats]:
-    """What each body needs from its joints: force, and torque about the world's origin (6,).
+    """The load that each body needs from its joints: force, and torque about the origin (6,).
 
     From accelerations of places on the body alone: d/dt ∫ r × ṙ dm = ∫ r × r̈ dm, with the mass at
-    the places of seven point masses that have the body's mass, com and inertia.
+    the places of seven point masses that have the body's mass, com and inertia. World frame.
     """
     layout, state = sim.model.layout, sim.state
     q = state.q.reshape(-1, layout.dimension)

@@ -86,7 +86,7 @@ def test_threads_that_fight_for_one_simulation_leave_a_whole_state() -> None:
 
 @pytest.mark.parametrize('name', RUNS)
 def test_many_simulations_run_side_by_side(name: str) -> None:
-    """Copies of one another, which share what is never written."""
+    """Copies of one simulation share only data that are never written."""
     first = made(name)
     first.step(5)
     others = [first, *(first.__copy__() for _ in range(3))]

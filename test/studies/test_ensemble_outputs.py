@@ -1,4 +1,4 @@
-"""What is kept of a member, against motions that are known exactly."""
+"""The stored outputs of a member, against motions with exact solutions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The store: nothing that is finished is lost, and nothing of others is overwritten."""
+"""The store keeps all finished chunks, and overwrites no files of others."""
 
 from __future__ import annotations
 

@@ -137,7 +137,7 @@ def test_a_stiff_stop_beside_the_position(
 
 
 def test_runs_of_the_case_land_where_they_say() -> None:
-    """The driven ones: exact motions are those of their drives."""
+    """The exact motions of the driven runs follow from their drives."""
     for row in landing.rows(True):
         if 'driven' in row.setting and row.runs[0].integrator == 'dop853':
             for run in row.runs:

@@ -1,4 +1,4 @@
-"""Natural frequencies, dense and by Lanczos, against closed forms; who moves in them."""
+"""Natural frequencies and shares of bodies, dense and by Lanczos, against closed forms."""
 
 from __future__ import annotations
 

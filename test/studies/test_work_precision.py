@@ -1,4 +1,4 @@
-"""The work-precision command: its errors, its report, and going on where it was stopped."""
+"""The work-precision command: its errors, its report, and its continuation after an interrupt."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What several tests share: mechanisms, processes, readers, and where things lie."""
+"""Shared parts of the tests: mechanisms, processes, readers and paths."""

@@ -113,8 +113,10 @@ class Browser:
         return answer['result']
 
     def _hear(self, event: dict[str, Any]) -> None:
-        """Remember what goes wrong in the page, and every request for anything but the page that
-        is not to this machine."""
+        """Remember errors in the page, and requests that leave this machine.
+
+        The request for the page itself is not counted.
+        """
         parameters = event.get('params', {})
         if event.get('method') == 'Runtime.exceptionThrown':
             self.complaints.append(parameters['exceptionDetails'])

@@ -72,7 +72,7 @@ def simulation(kind: str, which: str, **options: Any) -> Simulation:
 
 
 def as_python(monkeypatch: pytest.MonkeyPatch, *modules: object) -> None:
-    """Run what is compiled as the Python that is written."""
+    """Replace compiled functions by their Python source."""
     for module in modules:
         for name, value in list(vars(module).items()):
             if isinstance(value, CPUDispatcher):

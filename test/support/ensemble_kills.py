@@ -61,7 +61,7 @@ def contents(store: Path) -> dict[str, bytes]:
 
 
 def environment() -> dict[str, str]:
-    """That of a process which finds the package."""
+    """The environment of a process that can import the package."""
     return {**os.environ, 'PYTHONPATH': str(ROOT)}
 
 

@@ -1,4 +1,4 @@
-"""What tests of imported robots share: their text as a simulation, and its motion."""
+"""Shared parts of the tests of imported robots: the text as a simulation, and its motion."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Logs for tests: made without a node, written anew by another writer, read by another reader."""
+"""Logs for tests: made without a node, copied by another writer, read by another reader."""
 
 from __future__ import annotations
 
@@ -89,8 +89,10 @@ def rewritten(
 
 
 class Retold:
-    """A `change` for the journal: `edit(k, entry)` gives another k-th entry, or None; with `seal`
-    all are sealed anew, as if it had been so."""
+    """A `change` for the journal: `edit(k, entry)` returns another k-th entry, or None.
+
+    With `seal` all entries are sealed again: the chain of seals agrees with the new entries.
+    """
 
     def __init__(self, edit: Callable[[int, Any], Any], seal: bool = False) -> None:
         self.edit, self.seal, self.k, self.last = edit, seal, -1, ''

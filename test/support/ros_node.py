@@ -1,4 +1,4 @@
-"""What node tests share: the simulator in its own process, a peer in this one, reading logs."""
+"""Shared parts of node tests: the simulator in its own process, a peer in this one, readers."""
 
 from __future__ import annotations
 
@@ -224,7 +224,7 @@ def read_log(path: Path) -> Messages:
 
 
 def read_cut_log(path: Path) -> Messages:
-    """What a log that is still being written holds by now."""
+    """The messages so far of a log that is still being written."""
     found: Messages = {'/simulator/inputs': []}
     channels: dict[int, Channel] = {}
     schemas: dict[int, Schema] = {}

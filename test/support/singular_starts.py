@@ -1,4 +1,4 @@
-"""Scenes that start in or beside singular positions, and what is said of them."""
+"""Scenes that start at or near singular positions, and the answers of the commands to them."""
 
 from __future__ import annotations
 

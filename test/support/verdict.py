@@ -1,4 +1,4 @@
-"""What becomes of a scene: it runs with finite numbers, or is refused in one line."""
+"""The verdict on a scene: it runs with finite numbers, or is refused in one line."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ STEPS = 3
 
 
 def verdict(text: str) -> tuple[str, str]:
-    """RAN; REFUSED before it ran; STOPPED by an error of a step; or what went wrong, and details.
+    """RAN; REFUSED before it ran; STOPPED by an error of a step; or a kind of fault; details.
 
-    A warning counts as wrong: who types a command would see it.
+    A warning counts as a fault: a user of a command would see it.
     """
     with warnings.catch_warnings():
         warnings.simplefilter('error')

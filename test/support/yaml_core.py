@@ -1,4 +1,4 @@
-"""What a YAML 1.2 reader such as an editor's makes of an entry: the data a JSON schema judges."""
+"""Entries as a YAML 1.2 reader, such as an editor, reads them: the data a JSON schema judges."""
 
 from __future__ import annotations
 
