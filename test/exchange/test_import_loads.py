@@ -269,7 +269,7 @@ def test_mistakes_of_an_sdf(change: tuple[str, str], message: str, tmp_path: Pat
 
 
 def test_limits_of_an_sdf(tmp_path: Path) -> None:
-    """Limits on one side, limits that are infinite, and limits that enclose no range."""
+    """Limits on one side, infinite limits, and limits that enclose no range."""
     source = (FOLDER / 'nested.sdf').read_text(encoding='utf-8')
     for lower, upper, said in (
         ('-inf', '2', 'roll: {joint: roll, upper: 2.0, stiffness: 10000.0}'),

@@ -1,4 +1,4 @@
-"""Gears and racks: refused input and conserved quantities. Their motions are in test_library."""
+"""Gears and racks: refused input, and relations that a run keeps. Motions are in test_library."""
 
 from __future__ import annotations
 

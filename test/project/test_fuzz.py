@@ -1,4 +1,4 @@
-"""Cases that the campaigns of fuzz/ have found once are tried always, with some hundred new cases.
+"""Cases that the campaigns of fuzz/ found are tried in every run, with some hundred new cases.
 
 The campaigns are `make fuzz ARGS="--minutes 60"`; a case that went wrong is kept as a file below
 test/data/fuzz, in the folder of its harness.

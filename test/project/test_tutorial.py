@@ -48,7 +48,7 @@ def folder(tmp_path_factory):
 
 
 def made(command):
-    """The command `make ...` of the tutorial runs once .venv exists, with this interpreter."""
+    """The command behind `make ...` of the tutorial once .venv exists, with this interpreter."""
     assert command in [text.strip() for kind, text in BLOCKS if kind == 'sh']
     make, *arguments = shlex.split(command)
     lines = subprocess.run(

@@ -198,7 +198,7 @@ def rules(enclave, node):
     assert profile.get('ns') == '/'
 
     def unused(names, kind, access):
-        """Rules that match no name; every name must have one."""
+        """Rules that match no name; every name must match a rule."""
         groups = [group for group in profile.findall(kind) if group.get(access) == 'ALLOW']
         allowed = {resolved(item.text, node) for group in groups for item in group}
         for name in names:

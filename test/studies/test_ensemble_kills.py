@@ -1,4 +1,4 @@
-"""`kill -9` of every process of an ensemble, at any instant: finished members are kept.
+"""`kill -9` of every process of an ensemble, at any instant: finished chunks are kept.
 
 `pytest test/studies/test_ensemble_kills.py --kills 30` is the campaign.
 """

@@ -9,7 +9,7 @@ START_LIMIT = 180.0
 
 
 def environment() -> dict[str, str]:
-    """This package in every folder, as `make setup` gives it, without variables of a `make`."""
+    """This package in every folder, as `make setup` gives it; no variables of an outer `make`."""
     of_make = ('MAKEFLAGS', 'MAKEOVERRIDES', 'MAKELEVEL', 'MFLAGS', 'ARGS', 'SCENE', 'DURATION')
     rest = {key: value for key, value in os.environ.items() if key not in of_make}
     return {**rest, 'PYTHONPATH': str(ROOT)}

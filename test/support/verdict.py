@@ -19,7 +19,7 @@ STEPS = 3
 
 
 def verdict(text: str) -> tuple[str, str]:
-    """RAN; REFUSED before it ran; STOPPED by an error of a step; or a kind of fault; details.
+    """The outcome and details: RAN, REFUSED before it ran, STOPPED by a failed step, or a fault.
 
     A warning counts as a fault: a user of a command would see it.
     """
