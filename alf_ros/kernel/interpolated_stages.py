@@ -40,9 +40,7 @@ _WIDER = 1.5  # spacing, where a support position is not clear of the singular p
 _WIDEST = 0.5  # of the size: positions further apart do not determine values in between
 _TRIES = 6
 _BETWEEN = 2.0  # spacings: two singular positions this close together are passed in one
-_SLOW = (
-    1e-3  # part of the speed that forces give, below which a velocity has no reliable direction
-)
+SLOW = 1e-3  # part of the speed that forces give, below which a velocity has no reliable direction
 _CLOSED = 1e-10  # part of the size
 _SAME = 1e-11  # part of the size by which a place that is found may be off by rounding
 DRIFT = 1e-12  # part of the size by which lengths may miss the position without energy drifting
@@ -115,16 +113,23 @@ def evaluate_uninterpolated(
 def evaluate_place(problem: Problem, t: float, k: int) -> int:
     """q̈ and λ at place k under the forces that act at the stage; returns the iterations."""
     system, work = problem.system, problem.work
-    n = work.p.size
-    at = TWO * n * np.uint64(k)
-    prescribe(system, t + work.place_step[0] * _apart(work, k), work.q, work.qd, work.qdd)
-    for a in range(n):
-        work.q[a], work.qd[a] = work.places[at + a], work.places[at + n + a]
+    place_at(problem, t, k)
     copy(work.given, work.Q)
     if not linearise(problem.unit, system, work, work.q):
         return 0
     count, _sigma = accelerate_under(problem, t, True)  # (26)
     return count
+
+
+@inner
+def place_at(problem: Problem, t: float, k: int) -> None:
+    """q and q̇ of place k into `work`."""
+    system, work = problem.system, problem.work
+    n = work.p.size
+    at = TWO * n * np.uint64(k)
+    prescribe(system, t + work.place_step[0] * _apart(work, k), work.q, work.qd, work.qdd)
+    for a in range(n):
+        work.q[a], work.qd[a] = work.places[at + a], work.places[at + n + a]
 
 
 @inner
@@ -190,7 +195,7 @@ def _find(
     n = work.p.size
     fastest = largest(phase.qd, n)
     spacing = max(20.0 * moved, SPACING * system.close * scales.radius)
-    moving = fastest > _SLOW * scales.falling
+    moving = fastest > SLOW * scales.falling
     if not moving:
         copy(work.pull, work.along)
     speed = largest(work.along, n)
@@ -212,7 +217,7 @@ def _find(
             return count, False
     found = largest(work.sum_qd, n)
     ask = ending or furthest(work.sum_qd, work.along, n) > _TURNED * speed
-    if ask and count > 0 and moving and found > _SLOW * scales.falling:
+    if ask and count > 0 and moving and found > SLOW * scales.falling:
         # again, now that direction and curvature of the branch are known here
         _curve(work, work.place_step[0] * speed / found)
         for a in range(n):
