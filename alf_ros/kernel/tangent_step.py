@@ -138,7 +138,7 @@ def carry_tangents(
     _unfold_tangents(tangents, stages, h)
     copy(ended.q, work.q)
     copy(ended.qd, work.qd)
-    if not near:
+    if not near or x == np.inf:  # the end is clear of singular positions
         if not linearise(unit, system, work, work.q):
             return UNFOLLOWED
         if _project(tangents) <= 0:
@@ -165,9 +165,9 @@ def _differentiate_beside(
     iterations.
 
     At a distance x from the position, rounding e turns δq by e / x, δq̇ by e / x² and δq̈ by e / x³:
-    two digits more are lost than in the motion. So the support positions lie further apart than
-    those of the motion, all of them about `_APART` from the position. From rest, and where there
-    is no such interpolation, a stage that is clear of the position is taken as it is.
+    two powers of x more than the motion. So the support positions lie further apart than the
+    support positions of the motion, all of them about `_APART` from the position. From rest, and
+    where there is no such interpolation, a stage that is clear of the position is taken as it is.
     """
     problem = tangents.problem
     system, work = problem.system, problem.work

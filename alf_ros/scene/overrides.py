@@ -45,8 +45,8 @@ def with_changes(scene: Scene, changes: Mapping[str, str]) -> Scene:
 
 
 def number(scene: Scene, name: str) -> float:
-    """The number of this name in a scene. Raises InputError for an unknown name, and for what is
-    no number."""
+    """The number of this name in a scene. Raises InputError for an unknown name, and for a
+    value that is no number."""
     root = yaml_document.parse(scene.text, '<scene>')
     parameters = root.mapping()['mechanism'].mapping().get('parameters')
     node = root

@@ -88,7 +88,7 @@ class Neighbour:
 
     @property
     def structure(self) -> tuple[Integers, ...]:
-        """What must not depend on the number."""
+        """The indices, which must not depend on the number."""
         system, lengths = self.start.model.system, self.start.model.lengths
         mass, rows, angles = system.mass, system.rows, system.angles
         whole = (mass.i, mass.j, mass.skew, rows.i, rows.j, rows.first, rows.movable, rows.block)

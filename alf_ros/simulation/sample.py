@@ -28,7 +28,7 @@ from alf_ros.simulation.reactions import ReactionsOf
 from alf_ros.simulation.resolution import Known, Resolution
 from alf_ros.simulation.sample_diagnostics import Diagnostics
 from alf_ros.simulation.sample_limits import Place
-from alf_ros.simulation.sample_tangents import Tangent
+from alf_ros.simulation.sample_tangents import MotionTangent
 from alf_ros.simulation.state import State
 from alf_ros.simulation.tangent_following import Followed
 
@@ -85,7 +85,7 @@ class Sample(Dynamics):
         self._followed = followed
 
     @property
-    def tangents(self) -> Mapping[str, Tangent]:
+    def tangents(self) -> Mapping[str, MotionTangent]:
         """Derivatives of this sample by each number of the scene that the simulation was given.
 
         Raises InputError if it was given none, and for one that has no derivative there.
@@ -99,7 +99,9 @@ class Sample(Dynamics):
         names, slopes = self._followed.following.names, self._followed.slopes
         return NamedValues(
             names,
-            lambda k: Tangent(self.model, self._state, k, slopes(names[k]), self._instruments),
+            lambda k: MotionTangent(
+                self.model, self._state, k, slopes(names[k]), self._instruments
+            ),
         )
 
     @property

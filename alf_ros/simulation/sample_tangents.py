@@ -27,9 +27,9 @@ class JointTangent:
     velocity: float
 
 
-class Tangent(Keeper):
-    """Derivatives of a sample by one number of the scene: the unit of the quantity, over that of
-    the number. Arrays are read-only, in the world frame."""
+class MotionTangent(Keeper):
+    """Derivatives of a sample by one number of the scene: the unit of the quantity, over the unit
+    of the number. Arrays are read-only, in the world frame."""
 
     def __init__(
         self, model: Model, state: State, k: int, slopes: ParameterSlopes, instruments: Instruments

@@ -45,7 +45,7 @@ class Pass:
 
     `t` (s); `distance` σ where the nearer of the steps around it ends; `joints` that join the
     bodies whose constraints become dependent there; `energy_before` and `energy_after` (J) at the
-    steps around it; q (blocks D, m) there, and the combination of rows (rows,) that is lost, both
+    steps around it; q (blocks D, m) there, and the combination of rows (rows,) that vanishes, both
     in the kernel's order.
     """
 

@@ -68,6 +68,8 @@ class Stepper:
             method.b if ledger else None,
             tangents=tableau.implicit,
         )
+        if following is not None:
+            following.check(self.applied)
         self.system = self._model.system
         self._kernel = kernel.advance
         if tableau.implicit:

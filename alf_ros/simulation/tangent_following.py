@@ -43,7 +43,7 @@ def checked_names(tangents: object) -> tuple[str, ...]:
 
 
 class TangentFollowing:
-    """What the tangents of a run depend on, for all its states.
+    """The data of the tangents of a run, for all its states.
 
     Raises InputError, with the name, for a number that the motion cannot be differentiated by, an
     effect without a derivative, and settings that tangents do not follow.
@@ -57,7 +57,6 @@ class TangentFollowing:
         for each in self.slopes:
             _check_slopes(each, start)
         self._start = start
-        self._force: tuple[Applied, Addresses] | None = None
 
     @property
     def initial(self) -> Floats:
@@ -72,7 +71,7 @@ class TangentFollowing:
 
     def unfolded_by(self, passed: Pass) -> list[str]:
         """The parameters that unfold a singular position: nᵀ ∂Φ/∂θ ≠ 0, with n the combination of
-        rows that is lost there. With such a parameter changed by a little, the motion turns off
+        rows that vanishes there. With such a parameter changed by a little, the motion turns off
         there: its derivative does not exist behind it."""
         found, model = [], self._start.model
         for each in self.slopes:
@@ -86,6 +85,10 @@ class TangentFollowing:
     def stacked(self, name: str) -> Floats:
         """(K …,) the slopes of an array by all parameters."""
         return np.concatenate([np.zeros(0), *(each.arrays[name] for each in self.slopes)])
+
+    def check(self, applied: Applied) -> None:
+        """Raises InputError for an effect without a derivative."""
+        _dual_forces(applied)
 
     def tangents(self, applied: Applied, problem: Problem, work: Work) -> Tangents:
         """For the kernel: `problem` of the run, `work` for the stages of the tangents alone."""
@@ -188,8 +191,8 @@ def _dual_forces(applied: Applied) -> Addresses:
 
 
 class Followed(NamedTuple):
-    """What a sample knows of the tangents of its run: `refused` are those that do not exist there,
-    by name, and why."""
+    """The tangents of a run as a sample has them. `refused`: the tangents that do not exist there,
+    by name, each with its reason."""
 
     following: TangentFollowing
     refused: Mapping[str, str]

@@ -1,7 +1,7 @@
 """∂Q of an effect along a direction: its `force`, compiled for dual numbers.
 
-The function of the effect is the only source: what it computes is what is differentiated, so that
-an effect needs no code of its own for this, and none can be wrong. An effect whose functions do
+The function of the effect is the only source: its own statements are differentiated. An effect
+needs no second formula, so none can be wrong. An effect whose functions do
 not compile for dual numbers, as they call something that `dual_numbers` does not know, is refused
 by its name.
 """

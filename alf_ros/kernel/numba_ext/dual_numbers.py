@@ -3,7 +3,7 @@
 A function of numbers that is compiled for dual numbers returns its value and its derivative along
 the direction in which its arguments change: forward differentiation, exact to rounding (W. K.
 Clifford, 1873; Griewank & Walther, Evaluating Derivatives, 2008, ch. 3). Comparisons look at
-values, so that the derivative is that of the branch that is taken. `floor` and whole numbers have
+values, so that the derivative belongs to the branch that is taken. `floor` and whole numbers have
 the slope 0 between their steps. A function that is not defined here for dual numbers does not
 compile: there is no silent zero.
 
