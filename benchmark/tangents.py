@@ -60,7 +60,7 @@ TEN = {
         'gravity.acceleration.0',
     ),
 }
-STEPS = (1e-2 / 3.0, 1e-2 / 7.0, 1e-3, 5e-3 / 7.3)  # s, odd ones
+STEPS = tuple(1e-2 / parts for parts in (3.0, 7.0, 9.0, 13.0))  # s, odd ones
 TOLERANCES = 10.0 ** -np.arange(4.0, 12.0)
 
 

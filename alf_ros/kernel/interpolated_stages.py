@@ -54,7 +54,7 @@ def _offset(k: int) -> int:
 
 
 @inner
-def _apart(work: Work, k: int) -> float:
+def apart(work: Work, k: int) -> float:
     """From the stage to place k, in parts of the spacing."""
     return _offset(k) + work.place_shift[0]
 
@@ -127,7 +127,7 @@ def place_at(problem: Problem, t: float, k: int) -> None:
     system, work = problem.system, problem.work
     n = work.p.size
     at = TWO * n * np.uint64(k)
-    prescribe(system, t + work.place_step[0] * _apart(work, k), work.q, work.qd, work.qdd)
+    prescribe(system, t + work.place_step[0] * apart(work, k), work.q, work.qd, work.qdd)
     for a in range(n):
         work.q[a], work.qd[a] = work.places[at + a], work.places[at + n + a]
 
@@ -258,10 +258,10 @@ def _interpolate(problem: Problem, t: float, moving: bool, scales: Scales, spaci
         zero(work.sum_qd)
         good, step = True, spacing / speed
         work.place_step[0] = step if moving else 0.0
-        _weigh(work, position / spacing)
+        weigh_places(work, position / spacing)
         for k in range(PLACES):
-            away = step * _apart(work, k)
-            prescribe(system, t + work.place_step[0] * _apart(work, k), work.q, work.qd, work.qdd)
+            away = step * apart(work, k)
+            prescribe(system, t + work.place_step[0] * apart(work, k), work.q, work.qd, work.qdd)
             for a in range(n):
                 # off Φ = 0 by little: the rows are turned by that over the distance
                 place = work.base[a] + away * (work.along[a] + 0.5 * away * work.curve[a])
@@ -272,7 +272,7 @@ def _interpolate(problem: Problem, t: float, moving: bool, scales: Scales, spaci
             most = max(most, count)
             good = good and clear
             work.place_x[k] = x
-            _store_place(work, k)
+            store_place(work, k)
             for a in range(n):
                 work.sum_q[a] += work.place_weights[k] * work.q[a]
                 work.sum_qd[a] += work.place_weights[k] * work.qd[a]
@@ -290,7 +290,7 @@ def _interpolate(problem: Problem, t: float, moving: bool, scales: Scales, spaci
 
 
 @inner
-def _weigh(work: Work, shift: float) -> None:
+def weigh_places(work: Work, shift: float) -> None:
     """Weights of Lagrange's interpolation from places around `shift` to the stage; `shift` in
     parts of the spacing."""
     work.place_shift[0] = shift
@@ -316,10 +316,10 @@ def _position(work: Work) -> float:
     fall, rise = x[before - 1] - x[before], x[after + 1] - x[after]
     if not (fall > 0.0 and rise > 0.0 and x[before] < np.inf and x[after] < np.inf):
         return 0.0
-    wide = _apart(work, before) - _apart(work, before - 1)
-    left = _apart(work, before) + wide * x[before] / fall
-    wide = _apart(work, after + 1) - _apart(work, after)
-    right = _apart(work, after) - wide * x[after] / rise
+    wide = apart(work, before) - apart(work, before - 1)
+    left = apart(work, before) + wide * x[before] / fall
+    wide = apart(work, after + 1) - apart(work, after)
+    right = apart(work, after) - wide * x[after] / rise
     found = 0.5 * (left + right)
     return found if abs(right - left) < _BETWEEN and abs(found) <= 1.0 else 0.0
 
@@ -365,7 +365,7 @@ def _gap(system: System, work: Work, part: float) -> float:
 
 
 @inner
-def _store_place(work: Work, k: int) -> None:
+def store_place(work: Work, k: int) -> None:
     """Position and velocity of place k."""
     n = work.p.size
     at = TWO * n * np.uint64(k)

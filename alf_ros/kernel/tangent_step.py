@@ -1,15 +1,15 @@
 """The derivatives of q and q̇ by parameters, carried through an accepted step.
 
 The variational equation of the motion is integrated by the method of the step, at its stages:
-the step is taken again, from the state where it began, and in each stage δq̈ follows from δq and
-δq̇ by a solve with the factor of that stage (`tangent_solves`). Lengths of steps are not
-differentiated: they are numbers of the method.
+the step is taken again, from the state where it began. In each stage δq̈ follows from δq and δq̇
+by a solve with the factor of that stage (`tangent_stage`, `tangent_solves`). Lengths of steps are
+not differentiated: they are numbers of the method.
 
     for each stage:  q, q̇, q̈, λ and the factor of the stage, as in `step`
         for each parameter:
             δq, δq̇ = those of the begin + h Σ_m a_sm (rates)_m    # unfold_tangents
             beside a singular position: both onto their constraints, along M
-            δq̈                                                    # accelerate_tangent
+            δq̈                                                    # differentiate
             rates of δq, δq̇                                       # fold_tangents
     at the end, δq and δq̇ onto their constraints, along M
 
@@ -18,10 +18,8 @@ moves on a circle, and so does the arrow of its derivative. So δq and δq̇ of 
 are taken relative to the block that it turns about, along the axes T, N, b of the arc, which turn
 by κ ȧ (`arc_coordinates`).
 
-Beside a singular position the derivatives along the branch are smooth, also through the position,
-but derivatives across it are not. There all stages of a step are projected, and a stage that is
-interpolated has the derivative of its formula: each support position gives δq, δq̇ and δq̈, which
-are interpolated with the same weights.
+If a stage of a step is beside a singular position, all its stages are projected, and those beside
+the position interpolated (`tangent_stage`).
 """
 
 from __future__ import annotations
@@ -39,34 +37,24 @@ from alf_ros.kernel.arc_coordinates import (
     unfold,
 )
 from alf_ros.kernel.augmented_solve import accelerate
-from alf_ros.kernel.data import ORIGIN, Phase, Problem, Scales, Tangents, Work
-from alf_ros.kernel.interpolated_stages import (
-    PLACES,
-    SLOW,
-    evaluate_interpolated,
-    evaluate_place,
-    place_at,
-)
+from alf_ros.kernel.data import ORIGIN, Phase, Problem, Tangents, Work
+from alf_ros.kernel.interpolated_stages import evaluate_interpolated
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.numba_ext.block import block, put
 from alf_ros.kernel.numba_ext.jit import ONE, THREE, TWO, inner
 from alf_ros.kernel.numba_ext.plain_loops import each
-from alf_ros.kernel.numba_ext.vectors import copy, furthest, largest, zero
+from alf_ros.kernel.numba_ext.vectors import copy, furthest
 from alf_ros.kernel.prescribed import prescribe
 from alf_ros.kernel.stage import stage
 from alf_ros.kernel.status import OK, STOPPED, UNFOLLOWED
 from alf_ros.kernel.step import add_up, evaluate_first, scales_of, store_angles
 from alf_ros.kernel.stopping import told_to_stop
-from alf_ros.kernel.tangent_solves import (
-    accelerate_tangent,
-    add_force_change,
-    project_position,
-    project_velocity,
+from alf_ros.kernel.tangent_stage import (
+    differentiate,
+    differentiate_beside,
+    project_tangents,
+    take,
 )
-
-# distance x to a singular position from which derivatives are interpolated: rounding leaves
-# ε / x³ = 7e-11 of them, and the interpolation 600 x⁸ = 2e-12
-_APART = 0.015
 
 
 @inner
@@ -123,10 +111,12 @@ def carry_tangents(
             fold(unit, system, work, work.qd, work.qdd, s)
             _unfold_tangents(tangents, s, h)
             if x == np.inf:
-                count = _differentiate(tangents, ts, near)
+                count = differentiate(tangents, ts, near)
             else:
+                copy(work.q, work.sum_q)
+                copy(work.qd, work.sum_qd)
                 _unfold_again(problem, phase, ts, s, h)
-                count = _differentiate_beside(tangents, phase, ts, s, scales, clear)
+                count = differentiate_beside(tangents, phase, ts, scales, clear)
         if told_to_stop(work):
             return STOPPED
         if count <= 0:
@@ -141,7 +131,7 @@ def carry_tangents(
     if not near or x == np.inf:  # the end is clear of singular positions
         if not linearise(unit, system, work, work.q):
             return UNFOLLOWED
-        if _project(tangents) <= 0:
+        if project_tangents(tangents) <= 0:
             return UNFOLLOWED
     return _store(tangents, phase)
 
@@ -155,36 +145,6 @@ def _unfold_again(problem: Problem, phase: Phase, t: float, s: np.uint64, h: flo
     unfold(problem.unit, problem.system, work, phase)
     copy(work.q, work.base)
     copy(work.qd, work.along)
-
-
-@inner
-def _differentiate_beside(
-    tangents: Tangents, phase: Phase, t: float, s: np.uint64, scales: Scales, clear: bool
-) -> int:
-    """δq̈ of all parameters at a stage beside a singular position, from `_unfold_again`; the
-    iterations.
-
-    At a distance x from the position, rounding e turns δq by e / x, δq̇ by e / x² and δq̈ by e / x³:
-    two powers of x more than the motion. So the support positions lie further apart than the
-    support positions of the motion, all of them about `_APART` from the position. From rest, and
-    where there is no such interpolation, a stage that is clear of the position is taken as it is.
-    """
-    problem = tangents.problem
-    system, work = problem.system, problem.work
-    count = 0
-    if largest(phase.qd, work.p.size) > SLOW * scales.falling:
-        apart = Scales(scales.radius, 0.5 * _APART, scales.falling)
-        moved = _APART * scales.radius / 20.0
-        count = evaluate_interpolated(problem, phase, t, s, moved, apart)
-        if count > 0:
-            return _differentiate_interpolated(tangents, t)
-    if not clear:
-        return 0
-    prescribe(system, t, work.q, work.qd, work.qdd)
-    copy(work.base, work.q)
-    copy(work.base, work.target)
-    count, _x, _clear = stage(problem, t, scales, True, True)
-    return _differentiate(tangents, t, True) if count > 0 else count
 
 
 @inner
@@ -259,116 +219,6 @@ def _unfold_tangents(tangents: Tangents, s: np.uint64, h: float) -> None:
 
 
 @inner
-def _take(tangents: Tangents, k: np.uint64, q: Floats, qd: Floats) -> None:
-    """δq and δq̇ of parameter k, of q and qd (K, all blocks D), into `dq` and `dqd`."""
-    whole = tangents.dq.size
-    for a in range(whole):
-        tangents.dq[a], tangents.dqd[a] = q[k * whole + a], qd[k * whole + a]
-
-
-@inner
-def _project(tangents: Tangents) -> int:
-    """δq and δq̇ onto their constraints, at q, q̇ in `work`; the iterations."""
-    whole, count = tangents.dq.size, 1
-    for k in range(tangents.count):
-        _take(tangents, k, tangents.q, tangents.qd)
-        if count > 0:
-            count = project_position(tangents, k, True)
-        if count > 0:
-            count = project_velocity(tangents, k, True)
-        for a in range(whole):
-            tangents.q[k * whole + a] = tangents.dq[a]
-            tangents.qd[k * whole + a] = tangents.dqd[a]
-    return count
-
-
-@inner
-def _store_multipliers(tangents: Tangents) -> None:
-    work = tangents.problem.work
-    for r in range(work.y.size):
-        tangents.lam[r] = -work.y[r]
-
-
-@inner
-def _differentiate(tangents: Tangents, t: float, near: bool) -> int:
-    """δq̈ of all parameters at the stage in `work`; the iterations.
-
-    `near`: δq and δq̇ are projected before.
-    """
-    problem = tangents.problem
-    work, whole, count = problem.work, tangents.dq.size, 1
-    _store_multipliers(tangents)
-    if near:
-        if not linearise(problem.unit, problem.system, work, work.q):
-            return 0
-        count = _project(tangents)
-    for k in range(tangents.count):
-        if count > 0:
-            _take(tangents, k, tangents.q, tangents.qd)
-            count = accelerate_tangent(tangents, k, t, near, True)
-            for a in range(whole):
-                tangents.qdd[k * whole + a] = tangents.x[a]
-    return count
-
-
-@inner
-def _differentiate_interpolated(tangents: Tangents, t: float) -> int:
-    """The same of a stage that is interpolated, from its support positions, which stand in `work`
-    as `evaluate_interpolated` leaves them."""
-    problem = tangents.problem
-    unit, system, work = problem.unit, problem.system, problem.work
-    n, whole, places = work.p.size, tangents.dq.size, np.uint64(PLACES)
-    many = tangents.count * whole
-    for a in range(many):
-        tangents.begun_q[a], tangents.begun_qd[a] = tangents.q[a], tangents.qd[a]
-        tangents.qdd[a] = 0.0
-    # δq and δq̇
-    for k in range(tangents.count):
-        for a in range(n):
-            tangents.q[k * whole + a], tangents.qd[k * whole + a] = 0.0, 0.0
-    for p in range(places):
-        place_at(problem, t, p)
-        if not linearise(unit, system, work, work.q):
-            return 0
-        for k in range(tangents.count):
-            _take(tangents, k, tangents.begun_q, tangents.begun_qd)
-            if project_position(tangents, k, True) <= 0:
-                return 0
-            if project_velocity(tangents, k, True) <= 0:
-                return 0
-            for a in range(n):
-                tangents.q[k * whole + a] += work.place_weights[p] * tangents.dq[a]
-                tangents.qd[k * whole + a] += work.place_weights[p] * tangents.dqd[a]
-    # δq̈, under the change of the forces that act at the stage
-    prescribe(system, t, work.q, work.qd, work.qdd)
-    for a in range(n):
-        work.q[a], work.qd[a] = work.sum_q[a], work.sum_qd[a]
-    for k in range(tangents.count):
-        _take(tangents, k, tangents.q, tangents.qd)
-        zero(tangents.f)
-        add_force_change(tangents, k, t)
-        for a in range(whole):
-            tangents.pushed[k * whole + a] = tangents.f[a]
-    for p in range(places):
-        if evaluate_place(problem, t, p) <= 0:
-            return 0
-        _store_multipliers(tangents)
-        for k in range(tangents.count):
-            _take(tangents, k, tangents.begun_q, tangents.begun_qd)
-            if project_position(tangents, k, True) <= 0:
-                return 0
-            if project_velocity(tangents, k, True) <= 0:
-                return 0
-            for a in range(whole):
-                tangents.f[a] = tangents.pushed[k * whole + a]
-            if accelerate_tangent(tangents, k, t, True, False) <= 0:
-                return 0
-            for a in range(n):
-                tangents.qdd[k * whole + a] += work.place_weights[p] * tangents.x[a]
-    return 1
-
-
-@inner
 def _fold_tangents(tangents: Tangents, s: np.uint64) -> None:
     """The rates of δq and δq̇ of stage s along the axes of the arcs, which turn."""
     problem, rates = tangents.problem, tangents.rates
@@ -378,7 +228,7 @@ def _fold_tangents(tangents: Tangents, s: np.uint64) -> None:
     D = np.uint64(len(unit))
     for k in range(tangents.count):
         at = TWO * (k * stages + s) * n
-        _take(tangents, k, tangents.q, tangents.qd)
+        take(tangents, k, tangents.q, tangents.qd)
         _to_axes(tangents, tangents.dq)
         copy(tangents.x, tangents.f)
         _to_axes(tangents, tangents.dqd)

@@ -78,12 +78,12 @@ def double_four_bar(duration: float) -> ExactTangents:
     signs = (1.0, 1.0, -1.0, 1.0)
     dq = [s * along * each[:, None] for s, each in zip(signs, change, strict=True)]
     dq[3] = dq[3] + q  # L = 1
-    names = ('crank0.mass', 'coupler1.mass', 'gravity.acceleration.1')
-    return ExactTangents('double_four_bar', times, names, q, tuple(dq[:3]))
+    names = ('crank0.mass', 'coupler1.mass', 'gravity.acceleration.1', 'L')
+    return ExactTangents('double_four_bar', times, names, q, tuple(dq))
 
 
 def _times(duration: float) -> Floats:
-    return np.linspace(0.0, duration, round(10 * duration) + 1)
+    return np.asarray(np.linspace(0.0, duration, round(10 * duration) + 1), dtype=np.float64)
 
 
 def _solved(
@@ -100,7 +100,7 @@ def _solved(
         moved = [x + (1j * _TINY if n == at else 0.0) for n, x in enumerate(given)]
         return float(np.imag(acceleration(*moved)) / _TINY)
 
-    def rates(t: float, y: Floats) -> Floats:
+    def rates(t: float, y: Floats) -> list[float]:
         theta, rate, *rest = y.tolist()
         given = (theta, rate, *numbers)
         by_theta, by_rate = slope(0, given), slope(1, given)
@@ -109,7 +109,7 @@ def _solved(
             d, dd = rest[2 * k : 2 * k + 2]
             forced = slope(2 + k, given) if k < len(numbers) else 0.0
             found += [dd, by_theta * d + by_rate * dd + forced]
-        return np.array(found)
+        return found
 
     y0 = np.concatenate([start, np.ravel(by_start)])
     found = solve_ivp(
