@@ -440,6 +440,8 @@ class Simulation:
         stay, without a twist the body keeps its own if possible. Raises InputError, and changes
         nothing, for an impossible request.
         """
+        if self._following is not None:
+            raise InputError('no tangents of a placed body', key='body', value=body)
         now, formulation = self._present.state(), self._stepper.formulation
         q, qd, turns = placed(self.model, now, self.t, body, pose, twist)
         carried = formulation.start(q, qd) if formulation else now.carried

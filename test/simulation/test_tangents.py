@@ -218,6 +218,51 @@ def test_numbers_of_a_scene(robot: Scene, run: Simulation, name: str) -> None:
     assert tangent.joints['knee'].position == tangent.joint_positions[1]
 
 
+DRIVEN = """
+mechanism:
+  alf: 1
+  space: planar
+  parameters: {a: 1.0, b: 0.8, m: 1.0, w: 3.0}
+  points:
+    O: {at: [0, 0], fixed: true}
+    A: {at: [a, 0]}
+    B: {at: [a, b]}
+  bodies:
+    upper: {points: [O, A], mass: m, inertia: rod}
+    lower: {points: [A, B], mass: m, inertia: {about_com: 0.1}, com: [0.3, 0.1]}
+  joints:
+    shoulder: {type: revolute, between: [ground, upper], at: O}
+    elbow: {type: revolute, between: [upper, lower], at: A}
+  drives:
+    swing: {joint: shoulder, angle: 0.5*sin(w*t)}
+effects: {gravity: {acceleration: [0, -9.81]}}
+solver: {step: 1.0e-3}
+"""
+
+
+@pytest.mark.parametrize('name', ['b', 'lower.com.0', 'lower.inertia.about_com'])
+def test_beside_a_drive(name: str, tmp_path: Path) -> None:
+    path = tmp_path / 'driven.yaml'
+    path.write_text(DRIVEN, 'utf-8')
+    scene = load_scene(path)
+    sim, value = Simulation(scene, tangents=[name]), overrides.number(scene, name)
+    sim.step(300)
+
+    def other(change: float) -> np.ndarray[Any, Any]:
+        run = Simulation(overrides.with_changes(scene, {name: repr(value + change)}))
+        run.step(300)
+        return run.sample().q
+
+    size, weights = 1e-2 * value, (3.0 / 4.0, -3.0 / 20.0, 1.0 / 60.0)
+    expected = sum(
+        w / size * (other(k * size) - other(-k * size)) for k, w in enumerate(weights, 1)
+    )
+    assert np.abs(expected).max() > 1e-2
+    found = sim.sample().tangents[name].q
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-8 * np.abs(expected).max())
+    assert 'numbers of a drive' in refused(scene, ['w'])
+
+
 # ------------------------------------------------------------------------ states and copies
 
 
@@ -318,6 +363,18 @@ def test_a_length_that_unfolds_a_position_is_refused_behind_it() -> None:
     sim.reset()
     assert np.isfinite(sim.sample().tangents[names[1]].q).all()
     assert later.step == 500
+
+
+def test_a_body_cannot_be_placed(robot: Scene) -> None:
+    sim = Simulation(robot, tangents=['m'])
+    with pytest.raises(InputError, match='placed body'):
+        sim.place('crank', twist=[0.0, 0.0, 1.0])
+
+
+def test_a_state_without_tangents_is_refused(robot: Scene) -> None:
+    sim = Simulation(robot, tangents=['m'])
+    with pytest.raises(InputError, match=r'state\.tangents'):
+        sim.restore(Simulation(robot).state)
 
 
 def test_nobody_asked() -> None:
