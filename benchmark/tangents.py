@@ -115,7 +115,7 @@ def print_errors() -> None:
         print(f'\n{exact.scene}: relative errors over 10 s')
         print(
             f'{"":22s} position ',
-            *(f'{name.rpartition(".")[0][-14:]:>14s}' for name in exact.names),
+            *(f'{name[-14:]:>14s}' for name in exact.names),
         )
         for label, each in settings:
             position, tangents = errors(exact, each)
