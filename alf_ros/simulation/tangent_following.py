@@ -11,7 +11,6 @@ import numpy as np
 
 from alf_ros import effects as registry
 from alf_ros.arrays import Addresses, Floats, Integers
-from alf_ros.effects.contract.dual_force import dual_force
 from alf_ros.errors import InputError
 from alf_ros.kernel import Forces, Ledger, Problem, Tangents, Work
 from alf_ros.kernel.numba_ext.plain import PLAIN
@@ -174,6 +173,9 @@ def _check_slopes(slopes: ParameterSlopes, start: Start) -> None:
 
 def _dual_forces(applied: Applied) -> Addresses:
     """(effects,) the address of each force for dual numbers, in the order of the kernel."""
+    # it teaches numba new types: only where somebody asks
+    from alf_ros.effects.contract.dual_force import dual_force
+
     effects = applied.assembled.effects
     found: list[int] = []
     for kind, friction in zip(applied.kinds, effects.friction.tolist(), strict=True):
