@@ -41,11 +41,14 @@ from alf_ros.kernel.data import (
     Problem,
     Rows,
     Soft,
+    Span,
     System,
+    Tangents,
     Until,
     Watch,
     Work,
 )
+from alf_ros.kernel.fixed_steps import advance
 from alf_ros.kernel.implicit import advance_implicitly
 from alf_ros.kernel.inverse_trace import mass_trace
 from alf_ros.kernel.joint_coordinates import counted_angles, joint_coordinates
@@ -57,7 +60,6 @@ from alf_ros.kernel.prescribed import prescribed_at
 from alf_ros.kernel.singularity_monitor import follow, turning
 from alf_ros.kernel.softest_modes import carried_over, softest
 from alf_ros.kernel.status import Status
-from alf_ros.kernel.step import advance
 from alf_ros.kernel.triangular_solve import solve
 from alf_ros.kernel.unwrapping import nearby
 
@@ -87,8 +89,10 @@ __all__ = [
     'Problem',
     'Rows',
     'Soft',
+    'Span',
     'Status',
     'System',
+    'Tangents',
     'Until',
     'Watch',
     'Work',

@@ -6,7 +6,18 @@ import numpy as np
 
 from alf_ros.arrays import Unit
 from alf_ros.kernel.arc_coordinates import straighten, straighten_momenta, turning
-from alf_ros.kernel.data import EPS, NOTHING, Method, Phase, Problem, System, Watch, Work
+from alf_ros.kernel.data import (
+    EPS,
+    NOTHING,
+    Method,
+    Phase,
+    Problem,
+    Span,
+    System,
+    Tangents,
+    Watch,
+    Work,
+)
 from alf_ros.kernel.interpolated_stages import SPACING, linearise_aside
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.mass import add_mass_times
@@ -32,6 +43,7 @@ from alf_ros.kernel.step import (
 )
 from alf_ros.kernel.step_error import free_part
 from alf_ros.kernel.stopping import told_to_stop
+from alf_ros.kernel.tangent_step import carry_tangents
 from alf_ros.kernel.work_ledger import ALL_FORCES, record_power
 
 _SHARE = 0.05  # of the tolerance for one step: errors add up along a motion
@@ -136,18 +148,19 @@ def advance_adaptively(
     problem: Problem,
     phase: Phase,
     watch: Watch | None,
-    t0: float,
-    first: int,
-    steps: int,
-    h: float,
+    span: Span,
     within: bool,
+    tangents: Tangents | None = None,
 ) -> tuple[int, int, int]:
     """Like `advance`, each h in as many steps as the tolerance of the method takes."""
     unit, system = problem.unit, problem.system
     method, work = problem.method, problem.work
+    t0, first, steps, h = span
     pace, share = phase.pace, _SHARE * method.tolerance
     good_pace = pace[0]
     save_grid_point(problem, phase)
+    if tangents is not None:
+        copy(phase.tangents, tangents.good)
     most, begun = 0, False
     tries, before, longer = 0, np.inf, h  # from here; error and length of the last
     if not linearise_first(unit, system, work, phase):
@@ -192,6 +205,10 @@ def advance_adaptively(
             if stays and error > floor and fine * share < likely:
                 floor, factor = _MARGIN * error, 1.0
             if error <= floor:
+                if tangents is not None:
+                    result = carry_tangents(tangents, phase, work, t + done, to, dt, sigma)
+                    if result != OK:
+                        break
                 record_power(problem, phase, t, method.b.size, dt, ALL_FORCES)
                 accept(unit, system, work, phase)
                 copy(problem.forces.bearings.force, phase.loads)
@@ -216,9 +233,13 @@ def advance_adaptively(
                     linearise(unit, system, work, work.q)
         if done < h:
             restore_grid_point(problem, phase)
+            if tangents is not None:
+                copy(tangents.good, phase.tangents)
             pace[0] = good_pace
             return result, taken, most
         save_grid_point(problem, phase)
+        if tangents is not None:
+            copy(phase.tangents, tangents.good)
         phase.step[0] = first + taken + 1
         good_pace = pace[0]
         if watch is not None:  # known at compilation: code without watching omits it

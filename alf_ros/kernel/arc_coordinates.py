@@ -44,7 +44,7 @@ _SHARPEST = 10.0  # 1 / length of the arm: largest curvature that is used
 
 
 @inlined
-def _relative(unit: Unit, arms: Arms, i: np.uint64, u: Floats) -> Block:
+def relative(unit: Unit, arms: Arms, i: np.uint64, u: Floats) -> Block:
     """u (all blocks D,) of block i, minus u of the block about which it turns."""
     about, v = arms.about[i], block(unit, u, i)
     if about != ORIGIN:
@@ -59,7 +59,7 @@ def turning(unit: Unit, arms: Arms, phase: Phase) -> float:
     for i in each(0, arms.about.size):
         if arms.about[i] == FREE:
             continue
-        d, v = _relative(unit, arms, i, phase.q), _relative(unit, arms, i, phase.qd)
+        d, v = relative(unit, arms, i, phase.q), relative(unit, arms, i, phase.qd)
         dd, dv, vv = dot(d, d), dot(d, v), dot(v, v)
         if dd > 0.0:
             fastest = max(fastest, (dd * vv - dv * dv) / (dd * dd))
@@ -77,7 +77,7 @@ def choose_arcs(unit: Unit, system: System, work: Work, phase: Phase, h: float) 
         put(chart.rate, i, block(unit, phase.qd, i))
         if arms.about[i] == FREE:
             continue
-        d, v = _relative(unit, arms, i, phase.q), _relative(unit, arms, i, phase.qd)
+        d, v = relative(unit, arms, i, phase.q), relative(unit, arms, i, phase.qd)
         if len(unit) == 2:
             turn, dd = d[0] * v[1] - d[1] * v[0], dot(d, d)
             if abs(turn) * h <= _LEAST * dd:
@@ -88,7 +88,7 @@ def choose_arcs(unit: Unit, system: System, work: Work, phase: Phase, h: float) 
             put(chart.n, i, (-1.0 / long) * d)
             put(chart.rate, i, packed(unit, turn / long, -dot(d, v) / long, 0.0))
         else:
-            b, vv = _relative(unit, arms, i, work.bend), dot(v, v)
+            b, vv = relative(unit, arms, i, work.bend), dot(v, v)
             fast, vb = np.sqrt(vv), dot(v, b)
             if fast <= slowest:
                 continue
@@ -278,8 +278,8 @@ def fold(unit: Unit, system: System, work: Work, qd: Floats, qdd: Floats, s: np.
             put(k, xid, block(unit, qdd, i))
             put(k, wd, block(unit, work.sum, i))
             continue
-        u = components(unit, chart, i, _relative(unit, arms, i, qd))
-        v = components(unit, chart, i, _relative(unit, arms, i, qdd))
+        u = components(unit, chart, i, relative(unit, arms, i, qd))
+        v = components(unit, chart, i, relative(unit, arms, i, qdd))
         P, w = components(unit, chart, i, block(unit, work.sum, i)), block(unit, chart.w, i)
         rho, cd = chart.rho[i], u[1]
         ad = u[0] / rho

@@ -14,7 +14,7 @@ import numpy as np
 
 from alf_ros.arrays import Unit
 from alf_ros.kernel.adaptive import ENDED, MOST, REFUSED, embedded, relative
-from alf_ros.kernel.data import EPS, Method, Phase, Problem, Scales, System, Watch, Work
+from alf_ros.kernel.data import EPS, Method, Phase, Problem, Scales, Span, System, Watch, Work
 from alf_ros.kernel.effect_jacobians import add_soft_times, weigh
 from alf_ros.kernel.interpolated_stages import (
     DIRECTION_ONLY,
@@ -263,16 +263,14 @@ def advance_implicitly(
     problem: Problem,
     phase: Phase,
     watch: Watch | None,
-    t0: float,
-    first: int,
-    steps: int,
-    h: float,
+    span: Span,
     within: bool,
 ) -> tuple[int, int, int]:
     """Like `advance`; a step whose stages do not converge is taken in parts, and with an embedded
     error each in as many as the tolerance of the method takes."""
     unit, system = problem.unit, problem.system
     method, work = problem.method, problem.work
+    t0, first, steps, h = span
     pace, adaptive = phase.pace, method.embedded.size > 0
     good_pace = pace[0]
     save_grid_point(problem, phase)

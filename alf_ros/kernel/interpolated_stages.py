@@ -40,9 +40,7 @@ _WIDER = 1.5  # spacing, where a support position is not clear of the singular p
 _WIDEST = 0.5  # of the size: positions further apart do not determine values in between
 _TRIES = 6
 _BETWEEN = 2.0  # spacings: two singular positions this close together are passed in one
-_SLOW = (
-    1e-3  # part of the speed that forces give, below which a velocity has no reliable direction
-)
+SLOW = 1e-3  # part of the speed that forces give, below which a velocity has no reliable direction
 _CLOSED = 1e-10  # part of the size
 _SAME = 1e-11  # part of the size by which a place that is found may be off by rounding
 DRIFT = 1e-12  # part of the size by which lengths may miss the position without energy drifting
@@ -56,7 +54,7 @@ def _offset(k: int) -> int:
 
 
 @inner
-def _apart(work: Work, k: int) -> float:
+def apart(work: Work, k: int) -> float:
     """From the stage to place k, in parts of the spacing."""
     return _offset(k) + work.place_shift[0]
 
@@ -115,16 +113,23 @@ def evaluate_uninterpolated(
 def evaluate_place(problem: Problem, t: float, k: int) -> int:
     """q̈ and λ at place k under the forces that act at the stage; returns the iterations."""
     system, work = problem.system, problem.work
-    n = work.p.size
-    at = TWO * n * np.uint64(k)
-    prescribe(system, t + work.place_step[0] * _apart(work, k), work.q, work.qd, work.qdd)
-    for a in range(n):
-        work.q[a], work.qd[a] = work.places[at + a], work.places[at + n + a]
+    place_at(problem, t, k)
     copy(work.given, work.Q)
     if not linearise(problem.unit, system, work, work.q):
         return 0
     count, _sigma = accelerate_under(problem, t, True)  # (26)
     return count
+
+
+@inner
+def place_at(problem: Problem, t: float, k: int) -> None:
+    """q and q̇ of place k into `work`."""
+    system, work = problem.system, problem.work
+    n = work.p.size
+    at = TWO * n * np.uint64(k)
+    prescribe(system, t + work.place_step[0] * apart(work, k), work.q, work.qd, work.qdd)
+    for a in range(n):
+        work.q[a], work.qd[a] = work.places[at + a], work.places[at + n + a]
 
 
 @inner
@@ -190,7 +195,7 @@ def _find(
     n = work.p.size
     fastest = largest(phase.qd, n)
     spacing = max(20.0 * moved, SPACING * system.close * scales.radius)
-    moving = fastest > _SLOW * scales.falling
+    moving = fastest > SLOW * scales.falling
     if not moving:
         copy(work.pull, work.along)
     speed = largest(work.along, n)
@@ -212,7 +217,7 @@ def _find(
             return count, False
     found = largest(work.sum_qd, n)
     ask = ending or furthest(work.sum_qd, work.along, n) > _TURNED * speed
-    if ask and count > 0 and moving and found > _SLOW * scales.falling:
+    if ask and count > 0 and moving and found > SLOW * scales.falling:
         # again, now that direction and curvature of the branch are known here
         _curve(work, work.place_step[0] * speed / found)
         for a in range(n):
@@ -253,10 +258,10 @@ def _interpolate(problem: Problem, t: float, moving: bool, scales: Scales, spaci
         zero(work.sum_qd)
         good, step = True, spacing / speed
         work.place_step[0] = step if moving else 0.0
-        _weigh(work, position / spacing)
+        weigh_places(work, position / spacing)
         for k in range(PLACES):
-            away = step * _apart(work, k)
-            prescribe(system, t + work.place_step[0] * _apart(work, k), work.q, work.qd, work.qdd)
+            away = step * apart(work, k)
+            prescribe(system, t + work.place_step[0] * apart(work, k), work.q, work.qd, work.qdd)
             for a in range(n):
                 # off Φ = 0 by little: the rows are turned by that over the distance
                 place = work.base[a] + away * (work.along[a] + 0.5 * away * work.curve[a])
@@ -267,7 +272,7 @@ def _interpolate(problem: Problem, t: float, moving: bool, scales: Scales, spaci
             most = max(most, count)
             good = good and clear
             work.place_x[k] = x
-            _store_place(work, k)
+            store_place(work, k)
             for a in range(n):
                 work.sum_q[a] += work.place_weights[k] * work.q[a]
                 work.sum_qd[a] += work.place_weights[k] * work.qd[a]
@@ -285,7 +290,7 @@ def _interpolate(problem: Problem, t: float, moving: bool, scales: Scales, spaci
 
 
 @inner
-def _weigh(work: Work, shift: float) -> None:
+def weigh_places(work: Work, shift: float) -> None:
     """Weights of Lagrange's interpolation from places around `shift` to the stage; `shift` in
     parts of the spacing."""
     work.place_shift[0] = shift
@@ -311,10 +316,10 @@ def _position(work: Work) -> float:
     fall, rise = x[before - 1] - x[before], x[after + 1] - x[after]
     if not (fall > 0.0 and rise > 0.0 and x[before] < np.inf and x[after] < np.inf):
         return 0.0
-    wide = _apart(work, before) - _apart(work, before - 1)
-    left = _apart(work, before) + wide * x[before] / fall
-    wide = _apart(work, after + 1) - _apart(work, after)
-    right = _apart(work, after) - wide * x[after] / rise
+    wide = apart(work, before) - apart(work, before - 1)
+    left = apart(work, before) + wide * x[before] / fall
+    wide = apart(work, after + 1) - apart(work, after)
+    right = apart(work, after) - wide * x[after] / rise
     found = 0.5 * (left + right)
     return found if abs(right - left) < _BETWEEN and abs(found) <= 1.0 else 0.0
 
@@ -360,7 +365,7 @@ def _gap(system: System, work: Work, part: float) -> float:
 
 
 @inner
-def _store_place(work: Work, k: int) -> None:
+def store_place(work: Work, k: int) -> None:
     """Position and velocity of place k."""
     n = work.p.size
     at = TWO * n * np.uint64(k)

@@ -62,6 +62,11 @@ class Status(IntEnum):
         'take a smaller step, or an adaptive integrator',
     )
     STOPPED = 9, 'it was stopped', 'continue with the next step'
+    UNFOLLOWED = (
+        10,
+        'the derivatives by parameters (tangents) are not determined there',
+        'the motion itself is: run it without tangents, or from another start',
+    )
     # of the formulations besides alf2
     SINGULAR = 20, 'the equations are singular there', 'take the formulation alf2'
     OPENED = 21, 'the constraints have opened', _SMALLER
@@ -83,6 +88,7 @@ TOO_MANY = int(Status.TOO_MANY)
 NOT_SETTLED = int(Status.NOT_SETTLED)
 TOO_LONG = int(Status.TOO_LONG)
 STOPPED = int(Status.STOPPED)
+UNFOLLOWED = int(Status.UNFOLLOWED)
 SINGULAR = int(Status.SINGULAR)
 OPENED = int(Status.OPENED)
 FOLDED = int(Status.FOLDED)

@@ -24,7 +24,7 @@ from alf_ros.kernel.arc_coordinates import choose_arcs, fold, fold_first, shift_
 from alf_ros.kernel.augmented_residuals import begin_accelerations
 from alf_ros.kernel.augmented_solve import accelerate, augmented, restore_reactions, velocities
 from alf_ros.kernel.constraints import violation
-from alf_ros.kernel.data import Method, Phase, Problem, Scales, System, Until, Watch, Work
+from alf_ros.kernel.data import Method, Phase, Problem, Scales, System, Until, Work
 from alf_ros.kernel.interpolated_stages import (
     DIRECTION_ONLY,
     NEAR,
@@ -34,15 +34,12 @@ from alf_ros.kernel.interpolated_stages import (
 )
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.lost_rank import begin_with_det, fallen, lost, note_det, rank_lost
-from alf_ros.kernel.numba_ext.jit import ONE, THREE, TWO, compiled, expanded, inner
+from alf_ros.kernel.numba_ext.jit import ONE, THREE, TWO, expanded, inner
 from alf_ros.kernel.numba_ext.vectors import copy, furthest, largest, zero
 from alf_ros.kernel.prescribed import prescribe
 from alf_ros.kernel.projection import project
-from alf_ros.kernel.singularity_monitor import may_have_passed
 from alf_ros.kernel.stage import stage
-from alf_ros.kernel.status import JAMMED, NOT_CLOSED, NOT_FINITE, NOT_POSITIVE, OK, STOPPED
-from alf_ros.kernel.step_error import judge
-from alf_ros.kernel.stopping import told_to_stop
+from alf_ros.kernel.status import JAMMED, NOT_CLOSED, NOT_FINITE, OK
 from alf_ros.kernel.unwrapping import count_turns, nearby
 from alf_ros.kernel.work_ledger import ALL_FORCES, record_power
 
@@ -296,47 +293,3 @@ def accept(unit: Unit, system: System, work: Work, phase: Phase) -> None:
 def least_sigma(phase: Phase) -> float:
     """0 in a singular position, where solves exactly in it do not show σ; else infinite."""
     return 0.0 if phase.within[0] > 0.0 else np.inf
-
-
-@compiled
-def advance(
-    problem: Problem,
-    phase: Phase,
-    watch: Watch | None,
-    t0: float,
-    first: int,
-    steps: int,
-    h: float,
-    within: bool,
-) -> tuple[int, int, int]:
-    """Take `steps` steps of h from step number `first`; returns (result, taken, most iterations).
-
-    `phase` is the state, in and out; on failure it holds the last good step. The call ends earlier
-    after a step in which, according to `watch`, a singular position may have been passed.
-    `within`: `phase` is a singular position, and no force acts along the direction of the lost
-    row, so that solves do not show it. A step that is asked to stop is given up.
-    """
-    unit, system, work = problem.unit, problem.system, problem.work
-    most = 0
-    if not linearise_first(unit, system, work, phase):
-        return NOT_POSITIVE, 0, most
-    sigma = 0.0 if within else least_sigma(phase)
-    for taken in range(steps):
-        t, end = t0 + (first + taken) * h, t0 + (first + taken + 1) * h
-        result, count = step(problem, phase, t, end, h, sigma, False)
-        most = max(most, count)
-        if told_to_stop(work):
-            return STOPPED, taken, most
-        if result == OK:
-            result = judge(unit, system, problem.method, work, h)
-        if result != OK:
-            return result, taken, most
-        record_power(problem, phase, t, problem.method.b.size, h, ALL_FORCES)
-        accept(unit, system, work, phase)
-        phase.step[0] = first + taken + 1
-        copy(problem.forces.bearings.force, phase.loads)
-        sigma = least_sigma(phase)
-        if watch is not None:  # known when it is compiled: without a watch there is no code for it
-            if may_have_passed(problem, phase, watch, end):
-                return OK, taken + 1, most
-    return OK, steps, most

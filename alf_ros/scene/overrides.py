@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 
 from alf_ros import effects
 from alf_ros.errors import InputError
+from alf_ros.scene.mechanism_file import read_parameters
 from alf_ros.scene.scene import PICKED, Scene, load_scene
 from alf_ros.scene.text import yaml_document
 from alf_ros.scene.text.yaml_document import Entry
@@ -56,6 +57,28 @@ def with_changes(scene: Scene, changes: Mapping[str, str], prefix: str = '--set 
             choices=error.choices,
         ) from None
     return dataclasses.replace(changed, file=scene.file)
+
+
+def number(scene: Scene, name: str) -> float:
+    """The number of this name in a scene. Raises InputError for an unknown name, and for a
+    value that is no number."""
+    root = yaml_document.parse(scene.text, '<scene>')
+    parameters = root.mapping()['mechanism'].mapping().get('parameters')
+    node = root
+    for key in _place(root, name, 'tangents'):
+        if isinstance(node.value, tuple):
+            fields = {str(n): each for n, each in enumerate(node.value)}
+        else:
+            fields = node.mapping()
+        if key not in fields:
+            raise InputError('no such part', key=name, value=key, choices=fields)
+        node = fields[key]
+    if isinstance(node.value, str):
+        return dataclasses.replace(node, path=name).number(read_parameters(parameters, {}))
+    what = 'a list' if isinstance(node.value, tuple) else 'a mapping'
+    raise InputError(
+        'not one number', key=name, value=what, expected=f'{name}.0' if what == 'a list' else None
+    )
 
 
 def _place(root: Entry, name: str, said: str) -> tuple[str, ...]:

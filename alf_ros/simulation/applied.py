@@ -76,9 +76,10 @@ class OnAxes(NamedTuple):
 
 @dataclass(frozen=True)
 class _Kind:
-    """An effect's functions (addresses; 0: none, or nobody asks), its instances packed, and the
-    instances with a load: none, or all."""
+    """An effect's file, its functions (addresses; 0: none, or nobody asks), its instances packed,
+    and the instances with a load: none, or all."""
 
+    name: str
     force: int
     potential: int
     friction: int
@@ -278,11 +279,19 @@ class Applied:
         """For the cut layout, what the effects of the scene exert on joint coordinates."""
         return self._scene.on_axes(cut)
 
-    def _pack(self, layout: Layout) -> Effects:
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """The files of the effects that the kernel calls, in its order."""
+        return tuple(kind.name for kind in self._all(self._model.layout))
+
+    def _all(self, layout: Layout) -> list[_Kind]:
         kinds = list(self._scene.kinds(layout))
         for held in self._held.values():
             kinds += held.kinds(layout)
-        return _listed(kinds)
+        return kinds
+
+    def _pack(self, layout: Layout) -> Effects:
+        return _listed(self._all(layout))
 
 
 def _listed(kinds: Sequence[_Kind]) -> Effects:
@@ -335,7 +344,9 @@ def _kinds(effects: Sequence[Effect], layout: Layout, tangents: bool = False) ->
         friction = module.friction.address if rubs else 0
         rubbing = instances if rubs else ()
         tangent = module.tangent.address if tangents and hasattr(module, 'tangent') else 0
-        kinds.append(_Kind(module.force.address, potential, friction, tangent, packed, rubbing))
+        kinds.append(
+            _Kind(kind, module.force.address, potential, friction, tangent, packed, rubbing)
+        )
     return kinds
 
 

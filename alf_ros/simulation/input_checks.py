@@ -158,6 +158,8 @@ def checked_state(
     number(state.pace, 'state.pace', 0.0)
     for name in ('q', 'qd', 'turns', 'carried'):
         _checked_array(getattr(state, name), getattr(like, name), f'state.{name}')
+    if like.tangents.size:
+        _checked_array(state.tangents, like.tangents, 'state.tangents')
     if not isinstance(state.works, Mapping):
         raise InputError('not works by name', key='state.works', value=state.works)
     if not isinstance(state.loads, np.ndarray) or not _is_finite(state.loads):

@@ -67,6 +67,7 @@ class Present:
             self.applied.inputs,
             dict(zip(self.accounts, of.works.tolist(), strict=True)),
             of.loads.copy(),
+            of.tangents.copy(),
         )
 
 
@@ -86,4 +87,5 @@ def _phase(state: State, accounts: tuple[str, ...], loads: int, within: Floats) 
         known.copy(),
         within.copy(),
         np.array([state.step]),
+        state.tangents.copy(),
     )

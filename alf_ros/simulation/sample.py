@@ -28,7 +28,9 @@ from alf_ros.simulation.reactions import ReactionsOf
 from alf_ros.simulation.resolution import Known, Resolution
 from alf_ros.simulation.sample_diagnostics import Diagnostics
 from alf_ros.simulation.sample_limits import Place
+from alf_ros.simulation.sample_tangents import MotionTangent
 from alf_ros.simulation.state import State
+from alf_ros.simulation.tangent_following import Followed
 
 _SPINS = {2: 1, 3: 3}  # numbers of a torque
 _NONE = read_only(np.zeros(0))
@@ -74,11 +76,33 @@ class Sample(Dynamics):
         step_cost: float,
         beside: bool | None,
         resolution: Callable[[], Resolution],
+        followed: Followed | None = None,
     ) -> None:
         """`beside`: whether the step that ended here was interpolated beside a singular position;
         None if no step did."""
         super().__init__(model, applied, solver, t, state, dependent_rows, beside, instruments)
         self._told = iterations, step_cost, resolution
+        self._followed = followed
+
+    @property
+    def tangents(self) -> Mapping[str, MotionTangent]:
+        """Derivatives of this sample by each number of the scene that the simulation was given.
+
+        Raises InputError if it was given none, and for one that has no derivative there.
+        """
+        if self._followed is None:
+            raise InputError(
+                'no tangents follow',
+                key='tangents',
+                expected="Simulation(…, tangents=['coupler.mass', …])",
+            )
+        names, slopes = self._followed.following.names, self._followed.slopes
+        return NamedValues(
+            names,
+            lambda k: MotionTangent(
+                self.model, self._state, k, slopes(names[k]), self._instruments
+            ),
+        )
 
     @property
     def diagnostics(self) -> Diagnostics:
@@ -90,7 +114,7 @@ class Sample(Dynamics):
         iterations, step_cost, resolution = self._told
         parts = self.model, self._applied, self._solver, self.t, self._state, self._dependent_rows
         health = iterations, step_cost, self._beside, Known(resolution())
-        return Sample, (*parts, self._instruments, *health)
+        return Sample, (*parts, self._instruments, *health, self._followed)
 
     @property
     def _reactions(self) -> ReactionsOf:

@@ -33,6 +33,7 @@ from alf_ros.simulation.solver_choice import chosen
 from alf_ros.simulation.start import started
 from alf_ros.simulation.state import State
 from alf_ros.simulation.stepping import Stepper
+from alf_ros.simulation.tangent_following import Followed, TangentFollowing, checked_names
 from alf_ros.simulation.work_ledger import named_accounts
 
 
@@ -73,6 +74,7 @@ class Simulation:
         accuracy: float | None = None,
         watch: bool = False,
         ledger: bool = False,
+        tangents: Sequence[str] = (),
     ) -> None:
         given: dict[str, Any] = {
             'step': step,
@@ -86,8 +88,11 @@ class Simulation:
         if not isinstance(scene, Scene):
             raise InputError('not a scene', key='scene', value=scene, expected='load_scene(…)')
         watches, self.ledger = check.truth(watch, 'watch'), check.truth(ledger, 'ledger')
+        names = checked_names(tangents)
         self._lock = threading.Lock()
         self.scene = scene
+        self._following: TangentFollowing | None = None
+        self._unfolded: dict[str, float] = {}  # t (s) from which a tangent does not exist
         self.accuracy: Budget | None = None
         solver, to_pick = chosen(scene, {k: v for k, v in given.items() if v is not None})
         self._start = started(scene, solver)
@@ -107,13 +112,18 @@ class Simulation:
         if to_pick:
             self.accuracy = pick(solver, self._trial)
             self._use(self.accuracy.solver)
-        if watches:
+        if names:
+            self._following = TangentFollowing(names, scene, self.solver, self._start)
+            self._use(self.solver)
+        if watches or (self._following is not None and self._following.lengths):
             self._watcher = self._watching()
 
     def _set_up(self, solver: Solver, formulation: Formulation | None = None) -> None:
         """The data of steps with these settings."""
         self.solver, self.model = solver, self._start.model
-        self._stepper = Stepper(self._start, solver, self.scene.effects, self.ledger, formulation)
+        self._stepper = Stepper(
+            self._start, solver, self.scene.effects, self.ledger, formulation, self._following
+        )
         self._watcher = None
         self._between = Between(self._stepper)
         self._step_cost = math.nan
@@ -121,7 +131,9 @@ class Simulation:
     def _use(self, solver: Solver) -> None:
         """Take other settings, of alf2, from the start; nothing is assembled again."""
         self._set_up(solver)
-        self._initial = replace(self._initial, pace=self._stepper.first_pace(self._initial.qd))
+        start = self._following.initial if self._following else np.zeros(0)
+        pace = self._stepper.first_pace(self._initial.qd)
+        self._initial = replace(self._initial, pace=pace, tangents=start)
         self._enter(self._initial, self._stepper.applied)
 
     def _trial(self, solver: Solver) -> Simulation:
@@ -147,6 +159,8 @@ class Simulation:
             'since': self._present.since,
             'within': self._present.phase.within.copy(),
             'formulation': self._stepper.formulation,
+            'following': self._following,
+            'unfolded': dict(self._unfolded),
             'steps': self._stepper.memory,
             'step_cost': self._step_cost,
             'watcher': self._watcher.memory if self._watcher else None,
@@ -162,6 +176,8 @@ class Simulation:
             saved[name] for name in ('scene', 'accuracy', 'ledger')
         )
         self._start, self._initial = saved['start'], saved['initial']
+        self._following, unfolded = saved['following'], saved['unfolded']
+        self._unfolded = {}
         self.adjustment = self._start.adjustment
         self.accounts = named_accounts(self.scene.effects, saved['solver']) if self.ledger else ()
         self._set_up(saved['solver'], saved['formulation'])
@@ -169,7 +185,7 @@ class Simulation:
         self._present = replace(self._present, since=saved['since'])
         self._present.phase.within[:] = saved['within']
         self._stepper.recall(saved['steps'])
-        self._step_cost = saved['step_cost']
+        self._step_cost, self._unfolded = saved['step_cost'], dict(unfolded)
         if saved['watcher'] is not None:
             self._watcher = self._watching()
             self._watcher.recall(saved['watcher'])
@@ -398,6 +414,7 @@ class Simulation:
         """Continue from a usable state; uses the packed parts of `applied`."""
         present = Present.at(self.model, state, applied, self.accounts, self.h)
         self._stepper.begin()
+        self._unfolded = {n: t for n, t in self._unfolded.items() if t <= state.step * self.h}
         if self._watcher is not None:
             self._watcher.restart()
         self._present = present
@@ -423,6 +440,8 @@ class Simulation:
         stay, without a twist the body keeps its own if possible. Raises InputError, and changes
         nothing, for an impossible request.
         """
+        if self._following is not None:
+            raise InputError('no tangents of a placed body', key='body', value=body)
         now, formulation = self._present.state(), self._stepper.formulation
         q, qd, turns = placed(self.model, now, self.t, body, pose, twist)
         carried = formulation.start(q, qd) if formulation else now.carried
@@ -504,11 +523,28 @@ class Simulation:
     @by_one_thread
     def _sample_between(self, t: float) -> Sample:
         """The motion at t (s), between two grid points."""
-        return self._sample(t, *self._between.at(self._present, t))
+        return self._sample(t, *self._between.at(self._present, t), whole=False)
 
-    def _sample(self, t: float, state: State, beside: bool | None) -> Sample:
+    def _followed(self, whole: bool) -> Followed | None:
+        """The tangents of a sample, and those that do not exist there; `whole`: it is one of a
+        whole step, up to which singular positions are found."""
+        following, watcher = self._following, self._watcher
+        if following is None:
+            return None
+        if following.lengths and watcher is not None:
+            for passed in watcher.passes:
+                for name in following.unfolded_by(passed):
+                    self._unfolded.setdefault(name, passed.t)
+        told = 'it unfolds the singular position passed at t = {:.6g} s'
+        refused = {name: told.format(t) for name, t in self._unfolded.items()}
+        if not whole:
+            told = 'of a length it is known at whole steps, where singular positions are found'
+            refused = {**dict.fromkeys(following.lengths, told), **refused}
+        return Followed(following, refused)
+
+    def _sample(self, t: float, state: State, beside: bool | None, whole: bool = True) -> Sample:
         """`beside`: whether the step that ended there was interpolated beside a singular position;
-        None if no step did."""
+        None if no step did; `whole`: whether it is at the end of a whole step."""
         return Sample(
             self.model,
             self._applied,
@@ -521,4 +557,5 @@ class Simulation:
             self._step_cost,
             False if self._stepper.formulation else beside,
             self._stepper.resolution_later(),
+            self._followed(whole),
         )

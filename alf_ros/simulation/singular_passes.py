@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -45,7 +45,8 @@ class Pass:
 
     `t` (s); `distance` σ where the nearer of the steps around it ends; `joints` that join the
     bodies whose constraints become dependent there; `energy_before` and `energy_after` (J) at the
-    steps around it.
+    steps around it; q (blocks D, m) there, and the combination of rows (rows,) that vanishes, both
+    in the kernel's order.
     """
 
     t: float
@@ -53,6 +54,8 @@ class Pass:
     joints: tuple[str, ...]
     energy_before: float
     energy_after: float
+    q: Floats = field(repr=False, compare=False)
+    lost: Floats = field(repr=False, compare=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -298,11 +301,12 @@ class Watcher:
         return place(self._model, self._work, self._redundant, t, copy(phase))
 
     def _found(self, t: float, a: ModesAt, b: ModesAt) -> Pass:
-        there = self._aside(a, t) if t > a.t else a
-        q = (there or a).phase.q
+        there = (self._aside(a, t) if t > a.t else a) or a
+        q, modes = there.phase.q, there.modes
         joints = _joints(self._model, _dependency(self._model, q) - self._ordinary)
         energies = self._energy(a.t, a.phase), self._energy(b.t, b.phase)
-        return Pass(t, min(a.sigma, b.sigma), joints, *energies)
+        lost = modes.root * modes.z.reshape(-1, modes.root.size)[0]
+        return Pass(t, min(a.sigma, b.sigma), joints, *energies, q.copy(), lost)
 
 
 def place(model: Model, work: Work, redundant: int, t: float, phase: Phase) -> ModesAt | None:

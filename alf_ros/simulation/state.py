@@ -18,7 +18,8 @@ class State:
     q (m), qd (m/s): all blocks in the kernel's order; turns: of each angle; pace: the next step of
     an adaptive integrator, s; carried: the variables of a formulation other than alf2; works (J):
     of each account, if a ledger is kept; loads (N): the last reaction on which each effect with
-    friction depends; zero if unknown.
+    friction depends; zero if unknown; tangents (K 2 blocks D): the derivatives of q and q̇ by each
+    of K numbers of the scene, if they are followed.
     """
 
     step: int
@@ -30,3 +31,4 @@ class State:
     inputs: Inputs
     works: Mapping[str, float] = field(default_factory=dict)
     loads: Floats = field(default_factory=lambda: np.zeros(0))
+    tangents: Floats = field(default_factory=lambda: np.zeros(0))

@@ -14,7 +14,7 @@ from alf_ros import kernel
 from alf_ros.arrays import Floats
 from alf_ros.effects.contract import Effect
 from alf_ros.errors import StepError
-from alf_ros.kernel import Forces, Problem, Status, Watch, Work
+from alf_ros.kernel import Forces, Problem, Span, Status, Tangents, Watch, Work
 from alf_ros.model import singular_start
 from alf_ros.model.compile import allocate
 from alf_ros.model.effect_directions import softened
@@ -32,6 +32,7 @@ from alf_ros.simulation.reactions import ReactionsOf
 from alf_ros.simulation.resolution import Resolution, measured
 from alf_ros.simulation.start import Start
 from alf_ros.simulation.state import State
+from alf_ros.simulation.tangent_following import TangentFollowing
 
 
 class Stepper:
@@ -49,6 +50,7 @@ class Stepper:
         effects: Sequence[Effect],
         ledger: bool,
         formulation: Formulation | None = None,
+        following: TangentFollowing | None = None,
     ) -> None:
         self.h = solver.step
         self.method = method = solver.method
@@ -66,6 +68,8 @@ class Stepper:
             method.b if ledger else None,
             tangents=tableau.implicit,
         )
+        if following is not None:
+            following.check(self.applied)
         self.system = self._model.system
         self._kernel = kernel.advance
         if tableau.implicit:
@@ -76,6 +80,9 @@ class Stepper:
         self.work = allocate(self._model, self.system, method.b.size)
         self.listener = Listener(self.work)
         self._aside: Work | None = None
+        self._following = following
+        self._behind: Work | None = None  # of tangents
+        self._tangents: tuple[Problem, Tangents] | None = None
         self._problems: dict[bool, Problem] = {}  # of the run, and aside
         self.formulation = formulation
         if solver.formulation != 'alf2' and formulation is None:
@@ -97,6 +104,7 @@ class Stepper:
             NO_INPUTS,
             dict.fromkeys(accounts, 0.0),
             np.zeros(self.applied.load_count),
+            self._following.initial if self._following else np.zeros(0),
         )
 
     def first_pace(self, qd: Floats) -> float:
@@ -112,17 +120,21 @@ class Stepper:
     def aside(self, present: Present, start: float, h: float, counted: bool = True) -> Status:
         """One step of h (s) from `present` at `start` (s), outside the steps of the run.
 
-        `counted`: whether its evaluations count.
+        `counted`: whether its evaluations count, and tangents follow.
         """
         if self._aside is None:
-            made = allocate(self._model, self.system, self.method.b.size)
-            self._aside = replace(made, pulse=self.work.pulse, caller=self.work.caller)
+            self._aside = self._allocated()
         work, iterations = self._aside, self.iterations
         counts = int(work.evaluations[0]), int(work.rounded[0])
-        status = self._take(work, present, 0, 1, h, start, None)
+        status = self._take(work, present, 0, 1, h, start, None, counted)
         if not counted:
             (work.evaluations[0], work.rounded[0]), self.iterations = counts, iterations
         return status
+
+    def _allocated(self) -> Work:
+        """Another workspace, which is stopped together with the one of the run."""
+        made = allocate(self._model, self.system, self.method.b.size)
+        return replace(made, pulse=self.work.pulse, caller=self.work.caller)
 
     def _take(
         self,
@@ -133,8 +145,9 @@ class Stepper:
         h: float,
         start: float,
         watch: Watch | None,
+        followed: bool = True,
     ) -> Status:
-        """n steps of h from `start` + `first` h (s)."""
+        """n steps of h from `start` + `first` h (s); tangents follow if `followed`."""
         forces, phase = present.applied.assembled, present.phase
         if self.formulation is not None:
             result, _, self.iterations = self.formulation.advance(
@@ -148,10 +161,23 @@ class Stepper:
                 pull = self._start.singular.pull(self._forces_at_rest(present.applied))
                 within = bool(pull.any())
         self.work.crossing[1] = 0.0
-        result, _, self.iterations = self._kernel(
-            self._problem(work, forces), phase, watch, start, first, n, h, within
-        )
+        problem, span = self._problem(work, forces), Span(start, first, n, h)
+        follow: tuple[Tangents, ...] = ()
+        if followed and self._following is not None:
+            follow = (self._followed(present.applied, problem),)
+        result, _, self.iterations = self._kernel(problem, phase, watch, span, within, *follow)
         return Status(result)
+
+    def _followed(self, applied: Applied, problem: Problem) -> Tangents:
+        """The tangents of a problem; replaced when held inputs change."""
+        known = self._tangents
+        if known is None or known[0].forces is not problem.forces:
+            if self._behind is None:
+                self._behind = self._allocated()
+            assert self._following is not None
+            known = problem, self._following.tangents(applied, problem, self._behind)
+            self._tangents = known
+        return known[1]
 
     def _problem(self, work: Work, forces: Forces) -> Problem:
         """The problem of the kernel; replaced when held inputs change."""

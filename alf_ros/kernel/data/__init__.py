@@ -6,8 +6,8 @@ prescribed blocks, for which A has no columns, follow. Rows: distance rows betwe
 distance rows with a fixed end, quadratic rows.
 
 `system`: the mechanism. `forces`: the effects on it. `motion`: state, method and singular modes.
-`work`: the workspace. `problem`: these bundled, and numbers that functions of the kernel pass on
-together. `readings`: data of samples.
+`work`: the workspace. `tangents`: derivatives by parameters. `problem`: these bundled, and numbers
+that functions of the kernel pass on together. `readings`: data of samples.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 
 from alf_ros.kernel.data.forces import Bearings, Effects, Forces, Ledger
 from alf_ros.kernel.data.motion import Method, Modes, Phase, Watch
-from alf_ros.kernel.data.problem import EVERY_MODE, ModeLimits, Problem, Scales, Until
+from alf_ros.kernel.data.problem import EVERY_MODE, ModeLimits, Problem, Scales, Span, Until
 from alf_ros.kernel.data.readings import Axes, BlockSums, Cut, CutWork, Forms, JointCoordinates
 from alf_ros.kernel.data.system import (
     FREE,
@@ -29,6 +29,7 @@ from alf_ros.kernel.data.system import (
     Soft,
     System,
 )
+from alf_ros.kernel.data.tangents import Tangents
 from alf_ros.kernel.data.work import Chart, Work
 
 SOLVED = 1e-12  # relative change at which a solve is finished
@@ -65,7 +66,9 @@ __all__ = [
     'Problem',
     'Scales',
     'Soft',
+    'Span',
     'System',
+    'Tangents',
     'Until',
     'Watch',
     'Work',

@@ -35,6 +35,15 @@ class Scales(NamedTuple):
     falling: float  # m/s, the speed that the forces give along the size
 
 
+class Span(NamedTuple):
+    """Steps of h (s) on the grid t0 + k h (s), from k = `first`."""
+
+    t0: float
+    first: int
+    steps: int
+    h: float
+
+
 class Until(NamedTuple):
     """When an augmented solve ends."""
 

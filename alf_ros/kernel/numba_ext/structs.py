@@ -12,7 +12,8 @@ read once it need not read again.
 
 A struct in a struct is one word, the address of its table: `problem.system.rows` costs two loads,
 which LLVM makes once in a function. A field `unit`, a tuple as long as space has dimensions, takes
-no word: it is a part of the type, so that D is a constant when compiled.
+no word: it is a part of the type, so that D is a constant when compiled. A struct that holds one
+with a `unit` has the same `unit`.
 
 A copy has arrays of its own, and so has an unpickled struct: the table is made again. Addresses of
 code and of Python objects are of one process: a struct that holds some is not pickled, but made
@@ -185,7 +186,8 @@ class Struct:
                 if field.name == 'unit':
                     part = types.UniTuple(types.float64, D)
                 elif isinstance(hint, type) and issubclass(hint, Struct):
-                    part = hint._numba_type()
+                    has_unit = any(each.name == 'unit' for each in fields(hint))
+                    part = hint._numba_type(D if has_unit else 0)
                 elif part is types.none:
                     (number,) = get_args(get_args(hint)[1])
                     part = VectorType(from_dtype(np.dtype(number)), cls.constant)

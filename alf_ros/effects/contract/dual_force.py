@@ -1,0 +1,61 @@
+"""∂Q of an effect along a direction: its `force`, compiled for dual numbers.
+
+The function of the effect is the only source: its own statements are differentiated. An effect
+needs no second formula, so none can be wrong. An effect whose functions do
+not compile for dual numbers, as they call something that `dual_numbers` does not know, is refused
+by its name.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+from numba import cfunc, types
+from numba.core.errors import NumbaError
+
+from alf_ros.arrays import Floats, Integers
+from alf_ros.kernel.numba_ext.dual_numbers import duals
+from alf_ros.kernel.numba_ext.jit import shared
+
+_numbers, _integers = types.CPointer(types.float64), types.CPointer(types.int64)
+DUAL_FORCE = types.void(types.float64, *(9 * [_numbers])[:5], _integers, *(4 * [_numbers]))
+
+
+@cache
+def dual_force(function: Callable[..., None]) -> Any:
+    """`force(t, q, qd, near, slots, params, Q)` of an effect, the plain function, as a C function
+    (t, q, δq, qd, δqd, near, slots, params, δparams, Q, δQ) that adds into Q and δQ.
+
+    Raises TypeError where it does not compile for dual numbers.
+    """
+    inside = shared(function)
+
+    def both(
+        t: float,
+        q: Floats,
+        dq: Floats,
+        qd: Floats,
+        dqd: Floats,
+        near: Floats,
+        slots: Integers,
+        params: Floats,
+        dparams: Floats,
+        Q: Floats,
+        dQ: Floats,
+    ) -> None:
+        inside(t, duals(q, dq), duals(qd, dqd), near, slots, duals(params, dparams), duals(Q, dQ))
+
+    try:
+        return cfunc(DUAL_FORCE, error_model='numpy')(both)
+    except NumbaError as error:
+        raise TypeError(_told(str(error))) from None
+
+
+def _told(text: str) -> str:
+    """The line of a message of numba that says which function it is."""
+    unknown = re.search(r"Unknown attribute '(\w+)'|>>> (\w+)\(", text)
+    name = next(filter(None, unknown.groups()), None) if unknown else None
+    return 'no derivative of its function' + (f' {name}' if name else '')

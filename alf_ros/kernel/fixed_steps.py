@@ -1,0 +1,62 @@
+"""Steps of one length, many in one call."""
+
+from __future__ import annotations
+
+from alf_ros.kernel.data import Phase, Problem, Span, Tangents, Watch
+from alf_ros.kernel.numba_ext.jit import compiled
+from alf_ros.kernel.numba_ext.vectors import copy
+from alf_ros.kernel.singularity_monitor import may_have_passed
+from alf_ros.kernel.status import NOT_POSITIVE, OK, STOPPED
+from alf_ros.kernel.step import accept, least_sigma, linearise_first, step
+from alf_ros.kernel.step_error import judge
+from alf_ros.kernel.stopping import told_to_stop
+from alf_ros.kernel.tangent_step import carry_tangents
+from alf_ros.kernel.work_ledger import ALL_FORCES, record_power
+
+
+@compiled
+def advance(
+    problem: Problem,
+    phase: Phase,
+    watch: Watch | None,
+    span: Span,
+    within: bool,
+    tangents: Tangents | None = None,
+) -> tuple[int, int, int]:
+    """Take the steps of a span; returns (result, taken, most iterations).
+
+    `phase` is the state, in and out; on failure it holds the last good step. The call ends earlier
+    after a step in which, according to `watch`, a singular position may have been passed.
+    `within`: `phase` is a singular position, and no force acts along the direction of the lost
+    row, so that solves do not show it. A step that is asked to stop is given up. `tangents`: the
+    derivatives by parameters that follow the steps; without them there is no code for it.
+    """
+    unit, system, work = problem.unit, problem.system, problem.work
+    t0, first, steps, h = span
+    most = 0
+    if not linearise_first(unit, system, work, phase):
+        return NOT_POSITIVE, 0, most
+    sigma = 0.0 if within else least_sigma(phase)
+    for taken in range(steps):
+        t, end = t0 + (first + taken) * h, t0 + (first + taken + 1) * h
+        result, count = step(problem, phase, t, end, h, sigma, False)
+        most = max(most, count)
+        if told_to_stop(work):
+            return STOPPED, taken, most
+        if result == OK:
+            result = judge(unit, system, problem.method, work, h)
+        if result != OK:
+            return result, taken, most
+        if tangents is not None:
+            result = carry_tangents(tangents, phase, work, t, end, h, sigma)
+            if result != OK:
+                return result, taken, most
+        record_power(problem, phase, t, problem.method.b.size, h, ALL_FORCES)
+        accept(unit, system, work, phase)
+        phase.step[0] = first + taken + 1
+        copy(problem.forces.bearings.force, phase.loads)
+        sigma = least_sigma(phase)
+        if watch is not None:  # known when it is compiled: without a watch there is no code for it
+            if may_have_passed(problem, phase, watch, end):
+                return OK, taken + 1, most
+    return OK, steps, most

@@ -1,0 +1,288 @@
+"""Dual numbers in compiled code: a value, and its slope along one direction.
+
+A function of numbers that is compiled for dual numbers returns its value and its derivative along
+the direction in which its arguments change: forward differentiation, exact to rounding (W. K.
+Clifford, 1873; Griewank & Walther, Evaluating Derivatives, 2008, ch. 3). Comparisons look at
+values, so that the derivative belongs to the branch that is taken. `floor` and whole numbers have
+the slope 0 between their steps. A function that is not defined here for dual numbers does not
+compile: there is no silent zero.
+
+`Duals` is a pair of pointers, to values and to their slopes, which is read and written as one
+vector of dual numbers.
+"""
+
+from __future__ import annotations
+
+import builtins
+import math
+import operator
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numba import types
+from numba.core import cgutils
+from numba.core.typeconv import Conversion
+from numba.extending import (
+    intrinsic,
+    lower_cast,
+    make_attribute_wrapper,
+    models,
+    overload,
+    register_model,
+)
+
+_REAL = (types.Float, types.Integer, types.Boolean)
+_OPTIONS: dict[str, Any] = {'strict': False, 'jit_options': {'error_model': 'numpy'}}
+
+
+class DualType(types.Type):
+    """A dual number. A number becomes one with the slope 0."""
+
+    def __init__(self) -> None:
+        super().__init__('dual')
+
+    def can_convert_from(self, typingctx: Any, other: Any) -> Any:
+        """Whether another type becomes a dual number."""
+        return Conversion.safe if isinstance(other, _REAL) else None
+
+    def unify(self, typingctx: Any, other: Any) -> Any:
+        """The type of a variable that is either."""
+        return self if isinstance(other, _REAL) else None
+
+
+class DualsType(types.Type):
+    """Pointers to values and to slopes."""
+
+    def __init__(self) -> None:
+        super().__init__('duals')
+
+
+DUAL, DUALS = DualType(), DualsType()
+_pointer = types.CPointer(types.float64)
+
+
+@register_model(DualType)
+class _DualModel(models.StructModel):
+    def __init__(self, manager: Any, kind: DualType) -> None:
+        parts = [('value', types.float64), ('slope', types.float64)]
+        super().__init__(manager, kind, parts)
+
+
+@register_model(DualsType)
+class _DualsModel(models.StructModel):
+    def __init__(self, manager: Any, kind: DualsType) -> None:
+        super().__init__(manager, kind, [('values', _pointer), ('slopes', _pointer)])
+
+
+for _kind, _names in ((DualType, ('value', 'slope')), (DualsType, ('values', 'slopes'))):
+    for _name in _names:
+        make_attribute_wrapper(_kind, _name, _name)
+
+
+def _made(kind: Any, first: Any, second: Any, names: tuple[str, str]) -> Any:
+    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        made = cgutils.create_struct_proxy(kind)(context, builder)
+        for name, value in zip(names, args, strict=True):
+            setattr(made, name, value)
+        return made._getvalue()
+
+    return kind(first, second), code
+
+
+@intrinsic
+def dual(typing: Any, value: Any, slope: Any) -> Any:
+    """A dual number."""
+    return _made(DUAL, types.float64, types.float64, ('value', 'slope'))
+
+
+@intrinsic
+def duals(typing: Any, values: Any, slopes: Any) -> Any:
+    """A vector of dual numbers, of two pointers."""
+    return _made(DUALS, _pointer, _pointer, ('values', 'slopes'))
+
+
+@lower_cast(types.Float, DualType)
+@lower_cast(types.Integer, DualType)
+@lower_cast(types.Boolean, DualType)
+def _constant(context: Any, builder: Any, of: Any, to: Any, value: Any) -> Any:
+    made = cgutils.create_struct_proxy(to)(context, builder)
+    made.value = context.cast(builder, value, of, types.float64)
+    made.slope = context.get_constant(types.float64, 0.0)
+    return made._getvalue()
+
+
+@intrinsic
+def _as_dual(typing: Any, x: Any) -> Any:
+    """x, or a number with the slope 0."""
+
+    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return context.cast(builder, args[0], sig.args[0], DUAL)
+
+    return DUAL(types.unliteral(x)), code
+
+
+def _some_dual(*kinds: Any) -> bool:
+    """Whether all are numbers and one of them is dual."""
+    return DUAL in kinds and all(kind == DUAL or isinstance(kind, _REAL) for kind in kinds)
+
+
+def _binary(rule: Callable[..., Any], *functions: Any) -> None:
+    """Take `rule`(x, y), of two dual numbers, for these functions."""
+
+    def matching(x: Any, y: Any) -> Any:
+        if not _some_dual(x, y):
+            return None
+        return lambda x, y: rule(_as_dual(x), _as_dual(y))
+
+    for function in functions:
+        overload(function, **_OPTIONS)(matching)
+
+
+def _unary(rule: Callable[..., Any], *functions: Any) -> None:
+    """Take `rule`(x), of a dual number, for these functions."""
+
+    def matching(x: Any) -> Any:
+        return (lambda x: rule(x)) if x == DUAL else None
+
+    for function in functions:
+        overload(function, **_OPTIONS)(matching)
+
+
+def _rule(function: Callable[..., Any]) -> Any:
+    from numba import njit
+
+    return njit(function, error_model='numpy')
+
+
+_binary(
+    _rule(lambda x, y: dual(x.value + y.value, x.slope + y.slope)), operator.add, operator.iadd
+)
+_binary(
+    _rule(lambda x, y: dual(x.value - y.value, x.slope - y.slope)), operator.sub, operator.isub
+)
+_binary(
+    _rule(lambda x, y: dual(x.value * y.value, x.slope * y.value + x.value * y.slope)),
+    operator.mul,
+    operator.imul,
+)
+
+
+@_rule
+def _quotient(x: Any, y: Any) -> Any:
+    value = x.value / y.value
+    return dual(value, (x.slope - value * y.slope) / y.value)
+
+
+_binary(_quotient, operator.truediv, operator.itruediv)
+
+
+@_rule
+def _power(x: Any, y: Any) -> Any:
+    """xʸ: its slope along x is 0 where x is 0 and y > 1; that along y needs x > 0."""
+    value, slope = x.value**y.value, 0.0
+    if x.slope != 0.0:
+        slope += y.value * x.value ** (y.value - 1.0) * x.slope
+    if y.slope != 0.0:
+        slope += value * math.log(x.value) * y.slope
+    return dual(value, slope)
+
+
+_binary(_power, operator.pow, operator.ipow, builtins.pow, math.pow)
+
+
+@_rule
+def _root(x: Any) -> Any:
+    """√x; what does not change has the slope 0 at x = 0 too, as in v √v² at rest."""
+    value = math.sqrt(x.value)
+    return dual(value, 0.0 if x.slope == 0.0 else 0.5 * x.slope / value)
+
+
+@_rule
+def _size(x: Any) -> Any:
+    """|x|; its slope at x = 0 is that towards larger x."""
+    return dual(-x.value, -x.slope) if x.value < 0.0 else x
+
+
+@_rule
+def _tanh(x: Any) -> Any:
+    value = math.tanh(x.value)
+    return dual(value, (1.0 - value * value) * x.slope)
+
+
+@_rule
+def _exp(x: Any) -> Any:
+    value = math.exp(x.value)
+    return dual(value, value * x.slope)
+
+
+@_rule
+def _tan(x: Any) -> Any:
+    value = math.tan(x.value)
+    return dual(value, (1.0 + value * value) * x.slope)
+
+
+_unary(_root, math.sqrt, np.sqrt)
+_unary(_size, abs, math.fabs, np.abs)
+_unary(_tanh, math.tanh, np.tanh)
+_unary(_exp, math.exp, np.exp)
+_unary(_tan, math.tan, np.tan)
+_unary(_rule(lambda x: dual(-x.value, -x.slope)), operator.neg)
+_unary(_rule(lambda x: x), operator.pos)
+_unary(_rule(lambda x: dual(math.sin(x.value), math.cos(x.value) * x.slope)), math.sin, np.sin)
+_unary(_rule(lambda x: dual(math.cos(x.value), -math.sin(x.value) * x.slope)), math.cos, np.cos)
+_unary(_rule(lambda x: dual(math.log(x.value), x.slope / x.value)), math.log, np.log)
+_unary(
+    _rule(lambda x: dual(math.atan(x.value), x.slope / (1.0 + x.value * x.value))),
+    math.atan,
+    np.arctan,
+)
+_unary(_rule(lambda x: int(math.floor(x.value))), math.floor)
+_unary(_rule(lambda x: int(math.ceil(x.value))), math.ceil)
+_unary(_rule(lambda x: int(x.value)), int)
+_unary(_rule(lambda x: x), float)
+
+
+@_rule
+def _angle(y: Any, x: Any) -> Any:
+    square = x.value * x.value + y.value * y.value
+    slope = (x.value * y.slope - y.value * x.slope) / square
+    return dual(math.atan2(y.value, x.value), slope)
+
+
+@_rule
+def _hypotenuse(x: Any, y: Any) -> Any:
+    value, slope = math.hypot(x.value, y.value), x.value * x.slope + y.value * y.slope
+    return dual(value, 0.0 if slope == 0.0 else slope / value)
+
+
+_binary(_angle, math.atan2, np.arctan2)
+_binary(_hypotenuse, math.hypot, np.hypot)
+_binary(_rule(lambda x, y: y if y.value > x.value else x), max, np.maximum)
+_binary(_rule(lambda x, y: y if y.value < x.value else x), min, np.minimum)
+_binary(_rule(lambda x, y: x.value < y.value), operator.lt)
+_binary(_rule(lambda x, y: x.value <= y.value), operator.le)
+_binary(_rule(lambda x, y: x.value > y.value), operator.gt)
+_binary(_rule(lambda x, y: x.value >= y.value), operator.ge)
+_binary(_rule(lambda x, y: x.value == y.value), operator.eq)
+_binary(_rule(lambda x, y: x.value != y.value), operator.ne)
+
+
+@overload(operator.getitem, **_OPTIONS)
+def _get(v: Any, i: Any) -> Any:
+    if v != DUALS:
+        return None
+    return lambda v, i: dual(v.values[i], v.slopes[i])
+
+
+@overload(operator.setitem, **_OPTIONS)
+def _set(v: Any, i: Any, x: Any) -> Any:
+    if v != DUALS:
+        return None
+
+    def put(v: Any, i: Any, x: Any) -> None:
+        number = _as_dual(x)
+        v.values[i] = number.value
+        v.slopes[i] = number.slope
+
+    return put

@@ -1,0 +1,212 @@
+"""How a scene, read and closed, changes with one of its numbers.
+
+From a number θ of the text to the arrays of the kernel (masses, rows, data of effects) and to the
+state where the motion begins it is a chain of formulas of the user, of shapes of bodies, and of
+solves, which end at rounding. The slope of each array is taken by central differences of eighth
+order, at two lengths; for the masses and for all that is linear in θ it is exact. It is off by
+about 1e-13 of the largest number; where the two lengths differ by more than `_AGREE`, the scene
+has a kink in θ, and the parameter is refused. All that follows, the motion, is differentiated
+exactly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from alf_ros import kernel
+from alf_ros.arrays import Floats, Integers
+from alf_ros.errors import AlfError, InputError
+from alf_ros.kernel import Effects
+from alf_ros.model.compile import Model
+from alf_ros.scene import overrides
+from alf_ros.scene.scene import Scene, Solver
+from alf_ros.simulation.applied import NO_INPUTS, Applied, Inputs
+from alf_ros.simulation.reactions import ReactionsOf
+from alf_ros.simulation.start import Start, started
+
+_WEIGHTS = (4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0)  # of the eighth order
+_LONGEST, _SHORTER, _MOST = 2.5e-3, 0.7, 12  # steps that are tried, in parts of the number or of 1
+_TWO = 2  # of them are used
+_AGREE = 1e-9  # of the largest slope, and
+_ROUNDED = 1e-12  # of the largest number a step, by which the slopes of two lengths may differ
+ARRAYS = (
+    'mass_diagonal',
+    'mass_k',
+    'mass_w',
+    'length2',
+    'b',
+    'term',
+    'c',
+    'angle_b',
+    'angle_c',
+    'angle_term',
+    'length_b',
+    'length_c',
+    'length_term',
+    'prescribed',
+    'vector_length',
+    'q',
+    'qd',
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Neighbour:
+    """The scene with another value of one number."""
+
+    start: Start
+    scene: Scene
+
+    def arrays(self) -> tuple[Floats, ...]:
+        """In the order of `ARRAYS`."""
+        model, system = self.start.model, self.start.model.system
+        mass, rows, angles, lengths = system.mass, system.rows, system.angles, model.lengths
+        return (
+            mass.diagonal,
+            mass.k,
+            mass.w,
+            rows.length2,
+            rows.b,
+            rows.term,
+            rows.c,
+            angles.b,
+            angles.c,
+            angles.term,
+            lengths.b,
+            lengths.c,
+            lengths.term,
+            system.prescribed.params,
+            np.array([model.layout.length]),
+            self.start.q,
+            self.start.qd,
+        )
+
+    @property
+    def structure(self) -> tuple[Integers, ...]:
+        """The indices, which must not depend on the number."""
+        system, lengths = self.start.model.system, self.start.model.lengths
+        mass, rows, angles = system.mass, system.rows, system.angles
+        whole = (mass.i, mass.j, mass.skew, rows.i, rows.j, rows.first, rows.movable, rows.block)
+        return (
+            *(each.astype(np.int64) for each in whole),
+            rows.term_block.astype(np.int64),
+            angles.block.astype(np.int64),
+            lengths.block.astype(np.int64),
+            system.prescribed.slots,
+        )
+
+    def effects(self, inputs: Inputs) -> Effects:
+        """Its effects, with inputs held."""
+        model = self.start.model
+        applied = Applied(model, self.scene.effects, inputs, ReactionsOf(model))
+        return applied.assembled.effects
+
+
+class ParameterSlopes:
+    """The slopes of a scene by one of its numbers.
+
+    Raises InputError for a name that is not of one number, a number beside which there is no
+    scene, and one in which the scene is not smooth.
+    """
+
+    def __init__(self, name: str, scene: Scene, solver: Solver, start: Start) -> None:
+        self.name = name
+        self.value = overrides.number(scene, name)
+        self._scene, self._solver, self._start = scene, replace(solver, accuracy=None), start
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without the neighbours, which are made again if they are needed."""
+        return {name: value for name, value in vars(self).items() if name != '_neighbours'}
+
+    @cached_property
+    def _neighbours(self) -> dict[float, list[Neighbour]]:
+        """For two lengths of the step, the scenes around this one.
+
+        They must have its form. Where a number of a row is zero but for rounding, some have an
+        entry more: then other lengths are taken.
+        """
+        here, found = Neighbour(self._start, self._scene).structure, {}
+        step = _LONGEST * (abs(self.value) or 1.0)
+        for _ in range(_MOST):
+            beside = [self._neighbour(k * step) for k in _offsets()]
+            if all(all(map(np.array_equal, each.structure, here)) for each in beside):
+                found[step] = beside
+                if len(found) == _TWO:
+                    return found
+            step *= _SHORTER
+        raise self._none('the equations have another form beside this value')
+
+    def _none(self, why: str) -> InputError:
+        return InputError(f'no tangent: {why}', key=self.name, value=self.value)
+
+    def _neighbour(self, change: float) -> Neighbour:
+        text = repr(self.value + change)
+        try:
+            other = overrides.with_changes(self._scene, {self.name: text})
+            return Neighbour(started(other, self._solver), other)
+        except AlfError as error:
+            raise self._none(f'with {text} the scene is refused ({error})') from None
+
+    @cached_property
+    def arrays(self) -> dict[str, Floats]:
+        """The slope of each of `ARRAYS`, per unit of the number."""
+        values = {
+            step: [each.arrays() for each in beside] for step, beside in self._neighbours.items()
+        }
+        return {
+            name: self._slope(name, {step: [v[n] for v in each] for step, each in values.items()})
+            for n, name in enumerate(ARRAYS)
+        }
+
+    def params(self, inputs: Inputs = NO_INPUTS) -> Floats:
+        """The slope of the data of the effects, with inputs held."""
+        return self._slope(
+            'effects',
+            {
+                step: [each.effects(inputs).params for each in beside]
+                for step, beside in self._neighbours.items()
+            },
+        )
+
+    def opening(self, model: Model, q: Floats) -> Floats:
+        """(rows,) ∂Φ/∂θ at q (blocks D, m), per unit of the number, where the free blocks stay."""
+        of, rows = self.arrays, model.system.rows
+        own = replace(rows, length2=of['length2'], b=of['b'], term=of['term'], c=of['c'])
+        still = replace(own, length2=np.zeros_like(rows.length2))
+        opened, gaps = np.zeros(rows.alpha.size), np.zeros(rows.alpha.size)
+        kernel.violation(model.unit, still, q, opened)
+        m1 = rows.i.size
+        opened[:m1] = -0.5 * of['length2']
+        g, g2 = np.zeros(m1 * model.layout.dimension), np.zeros(rows.b.size)
+        kernel.jacobian(model.unit, rows, q, g, g2)
+        fixed = np.concatenate([np.zeros(model.n), of['q'][model.n :]])
+        kernel.times_jacobian(model.unit, rows, g, g2, fixed, gaps)
+        return opened + gaps
+
+    def _slope(self, what: str, values: dict[float, Sequence[Floats]]) -> Floats:
+        """Of arrays at the offsets of each step."""
+        found, largest = [], 0.0
+        for step, each in values.items():
+            if len({array.shape for array in each}) > 1:
+                raise self._none(f'{what} has another form beside this value')
+            weights = [np.sign(k) * _WEIGHTS[abs(k) - 1] for k in _offsets()]
+            with np.errstate(invalid='ignore'):  # no limit is an infinite one
+                changes = [np.where(x == each[0], 0.0, x - each[0]) for x in each]
+            slope = sum(w * x for w, x in zip(weights, changes, strict=True))
+            found.append(np.asarray(slope) / step)
+            largest = float(np.abs(each[0][np.isfinite(each[0])]).max(initial=0.0))
+        slope, finer = found
+        least = _ROUNDED * largest / min(values)
+        most = _AGREE * np.abs(slope).max(initial=0.0) + least
+        if not np.abs(slope - finer).max(initial=0.0) <= most:
+            raise self._none(f'{what} is not smooth in it')
+        return slope
+
+
+def _offsets() -> tuple[int, ...]:
+    return (-4, -3, -2, -1, 1, 2, 3, 4)

@@ -1,0 +1,206 @@
+"""Tangents of a run: the derivatives of its motion by numbers of its scene, which follow it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from alf_ros import effects as registry
+from alf_ros.arrays import Addresses, Floats, Integers
+from alf_ros.errors import InputError
+from alf_ros.kernel import Forces, Ledger, Problem, Tangents, Work
+from alf_ros.kernel.numba_ext.plain import PLAIN
+from alf_ros.model.tableaux import TABLEAUX
+from alf_ros.scene.scene import Scene, Solver
+from alf_ros.simulation.applied import Applied
+from alf_ros.simulation.parameter_slopes import ParameterSlopes
+from alf_ros.simulation.singular_passes import Pass
+from alf_ros.simulation.start import Start
+
+_ROWS = ('length2', 'b', 'term', 'c')
+_MASSES = ('mass_diagonal', 'mass_k', 'mass_w')
+
+_UNFOLDS = 1e-5  # part of nᵀ ∂Φ/∂θ that is left where a position is found
+
+
+def checked_names(tangents: object) -> tuple[str, ...]:
+    """Names of numbers of a scene, each once. Raises InputError."""
+    if isinstance(tangents, str) or not isinstance(tangents, Sequence):
+        raise InputError(
+            'no list of names', key='tangents', value=tangents, expected="['coupler.mass', …]"
+        )
+    for n, name in enumerate(tangents):
+        if not isinstance(name, str) or not name:
+            raise InputError('no name', key=f'tangents.{n}', value=name, expected='coupler.mass')
+        if name in tangents[:n]:
+            raise InputError('named twice', key=f'tangents.{n}', value=name)
+    return tuple(tangents)
+
+
+class TangentFollowing:
+    """The data of the tangents of a run, for all its states.
+
+    Raises InputError, with the name, for a number that the motion cannot be differentiated by, an
+    effect without a derivative, and settings that tangents do not follow.
+    """
+
+    def __init__(self, names: Sequence[str], scene: Scene, solver: Solver, start: Start) -> None:
+        self.names = tuple(names)
+        _check_settings(solver)
+        _check_start(start)
+        self.slopes = [ParameterSlopes(name, scene, solver, start) for name in names]
+        for each in self.slopes:
+            _check_slopes(each, start)
+        self._start = start
+
+    @property
+    def initial(self) -> Floats:
+        """(K 2 blocks D,) of q and q̇ where the scene starts."""
+        each = [part for s in self.slopes for part in (s.arrays['q'], s.arrays['qd'])]
+        return np.concatenate([np.zeros(0), *each])
+
+    @cached_property
+    def lengths(self) -> tuple[str, ...]:
+        """The parameters that change lengths or places: these may unfold a singular position."""
+        return tuple(s.name for s in self.slopes if _changes_rows(s, self._start))
+
+    def unfolded_by(self, passed: Pass) -> list[str]:
+        """The parameters that unfold a singular position: nᵀ ∂Φ/∂θ ≠ 0, with n the combination of
+        rows that vanishes there. With such a parameter changed by a little, the motion turns off
+        there: its derivative does not exist behind it."""
+        found, model = [], self._start.model
+        for each in self.slopes:
+            if each.name in self.lengths:
+                opened = each.opening(model, passed.q)
+                parts = np.abs(passed.lost * opened).sum()
+                if not abs(passed.lost @ opened) <= _UNFOLDS * parts:
+                    found.append(each.name)
+        return found
+
+    def stacked(self, name: str) -> Floats:
+        """(K …,) the slopes of an array by all parameters."""
+        return np.concatenate([np.zeros(0), *(each.arrays[name] for each in self.slopes)])
+
+    def check(self, applied: Applied) -> None:
+        """Raises InputError for an effect without a derivative."""
+        _dual_forces(applied)
+
+    def tangents(self, applied: Applied, problem: Problem, work: Work) -> Tangents:
+        """For the kernel: `problem` of the run, `work` for the stages of the tangents alone."""
+        model, count = self._start.model, len(self.names)
+        D, n, whole = model.layout.dimension, model.n, model.q.size
+        rows, stages = problem.system.rows, problem.method.b.size
+        forces = Forces(problem.forces.effects, problem.forces.bearings, Ledger.empty())
+        of = {name: self.stacked(name) for name in (*_MASSES, *_ROWS)}
+        params = [each.params(applied.inputs) for each in self.slopes]
+        sizes = {
+            'start': 2 * count * n,
+            'rates': 2 * count * stages * n,
+            **dict.fromkeys(('q', 'qd', 'qdd', 'begun_q', 'begun_qd', 'pushed'), count * whole),
+            'good': 2 * count * whole,
+            'lam': rows.alpha.size,
+            **dict.fromkeys(('dq', 'dqd', 'x', 'f', 'Q'), whole),
+            'g': rows.i.size * D,
+            'g2': rows.block.size * D,
+            'g2v': rows.block.size * D,
+        }
+        return Tangents(
+            unit=model.unit,
+            problem=replace(problem, forces=forces, work=work),
+            count=np.uint64(count),
+            force=_dual_forces(applied),
+            mass_changes=_any(self.slopes, _MASSES),
+            rows_change=np.array([name in self.lengths for name in self.names], dtype=np.int64),
+            params=np.concatenate([np.zeros(0), *params]),
+            **of,
+            **{name: np.zeros(size) for name, size in sizes.items()},
+        )
+
+
+def _changes_rows(slopes: ParameterSlopes, start: Start) -> bool:
+    fixed = slopes.arrays['q'][start.model.n :]
+    return bool(fixed.any()) or any(slopes.arrays[name].any() for name in _ROWS)
+
+
+def _any(slopes: Sequence[ParameterSlopes], names: Sequence[str]) -> Integers:
+    return np.array([any(each.arrays[n].any() for n in names) for each in slopes], dtype=np.int64)
+
+
+def _check_settings(solver: Solver) -> None:
+    if PLAIN:
+        raise InputError(
+            'tangents need compiled code', key='tangents', expected='no NUMBA_DISABLE_JIT'
+        )
+    if solver.formulation != 'alf2':
+        raise InputError('tangents follow alf2 alone', key='formulation', value=solver.formulation)
+    if TABLEAUX[solver.integrator].implicit:
+        choices = [name for name, tableau in TABLEAUX.items() if not tableau.implicit]
+        raise InputError(
+            'tangents follow explicit integrators',
+            key='integrator',
+            value=solver.integrator,
+            choices=choices,
+        )
+
+
+def _check_start(start: Start) -> None:
+    if start.near or start.singular is not None:
+        raise InputError(
+            'no tangents: the scene starts in a singular position, where the motion need not be '
+            'differentiable',
+            key='tangents',
+            expected='a start beside it',
+        )
+
+
+def _check_slopes(slopes: ParameterSlopes, start: Start) -> None:
+    arrays = slopes.arrays
+    if arrays['prescribed'].any():
+        raise InputError(
+            'no tangent by the numbers of a drive yet', key=slopes.name, value=slopes.value
+        )
+    if start.adjustment is not None and any(arrays[name].any() for name in _ROWS):
+        raise InputError(
+            'no tangent: redundant lengths are adjusted there, so none is free',
+            key=slopes.name,
+            value=slopes.value,
+        )
+
+
+def _dual_forces(applied: Applied) -> Addresses:
+    """(effects,) the address of each force for dual numbers, in the order of the kernel."""
+    # it teaches numba new types: only where somebody asks
+    from alf_ros.effects.contract.dual_force import dual_force
+
+    effects = applied.assembled.effects
+    found: list[int] = []
+    for kind, friction in zip(applied.kinds, effects.friction.tolist(), strict=True):
+        if friction:
+            raise InputError(
+                'no tangents: its friction depends on reactions',
+                key=f'effects.{kind}',
+                expected='a load that is given',
+            )
+        try:
+            found.append(dual_force(registry.load(kind).force._pyfunc).address)
+        except TypeError as error:
+            raise InputError(f'no tangents: {error}', key=f'effects.{kind}') from None
+    return np.array(found, dtype=np.uint64)
+
+
+class Followed(NamedTuple):
+    """The tangents of a run as a sample has them. `refused`: the tangents that do not exist there,
+    by name, each with its reason."""
+
+    following: TangentFollowing
+    refused: Mapping[str, str]
+
+    def slopes(self, name: str) -> ParameterSlopes:
+        """Of a parameter. Raises InputError for one without a derivative there."""
+        if name in self.refused:
+            raise InputError(f'no tangent: {self.refused[name]}', key=name)
+        return self.following.slopes[self.following.names.index(name)]

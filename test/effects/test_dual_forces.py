@@ -1,0 +1,95 @@
+"""The derivative of each effect along a direction, as tangents use it: against differences of
+eighth order of what it exerts. Every effect is found; one without a derivative fails by its name.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from typing import Any
+
+import numpy as np
+import pytest
+
+from alf_ros import effects
+from alf_ros.arrays import Floats
+from alf_ros.effects.contract.dual_force import dual_force
+from support.effect_examples import CASES, simulation
+
+_WEIGHTS = (4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0)
+_POINTER, _NUMBER = ctypes.c_void_p, ctypes.c_double
+
+
+class At:
+    """All instances of an effect, at an instant of the motion of its mechanism."""
+
+    def __init__(self, kind: str, which: str) -> None:
+        sim = simulation(kind, which)
+        sim.step(130)
+        module, self.t = effects.load(kind), sim.t
+        self.packed = module.pack(sim.scene.effects, sim.model.layout)
+        self.q, self.qd, self.near = sim.state.q, sim.state.qd, sim.sample()._near
+        self._force = ctypes.CFUNCTYPE(None, _NUMBER, *(6 * [_POINTER]))(module.force.address)
+        compiled = dual_force(module.force._pyfunc)
+        self._dual = ctypes.CFUNCTYPE(None, _NUMBER, *(10 * [_POINTER]))(compiled.address)
+
+    def exerted(self, q: Floats, qd: Floats, params: Floats) -> Floats:
+        Q = np.zeros(q.size)
+        given = (q, qd, self.near, self.packed.slots, params, Q)
+        self._force(self.t, *(each.ctypes.data for each in given))
+        return Q
+
+    def slope(self, dq: Floats, dqd: Floats, dparams: Floats) -> tuple[Floats, Floats]:
+        """Q, and its derivative along a direction."""
+        Q, dQ = np.zeros(self.q.size), np.zeros(self.q.size)
+        slots, params = self.packed.slots, self.packed.params
+        given = (self.q, dq, self.qd, dqd, self.near, slots, params, dparams, Q, dQ)
+        self._dual(self.t, *(each.ctypes.data for each in given))
+        return Q, dQ
+
+    def differences(self, dq: Floats, dqd: Floats, dparams: Floats, h: float) -> Floats:
+        params, found = self.packed.params, np.zeros(self.q.size)
+        for k, weight in enumerate(_WEIGHTS, 1):
+            for sign in (1.0, -1.0):
+                s = sign * k * h
+                ends = self.q + s * dq, self.qd + s * dqd, params + s * dparams
+                found += sign * weight / h * self.exerted(*ends)
+        return found
+
+
+def directions(at: At, rng: np.random.Generator) -> dict[str, tuple[Floats, Floats, Floats]]:
+    """Along positions, along velocities, along the numbers of the effect; and along all."""
+    n, params = at.q.size, at.packed.params
+    # limits of infinity and counts of arms, tables and roles are no numbers to be changed
+    numbers = np.where(np.isfinite(params) & (params != np.round(params)), params, 0.0)
+    q, qd, p = rng.normal(size=n), rng.normal(size=n), rng.normal(size=params.size) * numbers
+    zero, none = np.zeros(n), np.zeros(params.size)
+    found = {'q': (q, zero, none), 'qd': (zero, qd, none), 'all': (q, qd, none)}
+    return {**found, 'numbers': (zero, zero, p)}
+
+
+@pytest.mark.parametrize(('kind', 'which'), [case for case in CASES if 'loaded' not in case[1]])
+def test_derivative_of_an_effect(kind: str, which: str) -> None:
+    at = At(kind, which)
+    rng = np.random.default_rng(7)
+    for name, along in directions(at, rng).items():
+        Q, dQ = at.slope(*along)
+        plain = at.exerted(at.q, at.qd, at.packed.params)
+        np.testing.assert_allclose(Q, plain, rtol=1e-14, atol=1e-14 * np.abs(plain).max())
+        tries = [at.differences(*along, h) for h in (1e-2, 1e-3, 1e-4)]
+        error = min(float(np.abs(each - dQ).max()) for each in tries)
+        scale = float(max(np.abs(dQ).max(), np.abs(plain).max()))
+        assert error <= 2e-10 * scale, f'{kind}, {which}: by {name}'
+
+
+def test_every_effect_has_examples() -> None:
+    """A new effect is differentiated above as soon as it exists."""
+    named = {kind for kind, _ in CASES}
+    assert set(effects.own()) <= named
+
+
+def test_a_function_without_derivative_is_refused() -> None:
+    def force(t: Any, q: Any, qd: Any, near: Any, slots: Any, params: Any, Q: Any) -> None:
+        Q[0] += np.sinc(q[0])
+
+    with pytest.raises(TypeError, match='sinc'):
+        dual_force(force)

@@ -1,0 +1,44 @@
+"""doc/derivatives.md done as a reader does it."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from support.paths import ROOT
+from support.reader import START_LIMIT, environment
+
+TEXT = (ROOT / 'doc' / 'derivatives.md').read_text('utf-8')
+PROGRAMS = re.findall(
+    r'^```python\n(# (\w+\.py)\n.*?)^```\n\n^```text\n(.*?)^```$', TEXT, re.M | re.S
+)
+
+
+def shown_by(arguments: list[str], folder: Path) -> tuple[str, str]:
+    done = subprocess.run(
+        [sys.executable, *arguments],
+        cwd=folder,
+        env=environment(),
+        capture_output=True,
+        text=True,
+        timeout=START_LIMIT,
+    )
+    return done.stdout, done.stderr
+
+
+@pytest.mark.parametrize(
+    ('program', 'name', 'shown'), PROGRAMS, ids=[name for _, name, _ in PROGRAMS]
+)
+def test_a_program_prints_what_the_page_says(
+    program: str, name: str, shown: str, tmp_path: Path
+) -> None:
+    (tmp_path / name).write_text(program, 'utf-8')
+    assert shown_by([name], tmp_path) == (shown, '')
+
+
+def test_all_blocks_are_tried() -> None:
+    assert [name for _, name, _ in PROGRAMS] == re.findall(r'^# (\w+\.py)$', TEXT, re.M)

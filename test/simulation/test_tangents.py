@@ -1,0 +1,382 @@
+"""Tangents: against exact derivatives of mechanisms with one freedom, and against properties that
+every motion has."""
+
+from __future__ import annotations
+
+import copy
+import math
+import pickle
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from alf_ros import Simulation, load_scene
+from alf_ros.errors import InputError
+from alf_ros.scene import overrides
+from alf_ros.scene.scene import Scene
+from alf_ros.simulation.sample import Sample
+from alf_ros.studies.exact.exact_tangents import ExactTangents, double_four_bar, slider_crank
+from support.paths import ROOT
+
+SCENES = sorted(path.stem for path in (ROOT / 'config' / 'scenes').glob('*.yaml'))
+FIXED = {'step': 1e-2 / 7.0}
+ADAPTIVE = {'step': 0.1, 'integrator': 'dop853_adaptive', 'tolerance': 1e-8}
+
+
+def errors(exact: ExactTangents, **settings: Any) -> tuple[float, dict[str, float]]:
+    """The largest error of positions, m, and that of each tangent; both in parts of the largest
+    value."""
+    sim = Simulation(load_scene(exact.scene), tangents=exact.names, **settings)
+    samples = list(sim.run(exact.times[-1], at=list(exact.times)))
+    motion = np.array([each.q for each in samples])
+    position = np.abs(motion - exact.q).max() / np.abs(exact.q).max()
+    found = {}
+    for name, expected in zip(exact.names, exact.dq, strict=True):
+        tangent = np.array([each.tangents[name].q for each in samples])
+        found[name] = float(np.abs(tangent - expected).max() / np.abs(expected).max())
+    return float(position), found
+
+
+@pytest.mark.parametrize('settings', [FIXED, ADAPTIVE], ids=['fixed', 'adaptive'])
+@pytest.mark.parametrize('solution', [slider_crank, double_four_bar])
+def test_exact_through_singular_passes(solution: Any, settings: dict[str, Any]) -> None:
+    """10 s and 11 or 10 passes: the tangents are as good as the motion, or 100 times less."""
+    position, tangents = errors(solution(10.0), **settings)
+    assert position < 1e-7
+    for name, error in tangents.items():
+        assert error <= 100.0 * position + 1e-11, name
+
+
+def test_order_of_convergence() -> None:
+    """The error falls with the fourth power of the step, as that of rk4."""
+    exact = slider_crank(1.0)
+    coarse, fine = (errors(exact, step=h)[1] for h in (1e-2, 5e-3))
+    for name in exact.names:
+        assert 3.5 < math.log2(coarse[name] / fine[name]) < 6.5, name
+
+
+@pytest.mark.parametrize('settings', [FIXED, ADAPTIVE], ids=['fixed', 'adaptive'])
+def test_the_run_keeps_its_bits(settings: dict[str, Any]) -> None:
+    scene = load_scene('slider_crank')
+    plain, followed = Simulation(scene, **settings), Simulation(scene, tangents=['m'], **settings)
+    for each in (plain, followed):
+        each.step(20)
+    assert plain.state.q.tobytes() == followed.state.q.tobytes()
+    assert plain.state.qd.tobytes() == followed.state.qd.tobytes()
+    assert plain.evaluations == followed.evaluations
+
+
+# ------------------------------------------------------------- every mechanism of the library
+
+
+def autonomous(name: str) -> Scene | None:
+    """The scene with a parameter that nothing depends on; None if time occurs in it."""
+    scene = load_scene(name)
+    timed = any(effect.kind in ('motor', 'user_table') for effect in scene.effects)
+    if scene.mechanism.drives or timed or 'parameters:' not in scene.text:
+        return None
+    return overrides.with_changes(scene, {'mechanism.parameters.unused': '1.0'})
+
+
+def accelerated(sample: Sample) -> np.ndarray[Any, Any]:
+    """q̇ and q̈ (2, blocks D)."""
+    return np.array([sample.state.qd, sample._accelerated[0].qdd])
+
+
+@pytest.mark.parametrize('name', SCENES)
+def test_derivative_by_the_start_of_time(name: str) -> None:
+    """Started later by δ, a motion is later by δ: its derivative is q̇, q̈. All rows, spaces and
+    effects of the library take part."""
+    scene = autonomous(name)
+    if scene is None:
+        return
+    try:
+        sim = Simulation(scene, tangents=['unused'])
+    except InputError as error:
+        assert 'singular position' in str(error) or 'depends on reactions' in str(error)
+        return
+    assert not sim.state.tangents.any()
+    start = accelerated(sim.sample())
+    sim.restore(_with_tangents(sim, start))
+    sim.step(100)
+    end = accelerated(sim.sample())
+    found = sim.state.tangents.reshape(2, -1)
+    for got, expected in zip(found, end, strict=True):
+        assert np.abs(got - expected).max() <= 1e-6 * max(np.abs(end).max(), 1e-3)
+
+
+def _with_tangents(sim: Simulation, values: Any) -> Any:
+    state = copy.copy(sim.state)
+    object.__setattr__(state, 'tangents', np.ascontiguousarray(values).ravel())
+    return state
+
+
+# ---------------------------------------------------------- all kinds of numbers of a scene
+
+ROBOT = """
+mechanism:
+  alf: 1
+  space: planar
+  parameters: {a: 1.0, m: 2.0}
+  points:
+    O: {at: [0, 0], fixed: true}
+    W: {at: [2, 1.5], fixed: true}
+    C: {at: [2.2, 0.1], fixed: true}
+    A: {at: [0, a]}
+    B: {at: [2, 1.2]}
+  bodies:
+    crank: {points: [O, A], mass: m, inertia: {about_com: 0.3}, com: [0.4, 0.1]}
+    coupler: {points: [A, B], mass: 1.0, inertia: rod}
+    rocker: {points: [C, B], mass: 0.5, inertia: {about_com: 0.2}}
+  joints:
+    pin: {type: revolute, between: [ground, crank], at: O}
+    knee: {type: revolute, between: [crank, coupler], at: A}
+    wrist: {type: revolute, between: [coupler, rocker], at: B}
+    foot: {type: revolute, between: [ground, rocker], at: C}
+effects:
+  gravity: {acceleration: [0.3, -9.81]}
+  spring: {pull: {between: [A, W], stiffness: 40, free_length: 0.8}}
+  damper: {oil: {between: [B, W], damping: 1.5}}
+  torsion_spring: {coil: {joint: knee, stiffness: 3, damping: 0.1}}
+  joint_friction:
+    rub: {joint: foot, viscous: 0.2, dynamic: 0.1, load: 10, radius: 0.02, slip: 0.1}
+  motor: {drive: {joint: pin, position: [[0, 0], [1, 2]], position_gain: 20, velocity_gain: 1}}
+  drag: {air: {on: coupler, linear: 0.2, quadratic: 0.3, wind: [1, 0]}}
+initial: {velocities: {A: [1.5, ~]}}
+solver: {step: 1.0e-3}
+"""
+NUMBERS = (
+    'm',
+    'a',
+    'coupler.mass',
+    'crank.inertia.about_com',
+    'crank.com.1',
+    'mechanism.points.C.at.0',
+    'mechanism.points.B.at.1',
+    'gravity.acceleration.0',
+    'pull.stiffness',
+    'pull.free_length',
+    'oil.damping',
+    'coil.stiffness',
+    'rub.dynamic',
+    'rub.viscous',
+    'drive.position_gain',
+    'drive.position.1.1',
+    'air.quadratic',
+    'air.wind.0',
+    'initial.velocities.A.0',
+)
+
+
+@pytest.fixture(scope='module')
+def robot(tmp_path_factory: pytest.TempPathFactory) -> Scene:
+    path = Path(tmp_path_factory.mktemp('robot')) / 'robot.yaml'
+    path.write_text(ROBOT, 'utf-8')
+    return load_scene(path)
+
+
+@pytest.fixture(scope='module')
+def run(robot: Scene) -> Simulation:
+    sim = Simulation(robot, tangents=NUMBERS)
+    sim.apply_wrench('rocker', force=[1.0, 2.0], torque=0.3)
+    sim.step(200)
+    return sim
+
+
+def read(sample: Sample) -> np.ndarray[Any, Any]:
+    points = np.concatenate([sample.points[name] for name in sample.points])
+    joints = [sample.joint_positions, sample.joint_velocities]
+    return np.concatenate([sample.q, sample.qd, points, *joints])
+
+
+@pytest.mark.parametrize('name', NUMBERS)
+def test_numbers_of_a_scene(robot: Scene, run: Simulation, name: str) -> None:
+    """Against differences of sixth order of runs with other numbers."""
+    value = overrides.number(robot, name)
+    size = 1e-2 * (abs(value) or 1.0)
+
+    def other(change: float) -> np.ndarray[Any, Any]:
+        scene = overrides.with_changes(robot, {name: repr(value + change)})
+        sim = Simulation(scene)
+        sim.apply_wrench('rocker', force=[1.0, 2.0], torque=0.3)
+        sim.step(200)
+        return read(sim.sample())
+
+    weights = (3.0 / 4.0, -3.0 / 20.0, 1.0 / 60.0)
+    expected = sum(
+        w / size * (other(k * size) - other(-k * size)) for k, w in enumerate(weights, 1)
+    )
+    tangent = run.sample().tangents[name]
+    points = np.concatenate([tangent.points[point] for point in tangent.points])
+    joints = [tangent.joint_positions, tangent.joint_velocities]
+    found = np.concatenate([tangent.q, tangent.qd, points, *joints])
+    assert np.abs(expected).max() > 1e-6
+    np.testing.assert_allclose(found, expected, rtol=0, atol=3e-8 * np.abs(expected).max())
+    assert tangent.joints['knee'].position == tangent.joint_positions[1]
+
+
+DRIVEN = """
+mechanism:
+  alf: 1
+  space: planar
+  parameters: {a: 1.0, b: 0.8, m: 1.0, w: 3.0}
+  points:
+    O: {at: [0, 0], fixed: true}
+    A: {at: [a, 0]}
+    B: {at: [a, b]}
+  bodies:
+    upper: {points: [O, A], mass: m, inertia: rod}
+    lower: {points: [A, B], mass: m, inertia: {about_com: 0.1}, com: [0.3, 0.1]}
+  joints:
+    shoulder: {type: revolute, between: [ground, upper], at: O}
+    elbow: {type: revolute, between: [upper, lower], at: A}
+  drives:
+    swing: {joint: shoulder, angle: 0.5*sin(w*t)}
+effects: {gravity: {acceleration: [0, -9.81]}}
+solver: {step: 1.0e-3}
+"""
+
+
+@pytest.mark.parametrize('name', ['b', 'lower.com.0', 'lower.inertia.about_com'])
+def test_beside_a_drive(name: str, tmp_path: Path) -> None:
+    path = tmp_path / 'driven.yaml'
+    path.write_text(DRIVEN, 'utf-8')
+    scene = load_scene(path)
+    sim, value = Simulation(scene, tangents=[name]), overrides.number(scene, name)
+    sim.step(300)
+
+    def other(change: float) -> np.ndarray[Any, Any]:
+        run = Simulation(overrides.with_changes(scene, {name: repr(value + change)}))
+        run.step(300)
+        return run.sample().q
+
+    size, weights = 1e-2 * value, (3.0 / 4.0, -3.0 / 20.0, 1.0 / 60.0)
+    expected = sum(
+        w / size * (other(k * size) - other(-k * size)) for k, w in enumerate(weights, 1)
+    )
+    assert np.abs(expected).max() > 1e-2
+    found = sim.sample().tangents[name].q
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-8 * np.abs(expected).max())
+    assert 'numbers of a drive' in refused(scene, ['w'])
+
+
+# ------------------------------------------------------------------------ states and copies
+
+
+def test_copies_and_states_continue_bit_for_bit(robot: Scene) -> None:
+    sim = Simulation(robot, tangents=NUMBERS[:2])
+    sim.step(20)
+    state, others = sim.state, [copy.copy(sim), pickle.loads(pickle.dumps(sim))]
+    sim.step(20)
+    expected = sim.state.tangents.tobytes()
+    sim.restore(state)
+    sim.step(20)
+    for each in others:
+        each.step(20)
+    for each in (sim, *others):
+        assert each.state.tangents.tobytes() == expected
+    sim.reset()
+    assert (
+        sim.state.tangents.tobytes()
+        == Simulation(robot, tangents=NUMBERS[:2]).state.tangents.tobytes()
+    )
+
+
+def test_instants_between_steps(robot: Scene) -> None:
+    sim = Simulation(robot, tangents=['m'], step=2e-3)
+    (between,) = (s for s in sim.run(0.1, at=[0.0505]))
+    fine = Simulation(robot, tangents=['m'], step=5e-4)
+    fine.step(101)
+    found, expected = between.tangents['m'].q, fine.sample().tangents['m'].q
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9)
+
+
+# ------------------------------------------------------------------------------- refusals
+
+
+def refused(scene: Scene, names: Sequence[str], **settings: Any) -> str:
+    with pytest.raises(InputError) as caught:
+        Simulation(scene, tangents=names, **settings)
+    text = str(caught.value)
+    assert '\n' not in text
+    return text
+
+
+@pytest.mark.parametrize(
+    ('names', 'told'),
+    [
+        ('m', 'no list of names'),
+        (['m', 'm'], 'named twice'),
+        (['nothing'], 'nothing of this name'),
+        (['gravity.acceleration'], 'not one number'),
+        (['gravity.acceleration.7'], 'no such part'),
+        ([''], 'no name'),
+    ],
+)
+def test_names_are_refused(names: Any, told: str) -> None:
+    assert told in refused(load_scene('slider_crank'), names)
+
+
+def test_settings_are_refused() -> None:
+    scene = load_scene('slider_crank')
+    assert 'explicit integrators' in refused(scene, ['m'], integrator='esdirk43')
+    assert 'alf2 alone' in refused(scene, ['m'], formulation='canonical')
+
+
+def test_friction_under_reactions_is_refused() -> None:
+    scene = overrides.with_changes(
+        load_scene('slider_crank'), {'effects.joint_friction': '{joint: knee, dynamic: 0.1}'}
+    )
+    assert 'joint_friction' in refused(scene, ['m'])
+
+
+def test_a_number_with_a_kink_is_refused() -> None:
+    scene = overrides.with_changes(
+        load_scene('slider_crank'), {'effects.damper': '{between: [A, O], damping: 0}'}
+    )
+    assert 'the scene is refused' in refused(scene, ['damper.damping'])
+
+
+def test_a_start_in_a_singular_position_is_refused() -> None:
+    scene = overrides.with_changes(
+        load_scene('slider_crank'),
+        {'initial': '{positions: {A: [0, 1], B: [0, 0]}, velocities: {B: [1, 0]}}'},
+    )
+    assert 'starts in a singular position' in refused(scene, ['m'])
+
+
+def test_a_length_that_unfolds_a_position_is_refused_behind_it() -> None:
+    """Both lengths together leave the position as it is; one alone makes another mechanism."""
+    names = ['L', 'mechanism.points.A.at.0']
+    sim = Simulation(load_scene('slider_crank'), tangents=names)
+    sim.step(300)
+    assert np.isfinite(sim.sample().tangents[names[1]].q).all()
+    sim.step(200)  # 0.39 s: the position
+    tangents = sim.sample().tangents
+    assert np.isfinite(tangents['L'].q).all()
+    with pytest.raises(InputError, match=r'A.at.0: .* unfolds .* t = 0.391732 s'):
+        tangents[names[1]]
+    later = sim.state
+    sim.reset()
+    assert np.isfinite(sim.sample().tangents[names[1]].q).all()
+    assert later.step == 500
+
+
+def test_a_body_cannot_be_placed(robot: Scene) -> None:
+    sim = Simulation(robot, tangents=['m'])
+    with pytest.raises(InputError, match='placed body'):
+        sim.place('crank', twist=[0.0, 0.0, 1.0])
+
+
+def test_a_state_without_tangents_is_refused(robot: Scene) -> None:
+    sim = Simulation(robot, tangents=['m'])
+    with pytest.raises(InputError, match=r'state\.tangents'):
+        sim.restore(Simulation(robot).state)
+
+
+def test_nobody_asked() -> None:
+    with pytest.raises(InputError, match='no tangents follow'):
+        len(Simulation(load_scene('slider_crank')).sample().tangents)
