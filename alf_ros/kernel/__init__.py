@@ -30,6 +30,8 @@ from alf_ros.kernel.data import (
     Effects,
     Forces,
     Forms,
+    HeldForces,
+    Instant,
     JointCoordinates,
     Ledger,
     Mass,
@@ -47,6 +49,7 @@ from alf_ros.kernel.data import (
     Work,
 )
 from alf_ros.kernel.implicit import advance_implicitly
+from alf_ros.kernel.instant import read_instant
 from alf_ros.kernel.inverse_trace import mass_trace
 from alf_ros.kernel.joint_coordinates import counted_angles, joint_coordinates
 from alf_ros.kernel.joint_efforts import add_joint_efforts
@@ -76,6 +79,8 @@ __all__ = [
     'Effects',
     'Forces',
     'Forms',
+    'HeldForces',
+    'Instant',
     'JointCoordinates',
     'Ledger',
     'Mass',
@@ -117,6 +122,7 @@ __all__ = [
     'place_on_cut',
     'potential_energy',
     'prescribed_at',
+    'read_instant',
     'restore_reactions',
     'softest',
     'solve',
