@@ -165,7 +165,5 @@ def _find_distance(problem: Problem, instant: Instant, rounds: int, tolerance: f
     if modes.redundant > ZERO:
         pattern, n = system.pattern, work.p.size
         inverse, off = instant.inverse, instant.inverse_off
-        lost = mass_trace(
-            unit, pattern, work.diagonal, work.off, work.column, inverse, off
-        )
+        lost = mass_trace(unit, pattern, work.diagonal, work.off, work.column, inverse, off)
         instant.told[RANK] = n - lost

@@ -64,7 +64,9 @@ class SampleReader:
         self.distance = math.inf
         tools = stepper.instruments
         self._on_cut = 'reactions' in into or stepper.applied.acts_on_axes
-        arrays = {name: np.zeros(0) for _, names in _READINGS.values() for name in names}
+        arrays: dict[str, Floats] = {
+            name: np.zeros(0) for _, names in _READINGS.values() for name in names
+        }
         for key, given in into.items():
             for array in given:
                 array[:] = 0.0  # what no pass writes
@@ -113,8 +115,10 @@ class SampleReader:
 
         False leaves it to a sample: accelerations are limits, or there are none.
         """
-        if self._stepper.beside(present) is not False:
-            return False
+        return self._stepper.beside(present) is False and self.try_read(present, t, wanted)
+
+    def try_read(self, present: Present, t: float, wanted: int) -> bool:
+        """`read` after a step that was not interpolated beside a singular position."""
         applied, phase = present.applied, present.phase
         if applied is not self._applied:
             self._hold(applied)

@@ -20,6 +20,7 @@ from alf_ros.model.singular_branches import Branch, Position
 from alf_ros.resources import version
 from alf_ros.scene.scene import Scene, Solver
 from alf_ros.simulation import input_checks as check
+from alf_ros.simulation import sample_reader
 from alf_ros.simulation.accuracy import Budget, pick
 from alf_ros.simulation.applied import NO_INPUTS, Applied, Inputs, Target
 from alf_ros.simulation.between import Between
@@ -509,7 +510,10 @@ class Simulation:
         if not SampleReader.fits(self.model, self._stepper):
             return None
         rows = self._start.dependent_rows
-        return SampleReader(self.model, self.solver, self._stepper, rows, into)
+        reader = SampleReader(self.model, self.solver, self._stepper, rows, into)
+        # no later call waits for the compiler
+        reader.try_read(self._present, self.t, sample_reader.mask(tuple(into), True))
+        return reader
 
     @by_one_thread
     def read(self, reader: SampleReader, wanted: int) -> bool:

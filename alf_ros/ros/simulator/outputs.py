@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Callable, Collection, Mapping
-from functools import partial
+import time
+from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -15,6 +15,7 @@ from std_msgs.msg import String
 
 from alf_ros.errors import InputError
 from alf_ros.exchange.urdf_export import urdf
+from alf_ros.ros.messages.instant_messages import InstantMessages
 from alf_ros.ros.messages.topics import LATCHED, RELIABLE, TOPICS
 from alf_ros.ros.recording.recorder import Recorder
 from alf_ros.scene.scene import Scene
@@ -25,6 +26,8 @@ from alf_ros.simulation.simulation import Simulation
 if TYPE_CHECKING:
     from rclpy.node import Node
     from rclpy.qos import QoSProfile
+
+_LOOK_PERIOD = 5e-3  # s between two looks at who subscribes
 
 
 class Output:
@@ -49,17 +52,21 @@ class Output:
         except RuntimeError as error:
             raise InputError(str(error), key=f'qos_overrides.{name}') from None
         self.topic = self._publisher.topic_name
+        self._subscribed = False
+
+    def look(self) -> None:
+        """See whether somebody subscribes."""
+        self._subscribed = bool(self._publisher.get_subscription_count())
 
     @property
     def published(self) -> bool:
-        """Whether a message now would be published."""
-        if self.mode == 'auto':
-            return bool(self._publisher.get_subscription_count())
-        return self.mode == 'on'
+        """Whether a message now would be published, as far as was seen at the last `look`."""
+        return self._subscribed if self.mode == 'auto' else self.mode == 'on'
 
     @property
     def wanted(self) -> bool:
         """Whether a message now would go anywhere."""
+        self.look()
         return self.recorder is not None or self.published
 
     def record(self, recorder: Recorder | None) -> None:
@@ -73,22 +80,22 @@ class Output:
     def _period(self, ns: int) -> int:
         return math.floor(ns * 1e-9 * self.rate + 1e-6)
 
+    def due(self, ns: int) -> bool:
+        """Whether the log wants a message of this stamp."""
+        return self.recorder is not None and self._due(ns)
+
     def send(self, data: bytes, ns: int, record: bool = True) -> None:
         """The same bytes go to the subscribers and, at stamp `ns`, to the log."""
-        self.send_if_wanted(lambda: data, ns, record)
+        self.look()
+        self.hand_on(data, ns, self.published, record and self.due(ns))
 
-    def send_if_wanted(self, make: Callable[[], bytes], ns: int, record: bool = True) -> None:
-        """Make and `send` a message if it has a receiver: a log may record only some."""
-        published, recorder = self.published, self.recorder
-        due = record and recorder is not None and self._due(ns)
-        if not published and not due:
-            return
-        data = make()
-        if published:
+    def hand_on(self, data: bytes, ns: int, publish: bool, record: bool) -> None:
+        """Publish a message, and write it to the log."""
+        if publish:
             self._publisher.publish(data)
-        if due and recorder is not None:
+        if record and self.recorder is not None:
             self._recorded = self._period(ns)
-            recorder.write(self.topic, self.type, self.qos, ns, data, self.essential)
+            self.recorder.write(self.topic, self.type, self.qos, ns, data, self.essential)
 
 
 class Outputs:
@@ -128,6 +135,7 @@ class Outputs:
         self.journal.essential = self.scene.essential = True
         self._shown = {topic.name for topic in TOPICS if topic.shown}
         self._ticks = 0
+        self._next_look = 0.0
         self._undescribed: Scene | None = None
 
     @property
@@ -136,9 +144,10 @@ class Outputs:
         return {name: output.topic for name, output in self.samples.items()}
 
     def prepare(self, simulation: Simulation) -> None:
-        """Make the messages for a simulation."""
+        """Make the messages for a simulation, with all that is compiled for them."""
         writers = {topic.name: topic.make(simulation, self.display) for topic in TOPICS}
         self._write = {name: write for name, write in writers.items() if write is not None}
+        self._messages = InstantMessages(simulation, self._write)
 
     def switched(self) -> dict[str, list[str]]:
         """Topics with content: `on` (recorded, or always published), waiting until they are
@@ -176,12 +185,44 @@ class Outputs:
         for output in self._recorded:
             output.record(recorder)
 
-    def send(self, sample: Sample, ns: int, record: bool = True, whole: bool = False) -> None:
-        """Publish and log the requested topics of `sample`, all with the stamp `ns`; `whole`: with
-        topics that are not shown at every tick."""
+    def send(
+        self,
+        simulation: Simulation,
+        ns: int,
+        record: bool = True,
+        whole: bool = False,
+        near: bool = False,
+    ) -> float:
+        """Publish and log the requested topics of the present state, all with the stamp `ns`.
+
+        `whole`: with topics that are not shown at every tick. Returns the distance to a singular
+        position if `near` asks for it and reactions or constraints are requested, else infinity.
+        Raises StepError if the state cannot be evaluated.
+        """
         self._ticks += not whole
         shown = whole or self._ticks % self.shown_every == 0
-        for name, write in self._write.items():
-            output = self.samples[name]
+        self._look(whole)
+        due = []
+        for name in self._write:
             if shown or name not in self._shown:
-                output.send_if_wanted(partial(write, sample, ns), ns, record)
+                output = self.samples[name]
+                publish, keep = output.published, record and output.due(ns)
+                if publish or keep:
+                    due.append((name, output, publish, keep))
+        if not due:
+            return math.inf
+        if simulation is not self._messages.simulation:
+            self._messages = InstantMessages(simulation, self._write)
+        messages = self._messages
+        made = messages.write([each[0] for each in due], ns, near)
+        for (_, output, publish, keep), data in zip(due, made, strict=True):
+            output.hand_on(data, ns, publish, keep)
+        return messages.distance
+
+    def _look(self, now: bool) -> None:
+        """See who subscribes, `now` or from time to time: to ask costs as much as a reading."""
+        clock = time.monotonic()
+        if now or clock >= self._next_look:
+            self._next_look = clock + _LOOK_PERIOD
+            for output in self.samples.values():
+                output.look()
