@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import time
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +48,7 @@ class NodeRun:
         self.failure: StepError | None = None
         self.initial_energy = 0.0
         self.balance = 0.0  # J, kinetic energy less all works, where the run began
+        self.stepping = 0.0  # s that the solver has taken
         self._looked = -math.inf  # s, when the distance was looked for
         self.closest = math.inf  # to a singular position, since somebody set it back
         # This run, counted since the start of the node, and the step where it began.
@@ -128,6 +130,7 @@ class NodeRun:
         steps = self.setup.steps
         if self._last_step:
             steps = min(steps, self._last_step - self.simulation.step_index)
+        begun = time.thread_time()
         try:
             self.simulation.step(steps)
         except StepError as error:
@@ -136,6 +139,7 @@ class NodeRun:
             self._cut = True  # the node ends; the log has the last whole tick
         else:
             self.failure = None
+            self.stepping += time.thread_time() - begun
             self.send(whole=whole)
 
     def send(self, record: bool = True, whole: bool = False) -> None:

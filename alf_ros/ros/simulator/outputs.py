@@ -18,6 +18,8 @@ from alf_ros.exchange.urdf_export import urdf
 from alf_ros.ros.messages.instant_messages import InstantMessages
 from alf_ros.ros.messages.topics import LATCHED, RELIABLE, TOPICS
 from alf_ros.ros.recording.recorder import Recorder
+from alf_ros.ros.simulator.output_costs import TopicCost
+from alf_ros.ros.simulator.parameters import ALL
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation.display_geometry import Display
 from alf_ros.simulation.sample import Sample
@@ -53,6 +55,8 @@ class Output:
             raise InputError(str(error), key=f'qos_overrides.{name}') from None
         self.topic = self._publisher.topic_name
         self._subscribed = False
+        self.sent = 0.0  # s spent to publish
+        self.logged = 0  # bytes given to the log
 
     def look(self) -> None:
         """See whether somebody subscribes."""
@@ -92,9 +96,12 @@ class Output:
     def hand_on(self, data: bytes, ns: int, publish: bool, record: bool) -> None:
         """Publish a message, and write it to the log."""
         if publish:
+            begun = time.thread_time()
             self._publisher.publish(data)
+            self.sent += time.thread_time() - begun
         if record and self.recorder is not None:
             self._recorded = self._period(ns)
+            self.logged += len(data)
             self.recorder.write(self.topic, self.type, self.qos, ns, data, self.essential)
 
 
@@ -131,11 +138,12 @@ class Outputs:
         self._recorded = [output for name, output in self.optional.items() if name in recorded]
         self._recorded += [self.journal, self.scene]
         for topic in TOPICS:
-            self.samples[topic.name].rate = rates[topic.key]
+            self.samples[topic.name].rate = rates[topic.key] or rates[ALL]
         self.journal.essential = self.scene.essential = True
         self._shown = {topic.name for topic in TOPICS if topic.shown}
         self._ticks = 0
         self._next_look = 0.0
+        self._made: dict[tuple[str, ...], float] = {}  # s, by the topics that were due
         self._undescribed: Scene | None = None
 
     @property
@@ -214,10 +222,29 @@ class Outputs:
         if simulation is not self._messages.simulation:
             self._messages = InstantMessages(simulation, self._write)
         messages = self._messages
-        made = messages.write([each[0] for each in due], ns, near)
+        names, begun = tuple([each[0] for each in due]), time.thread_time()
+        made = messages.write(names, ns, near)
+        self._made[names] = self._made.get(names, 0.0) + time.thread_time() - begun
         for (_, output, publish, keep), data in zip(due, made, strict=True):
             output.hand_on(data, ns, publish, keep)
         return messages.distance
+
+    def costs(self) -> dict[str, TopicCost]:
+        """What each topic has cost since the last call. A read of several topics counts as the
+        reads of each alone would."""
+        made = dict.fromkeys(self.samples, 0.0)
+        for names, seconds in self._made.items():
+            parts = self._messages.parts(names)
+            for name, part in zip(names, parts, strict=True):
+                made[name] += part * seconds
+        self._made.clear()
+        found = {}
+        for name, output in self.samples.items():
+            cost = TopicCost(made[name], output.sent, output.logged, output.published)
+            output.sent, output.logged = 0.0, 0
+            if cost.made or cost.sent or cost.logged:
+                found[name] = cost
+        return found
 
     def _look(self, now: bool) -> None:
         """See who subscribes, `now` or from time to time: to ask costs as much as a reading."""
