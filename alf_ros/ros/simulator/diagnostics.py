@@ -6,7 +6,7 @@ Values are numbers as text, SI, the unit in the key. Levels: OK, WARN (look), ER
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from builtin_interfaces.msg import Time
@@ -139,10 +139,15 @@ class Pace:
     lost: float
 
 
-def timing(pacer: Pacer, paused: bool, before: Pace, spent: Spent) -> Report:
+def timing(
+    pacer: Pacer, paused: bool, before: Pace, spent: Spent, lagging: Sequence[str] = ()
+) -> Report:
     """Real-time factor achieved, overruns, lateness; seconds of a tick in the solver and for
-    topics. WARN when real time was lost since `before`, or more than one tick in twenty came
-    late."""
+    topics; topics with reliable readers that are `lagging`.
+
+    WARN when real time was lost since `before`, more than one tick in twenty came late, or readers
+    lose messages of a run as fast as possible.
+    """
     values = {
         'real_time_factor': pacer.achieved,
         'wanted_real_time_factor': pacer.factor,
@@ -155,7 +160,10 @@ def timing(pacer: Pacer, paused: bool, before: Pace, spent: Spent) -> Report:
         'steps_s_per_tick': spent.step,
         'topics_s_per_tick': spent.outputs,
         'slowest_topic': spent.slowest,
+        'lagging_readers': ' '.join(lagging),
     }
+    if lagging:
+        return Report('timing', WARN, f'readers lose messages of {", ".join(lagging)}', values)
     lost = pacer.lost - before.lost
     if lost > 0.0:
         message = f'too slow: {lost:.3g} s of real time lost'

@@ -48,6 +48,7 @@ class NodeRun:
         self.failure: StepError | None = None
         self.initial_energy = 0.0
         self.balance = 0.0  # J, kinetic energy less all works, where the run began
+        self.free = False  # ticks are made as fast as possible: readers are waited for
         self.stepping = 0.0  # s that the solver has taken
         self._looked = -math.inf  # s, when the distance was looked for
         self.closest = math.inf  # to a singular position, since somebody set it back
@@ -149,7 +150,7 @@ class NodeRun:
         if abs(t - self._looked) > DISTANCE_PERIOD - _SHORT:
             near, self._looked = self._outputs.diagnostics.wanted, t
         try:
-            found = self._outputs.send(self.simulation, self.stamp, record, whole, near)
+            found = self._outputs.send(self.simulation, self.stamp, record, whole, near, self.free)
         except StepError as error:
             self.failure = error
         else:

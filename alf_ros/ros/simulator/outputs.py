@@ -6,9 +6,11 @@ import copy
 import math
 import time
 from collections.abc import Collection, Mapping
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.duration import Duration
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.serialization import serialize_message
 from std_msgs.msg import String
@@ -29,6 +31,7 @@ if TYPE_CHECKING:
     from rclpy.node import Node
     from rclpy.qos import QoSProfile
 
+_PATIENCE = 1.0  # s, with reliable readers of ticks that are made as fast as possible
 _LOOK_PERIOD = 5e-3  # s between two looks at who subscribes
 
 
@@ -55,6 +58,8 @@ class Output:
             raise InputError(str(error), key=f'qos_overrides.{name}') from None
         self.topic = self._publisher.topic_name
         self._subscribed = False
+        self.lagging = False  # a reliable reader did not follow ticks as fast as possible
+        self._unacknowledged = 0  # messages since all readers had all of them, at most
         self.sent = 0.0  # s spent to publish
         self.logged = 0  # bytes given to the log
 
@@ -93,16 +98,30 @@ class Output:
         self.look()
         self.hand_on(data, ns, self.published, record and self.due(ns))
 
-    def hand_on(self, data: bytes, ns: int, publish: bool, record: bool) -> None:
-        """Publish a message, and write it to the log."""
+    def hand_on(
+        self, data: bytes, ns: int, publish: bool, record: bool, hold: bool = False
+    ) -> None:
+        """Publish a message, and write it to the log; `hold`: wait for reliable readers first, if
+        the history of the publisher is full of what they may not have."""
         if publish:
+            if hold and self._unacknowledged >= self.qos.depth:
+                self._await_readers()
             begun = time.thread_time()
             self._publisher.publish(data)
             self.sent += time.thread_time() - begun
+            self._unacknowledged += 1
         if record and self.recorder is not None:
             self._recorded = self._period(ns)
             self.logged += len(data)
             self.recorder.write(self.topic, self.type, self.qos, ns, data, self.essential)
+
+    def _await_readers(self) -> None:
+        """Wait until reliable readers have all messages; after a reader that did not follow, only
+        look whether it has them now."""
+        wait = Duration(seconds=0.0 if self.lagging else _PATIENCE)
+        with suppress(RuntimeError):  # a middleware that cannot tell
+            self.lagging = not self._publisher.wait_for_all_acked(wait)
+        self._unacknowledged = 0
 
 
 class Outputs:
@@ -200,11 +219,13 @@ class Outputs:
         record: bool = True,
         whole: bool = False,
         near: bool = False,
+        hold: bool = False,
     ) -> float:
         """Publish and log the requested topics of the present state, all with the stamp `ns`.
 
         `whole`: with topics that are not shown at every tick. Returns the distance to a singular
         position if `near` asks for it and reactions or constraints are requested, else infinity.
+        `hold`: reliable readers are waited for, up to a second, so that they lose nothing.
         Raises StepError if the state cannot be evaluated.
         """
         self._ticks += not whole
@@ -226,8 +247,13 @@ class Outputs:
         made = messages.write(names, ns, near)
         self._made[names] = self._made.get(names, 0.0) + time.thread_time() - begun
         for (_, output, publish, keep), data in zip(due, made, strict=True):
-            output.hand_on(data, ns, publish, keep)
+            output.hand_on(data, ns, publish, keep, hold)
         return messages.distance
+
+    @property
+    def lagging(self) -> list[str]:
+        """Topics with a reliable reader that did not follow ticks as fast as possible."""
+        return [name for name, output in self.samples.items() if output.lagging]
 
     def costs(self) -> dict[str, TopicCost]:
         """What each topic has cost since the last call. A read of several topics counts as the
