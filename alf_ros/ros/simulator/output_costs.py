@@ -80,10 +80,10 @@ class Spent:
             else:
                 thinned += self._time(name) / self.ticks
         part, left = 1.0, _FULL * self.period - fixed
-        if left < thinned:
-            part = max(0.0, left / thinned)
-        elif left < 0.0:
+        if left <= 0.0:
             part = 0.0
+        elif left < thinned:
+            part = left / thinned
         return min(part, _FULL / self.writer_load) if self.writer_load > _FULL else part
 
     def lasting_rate(self, rate: float) -> float:
