@@ -261,10 +261,24 @@ def readings() -> str:
     body = []
     for scene in dict.fromkeys(row['scene'] for row in found):
         for checkout in ('before', 'now'):
-            each = [cells[scene, checkout, key] for key in keys]
-            numbers = [row['us'] if row['reading'] == 'step' else row['steps'] for row in each]
+            each = [cells.get((scene, checkout, key), {}) for key in keys]
+            numbers = [
+                row['us'] if row.get('reading') == 'step' else row.get('steps', '-')
+                for row in each
+            ]
             body.append([scene, checkout, *numbers])
     head = ' | '.join(['scene', 'code', *keys]).replace('| step |', '| step, µs |')
+    return markdown(about, head, body)
+
+
+def message_path() -> str:
+    """The node with everything recorded and three readers, beside its goals."""
+    about, found = rows('message_path.csv')
+    head = (
+        'scene | code | goal | processor, % of a core | ticks/s | lost real time, s/s '
+        '| received/s | dropped | step, µs | topics, steps | tick, steps'
+    )
+    body = [list(row.values()) for row in found]
     return markdown(about, head, body)
 
 
@@ -348,6 +362,7 @@ TABLES = (
     ('first_step', first_step),
     ('large_node', large_node),
     ('readings', readings),
+    ('message_path', message_path),
     ('peers', peers),
     ('engines', engines),
     ('fuzz', fuzz),

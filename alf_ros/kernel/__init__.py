@@ -31,7 +31,6 @@ from alf_ros.kernel.data import (
     Forces,
     Forms,
     HeldForces,
-    Instant,
     JointCoordinates,
     Ledger,
     Mass,
@@ -41,6 +40,7 @@ from alf_ros.kernel.data import (
     Phase,
     Prescribed,
     Problem,
+    ReadOut,
     Rows,
     Soft,
     System,
@@ -49,7 +49,6 @@ from alf_ros.kernel.data import (
     Work,
 )
 from alf_ros.kernel.implicit import advance_implicitly
-from alf_ros.kernel.instant import read_instant
 from alf_ros.kernel.inverse_trace import mass_trace
 from alf_ros.kernel.joint_coordinates import counted_angles, joint_coordinates
 from alf_ros.kernel.joint_efforts import add_joint_efforts
@@ -57,6 +56,7 @@ from alf_ros.kernel.joint_wrenches import joint_wrenches, place_on_cut
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.prescribed import prescribed_at
+from alf_ros.kernel.readout import read_out
 from alf_ros.kernel.singularity_monitor import follow, turning
 from alf_ros.kernel.softest_modes import carried_over, softest
 from alf_ros.kernel.status import Status
@@ -80,7 +80,7 @@ __all__ = [
     'Forces',
     'Forms',
     'HeldForces',
-    'Instant',
+    'ReadOut',
     'JointCoordinates',
     'Ledger',
     'Mass',
@@ -122,7 +122,7 @@ __all__ = [
     'place_on_cut',
     'potential_energy',
     'prescribed_at',
-    'read_instant',
+    'read_out',
     'restore_reactions',
     'softest',
     'solve',

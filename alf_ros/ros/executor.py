@@ -16,12 +16,13 @@ if TYPE_CHECKING:
 
 
 class Working(Protocol):
-    """A node that ends by itself. `work` does what is due and returns the time (s) until it is to
-    be called again."""
+    """A node that ends by itself."""
 
     finished: Future[None]
 
-    def work(self) -> float: ...
+    def work(self) -> float:
+        """Do the work that is due. Returns the time (s) until the next call."""
+        ...
 
 
 _GIVE_WAY = 1e-4  # s after which the thread that writes a log hands the interpreter to a tick

@@ -15,8 +15,8 @@ import numpy as np
 from alf_ros import kernel
 from alf_ros.arrays import Floats
 from alf_ros.effects.contract.trajectory import Curve
-from alf_ros.kernel import Axes, Cut, CutWork, Effects, HeldForces, Instant, Modes
-from alf_ros.kernel import instant as passes
+from alf_ros.kernel import Axes, Cut, CutWork, Effects, HeldForces, Modes, ReadOut
+from alf_ros.kernel import readout as passes
 from alf_ros.kernel.softest_modes import ALL_SOFT
 from alf_ros.model.compile import Model
 from alf_ros.model.constraints.packing import indices
@@ -75,7 +75,7 @@ class SampleReader:
         rows, angles = len(model.row_names), model.system.angles.c.size // 2
         work = self._workspace.work
         redundant = self._modes is not None and dependent_rows > 0
-        self._instant = Instant(
+        self._out = ReadOut(
             joints=tools.coordinates,
             cut=tools.reactions().arrays if self._on_cut else Cut.empty(),
             there=tools.reactions().workspace() if self._on_cut else CutWork.empty(),
@@ -124,16 +124,16 @@ class SampleReader:
             self._hold(applied)
         for n, curve in self._curves:
             self._held.efforts[n] = curve.at(t)[0]
-        forces, instant = applied.assembled, self._instant
+        forces, out = applied.assembled, self._out
         problem = self._workspace.problem(forces, self._solver)
         held, near = self._held, wanted & passes.DISTANCE
         if self._modes is None:
             wanted &= ~passes.DISTANCE
-        if not kernel.read_instant(problem, phase, held, instant, t, wanted, ROUNDS, KNOWN):
+        if not kernel.read_out(problem, phase, held, out, t, wanted, ROUNDS, KNOWN):
             return False
         if wanted & passes.ENERGY and self._energy is not None:
-            kinetic = 0.5 * float(instant.momenta @ phase.qd[: self._model.n])
-            self._energy[0] = kinetic + float(instant.told[passes.POTENTIAL])
+            kinetic = 0.5 * float(out.momenta @ phase.qd[: self._model.n])
+            self._energy[0] = kinetic + float(out.told[passes.POTENTIAL])
         self.distance = self._distance() if near else math.inf
         return True
 
@@ -162,7 +162,7 @@ class SampleReader:
         """Distance to a singular position, as `Diagnostics.distance`."""
         if self._modes is None:
             return 1.0
-        told, modes, model = self._instant.told, self._modes, self._model
+        told, modes, model = self._out.told, self._modes, self._model
         soft = modes.s2[-1] < ALL_SOFT and modes.root.size - self._redundant > modes.s2.size
         if self._redundant and not soft:
             lost = len(model.row_names) - self._redundant - told[passes.RANK]
@@ -174,8 +174,10 @@ class SampleReader:
 
 
 def mask(keys: tuple[str, ...], distance: bool = False) -> int:
-    """What `SampleReader.read` takes for these readings; `distance`: with the distance to a
-    singular position, if reactions or constraints are among them."""
+    """The `wanted` of `SampleReader.read` for these readings.
+
+    `distance`: with the distance to a singular position, if reactions or constraints are read.
+    """
     wanted = 0
     for key in keys:
         wanted |= _READINGS[key][0]

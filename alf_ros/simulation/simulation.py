@@ -519,7 +519,7 @@ class Simulation:
     def read(self, reader: SampleReader, wanted: int) -> bool:
         """Read `wanted` (`sample_reader.mask`) of the present state; False if only a sample can.
 
-        The numbers are those of `sample()`, bit for bit.
+        A sample has the same numbers, bit for bit.
         """
         return reader.read(self._present, self.t, wanted)
 

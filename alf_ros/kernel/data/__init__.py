@@ -24,8 +24,8 @@ from alf_ros.kernel.data.readings import (
     CutWork,
     Forms,
     HeldForces,
-    Instant,
     JointCoordinates,
+    ReadOut,
 )
 from alf_ros.kernel.data.system import (
     FREE,
@@ -62,7 +62,7 @@ __all__ = [
     'Forces',
     'Forms',
     'HeldForces',
-    'Instant',
+    'ReadOut',
     'JointCoordinates',
     'Ledger',
     'Mass',

@@ -110,8 +110,8 @@ class HeldForces(Struct):
 
 
 @dataclass(frozen=True, eq=False)
-class Instant(Struct):
-    """Index arrays and memory of `read_instant`, and the memory of its results."""
+class ReadOut(Struct):
+    """Index arrays and memory of `read_out`, and the memory of its results."""
 
     joints: JointCoordinates
     cut: Cut

@@ -288,8 +288,8 @@ def _set(context: Any, builder: Any, sig: Any, args: Any) -> Any:
 
 @lowered(flat)
 def vector(typing: Any, array: Any) -> Any:
-    """The numbers of a contiguous array (any shape), as a struct hands them on; those of a struct
-    as they are."""
+    """The numbers of a contiguous array (any shape), as a struct hands them on; a vector of a
+    struct stays as it is."""
     if isinstance(array, VectorType):
         return array(array), lambda context, builder, sig, args: args[0]
 

@@ -59,7 +59,7 @@ def template(make: Callable[[list[float]], Any], counts: list[int]) -> cdr.Templ
 
 
 class ReadingMessage:
-    """The message of a topic of which only stamp and numbers change, those of `reading` if any.
+    """The message of a topic of which only the stamp and the numbers of its `reading` change.
 
     The numbers come from a sample, or have been written into `blocks` before.
     """

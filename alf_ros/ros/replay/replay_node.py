@@ -122,8 +122,8 @@ class Replay(Node):
         return 0.0
 
     def _await_readers(self) -> None:
-        """Wait until those who hear reliably have all of it; who does not follow is waited for
-        once, and named."""
+        """Wait until reliable readers have all messages. A topic whose reader does not follow is
+        waited for once, and named."""
         for topic, output in self._outputs.items():
             wait = 0.0 if topic in self._lagging else _PATIENCE
             with suppress(RuntimeError):  # a middleware that cannot tell

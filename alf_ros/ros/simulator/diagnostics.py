@@ -216,8 +216,8 @@ def trajectory(tracking: Tracking) -> Report:
 def record(
     recorder: Recorder | None, unrecorded: str = '', spent: Spent = NOTHING, rate: float = 0.0
 ) -> Report:
-    """The log of a run with `rate` ticks per simulated second: messages written and dropped, what
-    waits, and the load of the thread that writes.
+    """The log of a run with `rate` ticks per simulated second: messages written, dropped
+    and waiting, and the load of the thread that writes.
 
     WARN after a drop, and where there is no log although one is wanted (`unrecorded` says why),
     ERROR when writing failed.

@@ -1,4 +1,4 @@
-"""What topics cost a run, and the rate of the log that readers and disk could follow."""
+"""Costs of topics in a run, and the rate of the log that readers and disk could follow."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _FULL = 0.9  # part of a core that a thread may use, for the rest comes late
 
 @dataclass(frozen=True)
 class TopicCost:
-    """What a topic has cost: `made` and `sent`, s of the thread of the ticks, and `logged`, bytes.
+    """Cost of a topic: `made` and `sent`, s of the thread of the ticks, and `logged`, bytes.
 
     `published`: whether it has readers, so that the log is not its only reason.
     """
@@ -24,7 +24,7 @@ class TopicCost:
 
 @dataclass(frozen=True)
 class Spent:
-    """What a run has spent while `ticks` ticks were made, of `period` real s each (0: as fast as
+    """Costs of a run while `ticks` ticks were made, of `period` real s each (0: as fast as
     possible): per tick, `step` s in the solver; `topics` by name; `written` bytes by the thread
     that writes the log, in `writing` s of processor time."""
 
@@ -55,7 +55,7 @@ class Spent:
 
     @property
     def slowest(self) -> str:
-        """The topic that takes most of a tick; '' without any."""
+        """The topic with most of the time of a tick; '' without any."""
         return max(self.topics, key=self._time, default='')
 
     @property
@@ -93,7 +93,7 @@ class Spent:
         return rate if part >= 1.0 else rounded(part * rate)
 
     def advice(self, rate: float) -> str:
-        """What would let a run of `rate` ticks per simulated second keep up; '' if it does."""
+        """How a run of `rate` ticks per simulated second could keep up; '' if it does."""
         lasting = self.lasting_rate(rate)
         if lasting >= rate:
             return ''

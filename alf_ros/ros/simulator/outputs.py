@@ -256,7 +256,7 @@ class Outputs:
         return [name for name, output in self.samples.items() if output.lagging]
 
     def costs(self) -> dict[str, TopicCost]:
-        """What each topic has cost since the last call. A read of several topics counts as the
+        """The cost of each topic since the last call. A read of several topics counts as the
         reads of each alone would."""
         made = dict.fromkeys(self.samples, 0.0)
         for names, seconds in self._made.items():

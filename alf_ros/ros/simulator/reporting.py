@@ -82,7 +82,7 @@ class Reporting:
             self._status.show(self._line())
 
     def _measure(self) -> None:
-        """What the ticks since the last time have cost."""
+        """Take the costs of the ticks since the last time."""
         run, pacer, before = self._control.run, self._pacer, self._counted
         recorder = run.recorder
         writing = (recorder.busy, recorder.taken) if recorder else (0.0, 0)

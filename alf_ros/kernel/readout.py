@@ -1,6 +1,6 @@
 """Readings of an instant in one call: the passes of a sample, each where somebody reads it.
 
-The numbers are those of a `Sample`, to the last bit: the same functions, in the same order. An
+A `Sample` has the same numbers, to the last bit: the same functions, in the same order. An
 instant whose accelerations are limits, in or near a singular position, is left to the sample.
 """
 
@@ -11,7 +11,7 @@ import numpy as np
 from alf_ros.kernel.applied_forces import add_friction, applied_forces, potential_energy
 from alf_ros.kernel.augmented_solve import accelerate, restore_reactions
 from alf_ros.kernel.constraints import times_jacobian, violation
-from alf_ros.kernel.data import HeldForces, Instant, Phase, Problem
+from alf_ros.kernel.data import HeldForces, Phase, Problem, ReadOut
 from alf_ros.kernel.inverse_trace import mass_trace
 from alf_ros.kernel.joint_coordinates import counted_angles, joint_coordinates
 from alf_ros.kernel.joint_efforts import add_joint_efforts
@@ -29,40 +29,38 @@ POTENTIAL, SIGMA, RANK = range(3)  # places in `told`
 
 
 @compiled
-def read_instant(
+def read_out(
     problem: Problem,
     phase: Phase,
     held: HeldForces,
-    instant: Instant,
+    out: ReadOut,
     t: float,
     wanted: int,
     rounds: int,
     tolerance: float,
 ) -> bool:
-    """Write the `wanted` results of `phase` at t (s) into `instant`.
+    """Write the `wanted` results of `phase` at t (s) into `out`.
 
     The distance to a singular position is read only with reactions or constraints; `rounds` and
-    `tolerance` are those of `softest`. False, with results undefined, if accelerations are limits,
+    `tolerance` are for `softest`. False, with results undefined, if accelerations are limits,
     or cannot be computed.
     """
     unit, system, work = problem.unit, problem.system, problem.work
-    q, qd, near = phase.q, phase.qd, instant.near
+    q, qd, near = phase.q, phase.qd, out.near
     rows = system.rows
-    counted_angles(unit, system.angles, q, qd, phase.turns, instant.angles, instant.spins, near)
+    counted_angles(unit, system.angles, q, qd, phase.turns, out.angles, out.spins, near)
     if wanted & STATE:
-        _write_state(problem, phase, instant)
+        _write_state(problem, phase, out)
     if wanted & WORKS:
-        copy(phase.works, instant.work)
+        copy(phase.works, out.work)
     if wanted & JOINTS:
-        angles, spins = instant.angles, instant.spins
-        joint_coordinates(
-            unit, instant.joints, q, qd, angles, spins, instant.position, instant.velocity
-        )
+        angles, spins = out.angles, out.spins
+        joint_coordinates(unit, out.joints, q, qd, angles, spins, out.position, out.velocity)
     if wanted & ENERGY:
-        zero(instant.momenta)
-        add_mass_times(unit, system.mass, 1.0, qd, instant.momenta)
+        zero(out.momenta)
+        add_mass_times(unit, system.mass, 1.0, qd, out.momenta)
         effects = problem.forces.effects
-        instant.told[POTENTIAL] = potential_energy(effects, t, q, near)
+        out.told[POTENTIAL] = potential_energy(effects, t, q, near)
     loaded = held.axis_loads.size > ZERO
     if wanted & (REACTIONS | CONSTRAINTS) or (wanted & JOINTS and loaded):
         copy(q, work.q)
@@ -76,45 +74,45 @@ def read_instant(
             return False
     acts_on_axes = held.axes.coordinate.size > ZERO
     if wanted & REACTIONS or (wanted & JOINTS and acts_on_axes):
-        place_on_cut(unit, instant.cut, instant.there, q, qd)
+        place_on_cut(unit, out.cut, out.there, q, qd)
     if wanted & JOINTS:
-        copy(held.efforts, instant.effort)
+        copy(held.efforts, out.effort)
         if acts_on_axes:
             for n in each(0, held.axis_loads.size):
-                instant.axis_load[n] = problem.forces.bearings.loads[held.axis_loads[n]]
+                out.axis_load[n] = problem.forces.bearings.loads[held.axis_loads[n]]
             add_joint_efforts(
                 unit,
                 held.axes,
                 held.on_axes,
-                instant.there,
+                out.there,
                 t,
                 near,
-                instant.axis_load,
-                instant.effort,
+                out.axis_load,
+                out.effort,
             )
     if wanted & REACTIONS:
-        _write_reactions(problem, held, instant, t)
+        _write_reactions(problem, held, out, t)
     if wanted & CONSTRAINTS:
-        violation(unit, rows, q, instant.phi)
-        times_jacobian(unit, rows, work.g, work.g2, work.qd, instant.rate)
-        for n in each(0, instant.row.size):
-            r = instant.row[n]
-            instant.violation[n] = instant.phi[r]
-            instant.violation_rate[n] = instant.rate[r]
-            instant.multiplier[n] = work.y[r]
+        violation(unit, rows, q, out.phi)
+        times_jacobian(unit, rows, work.g, work.g2, work.qd, out.rate)
+        for n in each(0, out.row.size):
+            r = out.row[n]
+            out.violation[n] = out.phi[r]
+            out.violation_rate[n] = out.rate[r]
+            out.multiplier[n] = work.y[r]
     if wanted & DISTANCE:
-        _find_distance(problem, instant, rounds, tolerance)
+        _find_distance(problem, out, rounds, tolerance)
     return True
 
 
 @inner
-def _write_state(problem: Problem, phase: Phase, instant: Instant) -> None:
+def _write_state(problem: Problem, phase: Phase, out: ReadOut) -> None:
     """The numbers of the state and their rates, in the order of `state_vector`."""
     D = np.uint64(len(problem.unit))
-    number, rate = instant.number, instant.number_rate
+    number, rate = out.number, out.number_rate
     at = ZERO
-    for n in each(0, instant.coordinate.size):
-        of = instant.coordinate[n] * D
+    for n in each(0, out.coordinate.size):
+        of = out.coordinate[n] * D
         for a in range(D):
             number[at], rate[at] = phase.q[of + a], phase.qd[of + a]
             at += ONE
@@ -133,15 +131,15 @@ def _write_state(problem: Problem, phase: Phase, instant: Instant) -> None:
 
 
 @inner
-def _write_reactions(problem: Problem, held: HeldForces, instant: Instant, t: float) -> None:
+def _write_reactions(problem: Problem, held: HeldForces, out: ReadOut, t: float) -> None:
     """Force and torque of each joint, each three numbers; zero out of the plane."""
-    unit, there, loads = problem.unit, instant.there, problem.forces.bearings.loads
-    applied_forces(held.on_cut, t, there.q, there.qd, instant.near, there.Q)
+    unit, there, loads = problem.unit, out.there, problem.forces.bearings.loads
+    applied_forces(held.on_cut, t, there.q, there.qd, out.near, there.Q)
     if loads.size > ZERO:
-        add_friction(held.on_cut, t, there.q, there.qd, instant.near, loads, there.Q)
-    joint_wrenches(unit, instant.cut, there, problem.work, instant.force, instant.torque)
-    force, torque, wrench = instant.force, instant.torque, instant.wrench
-    for n in each(0, instant.cut.first.size - ONE):
+        add_friction(held.on_cut, t, there.q, there.qd, out.near, loads, there.Q)
+    joint_wrenches(unit, out.cut, there, problem.work, out.force, out.torque)
+    force, torque, wrench = out.force, out.torque, out.wrench
+    for n in each(0, out.cut.first.size - ONE):
         to = n * (THREE + THREE)
         if np.uint64(len(unit)) == THREE:
             for a in range(THREE):
@@ -154,16 +152,16 @@ def _write_reactions(problem: Problem, held: HeldForces, instant: Instant, t: fl
 
 
 @inner
-def _find_distance(problem: Problem, instant: Instant, rounds: int, tolerance: float) -> None:
+def _find_distance(problem: Problem, out: ReadOut, rounds: int, tolerance: float) -> None:
     """σ of the softest mode, from the beginning of the iteration; and the rank, if rows depend on
     others. Where modes are so soft that this does not tell, `softest_modes.found` does."""
-    unit, system, work, modes = problem.unit, problem.system, problem.work, instant.modes
-    copy(instant.mode_start, modes.z)
+    unit, system, work, modes = problem.unit, problem.system, problem.work, out.modes
+    copy(out.mode_start, modes.z)
     zero(modes.s2)
     softest(unit, system, work, modes, rounds, tolerance)
-    instant.told[SIGMA] = modes.sigma[0]
+    out.told[SIGMA] = modes.sigma[0]
     if modes.redundant > ZERO:
         pattern, n = system.pattern, work.p.size
-        inverse, off = instant.inverse, instant.inverse_off
+        inverse, off = out.inverse, out.inverse_off
         lost = mass_trace(unit, pattern, work.diagonal, work.off, work.column, inverse, off)
-        instant.told[RANK] = n - lost
+        out.told[RANK] = n - lost
