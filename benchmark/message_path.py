@@ -27,6 +27,7 @@ from statistics import median
 from real_time import ROOT, cpu_seconds, simulator  # sets the path and the domain
 
 # isort: split
+from diagnostic_msgs.msg import DiagnosticArray
 from large_node import SCENE, Diagnosed, counted, reader
 from recording import RATE, gained
 
@@ -41,7 +42,7 @@ CASES = {
     'n_four_bar, N = 1000': (['--scene', 'scene.yaml'], [], 'no lost tick'),
 }
 COLUMNS = (
-    'scene,checkout,goal,processor_percent_of_a_core,ticks_per_s,lost_real_time_s_per_s,heard_per_s,'
+    'scene,checkout,goal,processor_percent_of_a_core,processor_us_per_tick,ticks_per_s,lost_real_time_s_per_s,heard_per_s,'
     'dropped,step_us,topics_steps,tick_steps'
 ).split(',')
 PARTS = """
@@ -67,10 +68,22 @@ with tempfile.TemporaryDirectory() as folder:
             call()
             times.setdefault(label, []).append(time.thread_time() - begun)
         time.sleep(2e-3)  # for the thread that writes
-    print(json.dumps({label: statistics.median(each) for label, each in times.items()}))
     node.close()
+print(json.dumps({label: statistics.median(each) for label, each in times.items()}))
 rclpy.try_shutdown()
 """
+
+
+class Timed(Diagnosed):
+    """Hears the diagnostics, and when (s, steady clock)."""
+
+    def __init__(self) -> None:
+        self.times: list[float] = []
+        super().__init__()
+
+    def _report(self, message: DiagnosticArray) -> None:
+        self.times.append(time.monotonic())
+        super()._report(message)
 
 
 def measured(checkout: Path, scene: str, duration: float) -> dict[str, float]:
@@ -79,25 +92,28 @@ def measured(checkout: Path, scene: str, duration: float) -> dict[str, float]:
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         (folder / 'scene.yaml').write_text(SCENE.format(bars=1000))
-        listener = stack.enter_context(Diagnosed())
+        listener = stack.enter_context(Timed())
         readers = [reader(folder / f'heard{n}.txt', stack) for n in range(READERS)]
         options = [*arguments, '--ros-args', '-p', f'rate:={RATE}', *parameters]
         node = simulator(folder, *options, PYTHONPATH=str(checkout))
         process = stack.enter_context(node)
         listener.until(lambda: len(listener.reports) > 2)
         listener.reports.clear()
+        listener.times.clear()
         heard = [counted(path) for path in readers]
         cpu, wall = cpu_seconds(process.pid), time.monotonic()
         end = wall + duration
-        listener.until(lambda: time.monotonic() > end, duration + 60.0)
+        listener.until(lambda: time.monotonic() > end and len(listener.times) > 2, 300.0)
         wall, cpu = time.monotonic() - wall, cpu_seconds(process.pid) - cpu
         gain = [counted(path) - before for path, before in zip(readers, heard, strict=True)]
         timing = [report['timing'] for report in listener.reports]
         dropped = int(listener.reports[-1]['record']['dropped_messages'])
-        span = len(timing) - 1
+        span = listener.times[-1] - listener.times[0]
+    rate = gained(timing, 'ticks') / span
     return {
         'processor_percent_of_a_core': 100.0 * cpu / wall,
-        'ticks_per_s': gained(timing, 'ticks') / span,
+        'processor_us_per_tick': 1e6 * cpu / wall / rate,
+        'ticks_per_s': rate,
         'lost_real_time_s_per_s': gained(timing, 'lost_real_time_s') / span,
         'heard_per_s': min(gain) / wall,
         'dropped': dropped,

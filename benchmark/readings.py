@@ -24,7 +24,7 @@ RESULTS = ROOT / 'benchmark/results/readings.csv'
 SCENES = ('slider_crank', 'delta_robot', 'n_four_bar, N = 1000')
 COLUMNS = 'scene', 'checkout', 'reading', 'us', 'steps'
 MEASURE = """
-import json, statistics, sys, time
+import contextlib, json, statistics, sys, time
 import numpy as np
 from alf_ros import Simulation, load_scene
 from alf_ros.simulation.observables import READINGS
@@ -38,12 +38,12 @@ else:
     scene = name
 sim, times = Simulation(load_scene(scene)), {}
 reader, wanted = None, 0
-if hasattr(sim, 'reader'):
-    from alf_ros.simulation.sample_reader import KEYS, mask
+with contextlib.suppress(ImportError):
+    from alf_ros.simulation.sample_reader import KEYS, SampleReader, mask
     keys = tuple(key for key in KEYS if key != 'work')
     sample = sim.sample()
     into = {key: tuple(np.zeros(np.size(x)) for x in READINGS[key].values(sample)) for key in keys}
-    reader, wanted = sim.reader(into), mask(keys)
+    reader, wanted = SampleReader(sim, into), mask(keys)
 
 def timed(label, call):
     start = time.thread_time()
@@ -60,7 +60,7 @@ for n in range(rounds + 5):
         if key != 'work':
             timed(key, lambda: reading.values(sample))
     if reader:
-        timed('one call', lambda: sim.read(reader, wanted))
+        timed('one call', lambda: reader.read(wanted))
 print(json.dumps({label: statistics.median(each) for label, each in times.items()}))
 """
 

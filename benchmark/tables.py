@@ -275,8 +275,8 @@ def message_path() -> str:
     """The node with everything recorded and three readers, beside its goals."""
     about, found = rows('message_path.csv')
     head = (
-        'scene | code | goal | processor, % of a core | ticks/s | lost real time, s/s '
-        '| received/s | dropped | step, µs | topics, steps | tick, steps'
+        'scene | code | goal | processor, % of a core | a tick, µs | ticks/s '
+        '| lost real time, s/s | received/s | dropped | step, µs | topics, steps | tick, steps'
     )
     body = [list(row.values()) for row in found]
     return markdown(about, head, body)

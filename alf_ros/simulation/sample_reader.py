@@ -15,17 +15,17 @@ import numpy as np
 from alf_ros import kernel
 from alf_ros.arrays import Floats
 from alf_ros.effects.contract.trajectory import Curve
+from alf_ros.errors import InputError
 from alf_ros.kernel import Axes, Cut, CutWork, Effects, HeldForces, Modes, ReadOut
 from alf_ros.kernel import readout as passes
 from alf_ros.kernel.softest_modes import ALL_SOFT
-from alf_ros.model.compile import Model
 from alf_ros.model.constraints.packing import indices
 from alf_ros.model.softest_modes import KNOWN, MISSING, ROUNDS, begun, found
-from alf_ros.scene.scene import Solver
+from alf_ros.simulation import state_vector
 from alf_ros.simulation.applied import Applied
 from alf_ros.simulation.instruments import Workspace
-from alf_ros.simulation.present import Present
-from alf_ros.simulation.stepping import Stepper
+from alf_ros.simulation.one_thread import by_one_thread
+from alf_ros.simulation.simulation import Simulation
 
 # the fields of a reading (`observables`), in its order, and what the kernel calls it
 _READINGS = {
@@ -41,27 +41,24 @@ _LINEARISED = passes.REACTIONS | passes.CONSTRAINTS
 
 
 class SampleReader:
-    """Reads what `into` names, by key of a reading, into its arrays (contiguous, float64).
+    """Reads the present of a simulation that `fits`: what `into` names, by key of a reading, into
+    its arrays (contiguous, float64, as large as the reading).
 
-    It serves one simulation, of formulation alf2 and without drives (`fits`).
+    The first read, which may compile, is made here. Raises InputError for arrays that do not fit.
     """
 
-    def __init__(
-        self,
-        model: Model,
-        solver: Solver,
-        stepper: Stepper,
-        dependent_rows: int,
-        into: Mapping[str, tuple[Floats, ...]],
-    ) -> None:
-        self._model, self._solver, self._stepper = model, solver, stepper
-        self._redundant = dependent_rows
+    def __init__(self, simulation: Simulation, into: Mapping[str, tuple[Floats, ...]]) -> None:
+        model, stepper = simulation.model, simulation._stepper
+        self._simulation, self._lock = simulation, simulation._lock
+        self._model, self._stepper = model, stepper
+        self._redundant = redundant_rows = simulation._start.dependent_rows
         self._workspace = Workspace(model)
-        self._modes = begun(model, dependent_rows)
+        self._modes = begun(model, redundant_rows)
         self._energy = into['energy'][0] if 'energy' in into else None
         self._applied: Applied | None = None
         self._curves: list[tuple[int, Curve]] = []
         self.distance = math.inf
+        _check(simulation, into)
         tools = stepper.instruments
         self._on_cut = 'reactions' in into or stepper.applied.acts_on_axes
         arrays: dict[str, Floats] = {
@@ -74,7 +71,7 @@ class SampleReader:
         joints, D = len(model.joint_names), model.layout.dimension
         rows, angles = len(model.row_names), model.system.angles.c.size // 2
         work = self._workspace.work
-        redundant = self._modes is not None and dependent_rows > 0
+        redundant = self._modes is not None and redundant_rows > 0
         self._out = ReadOut(
             joints=tools.coordinates,
             cut=tools.reactions().arrays if self._on_cut else Cut.empty(),
@@ -97,6 +94,8 @@ class SampleReader:
             told=np.zeros(3),
             **arrays,
         )
+        self._known = mask(tuple(into), distance=True)
+        self._try(self._known)
 
     def _axis_loads(self) -> int:
         """How many effects on free axes have friction under loads."""
@@ -105,27 +104,27 @@ class SampleReader:
             return 0
         return len(applied.on_axes(tools.reactions().cut).part.loads)
 
-    @staticmethod
-    def fits(model: Model, stepper: Stepper) -> bool:
-        """Whether one can serve this simulation."""
-        return stepper.formulation is None and not model.mechanism.drives
+    @by_one_thread
+    def read(self, wanted: int) -> bool:
+        """Read `wanted`, a `mask`; True if it did.
 
-    def read(self, present: Present, t: float, wanted: int) -> bool:
-        """Read `wanted`, a sum of `mask`s, of the present at t (s); True if it did.
-
-        False leaves it to a sample: accelerations are limits, or there are none.
+        False leaves it to a sample: accelerations are limits, or there are none. Raises InputError
+        for readings without arrays.
         """
-        return self._stepper.beside(present) is False and self.try_read(present, t, wanted)
+        if wanted & ~self._known:
+            raise InputError('no arrays for these readings', key='wanted', value=wanted)
+        return self._stepper.beside(self._simulation._present) is False and self._try(wanted)
 
-    def try_read(self, present: Present, t: float, wanted: int) -> bool:
+    def _try(self, wanted: int) -> bool:
         """`read` after a step that was not interpolated beside a singular position."""
+        present, t = self._simulation._present, self._simulation.t
         applied, phase = present.applied, present.phase
         if applied is not self._applied:
             self._hold(applied)
         for n, curve in self._curves:
             self._held.efforts[n] = curve.at(t)[0]
         forces, out = applied.assembled, self._out
-        problem = self._workspace.problem(forces, self._solver)
+        problem = self._workspace.problem(forces, self._simulation.solver)
         held, near = self._held, wanted & passes.DISTANCE
         if self._modes is None:
             wanted &= ~passes.DISTANCE
@@ -171,6 +170,30 @@ class SampleReader:
             found_there = found(model, self._workspace.work, self._redundant, modes)
             return float(found_there.sigma[0]) if found_there else 1.0
         return float(told[passes.SIGMA])
+
+
+def fits(simulation: Simulation) -> bool:
+    """Whether a `SampleReader` can serve it: of formulation alf2, and without drives."""
+    return simulation._stepper.formulation is None and not simulation.model.mechanism.drives
+
+
+def _check(simulation: Simulation, into: Mapping[str, tuple[Floats, ...]]) -> None:
+    model, state = simulation.model, simulation.state
+    sizes = {
+        'state': (len(state_vector.names(model, state)),) * 2,
+        'joint_states': (len(model.coordinates),) * 3,
+        'reactions': (6 * len(model.joint_names),),
+        'constraints': (len(model.row_names),) * 3,
+        'energy': (1,),
+        'work': (len(simulation.accounts),),
+    }
+    for key, arrays in into.items():
+        if key not in sizes:
+            raise InputError('no such reading', value=key, choices=KEYS)
+        whole = all(x.flags.c_contiguous and x.dtype == np.float64 for x in arrays)
+        if not whole or tuple(x.size for x in arrays) != sizes[key]:
+            expected = f'contiguous arrays of float64, sizes {sizes[key]}'
+            raise InputError('arrays that do not fit the reading', key=key, expected=expected)
 
 
 def mask(keys: tuple[str, ...], distance: bool = False) -> int:

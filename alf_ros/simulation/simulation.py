@@ -6,13 +6,12 @@ import copy
 import math
 import threading
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from alf_ros.arrays import Floats
 from alf_ros.effects.contract.trajectory import Curve
 from alf_ros.errors import AssemblyError, InputError
 from alf_ros.kernel import Phase, Status, Watch
@@ -20,7 +19,6 @@ from alf_ros.model.singular_branches import Branch, Position
 from alf_ros.resources import version
 from alf_ros.scene.scene import Scene, Solver
 from alf_ros.simulation import input_checks as check
-from alf_ros.simulation import sample_reader
 from alf_ros.simulation.accuracy import Budget, pick
 from alf_ros.simulation.applied import NO_INPUTS, Applied, Inputs, Target
 from alf_ros.simulation.between import Between
@@ -30,7 +28,6 @@ from alf_ros.simulation.placement import placed
 from alf_ros.simulation.present import Present
 from alf_ros.simulation.resolution import Resolution
 from alf_ros.simulation.sample import Sample
-from alf_ros.simulation.sample_reader import SampleReader
 from alf_ros.simulation.singular_passes import Pass, Watcher
 from alf_ros.simulation.solver_choice import chosen
 from alf_ros.simulation.start import started
@@ -503,25 +500,6 @@ class Simulation:
         """The present state to read from; nothing in it is computed before it is asked for."""
         present = self._present
         return self._sample(self.t, present.state(), self._stepper.beside(present))
-
-    def reader(self, into: Mapping[str, tuple[Floats, ...]]) -> SampleReader | None:
-        """A reader of the readings named in `into`, by key (`observables`), which `read` makes
-        write into these arrays; None for a simulation that only samples can read."""
-        if not SampleReader.fits(self.model, self._stepper):
-            return None
-        rows = self._start.dependent_rows
-        reader = SampleReader(self.model, self.solver, self._stepper, rows, into)
-        # no later call waits for the compiler
-        reader.try_read(self._present, self.t, sample_reader.mask(tuple(into), True))
-        return reader
-
-    @by_one_thread
-    def read(self, reader: SampleReader, wanted: int) -> bool:
-        """Read `wanted` (`sample_reader.mask`) of the present state; False if only a sample can.
-
-        A sample has the same numbers, bit for bit.
-        """
-        return reader.read(self._present, self.t, wanted)
 
     @by_one_thread
     def _sample_between(self, t: float) -> Sample:

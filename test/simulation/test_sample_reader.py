@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 from alf_ros import Simulation, load_scene
 from alf_ros.arrays import Floats
 from alf_ros.effects.contract.trajectory import Curve
+from alf_ros.errors import InputError
 from alf_ros.simulation.observables import READINGS
-from alf_ros.simulation.sample_reader import KEYS, SampleReader, mask
+from alf_ros.simulation.sample_reader import KEYS, SampleReader, fits, mask
 from support.paths import ROOT
 
 SCENES = sorted(path.stem for path in (ROOT / 'config/scenes').glob('*.yaml'))
@@ -23,14 +26,12 @@ def made(simulation: Simulation) -> tuple[SampleReader, Into]:
     into: Into = {}
     for key in keys:
         into[key] = tuple(np.full(np.size(x), np.nan) for x in READINGS[key].values(sample))
-    reader = simulation.reader(into)
-    assert reader is not None
-    return reader, into
+    return SampleReader(simulation, into), into
 
 
 def check(simulation: Simulation, reader: SampleReader, into: Into) -> bool:
     """Whether the reader has read the present; what it has read is what the sample says."""
-    if not simulation.read(reader, mask(tuple(into), distance=True)):
+    if not reader.read(mask(tuple(into), distance=True)):
         return False
     sample = simulation.sample()
     for key, arrays in into.items():
@@ -44,7 +45,7 @@ def check(simulation: Simulation, reader: SampleReader, into: Into) -> bool:
 def test_every_scene_is_read_as_samples_read_it(name):
     simulation = Simulation(load_scene(name))
     if simulation.model.mechanism.drives:
-        assert simulation.reader({}) is None
+        assert not fits(simulation)
         return
     reader, into = made(simulation)
     assert not check(simulation, reader, into)  # before the first step a sample decides
@@ -77,7 +78,7 @@ def test_only_what_is_wanted_is_written():
     for arrays in into.values():
         for array in arrays:
             array[:] = 7.0
-    assert simulation.read(reader, mask(('joint_states',)))
+    assert reader.read(mask(('joint_states',)))
     assert not any((array == 7.0).all() for array in into['joint_states'])
     for key in into.keys() - {'joint_states'}:
         assert all((array == 7.0).all() for array in into[key]), key
@@ -94,7 +95,7 @@ def test_limits_are_left_to_the_sample():
     wanted, left = mask(('reactions',)), []
     for _ in range(2 * steps - 10):
         simulation.step()
-        if simulation.read(reader, wanted):
+        if reader.read(wanted):
             expected = READINGS['reactions'].values(simulation.sample())[0]
             assert into['reactions'][0].tobytes() == expected.tobytes()
         else:
@@ -104,4 +105,22 @@ def test_limits_are_left_to_the_sample():
 
 def test_other_formulations_are_left_to_samples():
     simulation = Simulation(load_scene('slider_crank'), formulation='penalty')
-    assert simulation.reader({}) is None
+    assert not fits(simulation)
+
+
+def test_arrays_that_do_not_fit_are_refused():
+    simulation = Simulation(load_scene('slider_crank'))
+    count = len(simulation.model.coordinates)
+    cases: list[tuple[str, Any, str]] = [
+        ('joint', (np.zeros(1),), 'no such reading'),
+        ('energy', (np.zeros(2),), 'do not fit'),
+        ('joint_states', (np.zeros(count),), 'do not fit'),
+        ('joint_states', (np.zeros(count, dtype=np.float32),) * 3, 'do not fit'),
+        ('joint_states', (np.zeros(2 * count)[::2],) * 3, 'do not fit'),
+    ]
+    for key, arrays, word in cases:
+        with pytest.raises(InputError, match=word):
+            SampleReader(simulation, {key: arrays})
+    reader = SampleReader(simulation, {'energy': (np.zeros(1),)})
+    with pytest.raises(InputError, match='no arrays'):
+        reader.read(mask(('state',)))

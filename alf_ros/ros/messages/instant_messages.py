@@ -11,6 +11,7 @@ from alf_ros.errors import StepError
 from alf_ros.ros.messages.templates import ReadingMessage, StateMessage, Write
 from alf_ros.simulation import sample_reader
 from alf_ros.simulation.sample import Sample
+from alf_ros.simulation.sample_reader import SampleReader
 from alf_ros.simulation.simulation import Simulation
 
 
@@ -35,7 +36,8 @@ class InstantMessages:
         keys = {name: each.reading.key for name, each in self._plain.items() if each.reading}
         self._keys = {name: key for name, key in keys.items() if key in sample_reader.KEYS}
         into = {key: self._plain[name].blocks for name, key in self._keys.items()}
-        self._reader = simulation.reader(into)
+        fits = sample_reader.fits(simulation)
+        self._reader = SampleReader(simulation, into) if fits else None
         self._times: dict[str, float] = {}
         self._masks: dict[tuple[tuple[str, ...], bool], int] = {}
 
@@ -83,7 +85,7 @@ class InstantMessages:
             keys = tuple(self._keys[name] for name in names if name in self._keys)
             wanted = self._masks[names, near] = sample_reader.mask(keys, near)
         reader = self._reader
-        if reader is None or not wanted or not self.simulation.read(reader, wanted):
+        if reader is None or not wanted or not reader.read(wanted):
             return False
         self.distance = reader.distance
         return True
