@@ -35,11 +35,17 @@ from alf_ros.logs.provenance import about
 
 RESULTS = ROOT / 'benchmark/results/message_path.csv'
 READERS = 3
+THINNED = 'record.rate.all'  # a parameter that earlier checkouts lack
 # scene, its arguments, the goal: processor of the node, % of a core, or real time
 CASES = {
     'slider_crank': (['--scene', 'slider_crank'], [], '25 %'),
     'delta_robot': (['--scene', 'delta_robot'], ['-p', 'solver.step:=0.001'], '40 %'),
     'n_four_bar, N = 1000': (['--scene', 'scene.yaml'], [], 'no lost tick'),
+    'the same, record.rate.all 100': (
+        ['--scene', 'scene.yaml'],
+        ['-p', f'{THINNED}:=100.0'],
+        'no lost tick',
+    ),
 }
 COLUMNS = (
     'scene,checkout,goal,processor_percent_of_a_core,processor_us_per_tick,ticks_per_s,lost_real_time_s_per_s,heard_per_s,'
@@ -125,10 +131,11 @@ def parts(checkout: Path, scene: str) -> dict[str, float]:
     with tempfile.TemporaryDirectory() as name:
         path = Path(name) / 'scene.yaml'
         path.write_text(SCENE.format(bars=1000))
-        chosen = scene if scene in ('slider_crank', 'delta_robot') else str(path)
-        values: dict[str, object] = {'scene': chosen}
-        if scene == 'delta_robot':
-            values['solver.step'] = 1e-3
+        (_, named), parameters, _ = CASES[scene]
+        values: dict[str, object] = {'scene': str(path) if named == path.name else named}
+        for text in parameters[1::2]:
+            key, _, value = text.partition(':=')
+            values[key] = float(value)
         done = subprocess.run(
             [sys.executable, '-c', PARTS, json.dumps(values)],
             cwd=name,
@@ -150,20 +157,31 @@ def main() -> None:
     """Run and write."""
     parser = argparse.ArgumentParser(description=(__doc__ or '').partition('\n')[0])
     parser.add_argument('--against', type=Path, metavar='CHECKOUT', help='measured as "before"')
+    parser.add_argument(
+        '--only',
+        default='',
+        metavar='TEXT',
+        help='in the scenes; added to the results',
+    )
     parser.add_argument('--runs', type=int, default=3, metavar='N')
     parser.add_argument('--duration', type=float, default=10.0, metavar='S', help='of each run')
     options = parser.parse_args()
     checkouts = {'before': options.against} if options.against else {}
     checkouts['now'] = ROOT
-    with open(RESULTS, 'w', newline='', encoding='utf-8') as stream:
+    chosen = {scene: case for scene, case in CASES.items() if options.only in scene}
+    with open(RESULTS, 'a' if options.only else 'w', newline='', encoding='utf-8') as stream:
         said = f'{about()}; load of the machine at the start {os.getloadavg()[0]:.1f}'
-        print(f'{said}; medians of {options.runs} runs', file=stream)
         writer = csv.writer(stream, lineterminator='\n')
-        writer.writerow(COLUMNS)
-        for scene, (_, _, goal) in CASES.items():
+        if not options.only:
+            print(f'{said}; medians of {options.runs} runs', file=stream)
+            writer.writerow(COLUMNS)
+        for scene, (_, parameters, goal) in chosen.items():
+            thinned = any(THINNED in text for text in parameters)
             found: dict[str, list[dict[str, float]]] = {}
             for _ in range(options.runs):  # in turn: they see the same neighbours
                 for label, checkout in checkouts.items():
+                    if thinned and checkout != ROOT:
+                        continue
                     one = measured(checkout, scene, options.duration) | parts(checkout, scene)
                     found.setdefault(label, []).append(one)
             for label, runs in found.items():
