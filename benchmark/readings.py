@@ -1,11 +1,12 @@
-"""What the readings of a sample cost, each beside a step of the same run.
+"""The cost of the readings of a sample, each beside a step of the same run.
 
     .venv/bin/python benchmark/readings.py [--against ANOTHER_CHECKOUT] [--rounds 300]
 
 Prints and writes benchmark/results/readings.csv: a row for each scene, checkout and reading, with
-the median time (us) and the ratio to the median step. Readings are made in the order of the table
-of each sample, so that the first one that needs accelerations pays for them. `--against`: the same
-in turn with another checkout, each in processes of its own.
+the median processor time (us) and the ratio to the median step. Readings are made in the order of
+the table of each sample, so that the first one that needs accelerations pays for them. `one call`
+reads all of them at once, as the node does. `--against`: the same in turn with another checkout,
+each in processes of its own.
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ RESULTS = ROOT / 'benchmark/results/readings.csv'
 SCENES = ('slider_crank', 'delta_robot', 'n_four_bar, N = 1000')
 COLUMNS = 'scene', 'checkout', 'reading', 'us', 'steps'
 MEASURE = """
-import json, statistics, sys, time
+import contextlib, json, statistics, sys, time
+import numpy as np
 from alf_ros import Simulation, load_scene
 from alf_ros.simulation.observables import READINGS
 
@@ -35,11 +37,18 @@ if name.startswith('n_'):
 else:
     scene = name
 sim, times = Simulation(load_scene(scene)), {}
+reader, wanted = None, 0
+with contextlib.suppress(ImportError):
+    from alf_ros.simulation.sample_reader import KEYS, SampleReader, mask
+    keys = tuple(key for key in KEYS if key != 'work')
+    sample = sim.sample()
+    into = {key: tuple(np.zeros(np.size(x)) for x in READINGS[key].values(sample)) for key in keys}
+    reader, wanted = SampleReader(sim, into), mask(keys)
 
 def timed(label, call):
-    start = time.perf_counter()
+    start = time.thread_time()
     value = call()
-    times.setdefault(label, []).append(time.perf_counter() - start)
+    times.setdefault(label, []).append(time.thread_time() - start)
     return value
 
 for n in range(rounds + 5):
@@ -50,6 +59,8 @@ for n in range(rounds + 5):
     for key, reading in READINGS.items():
         if key != 'work':
             timed(key, lambda: reading.values(sample))
+    if reader:
+        timed('one call', lambda: reader.read(wanted))
 print(json.dumps({label: statistics.median(each) for label, each in times.items()}))
 """
 
@@ -88,7 +99,10 @@ def main() -> None:
                     best = found.setdefault(label, now)
                     found[label] = {key: min(best[key], now[key]) for key in now}
             for label, times in found.items():
+                one = times.pop('one call', None)
                 times['all readings'] = sum(times.values()) - times['step']
+                if one is not None:
+                    times['one call'] = one
                 for key, seconds in times.items():
                     ratio = seconds / times['step']
                     row = scene, label, key, f'{1e6 * seconds:.1f}', f'{ratio:.3g}'

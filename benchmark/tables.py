@@ -161,7 +161,7 @@ def engines() -> str:
 
 
 def stiff() -> str:
-    """What an error costs with each integrator, for every rate of the load on its spring."""
+    """The cost of an error with each integrator, for every rate of the load on its spring."""
     about, found = rows('stiff.csv')
     points: dict[float, list[Measurement]] = {}
     for row in found:
@@ -187,7 +187,7 @@ def stiff() -> str:
 
 
 def stage_cost() -> str:
-    """What a stage of so many four-bars costs."""
+    """The cost of a stage, for each number of four-bars."""
     about, found = rows('stage_cost.csv')
     body = []
     for row in found:
@@ -237,7 +237,7 @@ def first_step() -> str:
 
 
 def large_node() -> str:
-    """What ticks with readers and a log."""
+    """The ticks of the node of a large mechanism, with readers and a log."""
     about, found = rows('large_node.csv')
     head = (
         'subscribers | log | ticks/s | overruns | lost real time, s | lateness p50, µs | p99, µs '
@@ -254,22 +254,36 @@ def large_node() -> str:
 
 
 def readings() -> str:
-    """What the readings of a sample cost, before and now, in steps of the same run."""
+    """The cost of the readings of a sample, before and now, in steps of the same run."""
     about, found = rows('readings.csv')
     keys = list(dict.fromkeys(row['reading'] for row in found))
     cells = {(row['scene'], row['checkout'], row['reading']): row for row in found}
     body = []
     for scene in dict.fromkeys(row['scene'] for row in found):
         for checkout in ('before', 'now'):
-            each = [cells[scene, checkout, key] for key in keys]
-            numbers = [row['us'] if row['reading'] == 'step' else row['steps'] for row in each]
+            each = [cells.get((scene, checkout, key), {}) for key in keys]
+            numbers = [
+                row['us'] if row.get('reading') == 'step' else row.get('steps', '-')
+                for row in each
+            ]
             body.append([scene, checkout, *numbers])
     head = ' | '.join(['scene', 'code', *keys]).replace('| step |', '| step, µs |')
     return markdown(about, head, body)
 
 
+def message_path() -> str:
+    """The node with everything recorded and three readers, beside its goals."""
+    about, found = rows('message_path.csv')
+    head = (
+        'scene | code | goal | processor, % of a core | a tick, µs | ticks/s '
+        '| lost real time, s/s | received/s | dropped | step, µs | topics, steps | tick, steps'
+    )
+    body = [list(row.values()) for row in found]
+    return markdown(about, head, body)
+
+
 def fuzz() -> str:
-    """What became of the cases of each campaign, and of all."""
+    """The outcomes of the cases of each campaign, and of all cases."""
     about, found = rows('fuzz.csv')
     keys = [key for key in found[0] if key not in ('harness', 'cases_per_second')]
     total = {key: str(sum(int(row[key]) for row in found)) for key in keys}
@@ -348,6 +362,7 @@ TABLES = (
     ('first_step', first_step),
     ('large_node', large_node),
     ('readings', readings),
+    ('message_path', message_path),
     ('peers', peers),
     ('engines', engines),
     ('fuzz', fuzz),

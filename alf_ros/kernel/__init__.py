@@ -30,6 +30,7 @@ from alf_ros.kernel.data import (
     Effects,
     Forces,
     Forms,
+    HeldForces,
     JointCoordinates,
     Ledger,
     Mass,
@@ -39,6 +40,7 @@ from alf_ros.kernel.data import (
     Phase,
     Prescribed,
     Problem,
+    ReadOut,
     Rows,
     Soft,
     Span,
@@ -57,6 +59,7 @@ from alf_ros.kernel.joint_wrenches import joint_wrenches, place_on_cut
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.prescribed import prescribed_at
+from alf_ros.kernel.readout import read_out
 from alf_ros.kernel.singularity_monitor import follow, turning
 from alf_ros.kernel.softest_modes import carried_over, softest
 from alf_ros.kernel.status import Status
@@ -78,6 +81,8 @@ __all__ = [
     'Effects',
     'Forces',
     'Forms',
+    'HeldForces',
+    'ReadOut',
     'JointCoordinates',
     'Ledger',
     'Mass',
@@ -121,6 +126,7 @@ __all__ = [
     'place_on_cut',
     'potential_energy',
     'prescribed_at',
+    'read_out',
     'restore_reactions',
     'softest',
     'solve',

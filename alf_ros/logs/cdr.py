@@ -172,24 +172,31 @@ class Template:
     """A message of which only stamps and numbers change.
 
     `stamps` are the places of its stamps in `data`, `blocks` place and count of its float64. Write
-    numbers into the arrays `blocks`, which are views of the message.
+    numbers into the arrays `blocks`, which are views of the message, aligned as float64 are.
     """
 
     def __init__(
         self, data: bytes | bytearray, stamps: Iterable[int], blocks: Iterable[tuple[int, int]]
     ) -> None:
-        self._data, self._stamps = bytearray(data), list(stamps)
-        self.blocks = [np.frombuffer(self._data, np.float64, count, at) for at, count in blocks]
+        # the header has half the size of a float64, and numbers are aligned behind it
+        memory = np.empty(1 + -(-len(data) // 8), dtype=np.float64).view(np.uint8)
+        self._data = memory[_HEADER : _HEADER + len(data)]
+        self._data[:] = np.frombuffer(data, np.uint8)
+        self._stamps = list(stamps)
+        self._bytes = self._data.data
+        self.blocks = tuple(
+            self._data[at : at + 8 * count].view(np.float64) for at, count in blocks
+        )
 
     def stamp(self, ns: int) -> None:
         """Write the stamp (ns)."""
         parts = divmod(ns, 1_000_000_000)
         for at in self._stamps:
-            STAMP.pack_into(self._data, at, *parts)
+            STAMP.pack_into(self._bytes, at, *parts)
 
     def bytes(self) -> bytes:
         """The message as it is now."""
-        return bytes(self._data)
+        return self._data.tobytes()
 
 
 def _complete(root: str, types: Types) -> bool:

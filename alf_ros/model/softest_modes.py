@@ -18,7 +18,7 @@ NIL = 1e-8  # σ below which a mode has no sign: rounding may have turned its ve
 _NEAR = (
     2e-2  # part of the ordinary σ: at a tick of 2 ms, no pass of the library's scenes is missed
 )
-_MISSING = 0.01  # of the rank: there s is less than 10
+MISSING = 0.01  # of the rank: there s is less than 10
 _ALONE, _MOST = 3, 24  # modes at a position of which nothing else is known
 
 
@@ -91,7 +91,7 @@ def found(model: Model, work: Work, redundant: int, memory: Modes | None = None)
         kernel.softest(model.unit, model.system, work, modes, ROUNDS, KNOWN)
     if redundant:
         missing = len(model.row_names) - redundant - effective_rank(model, work)
-        if missing > _MISSING:
+        if missing > MISSING:
             return _among_dependent(model, work, redundant, round(missing))
     return modes
 

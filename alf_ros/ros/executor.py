@@ -15,17 +15,25 @@ if TYPE_CHECKING:
     from rclpy.task import Future
 
 
-class Finite(Protocol):
+class Working(Protocol):
     """A node that ends by itself."""
 
     finished: Future[None]
+
+    def work(self) -> float:
+        """Do the work that is due. Returns the time (s) until the next call."""
+        ...
 
 
 _GIVE_WAY = 1e-4  # s after which the thread that writes a log hands the interpreter to a tick
 
 
-def spin(node: Finite) -> None:
-    """Call the callbacks of a node until its `finished` is done."""
+def spin(node: Working) -> None:
+    """Call `work` of a node at its times, and the callbacks in between, until it is `finished`.
+
+    A timer of the node would cost more than the ticks of a small mechanism: the executor waits for
+    timers in a thread of its own, which wakes this one, and examines the callback at every call.
+    """
     executor = Executor()
     executor.add_node(node)
     # Objects from the start stay: the collector need not examine them again and again. The
@@ -35,5 +43,4 @@ def spin(node: Finite) -> None:
     gc.collect()
     sys.setswitchinterval(_GIVE_WAY)
     while not node.finished.done():
-        # spin() of the events executor hangs when it is to end; this does not.
-        executor.spin_until_future_complete(node.finished, timeout_sec=1.0)
+        executor.spin_once(timeout_sec=node.work())

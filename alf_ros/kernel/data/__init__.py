@@ -17,7 +17,16 @@ import numpy as np
 from alf_ros.kernel.data.forces import Bearings, Effects, Forces, Ledger
 from alf_ros.kernel.data.motion import Method, Modes, Phase, Watch
 from alf_ros.kernel.data.problem import EVERY_MODE, ModeLimits, Problem, Scales, Span, Until
-from alf_ros.kernel.data.readings import Axes, BlockSums, Cut, CutWork, Forms, JointCoordinates
+from alf_ros.kernel.data.readings import (
+    Axes,
+    BlockSums,
+    Cut,
+    CutWork,
+    Forms,
+    HeldForces,
+    JointCoordinates,
+    ReadOut,
+)
 from alf_ros.kernel.data.system import (
     FREE,
     ORIGIN,
@@ -53,6 +62,8 @@ __all__ = [
     'Effects',
     'Forces',
     'Forms',
+    'HeldForces',
+    'ReadOut',
     'JointCoordinates',
     'Ledger',
     'Mass',

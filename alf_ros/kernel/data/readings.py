@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from alf_ros.arrays import Floats, Indices, Integers
+from alf_ros.kernel.data.forces import Effects
+from alf_ros.kernel.data.motion import Modes
 from alf_ros.kernel.data.system import Mass, Rows
 from alf_ros.kernel.numba_ext.structs import Struct
 
@@ -92,3 +94,52 @@ class Axes(Struct):
     is_point: Floats  # (…,) 1, or 0 where the block is a vector
     directions: Forms  # (axes,) of length 1; of an angle in the plane nothing
     origins: Forms  # (axes,) place of the joint on its child
+
+
+@dataclass(frozen=True, eq=False)
+class HeldForces(Struct):
+    """The forces of an instant as readings need them: on the cut mechanism and on free axes."""
+
+    constant = True
+
+    on_cut: Effects
+    axes: Axes
+    on_axes: Effects
+    axis_loads: Indices  # (…,) the load of each effect on an axis with friction under loads
+    efforts: Floats  # (joint coordinates,) N m or N, held from outside
+
+
+@dataclass(frozen=True, eq=False)
+class ReadOut(Struct):
+    """Index arrays and memory of `read_out`, and the memory of its results."""
+
+    joints: JointCoordinates
+    cut: Cut
+    there: CutWork
+    modes: Modes  # none where the distance to a singular position is not read
+    mode_start: Floats  # (modes, rows) where their iteration begins
+    inverse: Floats  # (movable D D,) A⁻¹ on the pattern, where the rank is counted
+    inverse_off: Floats  # (blocks D D,)
+    row: Indices  # (rows,) in the order of the file: place in the kernel
+    coordinate: Indices  # (movable,) in the order of the file: block
+    angles: Floats  # (angles,) rad, with their turns
+    spins: Floats  # (angles,) rad/s
+    near: Floats  # (angles,) rad, to a quarter turn
+    phi: Floats  # (rows,) Φ; velocity rows have none
+    rate: Floats  # (rows,) Φ̇
+    axis_load: Floats  # (…,) N, as `axis_loads` says
+    force: Floats  # (joints D,) N
+    torque: Floats  # (joints, in space times 3) N m
+    momenta: Floats  # (movable D,) M q̇
+    told: Floats  # (3,) potential energy, J; σ of the softest mode; rank of Φ_q, not rounded
+    # results, (0,) where nobody reads them
+    position: Floats  # (joint coordinates,) rad or m
+    velocity: Floats  # (joint coordinates,) rad/s or m/s
+    effort: Floats  # (joint coordinates,) N m or N
+    wrench: Floats  # (joints, 6) force and torque on the child, N and N m
+    violation: Floats  # (rows,) Φ
+    violation_rate: Floats  # (rows,) Φ̇
+    multiplier: Floats  # (rows,) λ
+    number: Floats  # (numbers of the state,)
+    number_rate: Floats  # (numbers of the state,)
+    work: Floats  # (accounts,) J

@@ -63,6 +63,8 @@ class PlainVector:
 
 def flat(array: Any, constant: bool = False) -> PlainVector:
     """The numbers of an array of any shape; `constant` if nobody may write them."""
+    if isinstance(array, PlainVector):
+        return array
     numbers = array.reshape(-1)  # contiguous: the same numbers, not a copy
     if constant:
         numbers = numbers.view()

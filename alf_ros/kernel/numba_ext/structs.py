@@ -306,7 +306,10 @@ def _set(context: Any, builder: Any, sig: Any, args: Any) -> Any:
 
 @lowered(flat)
 def vector(typing: Any, array: Any) -> Any:
-    """The numbers of a contiguous array (any shape), as a struct hands them on."""
+    """The numbers of a contiguous array (any shape), as a struct hands them on; a vector of a
+    struct stays as it is."""
+    if isinstance(array, VectorType):
+        return array(array), lambda context, builder, sig, args: args[0]
 
     def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         of = cgutils.create_struct_proxy(sig.args[0])(context, builder, value=args[0])

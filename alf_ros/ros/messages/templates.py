@@ -24,6 +24,7 @@ from alf_ros.model.constraints import drives as driving
 from alf_ros.simulation import observables, state_vector
 from alf_ros.simulation.observables import Reading
 from alf_ros.simulation.sample import Sample
+from alf_ros.simulation.state import State
 
 WORLD = 'world'
 
@@ -57,6 +58,55 @@ def template(make: Callable[[list[float]], Any], counts: list[int]) -> cdr.Templ
     return cdr.Template(data, (found.start() for found in re.finditer(stamp, data)), blocks)
 
 
+class ReadingMessage:
+    """The message of a topic of which only the stamp and the numbers of its `reading` change.
+
+    The numbers come from a sample, or have been written into `blocks` before.
+    """
+
+    def __init__(self, message: cdr.Template, reading: Reading | None = None) -> None:
+        self._message, self.reading = message, reading
+        self.blocks = message.blocks
+
+    def __call__(self, sample: Sample, ns: int) -> bytes:
+        """The message of a sample, with the stamp `ns`."""
+        if self.reading is not None:
+            for block, value in zip(self.blocks, self.reading.values(sample), strict=True):
+                block[:] = value.ravel()
+        return self.stamped(ns)
+
+    def stamped(self, ns: int) -> bytes:
+        """The message of the numbers in `blocks`, with the stamp `ns`."""
+        self._message.stamp(ns)
+        return self._message.bytes()
+
+    def of(self, state: State) -> ReadingMessage:
+        """The message that fits simulations with such states."""
+        return self
+
+
+class StateMessage:
+    """`~/state`: position = all numbers of the state (`state_vector`), velocity = their rates."""
+
+    def __init__(self, model: Model) -> None:
+        self._model = model
+        self._known: dict[tuple[object, ...], ReadingMessage] = {}
+
+    def __call__(self, sample: Sample, ns: int) -> bytes:
+        """The message of a sample, with the stamp `ns`."""
+        return self.of(sample.state)(sample, ns)
+
+    def of(self, state: State) -> ReadingMessage:
+        """The message that fits states like this one: another formulation, set during the run,
+        may carry more."""
+        key = (state.carried.size, state.loads.size, *state.works)
+        if key not in self._known:
+            made = _joint_state(state_vector.names(self._model, state), observables.STATE)
+            assert made is not None  # there is always the step
+            self._known[key] = made
+        return self._known[key]
+
+
 def joint_states(model: Model) -> Write | None:
     """`joint_states`: all joints, passive ones too; angle (rad) or travel (m), its rate, and the
     effort on the free axis (N m or N): drive, spring, friction and command, not the reaction."""
@@ -74,23 +124,7 @@ def drives(model: Model) -> Write | None:
     return _joint_state(driving.motion_names(model.mechanism), observables.DRIVES)
 
 
-def state(model: Model) -> Write:
-    """`~/state`: position = all numbers of the state (`state_vector`), velocity = their rates."""
-    writers: dict[tuple[object, ...], Write] = {}
-
-    def write(sample: Sample, ns: int) -> bytes:
-        # Another formulation, set during the run, may carry more.
-        key = (sample.state.carried.size, sample.state.loads.size, *sample.state.works)
-        if key not in writers:
-            made = _joint_state(state_vector.names(model, sample.state), observables.STATE)
-            assert made is not None  # there is always the step
-            writers[key] = made
-        return writers[key](sample, ns)
-
-    return write
-
-
-def _joint_state(names: tuple[str, ...], reading: Reading) -> Write | None:
+def _joint_state(names: tuple[str, ...], reading: Reading) -> ReadingMessage | None:
     if not names:
         return None
     count = len(names)
@@ -101,15 +135,7 @@ def _joint_state(names: tuple[str, ...], reading: Reading) -> Write | None:
         arrays |= {key: [mark] * count for key, mark in zip(reading.fields, marks, strict=True)}
         return JointState(header=Header(stamp=STAMP), name=list(names), **arrays)
 
-    message = template(make, [count] * len(reading.fields))
-
-    def write(sample: Sample, ns: int) -> bytes:
-        message.stamp(ns)
-        for block, value in zip(message.blocks, reading.values(sample), strict=True):
-            block[:] = value
-        return message.bytes()
-
-    return write
+    return ReadingMessage(template(make, [count] * len(reading.fields)), reading)
 
 
 def reactions(model: Model) -> Write | None:
@@ -126,26 +152,12 @@ def reactions(model: Model) -> Write | None:
         message.wrench = [Wrench(force=vector, torque=vector)] * count
         return message
 
-    message = template(make, [6 * count])
-    wrenches = message.blocks[0].reshape(count, 6)
-
-    def write(sample: Sample, ns: int) -> bytes:
-        message.stamp(ns)
-        (wrenches[:],) = observables.REACTIONS.values(sample)
-        return message.bytes()
-
-    return write
+    return ReadingMessage(template(make, [6 * count]), observables.REACTIONS)
 
 
 def energy(model: Model) -> Write:
     """`~/energy`: total mechanical energy (J)."""
-    message = template(lambda marks: Float64(data=marks[0]), [1])
-
-    def write(sample: Sample, ns: int) -> bytes:
-        (message.blocks[0][:],) = observables.ENERGY.values(sample)
-        return message.bytes()
-
-    return write
+    return ReadingMessage(template(lambda marks: Float64(data=marks[0]), [1]), observables.ENERGY)
 
 
 def work(accounts: tuple[str, ...]) -> Write | None:
@@ -155,10 +167,4 @@ def work(accounts: tuple[str, ...]) -> Write | None:
 
 def clock(model: Model) -> Write:
     """`/clock`: the simulated time."""
-    message = template(lambda marks: Clock(clock=STAMP), [])
-
-    def write(sample: Sample, ns: int) -> bytes:
-        message.stamp(ns)
-        return message.bytes()
-
-    return write
+    return ReadingMessage(template(lambda marks: Clock(clock=STAMP), []))

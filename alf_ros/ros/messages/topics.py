@@ -74,7 +74,7 @@ TOPICS = (
     Topic('~/reactions', MultiDOFJointState, RELIABLE, _plain(templates.reactions)),
     Topic('~/constraints', JointState, RELIABLE, _plain(templates.constraints)),
     Topic('~/drives', JointState, RELIABLE, _plain(templates.drives)),
-    Topic('~/state', JointState, RELIABLE, _plain(templates.state)),
+    Topic('~/state', JointState, RELIABLE, _plain(templates.StateMessage)),
     Topic('~/energy', Float64, RELIABLE, _plain(templates.energy)),
     Topic('~/work', JointState, RELIABLE, _work),
     Topic('clock', Clock, BEST_EFFORT, _plain(templates.clock)),

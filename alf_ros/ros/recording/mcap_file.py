@@ -15,7 +15,10 @@ from alf_ros.ros.recording import rosbag2_metadata
 
 try:
     from mcap.data_stream import RecordBuilder
+    from mcap.records import ChunkIndex
     from mcap.writer import CompressionType, Writer
+
+    from alf_ros.ros.recording.chunk_memory import ChunkMemory
 except ModuleNotFoundError as error:  # no package of a distribution brings it
     if (error.name or '').partition('.')[0] != 'mcap':
         raise
@@ -130,11 +133,14 @@ class LogFile:
         self._info = info
         self._kept = 0
         self._stream = _Stream(path)
+        self._chunk = ChunkMemory(CHUNK_SIZE + (CHUNK_SIZE >> 2))
         self._writer = Writer(
             self._stream,  # type: ignore[arg-type]
             chunk_size=CHUNK_SIZE,
             compression=CompressionType.ZSTD if zstandard else CompressionType.NONE,
         )
+        # The chunks are written here, in the memory of one: see ChunkMemory.
+        self._writer._Writer__chunk_builder = self._chunk  # type: ignore[attr-defined]
         # A day has 170,000 chunks: their index waits for the end of the file as bytes.
         self._writer._Writer__chunk_indices = _ChunkIndices()  # type: ignore[attr-defined]
         self._writer.start(profile='ros2', library='alf_ros')
@@ -195,7 +201,9 @@ class LogFile:
         self, channel: rosbag2_metadata.RecordedTopic, stamp: int, data: bytes, number: int
     ) -> None:
         """Write one serialised message of a registered topic."""
-        self._writer.add_message(channel.id, stamp, data, stamp, number)
+        if self._chunk.count > CHUNK_SIZE:
+            self._end_chunk()
+        self._chunk.add_message(channel.id, stamp, data, number)
         channel.count += 1
         self.start, self.end = min(self.start, stamp), max(self.end, stamp)
 
@@ -205,12 +213,50 @@ class LogFile:
 
     def flush(self) -> None:
         """Close the chunk and hand it to the system."""
+        self._end_chunk()
         self._writer.flush()
         self._stream.check()
         self._stream.good, self._kept = self._stream.size, self.count
 
+    def _end_chunk(self) -> None:
+        """Write the chunk with the places of its messages, if it has any."""
+        chunk, counts = self._chunk, self._chunk.messages
+        if not counts:
+            return
+        self._writer.flush()  # what was registered since the last one
+        begin = self._stream.size
+        pieces = chunk.packed()
+        for piece in pieces:
+            self._stream.write(piece)
+        behind, places = self._stream.size, {}
+        for id_, record in chunk.indices().items():
+            places[id_] = self._stream.size
+            self._stream.write(record)
+        index = ChunkIndex(
+            message_start_time=chunk.start,
+            message_end_time=chunk.end,
+            chunk_start_offset=begin,
+            chunk_length=behind - begin,
+            message_index_offsets=places,
+            message_index_length=self._stream.size - behind,
+            compression=chunk.compression,
+            compressed_size=sum(map(len, pieces[1:])),
+            uncompressed_size=chunk.count,
+        )
+        self._writer._Writer__chunk_indices.append(index)  # type: ignore[attr-defined]
+        statistics = self._writer._Writer__statistics  # type: ignore[attr-defined]
+        statistics.chunk_count += 1
+        first = chunk.start if statistics.message_count == 0 else statistics.message_start_time
+        statistics.message_start_time = min(first, chunk.start)
+        statistics.message_end_time = max(statistics.message_end_time, chunk.end)
+        for id_, count in counts.items():
+            statistics.channel_message_counts[id_] += count
+            statistics.message_count += count
+        chunk.reset()
+
     def finish(self) -> None:
         """Write the summary and close the file."""
+        self._end_chunk()
         text = yaml.safe_dump(
             rosbag2_metadata.metadata([self.summary()], self.channels.values(), self._info),
             sort_keys=False,
@@ -221,6 +267,7 @@ class LogFile:
         self._stream.check()
         self._kept = self.count
         self._stream.close()
+        self._chunk.release()
 
     def summary(self) -> rosbag2_metadata.File:
         """The entry of the file in metadata.yaml."""

@@ -76,6 +76,7 @@ class Recorder:
                 value=str(folder),
                 expected='a folder that can be written, or record.enabled false (--no-record)',
             ) from None
+        self.busy = 0.0  # s of processor time that writing has taken
         self._finished: list[LogFile] = []
         self._queue: deque[tuple[str, type, QoSProfile, int, bytes, int]] = deque()
         # Each counter has one writer, so the difference needs no lock.
@@ -100,6 +101,11 @@ class Recorder:
         the number in the files.
         """
         return self._refused + (self._queued - self.written if self.error else 0)
+
+    @property
+    def taken(self) -> int:
+        """Bytes of messages that the writing thread has taken."""
+        return self._bytes_out
 
     @property
     def waiting(self) -> int:
@@ -157,6 +163,7 @@ class Recorder:
             if time.monotonic() >= chunk_end:
                 self._flush()
                 chunk_end = time.monotonic() + CHUNK_PERIOD
+            self.busy = time.thread_time()
         self._drain()
         self._flush()
         self._file.finish()

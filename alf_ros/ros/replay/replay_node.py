@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock as SteadyClock
@@ -24,10 +25,9 @@ from alf_ros.ros.replay.sources import Source, StampedMessage, stamp_of
 from alf_ros.ros.simulator.parameters import Spec, declare
 from alf_ros.ros.terminal import LOOK_PERIOD, StatusLine
 
-BEAT = 1e-3  # s between two checks for due messages
 _MOST = 1000  # messages in one call, so that services and parameters get their turn
 _CLOCK = '/clock'
-_PATIENCE = 1.0  # s, with readers at the end
+_PATIENCE = 1.0  # s, with readers at the end, and of a replay as fast as possible
 
 
 class Replay(Node):
@@ -56,13 +56,13 @@ class Replay(Node):
         own_clock = _CLOCK not in self._outputs
         self._ticker = self.create_publisher(Clock, _CLOCK, BEST_EFFORT) if own_clock else None
         self.published = 0
+        self._lagging: set[str] = set()  # topics
         self._stamp = source.first
         self._go_to(values['seek'])
         self.create_service(SetBool, '~/pause', self._on_pause)
         self.add_on_set_parameters_callback(self._judge)
         self.add_post_set_parameters_callback(self._on_parameters)
         steady = SteadyClock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(BEAT, self._on_timer, clock=steady)
         self.create_timer(LOOK_PERIOD, self._on_look, clock=steady)
 
     def stop(self, *_: object) -> None:
@@ -95,9 +95,10 @@ class Replay(Node):
         """From now on time goes by from the present stamp."""
         self._since, self._from = time.monotonic(), self._stamp
 
-    def _on_timer(self) -> None:
+    def work(self) -> float:
+        """Publish the messages that are due. Returns the time (s) until the next one is."""
         if self.paused or self.finished.done():
-            return
+            return LOOK_PERIOD
         passed = (time.monotonic() - self._since) * self._rate * 1e9
         now = self._from + round(passed) if self._rate else self._source.last
         try:
@@ -109,11 +110,28 @@ class Replay(Node):
         except AlfError as error:
             self.failure = error
             self.stop()
+        if not self._rate:
+            self._await_readers()
         if self._next is None:
             if self._loop:
                 self._go_to(self._spans[0])
             else:
                 self.stop()
+        elif self._rate:
+            return max(0.0, min(LOOK_PERIOD, (self._next.stamp - now) * 1e-9 / self._rate))
+        return 0.0
+
+    def _await_readers(self) -> None:
+        """Wait until reliable readers have all messages. A topic whose reader does not follow is
+        waited for once, and named."""
+        for topic, output in self._outputs.items():
+            wait = 0.0 if topic in self._lagging else _PATIENCE
+            with suppress(RuntimeError):  # a middleware that cannot tell
+                if output.wait_for_all_acked(Duration(seconds=wait)):
+                    self._lagging.discard(topic)
+                elif topic not in self._lagging:
+                    self._lagging.add(topic)
+                    self._status.say(f'readers lose messages of {topic}: they do not follow')
 
     def _publish(self, item: StampedMessage) -> None:
         self._stamp = item.stamp

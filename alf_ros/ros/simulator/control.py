@@ -70,6 +70,7 @@ class Control:
         """Make the ticks that are due at `now` (s, steady clock)."""
         due = self._left if self.paused else self._pacer.due(now)
         self.inputs.apply()
+        self.run.free = self.paused or not self._pacer.factor
         for _ in range(due):
             # The last of some steps is looked at: it is shown as well.
             self.run.tick(whole=self.paused and self._left == 1)

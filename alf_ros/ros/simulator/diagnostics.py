@@ -6,7 +6,7 @@ Values are numbers as text, SI, the unit in the key. Levels: OK, WARN (look), ER
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from builtin_interfaces.msg import Time
@@ -16,6 +16,7 @@ from alf_ros.errors import StepError
 from alf_ros.model.softest_modes import near
 from alf_ros.ros.recording.recorder import Recorder
 from alf_ros.ros.simulator.inputs import CommandSubscriber
+from alf_ros.ros.simulator.output_costs import NOTHING, Spent
 from alf_ros.ros.simulator.pacing import Pacer
 from alf_ros.ros.simulator.trajectory_tracking import Tracking
 from alf_ros.simulation.sample import Sample
@@ -138,9 +139,15 @@ class Pace:
     lost: float
 
 
-def timing(pacer: Pacer, paused: bool, before: Pace) -> Report:
-    """Real-time factor achieved, overruns, lateness. WARN when real time was lost since `before`,
-    or more than one tick in twenty came late."""
+def timing(
+    pacer: Pacer, paused: bool, before: Pace, spent: Spent, lagging: Sequence[str] = ()
+) -> Report:
+    """Real-time factor achieved, overruns, lateness; seconds of a tick in the solver and for
+    topics; topics with reliable readers that are `lagging`.
+
+    WARN when real time was lost since `before`, more than one tick in twenty came late, or readers
+    lose messages of a run as fast as possible.
+    """
     values = {
         'real_time_factor': pacer.achieved,
         'wanted_real_time_factor': pacer.factor,
@@ -150,10 +157,18 @@ def timing(pacer: Pacer, paused: bool, before: Pace) -> Report:
         'lost_real_time_s': pacer.lost,
         'lateness_p50_s': pacer.lateness[0],
         'lateness_p99_s': pacer.lateness[1],
+        'steps_s_per_tick': spent.step,
+        'topics_s_per_tick': spent.outputs,
+        'slowest_topic': spent.slowest,
+        'lagging_readers': ' '.join(lagging),
     }
+    if lagging:
+        return Report('timing', WARN, f'readers lose messages of {", ".join(lagging)}', values)
     lost = pacer.lost - before.lost
     if lost > 0.0:
-        return Report('timing', WARN, f'too slow: {lost:.3g} s of real time lost', values)
+        message = f'too slow: {lost:.3g} s of real time lost'
+        advice = spent.advice(1.0 / pacer.tick)
+        return Report('timing', WARN, f'{message}; {advice}' if advice else message, values)
     late, ticks = pacer.overruns - before.overruns, pacer.ticks - before.ticks
     if late > MOST_LATE * ticks:
         return Report('timing', WARN, f'{late} overruns in the last {ticks} ticks', values)
@@ -198,21 +213,33 @@ def trajectory(tracking: Tracking) -> Report:
     return Report('trajectory', WARN if trouble else OK, trouble or tracking.state, values)
 
 
-def record(recorder: Recorder | None, unrecorded: str = '') -> Report:
-    """The log: messages written and dropped. WARN after a drop, and where there is no log although
-    one is wanted (`unrecorded` says why), ERROR when writing failed."""
+def record(
+    recorder: Recorder | None, unrecorded: str = '', spent: Spent = NOTHING, rate: float = 0.0
+) -> Report:
+    """The log of a run with `rate` ticks per simulated second: messages written, dropped
+    and waiting, and the load of the thread that writes.
+
+    WARN after a drop, and where there is no log although one is wanted (`unrecorded` says why),
+    ERROR when writing failed.
+    """
     values = {
         'file': str(recorder.path) if recorder else '',
         'written_messages': recorder.written if recorder else 0,
         'dropped_messages': recorder.dropped if recorder else 0,
         'error': recorder.error if recorder else '',
+        'waiting_bytes': recorder.waiting if recorder else 0,
+        'bytes_per_tick': spent.logged / max(1, spent.ticks),
+        'writer_load': spent.writer_load,
+        'largest_topic': spent.largest if recorder else '',
+        'lasting_rate_hz': spent.lasting_rate(rate),
     }
     if recorder is None:
         return Report('record', WARN if unrecorded else OK, unrecorded or 'off', values)
     if recorder.error:
         return Report('record', ERROR, recorder.error, values)
     if recorder.dropped:
-        return Report('record', WARN, f'{recorder.dropped} messages dropped', values)
+        message, advice = f'{recorder.dropped} messages dropped', spent.advice(rate)
+        return Report('record', WARN, f'{message}; {advice}' if advice else message, values)
     return Report('record', OK, recorder.path.name, values)
 
 

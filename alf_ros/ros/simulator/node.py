@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import os
 import time
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
@@ -27,9 +28,6 @@ from alf_ros.simulation import listening
 from alf_ros.simulation.display_geometry import Display
 from alf_ros.simulation.setup import Setup
 from alf_ros.simulation.simulation import Simulation
-
-if TYPE_CHECKING:
-    from rclpy.timer import Timer
 
 
 class Stop:
@@ -100,7 +98,6 @@ class Simulator(Node):
         self.add_post_set_parameters_callback(self._on_parameters)
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(LOOK_PERIOD, self._on_look, clock=self._steady)
-        self._timer: Timer | None = None
         self._pace()
 
     def _assemble(self, setup: Setup, values: dict[str, Any]) -> None:
@@ -162,11 +159,9 @@ class Simulator(Node):
             pass  # the first tick will say so, with the log open
 
     def _pace(self) -> None:
-        """Call the timer as often as ticks come."""
-        if self._timer is not None:
-            self.destroy_timer(self._timer)
-        beat = SHORTEST_BEAT if self._control.stepping else self._pacer.beat
-        self._timer = self.create_timer(beat, self._on_timer, clock=self._steady)
+        """Call the control as often as ticks come, from now on."""
+        self._beat = SHORTEST_BEAT if self._control.stepping else self._pacer.beat
+        self._next_beat = time.monotonic() + self._beat
 
     # --------------------------------------------------------------------------------------- run
 
@@ -209,13 +204,26 @@ class Simulator(Node):
         """1 if a log could not be written to its end, else 0."""
         return 1 if self._control.run.lost else 0
 
-    def _on_timer(self) -> None:
+    def work(self) -> float:
+        """Make the ticks that are due. Returns the time (s) until the next ones are."""
         now = time.monotonic()
+        if now < self._next_beat and not self._free:
+            return self._next_beat - now
+        self._next_beat += self._beat
         self._control.inputs.expire(now)
         if self._stop.asked:
             self._finish()
         if not self.finished.done():
             self._control.advance(now)
+        now = time.monotonic()
+        if now > self._next_beat:  # beats that were missed are left out
+            self._next_beat += math.ceil((now - self._next_beat) / self._beat) * self._beat
+        return 0.0 if self._free else self._next_beat - now
+
+    @property
+    def _free(self) -> bool:
+        """Whether ticks are made as fast as possible."""
+        return self._control.stepping or not (self._control.paused or self._pacer.factor)
 
     def _on_look(self) -> None:
         if self._stop.asked:

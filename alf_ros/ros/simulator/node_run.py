@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import time
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,9 @@ from alf_ros.simulation.saved_states import as_data
 from alf_ros.simulation.setup import Setup
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.simulation.state import State
+
+DISTANCE_PERIOD = 2e-3  # simulated s between two looks at the distance to a singular position
+_SHORT = 1e-9
 
 
 class NodeRun:
@@ -44,6 +48,9 @@ class NodeRun:
         self.failure: StepError | None = None
         self.initial_energy = 0.0
         self.balance = 0.0  # J, kinetic energy less all works, where the run began
+        self.free = False  # ticks are made as fast as possible: readers are waited for
+        self.stepping = 0.0  # s that the solver has taken
+        self._looked = -math.inf  # s, when the distance was looked for
         self.closest = math.inf  # to a singular position, since somebody set it back
         # This run, counted since the start of the node, and the step where it began.
         self.number = self.first_step = 0
@@ -124,6 +131,7 @@ class NodeRun:
         steps = self.setup.steps
         if self._last_step:
             steps = min(steps, self._last_step - self.simulation.step_index)
+        begun = time.thread_time()
         try:
             self.simulation.step(steps)
         except StepError as error:
@@ -132,18 +140,21 @@ class NodeRun:
             self._cut = True  # the node ends; the log has the last whole tick
         else:
             self.failure = None
+            self.stepping += time.thread_time() - begun
             self.send(whole=whole)
 
     def send(self, record: bool = True, whole: bool = False) -> None:
         """Publish and log the present state; `whole`: with topics that are not shown at every
         tick."""
+        t, near = self.simulation.t, False
+        if abs(t - self._looked) > DISTANCE_PERIOD - _SHORT:
+            near, self._looked = self._outputs.diagnostics.wanted, t
         try:
-            sample = self.simulation.sample()
-            self._outputs.send(sample, self.stamp, record, whole)
-            if self._outputs.diagnostics.wanted:
-                self.closest = min(self.closest, sample.diagnostics.distance_if_known)
+            found = self._outputs.send(self.simulation, self.stamp, record, whole, near, self.free)
         except StepError as error:
             self.failure = error
+        else:
+            self.closest = min(self.closest, found)
 
     def note(self, entry: dict[str, Any]) -> None:
         """Write to the journal the inputs that act from the next step."""

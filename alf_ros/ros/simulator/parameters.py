@@ -39,6 +39,7 @@ RECORDED = [
     '/diagnostics',
 ]
 # A saved state's name is a file's name.
+ALL = 'all'  # `record.rate.all` is for every topic without a rate of its own
 _STATE_NAME = re.compile(r'[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}')
 # Numbers of effects are parameters up to this many: declaring one takes a tenth of a millisecond.
 MOST_EFFECT_VALUES = 512
@@ -236,11 +237,18 @@ def node_specs(rate: float) -> list[Spec]:
             'Simulated time after which a log continues in a new file, s; 0: never',
             (0.0, 1e9),
         ),
+        Spec(
+            f'record.rate.{ALL}',
+            0.0,
+            'Messages in the log per simulated second of each topic without a rate of its own, '
+            'Hz; 0: all',
+            (0.0, 1e5),
+        ),
         *(
             Spec(
                 f'record.rate.{name.rpartition("/")[2]}',
                 0.0,
-                f'Messages of {name} in the log per simulated second, Hz; 0: all',
+                f'Messages of {name} in the log per simulated second, Hz; 0: as `all` says',
                 (0.0, 1e5),
             )
             for name in dict.fromkeys((*(topic.name for topic in TOPICS), TF))

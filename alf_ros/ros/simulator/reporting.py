@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import operator
 from typing import TYPE_CHECKING
 
 from rclpy.serialization import serialize_message
@@ -13,6 +14,7 @@ from alf_ros.ros.recording.recorder import Recorder
 from alf_ros.ros.simulator import diagnostics
 from alf_ros.ros.simulator.control import Control
 from alf_ros.ros.simulator.diagnostics import Pace
+from alf_ros.ros.simulator.output_costs import NOTHING, Spent
 from alf_ros.ros.simulator.outputs import Outputs
 from alf_ros.ros.simulator.pacing import Pacer
 from alf_ros.ros.terminal import LOOK_PERIOD, PLAIN_PERIOD, StatusLine
@@ -40,6 +42,10 @@ class Reporting:
         self._status = status
         self._looks = 0
         self._alarms: tuple[bool, ...] = ()
+        self._spent = NOTHING
+        # ticks, seconds of the solver; seconds and bytes of the thread that writes the log
+        self._counted: tuple[float, ...] = (0, 0.0, 0.0, 0)
+        self._written_by: Recorder | None = None
         self._before = Pace(0, 0, 0.0)  # at the last regular diagnosis
 
     def look(self) -> None:
@@ -62,6 +68,8 @@ class Reporting:
             recorder is not None and bool(recorder.dropped or recorder.error),
         )
         regular = self._looks % LOOKS_PER_DIAGNOSIS == 0
+        if regular:
+            self._measure()
         if regular or alarms != self._alarms:
             self._alarms = alarms
             self.diagnose()
@@ -72,6 +80,23 @@ class Reporting:
                 run.send(record=False, whole=True)
         if self._status.live or self._looks % round(PLAIN_PERIOD / LOOK_PERIOD) == 0:
             self._status.show(self._line())
+
+    def _measure(self) -> None:
+        """Take the costs of the ticks since the last time."""
+        run, pacer, before = self._control.run, self._pacer, self._counted
+        recorder = run.recorder
+        writing = (recorder.busy, recorder.taken) if recorder else (0.0, 0)
+        known = recorder is self._written_by
+        self._counted, self._written_by = (pacer.ticks, run.stepping, *writing), recorder
+        ticks, step, busy, taken = map(operator.sub, self._counted, before)
+        self._spent = Spent(
+            int(ticks),
+            pacer.tick / pacer.factor if pacer.factor else 0.0,
+            step / max(1, ticks),
+            self._outputs.costs(),
+            busy if known else 0.0,
+            int(taken) if known else 0,
+        )
 
     def _warn(self, simulation: Simulation) -> None:
         """Say once that the steps of a run are too long."""
@@ -95,10 +120,16 @@ class Reporting:
             diagnostics.constraints(sample, run.closest),
             diagnostics.energy(sample, run.initial_energy),
             *([diagnostics.work(sample, run.balance)] if run.simulation.ledger else []),
-            diagnostics.timing(self._pacer, self._control.paused, self._before),
+            diagnostics.timing(
+                self._pacer,
+                self._control.paused,
+                self._before,
+                self._spent,
+                self._outputs.lagging,
+            ),
             diagnostics.commands(self._control.inputs),
             diagnostics.trajectory(self._control.inputs.tracking),
-            diagnostics.record(run.recorder, run.unrecorded),
+            diagnostics.record(run.recorder, run.unrecorded, self._spent, 1.0 / run.setup.tick),
         ]
         run.closest = math.inf
         mechanism = run.setup.scene.mechanism.name

@@ -1,0 +1,86 @@
+"""Readers of a run and a replay as fast as possible: they lose nothing, or are named."""
+
+import os
+import signal
+import subprocess
+import sys
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import JointState
+from std_srvs.srv import SetBool
+
+from support.log_files import make
+from support.paths import ROOT
+from support.ros_node import SimulatorProcess
+
+DEEP = QoSProfile(depth=10_000)
+READER = """
+import rclpy
+from sensor_msgs.msg import JointState
+rclpy.init()
+node = rclpy.create_node('reader')
+said = []
+def heard(_):
+    if not said:
+        said.append(print('heard', flush=True))
+node.create_subscription(JointState, 'joint_states', heard, 10)
+rclpy.spin(node)
+"""
+ENVIRONMENT = {**os.environ, 'PYTHONPATH': str(ROOT)}
+
+
+def stamps(heard):
+    return [m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for m in heard]
+
+
+def test_a_reader_of_a_free_run_and_of_its_replay_loses_nothing(tmp_path, peer):
+    heard = peer.listen('joint_states', JointState, DEEP)
+    options = {'real_time_factor': 0.0, 'rate': 1000.0, 'solver.step': 1e-3, 'duration': 2.0}
+    with SimulatorProcess(tmp_path, start_paused='true', **options).wait_running() as node:
+        peer.until(lambda: heard, 'the state at the start')
+        peer.call(SetBool, '/simulator/pause', data=False)
+        peer.until(lambda: stamps(heard)[-1] == 2_000_000_000, 'the end')
+        assert node.wait() == 0, node.output
+    ticks = [stamp for stamp in dict.fromkeys(stamps(heard)) if stamp > 1]
+    assert ticks == [k * 1_000_000 for k in range(1, 2001)]
+
+
+def test_a_reader_of_a_replay_at_rate_0_loses_nothing(tmp_path, peer):
+    path, _ = make(tmp_path, 'slider_crank', 3000)
+    heard = peer.listen('/joint_states', JointState, DEEP)
+    command = [sys.executable, '-m', 'alf_ros', 'replay', str(path.parent), '--paused']
+    process = subprocess.Popen([*command, '--rate', '0'], env=ENVIRONMENT)
+    try:
+        peer.until(lambda: peer.node.count_publishers('/joint_states'), 'the replay')
+        peer.call(SetBool, '/replay/pause', data=False)
+        peer.until(lambda: len(heard) >= 3001, 'the end')
+    finally:
+        process.wait(60)
+    assert len(heard) == 3001 and stamps(heard) == sorted(stamps(heard))
+
+
+def test_a_reader_that_stands_still_is_named(tmp_path, peer):
+    reports = peer.listen('/diagnostics', DiagnosticArray, DEEP)
+    reader = subprocess.Popen(
+        [sys.executable, '-c', READER], env=ENVIRONMENT, stdout=subprocess.PIPE, text=True
+    )
+    try:
+        options = {'real_time_factor': 0.0, 'rate': 1000.0, 'solver.step': 1e-3}
+        with SimulatorProcess(tmp_path, '--no-record', **options).wait_running():
+            assert reader.stdout is not None and reader.stdout.readline() == 'heard\n'
+            os.kill(reader.pid, signal.SIGSTOP)
+
+            def named():
+                return any(
+                    status.name.endswith(': timing')
+                    and status.message == 'readers lose messages of joint_states'
+                    for report in reports
+                    for status in report.status
+                )
+
+            peer.until(named, 'the name of the reader')
+    finally:
+        os.kill(reader.pid, signal.SIGCONT)
+        reader.kill()
+        reader.wait()
