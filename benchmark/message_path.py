@@ -6,8 +6,8 @@ Writes benchmark/results/message_path.csv: a row for each scene and checkout wit
 runs. The node runs in a process of its own, with readers of joint_states in three others.
 `--against`: the same with another checkout, in turn. `parts` are processor times of one thread
 without readers: what a tick costs beyond a step, in steps of the same process. Nothing else should
-run beside it: where it does, only the columns in steps, and those of two checkouts beside each
-other, mean something.
+run beside it. On a busy machine only the columns in steps, and the ratio of two checkouts, mean
+something.
 """
 
 from __future__ import annotations

@@ -2,10 +2,10 @@
 
     .venv/bin/python benchmark/tangents.py [--without-errors]
 
-Cost: the time of a step with tangents over that without, in one process, the least of five
-measurements of each. Errors: the largest one of the positions of a run of 10 s and 11 or 10
-singular passes, and that of each tangent beside the variational equation of the one angle, both in
-parts of the largest value; and the ratio of the largest of them.
+Cost: the time of a step with tangents over the time of a step without them, in one process, the
+least of five measurements of each. Errors: the largest error of the positions of a run of 10 s and
+11 or 10 singular passes, and the largest error of each tangent beside the variational equation of
+the one angle, both in parts of the largest value; and the ratio of these two.
 """
 
 from __future__ import annotations

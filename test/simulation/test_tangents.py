@@ -27,8 +27,8 @@ ADAPTIVE = {'step': 0.1, 'integrator': 'dop853_adaptive', 'tolerance': 1e-8}
 
 
 def errors(exact: ExactTangents, **settings: Any) -> tuple[float, dict[str, float]]:
-    """The largest error of positions, m, and that of each tangent; both in parts of the largest
-    value."""
+    """The largest error of positions and the largest error of each tangent, both in parts of the
+    largest value."""
     sim = Simulation(load_scene(exact.scene), tangents=exact.names, **settings)
     samples = list(sim.run(exact.times[-1], at=list(exact.times)))
     motion = np.array([each.q for each in samples])
@@ -51,7 +51,7 @@ def test_exact_through_singular_passes(solution: Any, settings: dict[str, Any]) 
 
 
 def test_order_of_convergence() -> None:
-    """The error falls with the fourth power of the step, as that of rk4."""
+    """The error falls with the fourth power of the step, like the error of rk4."""
     exact = slider_crank(1.0)
     coarse, fine = (errors(exact, step=h)[1] for h in (1e-2, 5e-3))
     for name in exact.names:
