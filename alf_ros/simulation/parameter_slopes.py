@@ -116,6 +116,8 @@ class ParameterSlopes:
 
     def __init__(self, name: str, scene: Scene, solver: Solver, start: Start) -> None:
         self.name = name
+        if name.partition('.')[0] == 'solver':
+            raise InputError('no tangent by a number of the solver', key='tangents', value=name)
         self.value = overrides.number(scene, name)
         self._scene, self._solver, self._start = scene, replace(solver, accuracy=None), start
 

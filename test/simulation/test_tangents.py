@@ -313,6 +313,7 @@ def refused(scene: Scene, names: Sequence[str], **settings: Any) -> str:
         (['nothing'], 'nothing of this name'),
         (['gravity.acceleration'], 'not one number'),
         (['gravity.acceleration.7'], 'no such part'),
+        (['solver.step'], 'no tangent by a number of the solver'),
         ([''], 'no name'),
     ],
 )
