@@ -247,7 +247,7 @@ class Graph:
         end = time.monotonic() + PATIENCE
         while (inputs.accepted, sum(inputs.refused.values())) == before or inputs._waiting:
             assert time.monotonic() < end, f'a message on {topic} is neither taken nor refused'
-            self._executor.spin_once(timeout_sec=0.01)
+            self._turn(0.01)
         return 'refused' if inputs.accepted == before[0] else 'ran'
 
     # -------------------------------------------------------------------------------- the nodes
@@ -322,8 +322,13 @@ class Graph:
         return 'ran' if answer.success else 'refused'
 
     def _spin(self, future: Any, seconds: float) -> None:
-        # That of the command does not end by the clock while a timer is always due.
-        self._executor.spin_until_future_complete(future, timeout_sec=seconds)
+        end = time.monotonic() + seconds
+        while not future.done() and time.monotonic() < end:
+            self._turn(end - time.monotonic())
+
+    def _turn(self, seconds: float) -> None:
+        """The ticks that are due, and one callback of both nodes."""
+        self._executor.spin_once(timeout_sec=max(0.0, min(seconds, self.node.work())))
 
 
 def _text(text: str) -> str:

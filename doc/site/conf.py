@@ -29,7 +29,7 @@ nitpick_ignore_regex = [
     # what no program of a user makes or names
     ('py:.*', r'alf_ros\.(kernel|mechanism|model|logs\.progress)\..*'),
     ('py:.*', r'alf_ros\.simulation\.(applied|dynamics|instruments|reactions)\..*'),
-    ('py:.*', r'alf_ros\.simulation\.(formulations|start)\..*'),
+    ('py:.*', r'alf_ros\.simulation\.(formulations|parameter_slopes|start|tangent_following)\..*'),
     ('py:.*', r'alf_ros\.studies\.statics\.instant\..*'),
 ]
 

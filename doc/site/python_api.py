@@ -16,6 +16,8 @@ _WITH: dict[str, tuple[str, ...]] = {
     'What a sample holds': (
         'alf_ros.simulation.sample.JointState',
         'alf_ros.simulation.sample.Reaction',
+        'alf_ros.simulation.sample_tangents.MotionTangent',
+        'alf_ros.simulation.sample_tangents.JointTangent',
         'alf_ros.simulation.sample_diagnostics.Diagnostics',
         'alf_ros.simulation.resolution.Resolution',
     ),
