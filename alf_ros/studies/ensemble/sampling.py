@@ -43,7 +43,7 @@ class Sampling:
     def __init__(
         self, kind: str, vary: Mapping[str, Varied], members: int | None, seed: int
     ) -> None:
-        if kind not in SAMPLINGS:
+        if not isinstance(kind, str) or kind not in SAMPLINGS:
             raise InputError('no such sampling', key='sampling', value=kind, choices=SAMPLINGS)
         if not vary:
             raise InputError('nothing varies', key='vary', expected='{name: distribution or list}')
