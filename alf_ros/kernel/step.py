@@ -163,6 +163,15 @@ def add_up(method: Method, work: Work, s: np.uint64, h: float) -> None:
             chart.w[i] = work.p[i] = chart.momentum[i] + total[TWO * n + i]
 
 
+@inner
+def lag_of_stage(method: Method, s: np.uint64) -> float:
+    """How far stage s is behind the path, in h² of its curvature."""
+    lag = 0.5 * method.c[s] * method.c[s]
+    for m in range(s):
+        lag -= method.a[s * method.b.size + m] * method.c[m]
+    return lag
+
+
 @expanded
 def step(
     problem: Problem, phase: Phase, t: float, end: float, h: float, sigma: float, begun: bool
@@ -202,11 +211,7 @@ def step(
             clear = x > scales.close
         else:
             copy(work.q, work.target)
-            # how far the stage is behind the path, in h² of its curvature
-            lag = 0.5 * method.c[s] * method.c[s]
-            for m in range(s):
-                lag -= method.a[s * stages + m] * method.c[m]
-            shift_along_path(unit, system.arms, work, h * h * lag)
+            shift_along_path(unit, system.arms, work, h * h * lag_of_stage(method, s))
             count, x, clear = stage(problem, ts, scales, x < np.inf, True)  # (33), (26)
             record_power(problem, phase, ts, s, 1.0, ALL_FORCES)
         nearest = min(nearest, x)

@@ -47,7 +47,7 @@ from alf_ros.kernel.numba_ext.vectors import copy, furthest
 from alf_ros.kernel.prescribed import prescribe
 from alf_ros.kernel.stage import stage
 from alf_ros.kernel.status import OK, STOPPED, UNFOLLOWED
-from alf_ros.kernel.step import add_up, evaluate_first, scales_of, store_angles
+from alf_ros.kernel.step import add_up, evaluate_first, lag_of_stage, scales_of, store_angles
 from alf_ros.kernel.stopping import told_to_stop
 from alf_ros.kernel.tangent_stage import (
     differentiate,
@@ -98,10 +98,7 @@ def carry_tangents(
             clear = x > scales.close
         else:
             copy(work.q, work.target)
-            lag = 0.5 * method.c[s] * method.c[s]
-            for m in range(s):
-                lag -= method.a[s * stages + m] * method.c[m]
-            shift_along_path(unit, system.arms, work, h * h * lag)
+            shift_along_path(unit, system.arms, work, h * h * lag_of_stage(method, s))
             count, x, clear = stage(problem, ts, scales, x < np.inf, True)
         if not clear and count > 0:
             moved = furthest(work.q, work.base, work.p.size)

@@ -13,6 +13,7 @@ import numpy as np
 from alf_ros import kernel
 from alf_ros.arrays import Floats, Integers, Unit
 from alf_ros.errors import AssemblyError
+from alf_ros.gc_pause import paused
 from alf_ros.kernel import Chart, Rows, Soft, System, Work
 from alf_ros.kernel.data import EPS
 from alf_ros.kernel.step_error import JUDGED
@@ -28,7 +29,6 @@ from alf_ros.model.constraints.packing import renumbered, rows_of, with_more
 from alf_ros.model.constraints.rotors import rotor_rows
 from alf_ros.model.constraints.row import Constraint, Row
 from alf_ros.model.constraints.rows import joint_rows, rigidity, unit_rows
-from alf_ros.model.gc_pause import paused
 from alf_ros.model.mass import mass_of
 from alf_ros.model.mass import renumbered as renumbered_mass
 from alf_ros.model.prescribed import prescribe, prescribed, reached, without_value

@@ -21,9 +21,9 @@ from typing import Any
 from alf_ros import html_table, paths, resources
 from alf_ros.effects import Effect
 from alf_ros.errors import InputError
+from alf_ros.gc_pause import paused
 from alf_ros.kernel import Method
 from alf_ros.mechanism import Mechanism, Point, Vector
-from alf_ros.model.gc_pause import paused
 from alf_ros.model.tableaux import TABLEAUX, method
 from alf_ros.scene.effects_section import read_effects, with_rotors
 from alf_ros.scene.mechanism_file import read_mechanism

@@ -3,31 +3,15 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from support.paths import ROOT
-from support.reader import START_LIMIT, environment
+from support.reader import programs, shown_by
 
 TEXT = (ROOT / 'doc' / 'derivatives.md').read_text('utf-8')
-PROGRAMS = re.findall(
-    r'^```python\n(# (\w+\.py)\n.*?)^```\n\n^```text\n(.*?)^```$', TEXT, re.M | re.S
-)
-
-
-def shown_by(arguments: list[str], folder: Path) -> tuple[str, str]:
-    done = subprocess.run(
-        [sys.executable, *arguments],
-        cwd=folder,
-        env=environment(),
-        capture_output=True,
-        text=True,
-        timeout=START_LIMIT,
-    )
-    return done.stdout, done.stderr
+PROGRAMS = programs(TEXT)
 
 
 @pytest.mark.parametrize(

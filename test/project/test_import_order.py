@@ -21,6 +21,7 @@ ROOMS = (
     'moved',
     'paths',
     'html_table',
+    'gc_pause',
     'kernel',
     'mechanism',
     'model',

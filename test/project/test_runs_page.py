@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from alf_ros import Simulation, load_scene, record
 from support.paths import ROOT
-from support.reader import START_LIMIT, environment
+from support.reader import programs, shown_by
 
 TEXT = (ROOT / 'doc' / 'runs.md').read_text('utf-8')
-BLOCKS = re.findall(
-    r'^```python\n(# (\w+\.py)\n.*?)^```\n\n^```text\n(.*?)^```$', TEXT, re.M | re.S
-)
+BLOCKS = programs(TEXT)
 
 
 @pytest.mark.parametrize(('program', 'name', 'shown'), BLOCKS, ids=[name for _, name, _ in BLOCKS])
@@ -24,15 +20,7 @@ def test_a_program_prints_what_the_page_says(
     program: str, name: str, shown: str, tmp_path: Path
 ) -> None:
     (tmp_path / name).write_text(program, 'utf-8')
-    done = subprocess.run(
-        [sys.executable, name],
-        cwd=tmp_path,
-        env={**environment(), 'MPLBACKEND': 'Agg'},
-        capture_output=True,
-        text=True,
-        timeout=START_LIMIT,
-    )
-    assert (done.stdout, done.stderr) == (shown, '')
+    assert shown_by([name], tmp_path, MPLBACKEND='Agg') == (shown, '')
     if name == 'record.py':
         assert (tmp_path / 'pin.png').stat().st_size > 10_000
         assert len((tmp_path / 'run.csv').read_text('utf-8').splitlines()) == 402

@@ -4,34 +4,18 @@ from __future__ import annotations
 
 import re
 import shlex
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from support.paths import ROOT
-from support.reader import START_LIMIT, environment
+from support.reader import programs, shown_by
 
 TEXT = (ROOT / 'doc' / 'statics.md').read_text('utf-8')
-PROGRAMS = re.findall(
-    r'^```python\n(# (\w+\.py)\n.*?)^```\n\n^```text\n(.*?)^```$', TEXT, re.M | re.S
-)
+PROGRAMS = programs(TEXT)
 COMMANDS = re.findall(
     r'^```bash\n\.venv/bin/python (.*?)\n^```\n\n^```text\n(.*?)^```$', TEXT, re.M | re.S
 )
-
-
-def shown_by(arguments: list[str], folder: Path) -> tuple[str, str]:
-    done = subprocess.run(
-        [sys.executable, *arguments],
-        cwd=folder,
-        env=environment(),
-        capture_output=True,
-        text=True,
-        timeout=START_LIMIT,
-    )
-    return done.stdout, done.stderr
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,10 @@
-"""Where a reader of the documents types what stands there."""
+"""The place in which a reader of the documents types what they show."""
 
 import os
+import re
+import subprocess
+import sys
+from pathlib import Path
 
 from support.paths import ROOT
 
@@ -13,3 +17,22 @@ def environment() -> dict[str, str]:
     of_make = ('MAKEFLAGS', 'MAKEOVERRIDES', 'MAKELEVEL', 'MFLAGS', 'ARGS', 'SCENE', 'DURATION')
     rest = {key: value for key, value in os.environ.items() if key not in of_make}
     return {**rest, 'PYTHONPATH': str(ROOT)}
+
+
+def programs(text: str) -> list[tuple[str, str, str]]:
+    """(program, its file name, what the page says that it prints) of a page, by its text."""
+    block = r'^```python\n(# (\w+\.py)\n.*?)^```\n\n^```text\n(.*?)^```$'
+    return re.findall(block, text, re.M | re.S)
+
+
+def shown_by(arguments: list[str], folder: Path, **variables: str) -> tuple[str, str]:
+    """The output and the errors of Python with these arguments, in a folder."""
+    done = subprocess.run(
+        [sys.executable, *arguments],
+        cwd=folder,
+        env={**environment(), **variables},
+        capture_output=True,
+        text=True,
+        timeout=START_LIMIT,
+    )
+    return done.stdout, done.stderr

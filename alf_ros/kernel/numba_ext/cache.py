@@ -30,17 +30,17 @@ from __future__ import annotations
 
 import contextlib
 import functools
-import gc
 import hashlib
 import os
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 from numba.core.caching import _Cache
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.serialize import dumps
 
+from alf_ros.gc_pause import paused
 from alf_ros.kernel.numba_ext.cache_folder import Folder
 from alf_ros.kernel.numba_ext.cache_sources import Sources
 from alf_ros.kernel.numba_ext.inner_code import rebuilt
@@ -51,18 +51,6 @@ _misses: list[str] = []
 def misses() -> int:
     """How many functions this process had to compile so far."""
     return len(_misses)
-
-
-@contextlib.contextmanager
-def _uncollected() -> Iterator[None]:
-    """Without collection of garbage: an eighth of the time of a compilation."""
-    was_enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_enabled:
-            gc.enable()
 
 
 class Cache(_Cache):
@@ -84,7 +72,7 @@ class Cache(_Cache):
 
         @functools.wraps(compile)
         def wrapper(*args: Any) -> Any:
-            with global_compiler_lock, _uncollected(), contextlib.ExitStack() as turn:
+            with global_compiler_lock, paused(), contextlib.ExitStack() as turn:
                 self._turns.append(turn)
                 try:
                     return compile(*args)
