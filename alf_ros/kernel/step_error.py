@@ -45,11 +45,11 @@ WORST_UNRESOLVED = 6
 WORST_STEPS = 7
 JUDGED = 8  # numbers in all
 
-LEVEL = 5e-3  # of the size: sum of errors of 1000 steps from which on steps are too long
+LEVEL = 1e-3  # of the size: sum of errors of 1000 steps from which on steps are too long
 MOST_UNRESOLVED = 200.0  # steps of 1000, likewise
 _MEMORY, _SHORT_MEMORY = 1e-3, 1e-2  # part of a sum that each step forgets
 _PIECE = np.uint64(256)  # coordinates at a time
-_TELLS = 5e-6  # of the size: errors below add up to less than LEVEL
+_TELLS = 1e-6  # of the size: errors below add up to less than LEVEL
 _FINEST = 1e-10  # of the size: errors below may be rounding
 
 

@@ -261,7 +261,7 @@ class Simulation:
         """Estimated errors of the steps, displacements in parts of the size of the mechanism:
         their largest sum over about 1000 steps since the start or the last restored state.
 
-        Above 0.005 the steps are too long, see `resolution`. NaN where nothing is measured.
+        Above 0.001 the steps are too long, see `resolution`. NaN where nothing is measured.
         """
         return self._stepper.step_error
 
