@@ -31,6 +31,11 @@ class Parameters:
     )
 
 
+def free_fall(parameters: Parameters) -> tuple[float, ...]:
+    """The acceleration (m/s²) that accelerometers do not feel."""
+    return parameters.acceleration
+
+
 def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
     """slots: [length of Q]; params: Q itself."""
     (effect,) = effects

@@ -58,7 +58,8 @@ class Variable:
 @dataclass
 class Result:
     """Result. `faults` are faults of the log itself; `versions` are the differing ones: (there,
-    here) by name; `lost` names messages that were never written."""
+    here) by name; `lost` names messages that were never written; `measured` counts messages of
+    sensors, which are not compared."""
 
     steps: int = 0
     compared: int = 0
@@ -70,6 +71,7 @@ class Result:
     damage: str = ''
     lost: str = ''
     trouble: str = ''
+    measured: int = 0
 
     @property
     def equal(self) -> bool:
@@ -106,7 +108,8 @@ def told(log: Log, result: Result) -> str:
         if len(worst) > _MOST:
             lines.append(f'    and {len(worst) - _MOST} more')
     if result.equal:
-        lines.append(f'EQUAL: {result.compared} messages, bit for bit')
+        beside = f'; {result.measured} of sensors are not compared' if result.measured else ''
+        lines.append(f'EQUAL: {result.compared} messages, bit for bit{beside}')
     else:
         lines.append('DIFFERS' if result.first is not None else 'NOT AS WRITTEN')
     return '\n'.join(map(printable, lines))
@@ -155,6 +158,8 @@ class _Comparison:
         if not result.inputs:
             self._fault('the log has no journal: the inputs are unknown')
         result.inputs = max(0, result.inputs - 1)  # without the start
+        sensors = {self._log.topic(f'~/{each.label}') for each in self._rerun.scene.sensors}
+        result.measured = sum(survey.counts[topic] for topic in sensors & survey.counts.keys())
         result.damage = self._log.damage
         result.trouble = self._rerun.trouble
         return result

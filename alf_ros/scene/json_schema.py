@@ -16,7 +16,7 @@ from typing import Any
 from alf_ros import effects
 from alf_ros.model import joints as joint_types
 from alf_ros.model.joints.contract import Key
-from alf_ros.scene import mechanism_file, scene
+from alf_ros.scene import mechanism_file, scene, sensors_section
 from alf_ros.scene.mechanism_file import bodies, couplings, drives, joints
 from alf_ros.scene.text.repetition import NAME, TITLE
 
@@ -286,8 +286,13 @@ _KINDS: Mapping[str, Schema] = {
 def _effect(kind: str) -> Schema:
     """One effect, from its `Parameters`."""
     module = effects.load(kind)
+    return _described(module.Parameters, module.__doc__)
+
+
+def _described(parameters: Any, doc: str | None) -> Schema:
+    """An effect or a sensor, from the dataclass of its parameters."""
     fields, required = {}, []
-    for item in dataclasses.fields(module.Parameters):
+    for item in dataclasses.fields(parameters):
         about = item.metadata
         known = {'enum': list(about['choices'])} if 'choices' in about else _TEXT
         shape = _KINDS.get(about['kind'], known)
@@ -301,15 +306,18 @@ def _effect(kind: str) -> Schema:
             required.append(item.name)
         fields[item.name] = described | {'allOf': [shape]}
     one = _mapping(fields, required)
-    one['description'] = ' '.join((module.__doc__ or '').partition('\n\n')[0].split())
+    one['description'] = ' '.join((doc or '').partition('\n\n')[0].split())
     return one
 
 
 def _standing(kind: str) -> Schema:
-    """An effect where it is named: where several may stand, also a list or a mapping of them."""
+    """An effect where it is named."""
     one = {'$ref': f'#/definitions/effects/{kind}'}
-    if not effects.load(kind).MULTIPLE:
-        return one
+    return _some(one) if effects.load(kind).MULTIPLE else one
+
+
+def _some(one: Schema) -> Schema:
+    """Where several may stand: one, or a list or a mapping of them."""
     some = {'additionalProperties': {'not': {'type': 'object'}}}
     named = {'type': 'object', 'not': some}  # at least one value is a mapping
     several = {'if': named, 'then': {'additionalProperties': one}, 'else': one}
@@ -362,6 +370,16 @@ def scene_schema(kinds: Collection[str]) -> Schema:
             'description': 'effects that act; only effects named here are computed',
             **_mapping({kind: _standing(kind) for kind in kinds}, (), patternProperties=by_path),
         },
+        'sensors': {
+            'description': 'what is measured and published; only sensors named here',
+            **_mapping(
+                {
+                    kind: _some({'$ref': f'#/definitions/sensors/{kind}'})
+                    for kind in sensors_section.KINDS
+                },
+                (),
+            ),
+        },
         'initial': {
             'description': 'positions and velocities at the start; missing values are solved',
             **_mapping(
@@ -373,6 +391,9 @@ def scene_schema(kinds: Collection[str]) -> Schema:
     definitions = _DEFINITIONS | {
         'mechanism': _mechanism(),
         'effects': {kind: _effect(kind) for kind in kinds},
+        'sensors': {
+            kind: _described(about, about.__doc__) for kind, about in sensors_section.KINDS.items()
+        },
     }
     fields = {key: about[key] for key in scene.KEYS}
     head = {'$schema': _DRAFT, 'title': 'Scene of alf_ros', 'definitions': definitions}

@@ -1,4 +1,4 @@
-"""A scene: which mechanism, which effects, the initial state, how accurate.
+"""A scene: which mechanism, which effects and sensors, the initial state, how accurate.
 
 Whatever a file gets wrong is refused here, with its line, before anything is computed.
 `Scene.text` is one document without references to others: it is what gets logged, and it loads to
@@ -28,6 +28,7 @@ from alf_ros.model.tableaux import TABLEAUX, method
 from alf_ros.scene.effects_section import read_effects, with_rotors
 from alf_ros.scene.mechanism_file import read_mechanism
 from alf_ros.scene.references import WHOLE, References
+from alf_ros.scene.sensors_section import Sensor, read_sensors
 from alf_ros.scene.text import yaml_document
 from alf_ros.scene.text.repetition import title
 from alf_ros.scene.text.yaml_document import Entry
@@ -54,6 +55,7 @@ KEYS = (
     'parameters',
     'drives',
     'effects',
+    'sensors',
     'initial',
     'solver',
 )
@@ -141,6 +143,7 @@ class Scene:
     text: str
     file: str | None = field(default=None, compare=False)
     says_solver: bool = field(default=True, compare=False)
+    sensors: tuple[Sensor, ...] = ()
 
     @property
     def hash(self) -> str:
@@ -159,6 +162,7 @@ class Scene:
             ('bodies', f'{len(mechanism.bodies)}: {_names(mechanism.bodies)}'),
             ('drives', _names(mechanism.drives) or 'none'),
             ('effects', effects or 'none'),
+            ('sensors', ', '.join(sensor.label for sensor in self.sensors) or 'none'),
             ('initial velocities of', ', '.join(self.velocities) or 'none'),
             ('solver', ', '.join(f'{name} {value}' for name, value in settings.items())),
         ]
@@ -265,6 +269,7 @@ def _read_scene(
     acting = fields.get('effects', nothing)
     effects, section = read_effects(acting, found.layout, values, references)
     mechanism = with_rotors(mechanism, effects)
+    sensors = read_sensors(fields.get('sensors', nothing), mechanism, values, references)
 
     whole: dict[str, object] = {
         **fields,
@@ -291,6 +296,7 @@ def _read_scene(
         text,
         root.file,
         says_solver,
+        sensors,
     )
 
 

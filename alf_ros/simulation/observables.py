@@ -43,6 +43,11 @@ def _wrenches(sample: Sample) -> tuple[Floats]:
     return (wrenches,)
 
 
+def energy_names(effects: tuple[str, ...]) -> tuple[str, ...]:
+    """Names of the energies (J): the whole, the kinetic part, and what each effect stores."""
+    return ('total', 'kinetic', *effects)
+
+
 _JOINT_STATE = 'position', 'velocity', 'effort'
 JOINT_STATES = Reading(
     'joint_states',
@@ -66,6 +71,12 @@ DRIVES = Reading(
 ENERGY = Reading(
     '~/energy', ('data',), lambda sample: ('energy',), lambda sample: (np.array([sample.energy]),)
 )
+ENERGY_PARTS = Reading(
+    '~/energy_stamped',
+    ('position',),
+    lambda sample: energy_names(tuple(sample.stored)),
+    lambda sample: (np.array([sample.energy, sample.kinetic_energy, *sample.stored.values()]),),
+)
 STATE = Reading(
     '~/state',
     ('position', 'velocity'),
@@ -80,5 +91,14 @@ WORK = Reading(
 )
 READINGS = {
     reading.key: reading
-    for reading in (STATE, JOINT_STATES, REACTIONS, CONSTRAINTS, DRIVES, ENERGY, WORK)
+    for reading in (
+        STATE,
+        JOINT_STATES,
+        REACTIONS,
+        CONSTRAINTS,
+        DRIVES,
+        ENERGY,
+        ENERGY_PARTS,
+        WORK,
+    )
 }

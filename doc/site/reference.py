@@ -41,6 +41,12 @@ def scene_keys() -> str:
         _keys(scene['properties']['initial']),
         '### `effects`',
         'The keys are names of effects: [effects](effects.md).',
+        '### `sensors`',
+        'The keys are kinds of sensors: [sensors](../sensors.md).',
+        *(
+            f'**{kind}.** {markdown(about["description"])}\n\n{_keys(about)}'
+            for kind, about in scene['definitions']['sensors'].items()
+        ),
         '## A mechanism',
         _keys(mechanism),
         '### A point',

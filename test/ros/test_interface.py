@@ -14,6 +14,7 @@ from rcl_interfaces.srv import ListParameters
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
 from alf_ros import load_scene
+from alf_ros.scene.sensors_section import KINDS
 from support.paths import ROOT
 from support.ros_node import Diagnostics, Peer, SimulatorProcess
 from support.view_process import ViewProcess
@@ -217,7 +218,8 @@ def test_the_security_policy_lets_the_node_do_what_it_does_and_no_more(found):
         return [name for name in names if '/_action/' not in name]
 
     # tf needs tf2_msgs; rclpy reads parameter events on some distributions only
-    assert unused(topics(publishers), 'topics', 'publish') <= {'/tf'}
+    sensors = {f'/simulator/{kind}*' for kind in KINDS}  # the scene has none
+    assert unused(topics(publishers), 'topics', 'publish') <= {'/tf', *sensors}
     assert unused(subscribers, 'topics', 'subscribe') <= {'/parameter_events'}
     # what needs simulation_interfaces
     standard = {resolved(n) for names, kind in table('Services') for n in names if 'sim' in kind}

@@ -192,8 +192,8 @@ def test_what_has_no_joints_says_nothing_of_joints():
     free = Simulation(load_scene({'mechanism': mechanism}))
     made = [topic.name for topic in TOPICS if topic.make(free, Display()) is not None]
     # and tf where tf2_msgs is installed
-    assert made[:4] == ['~/state', '~/energy', 'clock', '~/markers']
-    assert made[4:] in ([], ['tf'])
+    assert made[:5] == ['~/state', '~/energy', '~/energy_stamped', 'clock', '~/markers']
+    assert made[5:] in ([], ['tf'])
 
 
 def test_diagnostics_have_fixed_keys_with_units(slider_crank):

@@ -36,6 +36,8 @@
     from outside, and its parameters when it is given them.
 `CONSTANT` (optional)
     True if the force depends neither on time nor on the motion.
+`free_fall(parameters)` (optional)
+    the acceleration, m/s², that it gives every mass alike: accelerometers do not feel it.
 `AT_REST` (optional)
     FRICTION_HOLDS if the effect holds positions around a balance, STOP or CONTACT if it pushes
     beyond a limit only: `equilibrium` says so.

@@ -160,6 +160,11 @@ def energy(model: Model) -> Write:
     return ReadingMessage(template(lambda marks: Float64(data=marks[0]), [1]), observables.ENERGY)
 
 
+def energy_parts(effects: tuple[str, ...]) -> Write | None:
+    """`~/energy_stamped`: position = total and kinetic energy, and the part of each effect (J)."""
+    return _joint_state(observables.energy_names(effects), observables.ENERGY_PARTS)
+
+
 def work(accounts: tuple[str, ...]) -> Write | None:
     """`~/work`: position = what each effect has given to the motion since the start (J)."""
     return _joint_state(accounts, observables.WORK)

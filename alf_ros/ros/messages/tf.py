@@ -6,20 +6,24 @@ The bytes are put together here, because tf2_msgs comes only with a ROS 2 instal
 from __future__ import annotations
 
 from alf_ros.logs.cdr import Encoder, Template
-from alf_ros.model.compile import Model
 from alf_ros.ros.messages.templates import WORLD, Write
 from alf_ros.simulation.display_geometry import Display, poses
 from alf_ros.simulation.sample import Sample
+from alf_ros.simulation.sensors import Sensors
+from alf_ros.simulation.simulation import Simulation
 
 
-def transforms(model: Model, display: Display) -> Write | None:
-    """The writer of a tf2_msgs/TFMessage: `world` to each body; None without bodies."""
+def transforms(simulation: Simulation, display: Display) -> Write | None:
+    """The writer of a tf2_msgs/TFMessage: `world` to each body, and to each sensor with a frame of
+    its own; None without bodies."""
+    model = simulation.model
     if not model.body_names:
         return None
+    sensors = Sensors(simulation.scene)
     message = Encoder()
-    message.integer(len(model.body_names))
+    message.integer(len(model.body_names) + len(sensors.framed))
     stamps, blocks = [], []
-    for name in model.body_names:
+    for name in (*model.body_names, *sensors.framed):
         stamps.append(message.stamp())
         message.text(WORLD)
         message.text(display.frame_prefix + name)
@@ -28,7 +32,8 @@ def transforms(model: Model, display: Display) -> Write | None:
 
     def write(sample: Sample, ns: int) -> bytes:
         template.stamp(ns)
-        for block, pose in zip(template.blocks, poses(sample), strict=True):
+        frames = [*poses(sample), *(sensors.frame(sample, label) for label in sensors.framed)]
+        for block, pose in zip(template.blocks, frames, strict=True):
             block[:] = pose
         return template.bytes()
 

@@ -62,6 +62,10 @@ def _shown(make: Callable[[Model, Display], Write | None]) -> Make:
     return lambda simulation, display: make(simulation.model, display)
 
 
+def _energy_parts(simulation: Simulation, display: Display) -> Write | None:
+    return templates.energy_parts(tuple(simulation.sample().stored))
+
+
 def _work(simulation: Simulation, display: Display) -> Write | None:
     return templates.work(simulation.accounts)
 
@@ -76,12 +80,9 @@ TOPICS = (
     Topic('~/drives', JointState, RELIABLE, _plain(templates.drives)),
     Topic('~/state', JointState, RELIABLE, _plain(templates.StateMessage)),
     Topic('~/energy', Float64, RELIABLE, _plain(templates.energy)),
+    Topic('~/energy_stamped', JointState, RELIABLE, _energy_parts),
     Topic('~/work', JointState, RELIABLE, _work),
     Topic('clock', Clock, BEST_EFFORT, _plain(templates.clock)),
     Topic('~/markers', MarkerArray, RELIABLE, _shown(markers), shown=True),
-    *(
-        [Topic(TF, TFMessage, RELIABLE, _shown(transforms), shown=True, mode='off')]
-        if TFMessage
-        else []
-    ),
+    *([Topic(TF, TFMessage, RELIABLE, transforms, shown=True, mode='off')] if TFMessage else []),
 )

@@ -79,7 +79,8 @@ class Simulator(Node):
         values = parameters.declare(self, parameters.node_specs(rate))
         display = Display(values['frame_prefix'])
         rates = _below('record.rate', values)
-        self._outputs = Outputs(self, values['record.topics'], rates, display)
+        sensors = values['record.sensors']
+        self._outputs = Outputs(self, values['record.topics'], rates, display, sensors)
         parameters.check_names(self)
 
         status.enabled = values['status_line']
@@ -180,7 +181,9 @@ class Simulator(Node):
         self._status.say(f'running: step {step:g} s, tick {tick:g} s, {state}; {log}')
 
     def _say_what_is_on(self) -> None:
-        for line in startup_report.lines(self._control.run.simulation, self._outputs.switched()):
+        simulation = self._control.run.simulation
+        prices = self._outputs.sensor_prices(simulation)
+        for line in startup_report.lines(simulation, self._outputs.switched(), prices):
             self._status.say(line)
 
     def close(self) -> None:

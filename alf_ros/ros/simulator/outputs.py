@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
-import copy
 import math
 import time
 from collections.abc import Collection, Mapping
-from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.duration import Duration
-from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 
-from alf_ros.errors import InputError
 from alf_ros.exchange.urdf_export import urdf
 from alf_ros.ros.messages.instant_messages import InstantMessages
 from alf_ros.ros.messages.topics import LATCHED, RELIABLE, TOPICS
 from alf_ros.ros.recording.recorder import Recorder
 from alf_ros.ros.simulator.output_costs import TopicCost
 from alf_ros.ros.simulator.parameters import ALL
+from alf_ros.ros.simulator.sensor_outputs import SensorOutputs
+from alf_ros.ros.simulator.topic_output import Output
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation.display_geometry import Display
 from alf_ros.simulation.sample import Sample
@@ -29,99 +26,8 @@ from alf_ros.simulation.simulation import Simulation
 
 if TYPE_CHECKING:
     from rclpy.node import Node
-    from rclpy.qos import QoSProfile
 
-_PATIENCE = 1.0  # s, with reliable readers of ticks that are made as fast as possible
 _LOOK_PERIOD = 5e-3  # s between two looks at who subscribes
-
-
-class Output:
-    """One topic. `mode` is 'auto' (published while somebody subscribes), 'on' or 'off'; messages
-    also go to `recorder` if it exists. Raises InputError for a bad QoS override.
-    """
-
-    def __init__(self, node: Node, name: str, message_type: type, qos: QoSProfile) -> None:
-        self.mode = 'auto'
-        self.recorder: Recorder | None = None
-        self.essential = False  # to repeat the run
-        self.rate = 0.0  # of messages in the log, Hz; 0: all
-        self._recorded = -1  # period of the last message in the log
-        self.type = message_type
-        # rclpy writes overrides into the profile it is given.
-        self.qos = copy.copy(qos)
-        options = QoSOverridingOptions.with_default_policies()
-        try:
-            self._publisher = node.create_publisher(
-                message_type, name, self.qos, qos_overriding_options=options
-            )
-        except RuntimeError as error:
-            raise InputError(str(error), key=f'qos_overrides.{name}') from None
-        self.topic = self._publisher.topic_name
-        self._subscribed = False
-        self.lagging = False  # a reliable reader did not follow ticks as fast as possible
-        self._unacknowledged = 0  # messages since all readers had all of them, at most
-        self.sent = 0.0  # s spent to publish
-        self.logged = 0  # bytes given to the log
-
-    def look(self) -> None:
-        """See whether somebody subscribes."""
-        self._subscribed = bool(self._publisher.get_subscription_count())
-
-    @property
-    def published(self) -> bool:
-        """Whether a message now would be published, as far as was seen at the last `look`."""
-        return self._subscribed if self.mode == 'auto' else self.mode == 'on'
-
-    @property
-    def wanted(self) -> bool:
-        """Whether a message now would go anywhere."""
-        self.look()
-        return self.recorder is not None or self.published
-
-    def record(self, recorder: Recorder | None) -> None:
-        """From now on log to `recorder`."""
-        self.recorder, self._recorded = recorder, -1
-
-    def _due(self, ns: int) -> bool:
-        """Whether the log wants a message of this stamp: the first of each period of `rate`."""
-        return not self.rate or self._period(ns) != self._recorded
-
-    def _period(self, ns: int) -> int:
-        return math.floor(ns * 1e-9 * self.rate + 1e-6)
-
-    def due(self, ns: int) -> bool:
-        """Whether the log wants a message of this stamp."""
-        return self.recorder is not None and self._due(ns)
-
-    def send(self, data: bytes, ns: int, record: bool = True) -> None:
-        """The same bytes go to the subscribers and, at stamp `ns`, to the log."""
-        self.look()
-        self.hand_on(data, ns, self.published, record and self.due(ns))
-
-    def hand_on(
-        self, data: bytes, ns: int, publish: bool, record: bool, hold: bool = False
-    ) -> None:
-        """Publish a message, and write it to the log; `hold`: wait for reliable readers first, if
-        the history of the publisher is full of what they may not have."""
-        if publish:
-            if hold and self._unacknowledged >= self.qos.depth:
-                self._await_readers()
-            begun = time.thread_time()
-            self._publisher.publish(data)
-            self.sent += time.thread_time() - begun
-            self._unacknowledged += 1
-        if record and self.recorder is not None:
-            self._recorded = self._period(ns)
-            self.logged += len(data)
-            self.recorder.write(self.topic, self.type, self.qos, ns, data, self.essential)
-
-    def _await_readers(self) -> None:
-        """Wait until reliable readers have all messages; after a reader that did not follow, only
-        look whether it has them now."""
-        wait = Duration(seconds=0.0 if self.lagging else _PATIENCE)
-        with suppress(RuntimeError):  # a middleware that cannot tell
-            self.lagging = not self._publisher.wait_for_all_acked(wait)
-        self._unacknowledged = 0
 
 
 class Outputs:
@@ -130,7 +36,7 @@ class Outputs:
     `optional`: topics that parameters switch, by name; `journal` and `scene` are in every log,
     because a run cannot be repeated without them. Topics that are only shown are sent at every
     `shown_every`th tick. `rates` (Hz, by key): of messages in the log. `display`: settings of the
-    display.
+    display. `sensors_recorded`: logs have what the sensors of a scene measure.
     """
 
     def __init__(
@@ -139,8 +45,11 @@ class Outputs:
         recorded: Collection[str],
         rates: Mapping[str, float],
         display: Display,
+        sensors_recorded: bool = True,
     ) -> None:
         self.display, self.shown_every = display, 1
+        self._node, self._sensors_recorded = node, sensors_recorded
+        self._sensors: SensorOutputs | None = None
         self.samples = {
             topic.name: Output(node, topic.name, topic.type, topic.qos) for topic in TOPICS
         }
@@ -167,11 +76,20 @@ class Outputs:
 
     @property
     def topics(self) -> dict[str, str]:
-        """Where each topic of samples is after remapping, by the name a user writes."""
-        return {name: output.topic for name, output in self.samples.items()}
+        """Where each topic of samples and sensors is after remapping, by the name a user
+        writes."""
+        sensors = self._sensors.outputs if self._sensors is not None else {}
+        return {name: output.topic for name, output in {**self.samples, **sensors}.items()}
 
     def prepare(self, simulation: Simulation) -> None:
-        """Make the messages for a simulation, with all that is compiled for them."""
+        """Make the messages for a simulation, with all that is compiled for them, and the topics
+        of its sensors. Raises InputError for a sensor whose messages are not installed."""
+        if self._sensors is not None:
+            self._sensors.close()
+            self._sensors = None
+        if simulation.scene.sensors:
+            prefix = self.display.frame_prefix
+            self._sensors = SensorOutputs(self._node, simulation.scene, prefix)
         writers = {topic.name: topic.make(simulation, self.display) for topic in TOPICS}
         self._write = {name: write for name, write in writers.items() if write is not None}
         self._messages = InstantMessages(simulation, self._write)
@@ -180,7 +98,8 @@ class Outputs:
         """Topics with content: `on` (recorded, or always published), waiting until they are
         `subscribed`, and `off`."""
         said: dict[str, list[str]] = {'on': [], 'subscribed': [], 'off': []}
-        for name, output in self.optional.items():
+        sensors = self._sensors.outputs if self._sensors is not None else {}
+        for name, output in {**self.optional, **sensors}.items():
             if name not in self.samples or name in self._write:
                 on = output.recorder is not None or output.mode == 'on'
                 said['on' if on else 'off' if output.mode == 'off' else 'subscribed'].append(name)
@@ -211,6 +130,8 @@ class Outputs:
         """From now on log to `recorder`."""
         for output in self._recorded:
             output.record(recorder)
+        if self._sensors is not None and self._sensors_recorded:
+            self._sensors.record(recorder)
 
     def send(
         self,
@@ -231,6 +152,8 @@ class Outputs:
         self._ticks += not whole
         shown = whole or self._ticks % self.shown_every == 0
         self._look(whole)
+        if self._sensors is not None:
+            self._sensors.send(simulation, ns, record, hold)
         due = []
         for name in self._write:
             if shown or name not in self._shown:
@@ -270,7 +193,11 @@ class Outputs:
             output.sent, output.logged = 0.0, 0
             if cost.made or cost.sent or cost.logged:
                 found[name] = cost
-        return found
+        return found | self._sensors.costs() if self._sensors is not None else found
+
+    def sensor_prices(self, simulation: Simulation) -> dict[str, float]:
+        """Microseconds of the measurement and message of each sensor, here and now."""
+        return self._sensors.prices(simulation) if self._sensors is not None else {}
 
     def _look(self, now: bool) -> None:
         """See who subscribes, `now` or from time to time: to ask costs as much as a reading."""
@@ -279,3 +206,5 @@ class Outputs:
             self._next_look = clock + _LOOK_PERIOD
             for output in self.samples.values():
                 output.look()
+            if self._sensors is not None:
+                self._sensors.look()

@@ -225,6 +225,7 @@ def node_specs(rate: float) -> list[Spec]:
         Spec(
             'record.topics', RECORDED, f'Recorded topics, a selection of {", ".join(TOPIC_NAMES)}'
         ),
+        Spec('record.sensors', True, 'Record the sensors of the scene'),
         Spec(
             'record.max_size',
             0,

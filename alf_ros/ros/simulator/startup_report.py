@@ -13,14 +13,19 @@ JOINTLESS = (
 _MOST = 14  # names on a line
 
 
-def lines(simulation: Simulation, outputs: Mapping[str, Sequence[str]]) -> list[str]:
+def lines(
+    simulation: Simulation,
+    outputs: Mapping[str, Sequence[str]],
+    sensors: Mapping[str, float],
+) -> list[str]:
     """Adjustments of the mechanism; effects on, each with its µs per step here and now, and off;
-    the ledger; outputs by `Outputs.switched`."""
+    `sensors` with their µs per message; the ledger; outputs by `Outputs.switched`."""
     # Imported late: loading the solver takes a good part of the start.
     from alf_ros import effects
     from alf_ros.inspection.effect_costs import call_costs
 
     costs = [f'{label} {cost:.2g} µs' for label, cost in call_costs(simulation).items()]
+    measured = [f'{label} {price:.2g} µs' for label, price in sensors.items()]
     named = {effect.kind for effect in simulation.scene.effects}
     absent = [kind for kind in effects.kinds() if kind not in named]
     on, subscribed, off = (_listed(outputs[mode]) for mode in ('on', 'subscribed', 'off'))
@@ -36,6 +41,7 @@ def lines(simulation: Simulation, outputs: Mapping[str, Sequence[str]]) -> list[
         *jointless,
         f'effects on, per step: {_listed(costs)}; ledger {"on" if simulation.ledger else "off"}',
         f'effects off: {_listed(absent)}',
+        *([f'sensors, per message: {_listed(measured)}'] if sensors else []),
         f'outputs on: {on}; when subscribed: {subscribed}; off: {off}',
     ]
 

@@ -1,0 +1,141 @@
+"""Sensors of a scene as topics: real subscribers, the log, and nothing for what nobody asks."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import AccelStamped, PoseStamped, TwistStamped, WrenchStamped
+from nav_msgs.msg import Odometry
+from rosbags.highlevel import AnyReader
+from sensor_msgs.msg import Imu, JointState, Range
+
+from alf_ros import Simulation, load_scene
+from alf_ros.__main__ import main
+from alf_ros.simulation.sensors import Sensors
+from support.ros_node import SimulatorProcess
+
+SCENE = """
+mechanism: slider_crank
+effects: {gravity: {acceleration: [0, -9.81]}}
+sensors:
+  imu: {rod: {body: coupler, rate: 100}}
+  encoder: {joint: crank_pin, resolution: 2*pi/4096}
+  force_torque: {crank: {joint: crank_pin}}
+  range: {at: A, to: O, max_range: 5}
+  odometry: {body: coupler}
+  pose: {body: coupler}
+  twist: {body: coupler, axes: body}
+  acceleration: {body: coupler}
+initial: {velocities: {B: [-4, 0]}}
+solver: {integrator: dop853, step: 1.0e-3}
+"""
+TYPES = {
+    'imu/rod': Imu,
+    'encoder': JointState,
+    'force_torque/crank': WrenchStamped,
+    'range': Range,
+    'odometry': Odometry,
+    'pose': PoseStamped,
+    'twist': TwistStamped,
+    'acceleration': AccelStamped,
+}
+FRAMES = {
+    'imu/rod': 'a/imu/rod',
+    'encoder': 'world',
+    'force_torque/crank': 'a/force_torque/crank',
+    'range': 'a/range',
+    'twist': 'a/coupler',
+}
+
+
+def xyz(vector) -> list[float]:
+    return [vector.x, vector.y, vector.z]
+
+
+def numbers(message) -> list[float]:
+    """The numbers of a message in the order of the quantities of its measurement."""
+    if isinstance(message, Imu):
+        turn = message.orientation
+        rest = xyz(message.angular_velocity) + xyz(message.linear_acceleration)
+        return [*xyz(turn), turn.w, *rest]
+    if isinstance(message, JointState):
+        return [message.position[0], message.velocity[0]]
+    if isinstance(message, WrenchStamped):
+        return xyz(message.wrench.force) + xyz(message.wrench.torque)
+    if isinstance(message, Range):
+        return [message.range]
+    if isinstance(message, TwistStamped):
+        return xyz(message.twist.linear) + xyz(message.twist.angular)
+    if isinstance(message, AccelStamped):
+        return xyz(message.accel.linear) + xyz(message.accel.angular)
+    pose = message.pose.pose if isinstance(message, Odometry) else message.pose
+    found = [*xyz(pose.position), *xyz(pose.orientation), pose.orientation.w]
+    if isinstance(message, Odometry):
+        twist = message.twist.twist
+        found += xyz(twist.linear) + xyz(twist.angular)
+    return found
+
+
+def test_sensors_are_published_and_recorded(tmp_path: Path, peer) -> None:
+    (tmp_path / 'scene.yaml').write_text(SCENE)
+    heard: dict[str, list[Any]] = {
+        label: peer.listen(f'/simulator/{label}', kind) for label, kind in TYPES.items()
+    }
+    options = {'scene': str(tmp_path / 'scene.yaml'), 'frame_prefix': 'a/', 'rate': 500.0}
+    with SimulatorProcess(tmp_path, **options).wait_running() as node:
+        assert 'sensors, per message: imu/rod ' in node.output
+        peer.until(lambda: all(len(each) > 20 for each in heard.values()), 'all sensors')
+        assert node.stop() == 0, node.output
+    for label, frame in FRAMES.items():
+        assert heard[label][-1].header.frame_id == frame
+    assert heard['odometry'][-1].child_frame_id == 'a/coupler'
+
+    scene = load_scene(tmp_path / 'scene.yaml')
+    simulation, sensors = Simulation(scene), Sensors(scene)
+    (folder,) = {path.parent for path in node.logs}
+    seen: dict[str, list[int]] = {label: [] for label in TYPES}
+    with AnyReader([folder]) as reader:
+        recorded: dict[int, dict[str, Any]] = {}
+        for connection, stamp, data in reader.messages():
+            label = connection.topic.removeprefix('/simulator/')
+            if label in TYPES:
+                read: Any = reader.deserialize(data, connection.msgtype)
+                assert read.header.stamp.sec * 10**9 + read.header.stamp.nanosec == stamp
+                seen[label].append(stamp)
+                recorded.setdefault(stamp, {})[label] = read
+    periods = {label: np.diff(stamps) for label, stamps in seen.items()}
+    assert set(periods.pop('imu/rod')[1:]) == {10_000_000}
+    for gaps in periods.values():
+        assert set(gaps[1:]) == {2_000_000}
+    for label, messages in heard.items():
+        for message in messages[:10]:
+            stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+            simulation.reset()
+            simulation.step(round(stamp * 1e-6))
+            wanted = dict(sensors.read(simulation.sample(), (label,))[label])
+            if label == 'encoder':
+                del wanted['velocity']  # depends on the message before
+            exact = np.concatenate(list(wanted.values()))
+            exact = exact.astype(np.float32) if label == 'range' else exact
+            assert np.array_equal(numbers(message)[: exact.size], exact)
+            there = recorded[stamp][label]
+            if label == 'encoder':
+                assert math.isnan(there.effort[0])
+                assert [there.position[0], there.velocity[0]] == numbers(message)
+    assert main(['verify', str(node.logs[0])]) == 0
+
+
+def test_nothing_is_recorded_that_was_switched_off(tmp_path: Path, capfd) -> None:
+    (tmp_path / 'scene.yaml').write_text(SCENE)
+    options = {'record.sensors': False, 'duration': 0.05}
+    scene = str(tmp_path / 'scene.yaml')
+    with SimulatorProcess(tmp_path, scene=scene, **options) as node:
+        assert node.wait() == 0, node.output
+    waiting = node.output.partition('when subscribed: ')[2]
+    assert '~/imu/rod' in waiting
+    with AnyReader([node.logs[0].parent]) as reader:
+        topics = {connection.topic for connection in reader.connections}
+    assert not {f'/simulator/{label}' for label in TYPES} & topics
+    assert main(['verify', str(node.logs[0])]) == 0
+    assert 'of sensors' not in capfd.readouterr().out
