@@ -71,7 +71,7 @@ class SensorOutputs:
             topic.output.look()
 
     def send(self, simulation: Simulation, ns: int, record: bool, hold: bool) -> None:
-        """Measure the present state with each sensor that is due, publish and log it at stamp `ns`.
+        """Measure with each sensor that is due, publish and log, with the stamp `ns`.
 
         Raises StepError if the state cannot be evaluated.
         """
