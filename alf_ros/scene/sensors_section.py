@@ -59,9 +59,9 @@ class _Noisy(_Timed):
 @dataclass(frozen=True, kw_only=True)
 class ForceTorqueSensor(_Noisy):
     """The reaction at a joint: force and torque of the parent on the child, in axes of the child
-    with their origin at the joint."""
+    with their origin at the joint, as the child carries it."""
 
-    joint: str = _named('joint', 'joint at a point')
+    joint: str = _named('joint', 'joint')
     force_noise: float = _number('standard deviation of each message and axis', 'N')
     torque_noise: float = _number('standard deviation of each message and axis', 'N m')
     force_bias: float = _number('standard deviation of the constant error of an axis', 'N')
@@ -196,10 +196,6 @@ def read_sensors(
 
 def _misplaced(kind: str, values: Mapping[str, Any], mechanism: Mechanism) -> str:
     """The reason why a sensor cannot be at its place; '' if it can."""
-    if kind == 'force_torque':
-        (joint,) = (each for each in mechanism.joints if each.name == values['joint'])
-        if joint.point is None:
-            return f'{joint.name} ({joint.kind}) has no point at which a reaction is measured'
     if kind == 'imu':
         (body,) = (each for each in mechanism.bodies if each.name == values['body'])
         at = values.get('at')

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -16,6 +17,7 @@ POINTS_PER_ARROW = 6
 # Longest standard arrow, as a part of the mechanism's size, for a force like its weight.
 _WEIGHT_LENGTH = 0.25
 _BARB = 0.2
+_SAME = 1e-9  # of the size: places that are one
 
 
 @dataclass
@@ -46,6 +48,21 @@ def segments(body: Body) -> Iterator[str]:
         yield from (a, b)
     if len(points) > 2:
         yield from (points[-1], points[0])
+
+
+def reaction_points(mechanism: Mechanism) -> dict[str, str]:
+    """The point at which the reaction of a joint acts, by joint; without joints that are not at a
+    point of their child."""
+    bodies, found = {body.name: body for body in mechanism.bodies}, {}
+    for joint in mechanism.joints:
+        if joint.point is not None:
+            found[joint.name] = joint.point
+            continue
+        child = bodies[joint.child]
+        away = [math.dist(local, joint.frames[1].origin) for local in child.local]
+        if min(away) < _SAME * size(mechanism):
+            found[joint.name] = child.points[away.index(min(away))]
+    return found
 
 
 def in_space(places: Floats) -> Floats:

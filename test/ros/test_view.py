@@ -166,6 +166,8 @@ def test_the_page_shows_the_simulator_and_commands_it(tmp_path, peer):
         page.until(f"document.getElementById('time').textContent !== '{first[1]}'")
         names = "[...document.querySelectorAll('.joint b')].map((b) => b.textContent)"
         assert page.run(names) == ['crank_pin', 'knee', 'guide']
+        page.until("document.querySelector('.joint .numbers').textContent.includes('rad/s')")
+        page.until("document.querySelector('.reaction').textContent.endsWith(' N')")
         page.until('record.length > 10')
         page.screenshot(tmp_path / 'playing.png')
 

@@ -232,6 +232,10 @@ def test_names_of_strangers_stay_text(tmp_path):
         'scene': HOSTILE,
         'spatial': False,
         'joints': [HOSTILE, '__proto__', 'constructor'],
+        'units': [HOSTILE, 'rad', ''],
+        'driven': ['constructor'],
+        'drives': [HOSTILE],
+        'drive_units': [HOSTILE],
         'reacting': [HOSTILE],
         'reports': [[HOSTILE, 2, HOSTILE]],
         'scenes': [HOSTILE],
@@ -242,6 +246,7 @@ def test_names_of_strangers_stay_text(tmp_path):
         'velocity': [1.0, 2.0, 3.0],
         'effort': [0.0, 0.0, 0.0],
         'force': [1.0],
+        'drives': [1.0],
         'energy': 1.0,
         'violation': [0.0, 0.0],
         'links': [0.0, 0.0, 0.0, 1.0, 0.0, 0.0],
@@ -256,9 +261,9 @@ def test_names_of_strangers_stay_text(tmp_path):
     with Server(0, Broadcast(), obey) as server:
         server.broadcast.put(about, picture)
         with Browser(server.url, tmp_path / 'profile') as page:
-            page.until("document.querySelectorAll('.joint b').length === 3")
+            page.until("document.querySelectorAll('.joint b').length === 4")
             names = "[...document.querySelectorAll('.joint b')].map((b) => b.textContent)"
-            assert page.run(names) == about['joints']
+            assert page.run(names) == [*about['joints'], HOSTILE]
             assert page.run("document.getElementById('scene').textContent") == HOSTILE
             page.run(f"ask('scene', {json.dumps(HOSTILE)})")
             page.until("document.getElementById('reports').textContent.includes('onerror')")

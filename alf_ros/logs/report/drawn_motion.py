@@ -23,7 +23,13 @@ from alf_ros.scene.scene import KEYS, REQUIRED, Solver, scene_from_text
 from alf_ros.scene.text import yaml_document
 from alf_ros.scene.text.yaml_writer import entry, serialise
 from alf_ros.simulation import state_vector
-from alf_ros.simulation.display_geometry import held_forces, in_space, segments, standard_scale
+from alf_ros.simulation.display_geometry import (
+    held_forces,
+    in_space,
+    reaction_points,
+    segments,
+    standard_scale,
+)
 from alf_ros.simulation.simulation import Simulation
 
 # Of more states than these the page has every second, third … one.
@@ -92,16 +98,17 @@ def motion(
         film.take(float(t[k]), coordinates[k])
     drawn = model.mechanism
     points = model.point_names
-    pins = {joint.name: points.index(joint.point) for joint in drawn.joints if joint.point}
+    pins = [points.index(joint.point) for joint in drawn.joints if joint.point]
+    acting = {name: points.index(at) for name, at in reaction_points(drawn).items()}
     return DrawnMotion(
         spatial=drawn.dimension == 3,
         links=[points.index(end) for body in drawn.bodies for end in segments(body)],
-        pins=list(pins.values()),
+        pins=pins,
         scale=standard_scale(drawn),
         stride=stride * every,
         t=t[::every],
         places=np.array(film.places),
-        forces=[_forces(each, names, pins) for names, each in found.reactions.items()],
+        forces=[_forces(each, names, acting) for names, each in found.reactions.items()],
         applied=film.held(),
         distance=distance,
         passes=passes(near) if stride == 1 else None,

@@ -22,6 +22,7 @@ from alf_ros.simulation.display_geometry import (
     arrows,
     held_forces,
     in_space,
+    reaction_points,
     segments,
     size,
     standard_scale,
@@ -44,14 +45,15 @@ def markers(model: Model, display: Display) -> Write:
     width, standard = _WIDTH * size(mechanism), standard_scale(mechanism)
     ends = [name for body in mechanism.bodies for name in segments(body)]
     pins = [joint.point for joint in mechanism.joints if joint.point is not None]
-    # A joint without a point of its own has its arrow nowhere.
-    known = np.array([joint.point is not None for joint in mechanism.joints], dtype=bool)
+    acting = reaction_points(mechanism)
+    known = np.array([joint.name in acting for joint in mechanism.joints], dtype=bool)
+    at = list(acting.values())
     templates: dict[int, Template] = {}  # by number of arrows of wrenches held
 
     def by_arrows(held: int) -> Template:
         if held not in templates:
             templates.clear()  # one at a time: commands rarely come and go
-            counts = [len(ends), len(pins), *(POINTS_PER_ARROW * n for n in (len(pins), held))]
+            counts = [len(ends), len(pins), *(POINTS_PER_ARROW * n for n in (len(at), held))]
             templates[held] = template(
                 lambda marks: _message(marks, counts, width), [3 * n for n in counts if n]
             )
@@ -59,15 +61,14 @@ def markers(model: Model, display: Display) -> Write:
 
     def write(sample: Sample, ns: int) -> bytes:
         scale = display.force_scale or standard
-        tails = _places(sample, pins)
         places, forces = held_forces(sample)
         reactions = in_space(sample.reaction_forces[known])
         filled = by_arrows(len(places))
         filled.stamp(ns)
         lists = [
             _places(sample, ends),
-            tails,
-            arrows(tails, scale * reactions),
+            _places(sample, pins),
+            arrows(_places(sample, at), scale * reactions),
             arrows(places, scale * forces),
         ]
         blocks = iter(filled.blocks)

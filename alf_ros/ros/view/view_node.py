@@ -11,7 +11,6 @@ import time
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any
 
-import yaml
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -20,11 +19,10 @@ from sensor_msgs.msg import JointState, MultiDOFJointState
 from std_msgs.msg import Float64, String
 from visualization_msgs.msg import MarkerArray
 
-from alf_ros.errors import InputError
 from alf_ros.resources import library
 from alf_ros.ros.messages.topics import BEST_EFFORT, LATCHED
 from alf_ros.ros.parameter_services import ParameterServices
-from alf_ros.scene.text import yaml_document
+from alf_ros.ros.view.shown_scene import ShownScene
 from alf_ros.simulation.display_geometry import POINTS_PER_ARROW
 
 if TYPE_CHECKING:
@@ -62,9 +60,10 @@ class ViewNode(Node):
         self._last = -math.inf
         self._new = False
         self._state, self._runs = 'away', 0
-        self._scene: Json = {}
+        self._scene = ShownScene('')
         self._joints: list[str] = []
         self._reacting: list[str] = []
+        self._drives: list[str] = []
         self._reports: list[tuple[str, int, str]] = []
 
     def follow(self, wanted: bool) -> None:
@@ -77,6 +76,7 @@ class ViewNode(Node):
                 ('joint_states', JointState, self._on_joints, BEST_EFFORT),
                 ('~/reactions', MultiDOFJointState, self._on_reactions, BEST_EFFORT),
                 ('~/constraints', JointState, self._on_constraints, BEST_EFFORT),
+                ('~/drives', JointState, self._on_drives, BEST_EFFORT),
                 ('~/energy', Float64, self._on_energy, BEST_EFFORT),
                 ('~/scene', String, self._on_scene, LATCHED),
                 ('/diagnostics', DiagnosticArray, self._on_reports, reports),
@@ -104,9 +104,13 @@ class ViewNode(Node):
             'simulator': self._simulator,
             'state': self._state,
             'run': self._runs,
-            'scene': str(self._scene.get('name', '')),
-            'spatial': self._scene.get('mechanism', {}).get('space') == 'spatial',
+            'scene': self._scene.name,
+            'spatial': self._scene.spatial,
             'joints': self._joints,
+            'units': [self._scene.units.get(name, '') for name in self._joints],
+            'driven': self._scene.driven,
+            'drives': self._drives,
+            'drive_units': [self._scene.drive_units.get(name, '') for name in self._drives],
             'reacting': self._reacting,
             'reports': self._reports,
             'scenes': self._scenes,
@@ -127,12 +131,12 @@ class ViewNode(Node):
 
         If only numbers of its effects differ, the run continues.
         """
-        before, self._scene = self._scene, _scene(message.data)
-        if before != self._scene and _without_effects(before) == _without_effects(self._scene):
+        before, self._scene = self._scene, ShownScene(message.data)
+        if self._scene.continues(before):
             return
         self._runs += 1
         self._heard.clear()
-        self._joints, self._reacting = [], []
+        self._joints, self._reacting, self._drives = [], [], []
         self._note()
 
     def _on_joints(self, message: JointState) -> None:
@@ -148,6 +152,10 @@ class ViewNode(Node):
         self._reacting = list(message.joint_names)
         forces = (wrench.force for wrench in message.wrench)
         self._note(force=_short(math.hypot(f.x, f.y, f.z) for f in forces))
+
+    def _on_drives(self, message: JointState) -> None:
+        self._drives = list(message.name)
+        self._note(drives=_short(message.effort))
 
     def _on_constraints(self, message: JointState) -> None:
         error, rate = (max(map(abs, v), default=0.0) for v in (message.position, message.velocity))
@@ -183,21 +191,6 @@ class ViewNode(Node):
             if status.name == f'{self._task}solver':
                 values = {value.key: value.value for value in status.values}
                 self._state = values.get('state', self._state)
-
-
-def _scene(text: str) -> Json:
-    """The scene that somebody published: nothing if it is none, for anybody may publish."""
-    try:
-        yaml_document.parse(text, None)  # which bounds how deep it is, and how it grows
-        scene = yaml.safe_load(text)
-    except (InputError, yaml.YAMLError, ValueError):
-        return {}
-    usable = isinstance(scene, dict) and isinstance(scene.get('mechanism'), dict)
-    return scene if usable else {}
-
-
-def _without_effects(scene: Json) -> Json:
-    return {key: value for key, value in scene.items() if key != 'effects'}
 
 
 def _seconds(header: Any) -> float:

@@ -123,9 +123,9 @@ class _ForceTorque(_Mounted):
         return self._with_errors(sample, found)
 
     def frame(self, sample: Sample) -> Floats:
-        assert self._joint.point is not None
-        (place,) = in_space(np.array([sample.points[self._joint.point]]))
-        return np.concatenate([place, body_frame(sample, self._joint.child).orientation])
+        body = body_frame(sample, self._joint.child)
+        (arm,) = in_space(np.array([self._joint.frames[1].origin]))
+        return np.concatenate([body.place + body.to_world(arm), body.orientation])
 
 
 class _Inertial(_Mounted):

@@ -4,7 +4,8 @@
 const $ = (id) => document.getElementById(id);
 const WINDOW = 20;  // simulated seconds in a plot
 const TRAIL = 90, BOXES = 300;  // pictures
-let about = {joints: [], reacting: [], reports: [], scenes: [], run: -1, state: 'connecting'};
+let about = {joints: [], units: [], driven: [], drives: [], drive_units: [], reacting: [], reports: [],
+  scenes: [], run: -1, state: 'connecting'};
 let picture = null;
 let record = [];  // {t, energy, error}
 let trail = [];  // positions of all joints
@@ -75,6 +76,11 @@ function listJoints() {
       '<div class="numbers"><span></span><span></span><span></span></div>' +
       '<div class="row"><input type="range" step="any"><output>0</output></div>';
     item.querySelector('b').textContent = name;
+    if (about.driven.includes(name)) {
+      item.lastChild.remove();
+      item.querySelector('b').dataset.driven = 'driven';
+      return item;
+    }
     const slider = item.querySelector('input');
     slider.dataset.joint = name;
     slider.setAttribute('aria-label', `effort on ${name}`);
@@ -82,8 +88,19 @@ function listJoints() {
     slider.ondblclick = () => { setSlider(slider, 0); push(); };
     return item;
   }));
+  $('drives').replaceChildren(...about.drives.map((name) => {
+    const item = document.createElement('div');
+    item.className = 'joint row';
+    item.innerHTML = '<b></b><span></span>';
+    item.querySelector('b').textContent = name;
+    return item;
+  }));
+  $('drives').hidden = !about.drives.length;
   rangeJoints();
 }
+
+// A number with its unit; the unit of a scene that could not be read is not known.
+const quantity = (x, unit) => (unit ? `${shown(x)} ${unit}` : shown(x));
 
 function rangeJoints() {
   const most = Math.abs(Number($('range').value)) || 1;
@@ -97,12 +114,16 @@ function rangeJoints() {
 function showJoints() {
   [...$('joints').children].forEach((item, n) => {
     const [at, rate, effort] = item.querySelectorAll('.numbers span');
-    at.textContent = shown(picture.position?.[n]);
-    rate.textContent = `${shown(picture.velocity?.[n])} /s`;
-    effort.textContent = `effort ${shown(picture.effort?.[n])}`;
+    const unit = about.units[n];
+    at.textContent = quantity(picture.position?.[n], unit);
+    rate.textContent = unit ? `${shown(picture.velocity?.[n])} ${unit}/s` : `${shown(picture.velocity?.[n])} /s`;
+    effort.textContent = `effort ${quantity(picture.effort?.[n], {rad: 'N m', m: 'N'}[unit])}`;
     const place = about.reacting.indexOf(about.joints[n]);
     const force = picture.force?.[place];
-    item.querySelector('.reaction').textContent = force === undefined ? '' : `${shown(force)} N`;
+    item.querySelector('.reaction').textContent = force === undefined ? '' : `reaction ${shown(force)} N`;
+  });
+  [...$('drives').children].forEach((item, n) => {
+    item.lastChild.textContent = `effort ${quantity(picture.drives?.[n], about.drive_units[n])}`;
   });
 }
 
@@ -120,9 +141,13 @@ function showReports() {
     reports.unshift(said);
   }
   $('reports').replaceChildren(...reports);
+  $('reports').classList.toggle('gone', gone());
 }
 
 // ---------------------------------------------------------------------------------------- events
+
+// Whether nobody reports: what is shown is old.
+const gone = () => ['away', 'no view', 'connecting'].includes(about.state);
 
 function forget() {
   record = [];
@@ -139,7 +164,8 @@ function onAbout(found) {
   about = found;
   const names = (list) => list.join('\n');
   if (found.run !== before.run) forget();
-  if (found.run !== before.run || names(found.joints) !== names(before.joints)) listJoints();
+  const listed = (each) => names([...each.joints, '', ...each.driven, '', ...each.drives]);
+  if (found.run !== before.run || listed(found) !== listed(before)) listJoints();
   if (names(found.scenes) !== names(before.scenes)) {
     const first = new Option('load …', '');
     $('scenes').replaceChildren(first, ...found.scenes.map((name) => new Option(name, name)));
@@ -150,7 +176,7 @@ function onAbout(found) {
   $('state').textContent = found.state === 'away' ? `no ${found.simulator}` : found.state;
   $('state').className = `badge ${found.state}`;
   $('pause').textContent = found.state === 'playing' ? 'Pause' : 'Play';
-  const known = !['away', 'no view'].includes(found.state);
+  const known = !gone();
   $('pause').disabled = $('reset').disabled = !known;
   $('step').disabled = !known || found.state === 'playing';
   showReports();
@@ -254,11 +280,15 @@ function drawPlot(id, {title, color, value, least, now, span}) {
   pen.fillText(`${first.toFixed(1)} s`, left, height - 4);
   pen.textAlign = 'right';
   pen.fillText(`${until.toFixed(1)} s`, right, height - 4);
-  pen.fillText(span(low, high), right, 18);
+  const [said, about_it] = [now(found.at(-1)), span(low, high)];
+  pen.font = '600 12px system-ui, sans-serif';
+  const used = 12 + pen.measureText(title).width + 14 + pen.measureText(said).width + 14;
+  pen.font = '12px system-ui, sans-serif';
+  if (used + pen.measureText(about_it).width < right) pen.fillText(about_it, right, 18);
   pen.fillStyle = color;
   pen.font = '600 12px system-ui, sans-serif';
   pen.textAlign = 'left';
-  pen.fillText(now(found.at(-1)), 12 + pen.measureText(title).width + 14, 18);
+  pen.fillText(said, 12 + pen.measureText(title).width + 14, 18);
 }
 
 function drawPlots() {
