@@ -227,6 +227,7 @@ def test_the_page_shows_the_simulator_and_commands_it(tmp_path, peer):
         # another simulator
         assert simulator.stop() == 0, simulator.output
         state('no simulator')
+        assert page.run("document.getElementById('reports').classList.contains('gone')")
         with SimulatorProcess(tmp_path / 'second').wait_running() as other:
             state('playing')
             page.until("about.scene === 'slider_crank' && picture?.links")
