@@ -17,6 +17,7 @@ from alf_ros import effects
 from alf_ros.model import joints as joint_types
 from alf_ros.model.joints.contract import Key
 from alf_ros.scene import mechanism_file, scene, sensors_section
+from alf_ros.scene.diff_drive_section import DiffDrive
 from alf_ros.scene.mechanism_file import bodies, couplings, drives, joints
 from alf_ros.scene.text.repetition import NAME, TITLE
 
@@ -370,6 +371,7 @@ def scene_schema(kinds: Collection[str]) -> Schema:
             'description': 'effects that act; only effects named here are computed',
             **_mapping({kind: _standing(kind) for kind in kinds}, (), patternProperties=by_path),
         },
+        'diff_drive': _described(DiffDrive, 'wheels that follow cmd_vel'),
         'sensors': {
             'description': 'what is measured and published; only sensors named here',
             **_mapping(

@@ -25,6 +25,7 @@ from alf_ros.gc_pause import paused
 from alf_ros.kernel import Method
 from alf_ros.mechanism import Mechanism, Point, Vector
 from alf_ros.model.tableaux import TABLEAUX, method
+from alf_ros.scene.diff_drive_section import DiffDrive, read_diff_drive
 from alf_ros.scene.effects_section import read_effects, with_rotors
 from alf_ros.scene.mechanism_file import read_mechanism
 from alf_ros.scene.references import WHOLE, References
@@ -55,6 +56,7 @@ KEYS = (
     'parameters',
     'drives',
     'effects',
+    'diff_drive',
     'sensors',
     'initial',
     'solver',
@@ -144,6 +146,7 @@ class Scene:
     file: str | None = field(default=None, compare=False)
     says_solver: bool = field(default=True, compare=False)
     sensors: tuple[Sensor, ...] = ()
+    diff_drive: DiffDrive | None = None
 
     @property
     def hash(self) -> str:
@@ -270,6 +273,10 @@ def _read_scene(
     effects, section = read_effects(acting, found.layout, values, references)
     mechanism = with_rotors(mechanism, effects)
     sensors = read_sensors(fields.get('sensors', nothing), mechanism, values, references)
+    diff_drive = None
+    if 'diff_drive' in fields:
+        wheels = fields['diff_drive']
+        diff_drive = read_diff_drive(wheels, mechanism, values, references)
 
     whole: dict[str, object] = {
         **fields,
@@ -297,6 +304,7 @@ def _read_scene(
         root.file,
         says_solver,
         sensors,
+        diff_drive,
     )
 
 

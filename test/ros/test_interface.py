@@ -104,7 +104,7 @@ def test_quality_of_service_is_the_documented_one_or_that_asked_for(found):
 
 def test_commands(found):
     _, subscribers, *_ = found
-    documented = {pattern(resolved(names[0])): kind for names, kind in table('Commands')[:4]}
+    documented = {pattern(resolved(names[0])): kind for names, kind in table('Commands')[:5]}
     for name, kinds in subscribers.items():
         if name != '/parameter_events':  # rclpy's own, on some distributions
             (wanted,) = {kind for key, kind in documented.items() if re.fullmatch(key, name)}
@@ -187,7 +187,7 @@ def test_exit_codes():
 def test_reasons_of_refusals():
     from alf_ros.ros.simulator.command_messages import REASONS
 
-    documented = {name for names, _ in table('Commands')[4:] for name in names}
+    documented = {name for names, _ in table('Commands')[5:] for name in names}
     assert set(REASONS) <= documented
 
 
@@ -220,7 +220,7 @@ def test_the_security_policy_lets_the_node_do_what_it_does_and_no_more(found):
     # tf needs tf2_msgs; rclpy reads parameter events on some distributions only
     sensors = {f'/simulator/{kind}*' for kind in KINDS}  # the scene has none
     assert unused(topics(publishers), 'topics', 'publish') <= {'/tf', *sensors}
-    assert unused(subscribers, 'topics', 'subscribe') <= {'/parameter_events'}
+    assert unused(subscribers, 'topics', 'subscribe') <= {'/parameter_events', '/cmd_vel'}
     # what needs simulation_interfaces
     standard = {resolved(n) for names, kind in table('Services') for n in names if 'sim' in kind}
     assert unused(topics(services), 'services', 'reply') <= standard

@@ -1,4 +1,5 @@
-"""What the page of the view knows of a published scene, and of a text that is none."""
+"""The page of the view reads units and drives from a published scene, and nothing from other
+texts."""
 
 from __future__ import annotations
 

@@ -8,6 +8,7 @@ import resource
 import socket
 import threading
 import time
+from typing import Any
 
 import pytest
 
@@ -225,7 +226,7 @@ HOSTILE = '</script><img src=x onerror="window.owned=1"><script>window.owned=1</
 @pytest.mark.skipif(not CHROMIUM, reason='no chromium here: apt install chromium')
 def test_names_of_strangers_stay_text(tmp_path):
     """Whatever a node says of its scene, joints and state is written, and never read as HTML."""
-    about = {
+    about: dict[str, Any] = {
         'simulator': HOSTILE,
         'state': HOSTILE,
         'run': 1,

@@ -9,9 +9,10 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from alf_ros.ros.messages.templates import WORLD
+from alf_ros.scene.diff_drive_section import DiffDrive
 
 if TYPE_CHECKING:
-    from geometry_msgs.msg import WrenchStamped
+    from geometry_msgs.msg import Twist, WrenchStamped
     from sensor_msgs.msg import JointState
 
 REASONS = (
@@ -76,6 +77,29 @@ def read_wrench(
         'force': (force.x, force.y) if planar else (force.x, force.y, force.z),
         'torque': torque.z if planar else (torque.x, torque.y, torque.z),
         'frame': 'body' if of_body else 'world',
+    }
+
+
+def read_twist(
+    message: Twist, drive: DiffDrive, controlled: Controlled
+) -> dict[str, dict[str, float]]:
+    """Velocities (rad/s) of the wheels by joint, for `linear.x` (m/s) and `angular.z` (rad/s).
+
+    Raises Refused, also for another component than these, which wheels cannot follow.
+    """
+    linear, angular = message.linear, message.angular
+    numbers = [getattr(vector, axis) for vector in (linear, angular) for axis in 'xyz']
+    if not all(map(math.isfinite, numbers)):
+        raise Refused('not_finite', 'cmd_vel must be finite')
+    if linear.y or linear.z or angular.x or angular.y:
+        raise Refused('out_of_plane', 'cmd_vel: only linear.x and angular.z can be followed')
+    for name in (drive.left, drive.right):
+        if not controlled[name][1]:
+            raise Refused('not_controlled', f'cmd_vel: no motor controls the velocity of {name!r}')
+    speeds = drive.wheel_speeds(linear.x, angular.z)
+    return {
+        name: {'velocity': speed}
+        for name, speed in zip((drive.left, drive.right), speeds, strict=True)
     }
 
 

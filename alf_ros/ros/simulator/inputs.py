@@ -1,4 +1,5 @@
-"""Commands from ROS: wrenches on bodies and points; efforts, targets and trajectories of joints.
+"""Commands from ROS: wrenches on bodies and points; efforts, targets and trajectories of joints;
+the velocity of a robot on wheels.
 
 A command is taken whole or refused whole. It acts from the next tick on, the last one of several,
 and is held until replaced, or becomes zero when it was not renewed for the timeout. Applied
@@ -15,7 +16,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from geometry_msgs.msg import WrenchStamped
+from geometry_msgs.msg import Twist, WrenchStamped
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
@@ -24,7 +25,13 @@ from alf_ros import effects
 from alf_ros.effects.contract import EFFORT_OVER_TIME
 from alf_ros.effects.contract.trajectory import Curve
 from alf_ros.errors import InputError
-from alf_ros.ros.simulator.command_messages import REASONS, Refused, read_joints, read_wrench
+from alf_ros.ros.simulator.command_messages import (
+    REASONS,
+    Refused,
+    read_joints,
+    read_twist,
+    read_wrench,
+)
 from alf_ros.ros.simulator.trajectory_command import Trajectory, read_trajectory
 from alf_ros.ros.simulator.trajectory_tracking import Tracking
 from alf_ros.simulation.applied import Inputs
@@ -101,6 +108,10 @@ class CommandSubscriber:
         if unfit:
             text = f'no wrench topic for names that ROS topics cannot have: {", ".join(unfit[:8])}'
             self._node.get_logger().warning(text)
+        if simulation.scene.diff_drive is not None:
+            self._subscriptions.append(
+                self._node.create_subscription(Twist, 'cmd_vel', self._on_twist, _QUEUE)
+            )
         if len(names) <= SUBSCRIBED_AT_START:
             for name in names:
                 if name not in unfit:
@@ -215,6 +226,13 @@ class CommandSubscriber:
                 self._take('joints', tuple(commands), commands)
             else:
                 self.accepted += 1
+
+    def _on_twist(self, message: Twist) -> None:
+        drive = self._simulation.scene.diff_drive
+        assert drive is not None
+        with self._refusing():
+            commands = read_twist(message, drive, self._controlled)
+            self._take('joints', tuple(commands), commands)
 
     def _on_trajectory(self, message: JointTrajectory) -> None:
         with self._refusing():

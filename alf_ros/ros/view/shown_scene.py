@@ -43,7 +43,7 @@ class ShownScene:
         return bool(self._fields.get('mechanism', {}).get('space') == 'spatial')
 
     def continues(self, before: ShownScene) -> bool:
-        """Whether only numbers of effects differ, so that the run of `before` goes on."""
+        """Whether only numbers of effects differ, so that the run of `before` continues."""
         if self._fields == before._fields:
             return False
         return self._without_effects == before._without_effects
