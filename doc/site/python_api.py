@@ -12,6 +12,11 @@ _WITH: dict[str, tuple[str, ...]] = {
         'alf_ros.simulation.accuracy.Budget',
         'alf_ros.effects.contract.Effect',
         'alf_ros.effects.contract.trajectory.Curve',
+        'alf_ros.scene.diff_drive_section.DiffDrive',
+    ),
+    'Sensors': (
+        'alf_ros.scene.sensors_section.Sensor',
+        'alf_ros.simulation.sensors.Sensors',
     ),
     'What a sample holds': (
         'alf_ros.simulation.sample.JointState',
