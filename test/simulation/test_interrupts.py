@@ -155,7 +155,7 @@ def test_a_signal_is_heard_within_a_fifth_of_a_second_of_processor_time() -> Non
 
 
 THREADS = """
-import json, sys, threading
+import json, sys, threading, time
 from concurrent.futures import ThreadPoolExecutor
 from alf_ros import Simulation, load_scene
 
@@ -169,6 +169,10 @@ def work(sim):
         raise
 def tell():  # not in the threads: Ctrl-C ends what they compute
     told = []
+    # Python 3.11 takes a thread for ended whose join was interrupted
+    end = time.monotonic() + 30.0
+    while len(ended) < 2 and time.monotonic() < end:
+        time.sleep(0.01)
     for sim in ended:
         fresh = Simulation(load_scene('slider_crank'), integrator='rk4')
         fresh.restore(sim.state)
@@ -195,7 +199,6 @@ try:
         else:
             import atexit
             atexit.register(tell)
-            import time
             time.sleep(600)
 except KeyboardInterrupt:
     if sys.argv[1] == 'left':

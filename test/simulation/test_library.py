@@ -27,6 +27,7 @@ REDUNDANT = {
     'differential_drive_cart': 1,
     'double_wishbone': 2,
     'planetary_gear': 2,
+    'wheeled_robot': 1,
     'scissor_lift': 18,
 }
 FREEDOMS = {
