@@ -34,6 +34,7 @@ FREEDOMS = {
     'delta_robot': 3,
     'delta_robot_controlled': 3,
     'differential_drive_cart': 2,
+    'wheeled_robot': 2,
     'double_pendulum': 2,
     'chaplygin_sleigh': 2,
     'coin': 3,
