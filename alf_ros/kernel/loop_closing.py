@@ -2,7 +2,7 @@
 
 Each active joint coordinate has a row; then Φ(q, x) = 0 determines q by the active values x, up to
 branches. Two branches meet in a dead point, where Φ_q loses rank, and there x turns back while the
-mechanism goes on: x alone does not tell the branch, but the motion does. So each call has two
+mechanism continues: x alone does not tell the branch, but the motion does. So each call has two
 candidates:
 
 - *ahead*: q is extrapolated with the velocity and the curvature of the motion so far, and

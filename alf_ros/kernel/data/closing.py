@@ -1,4 +1,4 @@
-"""What closes the loops of a mechanism around given joint coordinates, and follows its branch."""
+"""Data for closing loops around given joint coordinates, on the branch of a motion."""
 
 from __future__ import annotations
 

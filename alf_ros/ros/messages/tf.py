@@ -5,14 +5,16 @@ The bytes are put together here, because tf2_msgs comes only with a ROS 2 instal
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from alf_ros.logs.cdr import Encoder, Template
 from alf_ros.model.compile import Model
-from alf_ros.ros.messages.templates import WORLD, Write
+from alf_ros.ros.messages.templates import WORLD
 from alf_ros.simulation.display_geometry import Display, poses
-from alf_ros.simulation.sample import Sample
+from alf_ros.simulation.kinematics import Kinematics
 
 
-def transforms(model: Model, display: Display) -> Write | None:
+def transforms(model: Model, display: Display) -> Callable[[Kinematics, int], bytes] | None:
     """The writer of a tf2_msgs/TFMessage: `world` to each body; None without bodies."""
     if not model.body_names:
         return None
@@ -26,7 +28,7 @@ def transforms(model: Model, display: Display) -> Write | None:
         blocks.append((message.numbers(7), 7))  # translation x y z, rotation x y z w
     template = Template(message.data, stamps, blocks)
 
-    def write(sample: Sample, ns: int) -> bytes:
+    def write(sample: Kinematics, ns: int) -> bytes:
         template.stamp(ns)
         for block, pose in zip(template.blocks, poses(sample), strict=True):
             block[:] = pose

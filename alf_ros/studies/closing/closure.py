@@ -67,6 +67,12 @@ class Closure:
         self._branch = BranchSign(self.model, self._actuated.q, self._actuated.dependent_rows)
         self.restart()
 
+    @property
+    def start(self) -> dict[str, float]:
+        """The active joint coordinates where the mechanism starts, rad or m."""
+        values = self._actuated.values[self._closing.active]
+        return dict(zip(self.active, values.tolist(), strict=True))
+
     @by_one_thread
     def restart(self) -> None:
         """Back to where the mechanism starts; the motion so far is forgotten."""

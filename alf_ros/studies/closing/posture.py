@@ -71,9 +71,9 @@ class Posture(Kinematics):
 
     @kept
     def rates(self) -> Floats:
-        """G = ∂x/∂x_a (joint coordinates, active): ẋ = G ẋ_a. Each entry has the unit of its joint
-        coordinate over that of the active one (rad or m); rows of active coordinates are those of
-        the identity. In a dead point G does not exist; what is given there is large."""
+        """G = ∂x/∂x_a (joint coordinates, active): ẋ = G ẋ_a. The unit of an entry is the
+        unit of the joint coordinate over the unit of the active one (rad or m). The rows of active
+        coordinates form the identity. In a dead point G does not exist; near it G is large."""
         return self._ways.rates()
 
     @property
