@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.srv import ListParameters
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
@@ -74,6 +77,37 @@ def values(report: DiagnosticArray, task: str) -> tuple[bytes, str, dict[str, st
     return status.level, status.message, {each.key: each.value for each in status.values}
 
 
+def check_interface(peer: Peer) -> None:
+    """The tables of doc/ros_interface.md and the security policy are what the node has."""
+    text = (ROOT / 'doc/ros_interface.md').read_text('utf-8')
+    section = text.partition('\n## Closing loops\n')[2].partition('\n## ')[0]
+    rows = [line.strip('|').split('|') for line in section.splitlines() if line[:3] == '| `']
+    own = {'/parameter_events', '/rosout'}
+
+    def said(name: str) -> str:
+        return f'/close{name[1:]}' if name.startswith('~') else f'/{name.lstrip("/")}'
+
+    def graph(what: str) -> dict[str, list[str]]:
+        ask = getattr(peer.node, f'get_{what}_names_and_types_by_node')
+        return {name: kinds for name, kinds in ask('close', '/') if name not in own}
+
+    topics = {said(row[0].split('`')[1]): row[1].strip() for row in rows if '/msg/' in row[1]}
+    topics.pop('/tf')  # only when asked for
+    has = {name: kinds[0] for name, kinds in (graph('publisher') | graph('subscriber')).items()}
+    assert has == topics
+    names = [re.findall(r'`([^`]+)`', row[0]) for row in rows]
+    documented = {name for row in names for name in row}
+    parameters = peer.call(ListParameters, '/close/list_parameters').result.names
+    assert {
+        n for n in parameters if n not in ('use_sim_time', 'start_type_description_service')
+    } <= documented
+    policy = ElementTree.parse(ROOT / 'config/security/simulator.policy.xml')
+    (profile,) = policy.findall("enclaves/enclave[@path='/alf_ros/close']/profiles/profile")
+    may = {said(topic.text or '') for topic in profile.iter('topic')}
+    assert may == {*has, *own, '/tf'}
+    assert set(graph('service')) <= {said(item.text or '') for item in profile.iter('service')}
+
+
 def test_a_slider_goes_through_its_dead_point(tmp_path: Path, peer: Peer) -> None:
     """With stamps, names of the encoder, velocities, the map, reports, bad messages, Ctrl-C."""
     arguments = ['--active', 'guide', '--ros-args', '-p', 'names:=["encoder=guide"]']
@@ -111,6 +145,7 @@ def test_a_slider_goes_through_its_dead_point(tmp_path: Path, peer: Peer) -> Non
         assert [(dim.size, dim.stride) for dim in last.layout.dim] == [(1, 3), (3, 3)]
         assert list(last.data) == pytest.approx([slope, -2.0 * slope, 1.0], rel=1e-4)
 
+        check_interface(peer)
         # what cannot be used is counted, and changes nothing
         before = len(joints)
         talker.publish(message(ns + 1, encoder=math.nan))
