@@ -32,7 +32,7 @@ from alf_ros.kernel.data.closing import Closing
 from alf_ros.kernel.joint_coordinates import counted_angles, joint_coordinates
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.numba_ext.block import packed, put
-from alf_ros.kernel.numba_ext.jit import compiled, inner
+from alf_ros.kernel.numba_ext.jit import ONE, compiled, inner
 from alf_ros.kernel.numba_ext.plain_loops import each
 from alf_ros.kernel.numba_ext.vectors import copy, furthest, largest, zero
 from alf_ros.kernel.projection import opening
@@ -90,18 +90,57 @@ def _correct(unit: Unit, system: System, work: Work, exactly: bool) -> None:
 
 
 @inner
-def settle(
-    unit: Unit, system: System, work: Work, way: Floats, counts: Integers, exactly: bool
-) -> bool:
+def _count(closing: Closing, before: Floats, turns: Integers) -> None:
+    """Count the turns of the angles from q to the q in `work`."""
+    work, angles = closing.work, closing.tight.angles
+    violation(closing.unit, angles, before, work.angle_before)
+    violation(closing.unit, angles, work.q, work.angle)
+    count_turns(work.angle_before, work.angle, turns)
+
+
+@inner
+def _read(closing: Closing, q: Floats, turns: Integers) -> None:
+    """Joint coordinates at q, and their rates with the q̇ in `work`."""
+    unit, work = closing.unit, closing.work
+    angles, spins = closing.angles, closing.spins
+    counted_angles(unit, closing.tight.angles, q, work.qd, turns, angles, spins, closing.near)
+    joint_coordinates(
+        unit, closing.joints, q, work.qd, angles, spins, closing.values, closing.rates
+    )
+
+
+@inner
+def _opening(closing: Closing, system: System) -> float:
+    """`opening` at the q in `work`, with the couplings: they bind velocities, and here their sums
+    of joint coordinates, counted from the q in `before`."""
+    work, sums = closing.work, closing.sum_row
+    gap = opening(closing.unit, system.rows, work.q, work.r2)
+    if sums.size == 0:
+        return gap
+    copy(closing.turned, closing.tried)
+    _count(closing, closing.before, closing.tried)
+    _read(closing, work.q, closing.tried)
+    for n in each(0, sums.size):
+        slip, row = -closing.sum_value[n], sums[n]
+        for k in each(closing.sum_first[n], closing.sum_first[n + ONE]):
+            slip += closing.sum_factor[k] * closing.values[closing.sum_of[k]]
+        work.r2[row] = slip
+        gap = max(gap, abs(slip) * system.rows.scale[row])
+    return gap
+
+
+@inner
+def settle(closing: Closing, system: System, exactly: bool) -> bool:
     """Move q in `work` along M to where its rows are closed; returns whether they are.
 
     A correction that opens the rows further is halved. `way`: the first correction; `exactly`: it
     is Newton's in soft modes too.
     """
+    unit, work, way, counts = closing.unit, closing.work, closing.way, closing.counts
     size, n = system.size, work.p.size
     best, fraction, first = np.inf, 1.0, True
     for _ in range(_ROUNDS):
-        gap = opening(unit, system.rows, work.q, work.r2)
+        gap = _opening(closing, system)
         if gap <= _CLOSED * EPS * size:
             if first:
                 zero(way)
@@ -137,26 +176,6 @@ def settle(
 
 
 @inner
-def _count(closing: Closing, before: Floats, turns: Integers) -> None:
-    """Count the turns of the angles from q to the q in `work`."""
-    work, angles = closing.work, closing.tight.angles
-    violation(closing.unit, angles, before, work.angle_before)
-    violation(closing.unit, angles, work.q, work.angle)
-    count_turns(work.angle_before, work.angle, turns)
-
-
-@inner
-def _read(closing: Closing, q: Floats, turns: Integers) -> None:
-    """Joint coordinates at q, and their rates with the q̇ in `work`."""
-    unit, work = closing.unit, closing.work
-    angles, spins = closing.angles, closing.spins
-    counted_angles(unit, closing.tight.angles, q, work.qd, turns, angles, spins, closing.near)
-    joint_coordinates(
-        unit, closing.joints, q, work.qd, angles, spins, closing.values, closing.rates
-    )
-
-
-@inner
 def _agrees(closing: Closing, turns: Integers) -> bool:
     """Whether the active coordinates at the q in `work` are as wanted, with their turns."""
     _read(closing, closing.work.q, turns)
@@ -188,8 +207,9 @@ def _go_ahead(closing: Closing) -> bool:
     for a in range(closing.ahead.size):
         work.q[a] = closing.ahead[a]
     _put(closing, closing.wanted)
+    copy(closing.q, closing.before)
     copy(closing.turns, closing.turned)
-    if not settle(closing.unit, closing.tight, work, closing.way, closing.counts, False):
+    if not settle(closing, closing.tight, False):
         return False
     _count(closing, closing.q, closing.turned)
     return _agrees(closing, closing.turned)
@@ -203,12 +223,13 @@ def _onto_loops(closing: Closing) -> float:
     copy(closing.q, work.q)
     for a in range(closing.ahead.size):
         work.q[a] = closing.ahead[a]
-    if not settle(closing.unit, closing.loose, work, closing.way, closing.counts, False):
+    copy(closing.q, closing.before)
+    copy(closing.turns, closing.turned)
+    if not settle(closing, closing.loose, False):
         return np.inf
     for a in range(closing.ahead.size):
         closing.shift[a] = work.q[a] - closing.ahead[a]
         closing.ahead[a] = work.q[a]
-    copy(closing.turns, closing.turned)
     _count(closing, closing.q, closing.turned)
     return _deviations(closing, closing.turned)
 
@@ -250,7 +271,7 @@ def _go_along(closing: Closing) -> float:
             closing.here[k] = closing.wanted[k] if to == 1.0 else x
         copy(work.q, closing.before)
         _put(closing, closing.here)
-        good = settle(closing.unit, closing.tight, work, closing.way, closing.counts, h < widest)
+        good = settle(closing, closing.tight, h < widest)
         if good:
             first, rest = largest(closing.way, n), 0.0
             for a in range(n):
@@ -340,9 +361,9 @@ def _close_noisy(closing: Closing, ratio: float) -> bool:
     known[0], known[1] = (1.0 - to_place) * position, (1.0 - to_place) * both
     known[2] = speed - to_rate * both
     if not reached:
-        if not settle(closing.unit, closing.loose, work, closing.way, closing.counts, False):
-            return False
         copy(closing.turns, closing.turned)
+        if not settle(closing, closing.loose, False):
+            return False
         _count(closing, closing.q, closing.turned)
     _take(closing, work.q, closing.turned)
     closing.counts[2] = AHEAD

@@ -286,6 +286,35 @@ def test_the_freedoms_that_are_left_are_named() -> None:
     )
 
 
+def test_coupled_joints_keep_their_phase_over_turns() -> None:
+    """A finger whose second joint turns twice as far, back: no drift after many turns."""
+    gripper = {
+        'alf': 1,
+        'space': 'planar',
+        'points': {
+            'O': {'at': [0, 0], 'fixed': True},
+            'A': {'at': [1, 0]},
+            'B': {'at': [1.5, 0]},
+        },
+        'bodies': {
+            'upper': {'points': ['O', 'A'], 'mass': 1, 'inertia': 'rod'},
+            'lower': {'points': ['A', 'B'], 'mass': 1, 'inertia': 'rod'},
+        },
+        'joints': {
+            'one': {'type': 'revolute', 'between': ['ground', 'upper'], 'at': 'O'},
+            'two': {'type': 'revolute', 'between': ['upper', 'lower'], 'at': 'A'},
+        },
+        'couplings': {'mimic': {'joints': {'one': 2, 'two': 1}}},
+    }
+    closure = Closure(gripper, ['one'])
+    for angle in (*np.arange(0.0, 50.0, 0.2), 3.0, -7.0):
+        posture = closure.close({'one': angle}, rates={'one': 1.0})
+        assert posture.joints['two'] == pytest.approx(-2.0 * angle, abs=1e-12)
+        assert posture.joint_rates['two'] == pytest.approx(-2.0, abs=1e-12)
+        place = np.array([math.cos(angle) + 0.5 * math.cos(angle), 0.5 * math.sin(angle)])
+        np.testing.assert_allclose(posture.points['B'], place, atol=1e-12)
+
+
 def test_what_only_binds_velocities_is_refused() -> None:
     scene = load_scene('rack_and_pinion')
     with pytest.raises(InputError, match='type rack binds velocities'):

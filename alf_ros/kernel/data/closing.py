@@ -33,9 +33,15 @@ class Closing(Struct):
     here: Floats  # (active,) values on the way
     turns: Integers  # (angles,) of the posture
     turned: Integers  # (angles,) on the way
+    tried: Integers  # (angles,) of a place that Newton's method tries
     other_turns: Integers  # (angles,) of the other candidate
     counts: Integers  # (3,) calls in the motion so far; corrections in the last call; which
     # candidate it took
+    sum_row: Indices  # (couplings,) row that binds the velocities of each
+    sum_first: Indices  # (couplings + 1,) terms of a sum: first[n] .. first[n + 1]
+    sum_of: Indices  # (terms,) joint coordinate
+    sum_factor: Floats  # (terms,) 1, or m/rad
+    sum_value: Floats  # (couplings,) m, of the sum
     q: Floats  # (all blocks D,) the posture
     other: Floats  # (all blocks D,) a candidate
     before: Floats  # (all blocks D,) where a step on the way began

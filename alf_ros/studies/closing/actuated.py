@@ -138,9 +138,6 @@ def _refuse_velocity_rows(mechanism: Mechanism) -> None:
         if any(isinstance(row, Row) and row.velocity for row in joint_rows(joint, layout)):
             text = f'a joint of type {joint.kind} binds velocities: positions do not follow'
             raise InputError(text, key=f'joints.{joint.name}')
-    for coupling in mechanism.couplings:
-        text = 'a coupling binds velocities: positions do not follow'
-        raise InputError(text, key=f'couplings.{coupling.name}')
 
 
 def _refuse_count(

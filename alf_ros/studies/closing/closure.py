@@ -6,6 +6,7 @@ import math
 import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from alf_ros.kernel.data.closing import Closing
 from alf_ros.kernel.loop_closing import close_loops, close_table
 from alf_ros.kernel.posture_rates import linearise_posture, rate_matrix, rates_at
 from alf_ros.model.compile import allocate
+from alf_ros.model.constraints.couplings import unit_of
 from alf_ros.model.constraints.packing import indices
 from alf_ros.model.softest_modes import found
 from alf_ros.simulation.applied import NO_INPUTS
@@ -265,6 +267,15 @@ def _closing(of: Actuated, noise: Floats) -> Closing:
         **dict.fromkeys(('angles', 'spins', 'near'), angles),
         **dict.fromkeys(('values', 'rates'), len(place)),
     }
+    sums = [
+        (name, factor * unit_of(coupling, layout))
+        for coupling in model.mechanism.couplings
+        for name, factor in coupling.of
+    ]
+    lengths = [len(coupling.of) for coupling in model.mechanism.couplings]
+    first = np.cumsum([0, *lengths])
+    terms = np.array([factor * of.values[place[name]] for name, factor in sums])
+    row = dict(zip(names, model.row.tolist(), strict=True))
     return Closing(
         unit=model.unit,
         tight=model.system,
@@ -276,6 +287,12 @@ def _closing(of: Actuated, noise: Floats) -> Closing:
         is_angle=indices(coordinate[name].is_angle for name in of.active),
         noise=noise,
         turns=np.zeros(angles, dtype=np.int64),
+        tried=np.zeros(angles, dtype=np.int64),
+        sum_row=indices(row[coupling.name] for coupling in model.mechanism.couplings),
+        sum_first=indices(first),
+        sum_of=indices(place[name] for name, _ in sums),
+        sum_factor=np.array([factor for _, factor in sums], dtype=float),
+        sum_value=np.array([terms[a:b].sum() for a, b in pairwise(first)], dtype=float),
         turned=np.zeros(angles, dtype=np.int64),
         other_turns=np.zeros(angles, dtype=np.int64),
         counts=np.zeros(3, dtype=np.int64),
