@@ -1,4 +1,4 @@
-"""What closing loops costs, and whether a branch is kept through dead points.
+"""The cost of closing loops, and the branches that are kept through dead points.
 
     .venv/bin/python benchmark/closure.py [--passes N] [--noisy N]
 

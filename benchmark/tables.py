@@ -316,7 +316,7 @@ def soak() -> str:
 
 
 def closure() -> str:
-    """What it costs to close loops."""
+    """The cost of closing loops."""
     about, found = rows('closure.csv')
     head = (
         'mechanism | active joints | coordinates | µs a call, in a table | µs a call, from Python '

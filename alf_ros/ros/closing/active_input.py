@@ -33,7 +33,7 @@ def renamed(pairs: Sequence[str], active: Sequence[str]) -> dict[str, str]:
 
 
 class ActiveInput:
-    """What messages say of the active joints; a joint that a message leaves out keeps its values.
+    """The values of the active joints; a joint that a message leaves out keeps its values.
 
     `counts`: messages, and how many of them are wrong in each way. `trouble`: the last mistake, in
     one line.

@@ -69,6 +69,7 @@ class CloseNode(Node):
         self._heard = self._reported = -1e9  # s, steady
         self._last, self._failed = -1, 0  # ns, stamp of the last posture; inputs refused
         self._refusal = self._kind = ''
+        self._stamp = Time()  # of the last posture
         self._joints = self.create_publisher(JointState, 'joint_states', RELIABLE)
         self._map = self.create_publisher(Float64MultiArray, '~/effort_map', RELIABLE)
         self._reports = self.create_publisher(DiagnosticArray, '~/diagnostics', RELIABLE)
@@ -99,7 +100,7 @@ class CloseNode(Node):
         effort_map(self.closure, posture)
 
     def work(self) -> float:
-        """Report what is due. Returns the time (s) until the next look."""
+        """Report if a report is due. Returns the time (s) until the next look."""
         now = time.monotonic()
         kind, text = self._said(now)
         if now - self._reported >= _REPORT_PERIOD or kind != self._kind:
@@ -127,7 +128,7 @@ class CloseNode(Node):
         self._refusal = ''
         self._last = ns or self._last
         self._heard = time.monotonic()
-        self._posture = posture
+        self._posture, self._stamp = posture, stamp
         self._publish(posture, stamp, ns, moving)
 
     def _publish(self, posture: Posture, stamp: Time, ns: int, moving: bool) -> None:
@@ -155,7 +156,7 @@ class CloseNode(Node):
         return '', ''
 
     def _report(self, now: float, text: str) -> None:
-        """Publish diagnostics; text: what is urgent."""
+        """Publish diagnostics; text: the most urgent thing, or empty."""
         posture, values = self._posture, dict[str, object]()
         if posture is not None:
             values = {
@@ -176,9 +177,8 @@ class CloseNode(Node):
         late = age > self._timeout
         heard = f'no input for {age:.1f} s' if late else wrong or 'heard'
         statuses = {'loops': loops, 'input': (WARN if late or wrong else OK, heard, told)}
-        stamp = self.get_clock().now().to_msg()
         hardware = self.closure.model.mechanism.name
-        self._reports.publish(diagnostics(self.get_name(), hardware, stamp, statuses))
+        self._reports.publish(diagnostics(self.get_name(), hardware, self._stamp, statuses))
         self._input.trouble = ''
 
     def _on_parameters(self, changed: list[Parameter]) -> None:
