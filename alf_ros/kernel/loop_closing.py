@@ -200,8 +200,8 @@ def _extrapolate(closing: Closing, ratio: float) -> float:
 
 
 @inner
-def _go_ahead(closing: Closing) -> bool:
-    """The candidate ahead, in `work`; returns whether it is one."""
+def _go_ahead(closing: Closing, exactly: bool) -> bool:
+    """The candidate ahead, in `work`; returns whether it is one. `exactly`: as in `settle`."""
     work = closing.work
     copy(closing.q, work.q)
     for a in range(closing.ahead.size):
@@ -209,7 +209,7 @@ def _go_ahead(closing: Closing) -> bool:
     _put(closing, closing.wanted)
     copy(closing.q, closing.before)
     copy(closing.turns, closing.turned)
-    if not settle(closing, closing.tight, False):
+    if not settle(closing, closing.tight, exactly):
         return False
     _count(closing, closing.q, closing.turned)
     return _agrees(closing, closing.turned)
@@ -339,7 +339,7 @@ def _close_noisy(closing: Closing, ratio: float) -> bool:
     off = _onto_loops(closing)
     if not off < np.inf:
         return False
-    reached = _go_ahead(closing)
+    reached = _go_ahead(closing, True)
     changes = _UNSURE * way
     p = changes * changes
     position = known[0] + ratio * (2.0 * known[1] + ratio * known[2]) + 0.25 * p
@@ -351,10 +351,10 @@ def _close_noisy(closing: Closing, ratio: float) -> bool:
     if not (fits or (reached and furthest(work.q, closing.ahead, n) <= _BELIEVED * way)):
         return False
     to_place, to_rate = position / total, both / total
+    nearer = reached and (to_place > 0.5 or furthest(work.q, closing.ahead, n) < turned)
     for a in range(n):
-        # what is known well is taken as it is, what is not as if the mechanism were linear
         c, d = closing.way[a], closing.shift[a]
-        if reached and to_place > 0.5:
+        if nearer:  # beside a dead point the first correction of Newton's method goes too far
             c = work.q[a] - closing.ahead[a]
         closing.place[a] = closing.ahead[a] + to_place * c
         closing.rate[a] = ratio * closing.rate[a] + 2.0 * d + to_rate * c
@@ -375,7 +375,7 @@ def _close_exact(closing: Closing, ratio: float) -> float:
     """The posture from values without noise; returns how far the line came."""
     work, n = closing.work, closing.ahead.size
     way = _extrapolate(closing, ratio)
-    ahead = way > 0.0 and _go_ahead(closing)
+    ahead = way > 0.0 and _go_ahead(closing, False)
     off = furthest(work.q, closing.ahead, n) if ahead else np.inf
     if ahead and off > _BELIEVED * way:
         copy(work.q, closing.other)

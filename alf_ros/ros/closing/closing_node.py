@@ -67,7 +67,8 @@ class CloseNode(Node):
         self._input = ActiveInput(names)
         self._posture: Posture | None = None
         self._heard = self._reported = -1e9  # s, steady
-        self._last, self._failed = -1, 0  # ns, stamp of the last posture; inputs refused
+        self._first = self._last = -1  # ns, stamps of the first input and of the last posture
+        self._failed = 0  # inputs refused
         self._refusal = self._kind = ''
         self._stamp = Time()  # of the last posture
         self._joints = self.create_publisher(JointState, 'joint_states', RELIABLE)
@@ -117,7 +118,9 @@ class CloseNode(Node):
         ns = stamp.sec * 1_000_000_000 + stamp.nanosec
         if ns and ns <= self._last:
             self._input.went_back()
-        t = ns * 1e-9 if ns > self._last else None
+        if self._first < 0:
+            self._first = ns
+        t = (ns - self._first) * 1e-9 if ns > self._last else None
         rates = self._input.rates
         moving = len(rates) == len(self.closure.active)
         try:

@@ -46,7 +46,8 @@ class Closure:
     Calls of `close` are a motion: the branch follows from its position, velocity and curvature.
     Drives of the mechanism are left out, effects do not count. Raises InputError for names that
     are no joint coordinates, too many or too few of them, and a mechanism of which positions do
-    not follow from positions, as where wheels roll; AssemblyError if it cannot be closed.
+    not follow from positions, as where wheels roll; AssemblyError if it cannot be closed. One
+    thread at a time may use a Closure and its postures, else BusyError.
     """
 
     def __init__(
@@ -173,9 +174,9 @@ class Closure:
         ratio = span / self._span
         self._t, self._span = float(t), span
         per_call = 1.0 / span if math.isfinite(span) else 0.0
-        if not math.isfinite(ratio):
-            return 1.0, per_call
-        return min(ratio, _MOST_RATIO), per_call
+        if ratio > _MOST_RATIO:  # too long ago to say where the motion leads
+            self._closing.counts[0] = min(self._closing.counts[0], 1)
+        return (ratio if math.isfinite(ratio) else 1.0), per_call
 
     def _numbers(self, given: Mapping[str, float], key: str, least: float = -math.inf) -> Floats:
         """(active,) the numbers of a mapping. Raises InputError."""
