@@ -7,13 +7,13 @@ from alf_ros.kernel.augmented_solve import augmented
 from alf_ros.kernel.constraints import times_jacobian
 from alf_ros.kernel.data import Until
 from alf_ros.kernel.data.closing import Closing
-from alf_ros.kernel.joint_coordinates import counted_angles, joint_coordinates
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.numba_ext.block import block, packed, put
 from alf_ros.kernel.numba_ext.jit import compiled, inner
 from alf_ros.kernel.numba_ext.plain_loops import each
 from alf_ros.kernel.numba_ext.vectors import copy, zero
+from alf_ros.kernel.posture_newton import read
 
 _ROUNDS = 100
 
@@ -48,45 +48,25 @@ def _solve(closing: Closing, given: Floats, guess: Floats, speed: float) -> None
     augmented(unit, system, work, work.p, work.qd, Until(_ROUNDS, 1e-15, 1.0))
 
 
-@inner
-def _read(closing: Closing, rates: Floats) -> None:
-    unit, work, q = closing.unit, closing.work, closing.q
-    counted_angles(
-        unit,
-        closing.tight.angles,
-        q,
-        work.qd,
-        closing.turns,
-        closing.angles,
-        closing.spins,
-        closing.near,
-    )
-    joint_coordinates(
-        unit, closing.joints, q, work.qd, closing.angles, closing.spins, closing.values, rates
-    )
-
-
 @compiled
-def rates_at(closing: Closing, given: Floats, speed: float, qd: Floats, rates: Floats) -> None:
-    """q̇ (blocks D,) and the rates of all joint coordinates, from rates (active,), with the factor
-    at the posture.
+def rates_at(closing: Closing, given: Floats, speed: float, qd: Floats) -> None:
+    """q̇ (blocks D,) from rates (active,), rad/s or m/s, with the factor at the posture.
 
     speed: calls per second, for the guess from the motion so far; 0: no guess. A direction that
     the rows do not determine, as in a dead point, keeps the guess.
     """
     _solve(closing, given, closing.rate, speed)
     copy(closing.work.qd, qd)
-    _read(closing, rates)
 
 
 @compiled
-def rate_matrix(closing: Closing, given: Floats, column: Floats, matrix: Floats) -> None:
+def rate_matrix(closing: Closing, given: Floats, matrix: Floats) -> None:
     """∂x/∂x_a, (active, joint coordinates) flat: the rates of all joint coordinates as one active
-    coordinate moves at unit speed and the others rest. `given`, `column`: to write in."""
+    coordinate moves at unit speed and the others rest. `given` (active,): to write in."""
     for n in range(given.size):
         for k in range(given.size):
             given[k] = 1.0 if k == n else 0.0
         _solve(closing, given, closing.rate, 0.0)
-        _read(closing, column)
-        for k in range(column.size):
-            matrix[n * column.size + k] = column[k]
+        read(closing, closing.q, closing.turns)
+        for k in range(closing.rates.size):
+            matrix[n * closing.rates.size + k] = closing.rates[k]

@@ -113,7 +113,7 @@ class Closure:
         if speeds is not None:
             if not linearise_posture(closing):
                 raise StepError('the leading matrix is not positive definite', 'check masses', 0.0)
-            rates_at(closing, speeds, per_call, qd, closing.rates)
+            rates_at(closing, speeds, per_call, qd)
         state = State(
             self._calls, closing.q.copy(), qd, closing.turns.copy(), 0.0, np.zeros(0), NO_INPUTS
         )
@@ -212,7 +212,7 @@ class Closure:
         reader = self._read(state)
         active, coordinates = reader.active.size, len(self.joint_names)
         matrix = np.zeros(active * coordinates)
-        rate_matrix(reader, reader.here, reader.rates, matrix)
+        rate_matrix(reader, reader.here, matrix)
         return read_only(matrix.reshape(active, coordinates).T.copy())
 
     @by_one_thread
