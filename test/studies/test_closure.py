@@ -123,6 +123,17 @@ def test_velocities_and_times_that_are_not_equal(slider: Closure) -> None:
         assert posture.joints['pin'] == pytest.approx(angle, abs=1e-5)
 
 
+def test_after_a_long_gap_the_motion_does_not_count(slider: Closure) -> None:
+    """Behind a gap nobody knows on which side of the dead point it is: it stays."""
+    for gap, side in ((0.01, -1.0), (0.2, 1.0)):
+        slider.restart()
+        for n in range(6):
+            posture = slider.close({'guide': float(stroke(0.7 - 0.12 * n))}, t=0.01 * n)
+        assert posture.joints['pin'] == pytest.approx(0.1, abs=1e-9)
+        posture = slider.close({'guide': float(stroke(0.02))}, t=0.05 + gap)
+        assert posture.joints['pin'] == pytest.approx(side * 0.02, abs=1e-9)
+
+
 def test_out_of_reach_the_nearest_posture(slider: Closure) -> None:
     slider.restart()
     for angle in np.arange(0.7, 0.3, -0.02):
