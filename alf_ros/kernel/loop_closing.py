@@ -230,6 +230,8 @@ def _close_noisy(closing: Closing, ratio: float) -> bool:
         if not settle(closing, closing.loose, False):
             return False
         count(closing, closing.q, closing.turned)
+        if _deviations(closing, closing.turned) > _FITS:  # Newton's method ended too early
+            _go_along(closing)
     _take(closing, work.q, closing.turned)
     closing.counts[2] = AHEAD
     return True
