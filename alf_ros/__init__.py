@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from alf_ros.simulation.sample import Sample
     from alf_ros.simulation.simulation import Simulation
     from alf_ros.simulation.state import State
+    from alf_ros.studies.closing.closure import Closure
+    from alf_ros.studies.closing.posture import Posture
     from alf_ros.studies.ensemble.ensemble import ensemble
     from alf_ros.studies.statics.linear_model import LinearModel
     from alf_ros.studies.statics.linearisation import linearise
@@ -33,9 +35,11 @@ __all__ = [
     'AlfError',
     'AssemblyError',
     'BusyError',
+    'Closure',
     'Equilibrium',
     'InputError',
     'LinearModel',
+    'Posture',
     'Run',
     'Sample',
     'Scene',
@@ -67,6 +71,8 @@ _HOME = {
     'load_scene': 'scene.scene',
     'Simulation': 'simulation.simulation',
     'State': 'simulation.state',
+    'Closure': 'studies.closing.closure',
+    'Posture': 'studies.closing.posture',
     'Equilibrium': 'studies.statics.positions_of_rest',
     'equilibria': 'studies.statics.positions_of_rest',
     'equilibrium': 'studies.statics.positions_of_rest',

@@ -30,7 +30,13 @@ from alf_ros.studies.work_precision.report import (  # noqa: E402
 from alf_ros.studies.work_precision.sweep import measurement_of  # noqa: E402
 
 RESULTS = ROOT / 'benchmark' / 'results'
-DOCUMENTS = ('README.md', 'doc/performance.md', 'doc/reliability.md', 'doc/new_user.md')
+DOCUMENTS = (
+    'README.md',
+    'doc/performance.md',
+    'doc/reliability.md',
+    'doc/new_user.md',
+    'doc/closing_loops.md',
+)
 SURVIVAL = (0.01 / 60, 0.01 / 5)  # s, steps of the sweep
 STIFF = 1e-4  # m
 LOST = 1e-2  # m: above it, it is another motion
@@ -309,6 +315,24 @@ def soak() -> str:
     return markdown(about, 'quantity | value', body)
 
 
+def closure() -> str:
+    """The cost of closing loops."""
+    about, found = rows('closure.csv')
+    head = (
+        'mechanism | active joints | coordinates | µs a call, in a table | µs a call, from Python '
+    )
+    head += '| loops closed to, m | values missed by, rad or m'
+    return markdown(about, head, [list(row.values()) for row in found])
+
+
+def closure_passes() -> str:
+    """How often a branch was lost."""
+    about, found = rows('closure_passes.csv')
+    head = 'motion | noise, m | motions | calls | other branch | largest error at the end, rad '
+    head += '| values missed by, m | µs a call'
+    return markdown(about, head, [list(row.values()) for row in found])
+
+
 def draw(path: Path) -> None:
     """Above the error of every step of the sweep, below what an error costs."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -368,6 +392,8 @@ TABLES = (
     ('fuzz', fuzz),
     ('new_user', new_user),
     ('soak', soak),
+    ('closure', closure),
+    ('closure_passes', closure_passes),
 )
 
 

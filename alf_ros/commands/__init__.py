@@ -8,6 +8,7 @@ and `ros2 run alf_ros <name>`: setup.py reads this table too, so nothing may be 
 COMMANDS = {
     'simulator': 'alf_ros.commands.simulator',
     'view': 'alf_ros.commands.view',
+    'close': 'alf_ros.commands.close',
     'check': 'alf_ros.commands.check',
     'equilibrium': 'alf_ros.commands.equilibrium',
     'linearise': 'alf_ros.commands.linearise',

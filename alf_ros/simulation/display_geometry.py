@@ -10,6 +10,7 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.mechanism import Body, Mechanism
+from alf_ros.simulation.kinematics import Kinematics
 from alf_ros.simulation.sample import Sample
 
 # An arrow is three segments: shaft and two barbs.
@@ -81,7 +82,7 @@ def arrows(tails: Floats, vectors: Floats) -> Floats:
     return np.stack([tails, tips, tips, left, tips, right], axis=1).reshape(-1, 3)
 
 
-def poses(sample: Sample) -> Floats:
+def poses(sample: Kinematics) -> Floats:
     """(bodies, 7) frames of the bodies in the world: x y z (m), quaternion x y z w."""
     found = sample.body_poses
     if found.shape[1] == 7:

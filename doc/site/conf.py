@@ -31,6 +31,7 @@ nitpick_ignore_regex = [
     ('py:.*', r'alf_ros\.simulation\.(applied|dynamics|instruments|reactions)\..*'),
     ('py:.*', r'alf_ros\.simulation\.(formulations|parameter_slopes|start|tangent_following)\..*'),
     ('py:.*', r'alf_ros\.studies\.statics\.instant\..*'),
+    ('py:.*', r'alf_ros\.studies\.closing\.posture\.Ways'),
 ]
 
 autodoc_member_order = 'bysource'

@@ -25,6 +25,7 @@ def loaded(name: str) -> ModuleType:
 tables = loaded('tables')
 MARKS = {
     'doc/reliability.md': ('<!-- fuzz -->', '| commands |'),
+    'doc/closing_loops.md': ('<!-- closure -->', '| stewart_platform |'),
     'doc/new_user.md': ('<!-- new_user -->', '| a moving mechanism |'),
 }
 

@@ -121,7 +121,7 @@ def read_transforms(data: bytes) -> list[Any]:
 
 def test_tf_is_the_frame_of_every_body_as_an_independent_reader_sees_it():
     simulation = moved(BENT)
-    write = transforms(simulation, Display(frame_prefix='left/'))
+    write = transforms(simulation.model, Display(frame_prefix='left/'))
     write(simulation.sample(), 1)
     data = write(simulation.sample(), 3_000_000_007)
     found = read_transforms(data)
@@ -211,7 +211,7 @@ def test_a_body_in_space_is_shown_as_it_is():
     simulation = moved(TOP, 300)
     simulation.apply_wrench('top', [3.0, 1.0, -2.0], frame='body')
     sample = simulation.sample()
-    data = transforms(simulation, Display())(sample, 1)
+    data = transforms(simulation.model, Display())(sample, 1)
     (frame,) = read_transforms(data)
     p, r = frame.transform.translation, frame.transform.rotation
     origin, turn = np.array([p.x, p.y, p.z]), Rotation.from_quat([r.x, r.y, r.z, r.w])

@@ -153,8 +153,7 @@ def test_a_range_is_infinite_outside_its_limits() -> None:
         simulation = Simulation(scene)
         simulation.step(100)
         assert measured(scene, simulation)['range'] == pytest.approx([wanted], abs=1e-12)
-        frame = Sensors(scene).frame(simulation.sample(), 'range')
-        assert frame is not None
+        frame = Sensors(scene).frames['range'](simulation.sample())
         ahead = Rotation.from_quat(frame[3:]).apply([ARM, 0.0, 0.0])[:2]
         assert ahead == pytest.approx(simulation.sample().points['P'], abs=1e-12)
 

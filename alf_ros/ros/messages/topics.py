@@ -17,6 +17,7 @@ from alf_ros.ros.messages.markers import markers
 from alf_ros.ros.messages.templates import Write
 from alf_ros.ros.messages.tf import transforms
 from alf_ros.simulation.display_geometry import Display
+from alf_ros.simulation.sensors import Sensors
 from alf_ros.simulation.simulation import Simulation
 
 try:
@@ -70,6 +71,10 @@ def _work(simulation: Simulation, display: Display) -> Write | None:
     return templates.work(simulation.accounts)
 
 
+def _frames(simulation: Simulation, display: Display) -> Write | None:
+    return transforms(simulation.model, display, Sensors(simulation.scene))
+
+
 # tf and clock are relative, so that simulators in namespaces of their own each have their own. tf
 # is off until asked for: a robot_state_publisher beside it would say the same frames.
 TF = 'tf'
@@ -84,5 +89,5 @@ TOPICS = (
     Topic('~/work', JointState, RELIABLE, _work),
     Topic('clock', Clock, BEST_EFFORT, _plain(templates.clock)),
     Topic('~/markers', MarkerArray, RELIABLE, _shown(markers), shown=True),
-    *([Topic(TF, TFMessage, RELIABLE, transforms, shown=True, mode='off')] if TFMessage else []),
+    *([Topic(TF, TFMessage, RELIABLE, _frames, shown=True, mode='off')] if TFMessage else []),
 )

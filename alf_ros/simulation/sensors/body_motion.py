@@ -9,6 +9,7 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.mechanism import Point
 from alf_ros.simulation.display_geometry import in_space, poses, turned
+from alf_ros.simulation.kinematics import Kinematics
 from alf_ros.simulation.placement import spin
 from alf_ros.simulation.sample import Sample
 
@@ -56,7 +57,7 @@ class BodyMotion(BodyFrame):
         return self.acceleration + np.cross(self.alpha, arm) + about
 
 
-def body_frame(sample: Sample, name: str) -> BodyFrame:
+def body_frame(sample: Kinematics, name: str) -> BodyFrame:
     """The frame of a body of the mechanism."""
     pose = poses(sample)[sample.model.body_names.index(name)]
     return BodyFrame(pose[:3], pose[3:])

@@ -14,6 +14,7 @@ from alf_ros.arrays import Floats
 from alf_ros.scene.scene import Scene
 from alf_ros.scene.sensors_section import Sensor
 from alf_ros.simulation.display_geometry import in_space
+from alf_ros.simulation.kinematics import Kinematics
 from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.sensors.body_motion import body_frame, body_motion
 from alf_ros.simulation.sensors.sensor_noise import SensorNoise
@@ -59,16 +60,12 @@ class Sensors:
         wanted = self._measures if labels is None else labels
         return {label: self._measures[label](sample) for label in wanted}
 
-    def frame(self, sample: Sample, label: str) -> Floats | None:
-        """The frame of a sensor in the world: (7,) x y z (m), quaternion x y z w; None for a
-        sensor that has none of its own."""
-        measure = self._measures[label]
-        return measure.frame(sample) if isinstance(measure, _Mounted) else None
-
     @property
-    def framed(self) -> tuple[str, ...]:
-        """Labels of the sensors that have a frame of their own."""
-        return tuple(k for k, each in self._measures.items() if isinstance(each, _Mounted))
+    def frames(self) -> dict[str, Callable[[Kinematics], Floats]]:
+        """The frames of the sensors that have one of their own, by label: functions of a sample,
+        (7,) x y z (m), quaternion x y z w, in the world."""
+        every = self._measures.items()
+        return {label: each.frame for label, each in every if isinstance(each, _Mounted)}
 
 
 class _Measure:
@@ -102,7 +99,7 @@ class _Measure:
 class _Mounted(_Measure):
     """With a frame of its own."""
 
-    def frame(self, sample: Sample) -> Floats:
+    def frame(self, sample: Kinematics) -> Floats:
         """(7,) in the world."""
         raise NotImplementedError
 
@@ -122,7 +119,7 @@ class _ForceTorque(_Mounted):
         found = {'force': axes.to_body(force), 'torque': axes.to_body(torque)}
         return self._with_errors(sample, found)
 
-    def frame(self, sample: Sample) -> Floats:
+    def frame(self, sample: Kinematics) -> Floats:
         body = body_frame(sample, self._joint.child)
         (arm,) = in_space(np.array([self._joint.frames[1].origin]))
         return np.concatenate([body.place + body.to_world(arm), body.orientation])
@@ -151,7 +148,7 @@ class _Inertial(_Mounted):
         }
         return self._with_errors(sample, found)
 
-    def frame(self, sample: Sample) -> Floats:
+    def frame(self, sample: Kinematics) -> Floats:
         body = body_frame(sample, self._said.body)
         return np.concatenate([body.place + body.to_world(self._arm), body.orientation])
 
@@ -247,11 +244,11 @@ class _Range(_Mounted):
             distance = -math.inf
         return {'range': np.array([distance])}
 
-    def _way(self, sample: Sample) -> Floats:
+    def _way(self, sample: Kinematics) -> Floats:
         points = sample.points
         return in_space(np.array([points[self._said.to] - points[self._said.at]]))[0]
 
-    def frame(self, sample: Sample) -> Floats:
+    def frame(self, sample: Kinematics) -> Floats:
         """Its x axis points to the other point, by the shortest turn from the x axis of the
         world."""
         (place,) = in_space(np.array([sample.points[self._said.at]]))

@@ -1,0 +1,59 @@
+"""Data for closing loops around given joint coordinates, on the branch of a motion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from alf_ros.arrays import Floats, Indices, Integers, Unit
+from alf_ros.kernel.data.readings import JointCoordinates
+from alf_ros.kernel.data.system import System
+from alf_ros.kernel.data.work import Work
+from alf_ros.kernel.numba_ext.structs import Struct
+
+
+@dataclass(frozen=True, eq=False)
+class Closing(Struct):
+    """A mechanism whose active joint coordinates have rows of their own, and the motion so far.
+
+    The motion is a polynomial of second order in the calls: q at the last call, and its first and
+    second derivative by calls.
+    """
+
+    unit: Unit
+    tight: System  # with the rows of the active coordinates
+    loose: System  # the same, with α and scale of nothing in these rows
+    work: Work
+    joints: JointCoordinates
+    active: Indices  # (active,) joint coordinate
+    block: Indices  # (active,) prescribed block that the row follows
+    is_angle: Indices  # (active,) 1, or 0 of a length
+    noise: Floats  # (active,) standard deviation of the values given, rad or m
+    wanted: Floats  # (active,) rad or m: values of this call
+    asked: Floats  # (active,) values where the posture is
+    here: Floats  # (active,) values on the way
+    turns: Integers  # (angles,) of the posture
+    turned: Integers  # (angles,) on the way
+    tried: Integers  # (angles,) of a place that Newton's method tries
+    other_turns: Integers  # (angles,) of the other candidate
+    counts: Integers  # (3,) calls in the motion so far; corrections in the last call; which
+    # candidate it took
+    sum_row: Indices  # (couplings,) row that binds the velocities of each
+    sum_first: Indices  # (couplings + 1,) terms of a sum: first[n] .. first[n + 1]
+    sum_of: Indices  # (terms,) joint coordinate
+    sum_factor: Floats  # (terms,) 1, or m/rad
+    sum_value: Floats  # (couplings,) m, of the sum
+    q: Floats  # (all blocks D,) the posture
+    other: Floats  # (all blocks D,) a candidate
+    before: Floats  # (all blocks D,) where a step on the way began
+    place: Floats  # (movable D,) of the motion, at the last call
+    rate: Floats  # (movable D,) m per call
+    bend: Floats  # (movable D,) m per call²
+    ahead: Floats  # (movable D,) where the motion leads in this call
+    way: Floats  # (movable D,) first correction of a position
+    shift: Floats  # (movable D,) what closed the loops where the motion leads
+    known: Floats  # (3,) m²: variance of the place, covariance, variance of the rate
+    angles: Floats  # (angles,) rad, with turns
+    spins: Floats  # (angles,) rad/s
+    near: Floats  # (angles,) rad, to a quarter turn
+    values: Floats  # (joint coordinates,) rad or m
+    rates: Floats  # (joint coordinates,) rad/s or m/s

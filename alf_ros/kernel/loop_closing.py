@@ -1,0 +1,304 @@
+"""Closing loops around given joint coordinates, on the branch on which the mechanism moves.
+
+Each active joint coordinate has a row; then Φ(q, x) = 0 determines q by the active values x, up to
+branches. Two branches meet in a dead point, where Φ_q loses rank, and there x turns back while the
+mechanism continues: x alone does not tell the branch, but the motion does. So each call has two
+candidates:
+
+- *ahead*: q is extrapolated with the velocity and the curvature of the motion so far, and
+  corrected by Newton's method. A dead point does not exist for the motion, so this candidate lies
+  behind it.
+- *along*: x moves on a straight line from the last values, in short steps; in each Newton's method
+  converges like a contraction. This candidate stays on this side of all dead points.
+
+The first one holds if the correction is less than half of the extrapolated way. Else the second
+one is computed as well, and the one nearer to the extrapolated place holds. Values with noise do
+not determine q near a dead point: there the motion is an estimate, see `_close_noisy`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from alf_ros.arrays import Floats, Integers
+from alf_ros.kernel.data import EPS, NOTHING
+from alf_ros.kernel.data.closing import Closing
+from alf_ros.kernel.numba_ext.jit import compiled, inner
+from alf_ros.kernel.numba_ext.vectors import copy, furthest, largest, zero
+from alf_ros.kernel.posture_newton import LEAP, count, put_values, read, settle
+
+_TURN, _MOVE = 0.25, 0.1  # of an active angle (rad), and of a length (size), in a step on the line
+_PATIENCE = 1000  # fine steps: more are taken only where several directions are lost together
+_FINE, _FINEST = 1e-3, 1e-12  # of a step on the line: any convergence is good; at least
+_CONTRACTS = 0.5  # of the first correction, the rest of them
+_BELIEVED = 0.5  # of the extrapolated way, the correction
+_AGREE = 1e-6  # rad or size: an active coordinate and its value, turns counted
+
+_FITS = 5.0  # standard deviations, up to which a value fits the motion
+_UNSURE = 0.03  # of the way: standard deviation of the change of velocity in a call
+
+AHEAD, ALONG, BEYOND = 0, 1, 2  # which candidate a call took; the last: as far as the line reaches
+
+
+@inner
+def _agrees(closing: Closing, turns: Integers) -> bool:
+    """Whether the active coordinates at the q in `work` are as wanted, with their turns."""
+    read(closing, closing.work.q, turns)
+    for n in range(closing.active.size):
+        scale = 1.0 if closing.is_angle[n] != 0 else closing.tight.size
+        off = abs(closing.values[closing.active[n]] - closing.wanted[n])
+        if not off <= _AGREE * scale:
+            return False
+    return True
+
+
+@inner
+def _extrapolate(closing: Closing, ratio: float) -> float:
+    """Where the motion leads, in `ahead`; returns the way there, m, 0 if it is not believed."""
+    n = closing.ahead.size
+    for a in range(n):
+        closing.ahead[a] = closing.place[a] + ratio * (
+            closing.rate[a] + 0.5 * ratio * closing.bend[a]
+        )
+    way = furthest(closing.ahead, closing.place, n)
+    return way if closing.counts[0] >= 2 and way <= LEAP * closing.tight.size else 0.0
+
+
+@inner
+def _go_ahead(closing: Closing, exactly: bool) -> bool:
+    """The candidate ahead, in `work`; returns whether it is one. `exactly`: as in `settle`."""
+    work = closing.work
+    copy(closing.q, work.q)
+    for a in range(closing.ahead.size):
+        work.q[a] = closing.ahead[a]
+    put_values(closing, closing.wanted)
+    copy(closing.q, closing.before)
+    copy(closing.turns, closing.turned)
+    if not settle(closing, closing.tight, exactly):
+        return False
+    count(closing, closing.q, closing.turned)
+    return _agrees(closing, closing.turned)
+
+
+@inner
+def _onto_loops(closing: Closing) -> float:
+    """Move `ahead` to where the loops are closed; returns how far the active coordinates are from
+    `wanted` there, in standard deviations; inf if the loops cannot be closed."""
+    work = closing.work
+    copy(closing.q, work.q)
+    for a in range(closing.ahead.size):
+        work.q[a] = closing.ahead[a]
+    copy(closing.q, closing.before)
+    copy(closing.turns, closing.turned)
+    if not settle(closing, closing.loose, False):
+        return np.inf
+    for a in range(closing.ahead.size):
+        closing.shift[a] = work.q[a] - closing.ahead[a]
+        closing.ahead[a] = work.q[a]
+    count(closing, closing.q, closing.turned)
+    return _deviations(closing, closing.turned)
+
+
+@inner
+def _deviations(closing: Closing, turns: Integers) -> float:
+    """The largest difference of the active coordinates at the q in `work` from `wanted`, in
+    standard deviations."""
+    read(closing, closing.work.q, turns)
+    most = 0.0
+    for n in range(closing.active.size):
+        off = abs(closing.values[closing.active[n]] - closing.wanted[n])
+        most = max(most, off / (closing.noise[n] + _AGREE * EPS))
+    return most
+
+
+@inner
+def _go_along(closing: Closing) -> float:
+    """The candidate along the line from `asked` to `wanted`, in `work`; returns how far it came, a
+    part of the line."""
+    work, n, size = closing.work, closing.ahead.size, closing.tight.size
+    copy(closing.q, work.q)
+    copy(closing.turns, closing.turned)
+    steps = 1.0
+    for k in range(closing.wanted.size):
+        longest = _TURN if closing.is_angle[k] != 0 else _MOVE * size
+        steps = max(steps, abs(closing.wanted[k] - closing.asked[k]) / longest)
+    s, h = 0.0, 1.0 / np.ceil(steps)
+    widest, again, fine = h, True, 0
+    while s < 1.0:
+        to = s + h
+        fine += 1 if h < _FINE * widest else 0
+        if fine > _PATIENCE:
+            break
+        if 1.0 - to < 0.5 * _FINEST * widest:
+            to = 1.0
+        for k in range(closing.wanted.size):
+            x = closing.asked[k] + to * (closing.wanted[k] - closing.asked[k])
+            closing.here[k] = closing.wanted[k] if to == 1.0 else x
+        copy(work.q, closing.before)
+        put_values(closing, closing.here)
+        good = settle(closing, closing.tight, h < widest)
+        if good:
+            first, rest = largest(closing.way, n), 0.0
+            for a in range(n):
+                rest = max(rest, abs(work.q[a] - closing.before[a] - closing.way[a]))
+            part = _CONTRACTS if h > _FINE * widest else 1.01
+            good = rest <= part * first + EPS**0.5 * size
+        if good:
+            count(closing, closing.before, closing.turned)
+            s = to
+            h = min(2.0 * h, widest) if again else h
+        else:
+            copy(closing.before, work.q)
+            h *= 0.5
+            if h < _FINEST * widest:
+                break
+        again = good
+    return s
+
+
+@inner
+def _take(closing: Closing, q: Floats, turns: Integers) -> None:
+    """Make q the posture."""
+    copy(q, closing.q)
+    copy(turns, closing.turns)
+
+
+@inner
+def _learn(closing: Closing, ratio: float) -> None:
+    """Continue the motion with the posture: the polynomial through the last three."""
+    for a in range(closing.ahead.size):
+        bend, c = ratio * ratio * closing.bend[a], closing.q[a] - closing.ahead[a]
+        closing.rate[a] = ratio * closing.rate[a] + bend + 1.5 * c
+        closing.bend[a] = bend + c
+        closing.place[a] = closing.q[a]
+    closing.counts[0] = min(closing.counts[0] + 1, 3)
+
+
+@inner
+def _begin(closing: Closing) -> None:
+    """Begin a motion, with the step to the posture."""
+    calls, way = closing.counts[0], furthest(closing.q, closing.place, closing.place.size)
+    for a in range(closing.ahead.size):
+        step = closing.q[a] - closing.place[a]
+        closing.rate[a] = step if calls > 0 else 0.0
+        closing.bend[a] = 0.0
+        closing.place[a] = closing.q[a]
+    closing.counts[0] = 2 if calls > 0 else 1
+    known = closing.known  # nothing but that the step is one
+    known[0], known[1], known[2] = way * way, way * way, 2.0 * way * way
+
+
+@inner
+def _close_noisy(closing: Closing, ratio: float) -> bool:
+    """The posture from values with noise, if they fit the motion; returns whether they do.
+
+    The motion is estimated by Kalman's filter for one of constant velocity: with Newton's
+    correction δ of the extrapolated place, off by e standard deviations, its scale is |δ| and the
+    variance of a measurement is (|δ| / e)². Near a dead point this variance is large, so values
+    hardly correct the motion there. What closes the loops, d, bends the path: it is known.
+    """
+    work, n, known = closing.work, closing.ahead.size, closing.known
+    way = _extrapolate(closing, ratio)
+    if way == 0.0:
+        return False
+    off = _onto_loops(closing)
+    if not off < np.inf:
+        return False
+    reached = _go_ahead(closing, True)
+    changes = _UNSURE * way
+    p = changes * changes
+    position = known[0] + ratio * (2.0 * known[1] + ratio * known[2]) + 0.25 * p
+    both, speed = known[1] + ratio * known[2] + 0.5 * p, known[2] + p
+    turned = largest(closing.way, n)
+    measured = turned / max(off, EPS)
+    total = position + measured * measured + NOTHING
+    fits = turned * turned <= _FITS * _FITS * total
+    if not (fits or (reached and furthest(work.q, closing.ahead, n) <= _BELIEVED * way)):
+        return False
+    to_place, to_rate = position / total, both / total
+    nearer = reached and (to_place > 0.5 or furthest(work.q, closing.ahead, n) < turned)
+    for a in range(n):
+        c, d = closing.way[a], closing.shift[a]
+        if nearer:  # beside a dead point the first correction of Newton's method goes too far
+            c = work.q[a] - closing.ahead[a]
+        closing.place[a] = closing.ahead[a] + to_place * c
+        closing.rate[a] = ratio * closing.rate[a] + 2.0 * d + to_rate * c
+    known[0], known[1] = (1.0 - to_place) * position, (1.0 - to_place) * both
+    known[2] = speed - to_rate * both
+    if not reached:
+        copy(closing.turns, closing.turned)
+        if not settle(closing, closing.loose, False):
+            return False
+        count(closing, closing.q, closing.turned)
+        if _deviations(closing, closing.turned) > _FITS:  # Newton's method ended too early
+            _go_along(closing)
+    _take(closing, work.q, closing.turned)
+    closing.counts[2] = AHEAD
+    return True
+
+
+@inner
+def _close_exact(closing: Closing, ratio: float) -> float:
+    """The posture from values without noise; returns how far the line came."""
+    work, n = closing.work, closing.ahead.size
+    way = _extrapolate(closing, ratio)
+    ahead = way > 0.0 and _go_ahead(closing, False)
+    off = furthest(work.q, closing.ahead, n) if ahead else np.inf
+    if ahead and off > _BELIEVED * way:
+        copy(work.q, closing.other)
+        copy(closing.turned, closing.other_turns)
+    if not ahead or off > _BELIEVED * way:
+        reached = _go_along(closing)
+        near = furthest(work.q, closing.ahead, n)
+        if not ahead or off > way or (reached == 1.0 and near <= off):
+            _take(closing, work.q, closing.turned)
+            _begin(closing)
+            closing.counts[2] = ALONG if reached == 1.0 else BEYOND
+            return reached
+        copy(closing.other, work.q)
+        copy(closing.other_turns, closing.turned)
+    _take(closing, work.q, closing.turned)
+    _learn(closing, ratio)
+    closing.counts[2] = AHEAD
+    return 1.0
+
+
+@compiled
+def close_loops(closing: Closing, ratio: float) -> float:
+    """The posture at the `wanted` values, in `closing`; returns how far the line came, 1 if there.
+
+    If it is less, the posture is where the line of active values leaves what the loops can reach.
+    ratio: the time since the last call over the time between the last two.
+    """
+    closing.counts[1] = 0
+    reached, noisy = 1.0, largest(closing.noise, closing.noise.size) > 0.0
+    if not noisy or not _close_noisy(closing, ratio):
+        reached = _close_exact(closing, ratio)
+    zero(closing.work.qd)
+    read(closing, closing.q, closing.turns)
+    for k in range(closing.wanted.size):
+        closing.asked[k] = closing.values[closing.active[k]]
+        if reached == 1.0 and not noisy:
+            closing.asked[k] = closing.wanted[k]
+    return reached
+
+
+@compiled
+def close_table(closing: Closing, table: Floats, values: Floats, missed: Floats) -> None:
+    """`close_loops` for each row of a table of active values (calls, active), equally spaced.
+
+    values: of all joint coordinates (calls, joint coordinates). missed: (calls,) how far the
+    active ones are from the row, rad or m. All are flat.
+    """
+    active, joints = closing.active.size, closing.values.size
+    for call in range(missed.size):
+        for k in range(active):
+            closing.wanted[k] = table[call * active + k]
+        close_loops(closing, 1.0)
+        most = 0.0
+        for k in range(active):
+            off = closing.values[closing.active[k]] - closing.wanted[k]
+            most = max(most, abs(off))
+        missed[call] = most
+        for k in range(joints):
+            values[call * joints + k] = closing.values[k]

@@ -1,0 +1,146 @@
+"""Newton's method for postures: the rows of loops, of active joint coordinates and of couplings.
+
+Newton's method moves q along M: δ = -A⁻¹ Φ_qᵀ α Φ, with the factor of A = M + Φ_qᵀ α Φ_q. In a
+mode of singular value s it does s² / (1 + s²) of the correction, where s² = penalty σ², so its
+steps stay finite in a singular position.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from alf_ros.arrays import Floats, Integers, Unit
+from alf_ros.kernel.augmented_solve import finish
+from alf_ros.kernel.constraints import add_transposed, violation
+from alf_ros.kernel.data import EPS, EVERY_MODE, System, Work
+from alf_ros.kernel.data.closing import Closing
+from alf_ros.kernel.joint_coordinates import counted_angles, joint_coordinates
+from alf_ros.kernel.ldl import linearise
+from alf_ros.kernel.numba_ext.block import packed, put
+from alf_ros.kernel.numba_ext.jit import ONE, inner
+from alf_ros.kernel.numba_ext.plain_loops import each
+from alf_ros.kernel.numba_ext.vectors import copy, largest, zero
+from alf_ros.kernel.projection import opening
+from alf_ros.kernel.triangular_solve import solve
+from alf_ros.kernel.unwrapping import count_turns
+
+_ROUNDS = 40  # of Newton's method
+LEAP = 0.3  # of the size: longest correction, and longest way on which the motion is believed
+_CLOSED = 4.0  # rounding units of the size
+_NEARLY = 1e-13  # of the size: closed, where rounding ends the convergence
+_SLOW = 0.2  # of two gaps: a mode converges slowly
+_SHORTEST = 1.0 / 64.0  # of a correction
+
+
+@inner
+def put_values(closing: Closing, values: Floats) -> None:
+    """The prescribed blocks of the active coordinates at these values (rad, m)."""
+    unit, q, size = closing.unit, closing.work.q, closing.tight.size
+    for n in each(0, closing.block.size):
+        x = values[n]
+        if closing.is_angle[n] != 0:
+            put(q, closing.block[n], packed(unit, size * np.cos(x), size * np.sin(x), 0.0))
+        else:
+            put(q, closing.block[n], packed(unit, x, 0.0, 0.0))
+
+
+@inner
+def _correct(unit: Unit, system: System, work: Work, exactly: bool) -> None:
+    """target = -A⁻¹ Φ_qᵀ α Φ with Φ in r2; `exactly`: as Newton's method has it, also in modes
+    that are so soft that A holds them back."""
+    if exactly:
+        for r in range(work.r2.size):
+            work.r2[r], work.y[r] = -work.r2[r], 0.0
+        zero(work.target)
+        finish(unit, system, work, work.target, 1e-3, EVERY_MODE)
+        return
+    for r in range(work.r2.size):
+        work.r2[r] *= -system.rows.alpha[r]
+    zero(work.delta)
+    add_transposed(unit, system.rows, work.gf, work.g2f, work.r2, work.delta)
+    solve(unit, system.pattern, work.diagonal, work.off, work.delta)
+    for a in range(work.p.size):
+        work.target[a] = work.delta[a]
+
+
+@inner
+def count(closing: Closing, before: Floats, turns: Integers) -> None:
+    """Count the turns of the angles from q to the q in `work`."""
+    work, angles = closing.work, closing.tight.angles
+    violation(closing.unit, angles, before, work.angle_before)
+    violation(closing.unit, angles, work.q, work.angle)
+    count_turns(work.angle_before, work.angle, turns)
+
+
+@inner
+def read(closing: Closing, q: Floats, turns: Integers) -> None:
+    """Joint coordinates at q, and their rates with the q̇ in `work`."""
+    unit, work = closing.unit, closing.work
+    angles, spins = closing.angles, closing.spins
+    counted_angles(unit, closing.tight.angles, q, work.qd, turns, angles, spins, closing.near)
+    joint_coordinates(
+        unit, closing.joints, q, work.qd, angles, spins, closing.values, closing.rates
+    )
+
+
+@inner
+def _opening(closing: Closing, system: System) -> float:
+    """`opening` at the q in `work`, with the couplings: they bind velocities, and here their sums
+    of joint coordinates, counted from the q in `before`."""
+    work, sums = closing.work, closing.sum_row
+    gap = opening(closing.unit, system.rows, work.q, work.r2)
+    if sums.size == 0:
+        return gap
+    copy(closing.turned, closing.tried)
+    count(closing, closing.before, closing.tried)
+    read(closing, work.q, closing.tried)
+    for n in each(0, sums.size):
+        slip, row = -closing.sum_value[n], sums[n]
+        for k in each(closing.sum_first[n], closing.sum_first[n + ONE]):
+            slip += closing.sum_factor[k] * closing.values[closing.sum_of[k]]
+        work.r2[row] = slip
+        gap = max(gap, abs(slip) * system.rows.scale[row])
+    return gap
+
+
+@inner
+def settle(closing: Closing, system: System, exactly: bool) -> bool:
+    """Move q in `work` along M to where its rows are closed; returns whether they are.
+
+    A correction that opens the rows further is halved. `way`: the first correction; `exactly`: it
+    is Newton's in soft modes too.
+    """
+    unit, work, way, counts = closing.unit, closing.work, closing.way, closing.counts
+    size, n = system.size, work.p.size
+    best, fraction, first = np.inf, 1.0, True
+    for _ in range(_ROUNDS):
+        gap = _opening(closing, system)
+        if gap <= _CLOSED * EPS * size:
+            if first:
+                zero(way)
+            return True
+        if gap < best:
+            if gap > 0.25 * best and gap <= _NEARLY * size:
+                return True
+            slow = exactly or gap > _SLOW * best
+            best, fraction = gap, 1.0
+            copy(work.q, work.base)
+            if not linearise(unit, system, work, work.q):
+                return False
+            _correct(unit, system, work, slow)
+            length = largest(work.target, n)
+            if length > LEAP * size:
+                fraction = LEAP * size / length
+            if first:
+                for a in range(n):
+                    way[a] = fraction * work.target[a]
+                first = False
+            counts[1] += 1
+        else:
+            fraction *= 0.5
+            if fraction < _SHORTEST:
+                copy(work.base, work.q)
+                return best <= _NEARLY * size
+        for a in range(n):
+            work.q[a] = work.base[a] + fraction * work.target[a]
+    return best <= _NEARLY * size

@@ -1,0 +1,1 @@
+"""The node `close`: all joints of a mechanism with loops from its active ones."""

@@ -1,0 +1,102 @@
+"""The latest positions and velocities of the active joints, from JointState messages."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from sensor_msgs.msg import JointState
+
+from alf_ros.errors import InputError
+
+_LARGEST = 1e9  # rad or m: no joint is there
+
+
+def renamed(pairs: Sequence[str], active: Sequence[str]) -> dict[str, str]:
+    """The active joint of each name in messages; each pair is 'name in messages=active joint'.
+
+    Active joints without a pair have their own name. Raises InputError.
+    """
+    found: dict[str, str] = {}
+    for pair in pairs:
+        name, given, joint = pair.partition('=')
+        if not given or not name:
+            raise InputError(
+                'not a pair of names', key='names', value=pair, expected='name_in_messages=joint'
+            )
+        if joint not in active:
+            raise InputError('not an active joint', key='names', value=joint, choices=active)
+        if name in found or joint in found.values():
+            raise InputError('renamed twice', key='names', value=pair)
+        found[name] = joint
+    return {**{joint: joint for joint in active if joint not in found.values()}, **found}
+
+
+class ActiveInput:
+    """The values of the active joints; a joint that a message leaves out keeps its values.
+
+    `counts`: messages, and how many of them are wrong in each way. `trouble`: the last mistake, in
+    one line.
+    """
+
+    def __init__(self, names: Mapping[str, str]) -> None:
+        self._names = names
+        self.positions: dict[str, float] = {}
+        self.rates: dict[str, float] = {}
+        self.counts = dict.fromkeys(
+            ('messages', 'unknown_names', 'wrong_lengths', 'not_finite', 'times_back'), 0
+        )
+        self.trouble = ''
+
+    @property
+    def missing(self) -> list[str]:
+        """Active joints of which nothing is known yet."""
+        return [joint for joint in self._names.values() if joint not in self.positions]
+
+    def take(self, message: JointState) -> bool:
+        """Take the values of a message; whether it has a new value of an active joint.
+
+        A message with arrays of different lengths is left out, and so is a value that is not
+        finite; both are counted, and so are messages with names that are no active joint.
+        """
+        self.counts['messages'] += 1
+        names, positions, velocities = message.name, message.position, message.velocity
+        if len(positions) != len(names) or len(velocities) not in (0, len(names)):
+            self._note(
+                'wrong_lengths',
+                f'{len(names)} names, {len(positions)} positions, {len(velocities)} velocities',
+            )
+            return False
+        new = False
+        unknown = [name for name in names if name not in self._names]
+        if unknown:
+            self._note(
+                'unknown_names',
+                str(
+                    InputError(
+                        'not an active joint', key='name', value=unknown[0], choices=self._names
+                    )
+                ),
+            )
+        for n, name in enumerate(names):
+            if name not in self._names:
+                continue
+            joint, position = self._names[name], positions[n]
+            if not (math.isfinite(position) and abs(position) < _LARGEST):
+                self._note('not_finite', f'position of {name}: {position}')
+                continue
+            self.positions[joint], new = position, True
+            self.rates.pop(joint, None)
+            if velocities and math.isfinite(velocities[n]):
+                self.rates[joint] = velocities[n]
+            elif velocities and not math.isnan(velocities[n]):
+                self._note('not_finite', f'velocity of {name}: {velocities[n]}')
+        return new
+
+    def went_back(self) -> None:
+        """Count a stamp that is not later than the last one."""
+        self._note('times_back', 'the stamp is not later than the last one')
+
+    def _note(self, kind: str, text: str) -> None:
+        self.counts[kind] += 1
+        self.trouble = f'{kind}: {text}'

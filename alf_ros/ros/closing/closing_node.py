@@ -1,0 +1,190 @@
+"""The node `close`: active joints in, all joints out."""
+
+from __future__ import annotations
+
+import time
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.task import Future
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+
+from alf_ros.errors import AlfError, InputError
+from alf_ros.model.softest_modes import near
+from alf_ros.ros.closing.active_input import ActiveInput, renamed
+from alf_ros.ros.closing.closing_messages import OK, WARN, diagnostics, effort_map, joint_state
+from alf_ros.ros.messages.tf import transforms
+from alf_ros.ros.messages.topics import RELIABLE
+from alf_ros.ros.parameter_services import ParameterServices
+from alf_ros.ros.simulator.parameters import Spec, check_names, declare
+from alf_ros.ros.terminal import LOOK_PERIOD, StatusLine
+from alf_ros.simulation.display_geometry import Display
+from alf_ros.studies.closing.closure import Closure
+from alf_ros.studies.closing.posture import Posture
+
+try:
+    from tf2_msgs.msg import TFMessage
+except ImportError:  # not among the wheels: only a ROS 2 installation brings it
+    TFMessage = None
+
+INPUT = 'active_joint_states'
+_REPORT_PERIOD = 1.0  # s, between diagnostics
+_MISSED = 1e-9  # rad or m: values are not met, if they have no noise
+_DEVIATIONS = 5.0  # of the noise, likewise
+
+_SPECS = (
+    Spec('scene', 'slider_crank', 'Scene or mechanism: a name of the library, or a path'),
+    Spec('active', [''], 'Active joint coordinates, as many as the mechanism has freedoms'),
+    Spec('names', [''], 'Names in messages, each as name_in_messages=active_joint'),
+    Spec('noise', 0.0, 'Standard deviation of the active positions, rad or m', (0.0, 1e3)),
+    Spec('timeout', 0.5, 'Age of the input above which diagnostics warn, s', (1e-3, 1e6), False),
+    Spec('publish.tf', False, 'Publish the frames of all bodies in the world on tf'),
+    Spec('frame_prefix', '', 'Precedes the names of bodies as frames'),
+)
+
+
+class CloseNode(Node):
+    """The node `close`: a posture for each message on `active_joint_states`, with its stamp.
+
+    `finished` is done when `stop` was called. Raises InputError for parameters that cannot be
+    used, AssemblyError for a mechanism that cannot be closed.
+    """
+
+    def __init__(self, given: list[Parameter], status: StatusLine) -> None:
+        super().__init__('close', parameter_overrides=given, start_parameter_services=False)
+        ParameterServices(self)
+        self.finished: Future[None] = Future()
+        self._status = status
+        values = declare(self, _SPECS)
+        check_names(self)
+        self._noise, self._timeout = values['noise'], values['timeout']
+        active = [name for name in values['active'] if name]
+        self.closure = Closure(values['scene'], active, self._noise)
+        names = renamed([pair for pair in values['names'] if pair], active)
+        self._input = ActiveInput(names)
+        self._posture: Posture | None = None
+        self._heard = self._reported = -1e9  # s, steady
+        self._first = self._last = -1  # ns, stamps of the first input and of the last posture
+        self._failed = 0  # inputs refused
+        self._refusal = self._kind = ''
+        self._stamp = Time()  # of the last posture
+        self._joints = self.create_publisher(JointState, 'joint_states', RELIABLE)
+        self._map = self.create_publisher(Float64MultiArray, '~/effort_map', RELIABLE)
+        self._reports = self.create_publisher(DiagnosticArray, '~/diagnostics', RELIABLE)
+        self._frames = None
+        if values['publish.tf']:
+            if TFMessage is None:
+                text = 'tf needs tf2_msgs, which comes with a ROS 2 installation: source one'
+                raise InputError(text, key='publish.tf')
+            self._frames = self.create_publisher(TFMessage, 'tf', RELIABLE)
+            display = Display(frame_prefix=values['frame_prefix'])
+            self._transforms = transforms(self.closure.model, display)
+        self._prepare()
+        self.closure.restart()
+        self.create_subscription(JointState, INPUT, self._on_input, 10)
+        self.add_post_set_parameters_callback(self._on_parameters)
+        self.postures = 0
+
+    def stop(self, *_: object) -> None:
+        """End now."""
+        if not self.finished.done():
+            self.finished.set_result(None)
+
+    def _prepare(self) -> None:
+        """Compile all that a message needs, before the first one."""
+        start = self.closure.start
+        posture = self.closure.close(start, rates=dict.fromkeys(start, 0.0))
+        diagnostics('', '', Time(), {'': (OK, '', {'': posture.distance})})
+        effort_map(self.closure, posture)
+
+    def work(self) -> float:
+        """Report if a report is due. Returns the time (s) until the next look."""
+        now = time.monotonic()
+        kind, text = self._said(now)
+        if now - self._reported >= _REPORT_PERIOD or kind != self._kind:
+            self._reported, self._kind = now, kind
+            self._report(now, text)
+        if self._status.live:
+            self._status.show(f'{self.postures} postures  {text}')
+        return LOOK_PERIOD
+
+    def _on_input(self, message: JointState) -> None:
+        if not self._input.take(message) or self._input.missing:
+            return
+        stamp = message.header.stamp
+        ns = stamp.sec * 1_000_000_000 + stamp.nanosec
+        if ns and ns <= self._last:
+            self._input.went_back()
+        if self._first < 0:
+            self._first = ns
+        t = (ns - self._first) * 1e-9 if ns > self._last else None
+        rates = self._input.rates
+        moving = len(rates) == len(self.closure.active)
+        try:
+            posture = self.closure.close(self._input.positions, rates if moving else None, t)
+        except AlfError as error:  # the state before is kept
+            self._failed, self._refusal = self._failed + 1, str(error)
+            return
+        self._refusal = ''
+        self._last = ns or self._last
+        self._heard = time.monotonic()
+        self._posture, self._stamp = posture, stamp
+        self._publish(posture, stamp, ns, moving)
+
+    def _publish(self, posture: Posture, stamp: Time, ns: int, moving: bool) -> None:
+        self._joints.publish(joint_state(posture, stamp, moving))
+        if self._frames is not None and self._transforms is not None:
+            self._frames.publish(self._transforms(posture, ns))
+        if self._map.get_subscription_count():
+            self._map.publish(effort_map(self.closure, posture))
+        self.postures += 1
+
+    def _said(self, now: float) -> tuple[str, str]:
+        """The most urgent thing to say: of which kind, and in words; both empty if all is well."""
+        posture = self._posture
+        if posture is None:
+            missing = ', '.join(self._input.missing)
+            return 'waiting', f'waiting for {missing} on {INPUT}'
+        if now - self._heard > self._timeout:
+            return 'old', f'no input for {now - self._heard:.1f} s'
+        if self._refusal:
+            return 'refused', self._refusal
+        if posture.missed_by > max(_MISSED, _DEVIATIONS * self._noise):
+            return 'missed', f'the loops miss the active values by {posture.missed_by:.3g}'
+        if posture.distance < near(self.closure.model):
+            return 'near', f'near a singular position: distance {posture.distance:.3g}'
+        return '', ''
+
+    def _report(self, now: float, text: str) -> None:
+        """Publish diagnostics; text: the most urgent thing, or empty."""
+        posture, values = self._posture, dict[str, object]()
+        if posture is not None:
+            values = {
+                'distance_to_singular': posture.distance,
+                'missed_by': posture.missed_by,
+                'branch': posture.branch,
+                'closed_to_m': posture.closed_to,
+            }
+        loops = (
+            WARN if text else OK,
+            text or 'closed',
+            {'postures': self.postures, **values},
+        )
+        age = now - self._heard if posture is not None else float('inf')
+        counts = {**self._input.counts, 'refused': self._failed}
+        wrong = self._input.trouble
+        told = {'age_s': age, **counts, 'last_trouble': wrong}
+        late = age > self._timeout
+        heard = f'no input for {age:.1f} s' if late else wrong or 'heard'
+        statuses = {'loops': loops, 'input': (WARN if late or wrong else OK, heard, told)}
+        hardware = self.closure.model.mechanism.name
+        self._reports.publish(diagnostics(self.get_name(), hardware, self._stamp, statuses))
+        self._input.trouble = ''
+
+    def _on_parameters(self, changed: list[Parameter]) -> None:
+        for parameter in changed:
+            if parameter.name == 'timeout':
+                self._timeout = parameter.value

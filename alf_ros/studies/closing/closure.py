@@ -1,0 +1,301 @@
+"""Closure: all joint coordinates of a mechanism with loops from the active ones."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from alf_ros.arrays import Floats
+from alf_ros.errors import InputError, StepError
+from alf_ros.kernel.data.closing import Closing
+from alf_ros.kernel.loop_closing import close_loops, close_table
+from alf_ros.kernel.posture_rates import linearise_posture, rate_matrix, rates_at
+from alf_ros.model.compile import allocate
+from alf_ros.model.constraints.couplings import unit_of
+from alf_ros.model.constraints.packing import indices
+from alf_ros.model.softest_modes import found
+from alf_ros.simulation.applied import NO_INPUTS
+from alf_ros.simulation.input_checks import is_number
+from alf_ros.simulation.named_values import read_only
+from alf_ros.simulation.one_thread import by_one_thread
+from alf_ros.simulation.state import State
+from alf_ros.studies.closing.actuated import Actuated, Source, actuated, scene_of
+from alf_ros.studies.closing.branch_sign import BranchSign
+from alf_ros.studies.closing.posture import Posture, Ways
+
+_FURTHEST = 1e4  # rad, or of the size: an active coordinate in one call
+_LONG = 4.0  # of the size: longest travel of a length that is looked for
+_NOTHING = 1e-30  # of a penalty: the row binds nothing
+_MOST_RATIO = 10.0  # of two times between calls, up to which the motion is believed
+
+
+class Closure:
+    """The passive joints of a mechanism, from the active ones.
+
+    mechanism: a scene, the name or path of a scene or a mechanism, or a mapping of either; its
+    initial positions choose the branch. active: the joint coordinates whose values `close` is
+    given, as many as the mechanism has freedoms, and independent. noise: the standard deviation of
+    these values (rad or m), one number or one for each name: 0 for commands, the resolution for
+    encoders.
+
+    Calls of `close` are a motion: the branch follows from its position, velocity and curvature.
+    Drives of the mechanism are left out, effects do not count. Raises InputError for names that
+    are no joint coordinates, too many or too few of them, and a mechanism of which positions do
+    not follow from positions, as where wheels roll; AssemblyError if it cannot be closed. One
+    thread at a time may use a Closure and its postures, else BusyError.
+    """
+
+    def __init__(
+        self,
+        mechanism: Source,
+        active: Sequence[str],
+        noise: float | Mapping[str, float] = 0.0,
+    ) -> None:
+        self._lock = threading.Lock()
+        self._actuated = actuated(scene_of(mechanism), active)
+        self.active, self.model = self._actuated.active, self._actuated.model
+        self.joint_names = self.model.coordinate_names
+        self._noise = self._numbers(
+            noise if isinstance(noise, Mapping) else dict.fromkeys(self.active, noise),
+            'noise',
+            0.0,
+        )
+        self._closing = _closing(self._actuated, self._noise)
+        self._reader = _closing(self._actuated, self._noise)
+        self._branch = BranchSign(self.model, self._actuated.q, self._actuated.dependent_rows)
+        self.restart()
+
+    @property
+    def start(self) -> dict[str, float]:
+        """The active joint coordinates where the mechanism starts, rad or m."""
+        values = self._actuated.values[self._closing.active]
+        return dict(zip(self.active, values.tolist(), strict=True))
+
+    @by_one_thread
+    def restart(self) -> None:
+        """Back to where the mechanism starts; the motion so far is forgotten."""
+        closing, start = self._closing, self._actuated
+        closing.q[:] = start.q
+        closing.turns[:] = 0
+        closing.counts[:] = 0
+        closing.asked[:] = start.values[closing.active]
+        closing.place[:] = start.q[: closing.place.size]
+        self._t, self._span, self._calls = math.nan, math.nan, 0
+
+    @by_one_thread
+    def close(
+        self,
+        positions: Mapping[str, float],
+        rates: Mapping[str, float] | None = None,
+        t: float | None = None,
+    ) -> Posture:
+        """The posture at these values of all active joint coordinates (rad, turns counted, or m).
+
+        rates: their velocities (rad/s or m/s), for velocities of the posture. t: the instant (s)
+        of the values; without it calls count as equally spaced. Raises InputError, and changes
+        nothing, for a wrong name or number, or a time that does not advance.
+        """
+        closing = self._closing
+        wanted = self._numbers(positions, 'positions')
+        speeds = None if rates is None else self._numbers(rates, 'rates')
+        self._refuse_far(np.abs(wanted - closing.asked), wanted)
+        ratio, per_call = self._timed(t)
+        closing.wanted[:] = wanted
+        close_loops(closing, ratio)
+        self._calls += 1
+        missed = float(np.abs(closing.values[closing.active] - wanted).max())
+        qd = np.zeros_like(closing.q)
+        if speeds is not None:
+            if not linearise_posture(closing):
+                raise StepError('the leading matrix is not positive definite', 'check masses', 0.0)
+            rates_at(closing, speeds, per_call, qd)
+        state = State(
+            self._calls, closing.q.copy(), qd, closing.turns.copy(), 0.0, np.zeros(0), NO_INPUTS
+        )
+        return Posture(
+            self.model,
+            0.0 if t is None else t,
+            state,
+            self._actuated.instruments,
+            missed,
+            self._ways(state),
+        )
+
+    @by_one_thread
+    def follow(self, table: Sequence[Sequence[float]] | Floats) -> tuple[Floats, Floats]:
+        """Joint coordinates along a table of active values (calls, active), in one compiled call.
+
+        The columns are in the order of `active`; calls are equally spaced, and continue the motion
+        so far. Returns the joint coordinates (calls, joint coordinates), in the order of
+        `joint_names`, and `missed_by` of each call (calls,). Raises InputError for a table of
+        another shape, or with numbers that are not finite.
+        """
+        try:
+            given = np.array(table, dtype=float)
+        except (TypeError, ValueError):
+            given = np.zeros(0)
+        active = len(self.active)
+        if given.ndim != 2 or given.shape[1] != active or not np.isfinite(given).all():
+            raise InputError(
+                'not a table', key='table', expected=f'rows of {active} finite numbers'
+            )
+        values, missed = np.zeros(given.shape[0] * len(self.joint_names)), np.zeros(len(given))
+        if len(given):
+            first = np.vstack([self._closing.asked, given])
+            self._refuse_far(np.abs(np.diff(first, axis=0)).max(axis=0), given[-1])
+        close_table(self._closing, given.ravel(), values, missed)
+        self._calls += len(given)
+        return values.reshape(len(given), -1), missed
+
+    def _refuse_far(self, way: Floats, wanted: Floats) -> None:
+        """Raise InputError for values further away than anything goes in one call."""
+        far = way / np.where(self._closing.is_angle, 1.0, self.model.size)
+        if far.max() > _FURTHEST:
+            n = int(far.argmax())
+            raise InputError('too far away', key=self.active[n], value=float(wanted[n]))
+
+    def _timed(self, t: float | None) -> tuple[float, float]:
+        """The time since the last call over that before, and calls per second if known, else 0."""
+        if t is None:
+            self._t = self._span = math.nan
+            return 1.0, 0.0
+        if not is_number(t):
+            raise InputError('not a time', key='t', value=t, expected='s')
+        if t <= self._t:
+            raise InputError(
+                'time does not advance', key='t', value=t, expected=f'more than {self._t:g} s'
+            )
+        span = t - self._t
+        ratio = span / self._span
+        self._t, self._span = float(t), span
+        per_call = 1.0 / span if math.isfinite(span) else 0.0
+        if ratio > _MOST_RATIO:  # too long ago to say where the motion leads
+            self._closing.counts[0] = min(self._closing.counts[0], 1)
+        return (ratio if math.isfinite(ratio) else 1.0), per_call
+
+    def _numbers(self, given: Mapping[str, float], key: str, least: float = -math.inf) -> Floats:
+        """(active,) the numbers of a mapping. Raises InputError."""
+        if not isinstance(given, Mapping):
+            raise InputError(
+                'not numbers by name', key=key, value=given, expected=', '.join(self.active)
+            )
+        if given.keys() != set(self.active):
+            for name in given:
+                if name not in self.active:
+                    raise InputError(
+                        'not an active joint', key=key, value=name, choices=self.active
+                    )
+            missing = ', '.join(name for name in self.active if name not in given)
+            raise InputError(f'without {missing}', key=key, expected='a number for each')
+        for name, value in given.items():
+            if not is_number(value) or value < least:
+                raise InputError(
+                    'not usable', key=f'{key}.{name}', value=value, expected='a finite number'
+                )
+        return np.array([float(given[name]) for name in self.active])
+
+    def _ways(self, state: State) -> Ways:
+        return Ways(
+            lambda: self._rates(state),
+            lambda: self._distance(state),
+            lambda: self._branch.at(state.q),
+            lambda joint: self._travel(state, joint),
+        )
+
+    @by_one_thread
+    def _rates(self, state: State) -> Floats:
+        reader = self._read(state)
+        active, coordinates = reader.active.size, len(self.joint_names)
+        matrix = np.zeros(active * coordinates)
+        rate_matrix(reader, reader.here, matrix)
+        return read_only(matrix.reshape(active, coordinates).T.copy())
+
+    @by_one_thread
+    def _distance(self, state: State) -> float:
+        modes = found(self.model, self._read(state).work, self._actuated.dependent_rows)
+        return 1.0 if modes is None else float(modes.sigma[0])
+
+    @by_one_thread
+    def _travel(self, state: State, joint: str) -> tuple[float, float]:
+        if joint not in self.active:
+            raise InputError('not an active joint', key='joint', value=joint, choices=self.active)
+        n, ends = self.active.index(joint), []
+        reader = self._reader
+        full = 2.0 * np.pi if reader.is_angle[n] else _LONG * self.model.size
+        for sign in (-1.0, 1.0):
+            self._read(state)
+            reader.counts[0] = 0  # no motion: it stays on this side of all dead points
+            close_loops(reader, 1.0)
+            reader.counts[0] = 0
+            reader.wanted[:] = reader.asked
+            reader.wanted[n] += sign * full
+            reached = close_loops(reader, 1.0)
+            ends.append(sign * math.inf if reached == 1.0 else float(reader.asked[n]))
+        if reader.is_angle[n] and math.inf in map(abs, ends):
+            return -math.inf, math.inf
+        return ends[0], ends[1]
+
+    def _read(self, state: State) -> Closing:
+        reader = self._reader
+        reader.q[:], reader.turns[:] = state.q, state.turns
+        linearise_posture(reader)
+        return reader
+
+
+def _closing(of: Actuated, noise: Floats) -> Closing:
+    """The data of the kernel, at the start."""
+    model, layout = of.model, of.model.layout
+    rows, names = model.system.rows, model.row_names
+    own = {drive.name for drive in model.mechanism.drives}
+    alpha, scale = rows.alpha.copy(), rows.scale.copy()
+    active = [place for name, place in zip(names, model.row, strict=True) if name in own]
+    alpha[active] *= _NOTHING
+    scale[active] = 0.0
+    loose = replace(model.system, rows=replace(rows, alpha=alpha, scale=scale))
+    coordinate = dict(zip(model.coordinate_names, of.coordinates, strict=True))
+    place = {name: n for n, name in enumerate(model.coordinate_names)}
+    count, whole, angles = len(of.active), model.q.size, model.system.angles.c.size // 2
+    sizes = {
+        'known': 3,
+        **dict.fromkeys(('wanted', 'asked', 'here'), count),
+        **dict.fromkeys(('q', 'other', 'before'), whole),
+        **dict.fromkeys(('place', 'rate', 'bend', 'ahead', 'way', 'shift'), model.n),
+        **dict.fromkeys(('angles', 'spins', 'near'), angles),
+        **dict.fromkeys(('values', 'rates'), len(place)),
+    }
+    sums = [
+        (name, factor * unit_of(coupling, layout))
+        for coupling in model.mechanism.couplings
+        for name, factor in coupling.of
+    ]
+    lengths = [len(coupling.of) for coupling in model.mechanism.couplings]
+    first = np.cumsum([0, *lengths])
+    terms = np.array([factor * of.values[place[name]] for name, factor in sums])
+    row = dict(zip(names, model.row.tolist(), strict=True))
+    return Closing(
+        unit=model.unit,
+        tight=model.system,
+        loose=loose,
+        work=allocate(model, model.system, 0),
+        joints=of.instruments.coordinates,
+        active=indices(place[name] for name in of.active),
+        block=indices(layout.of_prescribed[drive.name] for drive in model.mechanism.drives),
+        is_angle=indices(coordinate[name].is_angle for name in of.active),
+        noise=noise,
+        turns=np.zeros(angles, dtype=np.int64),
+        tried=np.zeros(angles, dtype=np.int64),
+        sum_row=indices(row[coupling.name] for coupling in model.mechanism.couplings),
+        sum_first=indices(first),
+        sum_of=indices(place[name] for name, _ in sums),
+        sum_factor=np.array([factor for _, factor in sums], dtype=float),
+        sum_value=np.array([terms[a:b].sum() for a, b in pairwise(first)], dtype=float),
+        turned=np.zeros(angles, dtype=np.int64),
+        other_turns=np.zeros(angles, dtype=np.int64),
+        counts=np.zeros(3, dtype=np.int64),
+        **{name: np.zeros(size) for name, size in sizes.items()},
+    )

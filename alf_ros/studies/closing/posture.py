@@ -1,0 +1,106 @@
+"""A posture: the positions of all joints and bodies of a mechanism at given active coordinates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from alf_ros.arrays import Floats
+from alf_ros.model.compile import Model
+from alf_ros.simulation.instruments import Instruments
+from alf_ros.simulation.kept import kept
+from alf_ros.simulation.kinematics import Kinematics
+from alf_ros.simulation.named_values import NamedValues
+from alf_ros.simulation.state import State
+
+
+@dataclass(frozen=True)
+class Ways:
+    """How the properties of a posture are computed that cost more than itself."""
+
+    rates: Callable[[], Floats]
+    distance: Callable[[], float]
+    branch: Callable[[], int]
+    travel: Callable[[str], tuple[float, float]]
+
+
+class Posture(Kinematics):
+    """The mechanism with its loops closed. Arrays are read-only, SI, world frame.
+
+    From `Kinematics`: `points`, `velocities` of points, `body_poses`, `q`, `qd`, `phi`,
+    `joint_positions` and `joint_velocities` (joint coordinates,). Velocities are zero where the
+    call had no rates.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        t: float,
+        state: State,
+        instruments: Instruments,
+        missed_by: float,
+        ways: Ways,
+    ) -> None:
+        super().__init__(model, t, state, instruments)
+        self._missed_by, self._ways = missed_by, ways
+
+    @property
+    def missed_by(self) -> float:
+        """By how much the active coordinate that is furthest off misses the value given, rad or m.
+
+        Rounding, if the loops allow the values. Else of one active coordinate the distance to the
+        end of its travel; of several, how far they were from the values where the straight line to
+        them leaves what the loops allow.
+        """
+        return self._missed_by
+
+    @property
+    def joints(self) -> Mapping[str, float]:
+        """Position of each joint coordinate, rad (turns counted) or m."""
+        return NamedValues(self.model.coordinate_names, lambda n: float(self.joint_positions[n]))
+
+    @property
+    def joint_rates(self) -> Mapping[str, float]:
+        """Velocity of each joint coordinate, rad/s or m/s; zero where the call had no rates."""
+        return NamedValues(self.model.coordinate_names, lambda n: float(self.joint_velocities[n]))
+
+    @property
+    def closed_to(self) -> float:
+        """Largest distance by which a constraint of the mechanism is open, m."""
+        return float(abs(self.phi * self._scale).max(initial=0.0))
+
+    @kept
+    def rates(self) -> Floats:
+        """G = ∂x/∂x_a (joint coordinates, active): ẋ = G ẋ_a. The unit of an entry is the
+        unit of the joint coordinate over the unit of the active one (rad or m). The rows of active
+        coordinates form the identity. In a dead point G does not exist; near it G is large."""
+        return self._ways.rates()
+
+    @property
+    def effort_map(self) -> Floats:
+        """Gᵀ (active, joint coordinates): τ_a = Gᵀ τ. Efforts τ (N m or N, each on the child along
+        its joint coordinate) on any joints have the same power as the efforts τ_a on the active
+        ones, τ·ẋ = τ_a·ẋ_a in all motions. So -Gᵀ τ on the active joints holds loads τ."""
+        return self.rates.T
+
+    @kept
+    def distance(self) -> float:
+        """Distance to the nearest position where the active coordinates do not determine the
+        others: the least singular value σ of the scaled Φ_q, with the rows of the active
+        coordinates, as `Sample.diagnostics.distance`. 0 in a dead point."""
+        return self._ways.distance()
+
+    @kept
+    def branch(self) -> int:
+        """+1 or -1: the sign of the determinant of Φ_q (rows independent at the start), over that
+        at the start. It changes as the mechanism passes a dead point."""
+        return self._ways.branch()
+
+    def travel(self, joint: str) -> tuple[float, float]:
+        """The interval (rad or m) of an active joint coordinate with the loops closed, the others
+        resting at their present values: the branch is followed to a dead point on either side.
+
+        (-inf, inf) for an angle that goes round; inf for a length beyond four times the size of
+        the mechanism. Raises InputError for another name.
+        """
+        return self._ways.travel(joint)

@@ -1,0 +1,221 @@
+"""The node `close` as another process: what it publishes, against closed forms; bad messages."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.srv import ListParameters
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+
+from alf_ros import InputError
+from alf_ros.ros.closing.active_input import ActiveInput, renamed
+from support.paths import ROOT
+from support.ros_node import LIMIT, START_LIMIT, Peer
+
+INPUT = '/active_joint_states'
+
+
+class ClosingProcess:
+    """`python -m alf_ros close` in a session of its own."""
+
+    def __init__(self, folder: Path, *arguments: str) -> None:
+        self.output_path = folder / 'output.txt'
+        paths = [str(ROOT), os.environ.get('PYTHONPATH', '')]
+        with open(self.output_path, 'w') as output:
+            self.process = subprocess.Popen(
+                [sys.executable, '-m', 'alf_ros', 'close', *arguments],
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                cwd=folder,
+                env={**os.environ, 'PYTHONPATH': os.pathsep.join(filter(None, paths))},
+                start_new_session=True,
+            )
+
+    def __enter__(self) -> ClosingProcess:
+        end = time.monotonic() + START_LIMIT
+        while 'running:' not in self.output:
+            assert self.process.poll() is None, self.output
+            assert time.monotonic() < end, self.output
+            time.sleep(0.02)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self.process.poll() is None:
+            os.killpg(self.process.pid, signal.SIGKILL)
+            self.process.wait()
+
+    @property
+    def output(self) -> str:
+        return self.output_path.read_text()
+
+    def stop(self, number: int = signal.SIGINT) -> int:
+        os.killpg(self.process.pid, number)
+        return self.process.wait(LIMIT)
+
+
+def message(ns: int, velocities: list[float] | None = None, **positions: float) -> JointState:
+    said = JointState(name=list(positions), position=[float(x) for x in positions.values()])
+    said.velocity = velocities or []
+    said.header.stamp.sec, said.header.stamp.nanosec = divmod(ns, 1_000_000_000)
+    return said
+
+
+def values(report: DiagnosticArray, task: str) -> tuple[bytes, str, dict[str, str]]:
+    (status,) = (each for each in report.status if each.name == f'close: {task}')
+    return status.level, status.message, {each.key: each.value for each in status.values}
+
+
+def check_interface(peer: Peer) -> None:
+    """The tables of doc/ros_interface.md and the security policy are what the node has."""
+    text = (ROOT / 'doc/ros_interface.md').read_text('utf-8')
+    section = text.partition('\n## Closing loops\n')[2].partition('\n## ')[0]
+    rows = [line.strip('|').split('|') for line in section.splitlines() if line[:3] == '| `']
+    own = {'/parameter_events', '/rosout'}
+
+    def said(name: str) -> str:
+        return f'/close{name[1:]}' if name.startswith('~') else f'/{name.lstrip("/")}'
+
+    def graph(what: str) -> dict[str, list[str]]:
+        ask = getattr(peer.node, f'get_{what}_names_and_types_by_node')
+        return {name: kinds for name, kinds in ask('close', '/') if name not in own}
+
+    topics = {said(row[0].split('`')[1]): row[1].strip() for row in rows if '/msg/' in row[1]}
+    topics.pop('/tf')  # only when asked for
+    has = {name: kinds[0] for name, kinds in (graph('publisher') | graph('subscriber')).items()}
+    assert has == topics
+    names = [re.findall(r'`([^`]+)`', row[0]) for row in rows]
+    documented = {name for row in names for name in row}
+    parameters = peer.call(ListParameters, '/close/list_parameters').result.names
+    assert {
+        n for n in parameters if n not in ('use_sim_time', 'start_type_description_service')
+    } <= documented
+    policy = ElementTree.parse(ROOT / 'config/security/simulator.policy.xml')
+    (profile,) = policy.findall("enclaves/enclave[@path='/alf_ros/close']/profiles/profile")
+    may = {said(topic.text or '') for topic in profile.iter('topic')}
+    assert may == {*has, *own, '/tf'}
+    assert set(graph('service')) <= {said(item.text or '') for item in profile.iter('service')}
+
+
+def test_a_slider_goes_through_its_dead_point(tmp_path: Path, peer: Peer) -> None:
+    """With stamps, names of the encoder, velocities, the map, reports, bad messages, Ctrl-C."""
+    arguments = ['--active', 'guide', '--ros-args', '-p', 'names:=["encoder=guide"]']
+    with ClosingProcess(tmp_path, *arguments) as node:
+        joints = peer.listen('/joint_states', JointState)
+        maps = peer.listen('/close/effort_map', Float64MultiArray)
+        reports = peer.listen('/close/diagnostics', DiagnosticArray)
+        talker = peer.talk(INPUT, JointState)
+        peer.until(lambda: peer.node.count_publishers('/joint_states'), 'joint_states')
+        peer.until(lambda: reports, 'a report')
+        assert values(reports[0], 'loops')[1] == f'waiting for guide on {INPUT[1:]}'
+
+        # the rods have 1 m each: the guide is at 2 cos(crank)
+        sent, ns = [], 1_000_000_000
+        for step in range(60):
+            angle = 0.75 - 0.025 * step
+            rate = 2.0 * math.sin(angle) * 2.5  # the crank turns at -2.5 rad/s
+            ns += 10_000_000
+            talker.publish(message(ns, [rate], encoder=2.0 * math.cos(angle)))
+            sent.append((ns, angle))
+            peer.until(lambda: len(joints) == len(sent), f'answer {len(sent)}')
+        for (stamp, angle), heard in zip(sent, joints, strict=True):
+            assert list(heard.name) == ['crank_pin', 'knee', 'guide']
+            assert heard.header.stamp.sec * 10**9 + heard.header.stamp.nanosec == stamp
+            assert list(heard.position) == pytest.approx(
+                [angle, -2.0 * angle, 2.0 * math.cos(angle)], abs=1e-5
+            )
+            if abs(angle) > 0.1:
+                assert heard.velocity[0] == pytest.approx(-2.5, abs=1e-3)
+        slope = -1.0 / (2.0 * math.sin(sent[-1][1]))  # of the crank angle over the guide
+        last = peer.until(
+            lambda: abs(maps[-1].data[0] - slope) < 1e-3 and maps[-1], 'the last map'
+        )
+        assert [dim.label for dim in last.layout.dim] == ['guide', 'crank_pin,knee,guide']
+        assert [(dim.size, dim.stride) for dim in last.layout.dim] == [(1, 3), (3, 3)]
+        assert list(last.data) == pytest.approx([slope, -2.0 * slope, 1.0], rel=1e-4)
+
+        check_interface(peer)
+        # what cannot be used is counted, and changes nothing
+        before = len(joints)
+        talker.publish(message(ns + 1, encoder=math.nan))
+        talker.publish(message(ns + 2, guide=1.0))
+        talker.publish(JointState(name=['encoder'], position=[1.0, 2.0]))
+        talker.publish(JointState(name=['encoder'], position=[]))
+        talker.publish(message(ns + 3, encoder=1e8))
+        keys = {'not_finite': '1', 'unknown_names': '1', 'wrong_lengths': '2', 'refused': '1'}
+        peer.until(lambda: keys.items() <= values(reports[-1], 'input')[2].items(), 'the counts')
+        assert len(joints) == before
+        # out of reach: as far as the loops allow, and said
+        talker.publish(message(ns + 10_000_000, encoder=2.5))
+        peer.until(
+            lambda: values(reports[-1], 'loops')[1].startswith('the loops miss'), 'the miss'
+        )
+        assert float(values(reports[-1], 'loops')[2]['missed_by']) == pytest.approx(0.5, abs=1e-6)
+        peer.until(lambda: 'no input for' in values(reports[-1], 'loops')[1], 'old input')
+        assert node.stop() == 0, node.output
+        assert 'Traceback' not in node.output and 'stopped after 61 postures' in node.output
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'said'),
+    [
+        (['--active', 'giude'], "active: no such joint coordinate, got 'giude'; did you mean"),
+        (['--scene', 'delta_robot', '--active', 'motor0'], '2 freedoms are left: motor1, motor2'),
+        (['--ros-args', '-p', 'activ:=[a]'], "unknown parameter of the node, got 'activ'"),
+        (
+            ['--active', 'guide', '--ros-args', '-p', 'names:=["guide"]'],
+            "names: not a pair of names, got 'guide'; expected name_in_messages=joint",
+        ),
+    ],
+)
+def test_a_wrong_start_is_refused_in_one_line(
+    arguments: list[str], said: str, tmp_path: Path
+) -> None:
+    done = subprocess.run(
+        [sys.executable, '-m', 'alf_ros', 'close', *arguments],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        env={**os.environ, 'PYTHONPATH': str(ROOT)},
+        timeout=START_LIMIT,
+    )
+    assert done.returncode == 2 and said in done.stderr, done
+    assert done.stderr.count('\n') == 1
+
+
+def heard(*messages: dict[str, Any]) -> ActiveInput:
+    found = ActiveInput(renamed(['e1=a'], ['a', 'b']))
+    for fields in messages:
+        found.take(JointState(**fields))
+    return found
+
+
+def test_partial_messages_keep_the_last_values() -> None:
+    found = heard(
+        {'name': ['e1', 'b'], 'position': [1.0, 2.0], 'velocity': [3.0, 4.0]},
+        {'name': ['b'], 'position': [5.0]},
+    )
+    assert (found.positions, found.rates) == ({'a': 1.0, 'b': 5.0}, {'a': 3.0})
+    assert found.missing == [] and heard().missing == ['b', 'a']
+
+
+@pytest.mark.parametrize(('pairs', 'said'), [
+    (['x=c'], "names: not an active joint, got 'c'"),
+    (['x=a', 'x=b'], "names: renamed twice, got 'x=b'"),
+    (['x=a', 'y=a'], "names: renamed twice, got 'y=a'"),
+])  # fmt: skip
+def test_wrong_names_are_refused(pairs: list[str], said: str) -> None:
+    with pytest.raises(InputError) as caught:
+        renamed(pairs, ['a', 'b'])
+    assert said in str(caught.value)

@@ -1,0 +1,358 @@
+"""Closing loops around given joints, against closed forms of the mechanisms."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from alf_ros import Closure, InputError, Simulation, load_scene
+from alf_ros.arrays import Floats
+
+R, L = 0.3, 0.8  # m, crank and coupler
+SLIDER_CRANK: dict[str, Any] = {
+    'alf': 1,
+    'space': 'planar',
+    'parameters': {'r': R, 'l': L, 'a': 0.7},
+    'points': {
+        'O': {'at': [0, 0], 'fixed': True},
+        'A': {'at': ['r*cos(a)', 'r*sin(a)']},
+        'B': {'at': ['r*cos(a) + sqrt(l**2 - (r*sin(a))**2)', 0]},
+    },
+    'bodies': {
+        'crank': {'points': ['O', 'A'], 'mass': 1, 'inertia': 'rod'},
+        'coupler': {'points': ['A', 'B'], 'mass': 1, 'inertia': 'rod'},
+    },
+    'joints': {
+        'pin': {'type': 'revolute', 'between': ['ground', 'crank'], 'at': 'O'},
+        'knee': {'type': 'revolute', 'between': ['crank', 'coupler'], 'at': 'A'},
+        'guide': {'type': 'slider', 'point': 'B', 'on': {'through': [0, 0], 'direction': [1, 0]}},
+    },
+}
+BARS: dict[str, Any] = {'type': 'revolute'}
+# a five-bar: two cranks of 0.2 m on the ground, 0.3 m apart, two rods of 0.35 m that meet in P
+FIVE_BAR: dict[str, Any] = {
+    'alf': 1,
+    'space': 'planar',
+    'parameters': {'a': 0.2, 'b': 0.35, 'd': 0.3, 'rise': 'sqrt(b**2 - (d/2)**2)'},
+    'points': {
+        'O': {'at': [0, 0], 'fixed': True},
+        'C': {'at': ['d', 0], 'fixed': True},
+        'A': {'at': [0, 'a']},
+        'B': {'at': ['d', 'a']},
+        'P': {'at': ['d/2', 'a + rise']},
+    },
+    'bodies': {
+        'left': {'points': ['O', 'A'], 'mass': 1, 'inertia': 'rod'},
+        'right': {'points': ['C', 'B'], 'mass': 1, 'inertia': 'rod'},
+        'left_rod': {'points': ['A', 'P'], 'mass': 1, 'inertia': 'rod'},
+        'right_rod': {'points': ['B', 'P'], 'mass': 1, 'inertia': 'rod'},
+    },
+    'joints': {
+        'm1': {**BARS, 'between': ['ground', 'left'], 'at': 'O'},
+        'm2': {**BARS, 'between': ['ground', 'right'], 'at': 'C'},
+        'e1': {**BARS, 'between': ['left', 'left_rod'], 'at': 'A'},
+        'e2': {**BARS, 'between': ['right', 'right_rod'], 'at': 'B'},
+        'tip': {**BARS, 'between': ['left_rod', 'right_rod'], 'at': 'P'},
+    },
+}
+
+
+def stroke(angle: Any) -> Any:
+    """The place of the slider (m) at a crank angle (rad)."""
+    return R * np.cos(angle) + np.sqrt(L**2 - (R * np.sin(angle)) ** 2)
+
+
+@pytest.fixture(scope='module')
+def slider() -> Closure:
+    return Closure(SLIDER_CRANK, ['guide'])
+
+
+def test_slider_crank_in_closed_form_with_velocities() -> None:
+    closure = Closure(SLIDER_CRANK, ['pin'])
+    for angle in np.linspace(0.7, 20.0, 60):
+        posture = closure.close({'pin': angle}, rates={'pin': 3.0})
+        across = L * math.sqrt(1.0 - (R * math.sin(angle) / L) ** 2)
+        slope = -R * math.sin(angle) - R**2 * math.sin(angle) * math.cos(angle) / across
+        assert posture.joints['guide'] == pytest.approx(stroke(angle), abs=1e-14)
+        assert posture.joints['pin'] == pytest.approx(angle, abs=1e-14)
+        assert posture.joint_rates['guide'] == pytest.approx(3.0 * slope, abs=1e-12)
+        assert posture.rates[2, 0] == pytest.approx(slope, abs=1e-12)
+        assert posture.closed_to < 1e-14
+        assert posture.missed_by < 1e-14
+
+
+def test_the_slider_goes_through_both_dead_points(slider: Closure) -> None:
+    """Crank angles that a slider alone does not tell, over three turns and back."""
+    slider.restart()
+    for angle in (*np.arange(0.7, 20.0, 0.07), *np.arange(20.0, -1.0, -0.05)):
+        if angle == 20.0:  # the motion turns back here: away from dead points
+            angle = 19.95
+        posture = slider.close({'guide': float(stroke(angle))})
+        assert posture.joints['pin'] == pytest.approx(angle, abs=2e-6)
+        assert posture.closed_to < 1e-12
+
+
+def test_a_slider_that_turns_back_before_the_dead_point_stays(slider: Closure) -> None:
+    slider.restart()
+    time = np.linspace(0.0, 2.0 * np.pi, 400)
+    angles = 0.35 + 0.34 * np.cos(time)  # up to 0.01 rad before it
+    values, missed = slider.follow(stroke(angles)[:, None])
+    np.testing.assert_allclose(values[:, 0], angles, atol=1e-9)
+    assert missed.max() < 1e-14
+
+
+def test_the_branch_changes_in_a_dead_point(slider: Closure) -> None:
+    slider.restart()
+    signs = [
+        slider.close({'guide': float(stroke(angle))}).branch
+        for angle in np.arange(0.7, -0.7, -0.1)
+    ]
+    assert signs == [1] * 8 + [-1] * 7 or signs == [1] * 7 + [-1] * 7
+
+
+def test_velocities_and_times_that_are_not_equal(slider: Closure) -> None:
+    slider.restart()
+    random, t = np.random.default_rng(4), 0.0
+    while t < 3.0:
+        t += random.uniform(0.005, 0.02)
+        angle = 0.7 - 2.0 * t
+        posture = slider.close({'guide': float(stroke(angle))}, t=t)
+        assert posture.joints['pin'] == pytest.approx(angle, abs=1e-5)
+
+
+def test_after_a_long_gap_the_motion_does_not_count(slider: Closure) -> None:
+    """Behind a gap nobody knows on which side of the dead point it is: it stays."""
+    for gap, side in ((0.01, -1.0), (0.2, 1.0)):
+        slider.restart()
+        for n in range(6):
+            posture = slider.close({'guide': float(stroke(0.7 - 0.12 * n))}, t=0.01 * n)
+        assert posture.joints['pin'] == pytest.approx(0.1, abs=1e-9)
+        posture = slider.close({'guide': float(stroke(0.02))}, t=0.05 + gap)
+        assert posture.joints['pin'] == pytest.approx(side * 0.02, abs=1e-9)
+
+
+def test_out_of_reach_the_nearest_posture(slider: Closure) -> None:
+    slider.restart()
+    for angle in np.arange(0.7, 0.3, -0.02):
+        slider.close({'guide': float(stroke(angle))})
+    posture = slider.close({'guide': R + L + 0.01})
+    assert posture.missed_by == pytest.approx(0.01, abs=1e-9)
+    assert posture.joints['pin'] == pytest.approx(0.0, abs=1e-4)
+    assert posture.closed_to < 1e-12
+
+
+@pytest.mark.parametrize('noise', [1e-6, 1e-4])
+def test_noise_does_not_turn_the_crank_back(noise: float) -> None:
+    closure, random = Closure(SLIDER_CRANK, ['guide'], noise=noise), np.random.default_rng(7)
+    angles = np.concatenate([np.arange(0.7, -0.7, -step) for step in (0.02, 0.01)])
+    for angle in (0.7, 0.7):
+        closure.close({'guide': float(stroke(angle))})
+    half = angles.size // 3  # the first sweep, coarse
+    given = stroke(angles[:70]) + noise * random.standard_normal(70)
+    values, missed = closure.follow(given[:, None])
+    far = np.abs(angles[:70]) > 6.0 * math.sqrt(noise)
+    assert half > 60
+    np.testing.assert_array_equal(np.sign(values[far, 0]), np.sign(angles[:70][far]))
+    assert missed.max() < 6.0 * noise
+
+
+def test_travel_of_a_four_bar_against_triangles() -> None:
+    """The rocker ends where crank and coupler lie on one line; the crank goes round (Grashof)."""
+    a, b, c, d = 0.10, 0.30, 0.25, 0.30
+    crank = Closure('four_bar', ['crank_pin']).close({'crank_pin': 1.0})
+    assert crank.travel('crank_pin') == (-math.inf, math.inf)
+    rocker = Closure('four_bar', ['rocker_pin']).close({'rocker_pin': 1.6})
+    ends = [math.pi - math.acos((d * d + c * c - r * r) / (2 * d * c)) for r in (a + b, b - a)]
+    assert rocker.travel('rocker_pin') == pytest.approx(ends, abs=1e-8)
+
+
+def test_travel_of_a_crank_that_does_not_go_round() -> None:
+    """A triple rocker: no Grashof; ends where coupler and rocker lie on one line."""
+    lengths = {'a': 0.25, 'b': 0.2, 'c': 0.2, 'd': 0.2}
+    scene = load_scene({'mechanism': 'four_bar', 'parameters': lengths})
+    low, high = Closure(scene, ['crank_pin']).close({'crank_pin': 1.0}).travel('crank_pin')
+    a, b, c, d = lengths.values()
+    end = math.acos((a * a + d * d - (b + c) ** 2) / (2 * a * d))
+    assert high == pytest.approx(end, abs=1e-8)
+    assert low == pytest.approx(-end, abs=1e-8)
+
+
+def test_delta_robot_forward_and_inverse() -> None:
+    """Forward: three spheres; inverse: the angles that lead back."""
+    rb, a, rod, rp = 0.20, 0.25, 0.45, 0.06
+    closure = Closure('delta_robot', ['motor0', 'motor1', 'motor2'])
+    turns = 2.0 * np.pi * np.arange(3) / 3.0
+    out = np.column_stack([np.cos(turns), np.sin(turns), np.zeros(3)])
+    time = np.linspace(0.0, 1.0, 80)
+    for t in time:
+        # angles are counted from the drawing, at 30 degrees
+        given = 0.4 * np.sin(2.0 * np.pi * t + np.arange(3)) * t
+        angle = math.radians(30.0) + given
+        posture = closure.close({f'motor{k}': float(given[k]) for k in range(3)})
+        centres = (rb - rp + a * np.cos(angle))[:, None] * out
+        centres[:, 2] -= a * np.sin(angle)
+        np.testing.assert_allclose(posture.points['C'], lowest(centres, rod), atol=1e-12)
+        assert posture.closed_to < 1e-13
+
+
+def lowest(centres: Floats, radius: float) -> Floats:
+    """The lower one of two points at this distance from three."""
+    x = centres[1] - centres[0]
+    size = np.linalg.norm(x)
+    x = x / size
+    y = centres[2] - centres[0]
+    i = x @ y
+    y = y - i * x
+    j = np.linalg.norm(y)
+    y = y / j
+    z = np.cross(x, y)
+    u = size / 2.0
+    v = (i * i + j * j - 2.0 * i * u) / (2.0 * j)
+    w = math.sqrt(radius**2 - u * u - v * v)
+    both = [centres[0] + u * x + v * y + sign * w * z for sign in (-1, 1)]
+    return np.asarray(min(both, key=lambda place: float(place[2])))
+
+
+def test_the_effort_map_is_the_work_of_finite_differences() -> None:
+    closure = Closure(FIVE_BAR, ['m1', 'm2'])
+    at = {'m1': 1.9, 'm2': 1.3}
+    posture = closure.close(at)
+    h = 1e-5
+    for n, name in enumerate(closure.active):
+        changed = [
+            closure.close({**at, name: at[name] + sign * h}).joint_positions for sign in (1, -1)
+        ]
+        slopes = (changed[0] - changed[1]) / (2.0 * h)
+        np.testing.assert_allclose(posture.effort_map[n], slopes, atol=1e-8)
+        closure.close(at)
+
+
+def test_the_effort_map_gives_the_efforts_of_the_simulators_drives() -> None:
+    """A torque on the passive rocker of a four-bar at rest is held by the crank: -Gᵀ τ."""
+    fields = {
+        'mechanism': 'four_bar',
+        'drives': {'hold': {'joint': 'crank_pin', 'angle': 'radians(60)'}},
+        'effects': {},
+    }
+    simulation = Simulation(load_scene(fields))
+    simulation.apply_effort('rocker_pin', 0.7)
+    held = simulation.sample().drives[2][0]
+    posture = Closure('four_bar', ['crank_pin']).close({'crank_pin': math.radians(60)})
+    tau = np.array([0.7 if name == 'rocker_pin' else 0.0 for name in posture.joints])
+    assert float(held) == pytest.approx(-float(posture.effort_map[0] @ tau), rel=1e-9)
+
+
+def test_a_five_bar_of_type_two_loses_the_distance() -> None:
+    """Where both rods lie on one line, the cranks do not determine the tip."""
+    closure = Closure(FIVE_BAR, ['m1', 'm2'])
+    distances = []
+    for spread in np.linspace(0.0, 0.99, 34):
+        # A and B apart by d + 2 a sin(turn): the rods stretch at 2 b
+        turn = math.asin(spread * (2 * 0.35 - 0.3) / (2 * 0.2))
+        posture = closure.close({'m1': math.pi / 2 + turn, 'm2': math.pi / 2 - turn})
+        half = 0.15 + 0.2 * math.sin(turn)
+        height = 0.2 * math.cos(turn) + math.sqrt(0.35**2 - half**2)
+        np.testing.assert_allclose(posture.points['P'], [0.15, height], atol=1e-10)
+        distances.append(posture.distance)
+    assert all(a > b for a, b in zip(distances[25:], distances[26:], strict=False))
+    assert distances[-1] < 0.3 * distances[0]
+
+
+def test_a_restart_repeats_bit_for_bit(slider: Closure) -> None:
+    table = stroke(np.arange(0.7, -2.0, -0.03))[:, None]
+    slider.restart()
+    first = slider.follow(table)[0]
+    slider.restart()
+    again = [slider.close({'guide': float(x)}).joint_positions for (x,) in table]
+    np.testing.assert_array_equal(first, again)
+
+
+REFUSED = {
+    'unknown': (['giude'], "active: no such joint coordinate, got 'giude'; did you mean 'guide'?"),
+    'none': ([], 'active: no joint is active; known: pin, knee, guide'),
+    'twice': (['pin', 'pin'], "active: given twice, got 'pin'"),
+    'text': ('pin', "active: not a list of joint coordinates, got 'pin'; expected ['name', …]"),
+    'too many': (
+        ['pin', 'guide'],
+        '2 active joints, but together they have 1 freedom: the loops would not allow all values',
+    ),
+}
+
+
+@pytest.mark.parametrize(('active', 'message'), REFUSED.values(), ids=list(REFUSED))
+def test_wrong_active_joints_are_refused(active: Any, message: str) -> None:
+    with pytest.raises(InputError) as caught:
+        Closure(SLIDER_CRANK, active)
+    assert message in str(caught.value)
+
+
+def test_the_freedoms_that_are_left_are_named() -> None:
+    with pytest.raises(InputError) as caught:
+        Closure('delta_robot', ['motor0'])
+    assert str(caught.value).startswith(
+        'active: 2 freedoms are left: motor1, motor2 would still be free'
+    )
+
+
+def test_coupled_joints_keep_their_phase_over_turns() -> None:
+    """A finger whose second joint turns twice as far, back: no drift after many turns."""
+    gripper = {
+        'alf': 1,
+        'space': 'planar',
+        'points': {
+            'O': {'at': [0, 0], 'fixed': True},
+            'A': {'at': [1, 0]},
+            'B': {'at': [1.5, 0]},
+        },
+        'bodies': {
+            'upper': {'points': ['O', 'A'], 'mass': 1, 'inertia': 'rod'},
+            'lower': {'points': ['A', 'B'], 'mass': 1, 'inertia': 'rod'},
+        },
+        'joints': {
+            'one': {'type': 'revolute', 'between': ['ground', 'upper'], 'at': 'O'},
+            'two': {'type': 'revolute', 'between': ['upper', 'lower'], 'at': 'A'},
+        },
+        'couplings': {'mimic': {'joints': {'one': 2, 'two': 1}}},
+    }
+    closure = Closure(gripper, ['one'])
+    for angle in (*np.arange(0.0, 50.0, 0.2), 3.0, -7.0):
+        posture = closure.close({'one': angle}, rates={'one': 1.0})
+        assert posture.joints['two'] == pytest.approx(-2.0 * angle, abs=1e-12)
+        assert posture.joint_rates['two'] == pytest.approx(-2.0, abs=1e-12)
+        place = np.array([math.cos(angle) + 0.5 * math.cos(angle), 0.5 * math.sin(angle)])
+        np.testing.assert_allclose(posture.points['B'], place, atol=1e-12)
+
+
+def test_what_only_binds_velocities_is_refused() -> None:
+    scene = load_scene('rack_and_pinion')
+    with pytest.raises(InputError, match='type rack binds velocities'):
+        Closure(scene, [scene.mechanism.coordinates[0].name])
+
+
+WRONG: list[tuple[dict[str, Any], str]] = [
+    ({'positions': {}}, 'positions: without guide; expected a number for each'),
+    ({'positions': {'guide': math.nan}}, 'positions.guide: not usable, got nan'),
+    ({'positions': {'pin': 1.0}}, "positions: not an active joint, got 'pin'"),
+    ({'positions': {'guide': 0.9}, 'rates': {}}, 'rates: without guide'),
+    ({'positions': {'guide': 0.9}, 't': 'now'}, "t: not a time, got 'now'; expected s"),
+    ({'positions': {'guide': 1e9}}, 'guide: too far away'),
+    ({'positions': [0.9]}, 'positions: not numbers by name'),
+]
+
+
+@pytest.mark.parametrize(('arguments', 'message'), WRONG, ids=[m for _, m in WRONG])
+def test_wrong_values_change_nothing(
+    slider: Closure, arguments: dict[str, Any], message: str
+) -> None:
+    slider.restart()
+    before = slider.close({'guide': 0.9})
+    slider.restart()
+    with pytest.raises(InputError) as caught:
+        slider.close(**arguments)
+    assert message in str(caught.value)
+    np.testing.assert_array_equal(
+        slider.close({'guide': 0.9}).joint_positions, before.joint_positions
+    )
