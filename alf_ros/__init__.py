@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     from alf_ros.simulation.simulation import Simulation
     from alf_ros.simulation.state import State
     from alf_ros.studies.ensemble.ensemble import ensemble
+    from alf_ros.studies.identification.identification import identify
+    from alf_ros.studies.identification.identified import Identification
+    from alf_ros.studies.identification.recording import Recording, recorded
     from alf_ros.studies.statics.linear_model import LinearModel
     from alf_ros.studies.statics.linearisation import linearise
     from alf_ros.studies.statics.positions_of_rest import Equilibrium, equilibria, equilibrium
@@ -34,8 +37,10 @@ __all__ = [
     'AssemblyError',
     'BusyError',
     'Equilibrium',
+    'Identification',
     'InputError',
     'LinearModel',
+    'Recording',
     'Run',
     'Sample',
     'Scene',
@@ -47,10 +52,12 @@ __all__ = [
     'ensemble',
     'equilibria',
     'equilibrium',
+    'identify',
     'linearise',
     'load_scene',
     'modes',
     'record',
+    'recorded',
 ]
 
 _HOME = {
@@ -75,6 +82,10 @@ _HOME = {
     'VibrationModes': 'studies.statics.vibration_modes',
     'modes': 'studies.statics.vibration_modes',
     'ensemble': 'studies.ensemble.ensemble',
+    'Identification': 'studies.identification.identified',
+    'identify': 'studies.identification.identification',
+    'Recording': 'studies.identification.recording',
+    'recorded': 'studies.identification.recording',
 }
 
 announce()

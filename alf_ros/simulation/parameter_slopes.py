@@ -100,11 +100,14 @@ class Neighbour:
             system.prescribed.slots,
         )
 
+    @cached_property
+    def _applied(self) -> Applied:
+        model = self.start.model
+        return Applied(model, self.scene.effects, NO_INPUTS, ReactionsOf(model))
+
     def effects(self, inputs: Inputs) -> Effects:
         """Its effects, with inputs held."""
-        model = self.start.model
-        applied = Applied(model, self.scene.effects, inputs, ReactionsOf(model))
-        return applied.assembled.effects
+        return self._applied.holding(inputs).assembled.effects
 
 
 class ParameterSlopes:
@@ -120,6 +123,8 @@ class ParameterSlopes:
             raise InputError('no tangent by a number of the solver', key='tangents', value=name)
         self.value = overrides.number(scene, name)
         self._scene, self._solver, self._start = scene, replace(solver, accuracy=None), start
+        self._still: tuple[Inputs, Floats] | None = None  # without efforts
+        self._by_effort: dict[str, Floats] = {}
 
     def __getstate__(self) -> dict[str, Any]:
         """Without the neighbours, which are made again if they are needed."""
@@ -166,7 +171,27 @@ class ParameterSlopes:
         }
 
     def params(self, inputs: Inputs = NO_INPUTS) -> Floats:
-        """The slope of the data of the effects, with inputs held."""
+        """The slope of the data of the effects, with inputs held.
+
+        The data of a steady effort is linear in the effort. So with efforts that change often, the
+        slope is computed once.
+        """
+        alone = {each.name for each in self._start.model.coordinates if each.freedom.alone}
+        steady = {n: x for n, x in inputs.efforts.items() if isinstance(x, float) and n in alone}
+        if len(steady) < len(inputs.efforts):
+            return self._params(inputs)
+        still = replace(inputs, efforts={})
+        if self._still is None or self._still[0] != still:
+            self._still = still, self._params(still)
+        parts = [self._still[1]]
+        for name, effort in steady.items():
+            if name not in self._by_effort:
+                whole = self._params(Inputs({}, {name: 1.0}))
+                self._by_effort[name] = whole[self._params(NO_INPUTS).size :]
+            parts.append(effort * self._by_effort[name])
+        return np.concatenate(parts)
+
+    def _params(self, inputs: Inputs) -> Floats:
         return self._slope(
             'effects',
             {

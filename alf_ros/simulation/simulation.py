@@ -142,6 +142,11 @@ class Simulation:
         other._use(solver)
         return other
 
+    @property
+    def following(self) -> TangentFollowing | None:
+        """How the scene changes with each number of `tangents`; None without tangents."""
+        return self._following
+
     # ------------------------------------------------------------------------------------ copies
 
     @by_one_thread

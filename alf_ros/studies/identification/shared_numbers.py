@@ -1,0 +1,95 @@
+"""The numbers that are fitted: where each begins, its bounds and its prior."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from alf_ros.arrays import Floats
+from alf_ros.errors import InputError
+from alf_ros.scene import overrides
+from alf_ros.scene.scene import Scene
+from alf_ros.simulation.input_checks import is_number
+from alf_ros.simulation.tangent_following import checked_names
+from alf_ros.studies.identification.least_squares_fit import Shared
+
+DELAY = 'delay'
+LONGEST_DELAY = 0.1  # s, either way
+_NOT_NEGATIVE = ('mass', 'inertia', 'armature')
+Pair = tuple[float, float]
+
+
+def names_to_fit(fit: object) -> tuple[str, ...]:
+    """Names of numbers of a scene, each once. Raises InputError."""
+    try:
+        names = checked_names(fit)
+    except InputError as error:
+        key = str(error.key).replace('tangents', 'fit')
+        raise InputError(
+            error.message, key=key, value=error.value, expected=error.expected
+        ) from None
+    if not names:
+        raise InputError('nothing to fit', key='fit', expected="['coupler.mass', …]")
+    return names
+
+
+def shared_numbers(
+    scene: Scene,
+    names: Sequence[str],
+    bounds: Mapping[str, Pair],
+    priors: Mapping[str, Pair],
+    delay: bool,
+) -> Shared:
+    """`bounds`: least and largest value by name; `priors`: mean and standard deviation.
+
+    Masses, moments of inertia and armatures are not negative in any case; what else no scene can
+    have, such as principal moments that no body has, is refused where the fit tries it.
+    """
+    all_ = [*names, DELAY] if delay else list(names)
+    for what, given in (('bounds', bounds), ('priors', priors)):
+        for name, pair in given.items():
+            if name not in all_:
+                raise InputError('is not fitted', key=what, value=name, choices=all_)
+            _check_pair(what, name, pair)
+    begin = [overrides.number(scene, name) for name in names] + [0.0] * delay
+    lower, upper = np.full(len(all_), -np.inf), np.full(len(all_), np.inf)
+    mean, deviation = np.array(begin), np.full(len(all_), np.inf)
+    for k, name in enumerate(all_):
+        if name.rpartition('.')[2] in _NOT_NEGATIVE and begin[k] > 0.0:
+            lower[k] = 0.0
+        if delay and name == DELAY:
+            lower[k], upper[k] = -LONGEST_DELAY, LONGEST_DELAY
+        lower[k], upper[k] = bounds.get(name, (lower[k], upper[k]))
+        mean[k], deviation[k] = priors.get(name, (mean[k], deviation[k]))
+        if not lower[k] < begin[k] < upper[k]:
+            raise InputError(
+                'the scene begins outside the bounds',
+                key=f'bounds.{name}',
+                value=begin[k],
+                expected=f'more than {lower[k]:g} and less than {upper[k]:g}',
+            )
+    return Shared(np.array(begin), lower, upper, mean, deviation)
+
+
+def sizes(shared: Shared, found: Floats) -> Floats:
+    """The size of each number: its value, in the scene or found, whichever is larger; of a number
+    that is zero, the deviation of its prior or the width of its bounds, else 1 in its unit."""
+    result = np.maximum(np.abs(found), np.abs(shared.begin))
+    for k in np.flatnonzero(result == 0.0):
+        width = shared.upper[k] - shared.lower[k]
+        result[k] = next(x for x in (shared.deviation[k], width, 1.0) if np.isfinite(x))
+    return np.asarray(result)
+
+
+def _check_pair(what: str, name: str, pair: Any) -> None:
+    expected = {'bounds': '(least, largest)', 'priors': '(mean, standard deviation)'}[what]
+    good = isinstance(pair, Sequence) and len(pair) == 2 and all(_is_bound(x) for x in pair)
+    good = good and (pair[0] < pair[1] if what == 'bounds' else is_number(pair[0]) and pair[1] > 0)
+    if not good:
+        raise InputError('not two numbers', key=f'{what}.{name}', value=pair, expected=expected)
+
+
+def _is_bound(x: Any) -> bool:
+    return is_number(x) or x in (np.inf, -np.inf)
