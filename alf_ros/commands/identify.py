@@ -13,7 +13,7 @@ from alf_ros.commands.progress import ProgressBar
 from alf_ros.errors import InputError
 from alf_ros.scene.scene import load_scene
 from alf_ros.scene.text.expression import ExpressionError, evaluate
-from alf_ros.studies.identification import loss
+from alf_ros.studies.identification import robust_loss
 from alf_ros.studies.identification.identification import identify
 from alf_ros.studies.identification.recording_reader import Topics
 
@@ -54,7 +54,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     _pairs(parser, '--prior', 'NAME=MEAN:DEVIATION', 'what is known of numbers before')
     _pairs(parser, '--noise', 'CHANNEL=DEVIATION', 'noise that is known (knee, knee.velocity)')
     parser.add_argument(
-        '--loss', default='linear', choices=loss.NAMES, help='of large residuals (default: linear)'
+        '--loss',
+        default='linear',
+        choices=robust_loss.NAMES,
+        help='of large residuals (default: linear)',
     )
     parser.add_argument(
         '--delay', action='store_true', help='fit the delay of measurements behind inputs, too'
@@ -88,7 +91,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             bounds=dict(_two(options.bounds, '--bounds')),
             priors=dict(_two(options.prior, '--prior')),
             noise={n: _number(x, '--noise') for n, x in _split(options.noise, '--noise')},
-            robust=options.loss,
+            loss=options.loss,
             delay=options.delay,
             topics=topics,
             report=bar.note,

@@ -46,10 +46,12 @@ class Combination:
 
 @dataclass(frozen=True, eq=False)
 class Knowledge:
-    """covariance (P, P) of the shared numbers; a number in an untold combination has an infinite
-    variance. singular (P,): σ, descending; combinations: of each σ."""
+    """covariance (P, P) of the shared numbers; a number in a combination that is not seen at all
+    has an infinite variance. correlations (P, P): with such a combination their limit, ±1 within
+    it. singular (P,): σ, descending; combinations: of each σ."""
 
     covariance: Floats
+    correlations: Floats
     singular: Floats
     combinations: tuple[Combination, ...]
 
@@ -57,17 +59,6 @@ class Knowledge:
     def deviations(self) -> Floats:
         """Standard deviations (P,)."""
         return np.sqrt(np.diag(self.covariance))
-
-    @property
-    def correlations(self) -> Floats:
-        """(P, P); NaN where a variance is infinite."""
-        d = self.deviations
-        with np.errstate(invalid='ignore', divide='ignore'):
-            found = self.covariance / np.outer(d, d)
-        known = np.isfinite(d) & (d > 0.0)
-        found[~known] = np.nan
-        found[:, ~known] = np.nan
-        return np.asarray(found)
 
 
 def beside(A: Floats, B: Floats) -> Floats:
@@ -96,9 +87,12 @@ def known(
         Combination(dict(zip(names, row.tolist(), strict=True)), factor / x if yes else np.inf)
         for x, row, yes in zip(s.tolist(), Vt, seen.tolist(), strict=True)
     )
-    half = sizes[:, None] * Vt[seen].T * (factor / s[seen])
+    half = sizes[:, None] * Vt.T * (factor / np.maximum(s, least or 1.0))
+    limit = half @ half.T
+    spreads = np.sqrt(np.diag(limit))
+    half = half[:, seen]
     covariance = half @ half.T
     unseen = (np.abs(Vt[~seen]) > np.sqrt(_UNSEEN)).any(axis=0) | (norm == 0.0)
     covariance[unseen] = covariance[:, unseen] = 0.0
     covariance[unseen, unseen] = np.inf
-    return Knowledge(covariance, s, combinations)
+    return Knowledge(covariance, limit / np.outer(spreads, spreads), s, combinations)

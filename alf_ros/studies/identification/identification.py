@@ -13,7 +13,7 @@ from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.scene.scene import Scene, load_scene
 from alf_ros.simulation.input_checks import number, truth
-from alf_ros.studies.identification import identifiability, loss, noise_levels
+from alf_ros.studies.identification import identifiability, noise_levels, robust_loss
 from alf_ros.studies.identification.identified import ChannelFit, Identification
 from alf_ros.studies.identification.least_squares_fit import (
     COARSE,
@@ -53,7 +53,7 @@ def identify(
     bounds: Mapping[str, Pair] | None = None,
     priors: Mapping[str, Pair] | None = None,
     noise: Mapping[str, float] | None = None,
-    robust: str = 'linear',
+    loss: str = 'linear',
     delay: bool = False,
     topics: Topics | None = None,
     report: Report | None = None,
@@ -64,8 +64,8 @@ def identify(
     and of tangents. window (s): length of the parts whose starts are free. hold_out: the part of
     the windows that is kept away from the fit. bounds: (least, largest) by name; priors: (mean,
     standard deviation) by name, of independent normal distributions. noise: standard deviations by
-    channel (rad or m; 'knee.velocity' per s), which the fit estimates otherwise. robust: a loss,
-    'linear', 'huber', 'soft_l1' or 'cauchy'. delay: whether the delay (s) of the measurements
+    channel (rad or m; 'knee.velocity' per s), which the fit estimates otherwise. loss: 'linear',
+    'huber', 'soft_l1' or 'cauchy'. delay: whether the delay (s) of the measurements
     behind the inputs is fitted too, as the number 'delay'. report: called with a line of text.
 
     Raises InputError for names, numbers and recordings that cannot be used, and for numbers
@@ -79,8 +79,8 @@ def identify(
     if not length > 0.0 or not part < 1.0:
         key, value = ('window', length) if not length > 0.0 else ('hold_out', part)
         raise InputError('out of range', key=key, value=value, expected='more than 0, a part of 1')
-    if robust not in loss.NAMES:
-        raise InputError('no such loss', key='robust', value=robust, choices=loss.NAMES)
+    if loss not in robust_loss.NAMES:
+        raise InputError('no such loss', key='loss', value=loss, choices=robust_loss.NAMES)
     late = truth(delay, 'delay')
     shared = shared_numbers(loaded, names, bounds or {}, priors or {}, late)
     read = _recordings(recordings, loaded, topics)
@@ -94,7 +94,7 @@ def identify(
     levels = noise_levels.first_levels(each_channel, given)
     fitted, away = ([w for w in windows if w.kept_away == flag] for flag in (False, True))
     say(f'{len(fitted)} windows to fit, {len(away)} kept away, {len(names)} numbers')
-    work = _Work(runs, fitted, away, levels, robust, given, say)
+    work = _Work(runs, fitted, away, levels, loss, given, say)
     return work.identified(loaded, read, shared)
 
 
@@ -107,12 +107,12 @@ class _Work:
         fitted: Sequence[Window],
         away: Sequence[Window],
         levels: Floats,
-        robust: str,
+        loss: str,
         given: Mapping[str, float],
         say: Report,
     ) -> None:
         self._runs, self._fitted, self._away = runs, fitted, away
-        self._levels, self._robust, self._given, self._say = levels, robust, given, say
+        self._levels, self._loss, self._given, self._say = levels, loss, given, say
         self.evaluations = 0
 
     def identified(
@@ -169,13 +169,13 @@ class _Work:
         self._say(f'{self.evaluations + evaluations} evaluations, cost {cost:.6g}')
 
     def _fit(self, windows: Sequence[Window]) -> LeastSquaresFit:
-        return LeastSquaresFit(self._runs, windows, self._levels, self._robust)
+        return LeastSquaresFit(self._runs, windows, self._levels, self._loss)
 
     def _relevel(self, residuals: WindowResiduals, free: Sequence[Floats], numbers: int) -> None:
         whole, of = residuals.joined
         count = numbers + sum(each.size for each in free)
         channels = self._runs.channels
-        robust = self._robust != 'linear'
+        robust = self._loss != 'linear'
         self._levels = noise_levels.levels(channels, self._given, whole, of, count, robust)
 
     def _residuals(
@@ -200,7 +200,7 @@ class _Work:
             parts.append(identifiability.beside(J[:, P:], J[:, :P]))
             scaled.append(r)
         prior = np.diag(1.0 / shared.deviation)
-        spread = loss.spread(self._robust, np.concatenate(scaled))
+        spread = robust_loss.spread(self._loss, np.concatenate(scaled))
         size = sizes(shared, solution.shared)
         return identifiability.known(names, parts, size, prior, spread)
 

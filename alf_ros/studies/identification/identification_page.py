@@ -7,13 +7,14 @@ its residuals over time and as a histogram.
 from __future__ import annotations
 
 import html
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from alf_ros import html_table
+from alf_ros.errors import printable
 from alf_ros.studies.ensemble import report_look, svg_charts
-from alf_ros.studies.identification.identified import ChannelFit, Identification
+from alf_ros.studies.identification.identified import ChannelFit, Identification, rounded
 
 _MOST_CHANNELS = 40
 _ONE = 'A deviation of 1 % says that the combination is known to 1 % of the numbers in it.'
@@ -61,19 +62,20 @@ def _numbers(found: Identification) -> str:
     head = ('number', 'scene', 'estimate', 'deviation', '95 % from', 'to')
     rows = []
     for k, name in enumerate(found.names):
-        low, high = (f'{x:.6g}' for x in found.intervals[k])
-        deviation = f'{found.deviations[k]:.3g}'
-        if not np.isfinite(found.deviations[k]):
+        spread = float(found.deviations[k])
+        low, high = (rounded(x, spread) for x in found.intervals[k])
+        deviation = f'{spread:.3g}'
+        if not np.isfinite(spread):
             low, high, deviation = '', '', 'not told'
         label = f'{name} (at its bound)' if name in found.at_bounds else name
-        value = f'{found.values[k]:.6g}'
+        value = rounded(found.values[k], spread)
         rows.append((label, f'{found.before[k]:.6g}', value, deviation, low, high))
-    return html_table.table(head, rows, len(rows))
+    return _table(head, rows)
 
 
 def _knowledge(found: Identification) -> Iterator[str]:
     yield '<h2>What the recording tells</h2>'
-    yield html_table.paragraph(_ONE)
+    yield f'<p>{_ONE}</p>'
     rows = [
         (
             each.text,
@@ -82,15 +84,15 @@ def _knowledge(found: Identification) -> Iterator[str]:
         )
         for sigma, each in zip(found.singular_values, found.combinations, strict=True)
     ]
-    yield html_table.table(('combination', 'singular value', 'deviation'), rows, len(rows))
+    yield _table(('combination', 'singular value', 'deviation'), rows)
     if len(found.names) > 1:
         yield '<h2>Correlations</h2>'
         head = ('', *(str(k + 1) for k in range(len(found.names))))
         cells = [
-            (f'{k + 1} {name}', *('' if np.isnan(x) else f'{x:.2f}' for x in row))
+            (f'{k + 1} {name}', *(f'{x:.2f}' for x in row))
             for k, (name, row) in enumerate(zip(found.names, found.correlations, strict=True))
         ]
-        yield f'<div class="scroll">{html_table.table(head, cells, len(cells))}</div>'
+        yield _table(head, cells)
 
 
 def _untold(deviation: float) -> str:
@@ -99,7 +101,7 @@ def _untold(deviation: float) -> str:
 
 def _fit(found: Identification) -> Iterator[str]:
     yield '<h2>Residuals</h2>'
-    yield html_table.paragraph(_WHITE)
+    yield f'<p>{_WHITE}</p>'
     rows = []
     for each in found.channels:
         test = each.whiteness
@@ -108,7 +110,7 @@ def _fit(found: Identification) -> Iterator[str]:
         rms = (f'{each.before:.3g}', f'{each.after:.3g}', held)
         rows.append((f'{each.name}, {_unit(each)}', *rms, *tests))
     head = ('channel', 'before', 'after', 'kept away', 'Durbin-Watson', 'Ljung-Box', 'runs')
-    yield f'<div class="scroll">{html_table.table(head, rows, len(rows))}</div>'
+    yield _table(head, rows)
 
 
 def _channel(channel: ChannelFit) -> Iterator[str]:
@@ -119,6 +121,15 @@ def _channel(channel: ChannelFit) -> Iterator[str]:
         name = f'residual, {_unit(channel)}'
         yield svg_charts.scatter(f'{name}, over time, s', t[::every], r[::every])
         yield svg_charts.histogram(name, r)
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """With all its rows and whole texts; a narrow window scrolls it."""
+    lines = [f'<tr>{"".join(f"<th>{html.escape(each)}</th>" for each in head)}</tr>']
+    for row in rows:
+        cells = (f'<td>{html.escape(printable(each))}</td>' for each in row)
+        lines.append(f'<tr>{"".join(cells)}</tr>')
+    return f'<div class="scroll"><table>{"".join(lines)}</table></div>'
 
 
 def _unit(channel: ChannelFit) -> str:

@@ -81,7 +81,7 @@ class Identification:
 
     @property
     def correlations(self) -> Floats:
-        """(P, P) of the estimates."""
+        """(P, P) of the estimates; ±1 within a combination that is not seen."""
         return self.knowledge.correlations
 
     @property
@@ -109,11 +109,12 @@ class Identification:
         for name, value, deviation, (low, high) in zip(
             self.names, self.values, self.deviations, self.intervals, strict=True
         ):
-            told = f'± {deviation:.2g}  95 %: {low:.6g} to {high:.6g}'
+            shown, first, last = (rounded(x, deviation) for x in (value, low, high))
+            told = f'± {deviation:.2g}, 95 %: {first} to {last}'
             if not np.isfinite(deviation):
                 told = 'not told by this recording'
-            bound = '  at its bound' if name in self.at_bounds else ''
-            yield f'{name:{width}}  {value:.6g} {told}{bound}'
+            bound = ', at its bound' if name in self.at_bounds else ''
+            yield f'{name:{width}}  {shown} {told}{bound}'
         for each in self.untold:
             known = 'not at all' if np.isinf(each.deviation) else f'to {each.deviation:.0%}'
             yield f'cannot be told apart: {each.text} (known {known})'
@@ -147,3 +148,11 @@ class Identification:
         (target / f'{self.scene.name}.yaml').write_text(self.fitted_scene.text, 'utf-8')
         (target / 'report.html').write_text(page(self), 'utf-8')
         return target
+
+
+def rounded(value: float, deviation: float) -> str:
+    """A number to a tenth of its deviation, with 6 digits at least, and 16 at most."""
+    if not (np.isfinite(deviation) and deviation > 0.0 and value != 0.0):
+        return f'{value:.6g}'
+    digits = int(np.ceil(np.log10(abs(value) / deviation))) + 2
+    return f'{value:.{min(16, max(6, digits))}g}'

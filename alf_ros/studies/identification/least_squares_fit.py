@@ -17,12 +17,19 @@ from scipy.optimize import least_squares
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import AlfError, StoppedError
-from alf_ros.studies.identification.loss import rooted
+from alf_ros.studies.identification.robust_loss import rooted
 from alf_ros.studies.identification.window import Window
 from alf_ros.studies.identification.window_runs import Misfit, WindowRuns
 
 FINE, COARSE = 1e-8, 1e-3  # relative change of ½ Σ φ² at which a fit ends
 _MOST = 60  # evaluations of a fit
+_ENDS = {  # by the status of scipy
+    0: f'{_MOST} evaluations were not enough',
+    1: 'the sum of squares has no slope',
+    2: 'the sum of squares changes no more',
+    3: 'the numbers change no more',
+    4: 'the sum of squares and the numbers change no more',
+}
 
 Told = Callable[[int, float], None]  # evaluations so far, and ½ Σ φ²
 
@@ -87,9 +94,9 @@ class LeastSquaresFit:
             max_nfev=_MOST,
         )
         self.evaluations += tried.count
-        reason = str(done.message)
+        reason = _ENDS[done.status]
         if tried.failure is not None and done.status <= 0:
-            reason = f'{reason}; the last failure of a run: {tried.failure}'
+            reason += f'; the last failure of a run: {tried.failure}'
         return Solution(done.x[:P], tuple(problem.starts(done.x)), reason, done.status > 0)
 
     def starts(self, shared: Floats, free: Sequence[Floats]) -> tuple[Floats, ...]:
