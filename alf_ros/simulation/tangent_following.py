@@ -50,7 +50,16 @@ class TangentFollowing:
     effect without a derivative, and settings that tangents do not follow.
     """
 
-    def __init__(self, names: Sequence[str], scene: Scene, solver: Solver, start: Start) -> None:
+    def __init__(
+        self,
+        names: Sequence[str],
+        scene: Scene,
+        solver: Solver,
+        start: Start,
+        before: TangentFollowing | None = None,
+    ) -> None:
+        """`before`: of the scene with other numbers, whose slopes are kept where they hold."""
+        known = {each.name: each for each in before.slopes} if before is not None else {}
         self.names = tuple(names)
         _check_settings(solver)
         _check_start(start)
@@ -58,7 +67,7 @@ class TangentFollowing:
         self.slopes: list[Slopes] = [
             StateDirection(name, here)
             if is_direction(name)
-            else ParameterSlopes(name, scene, solver, start)
+            else ParameterSlopes(name, scene, solver, start, _numbered(known.get(name)))
             for name in names
         ]
         for each in self.slopes:
@@ -127,6 +136,10 @@ class TangentFollowing:
             **of,
             **{name: np.zeros(size) for name, size in sizes.items()},
         )
+
+
+def _numbered(slopes: Slopes | None) -> ParameterSlopes | None:
+    return slopes if isinstance(slopes, ParameterSlopes) else None
 
 
 def _changes_rows(slopes: Slopes, start: Start) -> bool:

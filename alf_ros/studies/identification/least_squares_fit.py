@@ -187,14 +187,14 @@ class _Problem:
         P, found = self._P, np.zeros((self.rows, x.size))
         each = zip(self._first, self._edges, self._windows, self.starts(x), strict=False)
         for at, column, window, own in each:
-            R = _compressed(*self._fit.rooted(self._fit.misfit(window, own, x[:P])))
+            R = compressed(*self._fit.rooted(self._fit.misfit(window, own, x[:P])))
             found[at : at + len(R), :P] = R[:, 1 : 1 + P]
             found[at : at + len(R), column : column + own.size] = R[:, 1 + P :]
         found[self._first[-1] :, :P] = np.diag(1.0 / self._shared.deviation)
         return found
 
 
-def _compressed(value: Floats, J: Floats) -> Floats:
+def compressed(value: Floats, J: Floats) -> Floats:
     """R (columns, columns) of [r A B], its first entry not negative."""
     columns = 1 + J.shape[1]
     whole = np.zeros((max(columns, value.size), columns))

@@ -83,7 +83,8 @@ class WindowRuns:
             tangents = [f'state.{k}' for k in range(directions)]
             if directions:
                 tangents = [*self.names, *tangents]
-            made = Simulation(self.at(values), **self._settings, tangents=tangents)
+            last = self._known[directions][1] if directions in self._known else None
+            made = Simulation(self.at(values), **self._settings, tangents=tangents, like=last)
             self._known[directions] = key, made
         return self._known[directions][1]
 
