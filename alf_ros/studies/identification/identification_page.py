@@ -55,6 +55,7 @@ def _about(found: Identification) -> str:
     unused = [name for each in found.recordings for name in each.unused]
     if unused:
         rows.append(('recorded, not used', ', '.join(unused)))
+    rows += [('damage', each.damage) for each in found.recordings if each.damage]
     return html_table.pairs(rows)
 
 

@@ -126,6 +126,9 @@ class Identification:
                 f'{channel.name}: {channel.before:.3g} {unit} before, {channel.after:.3g} after'
                 f'{held}{white}'
             )
+        for recording in self.recordings:
+            if recording.damage:
+                yield f'{recording.name} is damaged: {recording.damage}'
         if not self.settled:
             yield f'the fit has not settled: {self.reason}'
 
@@ -151,8 +154,8 @@ class Identification:
 
 
 def rounded(value: float, deviation: float) -> str:
-    """A number to a tenth of its deviation, with 6 digits at least, and 16 at most."""
+    """A number to a tenth of its deviation, with 3 digits at least, and 16 at most."""
     if not (np.isfinite(deviation) and deviation > 0.0 and value != 0.0):
-        return f'{value:.6g}'
+        return f'{value:.4g}'
     digits = int(np.ceil(np.log10(abs(value) / deviation))) + 2
-    return f'{value:.{min(16, max(6, digits))}g}'
+    return f'{value:.{min(16, max(3, digits))}g}'

@@ -24,6 +24,7 @@ _TURN = 0.1  # rad or m, by which a joint moves in one step
 _ROUNDS = 30
 _KEEP = 1e-6  # weight of the directions that no joint tells
 _CLOSED = 1e-9
+_FAR = 0.5  # rad, or of the size: a joint that is off by more is another one
 
 
 class PostureTrack:
@@ -77,6 +78,21 @@ class PostureTrack:
             if far > _TURN or at == t:
                 self._go(want, at)
         self._t = t
+        self._check(self._off(self._smooth(t)[0]))
+
+    def _check(self, off: Floats) -> None:
+        """Raises InputError if a joint is far from where it was recorded."""
+        assert self._t is not None
+        parts = np.abs(off) / np.where(self._angles, 1.0, self._model.size)
+        k = int(parts.argmax())
+        if not parts[k] <= _FAR:
+            unit = 'rad' if self._angles[k] else 'm'
+            raise InputError(
+                'the mechanism cannot be where this joint was recorded, at '
+                f't = {self._t:.6g} s: it is off by {off[k]:.3g} {unit}',
+                key=self._of[k][1].joint,
+                expected='the joint of the scene, in its sense, unit and zero',
+            )
 
     def _go(self, want: Floats, t: float) -> None:
         rows, n = DenseRows(self._model, t), self._model.n
@@ -107,7 +123,7 @@ class PostureTrack:
         raise InputError(
             f'the mechanism cannot follow the recorded joints at t = {rows.t:.6g} s',
             key='recording',
-            expected='joints of this mechanism, in its sense and from its zero (--map, check)',
+            expected='joints of this mechanism, in its sense and from its zero',
         )
 
     def _off(self, want: Floats) -> Floats:

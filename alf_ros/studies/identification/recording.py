@@ -73,12 +73,14 @@ class HeldInput:
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """`unused`: recorded names that no channel has."""
+    """`unused`: recorded names that no channel has; `damage`: a place that cannot be read, ''
+    without one."""
 
     name: str
     channels: tuple[Channel, ...]
     inputs: tuple[HeldInput, ...] = ()
     unused: tuple[str, ...] = ()
+    damage: str = ''
 
     @property
     def begin(self) -> float:

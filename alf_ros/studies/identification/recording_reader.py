@@ -30,6 +30,11 @@ from alf_ros.studies.identification.recording import KINDS, Channel, HeldInput, 
 _JOINTS, _WRENCH = 'sensor_msgs/msg/JointState', 'geometry_msgs/msg/WrenchStamped'
 _STRING = 'std_msgs/msg/String'
 _NS = 1e-9  # s
+_SAID = {  # in an entry of a journal, by its kind
+    'wrench': ('force', 'torque', 'frame'),
+    'effort': ('effort',),
+    'target': ('position', 'velocity'),
+}
 
 
 @dataclass(frozen=True)
@@ -69,9 +74,12 @@ class _Reader:
         self._seen: set[str] = set()
         self._unused: dict[str, None] = {}
         self._all: dict[str, str] = {}  # topic -> type
+        self._damage = ''
 
     def recording(self) -> Recording:
         own = self._own_log()
+        if own is not None:
+            self._held_before(own)
         for series in self._series(None if own is None else own.topic('~/inputs')):
             if series.type == _JOINTS and _is(series.topic, self._topics.joints):
                 self._measured(series)
@@ -89,7 +97,8 @@ class _Reader:
         )
         given = [HeldInput((t - origin) * _NS, *what) for t, what in self._commands]
         inputs = sorted([*given, *self._inputs], key=lambda each: each.t)
-        return Recording(str(self._path), channels, tuple(inputs), tuple(self._unused))
+        unused = tuple(self._unused)
+        return Recording(str(self._path), channels, tuple(inputs), unused, self._damage)
 
     # ---------------------------------------------------------------------------------- reading
 
@@ -119,6 +128,8 @@ class _Reader:
                         )
                     reader = readers.setdefault(id_, ChannelReader(channel))
                     yield from reader.series(block, np.flatnonzero(block.channel == id_))
+            if contents.damage:
+                self._damage = f'{file.name}: {contents.damage}'
 
     def _wanted(self, topic: str, kind: str, journal_topic: str | None) -> bool:
         if journal_topic is not None:
@@ -212,23 +223,29 @@ class _Reader:
     def _from_journal(self, series: Series) -> None:
         for entry in journal.entries(series):
             kind = entry['kind']
-            if kind == 'settings' and entry['effects']:
+            if kind == journal.UNREADABLE or (kind == 'settings' and entry['effects']):
+                what = 'cannot be read' if kind == journal.UNREADABLE else 'changes the effects'
                 raise InputError(
-                    'the log changes numbers of its effects on the way',
+                    f'an entry of its journal {what}',
                     file=str(self._path),
-                    value=f't = {entry["t"]:.6g} s',
-                    expected='a log with one set of numbers',
+                    value=journal.told(entry),
+                    expected='a whole log, with one set of numbers',
                 )
-            if kind in ('wrench', 'effort', 'target'):
-                keys = {
-                    'wrench': ('force', 'torque', 'frame'),
-                    'effort': ('effort',),
-                    'target': ('position', 'velocity'),
-                }[kind]
-                said = {key: read_curve(entry[key]) for key in keys}
-                if kind == 'wrench':
-                    said = {key: entry[key] for key in keys}
-                self._inputs.append(HeldInput(entry['t'], kind, entry['name'], said))
+            if kind in _SAID:
+                said = {key: entry[key] for key in _SAID[kind]}
+                self._hold(entry['t'], kind, entry['name'], said)
+
+    def _held_before(self, own: log.Log) -> None:
+        """The inputs in the state with which a log begins."""
+        held = own.info.get('state', {}).get('inputs', {})
+        for kind, each in (('wrench', 'wrenches'), ('effort', 'efforts'), ('target', 'targets')):
+            for name, what in held.get(each, {}).items():
+                self._hold(0.0, kind, name, {'effort': what} if kind == 'effort' else what)
+
+    def _hold(self, t: float, kind: str, name: str, said: Mapping[str, Any]) -> None:
+        curves = ('effort', 'position')
+        read = {key: read_curve(x) if key in curves else x for key, x in said.items()}
+        self._inputs.append(HeldInput(t, kind, name, read))
 
     # ----------------------------------------------------------------------------------- checks
 
