@@ -149,7 +149,7 @@ def test_outliers_with_a_robust_loss() -> None:
     values: dict[str, Floats] = {}
     for channel in clean.channels:
         wild = rng.random(channel.values.size) < 0.05
-        values[channel.joint] = channel.values + 0.1 * wild * rng.choice([-1, 1], wild.size)
+        values[channel.joint] = channel.values + 0.1 * wild * rng.choice([-1.0, 1.0], wild.size)
     recording = recorded(machine().t, values)
     plain, robust = (
         identify(scene(), recording, FIT, window=1.0, loss=loss) for loss in ('linear', 'huber')

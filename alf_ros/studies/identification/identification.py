@@ -32,7 +32,6 @@ from alf_ros.studies.identification.shared_numbers import (
     Pair,
     names_to_fit,
     shared_numbers,
-    sizes,
 )
 from alf_ros.studies.identification.window import Window, cut
 from alf_ros.studies.identification.window_residuals import WindowResiduals
@@ -201,7 +200,7 @@ class _Work:
             scaled.append(r)
         prior = np.diag(1.0 / shared.deviation)
         spread = robust_loss.spread(self._loss, np.concatenate(scaled))
-        size = sizes(shared, solution.shared)
+        size = np.maximum(shared.size, np.abs(solution.shared))
         return identifiability.known(names, parts, size, prior, spread)
 
     def _channels(

@@ -157,5 +157,5 @@ def rounded(value: float, deviation: float) -> str:
     """A number to a tenth of its deviation, with 3 digits at least, and 16 at most."""
     if not (np.isfinite(deviation) and deviation > 0.0 and value != 0.0):
         return f'{value:.4g}'
-    digits = int(np.ceil(np.log10(abs(value) / deviation))) + 2
+    digits = int(np.ceil(np.log10(abs(value) / deviation))) + 1
     return f'{value:.{min(16, max(3, digits))}g}'

@@ -5,6 +5,10 @@ has as many rows as columns: with R in place of the window nothing of the proble
 ½ |r|², nor Jᵀ r, nor Jᵀ J. The first column of R is (|r|, 0, …), which needs no derivatives. So
 scipy.optimize.least_squares (trust region, bounds) gets a few rows for each window, whatever the
 number of measurements.
+
+What the measurements do not see would drift by rounding. So each number is held at its value in
+the scene, and each start at its first estimate, by a deviation of `UNSEEN` times its size. A number
+that is known to its own size, 100 %, moves by 1e-6 of its deviation.
 """
 
 from __future__ import annotations
@@ -22,6 +26,7 @@ from alf_ros.studies.identification.window import Window
 from alf_ros.studies.identification.window_runs import Misfit, WindowRuns
 
 FINE, COARSE = 1e-8, 1e-3  # relative change of ½ Σ φ² at which a fit ends
+UNSEEN = 1e3  # times the size: the deviation that holds what nothing sees
 _MOST = 60  # evaluations of a fit
 _ENDS = {  # by the status of scipy
     0: f'{_MOST} evaluations were not enough',
@@ -37,13 +42,19 @@ Told = Callable[[int, float], None]  # evaluations so far, and ½ Σ φ²
 @dataclass(frozen=True)
 class Shared:
     """The shared numbers, those of the scene and the delay (s) behind: where each begins, its
-    bounds, and its prior: mean and standard deviation, which is infinite without one."""
+    bounds, its prior: mean and standard deviation, which is infinite without one, and its size."""
 
     begin: Floats
     lower: Floats
     upper: Floats
     mean: Floats
     deviation: Floats
+    size: Floats
+
+    @property
+    def weight(self) -> Floats:
+        """Of the difference to the mean, in the fit."""
+        return 1.0 / np.minimum(self.deviation, UNSEEN * self.size)
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +75,8 @@ class LeastSquaresFit:
         self, runs: WindowRuns, windows: Sequence[Window], noise: Floats, loss: str
     ) -> None:
         self._runs, self._windows, self._noise, self._loss = runs, windows, noise, loss
+        model = runs.reference.model
+        self._size = float(np.sqrt(model.mass_scale)) * model.size  # of a start, kg^½ m, kg^½ m/s
         self.evaluations = 0
 
     def solve(
@@ -111,14 +124,15 @@ class LeastSquaresFit:
 
     def _start(self, window: Window, free: Floats, shared: Floats) -> Floats:
         def values(x: Floats) -> Floats:
-            return self.rooted(self.plain(window, x, shared))[0]
+            return self.rooted(window, x, self.plain(window, x, shared))[0]
 
         def slopes(x: Floats) -> Floats:
-            return self.rooted(self.misfit(window, x, shared))[1][:, self.numbers :]
+            return self.rooted(window, x, self.misfit(window, x, shared))[1][:, self.numbers :]
 
         if not free.size:
             return free
-        tried = _Tried(values, sum(part.t.size for part in window.measured))
+        size = sum(part.t.size for part in window.measured) + free.size
+        tried = _Tried(values, size)
         done = least_squares(
             tried, free, slopes, x_scale='jac', ftol=1e-6, xtol=1e-6, gtol=None, max_nfev=_MOST
         )
@@ -150,11 +164,18 @@ class LeastSquaresFit:
         noise = self._noise[misfit.channel]
         return misfit.residuals / noise, misfit.jacobian / noise[:, None]
 
-    def rooted(self, misfit: Misfit) -> tuple[Floats, Floats]:
-        """φ and its derivatives."""
+    def rooted(self, window: Window, free: Floats, misfit: Misfit) -> tuple[Floats, Floats]:
+        """φ and its derivatives, and behind them the start, held very weakly."""
         r, J = self.scaled(misfit)
         value, slope = rooted(self._loss, r)
-        return value, J * slope[:, None]
+        assert window.chart is not None
+        weak = 1.0 / (UNSEEN * self._size)
+        held = np.zeros((free.size, J.shape[1]))
+        held[:, self.numbers :] = weak * np.eye(free.size) if J.size else 0.0
+        return (
+            np.concatenate([value, weak * (free - window.chart.free)]),
+            np.vstack([J * slope[:, None], held]),
+        )
 
 
 class _Problem:
@@ -177,9 +198,9 @@ class _Problem:
         """(|r|, 0, …) of each window, then the priors."""
         found, shared = np.zeros(self.rows), x[: self._P]
         for at, window, own in zip(self._first, self._windows, self.starts(x), strict=False):
-            value, _ = self._fit.rooted(self._fit.plain(window, own, shared))
+            value, _ = self._fit.rooted(window, own, self._fit.plain(window, own, shared))
             found[at] = np.linalg.norm(value)
-        found[self._first[-1] :] = (shared - self._shared.mean) / self._shared.deviation
+        found[self._first[-1] :] = (shared - self._shared.mean) * self._shared.weight
         return found
 
     def slopes(self, x: Floats) -> Floats:
@@ -187,10 +208,11 @@ class _Problem:
         P, found = self._P, np.zeros((self.rows, x.size))
         each = zip(self._first, self._edges, self._windows, self.starts(x), strict=False)
         for at, column, window, own in each:
-            R = compressed(*self._fit.rooted(self._fit.misfit(window, own, x[:P])))
+            misfit = self._fit.misfit(window, own, x[:P])
+            R = compressed(*self._fit.rooted(window, own, misfit))
             found[at : at + len(R), :P] = R[:, 1 : 1 + P]
             found[at : at + len(R), column : column + own.size] = R[:, 1 + P :]
-        found[self._first[-1] :, :P] = np.diag(1.0 / self._shared.deviation)
+        found[self._first[-1] :, :P] = np.diag(self._shared.weight)
         return found
 
 

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from alf_ros.arrays import Floats
 from alf_ros.effects.contract.trajectory import Curve
@@ -18,6 +19,7 @@ from alf_ros.errors import InputError
 from alf_ros.simulation.simulation import Simulation
 
 KINDS = ('position', 'velocity')
+Numbers: TypeAlias = Sequence[float] | NDArray[Any]
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,9 +114,9 @@ class Recording:
 
 
 def recorded(
-    t: Sequence[float] | Floats,
-    positions: Mapping[str, Sequence[float] | Floats],
-    velocities: Mapping[str, Sequence[float] | Floats] | None = None,
+    t: Numbers,
+    positions: Mapping[str, Numbers],
+    velocities: Mapping[str, Numbers] | None = None,
     inputs: Sequence[HeldInput] = (),
     name: str = 'recording',
 ) -> Recording:

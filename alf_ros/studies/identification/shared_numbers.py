@@ -70,17 +70,17 @@ def shared_numbers(
                 value=begin[k],
                 expected=f'more than {lower[k]:g} and less than {upper[k]:g}',
             )
-    return Shared(np.array(begin), lower, upper, mean, deviation)
+    size = _sizes(np.array(begin), upper - lower, deviation)
+    return Shared(np.array(begin), lower, upper, mean, deviation, size)
 
 
-def sizes(shared: Shared, found: Floats) -> Floats:
-    """The size of each number: its value, in the scene or found, whichever is larger; of a number
-    that is zero, the deviation of its prior or the width of its bounds, else 1 in its unit."""
-    result = np.maximum(np.abs(found), np.abs(shared.begin))
-    for k in np.flatnonzero(result == 0.0):
-        width = shared.upper[k] - shared.lower[k]
-        result[k] = next(x for x in (shared.deviation[k], width, 1.0) if np.isfinite(x))
-    return np.asarray(result)
+def _sizes(begin: Floats, width: Floats, deviation: Floats) -> Floats:
+    """The size of each number: its value in the scene; of a number that is zero there, the
+    deviation of its prior or the width of its bounds, else 1 in its unit."""
+    found = np.abs(begin)
+    for k in np.flatnonzero(found == 0.0):
+        found[k] = next(x for x in (deviation[k], width[k], 1.0) if np.isfinite(x))
+    return np.asarray(found)
 
 
 def _check_pair(what: str, name: str, pair: Any) -> None:
