@@ -105,7 +105,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _log(found: object, folder: object) -> str:
-    """Write the log of the fitted run, where ROS is there to write one; what to say of it."""
+    """Write the log of the fitted run, if ROS is installed; returns the end of the last line."""
     try:
         from alf_ros.ros.recording.fitted_log import log_fitted
     except ImportError as error:

@@ -269,7 +269,7 @@ class ParameterSlopes:
 
 
 def _agree(slope: Floats, less: Floats, more: Floats, step: float) -> bool:
-    """Whether a slope is that of arrays a step less and a step more."""
+    """Whether a slope agrees with the difference of arrays a step less and a step more."""
     with np.errstate(invalid='ignore'):  # no limit is an infinite one
         change = np.where(less == more, 0.0, more - less)
     most = _AGREE * np.abs(slope).max(initial=0.0)

@@ -1,7 +1,7 @@
-"""A direction of the state, which tangents follow beside those of numbers of the scene.
+"""A direction of the state, which tangents follow like a number of the scene.
 
 A tangent is linear in where it begins. The direction `state.0` begins where the restored
-`State.tangents` says, and nothing of the scene changes with it.
+`State.tangents` says. The scene does not change with it.
 """
 
 from __future__ import annotations

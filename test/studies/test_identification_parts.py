@@ -63,7 +63,7 @@ def test_a_state_direction_is_a_derivative_by_the_start() -> None:
 
 
 def test_slopes_that_serve_again_are_the_same() -> None:
-    """Masses are kept where nothing beside them changes, and found anew where a product does."""
+    """Masses are kept where nothing beside them changes, and found again where a product does."""
     scene = load_scene('slider_crank')
     names = ['coupler.mass', 'gravity.acceleration.1']
     first = Simulation(scene, tangents=names)
@@ -121,7 +121,7 @@ def test_derivatives_are_those_of_differences(name: str, names: list[str], size:
 
 
 def test_the_track_finds_the_start() -> None:
-    """From exact measurements: the first residuals are those of the smoothing alone."""
+    """From exact measurements: the first residuals come from the smoothing alone."""
     scene = load_scene('slider_crank')
     machine = Machine(scene, ('crank_pin', 'guide'), 1.0)
     runs = WindowRuns(scene, [], machine.recording(velocities=True).channels, delay=False)
@@ -187,7 +187,7 @@ def test_covariance_is_that_of_the_whole_problem() -> None:
     assert np.allclose(found.correlations, expected / np.outer(d, d), rtol=1e-9)
 
 
-def test_what_is_not_seen_is_named() -> None:
+def test_unseen_combinations_are_named() -> None:
     """a and b act as a + 2 b: their change a = 2, b = -1 is not seen; c is."""
     rng = np.random.default_rng(3)
     a, c = rng.normal(size=(2, 40))
@@ -196,7 +196,7 @@ def test_what_is_not_seen_is_named() -> None:
     )
     assert np.isinf(found.deviations[:2]).all() and np.isfinite(found.deviations[2])
     last = found.combinations[-1]
-    assert not last.told and last.text == '0.89 a -0.45 b'
+    assert not last.determined and last.text == '0.89 a -0.45 b'
     assert found.correlations[0, 1] == pytest.approx(-1.0)
 
 

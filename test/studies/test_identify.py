@@ -1,4 +1,4 @@
-"""identify against machines whose numbers are known: estimates, their intervals, what is told."""
+"""identify against machines with known numbers: estimates, intervals, combinations."""
 
 from __future__ import annotations
 
@@ -67,16 +67,16 @@ def test_delay_and_quantised_encoders() -> None:
         assert channel.after == pytest.approx(quantum / np.sqrt(12.0), rel=0.15)
 
 
-def test_what_cannot_be_told_is_named() -> None:
+def test_undetermined_numbers_are_named() -> None:
     """Masses and friction have a common factor; gravity has its own."""
     names = ['coupler.mass', 'crank.mass', 'pin.viscous', 'rail.viscous', 'gravity.acceleration.1']
     found = identify(scene(), machine().recording(2e-3), names, window=1.0)
-    (one,) = (each for each in found.untold if np.isinf(each.deviation))
+    (one,) = (each for each in found.undetermined if np.isinf(each.deviation))
     assert {name for name, part in one.parts.items() if abs(part) > 0.02} == set(names[:4])
     assert np.isinf(found.deviations[:4]).all()
     assert found['gravity.acceleration.1'] == pytest.approx(-9.81, abs=5 * found.deviations[4])
     text = str(found)
-    assert 'not told by this recording' in text and 'cannot be told apart' in text
+    assert 'not determined by this recording' in text and 'not determined at all' in text
 
 
 def test_a_mass_that_never_moves_is_named() -> None:
@@ -112,7 +112,7 @@ def test_a_mass_that_never_moves_is_named() -> None:
     recording = Machine(two, ('o', 'p'), 1.0).recording(1e-3, quantum=1e-4)
     found = identify(two, recording, ['oil.viscous', 'hangs.mass'], window=1.0)
     assert found['oil.viscous'] == pytest.approx(0.3, abs=4 * found.deviations[0])
-    (one,) = found.untold
+    (one,) = found.undetermined
     assert one.text == '1.00 hangs.mass'
 
 

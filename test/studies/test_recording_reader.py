@@ -23,7 +23,7 @@ JOINTS = ('crank_pin', 'guide')
 
 
 def bag(folder: Path, machine: Machine, states: str = '/joint_states') -> Path:
-    """What `ros2 bag record` would keep of a machine and its commands."""
+    """A machine and its commands, as `ros2 bag record` keeps them."""
     messages: list[Message] = [
         joints('/joint_commands', NOW + round(x.t * 1e9), [x.name], effort=[x.said['effort']])
         for x in machine.inputs

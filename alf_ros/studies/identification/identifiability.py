@@ -1,9 +1,9 @@
-"""What a recording tells of the numbers: their covariance, and the combinations it cannot tell.
+"""How well a recording determines the numbers: their covariance, and undetermined combinations.
 
-With r = A u + B θ, of residuals in units of their noise, starts u and shared numbers θ, the
-recording tells of θ what is left of B at right angles to A: B⊥. For θ = θ₀ + D x, with D the size
+With r = A u + B θ, of residuals in units of their noise, starts u and shared numbers θ, B⊥
+is the part of B at right angles to A. For θ = θ₀ + D x, with D the size
 of each number, each singular value σ of B⊥ D with its direction v says: vᵀ x is known to 1/σ. A
-combination that is known to no better than its own size is one that the recording cannot tell.
+combination that is known to no better than its own size is not determined.
 """
 
 from __future__ import annotations
@@ -23,15 +23,16 @@ _PART = 0.2  # of the largest part of a combination, from which on a number is n
 class Combination:
     """Σ parts · (change of a number in parts of its size); the parts have the norm 1.
 
-    deviation: how well the recording tells it, relative: 0.01 is 1 %; infinite if not at all.
+    deviation: how well the recording determines it, relative: 0.01 is 1 %; infinite if not at
+    all.
     """
 
     parts: dict[str, float]
     deviation: float
 
     @property
-    def told(self) -> bool:
-        """Whether the recording tells it: to better than the size of the numbers."""
+    def determined(self) -> bool:
+        """Whether its deviation is below 100 %."""
         return self.deviation < 1.0
 
     @property

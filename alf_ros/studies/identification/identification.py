@@ -98,7 +98,7 @@ def identify(
 
 
 class _Work:
-    """The rounds of a fit, and what is read from the last one."""
+    """The rounds of a fit, and the result of the last one."""
 
     def __init__(
         self,

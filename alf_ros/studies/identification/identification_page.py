@@ -1,7 +1,7 @@
 """The report of an identification: one HTML file, nothing is fetched.
 
-The numbers with their intervals, what the recording cannot tell, how well each channel is met, and
-its residuals over time and as a histogram.
+The numbers with their intervals, the combinations that the recording determines and those that it
+does not, and the residuals over time and as a histogram.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def _numbers(found: Identification) -> str:
         low, high = (rounded(x, spread) for x in found.intervals[k])
         deviation = f'{spread:.3g}'
         if not np.isfinite(spread):
-            low, high, deviation = '', '', 'not told'
+            low, high, deviation = '', '', 'not determined'
         label = f'{name} (at its bound)' if name in found.at_bounds else name
         value = rounded(found.values[k], spread)
         rows.append((label, f'{found.before[k]:.6g}', value, deviation, low, high))
@@ -75,13 +75,13 @@ def _numbers(found: Identification) -> str:
 
 
 def _knowledge(found: Identification) -> Iterator[str]:
-    yield '<h2>What the recording tells</h2>'
+    yield '<h2>How well the recording determines them</h2>'
     yield f'<p>{_ONE}</p>'
     rows = [
         (
             each.text,
             f'{sigma:.3g}',
-            f'{each.deviation:.2%}' if each.told else _untold(each.deviation),
+            f'{each.deviation:.2%}' if each.determined else _undetermined(each.deviation),
         )
         for sigma, each in zip(found.singular_values, found.combinations, strict=True)
     ]
@@ -96,8 +96,8 @@ def _knowledge(found: Identification) -> Iterator[str]:
         yield _table(head, cells)
 
 
-def _untold(deviation: float) -> str:
-    return 'not told at all' if np.isinf(deviation) else f'not told ({deviation:.0%})'
+def _undetermined(deviation: float) -> str:
+    return 'not determined' if np.isinf(deviation) else f'not determined ({deviation:.0%})'
 
 
 def _fit(found: Identification) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""What a fit has found, and how well: the result of `identify`."""
+"""The result of `identify`: numbers, how well they are determined, and residuals."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class ChannelFit:
 
 @dataclass(frozen=True, eq=False)
 class Identification:
-    """Numbers of a scene as recordings tell them. The last name is 'delay' (s) if it was fitted.
+    """Numbers of a scene from recordings. The last name is 'delay' (s) if it was fitted.
 
     values, before (P,): found, and in the scene. `scene` as it was, `fitted_scene` with the new
     numbers. `settled`: whether the fit ended by itself, `reason`: why it did; `at_bounds`: numbers
@@ -95,9 +95,9 @@ class Identification:
         return self.knowledge.combinations
 
     @property
-    def untold(self) -> tuple[Combination, ...]:
-        """The combinations that the recording cannot tell."""
-        return tuple(each for each in self.combinations if not each.told)
+    def undetermined(self) -> tuple[Combination, ...]:
+        """The combinations with a deviation of 100 % or more."""
+        return tuple(each for each in self.combinations if not each.determined)
 
     def __getitem__(self, name: str) -> float:
         """The value of a number."""
@@ -110,14 +110,14 @@ class Identification:
             self.names, self.values, self.deviations, self.intervals, strict=True
         ):
             shown, first, last = (rounded(x, deviation) for x in (value, low, high))
-            told = f'± {deviation:.2g}, 95 %: {first} to {last}'
+            shown_with = f'± {deviation:.2g}, 95 %: {first} to {last}'
             if not np.isfinite(deviation):
-                told = 'not told by this recording'
+                shown_with = 'not determined by this recording'
             bound = ', at its bound' if name in self.at_bounds else ''
-            yield f'{name:{width}}  {shown} {told}{bound}'
-        for each in self.untold:
-            known = 'not at all' if np.isinf(each.deviation) else f'to {each.deviation:.0%}'
-            yield f'cannot be told apart: {each.text} (known {known})'
+            yield f'{name:{width}}  {shown} {shown_with}{bound}'
+        for each in self.undetermined:
+            how = 'at all' if np.isinf(each.deviation) else f'to better than {each.deviation:.0%}'
+            yield f'not determined {how}: {each.text}'
         for channel in self.channels:
             unit = channel.unit + ('/s' if channel.kind == 'velocity' else '')
             held = f', {channel.held_out:.3g} kept away' if self.kept_away else ''

@@ -1,14 +1,13 @@
 """The fit: numbers that all windows share, and the start of each window, by least squares.
 
 The residuals r of a window depend on the shared numbers and on its own start alone. [r A B] = Q R
-has as many rows as columns: with R in place of the window nothing of the problem changes, neither
-½ |r|², nor Jᵀ r, nor Jᵀ J. The first column of R is (|r|, 0, …), which needs no derivatives. So
-scipy.optimize.least_squares (trust region, bounds) gets a few rows for each window, whatever the
-number of measurements.
+has as many rows as columns: R in place of the window keeps ½ |r|², Jᵀ r and Jᵀ J. The first column
+of R is (|r|, 0, …), which needs no derivatives. So scipy.optimize.least_squares (trust region,
+bounds) gets a few rows for each window, whatever the number of measurements.
 
-What the measurements do not see would drift by rounding. So each number is held at its value in
-the scene, and each start at its first estimate, by a deviation of `UNSEEN` times its size. A number
-that is known to its own size, 100 %, moves by 1e-6 of its deviation.
+Numbers that the measurements do not see would drift by rounding. So each number is held at its
+value in the scene, and each start at its first estimate, by a deviation of `UNSEEN` times its
+size. A number that is known to its own size, 100 %, moves by 1e-6 of its deviation.
 """
 
 from __future__ import annotations
@@ -41,7 +40,7 @@ Told = Callable[[int, float], None]  # evaluations so far, and ½ Σ φ²
 
 @dataclass(frozen=True)
 class Shared:
-    """The shared numbers, those of the scene and the delay (s) behind: where each begins, its
+    """The shared numbers, of the scene and then the delay (s): where each begins, its
     bounds, its prior: mean and standard deviation, which is infinite without one, and its size."""
 
     begin: Floats

@@ -9,13 +9,13 @@ import numpy as np
 from alf_ros.arrays import Floats, Integers
 from alf_ros.errors import InputError
 from alf_ros.simulation.input_checks import is_number
-from alf_ros.studies.identification.recording import Channel
+from alf_ros.studies.identification.recording import MeasuredChannel
 
 _LEAST = 1e-12  # of the range of a channel
 _NORMAL = 1.4826  # standard deviation of a normal distribution, over its median magnitude
 
 
-def first_levels(channels: Sequence[Channel], given: Mapping[str, float]) -> Floats:
+def first_levels(channels: Sequence[MeasuredChannel], given: Mapping[str, float]) -> Floats:
     """(channels,) standard deviations: those `given` by name, or from fourth differences, in which
     a smooth motion nearly vanishes. Raises InputError."""
     names = [each.name for each in channels]
@@ -29,19 +29,19 @@ def first_levels(channels: Sequence[Channel], given: Mapping[str, float]) -> Flo
     return np.array([given.get(each.name, _from_differences(each)) for each in channels])
 
 
-def _from_differences(channel: Channel) -> float:
+def _from_differences(channel: MeasuredChannel) -> float:
     differences = np.diff(channel.values, 4)
     found = float(np.sqrt(np.mean(differences**2) / 70.0)) if differences.size else 0.0
     return max(found, _least(channel))
 
 
-def _least(channel: Channel) -> float:
+def _least(channel: MeasuredChannel) -> float:
     """Below what any noise is, so that a channel that never changes has one."""
     return _LEAST * (float(np.ptp(channel.values)) or 1.0)
 
 
 def levels(
-    channels: Sequence[Channel],
+    channels: Sequence[MeasuredChannel],
     given: Mapping[str, float],
     residuals: Floats,
     of: Integers,

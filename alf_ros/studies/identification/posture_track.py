@@ -15,7 +15,7 @@ from alf_ros.arrays import Floats, Integers
 from alf_ros.errors import InputError
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.studies.identification.joint_readings import JointMotion, JointReadings, StateArrays
-from alf_ros.studies.identification.recording import Channel
+from alf_ros.studies.identification.recording import MeasuredChannel
 from alf_ros.studies.identification.window_start import DenseRows, StartChart
 from alf_ros.studies.statics.instant import counted
 
@@ -31,7 +31,7 @@ class PostureTrack:
     """Follows the positions and velocities of channels (of one recording), from the start of a
     scene on."""
 
-    def __init__(self, simulation: Simulation, channels: Sequence[Channel]) -> None:
+    def __init__(self, simulation: Simulation, channels: Sequence[MeasuredChannel]) -> None:
         state, model = simulation.state, simulation.model
         self._model, self._readings = model, JointReadings(model)
         self._q, self._turns = state.q, state.turns
@@ -165,7 +165,7 @@ def wrapped(angle: Floats) -> Floats:
     return np.asarray(angle - 2.0 * np.pi * np.round(angle / (2.0 * np.pi)))
 
 
-def _parabola(channel: Channel, t: float, turns: bool) -> tuple[float, float]:
+def _parabola(channel: MeasuredChannel, t: float, turns: bool) -> tuple[float, float]:
     """Value and rate at t (s) of a parabola through the nearest measurements; `turns`: angles."""
     k = int(np.searchsorted(channel.t, t))
     first = min(max(0, k - _NEAR // 2), max(0, channel.t.size - _NEAR))
@@ -181,7 +181,7 @@ def _parabola(channel: Channel, t: float, turns: bool) -> tuple[float, float]:
 
 
 def _least(A: Floats, off: Floats) -> Floats:
-    """The smallest change that takes the joints nearest."""
+    """The smallest change with the joints nearest to the recorded ones."""
     if A.shape[1] == 0:
         return np.zeros(0)
     scale = float(np.linalg.norm(A, 2)) or 1.0

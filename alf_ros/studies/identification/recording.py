@@ -1,7 +1,7 @@
-"""A recording of a machine: what was measured over time, and what acted on it.
+"""A recording of a machine: measurements over time, and the inputs that acted.
 
-Times are in the simulated time of the scene, s: those of a log of this package as they are, those
-of other recordings from the first measurement on.
+Times are in the simulated time of the scene, s. A log of this package has this time; other
+recordings begin at 0 with the first measurement.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Numbers: TypeAlias = Sequence[float] | NDArray[Any]
 
 
 @dataclass(frozen=True, eq=False)
-class Channel:
+class MeasuredChannel:
     """One measured quantity: `kind` of KINDS of a joint coordinate, rad or m, per s.
 
     t (N,) s, ascending; values (N,), finite.
@@ -42,7 +42,7 @@ class Channel:
 
 @dataclass(frozen=True, eq=False)
 class HeldInput:
-    """What acts from t (s) on, until another of the same kind and name replaces it.
+    """An input that acts from t (s) on, until another of the same kind and name replaces it.
 
     kind: 'effort', 'wrench' or 'target'; `said`: arguments of `Simulation.apply_<kind>`.
     """
@@ -79,7 +79,7 @@ class Recording:
     without one."""
 
     name: str
-    channels: tuple[Channel, ...]
+    channels: tuple[MeasuredChannel, ...]
     inputs: tuple[HeldInput, ...] = ()
     unused: tuple[str, ...] = ()
     damage: str = ''
@@ -109,7 +109,7 @@ class Recording:
         return (*before.values(), *inside.values())
 
     @property
-    def _positions(self) -> list[Channel]:
+    def _positions(self) -> list[MeasuredChannel]:
         return [each for each in self.channels if each.kind == 'position']
 
 
@@ -137,5 +137,5 @@ def recorded(
                     expected=f'{times.shape}',
                 )
             known = np.isfinite(values)
-            channels.append(Channel(joint, kind, times[known], values[known]))
+            channels.append(MeasuredChannel(joint, kind, times[known], values[known]))
     return Recording(name, tuple(channels), tuple(inputs))

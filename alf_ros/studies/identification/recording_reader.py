@@ -1,8 +1,8 @@
 """Recordings from rosbag2: a folder with MCAP files, or one such file.
 
 Positions and velocities come from JointState messages, efforts and targets from `joint_commands`,
-wrenches from WrenchStamped messages. A log of this package has its inputs in its journal. Stamps
-are those of the headers.
+wrenches from WrenchStamped messages. A log of this package has its inputs in its journal. Times
+are the stamps of the headers.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from alf_ros.scene.scene import Scene
 from alf_ros.simulation.input_checks import follows
 from alf_ros.simulation.saved_states import read_curve
 from alf_ros.simulation.simulation import Simulation
-from alf_ros.studies.identification.recording import KINDS, Channel, HeldInput, Recording
+from alf_ros.studies.identification.recording import KINDS, HeldInput, MeasuredChannel, Recording
 
 _JOINTS, _WRENCH = 'sensor_msgs/msg/JointState', 'geometry_msgs/msg/WrenchStamped'
 _STRING = 'std_msgs/msg/String'
@@ -287,7 +287,9 @@ class _Reader:
         )
 
 
-def _channel(joint: str, kind: str, pieces: list[tuple[Integers, Floats]], origin: int) -> Channel:
+def _channel(
+    joint: str, kind: str, pieces: list[tuple[Integers, Floats]], origin: int
+) -> MeasuredChannel:
     stamps = np.concatenate([each for each, _ in pieces])
     t = np.where(stamps == 1, 0, stamps - origin) * _NS  # 1 ns stands for no time
     values = np.concatenate([each for _, each in pieces])
@@ -295,7 +297,7 @@ def _channel(joint: str, kind: str, pieces: list[tuple[Integers, Floats]], origi
     order = np.argsort(t[known], kind='stable')
     t, values = t[known][order], values[known][order]
     new = np.diff(t, prepend=-np.inf) > 0.0  # a stamp that is there twice counts once
-    return Channel(joint, kind, t[new], values[new])
+    return MeasuredChannel(joint, kind, t[new], values[new])
 
 
 def _is(topic: str, name: str) -> bool:

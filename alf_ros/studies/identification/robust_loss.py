@@ -1,8 +1,8 @@
 """Losses: how much a large residual counts.
 
 With a loss ρ the fit minimises ½ Σ ρ(r²) of residuals r in units of their noise. It does so as a
-sum of squares ½ Σ φ(r)², φ = sign(r) √ρ(r²), whose derivatives are exact. Names and formulas are
-those of scipy.optimize.least_squares; from `KNEE` on, a residual counts less.
+sum of squares ½ Σ φ(r)², φ = sign(r) √ρ(r²), whose derivatives are exact. Names and formulas
+are as in scipy.optimize.least_squares; from `KNEE` on, a residual counts less.
 """
 
 from __future__ import annotations

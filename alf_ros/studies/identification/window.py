@@ -1,7 +1,7 @@
 """Windows of a recording: parts with a free start, which a run follows for a few seconds.
 
-A run over a whole recording depends on its start too strongly to be fitted. Over a window it does
-not, and what the windows share are the numbers of the scene (multiple shooting).
+A run over a whole recording depends on its start too strongly to be fitted, a run over a window
+does not. The windows share the numbers of the scene (multiple shooting).
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 
 from alf_ros.arrays import Floats, Integers
 from alf_ros.errors import InputError
-from alf_ros.studies.identification.recording import Channel, HeldInput, Recording
+from alf_ros.studies.identification.recording import HeldInput, MeasuredChannel, Recording
 from alf_ros.studies.identification.window_start import StartChart
 
 _FEWEST = 4  # measurements of a channel in a window
@@ -23,7 +23,7 @@ _ON = 1e-9  # of a step: a time that near is on it
 
 @dataclass(frozen=True, eq=False)
 class Measurements:
-    """What a window has of one channel: t (N,) s, values (N,); `channel`: its number."""
+    """Measurements of a channel in a window: t (N,) s, values (N,); `channel`: its number."""
 
     channel: int
     t: Floats
@@ -48,7 +48,7 @@ class Window:
 
 def cut(
     recordings: Sequence[Recording],
-    channels: Sequence[tuple[int, Channel]],
+    channels: Sequence[tuple[int, MeasuredChannel]],
     length: float,
     h: float,
     hold_out: float,
@@ -79,7 +79,7 @@ def cut(
 def _cut(
     recording: Recording,
     number: int,
-    channels: Sequence[tuple[int, Channel]],
+    channels: Sequence[tuple[int, MeasuredChannel]],
     length: float,
     h: float,
     margin: float,
@@ -109,7 +109,7 @@ def _cut(
 
 
 def _part(
-    number: int, channel: Channel, start: float, end: float, whole: bool
+    number: int, channel: MeasuredChannel, start: float, end: float, whole: bool
 ) -> Measurements | None:
     inside = (channel.t >= start) & ((channel.t <= end) if whole else (channel.t < end))
     if inside.sum() < _FEWEST:

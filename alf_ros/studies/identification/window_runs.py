@@ -21,7 +21,7 @@ from alf_ros.simulation.simulation import Simulation
 from alf_ros.simulation.state import State
 from alf_ros.studies.identification.joint_readings import JointMotion, JointReadings, StateArrays
 from alf_ros.studies.identification.posture_track import wrapped
-from alf_ros.studies.identification.recording import Channel
+from alf_ros.studies.identification.recording import MeasuredChannel
 from alf_ros.studies.identification.window import Measurements, Window, below, grid
 
 _LONGEST = 5e-3  # s, between two steps of an adaptive method
@@ -43,11 +43,12 @@ class Misfit:
 class WindowRuns:
     """Runs of a scene with other values of `names`, over windows.
 
-    `delay`: whether the delay is a number to differentiate by, behind those of the scene.
+    `delay`: whether the delay is a number to differentiate by, behind the
+    numbers of the scene.
     """
 
     def __init__(
-        self, scene: Scene, names: Sequence[str], channels: Sequence[Channel], delay: bool
+        self, scene: Scene, names: Sequence[str], channels: Sequence[MeasuredChannel], delay: bool
     ) -> None:
         self.scene, self.names, self.delay = scene, tuple(names), delay
         self.channels = tuple(channels)

@@ -1,13 +1,13 @@
 """The state with which a window begins, as free numbers.
 
-At a reference q₀, Y spans the null space of Φ_q and Z the one of J = [Φ_q; N], both orthonormal in
-the metric of M. The free numbers s and ν (kg^½ m, kg^½ m/s) give the state of a scene with any
-values of its numbers θ:
+At a reference q₀, Y spans the null space of Φ_q and Z the null space of J = [Φ_q; N], both
+orthonormal in the metric of M. The free numbers s and ν (kg^½ m, kg^½ m/s) give the state of a
+scene with any values of its numbers θ:
 
     Φ(q, θ) = 0,   Yᵀ M (q - q₀) = s      and      J q̇ = b,   Zᵀ M q̇ = ν
 
-so that its derivatives by θ, s and ν are solutions of linear equations, and exact. Y, Z and M stay
-those of q₀.
+so that its derivatives by θ, s and ν are solutions of linear equations, and exact. Y, Z and M are
+taken at q₀, and stay.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _CLOSED = 1e-10  # of the size: a start that stays open by more is none
 
 
 @dataclass(frozen=True, eq=False)
-class Start:
+class WindowStart:
     """q, qd (blocks D): a state; dq, dqd (K, blocks D): its derivatives."""
 
     q: Floats
@@ -104,9 +104,9 @@ class StartChart:
         self.positions, self.velocities = Y.shape[1], Z.shape[1]
         self.free = np.concatenate([np.zeros(self.positions), self._going @ qd[:n]])
 
-    def start(self, model: Model, free: Floats, slopes: Sequence[Slopes] = ()) -> Start:
-        """The state of the free numbers (s, ν) in a model; `slopes`: of the numbers by which it is
-        differentiated, s and ν behind them. Raises AssemblyError where there is no such state."""
+    def start(self, model: Model, free: Floats, slopes: Sequence[Slopes] = ()) -> WindowStart:
+        """The state of the free numbers (s, ν) in a model; `slopes`: of the numbers θ of its
+        derivatives, s and ν behind them. Raises AssemblyError where there is no such state."""
         rows, n = DenseRows(model, self.t), model.n
         s, nu = free[: self.positions], free[self.positions :]
         q, rates = rows.placed(self.q)
@@ -126,7 +126,7 @@ class StartChart:
         inverse = np.linalg.pinv(turned)
         qd = rates
         qd[:n] = inverse @ np.concatenate([-still, nu])
-        return Start(q, qd, *self._derivatives(rows, q, qd, slopes, A, inverse))
+        return WindowStart(q, qd, *self._derivatives(rows, q, qd, slopes, A, inverse))
 
     def _derivatives(
         self,
