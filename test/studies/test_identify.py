@@ -176,7 +176,7 @@ GOOD = {'crank_pin': 0.785, 'guide': 1.414}
 @pytest.mark.parametrize(
     ('fit', 'keywords', 'expected'),
     [
-        (['couple.mass'], {}, "couple'; did you mean 'coupler'?"),
+        (['couple.mass'], {}, "fit: nothing of this name, got 'couple'; did you mean 'coupler'?"),
         ([], {}, 'fit: nothing to fit'),
         ('coupler.mass', {}, 'fit: no list of names'),
         (['coupler.mass', 'coupler.mass'], {}, 'fit.1: named twice'),

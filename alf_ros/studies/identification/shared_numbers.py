@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -23,16 +24,31 @@ Pair = tuple[float, float]
 
 def names_to_fit(fit: object) -> tuple[str, ...]:
     """Names of numbers of a scene, each once. Raises InputError."""
-    try:
+    with _of_fit():
         names = checked_names(fit)
-    except InputError as error:
-        key = str(error.key).replace('tangents', 'fit')
-        raise InputError(
-            error.message, key=key, value=error.value, expected=error.expected
-        ) from None
     if not names:
         raise InputError('nothing to fit', key='fit', expected="['coupler.mass', …]")
     return names
+
+
+@contextmanager
+def _of_fit() -> Iterator[None]:
+    """Errors about tangents are about the names to fit."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(
+            error.message,
+            key=str(error.key).replace('tangents', 'fit'),
+            value=error.value,
+            expected=error.expected,
+            choices=error.choices,
+        ) from None
+
+
+def _begin(scene: Scene, name: str) -> float:
+    with _of_fit():
+        return overrides.number(scene, name)
 
 
 def shared_numbers(
@@ -53,7 +69,7 @@ def shared_numbers(
             if name not in all_:
                 raise InputError('is not fitted', key=what, value=name, choices=all_)
             _check_pair(what, name, pair)
-    begin = [overrides.number(scene, name) for name in names] + [0.0] * delay
+    begin = [_begin(scene, name) for name in names] + [0.0] * delay
     lower, upper = np.full(len(all_), -np.inf), np.full(len(all_), np.inf)
     mean, deviation = np.array(begin), np.full(len(all_), np.inf)
     for k, name in enumerate(all_):
