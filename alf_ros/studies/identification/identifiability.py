@@ -16,7 +16,8 @@ import numpy as np
 from alf_ros.arrays import Floats
 
 _UNSEEN = 1e-8  # singular value, of the largest, from which down rounding decides
-_PART = 0.2  # of the largest part of a combination, from which on a number is named
+_PART = 0.2  # of the largest part of a combination, from which on a number is named; and
+_SMALL = 5e-3  # the same if it is not determined: all that can replace each other are named
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,8 @@ class Combination:
     def text(self) -> str:
         """The numbers that take part, the largest part first."""
         largest = max(map(abs, self.parts.values()))
-        some = [(n, x) for n, x in self.parts.items() if abs(x) >= _PART * largest]
+        least = largest * (_PART if self.determined else _SMALL)
+        some = [(n, x) for n, x in self.parts.items() if abs(x) >= least]
         some.sort(key=lambda each: -abs(each[1]))
         sign = 1.0 if some[0][1] > 0.0 else -1.0
         return ' '.join(f'{sign * x:+.2f} {n}' for n, x in some).removeprefix('+')

@@ -20,8 +20,9 @@ from alf_ros.studies.identification.window_start import DenseRows, StartChart
 from alf_ros.studies.statics.instant import counted
 
 _NEAR = 11  # measurements of a parabola
-_TURN = 0.1  # rad or m, by which a joint moves in one step
-_ROUNDS = 30
+_TURN = 0.2  # rad or m, by which a joint moves in one step
+_ROUNDS = 12
+_NEAR_ENOUGH = 1e-6  # of the size: the fit goes on from there
 _KEEP = 1e-6  # weight of the directions that no joint tells
 _CLOSED = 1e-9
 _FAR = 0.5  # rad, or of the size: a joint that is off by more is another one
@@ -108,7 +109,7 @@ class PostureTrack:
             before = self._q
             self._turns = counted(self._model, before, self._turns, moved)
             self._q = moved
-            if np.abs(moved - before).max(initial=0.0) < 1e-9 * self._model.size:
+            if np.abs(moved - before).max(initial=0.0) < _NEAR_ENOUGH * self._model.size:
                 return
 
     def _closed(self, rows: DenseRows, q: Floats) -> Floats:

@@ -18,7 +18,7 @@ from alf_ros.studies.identification.least_squares_fit import Shared
 
 DELAY = 'delay'
 LONGEST_DELAY = 0.1  # s, either way
-_NOT_NEGATIVE = ('mass', 'inertia', 'armature')
+_OTHER_SIGN = -1e-3  # of a number, to see whether a scene can have the other sign
 Pair = tuple[float, float]
 
 
@@ -60,8 +60,9 @@ def shared_numbers(
 ) -> Shared:
     """`bounds`: least and largest value by name; `priors`: mean and standard deviation.
 
-    Masses, moments of inertia and armatures are not negative in any case; what else no scene can
-    have, such as principal moments that no body has, is refused where the fit tries it.
+    A number keeps its sign if the scene refuses the other one, as it does for masses and
+    stiffnesses. Other scenes that cannot be, such as bodies with impossible principal moments,
+    are refused where the fit tries them.
     """
     all_ = [*names, DELAY] if delay else list(names)
     for what, given in (('bounds', bounds), ('priors', priors)):
@@ -73,10 +74,10 @@ def shared_numbers(
     lower, upper = np.full(len(all_), -np.inf), np.full(len(all_), np.inf)
     mean, deviation = np.array(begin), np.full(len(all_), np.inf)
     for k, name in enumerate(all_):
-        if name.rpartition('.')[2] in _NOT_NEGATIVE and begin[k] > 0.0:
-            lower[k] = 0.0
         if delay and name == DELAY:
             lower[k], upper[k] = -LONGEST_DELAY, LONGEST_DELAY
+        elif begin[k] != 0.0 and _keeps_sign(scene, name, begin[k]):
+            lower[k], upper[k] = (0.0, np.inf) if begin[k] > 0.0 else (-np.inf, 0.0)
         lower[k], upper[k] = bounds.get(name, (lower[k], upper[k]))
         mean[k], deviation[k] = priors.get(name, (mean[k], deviation[k]))
         if not lower[k] < begin[k] < upper[k]:
@@ -88,6 +89,14 @@ def shared_numbers(
             )
     size = _sizes(np.array(begin), upper - lower, deviation)
     return Shared(np.array(begin), lower, upper, mean, deviation, size)
+
+
+def _keeps_sign(scene: Scene, name: str, value: float) -> bool:
+    try:
+        overrides.with_changes(scene, {name: repr(_OTHER_SIGN * value)})
+    except InputError:
+        return True
+    return False
 
 
 def _sizes(begin: Floats, width: Floats, deviation: Floats) -> Floats:
