@@ -86,6 +86,7 @@ class WindowRuns:
                 tangents = [*self.names, *tangents]
             last = self._known[directions][1] if directions in self._known else None
             made = Simulation(self.at(values), **self._settings, tangents=tangents, like=last)
+            _check_drives(made)
             self._known[directions] = key, made
         return self._known[directions][1]
 
@@ -175,6 +176,13 @@ class WindowRuns:
             P = len(self.names)
             slopes = np.hstack([slopes[:, :P], *late, slopes[:, P:]])
         return residuals, slopes
+
+
+def _check_drives(simulation: Simulation) -> None:
+    """Raises InputError for a fitted length beside drives, whose paces it would change too."""
+    following, prescribed = simulation.following, simulation.model.mechanism.prescribed
+    if following is not None and following.lengths and prescribed:
+        raise InputError('a length cannot be fitted beside a drive yet', key=following.lengths[0])
 
 
 def _settled(solver: Solver) -> dict[str, Any]:
