@@ -26,6 +26,9 @@ if TYPE_CHECKING:
     from alf_ros.studies.closing.closure import Closure
     from alf_ros.studies.closing.posture import Posture
     from alf_ros.studies.ensemble.ensemble import ensemble
+    from alf_ros.studies.identification.identification import identify
+    from alf_ros.studies.identification.identified import Identification
+    from alf_ros.studies.identification.recording import Recording, recorded
     from alf_ros.studies.statics.linear_model import LinearModel
     from alf_ros.studies.statics.linearisation import linearise
     from alf_ros.studies.statics.positions_of_rest import Equilibrium, equilibria, equilibrium
@@ -37,9 +40,11 @@ __all__ = [
     'BusyError',
     'Closure',
     'Equilibrium',
+    'Identification',
     'InputError',
     'LinearModel',
     'Posture',
+    'Recording',
     'Run',
     'Sample',
     'Scene',
@@ -51,10 +56,12 @@ __all__ = [
     'ensemble',
     'equilibria',
     'equilibrium',
+    'identify',
     'linearise',
     'load_scene',
     'modes',
     'record',
+    'recorded',
 ]
 
 _HOME = {
@@ -81,6 +88,10 @@ _HOME = {
     'VibrationModes': 'studies.statics.vibration_modes',
     'modes': 'studies.statics.vibration_modes',
     'ensemble': 'studies.ensemble.ensemble',
+    'Identification': 'studies.identification.identified',
+    'identify': 'studies.identification.identification',
+    'Recording': 'studies.identification.recording',
+    'recorded': 'studies.identification.recording',
 }
 
 announce()

@@ -15,6 +15,7 @@ COMMANDS = {
     'modes': 'alf_ros.commands.modes',
     'hard_cases': 'alf_ros.commands.hard_cases',
     'ensemble': 'alf_ros.commands.ensemble',
+    'identify': 'alf_ros.commands.identify',
     'work_precision': 'alf_ros.commands.work_precision',
     'figures': 'alf_ros.commands.figures',
     'analyze': 'alf_ros.commands.analyze',

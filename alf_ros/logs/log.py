@@ -74,7 +74,7 @@ class Log:
 
     def __init__(self, path: str | Path) -> None:
         self.path = paths.named(path)
-        self.files = _files(self.path)
+        self.files = parts(self.path)
         self._size = sum(file.stat().st_size for file in self.files)
         contents = Contents()
         for _ in mcap_chunks.blocks(self.files[0], contents):
@@ -349,8 +349,8 @@ def load(path: str | Path) -> Log:
     return Log(path)
 
 
-def _files(path: Path) -> list[Path]:
-    """The parts of a log, in order."""
+def parts(path: Path) -> list[Path]:
+    """The MCAP files of a log or another recording, in order. Raises InputError without any."""
     if os.path.isfile(path):
         return [path]
     if not os.path.isdir(path):

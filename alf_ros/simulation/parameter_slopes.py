@@ -34,10 +34,8 @@ _LONGEST, _SHORTER, _MOST = 2.5e-3, 0.7, 12  # steps that are tried, in parts of
 _TWO = 2  # of them are used
 _AGREE = 1e-9  # of the largest slope, and
 _ROUNDED = 1e-12  # of the largest number a step, by which the slopes of two lengths may differ
-ARRAYS = (
-    'mass_diagonal',
-    'mass_k',
-    'mass_w',
+_MASSES = ('mass_diagonal', 'mass_k', 'mass_w')
+_SHAPES = (
     'length2',
     'b',
     'term',
@@ -50,9 +48,8 @@ ARRAYS = (
     'length_term',
     'prescribed',
     'vector_length',
-    'q',
-    'qd',
 )
+ARRAYS = (*_MASSES, *_SHAPES, 'q', 'qd')
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,11 +97,14 @@ class Neighbour:
             system.prescribed.slots,
         )
 
+    @cached_property
+    def _applied(self) -> Applied:
+        model = self.start.model
+        return Applied(model, self.scene.effects, NO_INPUTS, ReactionsOf(model))
+
     def effects(self, inputs: Inputs) -> Effects:
         """Its effects, with inputs held."""
-        model = self.start.model
-        applied = Applied(model, self.scene.effects, inputs, ReactionsOf(model))
-        return applied.assembled.effects
+        return self._applied.holding(inputs).assembled.effects
 
 
 class ParameterSlopes:
@@ -114,16 +114,50 @@ class ParameterSlopes:
     scene, and one in which the scene is not smooth.
     """
 
-    def __init__(self, name: str, scene: Scene, solver: Solver, start: Start) -> None:
-        self.name = name
+    def __init__(
+        self,
+        name: str,
+        scene: Scene,
+        solver: Solver,
+        start: Start,
+        before: ParameterSlopes | None = None,
+    ) -> None:
+        """`before`: the slopes by this number in the scene with other numbers."""
+        self.name, self._before = name, before
         if name.partition('.')[0] == 'solver':
             raise InputError('no tangent by a number of the solver', key='tangents', value=name)
         self.value = overrides.number(scene, name)
         self._scene, self._solver, self._start = scene, replace(solver, accuracy=None), start
+        self._still: tuple[Inputs, Floats] | None = None  # without efforts
+        self._by_effort: dict[str, Floats] = {}
 
     def __getstate__(self) -> dict[str, Any]:
         """Without the neighbours, which are made again if they are needed."""
-        return {name: value for name, value in vars(self).items() if name != '_neighbours'}
+        kept = {n: value for n, value in vars(self).items() if n not in ('_neighbours', '_kept')}
+        return {**kept, '_before': None}
+
+    @cached_property
+    def _kept(self) -> ParameterSlopes | None:
+        """The slopes from before, if they still hold: the number changes masses and effects alone,
+        and the difference of two neighbours agrees. So their arrays are linear in the number,
+        and eight times fewer scenes are read."""
+        before = self._before
+        if before is None or any(before.arrays[name].any() for name in _SHAPES):
+            return None
+        step = _LONGEST * (abs(self.value) or 1.0)
+        try:
+            beside = [self._neighbour(change) for change in (-step, step)]
+        except InputError:
+            return None
+        here = Neighbour(self._start, self._scene).structure
+        if not all(all(map(np.array_equal, each.structure, here)) for each in beside):
+            return None
+        less, more = ((*each.arrays(), each.effects(NO_INPUTS).params) for each in beside)
+        slopes = (*before.arrays.values(), before.params())
+        for slope, low, high in zip(slopes, less, more, strict=True):
+            if low.shape != slope.shape or not _agree(slope, low, high, step):
+                return None
+        return before._kept or before
 
     @cached_property
     def _neighbours(self) -> dict[float, list[Neighbour]]:
@@ -157,6 +191,8 @@ class ParameterSlopes:
     @cached_property
     def arrays(self) -> dict[str, Floats]:
         """The slope of each of `ARRAYS`, per unit of the number."""
+        if self._kept is not None:
+            return self._kept.arrays
         values = {
             step: [each.arrays() for each in beside] for step, beside in self._neighbours.items()
         }
@@ -166,7 +202,29 @@ class ParameterSlopes:
         }
 
     def params(self, inputs: Inputs = NO_INPUTS) -> Floats:
-        """The slope of the data of the effects, with inputs held."""
+        """The slope of the data of the effects, with inputs held.
+
+        The data of a steady effort is linear in the effort. So with efforts that change often, the
+        slope is computed once.
+        """
+        if self._kept is not None and not inputs.wrenches:  # these may act where a mass is
+            return self._kept.params(inputs)
+        alone = {each.name for each in self._start.model.coordinates if each.freedom.alone}
+        steady = {n: x for n, x in inputs.efforts.items() if isinstance(x, float) and n in alone}
+        if len(steady) < len(inputs.efforts):
+            return self._params(inputs)
+        still = replace(inputs, efforts={})
+        if self._still is None or self._still[0] != still:
+            self._still = still, self._params(still)
+        parts = [self._still[1]]
+        for name, effort in steady.items():
+            if name not in self._by_effort:
+                whole = self._params(Inputs({}, {name: 1.0}))
+                self._by_effort[name] = whole[self._params(NO_INPUTS).size :]
+            parts.append(effort * self._by_effort[name])
+        return np.concatenate(parts)
+
+    def _params(self, inputs: Inputs) -> Floats:
         return self._slope(
             'effects',
             {
@@ -208,6 +266,15 @@ class ParameterSlopes:
         if not np.abs(slope - finer).max(initial=0.0) <= most:
             raise self._none(f'{what} is not smooth in it')
         return slope
+
+
+def _agree(slope: Floats, less: Floats, more: Floats, step: float) -> bool:
+    """Whether a slope agrees with the difference of arrays a step less and a step more."""
+    with np.errstate(invalid='ignore'):  # no limit is an infinite one
+        change = np.where(less == more, 0.0, more - less)
+    most = _AGREE * np.abs(slope).max(initial=0.0)
+    most += _ROUNDED * float(np.abs(less[np.isfinite(less)]).max(initial=0.0)) / step
+    return bool(np.abs(change / (2.0 * step) - slope).max(initial=0.0) <= most)
 
 
 def _offsets() -> tuple[int, ...]:

@@ -14,8 +14,8 @@ from alf_ros.model.compile import Model
 from alf_ros.simulation.instruments import Instruments
 from alf_ros.simulation.kept import Keeper, kept
 from alf_ros.simulation.named_values import NamedValues, read_only
-from alf_ros.simulation.parameter_slopes import ParameterSlopes
 from alf_ros.simulation.state import State
+from alf_ros.simulation.tangent_following import Slopes
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class MotionTangent(Keeper):
     of the number. Arrays are read-only, in the world frame."""
 
     def __init__(
-        self, model: Model, state: State, k: int, slopes: ParameterSlopes, instruments: Instruments
+        self, model: Model, state: State, k: int, slopes: Slopes, instruments: Instruments
     ) -> None:
         super().__init__()
         self._model, self._state, self._slopes = model, state, slopes.arrays

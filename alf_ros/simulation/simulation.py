@@ -48,9 +48,11 @@ class Simulation:
     well). With `watch` the passes through singular positions are found, for about the cost of one
     stage more a step. With `ledger` the work of each effect is integrated (`Sample.works`), for
     about the cost of the effects. Where redundant lengths contradict each other by a little they
-    are adjusted; the attribute `adjustment` says how. Raises InputError for a value that cannot be
-    used, AssemblyError if the mechanism cannot be closed, redundant lengths contradict each other
-    by more, or the initial velocities contradict each other.
+    are adjusted; the attribute `adjustment` says how. With `tangents`, names of numbers of the
+    scene, derivatives follow the steps (`Sample.tangents`). `like` is a simulation of the scene
+    with other numbers: where its slopes serve again, fewer scenes are read. Raises InputError for
+    a value that cannot be used, AssemblyError if the mechanism cannot be closed, redundant lengths
+    contradict each other by more, or the initial velocities contradict each other.
 
     A call that raises InputError has changed nothing. A step that fails or is interrupted leaves
     the state of the last whole step, with its time. A copy, by `copy` or `pickle`, continues from
@@ -75,6 +77,7 @@ class Simulation:
         watch: bool = False,
         ledger: bool = False,
         tangents: Sequence[str] = (),
+        like: Simulation | None = None,
     ) -> None:
         given: dict[str, Any] = {
             'step': step,
@@ -113,7 +116,8 @@ class Simulation:
             self.accuracy = pick(solver, self._trial)
             self._use(self.accuracy.solver)
         if names:
-            self._following = TangentFollowing(names, scene, self.solver, self._start)
+            known = like.following if like is not None else None
+            self._following = TangentFollowing(names, scene, self.solver, self._start, known)
             self._use(self.solver)
         if watches or (self._following is not None and self._following.lengths):
             self._watcher = self._watching()
@@ -141,6 +145,11 @@ class Simulation:
         other = copy.copy(self)
         other._use(solver)
         return other
+
+    @property
+    def following(self) -> TangentFollowing | None:
+        """How the scene changes with each number of `tangents`; None without tangents."""
+        return self._following
 
     # ------------------------------------------------------------------------------------ copies
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -17,10 +17,12 @@ from alf_ros.kernel.numba_ext.plain import PLAIN
 from alf_ros.model.tableaux import TABLEAUX
 from alf_ros.scene.scene import Scene, Solver
 from alf_ros.simulation.applied import Applied
-from alf_ros.simulation.parameter_slopes import ParameterSlopes
+from alf_ros.simulation.parameter_slopes import Neighbour, ParameterSlopes
 from alf_ros.simulation.singular_passes import Pass
 from alf_ros.simulation.start import Start
+from alf_ros.simulation.state_direction import StateDirection, is_direction
 
+Slopes: TypeAlias = ParameterSlopes | StateDirection
 _ROWS = ('length2', 'b', 'term', 'c')
 _MASSES = ('mass_diagonal', 'mass_k', 'mass_w')
 
@@ -48,11 +50,26 @@ class TangentFollowing:
     effect without a derivative, and settings that tangents do not follow.
     """
 
-    def __init__(self, names: Sequence[str], scene: Scene, solver: Solver, start: Start) -> None:
+    def __init__(
+        self,
+        names: Sequence[str],
+        scene: Scene,
+        solver: Solver,
+        start: Start,
+        before: TangentFollowing | None = None,
+    ) -> None:
+        """`before`: of the scene with other numbers, whose slopes are kept where they hold."""
+        known = {each.name: each for each in before.slopes} if before is not None else {}
         self.names = tuple(names)
         _check_settings(solver)
         _check_start(start)
-        self.slopes = [ParameterSlopes(name, scene, solver, start) for name in names]
+        here = Neighbour(start, scene)
+        self.slopes: list[Slopes] = [
+            StateDirection(name, here)
+            if is_direction(name)
+            else ParameterSlopes(name, scene, solver, start, _numbered(known.get(name)))
+            for name in names
+        ]
         for each in self.slopes:
             _check_slopes(each, start)
         self._start = start
@@ -121,12 +138,16 @@ class TangentFollowing:
         )
 
 
-def _changes_rows(slopes: ParameterSlopes, start: Start) -> bool:
+def _numbered(slopes: Slopes | None) -> ParameterSlopes | None:
+    return slopes if isinstance(slopes, ParameterSlopes) else None
+
+
+def _changes_rows(slopes: Slopes, start: Start) -> bool:
     fixed = slopes.arrays['q'][start.model.n :]
     return bool(fixed.any()) or any(slopes.arrays[name].any() for name in _ROWS)
 
 
-def _any(slopes: Sequence[ParameterSlopes], names: Sequence[str]) -> Integers:
+def _any(slopes: Sequence[Slopes], names: Sequence[str]) -> Integers:
     return np.array([any(each.arrays[n].any() for n in names) for each in slopes], dtype=np.int64)
 
 
@@ -157,7 +178,7 @@ def _check_start(start: Start) -> None:
         )
 
 
-def _check_slopes(slopes: ParameterSlopes, start: Start) -> None:
+def _check_slopes(slopes: Slopes, start: Start) -> None:
     arrays = slopes.arrays
     if arrays['prescribed'].any():
         raise InputError(
@@ -199,7 +220,7 @@ class Followed(NamedTuple):
     following: TangentFollowing
     refused: Mapping[str, str]
 
-    def slopes(self, name: str) -> ParameterSlopes:
+    def slopes(self, name: str) -> Slopes:
         """Of a parameter. Raises InputError for one without a derivative there."""
         if name in self.refused:
             raise InputError(f'no tangent: {self.refused[name]}', key=name)

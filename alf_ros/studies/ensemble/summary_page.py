@@ -14,7 +14,7 @@ from itertools import islice
 import numpy as np
 
 from alf_ros import html_table
-from alf_ros.studies.ensemble import svg_charts
+from alf_ros.studies.ensemble import report_look, svg_charts
 from alf_ros.studies.ensemble.chunk import REASON, Arrays, Chunk
 from alf_ros.studies.ensemble.ensemble import Progress
 from alf_ros.studies.ensemble.kept_outputs import LabelledArray
@@ -24,17 +24,6 @@ from alf_ros.studies.ensemble.study import Study
 MOST_MEMBERS = 4096  # of which the fans are drawn
 _MOST_NUMBERS, _MOST_SCATTERS = 40, 3
 _BANDS = 'Line: median. Dark band: half of the members. Light band: nine tenths of them.'
-_LOOK = """
-body { font: 15px sans-serif; margin: clamp(12px, 3vw, 2em); color: #222; background: #fff; }
-table { border-collapse: collapse; margin: 0 0 1em }
-td, th { padding: 2px 10px 2px 0; text-align: left; vertical-align: top; overflow-wrap: anywhere }
-th { overflow-wrap: normal; min-width: 6em }
-svg { font: 12px sans-serif; margin: 4px 12px 4px 0; max-width: 100%; height: auto }
-svg .title { font-weight: bold }
-.box { fill: none; stroke: #bbb } .bar { fill: #3a75b0 } circle { fill: #3a75b0; opacity: .5 }
-.wide { fill: #3a75b0; opacity: .2 } .narrow { fill: #3a75b0; opacity: .35 }
-.line { fill: none; stroke: #123; stroke-width: 1.5 }
-"""
 
 
 def page(progress: Progress, chunks: Iterator[Chunk]) -> str:
@@ -47,7 +36,7 @@ def page(progress: Progress, chunks: Iterator[Chunk]) -> str:
     parts = [
         '<!doctype html><html lang="en"><head><meta charset="utf-8">',
         '<meta name="viewport" content="width=device-width, initial-scale=1">',
-        f'<title>{html.escape(study.name)}</title><style>{_LOOK}</style></head><body>',
+        f'<title>{html.escape(study.name)}</title><style>{report_look.LOOK}</style></head><body>',
         f'<h1>{html.escape(study.name)}: {study.members} members</h1>',
         _about(study, progress),
     ]

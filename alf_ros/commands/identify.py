@@ -1,0 +1,147 @@
+"""Fit numbers of a scene to recordings of its machine, with a report.
+
+See doc/identification.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from alf_ros import paths
+from alf_ros.commands.parser import Parser, writing
+from alf_ros.commands.progress import ProgressBar
+from alf_ros.errors import InputError
+from alf_ros.scene.scene import load_scene
+from alf_ros.scene.text.expression import ExpressionError, evaluate
+from alf_ros.studies.identification import robust_loss
+from alf_ros.studies.identification.identification import identify
+from alf_ros.studies.identification.recording_reader import Topics
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Fit; returns 0, or 1 if the fit does not settle. Raises InputError, AlfError."""
+    parser = Parser(
+        prog='identify',
+        description='Fit numbers of a scene to recordings of its machine, and say how well the '
+        'recordings tell them.',
+    )
+    parser.add_argument('scene', metavar='SCENE', help='name of a scene, or a file')
+    parser.add_argument(
+        'recordings',
+        metavar='BAG',
+        nargs='+',
+        help='folders of rosbag2 (MCAP), .mcap files, or logs of the simulator',
+    )
+    parser.add_argument(
+        '--fit',
+        metavar='NAME',
+        nargs='+',
+        action='extend',
+        required=True,
+        help='numbers to fit: coupler.mass spring.stiffness',
+    )
+    parser.add_argument(
+        '--window', type=float, default=2.0, metavar='S', help='length of a window (default: 2)'
+    )
+    parser.add_argument(
+        '--hold-out',
+        type=float,
+        default=0.0,
+        metavar='PART',
+        help='part of the windows that is kept away from the fit (default: 0)',
+    )
+    _pairs(parser, '--bounds', 'NAME=LEAST:LARGEST', 'bounds of numbers')
+    _pairs(parser, '--prior', 'NAME=MEAN:DEVIATION', 'what is known of numbers before')
+    _pairs(parser, '--noise', 'CHANNEL=DEVIATION', 'noise that is known (knee, knee.velocity)')
+    parser.add_argument(
+        '--loss',
+        default='linear',
+        choices=robust_loss.NAMES,
+        help='of large residuals (default: linear)',
+    )
+    parser.add_argument(
+        '--delay', action='store_true', help='fit the delay of measurements behind inputs, too'
+    )
+    _pairs(parser, '--map', 'RECORDED=NAME', 'recorded joints or topics in names of the scene')
+    parser.add_argument(
+        '--joints', default='joint_states', metavar='TOPIC', help='measured joint states'
+    )
+    parser.add_argument(
+        '--commands',
+        default='joint_commands',
+        metavar='TOPIC',
+        help='joint states whose efforts act (default: joint_commands)',
+    )
+    parser.add_argument(
+        '-o',
+        '--output',
+        default='identified',
+        metavar='DIR',
+        help='folder of the new scene, report and log (default: identified)',
+    )
+    options = parser.parse_args(argv)
+    topics = Topics(options.joints, options.commands, dict(_split(options.map, '--map')))
+    with ProgressBar('identify') as bar:
+        found = identify(
+            load_scene(options.scene),
+            options.recordings,
+            options.fit,
+            window=options.window,
+            hold_out=options.hold_out,
+            bounds=dict(_two(options.bounds, '--bounds')),
+            priors=dict(_two(options.prior, '--prior')),
+            noise={n: _number(x, '--noise') for n, x in _split(options.noise, '--noise')},
+            loss=options.loss,
+            delay=options.delay,
+            topics=topics,
+            report=bar.note,
+        )
+    print(found)
+    folder = paths.named(options.output, '--output')
+    with writing('--output', folder):
+        found.save(folder)
+    print(f'{folder}: {found.scene.name}.yaml, report.html{_log(found, folder)}')
+    return 0 if found.settled else 1
+
+
+def _log(found: object, folder: object) -> str:
+    """Write the log of the fitted run, if ROS is installed; returns the end of the last line."""
+    try:
+        from alf_ros.ros.recording.fitted_log import log_fitted
+    except ImportError as error:
+        return f' (no log of the fitted run: {error})'
+    log, reason = log_fitted(found, folder)  # type: ignore[arg-type]
+    return f', {log.name}' + (f' (the run ends early: {reason})' if reason else '')
+
+
+def _pairs(parser: Parser, option: str, metavar: str, what: str) -> None:
+    parser.add_argument(option, metavar=metavar, nargs='+', action='extend', default=[], help=what)
+
+
+def _split(texts: Iterable[str], option: str) -> list[tuple[str, str]]:
+    found = []
+    for text in texts:
+        name, given, value = text.partition('=')
+        if not given or not name:
+            raise InputError('not a pair', key=option, value=text, expected='NAME=…')
+        found.append((name, value))
+    return found
+
+
+def _two(texts: Iterable[str], option: str) -> list[tuple[str, tuple[float, float]]]:
+    found = []
+    for name, value in _split(texts, option):
+        first, given, second = value.partition(':')
+        if not given:
+            raise InputError('not two numbers', key=option, value=value, expected='A:B')
+        found.append((name, (_number(first, option), _number(second, option))))
+    return found
+
+
+def _number(text: str, option: str) -> float:
+    if text.strip() in ('inf', '-inf'):
+        return float(text)
+    try:
+        return evaluate(text, {})
+    except ExpressionError as error:
+        raise InputError(f'not a number: {error}', key=option, value=text) from None

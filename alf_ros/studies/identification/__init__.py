@@ -1,0 +1,1 @@
+"""Models fitted to recordings: numbers of a scene from the motions of a machine."""

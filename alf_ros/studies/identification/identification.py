@@ -1,0 +1,263 @@
+"""`identify`: numbers of a scene from recordings of the machine."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from alf_ros.arrays import Floats
+from alf_ros.errors import InputError
+from alf_ros.scene.scene import Scene, load_scene
+from alf_ros.simulation.input_checks import number, truth
+from alf_ros.studies.identification import identifiability, noise_levels, robust_loss
+from alf_ros.studies.identification.identified import ChannelFit, Identification
+from alf_ros.studies.identification.least_squares_fit import (
+    COARSE,
+    FINE,
+    LeastSquaresFit,
+    Shared,
+    Solution,
+)
+from alf_ros.studies.identification.posture_track import PostureTrack
+from alf_ros.studies.identification.recording import Recording
+from alf_ros.studies.identification.recording_reader import Topics, read_recording
+from alf_ros.studies.identification.residual_tests import whiteness
+from alf_ros.studies.identification.shared_numbers import (
+    DELAY,
+    LONGEST_DELAY,
+    Pair,
+    names_to_fit,
+    shared_numbers,
+)
+from alf_ros.studies.identification.window import Window, cut
+from alf_ros.studies.identification.window_residuals import WindowResiduals
+from alf_ros.studies.identification.window_runs import WindowRuns
+
+_ROUNDS = 4  # fits, each with the noise that the one before has found
+_STEADY = 0.02  # relative change of the noise that needs no other round
+Report = Callable[[str], None]
+
+
+def identify(
+    scene: str | Path | Scene | Mapping[str, Any],
+    recordings: str | Path | Recording | Sequence[str | Path | Recording],
+    fit: Sequence[str],
+    *,
+    window: float = 2.0,
+    hold_out: float = 0.0,
+    bounds: Mapping[str, Pair] | None = None,
+    priors: Mapping[str, Pair] | None = None,
+    noise: Mapping[str, float] | None = None,
+    loss: str = 'linear',
+    delay: bool = False,
+    topics: Topics | None = None,
+    report: Report | None = None,
+) -> Identification:
+    """Fit numbers of a scene to recordings of its machine, by least squares.
+
+    recordings: rosbag2 folders, MCAP files, or `recorded(…)` arrays. fit: names as of `fork --set`
+    and of tangents. window (s): length of the parts whose starts are free. hold_out: the part of
+    the windows that is kept away from the fit. bounds: (least, largest) by name; priors: (mean,
+    standard deviation) by name, of independent normal distributions. noise: standard deviations by
+    channel (rad or m; 'knee.velocity' per s), which the fit estimates otherwise. loss: 'linear',
+    'huber', 'soft_l1' or 'cauchy'. delay: whether the delay (s) of the measurements
+    behind the inputs is fitted too, as the number 'delay'. report: called with a line of text.
+
+    Raises InputError for names, numbers and recordings that cannot be used, and for numbers
+    without a tangent; AlfError where the scene cannot run from the recorded motion.
+    """
+    say = report or _silent
+    names = names_to_fit(fit)
+    loaded = scene if isinstance(scene, Scene) else load_scene(scene)
+    length = number(window, 'window', 0.0)
+    part = number(hold_out, 'hold_out', 0.0)
+    if not length > 0.0 or not part < 1.0:
+        key, value = ('window', length) if not length > 0.0 else ('hold_out', part)
+        raise InputError('out of range', key=key, value=value, expected='more than 0, a part of 1')
+    if loss not in robust_loss.NAMES:
+        raise InputError('no such loss', key='loss', value=loss, choices=robust_loss.NAMES)
+    late = truth(delay, 'delay')
+    shared = shared_numbers(loaded, names, bounds or {}, priors or {}, late)
+    read = _recordings(recordings, loaded, topics)
+    channels = [(n, channel) for n, each in enumerate(read) for channel in each.channels]
+    each_channel = [channel for _, channel in channels]
+    runs = WindowRuns(loaded, names, each_channel, late)
+    margin = LONGEST_DELAY if late else 0.0
+    windows = cut(read, channels, length, runs.h, part, margin)
+    windows = _tracked(runs, read, windows)
+    given = dict(noise or {})
+    levels = noise_levels.first_levels(each_channel, given)
+    fitted, away = ([w for w in windows if w.kept_away == flag] for flag in (False, True))
+    say(f'{len(fitted)} windows to fit, {len(away)} kept away, {len(names)} numbers')
+    work = _Work(runs, fitted, away, levels, loss, given, say)
+    return work.identified(loaded, read, shared)
+
+
+class _Work:
+    """The rounds of a fit, and the result of the last one."""
+
+    def __init__(
+        self,
+        runs: WindowRuns,
+        fitted: Sequence[Window],
+        away: Sequence[Window],
+        levels: Floats,
+        loss: str,
+        given: Mapping[str, float],
+        say: Report,
+    ) -> None:
+        self._runs, self._fitted, self._away = runs, fitted, away
+        self._levels, self._loss, self._given, self._say = levels, loss, given, say
+        self.evaluations = 0
+
+    def identified(
+        self, scene: Scene, recordings: Sequence[Recording], shared: Shared
+    ) -> Identification:
+        runs = self._runs
+        fit = self._fit(self._fitted)
+        free = fit.starts(shared.begin, [_free(w) for w in self._fitted])
+        before = self._residuals(fit, self._fitted, free, shared.begin)
+        self._relevel(before, free, 0)
+        solution = self._rounds(shared, free)
+        fit = self._fit(self._fitted)
+        after = self._residuals(fit, self._fitted, solution.free, solution.shared)
+        held = self._fit(self._away)
+        held_free = held.starts(solution.shared, [_free(w) for w in self._away])
+        held_after = self._residuals(held, self._away, held_free, solution.shared)
+        names = [*runs.names, DELAY] if runs.delay else list(runs.names)
+        return Identification(
+            scene=scene,
+            names=tuple(names),
+            values=solution.shared,
+            before=shared.begin,
+            knowledge=self._known(fit, shared, solution, names),
+            channels=self._channels(before, after, held_after),
+            fitted_scene=runs.at(solution.shared[: len(runs.names)]),
+            recordings=tuple(recordings),
+            windows=tuple(self._fitted),
+            kept_away=tuple(self._away),
+            starts=solution.free,
+            evaluations=self.evaluations,
+            settled=solution.settled,
+            reason=solution.reason,
+            at_bounds=_at_bounds(shared, solution.shared, names),
+            runs=runs,
+        )
+
+    # ------------------------------------------------------------------------------------- rounds
+
+    def _rounds(self, shared: Shared, free: Sequence[Floats]) -> Solution:
+        for round_ in range(1, _ROUNDS + 1):
+            fit = self._fit(self._fitted)
+            tolerance = COARSE if round_ == 1 else FINE
+            solution = fit.solve(shared, free, self._told, tolerance)
+            self.evaluations += fit.evaluations
+            levels = self._levels
+            residuals = self._residuals(fit, self._fitted, solution.free, solution.shared)
+            shared, free = replace(shared, begin=solution.shared), solution.free
+            self._relevel(residuals, free, shared.begin.size)
+            if round_ > 1 and np.allclose(self._levels, levels, rtol=_STEADY, atol=0.0):
+                break
+        return solution
+
+    def _told(self, evaluations: int, cost: float) -> None:
+        self._say(f'{self.evaluations + evaluations} evaluations, cost {cost:.6g}')
+
+    def _fit(self, windows: Sequence[Window]) -> LeastSquaresFit:
+        return LeastSquaresFit(self._runs, windows, self._levels, self._loss)
+
+    def _relevel(self, residuals: WindowResiduals, free: Sequence[Floats], numbers: int) -> None:
+        whole, of = residuals.joined
+        count = numbers + sum(each.size for each in free)
+        channels = self._runs.channels
+        robust = self._loss != 'linear'
+        self._levels = noise_levels.levels(channels, self._given, whole, of, count, robust)
+
+    def _residuals(
+        self,
+        fit: LeastSquaresFit,
+        windows: Sequence[Window],
+        free: Sequence[Floats],
+        shared: Floats,
+    ) -> WindowResiduals:
+        return WindowResiduals(
+            [fit.plain(w, own, shared) for w, own in zip(windows, free, strict=True)], windows
+        )
+
+    # ------------------------------------------------------------------------------------- results
+
+    def _known(
+        self, fit: LeastSquaresFit, shared: Shared, solution: Solution, names: Sequence[str]
+    ) -> identifiability.Knowledge:
+        P, parts, scaled = self._runs.numbers, [], []
+        for window, own in zip(self._fitted, solution.free, strict=True):
+            r, J = fit.scaled(fit.misfit(window, own, solution.shared))
+            parts.append(identifiability.beside(J[:, P:], J[:, :P]))
+            scaled.append(r)
+        prior = np.diag(1.0 / shared.deviation)
+        spread = robust_loss.spread(self._loss, np.concatenate(scaled))
+        size = np.maximum(shared.size, np.abs(solution.shared))
+        return identifiability.known(names, parts, size, prior, spread)
+
+    def _channels(
+        self, before: WindowResiduals, after: WindowResiduals, held: WindowResiduals
+    ) -> tuple[ChannelFit, ...]:
+        found = []
+        for n, channel in enumerate(self._runs.channels):
+            own = after.of(n)
+            found.append(
+                ChannelFit(
+                    channel.name,
+                    'rad' if self._is_angle(channel.joint) else 'm',
+                    channel.kind,
+                    float(self._levels[n]),
+                    before.rms(n),
+                    after.rms(n),
+                    held.rms(n),
+                    whiteness(own),
+                    after.times(n),
+                    own,
+                )
+            )
+        return tuple(found)
+
+    def _is_angle(self, joint: str) -> bool:
+        model = self._runs.reference.model
+        return model.coordinates[model.coordinate_names.index(joint)].is_angle
+
+
+def _recordings(given: Any, scene: Scene, topics: Topics | None) -> list[Recording]:
+    each = [given] if isinstance(given, (str, Path, Recording)) else list(given)
+    if not each:
+        raise InputError('no recording', key='recordings')
+    return [
+        x if isinstance(x, Recording) else read_recording(x, scene, topics or Topics())
+        for x in each
+    ]
+
+
+def _tracked(
+    runs: WindowRuns, recordings: Sequence[Recording], windows: Sequence[Window]
+) -> list[Window]:
+    """The windows with their starts."""
+    tracks = [PostureTrack(runs.reference, each.channels) for each in recordings]
+    return [replace(w, chart=tracks[w.recording].start(w.first * runs.h)) for w in windows]
+
+
+def _free(window: Window) -> Floats:
+    assert window.chart is not None
+    return window.chart.free
+
+
+def _at_bounds(shared: Shared, found: Floats, names: Sequence[str]) -> tuple[str, ...]:
+    near = 1e-6 * np.maximum(np.abs(found), 1e-300)
+    at = (found - shared.lower <= near) | (shared.upper - found <= near)
+    return tuple(name for name, yes in zip(names, at.tolist(), strict=True) if yes)
+
+
+def _silent(text: str) -> None:
+    """Tell nobody."""

@@ -1,0 +1,161 @@
+"""The result of `identify`: numbers, how well they are determined, and residuals."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from alf_ros import html_table, paths
+from alf_ros.arrays import Floats
+from alf_ros.scene.scene import Scene
+from alf_ros.studies.identification.identifiability import Combination, Knowledge
+from alf_ros.studies.identification.recording import Recording
+from alf_ros.studies.identification.residual_tests import Whiteness
+from alf_ros.studies.identification.window import Window
+from alf_ros.studies.identification.window_runs import WindowRuns
+
+_WIDE = 1.959963984540054  # standard deviations of a normal distribution around 95 % of it
+
+
+@dataclass(frozen=True, eq=False)
+class ChannelFit:
+    """How well one measured quantity is met, in its unit (rad or m; per s for a velocity).
+
+    noise: standard deviation that weighs it. rms of the residuals: `before`, with the numbers of
+    the scene and the best starts; `after` the fit; `held_out`: in the windows that were kept away,
+    with the best starts, NaN without any. residuals and times: of each fitted window.
+    """
+
+    name: str
+    unit: str
+    kind: str
+    noise: float
+    before: float
+    after: float
+    held_out: float
+    whiteness: Whiteness
+    times: Sequence[Floats]
+    residuals: Sequence[Floats]
+
+
+@dataclass(frozen=True, eq=False)
+class Identification:
+    """Numbers of a scene from recordings. The last name is 'delay' (s) if it was fitted.
+
+    values, before (P,): found, and in the scene. `scene` as it was, `fitted_scene` with the new
+    numbers. `settled`: whether the fit ended by itself, `reason`: why it did; `at_bounds`: numbers
+    that ended at a bound, whose intervals mean nothing. starts: free numbers of each fitted
+    window, of which `windows` has the meaning.
+    """
+
+    scene: Scene
+    names: tuple[str, ...]
+    values: Floats
+    before: Floats
+    knowledge: Knowledge
+    channels: tuple[ChannelFit, ...]
+    fitted_scene: Scene
+    recordings: tuple[Recording, ...]
+    windows: tuple[Window, ...]
+    kept_away: tuple[Window, ...]
+    starts: tuple[Floats, ...]
+    evaluations: int
+    settled: bool
+    reason: str
+    at_bounds: tuple[str, ...]
+    runs: WindowRuns = field(repr=False)
+
+    @property
+    def deviations(self) -> Floats:
+        """Standard deviations (P,); infinite for a number in a combination that is not seen."""
+        return self.knowledge.deviations
+
+    @property
+    def intervals(self) -> Floats:
+        """(P, 2) of 95 %, for white noise."""
+        half = _WIDE * self.deviations
+        return np.column_stack([self.values - half, self.values + half])
+
+    @property
+    def correlations(self) -> Floats:
+        """(P, P) of the estimates; ±1 within a combination that is not seen."""
+        return self.knowledge.correlations
+
+    @property
+    def singular_values(self) -> Floats:
+        """(P,) descending: 1 / σ is how well a combination is known, relative."""
+        return self.knowledge.singular
+
+    @property
+    def combinations(self) -> tuple[Combination, ...]:
+        """Of the numbers, from the best known one to the least known one."""
+        return self.knowledge.combinations
+
+    @property
+    def undetermined(self) -> tuple[Combination, ...]:
+        """The combinations with a deviation of 100 % or more."""
+        return tuple(each for each in self.combinations if not each.determined)
+
+    def __getitem__(self, name: str) -> float:
+        """The value of a number."""
+        return float(self.values[self.names.index(name)])
+
+    def lines(self) -> Iterator[str]:
+        """The result as a terminal shows it."""
+        width = max(map(len, self.names))
+        for name, value, deviation, (low, high) in zip(
+            self.names, self.values, self.deviations, self.intervals, strict=True
+        ):
+            shown, first, last = (rounded(x, deviation) for x in (value, low, high))
+            shown_with = f'± {deviation:.2g}, 95 %: {first} to {last}'
+            if not np.isfinite(deviation):
+                shown_with = 'not determined by this recording'
+            bound = ', at its bound' if name in self.at_bounds else ''
+            yield f'{name:{width}}  {shown} {shown_with}{bound}'
+        for each in self.undetermined:
+            how = 'at all' if np.isinf(each.deviation) else f'to better than {each.deviation:.0%}'
+            yield f'not determined {how}: {each.text}'
+        for channel in self.channels:
+            unit = channel.unit + ('/s' if channel.kind == 'velocity' else '')
+            held = f', {channel.held_out:.3g} kept away' if self.kept_away else ''
+            white = '' if channel.whiteness.white else ', not white: the intervals are too narrow'
+            yield (
+                f'{channel.name}: {channel.before:.3g} {unit} before, {channel.after:.3g} after'
+                f'{held}{white}'
+            )
+        for recording in self.recordings:
+            if recording.damage:
+                yield f'{recording.name} is damaged: {recording.damage}'
+        if not self.settled:
+            yield f'the fit has not settled: {self.reason}'
+
+    def __str__(self) -> str:
+        return '\n'.join(self.lines())
+
+    def _repr_html_(self) -> str:
+        """HTML for a notebook."""
+        rows = zip(self.names, map(str, self.values), map(str, self.deviations), strict=True)
+        head = ('number', 'value', 'standard deviation')
+        return html_table.heading('Identification') + html_table.table(head, rows, len(self.names))
+
+    def save(self, folder: str | Path) -> Path:
+        """Write `<scene>.yaml`, the scene with the new numbers, and `report.html` into a folder,
+        which is made; returns it. Raises OSError."""
+        from alf_ros.studies.identification.identification_page import page
+
+        target = paths.named(folder, 'folder')
+        target.mkdir(parents=True, exist_ok=True)
+        (target / f'{self.scene.name}.yaml').write_text(self.fitted_scene.text, 'utf-8')
+        (target / 'report.html').write_text(page(self), 'utf-8')
+        return target
+
+
+def rounded(value: float, deviation: float) -> str:
+    """A number to a tenth of its deviation, with 3 digits at least, and 16 at most."""
+    if not (np.isfinite(deviation) and deviation > 0.0 and value != 0.0):
+        return f'{value:.4g}'
+    digits = int(np.ceil(np.log10(abs(value) / deviation))) + 1
+    return f'{value:.{min(16, max(3, digits))}g}'

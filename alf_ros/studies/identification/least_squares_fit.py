@@ -1,0 +1,251 @@
+"""The fit: numbers that all windows share, and the start of each window, by least squares.
+
+The residuals r of a window depend on the shared numbers and on its own start alone. [r A B] = Q R
+has as many rows as columns: R in place of the window keeps ½ |r|², Jᵀ r and Jᵀ J. The first column
+of R is (|r|, 0, …), which needs no derivatives. So scipy.optimize.least_squares (trust region,
+bounds) gets a few rows for each window, whatever the number of measurements.
+
+Numbers that the measurements do not see would drift by rounding. So each number is held at its
+value in the scene, and each start at its first estimate, by a deviation of `UNSEEN` times its
+size. A number that is known to its own size, 100 %, moves by 1e-6 of its deviation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from alf_ros.arrays import Floats
+from alf_ros.errors import AlfError, StoppedError
+from alf_ros.studies.identification.robust_loss import rooted
+from alf_ros.studies.identification.window import Window
+from alf_ros.studies.identification.window_runs import Misfit, WindowRuns
+
+FINE, COARSE = 1e-8, 1e-3  # relative change of ½ Σ φ² at which a fit ends
+UNSEEN = 1e3  # times the size: the deviation that holds what nothing sees
+_MOST = 60  # evaluations of a fit
+_ENDS = {  # by the status of scipy
+    0: f'{_MOST} evaluations were not enough',
+    1: 'the sum of squares has no slope',
+    2: 'the sum of squares changes no more',
+    3: 'the numbers change no more',
+    4: 'the sum of squares and the numbers change no more',
+}
+
+Told = Callable[[int, float], None]  # evaluations so far, and ½ Σ φ²
+
+
+@dataclass(frozen=True)
+class Shared:
+    """The shared numbers, of the scene and then the delay (s): where each begins, its
+    bounds, its prior: mean and standard deviation, which is infinite without one, and its size."""
+
+    begin: Floats
+    lower: Floats
+    upper: Floats
+    mean: Floats
+    deviation: Floats
+    size: Floats
+
+    @property
+    def weight(self) -> Floats:
+        """Of the difference to the mean, in the fit."""
+        return 1.0 / np.minimum(self.deviation, UNSEEN * self.size)
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """`shared` numbers and `free` numbers of each window; `reason`: why the fit has ended;
+    `settled`: whether it did by itself."""
+
+    shared: Floats
+    free: tuple[Floats, ...]
+    reason: str
+    settled: bool
+
+
+class LeastSquaresFit:
+    """Fits windows with the noise (channels,) of each channel, and a loss."""
+
+    def __init__(
+        self, runs: WindowRuns, windows: Sequence[Window], noise: Floats, loss: str
+    ) -> None:
+        self._runs, self._windows, self._noise, self._loss = runs, windows, noise, loss
+        model = runs.reference.model
+        self._size = float(np.sqrt(model.mass_scale)) * model.size  # of a start, kg^½ m, kg^½ m/s
+        self.evaluations = 0
+
+    def solve(
+        self,
+        shared: Shared,
+        free: Sequence[Floats],
+        told: Told | None = None,
+        tolerance: float = FINE,
+    ) -> Solution:
+        """The best shared numbers and starts, from those given on.
+
+        Raises AlfError if the runs cannot begin with the given numbers.
+        """
+        problem = _Problem(self, self._windows, shared, [each.size for each in free])
+        tried = _Tried(problem.values, problem.rows, told)
+        P, x = self.numbers, np.concatenate([shared.begin, *free])
+        lower, upper = np.full(x.size, -np.inf), np.full(x.size, np.inf)
+        lower[:P], upper[:P] = shared.lower, shared.upper
+        done = least_squares(
+            tried,
+            x,
+            problem.slopes,
+            (lower, upper),
+            x_scale='jac',
+            ftol=tolerance,
+            xtol=FINE,
+            gtol=None,
+            max_nfev=_MOST,
+        )
+        self.evaluations += tried.count
+        reason = _ENDS[done.status]
+        if tried.failure is not None and done.status <= 0:
+            reason += f'; the last failure of a run: {tried.failure}'
+        return Solution(done.x[:P], tuple(problem.starts(done.x)), reason, done.status > 0)
+
+    def starts(self, shared: Floats, free: Sequence[Floats]) -> tuple[Floats, ...]:
+        """The best start of each window with shared numbers that stay, one window at a time.
+
+        Raises AlfError if a run cannot begin.
+        """
+        return tuple(
+            self._start(window, own, shared)
+            for window, own in zip(self._windows, free, strict=True)
+        )
+
+    def _start(self, window: Window, free: Floats, shared: Floats) -> Floats:
+        def values(x: Floats) -> Floats:
+            return self.rooted(window, x, self.plain(window, x, shared))[0]
+
+        def slopes(x: Floats) -> Floats:
+            return self.rooted(window, x, self.misfit(window, x, shared))[1][:, self.numbers :]
+
+        if not free.size:
+            return free
+        size = sum(part.t.size for part in window.measured) + free.size
+        tried = _Tried(values, size)
+        done = least_squares(
+            tried, free, slopes, x_scale='jac', ftol=1e-6, xtol=1e-6, gtol=None, max_nfev=_MOST
+        )
+        return np.asarray(done.x)
+
+    # ------------------------------------------------------------------------------------- windows
+
+    @property
+    def numbers(self) -> int:
+        """How many numbers all windows share."""
+        return self._runs.numbers
+
+    def misfit(self, window: Window, free: Floats, shared: Floats) -> Misfit:
+        """Of a window, with its jacobian, in units of the measurements. Raises AlfError."""
+        most = max(w.chart.free.size for w in self._windows if w.chart is not None)
+        return self._misfit(window, free, shared, most)
+
+    def plain(self, window: Window, free: Floats, shared: Floats) -> Misfit:
+        """The same without its jacobian."""
+        return self._misfit(window, free, shared, 0)
+
+    def _misfit(self, window: Window, free: Floats, shared: Floats, directions: int) -> Misfit:
+        delay = float(shared[-1]) if self._runs.delay else 0.0
+        simulation = self._runs.simulation(shared[: len(self._runs.names)], directions)
+        return self._runs.misfit(simulation, window, free, delay)
+
+    def scaled(self, misfit: Misfit) -> tuple[Floats, Floats]:
+        """Residuals and jacobian in units of the noise."""
+        noise = self._noise[misfit.channel]
+        return misfit.residuals / noise, misfit.jacobian / noise[:, None]
+
+    def rooted(self, window: Window, free: Floats, misfit: Misfit) -> tuple[Floats, Floats]:
+        """φ and its derivatives, and behind them the start, held very weakly."""
+        r, J = self.scaled(misfit)
+        value, slope = rooted(self._loss, r)
+        assert window.chart is not None
+        weak = 1.0 / (UNSEEN * self._size)
+        held = np.zeros((free.size, J.shape[1]))
+        held[:, self.numbers :] = weak * np.eye(free.size) if J.size else 0.0
+        return (
+            np.concatenate([value, weak * (free - window.chart.free)]),
+            np.vstack([J * slope[:, None], held]),
+        )
+
+
+class _Problem:
+    """All windows, for scipy: x are the shared numbers and the starts, one after another."""
+
+    def __init__(
+        self, fit: LeastSquaresFit, windows: Sequence[Window], shared: Shared, sizes: Sequence[int]
+    ) -> None:
+        self._fit, self._windows, self._shared = fit, windows, shared
+        self._P = fit.numbers
+        self._edges = self._P + np.cumsum([0, *sizes])
+        self._first = np.cumsum([0, *(1 + self._P + size for size in sizes)])  # row of a window
+        self.rows = int(self._first[-1]) + self._P
+
+    def starts(self, x: Floats) -> list[Floats]:
+        """Of the windows."""
+        return [x[a:b] for a, b in zip(self._edges, self._edges[1:], strict=False)]
+
+    def values(self, x: Floats) -> Floats:
+        """(|r|, 0, …) of each window, then the priors."""
+        found, shared = np.zeros(self.rows), x[: self._P]
+        for at, window, own in zip(self._first, self._windows, self.starts(x), strict=False):
+            value, _ = self._fit.rooted(window, own, self._fit.plain(window, own, shared))
+            found[at] = np.linalg.norm(value)
+        found[self._first[-1] :] = (shared - self._shared.mean) * self._shared.weight
+        return found
+
+    def slopes(self, x: Floats) -> Floats:
+        """Of the values."""
+        P, found = self._P, np.zeros((self.rows, x.size))
+        each = zip(self._first, self._edges, self._windows, self.starts(x), strict=False)
+        for at, column, window, own in each:
+            misfit = self._fit.misfit(window, own, x[:P])
+            R = compressed(*self._fit.rooted(window, own, misfit))
+            found[at : at + len(R), :P] = R[:, 1 : 1 + P]
+            found[at : at + len(R), column : column + own.size] = R[:, 1 + P :]
+        found[self._first[-1] :, :P] = np.diag(self._shared.weight)
+        return found
+
+
+def compressed(value: Floats, J: Floats) -> Floats:
+    """R (columns, columns) of [r A B], its first entry not negative."""
+    columns = 1 + J.shape[1]
+    whole = np.zeros((max(columns, value.size), columns))
+    whole[: value.size, 0], whole[: value.size, 1:] = value, J
+    R: Floats = np.linalg.qr(whole)[1]
+    return -R if R[0, 0] < 0.0 else R
+
+
+class _Tried:
+    """Values that scipy tries: after the first ones a failure of a run is NaN, and scipy takes a
+    shorter step."""
+
+    def __init__(
+        self, values: Callable[[Floats], Floats], size: int, told: Told | None = None
+    ) -> None:
+        self._values, self._size, self._told = values, size, told
+        self.count = 0
+        self.failure: AlfError | None = None
+
+    def __call__(self, x: Floats) -> Floats:
+        self.count += 1
+        try:
+            found = self._values(x)
+        except StoppedError:
+            raise
+        except AlfError as error:
+            if self.count == 1:
+                raise
+            self.failure = error
+            return np.full(self._size, np.nan)
+        if self._told is not None:
+            self._told(self.count, 0.5 * float(found @ found))
+        return found

@@ -1,0 +1,192 @@
+"""The motion of a mechanism that recorded joints suggest: where windows begin, before the fit.
+
+The joints are smoothed by parabolas through neighbouring measurements. The mechanism follows them
+in small steps: its free directions are turned so that its joints come nearest to the recorded
+ones, and its loops are closed again. So it stays on its branch.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from alf_ros.arrays import Floats, Integers
+from alf_ros.errors import InputError
+from alf_ros.simulation.simulation import Simulation
+from alf_ros.studies.identification.joint_readings import JointMotion, JointReadings, StateArrays
+from alf_ros.studies.identification.recording import MeasuredChannel
+from alf_ros.studies.identification.window_start import DenseRows, StartChart
+from alf_ros.studies.statics.instant import counted
+
+_NEAR = 11  # measurements of a parabola
+_TURN = 0.2  # rad or m, by which a joint moves in one step
+_ROUNDS = 12
+_NEAR_ENOUGH = 1e-6  # of the size: the fit goes on from there
+_KEEP = 1e-6  # weight of the directions that no joint tells
+_CLOSED = 1e-9
+_FAR = 0.5  # rad, or of the size: a joint that is off by more is another one
+
+
+class PostureTrack:
+    """Follows the positions and velocities of channels (of one recording), from the start of a
+    scene on."""
+
+    def __init__(self, simulation: Simulation, channels: Sequence[MeasuredChannel]) -> None:
+        state, model = simulation.state, simulation.model
+        self._model, self._readings = model, JointReadings(model)
+        self._q, self._turns = state.q, state.turns
+        names = list(model.coordinate_names)
+        self._of = [(names.index(c.joint), c) for c in channels if c.kind == 'position']
+        self._rates = {names.index(c.joint): c for c in channels if c.kind == 'velocity'}
+        self._joints = np.array([n for n, _ in self._of], dtype=np.int64)
+        self._angles = self._readings.is_angle[self._joints]
+        self._times = np.unique(np.concatenate([c.t for _, c in self._of]))
+        self._t: float | None = None
+
+    def start(self, t: float) -> StartChart:
+        """The free start of a window at t (s), which must not be before the last one. Raises
+        InputError if the mechanism cannot follow the recorded joints."""
+        self._follow(t)
+        _, rate = self._smooth(t)
+        rows, n = DenseRows(self._model, t), self._model.n
+        for joint, channel in self._rates.items():
+            for k in np.flatnonzero(self._joints == joint):
+                rate[k] = _parabola(channel, t, False)[0]
+        motion = self._read(self._q)
+        every = np.ones_like(rows.binds)
+        Z = rows.null_space(self._q, every)
+        whole, moved = rows.placed(self._q)
+        J = rows.jacobian(whole)
+        moved[:n] = np.linalg.lstsq(J[:, :n], -J[:, n:] @ moved[n:], rcond=1e-9)[0]
+        own = self._rate_of(moved)
+        A = motion.dx[0][self._joints] @ Z
+        moved[:n] += Z @ _least(A, rate - own[self._joints])
+        return StartChart(self._model, t, whole, moved, self._turns.copy())
+
+    def _rate_of(self, qd: Floats) -> Floats:
+        return self._read(self._q, qd).v[0]
+
+    def _follow(self, t: float) -> None:
+        """In steps in which no joint moves far."""
+        if self._t is None:
+            self._t = t
+            self._count_turns(self._smooth(t)[0])
+        between = self._times[(self._times > self._t) & (self._times < t)]
+        for at in (*between.tolist(), t):
+            want = self._smooth(at)[0]
+            far = np.abs(self._off(want)).max(initial=0.0)
+            if far > _TURN or at == t:
+                self._go(want, at)
+        self._t = t
+        self._check(self._off(self._smooth(t)[0]))
+
+    def _check(self, off: Floats) -> None:
+        """Raises InputError if a joint is far from where it was recorded."""
+        assert self._t is not None
+        parts = np.abs(off) / np.where(self._angles, 1.0, self._model.size)
+        k = int(parts.argmax())
+        if not parts[k] <= _FAR:
+            unit = 'rad' if self._angles[k] else 'm'
+            raise InputError(
+                'the mechanism cannot be where this joint was recorded, at '
+                f't = {self._t:.6g} s: it is off by {off[k]:.3g} {unit}',
+                key=self._of[k][1].joint,
+                expected='the joint of the scene, in its sense, unit and zero',
+            )
+
+    def _go(self, want: Floats, t: float) -> None:
+        rows, n = DenseRows(self._model, t), self._model.n
+        for _ in range(_ROUNDS):
+            off = self._off(want)
+            Y = rows.null_space(self._q, rows.binds)
+            A = self._read(self._q).dx[0][self._joints] @ Y
+            far = np.abs(off).max(initial=0.0)
+            y = _least(A, off * min(1.0, 2.0 * _TURN / max(far, 1e-300)))
+            moved = self._q.copy()
+            moved[:n] += Y @ y
+            moved = self._closed(rows, moved)
+            before = self._q
+            self._turns = counted(self._model, before, self._turns, moved)
+            self._q = moved
+            if np.abs(moved - before).max(initial=0.0) < _NEAR_ENOUGH * self._model.size:
+                return
+
+    def _closed(self, rows: DenseRows, q: Floats) -> Floats:
+        n = self._model.n
+        q, _ = rows.placed(q)
+        for _ in range(_ROUNDS):
+            gap = rows.gaps(q)[rows.binds]
+            if np.abs(gap).max(initial=0.0) <= _CLOSED * self._model.size:
+                return q
+            J = rows.jacobian(q)[rows.binds, :n]
+            q[:n] -= np.linalg.lstsq(J, gap, rcond=1e-7)[0]
+        raise InputError(
+            f'the mechanism cannot follow the recorded joints at t = {rows.t:.6g} s',
+            key='recording',
+            expected='joints of this mechanism, in its sense and from its zero',
+        )
+
+    def _off(self, want: Floats) -> Floats:
+        """By how much the joints are off, angles to half a turn."""
+        off = want - self._read(self._q).x[0][self._joints]
+        return np.where(self._angles, wrapped(off), off)
+
+    def _count_turns(self, want: Floats) -> None:
+        """Begin with the turns of the recorded angles."""
+        found = self._turns.copy()
+        for k, joint in enumerate(self._joints.tolist()):
+            of = self._model.coordinates[joint]
+            if of.is_angle and of.less < 0:
+                is_ = self._read(self._q).x[0][joint]
+                found[of.place] += round((want[k] - is_) / (2.0 * np.pi))
+        self._turns = found
+
+    def _smooth(self, t: float) -> tuple[Floats, Floats]:
+        each = [
+            _parabola(channel, t, bool(angle))
+            for (_, channel), angle in zip(self._of, self._angles, strict=True)
+        ]
+        return np.array([x for x, _ in each]), np.array([v for _, v in each])
+
+    def _read(self, q: Floats, qd: Floats | None = None) -> JointMotion:
+        """At q, with the derivatives by its movable coordinates."""
+        n = self._model.n
+        eye = np.zeros((1, n, q.size))
+        eye[0, :, :n] = np.eye(n)
+        rates = np.zeros_like(q) if qd is None else qd
+        turns: Integers = self._turns[None]
+        return self._readings.read(
+            StateArrays(q[None], rates[None], turns, eye, np.zeros_like(eye))
+        )
+
+
+def wrapped(angle: Floats) -> Floats:
+    """An angle (rad) to half a turn."""
+    return np.asarray(angle - 2.0 * np.pi * np.round(angle / (2.0 * np.pi)))
+
+
+def _parabola(channel: MeasuredChannel, t: float, turns: bool) -> tuple[float, float]:
+    """Value and rate at t (s) of a parabola through the nearest measurements; `turns`: angles."""
+    k = int(np.searchsorted(channel.t, t))
+    first = min(max(0, k - _NEAR // 2), max(0, channel.t.size - _NEAR))
+    part = slice(first, first + _NEAR)
+    span = channel.t[part] - t
+    values = np.unwrap(channel.values[part]) if turns else channel.values[part]
+    degree = min(2, span.size - 1)
+    scale = float(np.abs(span).max(initial=0.0)) or 1.0
+    c = np.linalg.lstsq(np.vander(span / scale, degree + 1, increasing=True), values, rcond=None)[
+        0
+    ]
+    return float(c[0]), float(c[1]) / scale if degree else 0.0
+
+
+def _least(A: Floats, off: Floats) -> Floats:
+    """The smallest change with the joints nearest to the recorded ones."""
+    if A.shape[1] == 0:
+        return np.zeros(0)
+    scale = float(np.linalg.norm(A, 2)) or 1.0
+    wide = np.vstack([A, _KEEP * scale * np.eye(A.shape[1])])
+    return np.asarray(
+        np.linalg.lstsq(wide, np.concatenate([off, np.zeros(A.shape[1])]), rcond=None)[0]
+    )

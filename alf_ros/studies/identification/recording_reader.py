@@ -1,0 +1,317 @@
+"""Recordings from rosbag2: a folder with MCAP files, or one such file.
+
+Positions and velocities come from JointState messages, efforts and targets from `joint_commands`,
+wrenches from WrenchStamped messages. A log of this package has its inputs in its journal. Times
+are the stamps of the headers.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from alf_ros import paths
+from alf_ros.arrays import Floats, Integers
+from alf_ros.errors import InputError
+from alf_ros.logs import journal, log, mcap_chunks
+from alf_ros.logs.mcap_chunks import Contents
+from alf_ros.logs.series import ChannelReader, Series
+from alf_ros.scene.scene import Scene
+from alf_ros.simulation.input_checks import follows
+from alf_ros.simulation.saved_states import read_curve
+from alf_ros.simulation.simulation import Simulation
+from alf_ros.studies.identification.recording import KINDS, HeldInput, MeasuredChannel, Recording
+
+_JOINTS, _WRENCH = 'sensor_msgs/msg/JointState', 'geometry_msgs/msg/WrenchStamped'
+_STRING = 'std_msgs/msg/String'
+_NS = 1e-9  # s
+_SAID = {  # in an entry of a journal, by its kind
+    'wrench': ('force', 'torque', 'frame'),
+    'effort': ('effort',),
+    'target': ('position', 'velocity'),
+}
+
+
+@dataclass(frozen=True)
+class Topics:
+    """Where a recording has what: topics in full or their last part.
+
+    joints: measured joint states; commands: efforts and targets of joints; wrenches: the topics
+    whose last part, or its entry in `renamed`, is a body or a point. renamed: recorded names of
+    joints and topics of wrenches -> names of the scene; '' leaves one out.
+    """
+
+    joints: str = 'joint_states'
+    commands: str = 'joint_commands'
+    renamed: Mapping[str, str] = field(default_factory=dict)
+
+    def name(self, recorded: str) -> str:
+        """The name in the scene."""
+        return self.renamed.get(recorded, recorded)
+
+
+def read_recording(path: str | Path, scene: Scene, topics: Topics | None = None) -> Recording:
+    """The recording in a folder or file, in the names of a scene.
+
+    Raises InputError: for no recording, one without positions of joints of the scene, commands of
+    joints that the scene lacks, and names in `renamed` that nothing has.
+    """
+    return _Reader(paths.named(path), Simulation(scene), topics or Topics()).recording()
+
+
+class _Reader:
+    def __init__(self, path: Path, simulation: Simulation, topics: Topics) -> None:
+        self._path, self._topics, self._simulation = path, topics, simulation
+        self._files = _parts(path)
+        self._joints: dict[tuple[str, str], list[tuple[Integers, Floats]]] = {}
+        self._inputs: list[HeldInput] = []  # of a journal, in simulated time
+        self._commands: list[tuple[int, tuple[str, str, dict[str, Any]]]] = []  # stamps, ns
+        self._seen: set[str] = set()
+        self._unused: dict[str, None] = {}
+        self._all: dict[str, str] = {}  # topic -> type
+        self._damage = ''
+
+    def recording(self) -> Recording:
+        own = self._own_log()
+        if own is not None:
+            self._held_before(own)
+        for series in self._series(None if own is None else own.topic('~/inputs')):
+            if series.type == _JOINTS and _is(series.topic, self._topics.joints):
+                self._measured(series)
+            elif own is not None and series.type == _STRING:
+                self._from_journal(series)
+            elif own is None and series.type == _JOINTS:
+                self._commanded(series)
+            elif own is None and series.type == _WRENCH:
+                self._pushed(series)
+        self._check()
+        begin = min(int(pieces[0][0][0]) for pieces in self._joints.values())
+        origin = begin if own is None else own.ahead
+        channels = tuple(
+            _channel(joint, kind, pieces, origin) for (joint, kind), pieces in self._joints.items()
+        )
+        given = [HeldInput((t - origin) * _NS, *what) for t, what in self._commands]
+        inputs = sorted([*given, *self._inputs], key=lambda each: each.t)
+        unused = tuple(self._unused)
+        return Recording(str(self._path), channels, tuple(inputs), unused, self._damage)
+
+    # ---------------------------------------------------------------------------------- reading
+
+    def _own_log(self) -> log.Log | None:
+        contents = Contents()
+        for _ in mcap_chunks.blocks(self._files[0], contents):
+            break
+        return log.load(self._path) if 'alf_ros' in contents.metadata else None
+
+    def _series(self, journal_topic: str | None) -> Iterator[Series]:
+        for file in self._files:
+            contents = Contents()
+            readers: dict[int, ChannelReader] = {}
+            for block in mcap_chunks.blocks(file, contents):
+                for id_ in np.unique(block.channel).tolist():
+                    channel = contents.channels[id_]
+                    self._all[channel.topic] = channel.type
+                    if not self._wanted(channel.topic, channel.type, journal_topic):
+                        continue
+                    if channel.encoding != 'cdr':
+                        raise InputError(
+                            'not a ROS 2 recording',
+                            file=str(file),
+                            key=channel.topic,
+                            value=channel.encoding,
+                            expected='cdr',
+                        )
+                    reader = readers.setdefault(id_, ChannelReader(channel))
+                    yield from reader.series(block, np.flatnonzero(block.channel == id_))
+            if contents.damage:
+                self._damage = f'{file.name}: {contents.damage}'
+
+    def _wanted(self, topic: str, kind: str, journal_topic: str | None) -> bool:
+        if journal_topic is not None:
+            return topic == journal_topic or (kind == _JOINTS and _is(topic, self._topics.joints))
+        named = any(_is(topic, name) for name in (self._topics.joints, self._topics.commands))
+        return kind == _WRENCH or (kind == _JOINTS and named)
+
+    def _measured(self, series: Series) -> None:
+        if _is(series.topic, self._topics.commands):
+            self._commanded(series)
+        known = self._simulation.model.coordinate_names
+        for k, recorded in enumerate(series.names):
+            name = self._renamed(recorded)
+            if name not in known:
+                if name != recorded and name:
+                    self._refuse('no such joint coordinate', recorded, name, known)
+                self._unused[recorded] = None
+                continue
+            for kind in KINDS:
+                if kind in series.columns:
+                    values = series.columns[kind][:, k]
+                    self._joints.setdefault((name, kind), []).append((series.told, values))
+
+    def _renamed(self, recorded: str) -> str:
+        if recorded in self._topics.renamed:
+            self._seen.add(recorded)
+        return self._topics.name(recorded)
+
+    def _commanded(self, series: Series) -> None:
+        known, effects = self._simulation.model.coordinate_names, self._simulation.scene.effects
+        for k, recorded in enumerate(series.names):
+            name = self._renamed(recorded)
+            if not name:
+                continue
+            if name not in known:
+                self._refuse('an effort on a joint that the scene lacks', recorded, name, known)
+            controls = dict(zip(KINDS, follows(effects, name), strict=True))
+            if _is(series.topic, self._topics.joints):
+                controls = dict.fromkeys(KINDS, False)  # measured there, not commanded
+            given = {
+                key: series.columns[key][:, k]
+                for key in ('effort', *KINDS)
+                if key in series.columns and controls.get(key, True)
+            }
+            for n, stamp in enumerate(series.told.tolist()):
+                self._command(stamp, name, {key: float(x[n]) for key, x in given.items()})
+
+    def _command(self, stamp: int, name: str, given: dict[str, float]) -> None:
+        said = {key: x for key, x in given.items() if not math.isnan(x)}
+        if 'effort' in said:
+            effort = {'effort': said.pop('effort')}
+            self._commands.append((stamp, ('effort', name, effort)))
+        if said:
+            self._commands.append((stamp, ('target', name, said)))
+
+    def _pushed(self, series: Series) -> None:
+        last = series.topic.rpartition('/')[2]
+        name = self._renamed(series.topic)
+        name = last if name == series.topic else name
+        if not name:
+            return
+        model = self._simulation.model
+        names = [*model.body_names, *model.point_names]
+        if name not in names:
+            self._refuse('a wrench on what the scene lacks', series.topic, name, names)
+        for message in series.messages:
+            at = message['header']['stamp']
+            stamp = at['sec'] * 1_000_000_000 + at['nanosec']
+            self._commands.append((stamp, ('wrench', name, self._wrench(series, name, message))))
+
+    def _wrench(self, series: Series, name: str, message: dict[str, Any]) -> dict[str, Any]:
+        force, torque = (
+            [message['wrench'][part][axis] for axis in 'xyz'] for part in ('force', 'torque')
+        )
+        frame = message['header']['frame_id']
+        if frame not in ('', 'world', name):
+            raise InputError(
+                'a wrench in another frame',
+                file=str(self._path),
+                key=series.topic,
+                value=frame,
+                expected=f"'world' or {name!r}",
+            )
+        planar = self._simulation.model.layout.dimension == 2
+        return {
+            'force': force[:2] if planar else force,
+            'torque': torque[2] if planar else torque,
+            'frame': 'body' if frame == name else 'world',
+        }
+
+    def _from_journal(self, series: Series) -> None:
+        for entry in journal.entries(series):
+            kind = entry['kind']
+            if kind == journal.UNREADABLE or (kind == 'settings' and entry['effects']):
+                what = 'cannot be read' if kind == journal.UNREADABLE else 'changes the effects'
+                raise InputError(
+                    f'an entry of its journal {what}',
+                    file=str(self._path),
+                    value=journal.told(entry),
+                    expected='a whole log, with one set of numbers',
+                )
+            if kind in _SAID:
+                said = {key: entry[key] for key in _SAID[kind]}
+                self._hold(entry['t'], kind, entry['name'], said)
+
+    def _held_before(self, own: log.Log) -> None:
+        """The inputs in the state with which a log begins."""
+        held = own.info.get('state', {}).get('inputs', {})
+        for kind, each in (('wrench', 'wrenches'), ('effort', 'efforts'), ('target', 'targets')):
+            for name, what in held.get(each, {}).items():
+                self._hold(0.0, kind, name, {'effort': what} if kind == 'effort' else what)
+
+    def _hold(self, t: float, kind: str, name: str, said: Mapping[str, Any]) -> None:
+        curves = ('effort', 'position')
+        read = {key: read_curve(x) if key in curves else x for key, x in said.items()}
+        self._inputs.append(HeldInput(t, kind, name, read))
+
+    # ----------------------------------------------------------------------------------- checks
+
+    def _check(self) -> None:
+        for name in self._topics.renamed:
+            if name not in self._seen:
+                names = [*self._unused, *(joint for joint, _ in self._joints)]
+                raise InputError(
+                    'nothing of this name in the recording',
+                    file=str(self._path),
+                    key='map',
+                    value=name,
+                    choices=names or sorted(self._all),
+                )
+        if not any(kind == 'position' for _, kind in self._joints):
+            topics = [topic for topic, kind in self._all.items() if kind == _JOINTS]
+            if self._unused:
+                raise InputError(
+                    'no recorded joint is one of the scene',
+                    file=str(self._path),
+                    value=next(iter(self._unused)),
+                    choices=self._simulation.model.coordinate_names,
+                )
+            raise InputError(
+                'no positions of joints in this recording',
+                file=str(self._path),
+                key='joints',
+                value=self._topics.joints,
+                choices=topics or sorted(self._all),
+            )
+
+    def _refuse(self, why: str, recorded: str, name: str, known: Any) -> None:
+        raise InputError(
+            f'{why} ({recorded!r} in the recording)' if name != recorded else why,
+            file=str(self._path),
+            key='map',
+            value=name,
+            choices=known,
+        )
+
+
+def _channel(
+    joint: str, kind: str, pieces: list[tuple[Integers, Floats]], origin: int
+) -> MeasuredChannel:
+    stamps = np.concatenate([each for each, _ in pieces])
+    t = np.where(stamps == 1, 0, stamps - origin) * _NS  # 1 ns stands for no time
+    values = np.concatenate([each for _, each in pieces])
+    known = np.isfinite(values)
+    order = np.argsort(t[known], kind='stable')
+    t, values = t[known][order], values[known][order]
+    new = np.diff(t, prepend=-np.inf) > 0.0  # a stamp that is there twice counts once
+    return MeasuredChannel(joint, kind, t[new], values[new])
+
+
+def _is(topic: str, name: str) -> bool:
+    return topic == name if name.startswith('/') else topic.rpartition('/')[2] == name
+
+
+def _parts(path: Path) -> list[Path]:
+    """The MCAP files. Raises InputError."""
+    if path.is_dir() and not any(path.glob('*.mcap')) and any(path.glob('*.db3')):
+        raise InputError(
+            'a recording in SQLite', file=str(path), expected='MCAP: `ros2 bag convert` makes it'
+        )
+    if path.suffix == '.db3':
+        raise InputError(
+            'a recording in SQLite', file=str(path), expected='MCAP: `ros2 bag convert` makes it'
+        )
+    return log.parts(path)

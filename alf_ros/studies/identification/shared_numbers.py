@@ -1,0 +1,120 @@
+"""The numbers that are fitted: where each begins, its bounds and its prior."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+from alf_ros.arrays import Floats
+from alf_ros.errors import InputError
+from alf_ros.scene import overrides
+from alf_ros.scene.scene import Scene
+from alf_ros.simulation.input_checks import is_number
+from alf_ros.simulation.tangent_following import checked_names
+from alf_ros.studies.identification.least_squares_fit import Shared
+
+DELAY = 'delay'
+LONGEST_DELAY = 0.1  # s, either way
+_OTHER_SIGN = -1e-3  # of a number, to see whether a scene can have the other sign
+Pair = tuple[float, float]
+
+
+def names_to_fit(fit: object) -> tuple[str, ...]:
+    """Names of numbers of a scene, each once. Raises InputError."""
+    with _of_fit():
+        names = checked_names(fit)
+    if not names:
+        raise InputError('nothing to fit', key='fit', expected="['coupler.mass', …]")
+    return names
+
+
+@contextmanager
+def _of_fit() -> Iterator[None]:
+    """Errors about tangents are about the names to fit."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(
+            error.message,
+            key=str(error.key).replace('tangents', 'fit'),
+            value=error.value,
+            expected=error.expected,
+            choices=error.choices,
+        ) from None
+
+
+def _begin(scene: Scene, name: str) -> float:
+    with _of_fit():
+        return overrides.number(scene, name)
+
+
+def shared_numbers(
+    scene: Scene,
+    names: Sequence[str],
+    bounds: Mapping[str, Pair],
+    priors: Mapping[str, Pair],
+    delay: bool,
+) -> Shared:
+    """`bounds`: least and largest value by name; `priors`: mean and standard deviation.
+
+    A number keeps its sign if the scene refuses the other one, as it does for masses and
+    stiffnesses. Other scenes that cannot be, such as bodies with impossible principal moments,
+    are refused where the fit tries them.
+    """
+    all_ = [*names, DELAY] if delay else list(names)
+    for what, given in (('bounds', bounds), ('priors', priors)):
+        for name, pair in given.items():
+            if name not in all_:
+                raise InputError('is not fitted', key=what, value=name, choices=all_)
+            _check_pair(what, name, pair)
+    begin = [_begin(scene, name) for name in names] + [0.0] * delay
+    lower, upper = np.full(len(all_), -np.inf), np.full(len(all_), np.inf)
+    mean, deviation = np.array(begin), np.full(len(all_), np.inf)
+    for k, name in enumerate(all_):
+        if delay and name == DELAY:
+            lower[k], upper[k] = -LONGEST_DELAY, LONGEST_DELAY
+        elif begin[k] != 0.0 and _keeps_sign(scene, name, begin[k]):
+            lower[k], upper[k] = (0.0, np.inf) if begin[k] > 0.0 else (-np.inf, 0.0)
+        lower[k], upper[k] = bounds.get(name, (lower[k], upper[k]))
+        mean[k], deviation[k] = priors.get(name, (mean[k], deviation[k]))
+        if not lower[k] < begin[k] < upper[k]:
+            raise InputError(
+                'the scene begins outside the bounds',
+                key=f'bounds.{name}',
+                value=begin[k],
+                expected=f'more than {lower[k]:g} and less than {upper[k]:g}',
+            )
+    size = _sizes(np.array(begin), upper - lower, deviation)
+    return Shared(np.array(begin), lower, upper, mean, deviation, size)
+
+
+def _keeps_sign(scene: Scene, name: str, value: float) -> bool:
+    try:
+        overrides.with_changes(scene, {name: repr(_OTHER_SIGN * value)})
+    except InputError:
+        return True
+    return False
+
+
+def _sizes(begin: Floats, width: Floats, deviation: Floats) -> Floats:
+    """The size of each number: its value in the scene; of a number that is zero there, the
+    deviation of its prior or the width of its bounds, else 1 in its unit."""
+    found = np.abs(begin)
+    for k in np.flatnonzero(found == 0.0):
+        found[k] = next(x for x in (deviation[k], width[k], 1.0) if np.isfinite(x))
+    return np.asarray(found)
+
+
+def _check_pair(what: str, name: str, pair: Any) -> None:
+    expected = {'bounds': '(least, largest)', 'priors': '(mean, standard deviation)'}[what]
+    good = isinstance(pair, Sequence) and len(pair) == 2 and all(_is_bound(x) for x in pair)
+    good = good and (pair[0] < pair[1] if what == 'bounds' else is_number(pair[0]) and pair[1] > 0)
+    if not good:
+        raise InputError('not two numbers', key=f'{what}.{name}', value=pair, expected=expected)
+
+
+def _is_bound(x: Any) -> bool:
+    return is_number(x) or x in (np.inf, -np.inf)

@@ -1,0 +1,239 @@
+"""Runs of a scene over windows: what the measurements should be, and how that changes.
+
+Between two steps a joint coordinate is the cubic of Hermite through positions and velocities. A
+delay d shifts the measurements: one with the stamp t is of the instant t - d.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from alf_ros.arrays import Floats, Integers
+from alf_ros.errors import InputError
+from alf_ros.scene import overrides
+from alf_ros.scene.scene import Scene, Solver
+from alf_ros.simulation.applied import NO_INPUTS
+from alf_ros.simulation.simulation import Simulation
+from alf_ros.simulation.state import State
+from alf_ros.studies.identification.joint_readings import JointMotion, JointReadings, StateArrays
+from alf_ros.studies.identification.posture_track import wrapped
+from alf_ros.studies.identification.recording import MeasuredChannel
+from alf_ros.studies.identification.window import Measurements, Window, below, grid
+
+_LONGEST = 5e-3  # s, between two steps of an adaptive method
+
+
+@dataclass(frozen=True, eq=False)
+class Misfit:
+    """Of a window: by how much each measurement is more than the run says.
+
+    residuals (N,), rad or m, per s; jacobian (N, P + delay + free numbers), empty if nobody asked;
+    channel (N,): the number of the channel of each.
+    """
+
+    residuals: Floats
+    jacobian: Floats
+    channel: Integers
+
+
+class WindowRuns:
+    """Runs of a scene with other values of `names`, over windows.
+
+    `delay`: whether the delay is a number to differentiate by, behind the
+    numbers of the scene.
+    """
+
+    def __init__(
+        self, scene: Scene, names: Sequence[str], channels: Sequence[MeasuredChannel], delay: bool
+    ) -> None:
+        self.scene, self.names, self.delay = scene, tuple(names), delay
+        self.channels = tuple(channels)
+        self._settings = _settled(Simulation(scene).solver)
+        self.reference = Simulation(scene, **self._settings)
+        self.h = self.reference.h
+        self._joints = list(self.reference.model.coordinate_names)
+        for each in self.channels:
+            if each.joint not in self._joints:
+                raise InputError(
+                    'no such joint coordinate',
+                    key='recording',
+                    value=each.joint,
+                    choices=self._joints,
+                )
+        self._known: dict[int, tuple[tuple[float, ...], Simulation]] = {}
+
+    @property
+    def numbers(self) -> int:
+        """How many numbers all windows share."""
+        return len(self.names) + self.delay
+
+    def at(self, values: Sequence[float] | Floats) -> Scene:
+        """The scene with values of `names`. Raises InputError if there is no such scene."""
+        changes = {n: repr(float(x)) for n, x in zip(self.names, values, strict=True)}
+        return overrides.with_changes(self.scene, changes, prefix='fit ')
+
+    def simulation(self, values: Floats, directions: int = 0) -> Simulation:
+        """The scene with values of `names`; `directions`: how many free numbers of a start are
+        followed beside the names, 0 for a run without tangents. Raises AlfError."""
+        key = tuple(float(x) for x in values)
+        if directions not in self._known or self._known[directions][0] != key:
+            tangents = [f'state.{k}' for k in range(directions)]
+            if directions:
+                tangents = [*self.names, *tangents]
+            last = self._known[directions][1] if directions in self._known else None
+            made = Simulation(self.at(values), **self._settings, tangents=tangents, like=last)
+            _check_drives(made)
+            self._known[directions] = key, made
+        return self._known[directions][1]
+
+    def misfit(self, simulation: Simulation, window: Window, free: Floats, delay: float) -> Misfit:
+        """Of a window with a start; its jacobian, if the simulation has tangents. Raises AlfError
+        where the run fails, or cannot be differentiated."""
+        steps = grid(window, delay, self.h)
+        motion = self._motion(simulation, window, free, steps)
+        found = [self._part(window, part, steps, motion, delay) for part in window.measured]
+        count = [each.values.size for each in window.measured]
+        return Misfit(
+            np.concatenate([residuals for residuals, _ in found]),
+            np.concatenate([jacobian for _, jacobian in found])[:, : self.numbers + free.size],
+            np.repeat([each.channel for each in window.measured], count),
+        )
+
+    def state(self, simulation: Simulation, window: Window, free: Floats) -> State:
+        """The state in which a window begins, nothing held."""
+        assert window.chart is not None
+        start = window.chart.start(simulation.model, free)
+        return replace(
+            simulation.state,
+            step=window.first,
+            q=start.q,
+            qd=start.qd,
+            turns=window.chart.turns,
+            pace=self.h,
+            inputs=NO_INPUTS,
+            tangents=np.zeros_like(simulation.state.tangents),
+        )
+
+    def _motion(
+        self, simulation: Simulation, window: Window, free: Floats, steps: Integers
+    ) -> JointMotion:
+        following, chart = simulation.following, window.chart
+        assert chart is not None
+        slopes = following.slopes if following is not None else []
+        begun = self.state(simulation, window, free)
+        if following is not None:
+            start = chart.start(simulation.model, free, slopes[: len(self.names)])
+            first = np.zeros((len(slopes), 2, begun.q.size))
+            first[: len(start.dq), 0], first[: len(start.dqd), 1] = start.dq, start.dqd
+            begun = replace(begun, tangents=first.ravel())
+        simulation.restore(begun)
+        states = list(_passed(simulation, window, steps))
+        if following is not None:
+            tangents = simulation.sample().tangents
+            for name in following.lengths:
+                if name in self.names:
+                    _ = tangents[name]  # refused if it unfolds a singular position
+        columns = len(slopes)
+        carried = np.array([each.tangents for each in states])
+        carried = carried.reshape(len(states), columns, 2, -1 if columns else begun.q.size)
+        return JointReadings(simulation.model, [each.arrays for each in slopes]).read(
+            StateArrays(
+                np.array([each.q for each in states]),
+                np.array([each.qd for each in states]),
+                np.array([each.turns for each in states]),
+                carried[:, :, 0],
+                carried[:, :, 1],
+            )
+        )
+
+    def _part(
+        self,
+        window: Window,
+        part: Measurements,
+        steps: Integers,
+        motion: JointMotion,
+        delay: float,
+    ) -> tuple[Floats, Floats]:
+        """Residuals (N,) and their derivatives."""
+        channel = self.channels[part.channel]
+        joint = self._joints.index(channel.joint)
+        first = below(window, part, delay, self.h)
+        k = np.searchsorted(steps, first)
+        weights = _hermite((part.t - delay) / self.h - first, self.h)
+        x, v = motion.x[:, joint], motion.v[:, joint]
+        each = [_mixed(w, k, x, v) for w in weights]
+        order = 0 if channel.kind == 'position' else 1
+        residuals = part.values - each[order]
+        if order == 0 and self.reference.model.coordinates[joint].is_angle:
+            residuals = wrapped(residuals)
+        slopes = -_mixed(weights[order], k, motion.dx[:, joint], motion.dv[:, joint])
+        if slopes.shape[1]:
+            late = [each[order + 1][:, None]] if self.delay else []
+            P = len(self.names)
+            slopes = np.hstack([slopes[:, :P], *late, slopes[:, P:]])
+        return residuals, slopes
+
+
+def _check_drives(simulation: Simulation) -> None:
+    """Raises InputError for a fitted length beside drives, whose paces it would change too."""
+    following, prescribed = simulation.following, simulation.model.mechanism.prescribed
+    if following is not None and following.lengths and prescribed:
+        raise InputError('a length cannot be fitted beside a drive yet', key=following.lengths[0])
+
+
+def _settled(solver: Solver) -> dict[str, Any]:
+    """The settings of all runs: those that the scene has or picks, with a step that resolves the
+    motion between two steps."""
+    step = solver.step
+    if solver.method.embedded.size:
+        step = step / max(1, round(np.ceil(step / _LONGEST)))
+    if not step <= 2.0 * _LONGEST:
+        raise InputError(
+            'too long to read the motion between two steps',
+            key='solver.step',
+            value=solver.step,
+            expected=f'{2.0 * _LONGEST:g} s at most',
+        )
+    return {'step': step, 'integrator': solver.integrator, 'tolerance': solver.tolerance}
+
+
+def _passed(simulation: Simulation, window: Window, steps: Integers) -> list[State]:
+    """The states at `steps`, with the inputs of the window."""
+    inputs, states = list(window.inputs), []
+    for step in steps.tolist():
+        while inputs and inputs[0][0] < step:
+            at, held = inputs.pop(0)
+            simulation.step(at - simulation.step_index)
+            held.apply(simulation)
+        simulation.step(step - simulation.step_index)
+        states.append(simulation.state)
+    return states
+
+
+def _hermite(u: Floats, h: float) -> tuple[Floats, Floats, Floats]:
+    """(N, 4) weights of x₀, ẋ₀, x₁, ẋ₁ in x, ẋ and ẍ, at a part u of a step h (s)."""
+    p = u * u
+    value = (
+        1.0 - p * (3.0 - 2.0 * u),
+        h * u * (1.0 - u) ** 2,
+        p * (3.0 - 2.0 * u),
+        h * p * (u - 1.0),
+    )
+    rate = (6.0 * (p - u) / h, 3.0 * p - 4.0 * u + 1.0, 6.0 * (u - p) / h, 3.0 * p - 2.0 * u)
+    second = (
+        (12.0 * u - 6.0) / h**2,
+        (6.0 * u - 4.0) / h,
+        (6.0 - 12.0 * u) / h**2,
+        (6.0 * u - 2.0) / h,
+    )
+    return tuple(np.array(each).T for each in (value, rate, second))  # type: ignore[return-value]
+
+
+def _mixed(weights: Floats, k: Integers, x: Floats, v: Floats) -> Floats:
+    """Of quantities (G, …) and their rates at steps k and k + 1."""
+    w = weights.reshape(*weights.shape, *[1] * (x.ndim - 1))
+    return np.asarray(w[:, 0] * x[k] + w[:, 1] * v[k] + w[:, 2] * x[k + 1] + w[:, 3] * v[k + 1])

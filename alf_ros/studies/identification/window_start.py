@@ -1,0 +1,156 @@
+"""The state with which a window begins, as free numbers.
+
+At a reference q₀, Y spans the null space of Φ_q and Z the null space of J = [Φ_q; N], both
+orthonormal in the metric of M. The free numbers s and ν (kg^½ m, kg^½ m/s) give the state of a
+scene with any values of its numbers θ:
+
+    Φ(q, θ) = 0,   Yᵀ M (q - q₀) = s      and      J q̇ = b,   Zᵀ M q̇ = ν
+
+so that its derivatives by θ, s and ν are solutions of linear equations, and exact. Y, Z and M are
+taken at q₀, and stay.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from alf_ros import kernel
+from alf_ros.arrays import Floats, Integers
+from alf_ros.errors import AssemblyError
+from alf_ros.model.compile import Model
+from alf_ros.model.dense_linearisation import DEPENDENT
+from alf_ros.model.prescribed import prescribe
+from alf_ros.simulation.tangent_following import Slopes
+from alf_ros.studies.statics.instant import Chosen
+from alf_ros.studies.statics.sparse_rows import jacobian, mass_matrix, turning
+
+_MOST = 60  # iterations
+_CLOSED = 1e-10  # of the size: a start that stays open by more is none
+
+
+@dataclass(frozen=True, eq=False)
+class WindowStart:
+    """q, qd (blocks D): a state; dq, dqd (K, blocks D): its derivatives."""
+
+    q: Floats
+    qd: Floats
+    dq: Floats
+    dqd: Floats
+
+
+class DenseRows:
+    """Φ and J of a model as dense arrays, each row in its scale; at t (s)."""
+
+    def __init__(self, model: Model, t: float) -> None:
+        self.model, self.t = model, t
+        rows = model.system.rows
+        self._scale = rows.scale
+        self.binds = np.arange(rows.alpha.size) < rows.alpha.size - rows.velocity
+
+    def placed(self, q: Floats) -> tuple[Floats, Floats]:
+        """q with the fixed and driven blocks of the model, and q̇ with those alone."""
+        model, n = self.model, self.model.n
+        whole, rates = np.concatenate([q[:n], model.q[n:]]), np.zeros_like(q)
+        prescribe(model.system, self.t, whole, rates, np.zeros_like(q))
+        return whole, rates
+
+    def gaps(self, q: Floats) -> Floats:
+        """Φ (rows,); 0 for rows that bind velocities only."""
+        found = np.zeros(self._scale.size)
+        kernel.violation(self.model.unit, self.model.system.rows, q, found)
+        return found * self._scale
+
+    def jacobian(self, q: Floats) -> Floats:
+        """J (rows, blocks D)."""
+        return np.asarray(jacobian(self.model, q).toarray() * self._scale[:, None])
+
+    def turning(self, v: Floats) -> Floats:
+        """∂(J v)/∂q (rows, blocks D)."""
+        return np.asarray(turning(self.model, v).toarray() * self._scale[:, None])
+
+    def opening(self, slopes: Slopes, q: Floats, v: Floats) -> tuple[Floats, Floats]:
+        """∂Φ/∂θ and ∂(J v)/∂θ (rows,) of a number θ, with the free blocks of q and v held."""
+        model, of, rows = self.model, slopes.arrays, self.model.system.rows
+        own = replace(rows, b=of['b'], term=of['term'], c=of['c'])
+        none, g2 = np.zeros(rows.i.size * model.layout.dimension), np.zeros(rows.b.size)
+        turned = np.zeros(rows.alpha.size)
+        kernel.jacobian(model.unit, own, q, none.copy(), g2)
+        kernel.times_jacobian(model.unit, own, none, g2, v, turned)
+        return slopes.opening(model, q) * self._scale, turned * self._scale
+
+    def null_space(self, q: Floats, rows: Chosen) -> Floats:
+        """(n, freedoms) of the movable blocks, orthonormal in the metric of M."""
+        n = self.model.n
+        _, s, Vt = np.linalg.svd(self.jacobian(q)[rows, :n])
+        V = Vt[int((s > DEPENDENT * s.max(initial=1e-300)).sum()) :].T
+        masses, turn = np.linalg.eigh(V.T @ (mass_matrix(self.model) @ V))
+        least = self.model.system.mean * DEPENDENT
+        return np.asarray(V @ turn / np.sqrt(np.maximum(masses, least)))
+
+
+class StartChart:
+    """The free numbers of a state beside q₀, q̇₀ (blocks D) at t (s); turns (angles,)."""
+
+    def __init__(self, model: Model, t: float, q: Floats, qd: Floats, turns: Integers) -> None:
+        rows, n = DenseRows(model, t), model.n
+        self.t, self.q, self.turns = t, q, turns
+        M = mass_matrix(model)
+        Y = rows.null_space(q, rows.binds)
+        Z = rows.null_space(q, np.ones_like(rows.binds))
+        self._held, self._going = np.asarray((M @ Y).T), np.asarray((M @ Z).T)
+        self.positions, self.velocities = Y.shape[1], Z.shape[1]
+        self.free = np.concatenate([np.zeros(self.positions), self._going @ qd[:n]])
+
+    def start(self, model: Model, free: Floats, slopes: Sequence[Slopes] = ()) -> WindowStart:
+        """The state of the free numbers (s, ν) in a model; `slopes`: of the numbers θ of its
+        derivatives, s and ν behind them. Raises AssemblyError where there is no such state."""
+        rows, n = DenseRows(model, self.t), model.n
+        s, nu = free[: self.positions], free[self.positions :]
+        q, rates = rows.placed(self.q)
+        gap = np.inf
+        for _ in range(_MOST):
+            A = np.vstack([rows.jacobian(q)[rows.binds, :n], self._held])
+            off = np.concatenate([rows.gaps(q)[rows.binds], self._held @ (q - self.q)[:n] - s])
+            before, gap = gap, float(np.abs(off).max(initial=0.0))
+            if gap >= 0.5 * before and gap <= _CLOSED * model.size:
+                break
+            q[:n] -= np.linalg.lstsq(A, off, rcond=None)[0]
+        if not gap <= _CLOSED * model.size:
+            raise AssemblyError(f'the mechanism cannot be closed at t = {self.t:.6g} s')
+        J = rows.jacobian(q)
+        still = J[:, n:] @ rates[n:]
+        turned = np.vstack([J[:, :n], self._going])
+        inverse = np.linalg.pinv(turned)
+        qd = rates
+        qd[:n] = inverse @ np.concatenate([-still, nu])
+        return WindowStart(q, qd, *self._derivatives(rows, q, qd, slopes, A, inverse))
+
+    def _derivatives(
+        self,
+        rows: DenseRows,
+        q: Floats,
+        qd: Floats,
+        slopes: Sequence[Slopes],
+        A: Floats,
+        inverse: Floats,
+    ) -> tuple[Floats, Floats]:
+        """By each number, then by s and ν: dq and dqd (K, blocks D)."""
+        if not slopes:
+            return np.zeros((0, q.size)), np.zeros((0, q.size))
+        n, P, g, f = rows.model.n, len(slopes), self.positions, self.velocities
+        dq, dqd = np.zeros((P + g + f, q.size)), np.zeros((P + g + f, q.size))
+        position, velocity = np.linalg.pinv(A), inverse
+        binding = int(rows.binds.sum())
+        bent, widened = rows.turning(qd), np.zeros((len(rows.binds), P + g + f))
+        for k, each in enumerate(slopes):
+            opened, widened[:, k] = rows.opening(each, q, qd)
+            dq[k, n:] = each.arrays['q'][n:]
+            dq[k, :n] = -position[:, :binding] @ opened[rows.binds]
+        dq[P : P + g, :n] = position[:, binding:].T
+        open_velocities = bent @ dq.T + widened
+        dqd[:, :n] = -(velocity[:, : len(rows.binds)] @ open_velocities).T
+        dqd[P + g :, :n] += velocity[:, len(rows.binds) :].T
+        return dq, dqd

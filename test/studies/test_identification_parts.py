@@ -1,0 +1,214 @@
+"""The parts of an identification: readings, starts, residuals, derivatives, statistics."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from alf_ros import Simulation, load_scene
+from alf_ros.arrays import Floats
+from alf_ros.scene import overrides
+from alf_ros.studies.identification.identifiability import beside, known
+from alf_ros.studies.identification.joint_readings import JointReadings, StateArrays
+from alf_ros.studies.identification.least_squares_fit import compressed
+from alf_ros.studies.identification.posture_track import PostureTrack
+from alf_ros.studies.identification.residual_tests import whiteness
+from alf_ros.studies.identification.robust_loss import NAMES, rooted, spread
+from alf_ros.studies.identification.window import Window, cut
+from alf_ros.studies.identification.window_runs import WindowRuns
+from support.recordings import Machine, changed, pushes
+
+
+@pytest.mark.parametrize(
+    ('name', 'names'),
+    [
+        ('slider_crank', ['coupler.mass', 'L']),
+        ('delta_robot', ['arm', 'l']),
+        ('screw_jack', []),
+        ('scissor_lift', []),
+    ],
+)
+def test_readings_are_those_of_samples(name: str, names: list[str]) -> None:
+    simulation = Simulation(load_scene(name), tangents=names)
+    simulation.step(40)
+    state, sample, following = simulation.state, simulation.sample(), simulation.following
+    carried = state.tangents.reshape(1, len(names), 2, -1 if names else state.q.size)
+    slopes = [each.arrays for each in following.slopes] if following else []
+    read = JointReadings(simulation.model, slopes).read(
+        StateArrays(
+            state.q[None], state.qd[None], state.turns[None], carried[:, :, 0], carried[:, :, 1]
+        )
+    )
+    assert np.allclose(read.x[0], sample.joint_positions, rtol=1e-14, atol=1e-15)
+    assert np.allclose(read.v[0], sample.joint_velocities, rtol=1e-13, atol=1e-14)
+    for k, each in enumerate(names):
+        tangent = sample.tangents[each]
+        assert np.allclose(read.dx[0, :, k], tangent.joint_positions, rtol=1e-12, atol=1e-14)
+        assert np.allclose(read.dv[0, :, k], tangent.joint_velocities, rtol=1e-12, atol=1e-14)
+
+
+def test_a_state_direction_is_a_derivative_by_the_start() -> None:
+    names = ['state.0', 'initial.velocities.B.0']
+    simulation = Simulation(load_scene('slider_crank'), tangents=names)
+    state = simulation.state
+    carried = state.tangents.reshape(2, -1).copy()
+    carried[0] = 3.0 * carried[1]
+    simulation.restore(replace(state, tangents=carried.ravel()))
+    simulation.step(300)
+    free, named = (simulation.sample().tangents[name].q for name in names)
+    assert np.allclose(free, 3.0 * named, rtol=1e-13)
+
+
+def test_slopes_that_serve_again_are_the_same() -> None:
+    """Masses are kept where nothing beside them changes, and found again where a product does."""
+    scene = load_scene('slider_crank')
+    names = ['coupler.mass', 'gravity.acceleration.1']
+    first = Simulation(scene, tangents=names)
+    for numbers in ({'coupler.mass': 1.4}, {'coupler.mass': 1.4, 'gravity.acceleration.1': -5.0}):
+        other = changed(scene, numbers)
+        kept, anew = (Simulation(other, tangents=names, like=x) for x in (first, None))
+        for simulation in (kept, anew):
+            simulation.step(100)
+        assert kept.following is not None and anew.following is not None
+        for of, wanted in zip(kept.following.slopes, anew.following.slopes, strict=True):
+            assert np.allclose(of.params(), wanted.params(), rtol=1e-11, atol=1e-12)
+        for name in names:
+            a, b = (x.sample().tangents[name].q for x in (kept, anew))
+            assert np.allclose(a, b, rtol=1e-9, atol=1e-12)
+
+
+def tracked(runs: WindowRuns, machine: Machine, length: float, margin: float) -> list[Window]:
+    recording = machine.recording(velocities=True)
+    channels = [(0, channel) for channel in recording.channels]
+    windows = cut([recording], channels, length, runs.h, 0.0, margin)
+    track = PostureTrack(runs.reference, recording.channels)
+    return [replace(w, chart=track.start(w.first * runs.h)) for w in windows]
+
+
+@pytest.mark.parametrize(
+    ('name', 'names', 'size'),
+    [('slider_crank', ['coupler.mass', 'L'], 1.0), ('delta_robot', ['platform', 'l'], 0.3)],
+)
+def test_derivatives_are_those_of_differences(name: str, names: list[str], size: float) -> None:
+    """Of masses, lengths, delay and starts, with efforts that change within a window."""
+    scene = load_scene(name)
+    joints = Simulation(scene).model.coordinate_names
+    machine = Machine(scene, joints, 0.3, inputs=pushes(joints[0], size, 0.3, 0.05))
+    runs = WindowRuns(scene, names, machine.recording(velocities=True).channels, delay=True)
+    (window,) = tracked(runs, machine, 0.3, margin=0.02)
+    assert window.chart is not None
+    values = np.array([overrides.number(scene, each) for each in names])
+    x = np.concatenate([values, [0.0037], window.chart.free])
+    P = len(names)
+
+    def residuals(at: Floats) -> Floats:
+        return runs.misfit(runs.simulation(at[:P]), window, at[P + 1 :], at[P]).residuals
+
+    with_tangents = runs.simulation(values, window.chart.free.size)
+    J = runs.misfit(with_tangents, window, x[P + 1 :], x[P]).jacobian
+    for k in range(x.size):
+        e = np.zeros(x.size)
+        e[k] = 1e-5 if k == P else 1e-4 * max(1.0, abs(x[k]))
+        near = (residuals(x + e) - residuals(x - e)) * 2.0 / 3.0
+        far = (residuals(x + 2.0 * e) - residuals(x - 2.0 * e)) / 12.0
+        expected = (near - far) / e[k]
+        # the delay: a velocity between two steps is a parabola, and one effort less smooth
+        least = 1e-4 if k == P else 1e-7
+        assert np.abs(J[:, k] - expected).max() <= least * np.abs(expected).max(), k
+
+
+def test_the_track_finds_the_start() -> None:
+    """From exact measurements: the first residuals come from the smoothing alone."""
+    scene = load_scene('slider_crank')
+    machine = Machine(scene, ('crank_pin', 'guide'), 1.0)
+    runs = WindowRuns(scene, [], machine.recording(velocities=True).channels, delay=False)
+    for window in tracked(runs, machine, 0.5, 0.0):
+        assert window.chart is not None
+        found = runs.misfit(runs.simulation(np.zeros(0)), window, window.chart.free, 0.0)
+        assert np.abs(found.residuals).max() < 0.05
+
+
+def test_a_window_in_few_rows_is_the_same_problem() -> None:
+    rng = np.random.default_rng(1)
+    for rows in (50, 3):
+        value, J = rng.normal(size=rows), rng.normal(size=(rows, 5))
+        R = compressed(value, J)
+        assert R.shape == (6, 6)
+        assert np.allclose(R[:, 0], np.linalg.norm(value) * np.eye(6)[0], atol=1e-14)
+        assert np.allclose(R[:, 1:].T @ R[:, 0], J.T @ value)
+        assert np.allclose(R[:, 1:].T @ R[:, 1:], J.T @ J)
+
+
+@pytest.mark.parametrize('name', NAMES)
+def test_losses(name: str) -> None:
+    """By the formulas of scipy.optimize.least_squares, and slopes by differences."""
+    r = np.array([-9.0, -2.5, -1.0, -1e-9, 0.0, 1e-5, 0.3, 1.9, 2.1, 30.0])
+    value, slope = rooted(name, r)
+    z = (r / 2.0) ** 2
+    rho = {
+        'linear': z,
+        'huber': np.where(z <= 1.0, z, 2.0 * np.sqrt(z) - 1.0),
+        'soft_l1': 2.0 * (np.sqrt(1.0 + z) - 1.0),
+        'cauchy': np.log1p(z),
+    }[name]
+    assert np.allclose(value**2, 4.0 * rho, rtol=1e-10, atol=1e-14)
+    e = 1e-6
+    near = (rooted(name, r + e)[0] - rooted(name, r - e)[0]) / (2.0 * e)
+    assert np.allclose(slope, near, rtol=1e-6)
+
+
+def test_the_spread_of_huber() -> None:
+    """Of normal noise, by its formula with the normal distribution."""
+    r = stats.norm.ppf((np.arange(200_000) + 0.5) / 200_000)
+    k = 2.0
+    inside = stats.norm.cdf(k) - stats.norm.cdf(-k)
+    square = inside - 2.0 * k * stats.norm.pdf(k) + k * k * (1.0 - inside)
+    assert spread('huber', r) == pytest.approx(square / inside**2, rel=1e-3)
+
+
+def test_covariance_is_that_of_the_whole_problem() -> None:
+    """Starts of two windows and three numbers: the block of the inverse of JᵀJ."""
+    rng = np.random.default_rng(2)
+    A = [rng.normal(size=(30, 4)) for _ in range(2)]
+    B = [rng.normal(size=(30, 3)) for _ in range(2)]
+    whole = np.zeros((60, 11))
+    for k in range(2):
+        whole[30 * k : 30 * k + 30, :3] = B[k]
+        whole[30 * k : 30 * k + 30, 3 + 4 * k : 7 + 4 * k] = A[k]
+    expected = np.linalg.inv(whole.T @ whole)[:3, :3]
+    sizes = np.array([1.0, 10.0, 0.1])
+    parts = [beside(a, b) for a, b in zip(A, B, strict=True)]
+    found = known(['a', 'b', 'c'], parts, sizes, np.zeros((3, 3)), 1.0)
+    assert np.allclose(found.covariance, expected, rtol=1e-10)
+    d = np.sqrt(np.diag(expected))
+    assert np.allclose(found.correlations, expected / np.outer(d, d), rtol=1e-9)
+
+
+def test_unseen_combinations_are_named() -> None:
+    """a and b act as a + 2 b: their change a = 2, b = -1 is not seen; c is."""
+    rng = np.random.default_rng(3)
+    a, c = rng.normal(size=(2, 40))
+    found = known(
+        ['a', 'b', 'c'], [np.column_stack([a, 2 * a, c])], np.ones(3), np.zeros((3, 3)), 1
+    )
+    assert np.isinf(found.deviations[:2]).all() and np.isfinite(found.deviations[2])
+    last = found.combinations[-1]
+    assert not last.determined and last.text == '0.89 a -0.45 b'
+    assert found.correlations[0, 1] == pytest.approx(-1.0)
+
+
+def test_whiteness() -> None:
+    rng = np.random.default_rng(4)
+    white = [rng.normal(size=300) for _ in range(4)]
+    found = whiteness(white)
+    assert found.white and found.durbin_watson == pytest.approx(2.0, abs=0.2)
+    smooth = [(part[2:] + part[1:-1] + part[:-2]) / 3.0 for part in white]
+    found = whiteness(smooth)
+    assert not found.white and found.durbin_watson < 1.0 and found.ljung_box < 1e-6
+    # with many sequences of white noise the probabilities are uniform
+    each = [whiteness([rng.normal(size=200)]) for _ in range(200)]
+    for values in ([x.ljung_box for x in each], [x.runs for x in each]):
+        assert 0.35 < float(np.mean(np.array(values) > 0.5)) < 0.65

@@ -1,0 +1,266 @@
+"""identify against machines with known numbers: estimates, intervals, combinations."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from alf_ros import Identification, Recording, identify, load_scene, recorded
+from alf_ros.arrays import Floats
+from alf_ros.errors import InputError
+from support.recordings import SLIDER_CRANK, Machine, changed, pushes, scene
+
+FIT = ['coupler.mass', 'pin.viscous']
+TRUE = np.array([1.3, 0.4])
+
+
+@cache
+def machine() -> Machine:
+    return Machine(scene(coupler__mass=1.3, pin__viscous=0.4), ('crank_pin', 'guide'), 2.0)
+
+
+@cache
+def fitted() -> Identification:
+    return identify(scene(), machine().recording(2e-3, seed=1), FIT, window=0.5, hold_out=0.25)
+
+
+def test_without_noise_the_numbers_are_exact() -> None:
+    """From numbers 30 % off, also with positions alone and with efforts within the windows."""
+    of = scene(coupler__mass=1.3, pin__viscous=0.4)
+    pushed = Machine(of, ('crank_pin', 'guide'), 1.0, inputs=pushes('crank_pin', 2.0, 1.0))
+    for each, velocities in ((machine(), True), (pushed, False)):
+        found = identify(scene(), each.recording(velocities=velocities), FIT, window=0.5)
+        assert found.settled
+        assert np.allclose(found.values, TRUE, rtol=1e-7)
+
+
+def test_refits_have_no_bias_and_their_intervals_hold() -> None:
+    """Six recordings with other noise: z = (estimate - truth) / deviation is a normal number."""
+    z = []
+    for seed in range(6):
+        found = identify(machine().scene, machine().recording(2e-3, seed), FIT, window=1.0)
+        z.append((found.values - TRUE) / found.deviations)
+    each = np.array(z)
+    assert (np.abs(each.mean(axis=0)) < 1.0).all()  # below one sigma
+    low, high = stats.chi2.ppf([1e-3, 1.0 - 1e-3], each.shape[0])
+    squares = (each**2).sum(axis=0)
+    assert ((low < squares) & (squares < high)).all()
+    inside = int((np.abs(each) < 1.96).sum())
+    assert inside >= stats.binom.ppf(1e-3, each.size, 0.95)
+
+
+def test_delay_and_quantised_encoders() -> None:
+    quantum, delay = 2.0 * np.pi / 4096.0, 0.0123
+    of = scene(pin__viscous=0.4)
+    driven = Machine(of, ('crank_pin', 'guide'), 2.0, inputs=pushes('crank_pin', 8.0, 2.0))
+    recording = driven.recording(quantum=quantum, delay=delay)
+    found = identify(scene(), recording, FIT, window=1.0, delay=True)
+    assert found.names == (*FIT, 'delay')
+    off = (found.values - [1.0, 0.4, delay]) / found.deviations
+    assert (np.abs(off) < 4.0).all(), off
+    assert found.deviations[2] < 5e-4
+    for channel in found.channels:
+        assert channel.after == pytest.approx(quantum / np.sqrt(12.0), rel=0.15)
+
+
+def test_undetermined_numbers_are_named() -> None:
+    """Without a known force, masses and friction have a common factor."""
+    names = ['coupler.mass', 'crank.mass', 'pin.viscous', 'rail.viscous']
+    found = identify(scene(), machine().recording(2e-3), names, window=1.0)
+    (one,) = (each for each in found.undetermined if np.isinf(each.deviation))
+    assert {name for name, part in one.parts.items() if abs(part) > 0.02} == set(names)
+    assert np.isinf(found.deviations).all()
+    assert all(name in one.text for name in names)
+    text = str(found)
+    assert 'not determined by this recording' in text and 'not determined at all' in text
+    # of the numbers that fit as well, those near the scene: nothing has drifted
+    assert (found.values > 0.2 * found.before).all() and (found.values < 5.0 * found.before).all()
+
+
+def test_a_mass_that_never_moves_is_named() -> None:
+    pendulum = {'mass': 1.0, 'inertia': 'rod'}
+    two = load_scene(
+        {
+            'mechanism': {
+                'alf': 1,
+                'name': 'two',
+                'space': 'planar',
+                'points': {
+                    'O': {'at': [0, 0], 'fixed': True},
+                    'A': {'at': [1, 0]},
+                    'P': {'at': [3, 0], 'fixed': True},
+                    'B': {'at': [3, -1]},
+                },
+                'bodies': {
+                    'swings': {'points': ['O', 'A'], **pendulum},
+                    'hangs': {'points': ['P', 'B'], **pendulum},
+                },
+                'joints': {
+                    'o': {'type': 'revolute', 'between': ['ground', 'swings'], 'at': 'O'},
+                    'p': {'type': 'revolute', 'between': ['ground', 'hangs'], 'at': 'P'},
+                },
+            },
+            'effects': {
+                'gravity': {'acceleration': [0, -9.81]},
+                'joint_friction': {'oil': {'joint': 'o', 'viscous': 0.3}},
+            },
+            'solver': {'step': 2e-3, 'integrator': 'rk4'},
+        }
+    )
+    recording = Machine(two, ('o', 'p'), 1.0).recording(1e-3, quantum=1e-4)
+    found = identify(two, recording, ['oil.viscous', 'hangs.mass'], window=1.0)
+    assert found['oil.viscous'] == pytest.approx(0.3, abs=4 * found.deviations[0])
+    (one,) = found.undetermined
+    assert one.text == '1.00 hangs.mass'
+
+
+def test_windows_kept_away() -> None:
+    found = fitted()
+    assert len(found.windows) == 3 and len(found.kept_away) == 1
+    for channel in found.channels:
+        assert channel.after == pytest.approx(2e-3, rel=0.2)
+        assert channel.held_out == pytest.approx(2e-3, rel=0.3)
+        assert channel.before > 1.1 * channel.after
+        assert channel.whiteness.white
+
+
+def test_the_new_scene_is_the_old_one_with_the_numbers() -> None:
+    found = fitted()
+    expected = changed(scene(), dict(zip(FIT, found.values.tolist(), strict=True)))
+    assert found.fitted_scene.text == expected.text
+
+
+def test_prior_and_bounds() -> None:
+    recording = machine().recording(2e-3)
+    prior = identify(scene(), recording, FIT, window=1.0, priors={'pin.viscous': (0.25, 1e-6)})
+    assert prior['pin.viscous'] == pytest.approx(0.25, abs=1e-5)
+    assert prior.deviations[1] == pytest.approx(1e-6, rel=1e-3)
+    bound = identify(scene(), recording, FIT, window=1.0, bounds={'coupler.mass': (0.5, 1.1)})
+    assert bound.at_bounds == ('coupler.mass',)
+    assert bound['coupler.mass'] == pytest.approx(1.1, rel=1e-5)
+
+
+def test_outliers_with_a_robust_loss() -> None:
+    """One measurement of twenty is off by 0.1: huber does not follow."""
+    clean = machine().recording(2e-3)
+    rng = np.random.default_rng(8)
+    values: dict[str, Floats] = {}
+    for channel in clean.channels:
+        wild = rng.random(channel.values.size) < 0.05
+        values[channel.joint] = channel.values + 0.1 * wild * rng.choice([-1.0, 1.0], wild.size)
+    recording = recorded(machine().t, values)
+    plain, robust = (
+        identify(scene(), recording, FIT, window=1.0, loss=loss) for loss in ('linear', 'huber')
+    )
+    assert (np.abs(robust.values - TRUE) < 4.0 * robust.deviations).all()
+    assert (robust.deviations < 0.4 * plain.deviations).all()
+
+
+def test_a_number_stays_possible() -> None:
+    """A machine without friction: less than none is no scene, and the fit stops before it."""
+    smooth = Machine(scene(rail__viscous=1e-9), ('crank_pin', 'guide'), 1.0)
+    found = identify(scene(), smooth.recording(5e-3, seed=3), ['rail.viscous'], window=1.0)
+    assert 0.0 <= found['rail.viscous'] < 5.0 * found.deviations[0] + 1e-3
+
+
+def _recording(**joints: Any) -> Recording:
+    t = np.arange(100) * 0.01
+    return recorded(t, {name: np.full(100, value) for name, value in joints.items()})
+
+
+GOOD = {'crank_pin': 0.785, 'guide': 1.414}
+
+
+@pytest.mark.parametrize(
+    ('fit', 'keywords', 'expected'),
+    [
+        (['couple.mass'], {}, "fit: nothing of this name, got 'couple'; did you mean 'coupler'?"),
+        ([], {}, 'fit: nothing to fit'),
+        ('coupler.mass', {}, 'fit: no list of names'),
+        (['coupler.mass', 'coupler.mass'], {}, 'fit.1: named twice'),
+        (['solver.step'], {}, 'no tangent by a number of the solver'),
+        (['coupler.points'], {}, 'not one number'),
+        (FIT, {'window': -1.0}, 'window'),
+        (FIT, {'window': 0.02}, 'too few measurements in a window'),
+        (FIT, {'hold_out': 1.5}, 'hold_out: out of range'),
+        (FIT, {'hold_out': 0.9, 'window': 1.0}, 'no windows to keep away, or none to fit'),
+        (FIT, {'loss': 'hubber'}, "did you mean 'huber'?"),
+        (FIT, {'noise': {'crankpin': 1.0}}, "did you mean 'crank_pin'?"),
+        (FIT, {'noise': {'crank_pin': 0.0}}, 'no standard deviation'),
+        (FIT, {'bounds': {'crank.mass': (0, 1)}}, 'bounds: is not fitted'),
+        (FIT, {'bounds': {'coupler.mass': (2, 3)}}, 'the scene begins outside the bounds'),
+        (FIT, {'bounds': {'coupler.mass': (3, 2)}}, 'bounds.coupler.mass: not two numbers'),
+        (FIT, {'priors': {'coupler.mass': 3}}, 'priors.coupler.mass: not two numbers'),
+    ],
+)
+def test_refused_in_one_line(fit: Any, keywords: dict[str, Any], expected: str) -> None:
+    with pytest.raises(InputError) as caught:
+        identify(scene(), _recording(**GOOD), fit, **keywords)
+    assert expected in str(caught.value)
+    assert '\n' not in str(caught.value)
+
+
+def test_recordings_that_do_not_fit_are_refused() -> None:
+    with pytest.raises(InputError, match="did you mean 'crank_pin'"):
+        identify(scene(), _recording(crankpin=0.7), FIT)
+    with pytest.raises(
+        InputError, match='guide: the mechanism cannot be where this joint was recorded'
+    ):
+        identify(scene(), _recording(guide=9.0), FIT)
+    with pytest.raises(InputError, match='no recording'):
+        identify(scene(), [], FIT)
+    with pytest.raises(InputError, match='times do not ascend'):
+        recorded([0.0, 0.0], {'guide': [1.0, 1.0]})
+    with pytest.raises(InputError, match='as many values as times'):
+        recorded([0.0, 1.0], {'guide': [1.0]})
+
+
+def test_numbers_without_a_tangent_are_refused_by_name() -> None:
+    rubs = {'joint_friction': {'pin': {'joint': 'crank_pin', 'dynamic': 0.1}}}
+    rubbing = load_scene({**SLIDER_CRANK, 'effects': rubs})
+    with pytest.raises(InputError, match='no tangents: its friction depends on reactions'):
+        identify(rubbing, _recording(**GOOD), ['coupler.mass'])
+
+
+def driven() -> dict[str, Any]:
+    """A pendulum with friction on a bar that a drive swings."""
+    return {
+        'mechanism': {
+            'alf': 1,
+            'name': 'driven',
+            'space': 'planar',
+            'points': {
+                'O': {'at': [0, 0], 'fixed': True},
+                'A': {'at': [0.5, 0]},
+                'B': {'at': [0.5, -0.6]},
+            },
+            'bodies': {
+                'bar': {'points': ['O', 'A'], 'mass': 1.0, 'inertia': 'rod'},
+                'bob': {'points': ['A', 'B'], 'mass': 0.7, 'inertia': 'rod'},
+            },
+            'joints': {
+                'o': {'type': 'revolute', 'between': ['ground', 'bar'], 'at': 'O'},
+                'a': {'type': 'revolute', 'between': ['bar', 'bob'], 'at': 'A'},
+            },
+        },
+        'drives': {'swing': {'joint': 'o', 'angle': '0.4*sin(3*t)'}},
+        'effects': {
+            'gravity': {'acceleration': [0, -9.81]},
+            'joint_friction': {'hinge': {'joint': 'a', 'viscous': 0.05}},
+        },
+        'solver': {'step': 2e-3, 'integrator': 'rk4'},
+    }
+
+
+def test_beside_a_drive() -> None:
+    """The drive moves on its own; friction is found, lengths are refused."""
+    of = load_scene(driven())
+    recording = Machine(changed(of, {'hinge.viscous': 0.08}), ('o', 'a'), 1.0).recording()
+    found = identify(of, recording, ['hinge.viscous'], window=0.5)
+    assert found['hinge.viscous'] == pytest.approx(0.08, rel=1e-6)
+    with pytest.raises(InputError, match='drive yet'):
+        identify(of, recording, ['mechanism.points.B.at.1'], window=0.5)

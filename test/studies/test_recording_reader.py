@@ -1,0 +1,164 @@
+"""Recordings from bags: of rosbag2, written by others, and logs of this package."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from alf_ros import identify, load_scene
+from alf_ros.errors import InputError
+from alf_ros.ros.recording.run_writer import LogRun
+from alf_ros.scene.scene import Scene
+from alf_ros.simulation.setup import made
+from alf_ros.studies.identification.recording_reader import Topics, read_recording
+from support.foreign_bags import Message, joints, wrench, written
+from support.recordings import Machine, pushes, scene
+
+NOW = 1_760_000_000_123_456_789  # ns, as clocks of machines are
+FIT = ['coupler.mass', 'pin.viscous']
+JOINTS = ('crank_pin', 'guide')
+
+
+def bag(folder: Path, machine: Machine, states: str = '/joint_states') -> Path:
+    """A machine and its commands, as `ros2 bag record` keeps them."""
+    messages: list[Message] = [
+        joints('/joint_commands', NOW + round(x.t * 1e9), [x.name], effort=[x.said['effort']])
+        for x in machine.inputs
+    ]
+    for t, x, v in zip(machine.t, machine.x, machine.v, strict=True):
+        stamp = NOW + round(t * 1e9)
+        messages.append(joints(states, stamp, machine.joints, position=x, velocity=v))
+    return written(folder / 'bag', messages)
+
+
+def test_a_bag_of_another_writer(tmp_path: Path) -> None:
+    """Positions, velocities and efforts to the nanosecond; the fit finds the exact numbers."""
+    inputs = pushes('crank_pin', 2.0, 0.6)
+    machine = Machine(scene(coupler__mass=1.2, pin__viscous=0.35), JOINTS, 0.6, inputs=inputs)
+    path = bag(tmp_path, machine)
+    for each in (path, path / 'bag_0.mcap'):
+        recording = read_recording(each, scene())
+        assert [c.name for c in recording.channels] == [
+            *('crank_pin', 'crank_pin.velocity', 'guide', 'guide.velocity')
+        ]
+        for k, channel in enumerate(recording.channels):
+            expected = (machine.v if k % 2 else machine.x)[:, k // 2]
+            assert np.allclose(channel.t, machine.t, rtol=0.0, atol=1e-9)
+            assert (channel.values == expected).all()
+        assert len(recording.inputs) == len(inputs)
+        for held, wanted in zip(recording.inputs, inputs, strict=True):
+            assert held.t == pytest.approx(wanted.t, abs=2e-9)
+            assert (held.kind, held.name, held.said) == ('effort', 'crank_pin', wanted.said)
+    found = identify(scene(), path, FIT, window=0.3)
+    assert np.allclose(found.values, [1.2, 0.35], rtol=1e-7)
+
+
+def own_log(folder: Path, of: Scene) -> Path:
+    """A log with efforts and a force, whose stamps are ahead of the simulated time."""
+    setup = made(of, {})
+    run, simulation = LogRun(folder, setup, ahead=NOW, name='own'), setup.simulation
+    run.send()
+    for tick in range(500 // setup.steps):
+        if tick % 40 == 0:
+            effort = 2.0 * np.sin(0.1 * tick)
+            simulation.apply_effort('crank_pin', effort)
+            run.note({'kind': 'effort', 'cause': 'command', 'name': 'crank_pin', 'effort': effort})
+        if tick == 70:
+            held: dict[str, Any] = {
+                **{'name': 'coupler', 'force': [1.0, 0.5]},
+                **{'torque': 0.1, 'frame': 'body'},
+            }
+            simulation.apply_wrench(**held)
+            run.note({'kind': 'wrench', 'cause': 'command', **held})
+        simulation.step(setup.steps)
+        run.send()
+    run.close()
+    return run.recorder.folder
+
+
+def test_a_log_of_this_package(tmp_path: Path) -> None:
+    """Its journal has the inputs, at their steps: the numbers are found to rounding."""
+    path = own_log(tmp_path, scene(coupler__mass=1.2, pin__viscous=0.35))
+    recording = read_recording(path, scene())
+    assert recording.begin == 0.0 and recording.end == pytest.approx(1.0)
+    assert {x.kind for x in recording.inputs} == {'effort', 'wrench'}
+    found = identify(scene(), path, FIT, window=0.5)
+    assert np.allclose(found.values, [1.2, 0.35], rtol=1e-9)
+
+
+def test_names_are_mapped(tmp_path: Path) -> None:
+    messages = [
+        joints('/arm/states', NOW + k * 10**7, ['j1', 'other'], position=[0.785, k])
+        for k in range(60)
+    ]
+    messages.append(wrench('/tool/force', NOW + 10**8, [1.0, 2.0, 0.0]))
+    path = written(tmp_path / 'bag', messages)
+    topics = Topics('/arm/states', renamed={'j1': 'crank_pin', '/tool/force': 'B'})
+    recording = read_recording(path, scene(), topics)
+    assert [c.name for c in recording.channels] == ['crank_pin']
+    assert recording.unused == ('other',)
+    (held,) = recording.inputs
+    assert (held.kind, held.name, held.said['force']) == ('wrench', 'B', [1.0, 2.0])
+    assert held.t == pytest.approx(0.1)
+
+
+def test_measured_efforts_may_act(tmp_path: Path) -> None:
+    messages = [
+        joints('/joint_states', NOW + k * 10**7, ['guide'], position=[1.4], effort=[0.1 * k])
+        for k in range(60)
+    ]
+    path = written(tmp_path / 'bag', messages)
+    assert not read_recording(path, scene()).inputs
+    recording = read_recording(path, scene(), Topics(commands='joint_states'))
+    assert [x.said['effort'] for x in recording.inputs[:3]] == [0.0, 0.1, 0.2]
+    assert {x.kind for x in recording.inputs} == {'effort'}
+
+
+def test_targets_of_motors(tmp_path: Path) -> None:
+    of = load_scene('slider_crank_controlled')
+    messages = [
+        joints('/joint_states', NOW, ['crank_pin'], position=[0.8], velocity=[0.0]),
+        joints('/joint_commands', NOW + 10**7, ['crank_pin'], position=[0.9]),
+    ]
+    (held,) = read_recording(written(tmp_path / 'bag', messages), of).inputs
+    assert (held.kind, held.said) == ('target', {'position': 0.9})
+
+
+def test_refused_in_one_line(tmp_path: Path) -> None:
+    state = joints('/joint_states', NOW, ['crank_pin'], position=[0.7])
+    good = written(tmp_path / 'good', [state])
+    effort = joints('/joint_commands', NOW, ['crankpin'], effort=[1.0])
+    typo = written(tmp_path / 'typo', [state, effort])
+    push = written(tmp_path / 'push', [state, wrench('/w/copler', NOW, [1.0, 0.0, 0.0])])
+    tilted = written(tmp_path / 'tilted', [state, wrench('/w/coupler', NOW, [1, 0, 0], 'tool')])
+    none = written(tmp_path / 'none', [joints('/joint_states', NOW, ['crankpin'], position=[0.7])])
+    (tmp_path / 'sqlite').mkdir()
+    (tmp_path / 'sqlite' / 'bag_0.db3').write_bytes(b'')
+    (tmp_path / 'text.mcap').write_text('no bag')
+    cases = [
+        (good, Topics('joints'), "joints: no positions of joints in this recording, got 'joints'"),
+        (good, Topics(renamed={'pin': 'crank_pin'}), 'nothing of this name in the recording'),
+        (good, Topics(renamed={'crank_pin': 'kne'}), "did you mean 'knee'?"),
+        (typo, None, "an effort on a joint that the scene lacks, got 'crankpin'; did you mean"),
+        (push, None, "('/w/copler' in the recording), got 'copler'; did you mean 'coupler'?"),
+        (tilted, None, "a wrench in another frame, got 'tool'; expected 'world' or 'coupler'"),
+        (none, None, "no recorded joint is one of the scene, got 'crankpin'; did you mean"),
+        (tmp_path / 'sqlite', None, 'a recording in SQLite; expected MCAP: `ros2 bag convert`'),
+        (tmp_path / 'text.mcap', None, 'not an MCAP file'),
+        (tmp_path / 'nothing', None, 'no such log; expected a folder or an .mcap file'),
+    ]
+    for path, topics, expected in cases:
+        with pytest.raises(InputError) as caught:
+            read_recording(path, scene(), topics)
+        assert expected in str(caught.value), path
+        assert '\n' not in str(caught.value)
+
+
+def test_an_effort_can_be_left_out(tmp_path: Path) -> None:
+    state = joints('/joint_states', NOW, ['crank_pin'], position=[0.7])
+    effort = joints('/joint_commands', NOW, ['gripper'], effort=[1.0])
+    path = written(tmp_path / 'bag', [state, effort])
+    assert not read_recording(path, scene(), Topics(renamed={'gripper': ''})).inputs
