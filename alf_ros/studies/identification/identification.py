@@ -75,9 +75,10 @@ def identify(
     loaded = scene if isinstance(scene, Scene) else load_scene(scene)
     length = number(window, 'window', 0.0)
     part = number(hold_out, 'hold_out', 0.0)
-    if not length > 0.0 or not part < 1.0:
-        key, value = ('window', length) if not length > 0.0 else ('hold_out', part)
-        raise InputError('out of range', key=key, value=value, expected='more than 0, a part of 1')
+    if not length > 0.0:
+        raise InputError('out of range', key='window', value=length, expected='more than 0 s')
+    if not part < 1.0:
+        raise InputError('out of range', key='hold_out', value=part, expected='0 or more, below 1')
     if loss not in robust_loss.NAMES:
         raise InputError('no such loss', key='loss', value=loss, choices=robust_loss.NAMES)
     late = truth(delay, 'delay')
