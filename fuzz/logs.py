@@ -10,6 +10,7 @@ import json
 import shutil
 import struct
 from random import Random
+from typing import Any
 
 from mcap_records import (
     CHANNEL,
@@ -29,6 +30,8 @@ from spoiling import INTEGERS, TEXTS, altered, damaged, damaged_text, number, sc
 
 SUFFIX = '.mcap'
 MOST_STEPS = 100_000
+JOURNAL = '/simulator/inputs'
+_OF_ORIGIN = ('versions', 'topics', 'seal')
 COMPARED = (
     'state',
     'joint_states',
@@ -357,8 +360,12 @@ class Harness:
         return 'refused' if said else 'ran'
 
     def _same(self, case: bytes, result) -> None:
-        """The result of another, plain reader is the beginning of the recorded messages."""
+        """The result of another, plain reader is the beginning of the recorded messages.
+
+        A case of the corpus may come from another machine or release, which its journal says.
+        """
         now, before = outputs(case[1:]), self._whole[case[0]]
+        now, before = without_origin(now, before), without_origin(before, now)
         for topic, messages in now.items():
             known = before.get(topic, [])
             same = len(messages) <= len(known) and all(
@@ -368,7 +375,7 @@ class Harness:
             assert same, f'silent: {topic} was changed, and verify calls it equal'
         # What ends earlier as a whole is a shorter log; where it was cut off, that is told.
         missing = {topic: len(m) - len(now.get(topic, [])) for topic, m in before.items()}
-        missing.pop('/simulator/inputs', None)
+        missing.pop(JOURNAL, None)
         even = result.damage or len({n for t, n in missing.items() if t in now}) <= 1
         assert even, f'silent: {missing} are missing, and verify calls it equal'
 
@@ -400,6 +407,35 @@ def plain(topic: str, message: bytes) -> bytes:
         return message
     read = deserialize_message(message[12:], kind)
     return message[:12] + message[12:16] + bytes(serialize_message(read))[4:]
+
+
+def without_origin(log: dict[str, list[bytes]], other: dict[str, list[bytes]]) -> Any:
+    """The messages of a log; those of its journal without the versions and topics of their origin
+    and the seals that depend on them, if another log has other ones."""
+    entries, others = (
+        [entry_of(message) for message in each.get(JOURNAL, [])] for each in (log, other)
+    )
+    here, there = (
+        [[each.get(key) for key in ('versions', 'topics')] for each in some[:1]]
+        for some in (entries, others)
+    )
+    if here == there:
+        return log
+    kept = [
+        json.dumps({k: v for k, v in entry.items() if k not in _OF_ORIGIN}).encode()
+        for entry in entries
+    ]
+    return {**log, JOURNAL: kept}
+
+
+def entry_of(message: bytes) -> dict[str, Any]:
+    """An entry of the journal, of a message of `outputs`; empty if it is none."""
+    text = message[20:].rstrip(b'\0').decode('utf-8', 'replace')
+    try:
+        entry = json.loads(text)
+    except ValueError:
+        return {}
+    return entry if isinstance(entry, dict) else {}
 
 
 def outputs(data: bytes) -> dict[str, list[bytes]]:

@@ -49,7 +49,12 @@ def free_directions(model: Model, system: System, work: Work) -> tuple[Floats, F
         kernel.add_mass_times(unit, system.mass, 1.0, x, p)
         kernel.times_jacobian(unit, rows, work.g, work.g2, x, form)
     stiff = (forms * rows.alpha) @ forms.T
-    share, vectors = eigh(stiff, stiff + X[:, :n] @ momenta.T)  # s² / (1 + s²)
+    try:
+        share, vectors = eigh(stiff, stiff + X[:, :n] @ momenta.T)  # s² / (1 + s²)
+    except np.linalg.LinAlgError:
+        raise AssemblyError(
+            'lengths or masses differ by more than 64-bit numbers resolve', key='mechanism'
+        ) from None
     kept = share < 0.5
     share = np.clip(share[kept], 0.0, None)
     directions = (vectors[:, kept] / np.sqrt(1.0 - share)).T @ X

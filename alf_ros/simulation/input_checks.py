@@ -89,6 +89,15 @@ def times(given: Any, now: float, h: float) -> tuple[float, ...]:
     return listed
 
 
+def by_name(value: Any, key: str, expected: str) -> Mapping[str, Any]:
+    """Values by name; none of None. Raises InputError."""
+    if value is None:
+        return {}
+    if not isinstance(value, Mapping) or not all(isinstance(name, str) for name in value):
+        raise InputError('not values by name', key=key, value=value, expected=expected)
+    return value
+
+
 def text(value: Any, key: str) -> str:
     """A name. Raises InputError."""
     if isinstance(value, str):

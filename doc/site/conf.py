@@ -28,7 +28,9 @@ nitpick_ignore_regex = [
     ('py:.*', r'alf_ros\.arrays\..*'),
     # what no program of a user makes or names
     ('py:.*', r'alf_ros\.(kernel|mechanism|model|logs\.progress)\..*'),
-    ('py:.*', r'alf_ros\.simulation\.(applied|dynamics|instruments|reactions)\..*'),
+    ('py:.*', r'alf_ros\.simulation\.(applied|dynamics|instruments|kinematics|reactions)\..*'),
+    ('py:.*', r'alf_ros\.simulation\.state_direction\..*'),
+    ('py:.*', r'alf_ros\.studies\.identification\.(window_runs|window_start)\..*'),
     ('py:.*', r'alf_ros\.simulation\.(formulations|parameter_slopes|start|tangent_following)\..*'),
     ('py:.*', r'alf_ros\.studies\.statics\.instant\..*'),
     ('py:.*', r'alf_ros\.studies\.closing\.posture\.Ways'),

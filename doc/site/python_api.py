@@ -18,6 +18,15 @@ _WITH: dict[str, tuple[str, ...]] = {
         'alf_ros.scene.sensors_section.Sensor',
         'alf_ros.simulation.sensors.Sensors',
     ),
+    'Models fitted to recordings': (
+        'alf_ros.studies.identification.recording.MeasuredChannel',
+        'alf_ros.studies.identification.recording.HeldInput',
+        'alf_ros.studies.identification.recording_reader.Topics',
+        'alf_ros.studies.identification.window.Window',
+        'alf_ros.studies.identification.identified.ChannelFit',
+        'alf_ros.studies.identification.identifiability.Knowledge',
+        'alf_ros.studies.identification.identifiability.Combination',
+    ),
     'What a sample holds': (
         'alf_ros.simulation.sample.JointState',
         'alf_ros.simulation.sample.Reaction',

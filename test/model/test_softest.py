@@ -248,7 +248,10 @@ COUNTS = {
 def test_long_steps_and_loose_tolerances_miss_and_invent_no_pass(
     options: dict[str, object],
 ) -> None:
-    for name, count in COUNTS.items():
+    few = {'slider_crank', 'change_point', 'delta_robot', 'coin'}  # implicit steps cost more
+    names = few if 'esdirk' in str(options['integrator']) else COUNTS
+    for name in names:
+        count = COUNTS[name]
         watched = Simulation(load_scene(name), watch=True, **options)  # type: ignore[arg-type]
         watched.step(round((4.0 if count > 3 else 3.0) / watched.h))
         assert len(watched.passes) == count, name

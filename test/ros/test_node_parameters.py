@@ -152,6 +152,7 @@ def test_every_parameter_is_described_and_every_number_has_a_range(changed):
         'record.enabled',
         'record.folder',
         'record.topics',
+        'record.sensors',
         'record.max_size',
         'record.max_duration',
     }

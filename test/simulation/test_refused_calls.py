@@ -367,10 +367,32 @@ STUDIES: dict[Callable[..., Any], dict[str, Any]] = {
     alf_ros.linearise: {'about': JUNK, 'inputs': JUNK, 'outputs': JUNK},
     alf_ros.modes: {'about': JUNK, 'count': JUNK},
     alf_ros.ensemble: dict.fromkeys(('scene', 'vary', 'outputs', 'period', 'sampling'), JUNK),
+    alf_ros.Closure: dict.fromkeys(('mechanism', 'active', 'noise'), JUNK),
+    alf_ros.recorded: dict.fromkeys(('t', 'positions', 'velocities', 'inputs', 'name'), JUNK),
+    alf_ros.identify: dict.fromkeys(
+        (
+            'scene',
+            'recordings',
+            'fit',
+            'window',
+            'hold_out',
+            'bounds',
+            'priors',
+            'noise',
+            'loss',
+            'delay',
+            'topics',
+        ),
+        JUNK,
+    ),
 }
+SHORT: dict[str, Any] = {'t': [0.0, 0.01, 0.02], 'positions': {'crank_pin': [0.8, 0.8, 0.8]}}
 RIGHT: dict[Any, dict[str, Any]] = {
     alf_ros.equilibria: {'starts': 1},
     alf_ros.ensemble: {'vary': {}, 'members': 1, 'duration': 0.01, 'workers': 0},
+    alf_ros.Closure: {'active': ['crank_pin']},
+    alf_ros.recorded: SHORT,
+    alf_ros.identify: {'recordings': alf_ros.recorded(**SHORT), 'fit': ['m']},
 }
 
 
@@ -388,11 +410,34 @@ def test_a_study_is_made_or_refused_in_a_line(study: Any, data: st.DataObject) -
         assert '\n' not in str(error)
 
 
+@settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
+@given(positions=JUNK, rates=JUNK, t=JUNK, table=JUNK)
+def test_loops_are_closed_or_the_call_is_refused_in_a_line(
+    positions: Any, rates: Any, t: Any, table: Any
+) -> None:
+    closure = alf_ros.Closure('slider_crank', active=['crank_pin'])
+    good = {'crank_pin': 0.8}
+    for call in (
+        lambda: closure.close(positions),
+        lambda: closure.close({'crank_pin': positions}),
+        lambda: closure.close(good, rates=rates),
+        lambda: closure.close(good, t=t),
+        lambda: closure.follow(table),
+        lambda: closure.close(good).travel(table),
+    ):
+        try:
+            call()
+        except AlfError as error:
+            assert '\n' not in str(error)
+    assert closure.close(good).joints['crank_pin'] == pytest.approx(0.8, abs=1e-12)
+
+
 def test_everything_public_is_told_of_here() -> None:
     """Every public name is in the lists here: a new name needs a test of its refusals."""
     called: list[Callable[..., Any]] = [load_scene, Simulation, alf_ros.record, *STUDIES]
     made_by_calls = [alf_ros.Run, alf_ros.Sample, alf_ros.Scene, State]
     made_by_calls += [alf_ros.Equilibrium, alf_ros.LinearModel, alf_ros.VibrationModes]
+    made_by_calls += [alf_ros.Posture, alf_ros.Identification, alf_ros.Recording]
     for name in alf_ros.__all__:
         each = getattr(alf_ros, name)
         assert each in called or each in made_by_calls or issubclass(each, AlfError), name

@@ -20,7 +20,7 @@ from alf_ros.model.constraints.couplings import unit_of
 from alf_ros.model.constraints.packing import indices
 from alf_ros.model.softest_modes import found
 from alf_ros.simulation.applied import NO_INPUTS
-from alf_ros.simulation.input_checks import is_number
+from alf_ros.simulation.input_checks import is_number, text
 from alf_ros.simulation.named_values import read_only
 from alf_ros.simulation.one_thread import by_one_thread
 from alf_ros.simulation.state import State
@@ -137,7 +137,7 @@ class Closure:
         """
         try:
             given = np.array(table, dtype=float)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             given = np.zeros(0)
         active = len(self.active)
         if given.ndim != 2 or given.shape[1] != active or not np.isfinite(given).all():
@@ -222,7 +222,7 @@ class Closure:
 
     @by_one_thread
     def _travel(self, state: State, joint: str) -> tuple[float, float]:
-        if joint not in self.active:
+        if text(joint, 'joint') not in self.active:
             raise InputError('not an active joint', key='joint', value=joint, choices=self.active)
         n, ends = self.active.index(joint), []
         reader = self._reader

@@ -12,7 +12,7 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.scene.scene import Scene, load_scene
-from alf_ros.simulation.input_checks import number, truth
+from alf_ros.simulation.input_checks import by_name, number, text, truth
 from alf_ros.studies.identification import identifiability, noise_levels, robust_loss
 from alf_ros.studies.identification.identified import ChannelFit, Identification
 from alf_ros.studies.identification.least_squares_fit import (
@@ -79,10 +79,13 @@ def identify(
         raise InputError('out of range', key='window', value=length, expected='more than 0 s')
     if not part < 1.0:
         raise InputError('out of range', key='hold_out', value=part, expected='0 or more, below 1')
-    if loss not in robust_loss.NAMES:
+    if text(loss, 'loss') not in robust_loss.NAMES:
         raise InputError('no such loss', key='loss', value=loss, choices=robust_loss.NAMES)
     late = truth(delay, 'delay')
-    shared = shared_numbers(loaded, names, bounds or {}, priors or {}, late)
+    limits = by_name(bounds, 'bounds', '{name: (least, largest)}')
+    known = by_name(priors, 'priors', '{name: (mean, standard deviation)}')
+    given = dict(by_name(noise, 'noise', '{channel: standard deviation}'))
+    shared = shared_numbers(loaded, names, limits, known, late)
     read = _recordings(recordings, loaded, topics)
     channels = [(n, channel) for n, each in enumerate(read) for channel in each.channels]
     each_channel = [channel for _, channel in channels]
@@ -90,7 +93,6 @@ def identify(
     margin = LONGEST_DELAY if late else 0.0
     windows = cut(read, channels, length, runs.h, part, margin)
     windows = _tracked(runs, read, windows)
-    given = dict(noise or {})
     levels = noise_levels.first_levels(each_channel, given)
     fitted, away = ([w for w in windows if w.kept_away == flag] for flag in (False, True))
     say(f'{len(fitted)} windows to fit, {len(away)} kept away, {len(names)} numbers')
@@ -232,9 +234,14 @@ class _Work:
 
 
 def _recordings(given: Any, scene: Scene, topics: Topics | None) -> list[Recording]:
-    each = [given] if isinstance(given, (str, Path, Recording)) else list(given)
-    if not each:
-        raise InputError('no recording', key='recordings')
+    one = isinstance(given, (str, Path, Recording))
+    each = [given] if one else list(given) if isinstance(given, (list, tuple)) else []
+    if not each or not all(isinstance(x, (str, Path, Recording)) for x in each):
+        raise InputError(
+            'no recording', key='recordings', value=given, expected='paths or recordings'
+        )
+    if not isinstance(topics, (Topics, type(None))):
+        raise InputError('not topics', key='topics', value=topics, expected='Topics(…)')
     return [
         x if isinstance(x, Recording) else read_recording(x, scene, topics or Topics())
         for x in each

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from alf_ros.arrays import Floats
 from alf_ros.effects.contract.trajectory import Curve
 from alf_ros.errors import InputError
+from alf_ros.simulation.input_checks import by_name, text
 from alf_ros.simulation.simulation import Simulation
 
 KINDS = ('position', 'velocity')
@@ -122,13 +123,17 @@ def recorded(
 ) -> Recording:
     """A recording from arrays: t (N,) s, ascending; values (N,) by joint, NaN where none was
     measured. Raises InputError."""
-    times = np.asarray(t, dtype=float)
+    times = _array(t, 't')
     if times.ndim != 1 or not np.isfinite(times).all() or not (np.diff(times) > 0.0).all():
         raise InputError('times do not ascend', key='t', expected='(N,) s, finite')
     channels = []
-    for kind, each in zip(KINDS, (positions, velocities or {}), strict=True):
+    given_by_kind = (
+        by_name(positions, 'positions', '{joint: values}'),
+        by_name(velocities, 'velocities', '{joint: values}'),
+    )
+    for kind, each in zip(KINDS, given_by_kind, strict=True):
         for joint, given in each.items():
-            values = np.asarray(given, dtype=float)
+            values = _array(given, joint)
             if values.shape != times.shape:
                 raise InputError(
                     'as many values as times',
@@ -137,5 +142,18 @@ def recorded(
                     expected=f'{times.shape}',
                 )
             known = np.isfinite(values)
+            if not known.any():
+                raise InputError('nothing measured', key=joint, expected='finite numbers')
             channels.append(MeasuredChannel(joint, kind, times[known], values[known]))
-    return Recording(name, tuple(channels), tuple(inputs))
+    if not given_by_kind[0]:
+        raise InputError('no joint', key='positions', expected='{joint: values}')
+    if not isinstance(inputs, (list, tuple)) or not all(isinstance(x, HeldInput) for x in inputs):
+        raise InputError('not inputs', key='inputs', value=inputs, expected='[HeldInput(…), …]')
+    return Recording(text(name, 'name'), tuple(channels), tuple(inputs))
+
+
+def _array(given: Any, key: str) -> Floats:
+    try:
+        return np.asarray(given, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        raise InputError('not numbers', key=key, value=given, expected='(N,)') from None

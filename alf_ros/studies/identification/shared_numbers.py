@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -117,4 +118,4 @@ def _check_pair(what: str, name: str, pair: Any) -> None:
 
 
 def _is_bound(x: Any) -> bool:
-    return is_number(x) or x in (np.inf, -np.inf)
+    return is_number(x) or (isinstance(x, float) and math.isinf(x))
