@@ -1,8 +1,13 @@
 """Which rate of the log would hold, from what topics have cost: arithmetic on made-up costs."""
 
-import pytest
+import io
 
+import pytest
+from rclpy.parameter import Parameter
+
+from alf_ros.ros.simulator.node import Simulator, Stop
 from alf_ros.ros.simulator.output_costs import Spent, TopicCost, rounded
+from alf_ros.ros.terminal import StatusLine
 
 MS = 1e-3
 
@@ -62,3 +67,18 @@ def test_rates_are_rounded_down():
         pytest.approx(0.037),
         0.0,
     ]
+
+
+def test_another_scene_does_not_ask_for_topics_that_it_lacks(tmp_path, peer):
+    given = {'start_paused': True, 'record.folder': str(tmp_path), 'status_line': False}
+    overrides = [Parameter(name, value=value) for name, value in given.items()]
+    node = Simulator(StatusLine(stream=io.StringIO()), Stop(), overrides)
+    try:
+        node.begin()
+        node._control.run.send()
+        scene = Parameter('scene', value='rolling_disk')  # without joint coordinates
+        assert node.set_parameters_atomically([scene]).successful
+        assert node._outputs.costs()['joint_states'].made == 0.0
+    finally:
+        node.close()
+        node.destroy_node()

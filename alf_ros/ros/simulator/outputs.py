@@ -93,6 +93,7 @@ class Outputs:
         writers = {topic.name: topic.make(simulation, self.display) for topic in TOPICS}
         self._write = {name: write for name, write in writers.items() if write is not None}
         self._messages = InstantMessages(simulation, self._write)
+        self._made.clear()  # costs of topics that this scene may not have
 
     def switched(self) -> dict[str, list[str]]:
         """Topics with content: `on` (recorded, or always published), waiting until they are
