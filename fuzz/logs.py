@@ -410,8 +410,8 @@ def plain(topic: str, message: bytes) -> bytes:
 
 
 def without_origin(log: dict[str, list[bytes]], other: dict[str, list[bytes]]) -> Any:
-    """The messages of a log; those of its journal without the versions and topics of their origin
-    and the seals that depend on them, if another log has other ones."""
+    """The messages of a log. If another log has other versions or topics, the entries of the
+    journal come without these, and without the seals that depend on them."""
     entries, others = (
         [entry_of(message) for message in each.get(JOURNAL, [])] for each in (log, other)
     )
