@@ -20,6 +20,7 @@ from alf_ros.scene.references import References
 from alf_ros.scene.text.yaml_document import Entry
 
 _WORLD_OR_BODY = ('world', 'body')
+_LONGEST_DELAY = 60.0  # s of positions that an encoder remembers
 
 
 def _number(doc: str, unit: str = '', default: float | None = 0.0) -> Any:
@@ -47,6 +48,8 @@ class _Timed:
                 raise ValueError(f'{each.name} must be positive')
             if not (math.isfinite(value) and value >= 0.0):
                 raise ValueError(f'{each.name} must be zero or more')
+            if each.name == 'delay' and value > _LONGEST_DELAY:
+                raise ValueError(f'delay must be at most {_LONGEST_DELAY:g} s')
             if each.name == 'seed' and not (value == int(value) and value < 2**53):
                 raise ValueError('seed must be a whole number')
 

@@ -1,17 +1,22 @@
 """Sensors of a scene as topics: real subscribers, the log, and nothing for what nobody asks."""
 
+import io
 import math
+import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import AccelStamped, PoseStamped, TwistStamped, WrenchStamped
 from nav_msgs.msg import Odometry
+from rclpy.parameter import Parameter
 from rosbags.highlevel import AnyReader
 from sensor_msgs.msg import Imu, JointState, Range
 
 from alf_ros import Simulation, load_scene
 from alf_ros.__main__ import main
+from alf_ros.ros.simulator.node import Simulator, Stop
+from alf_ros.ros.terminal import StatusLine
 from alf_ros.simulation.sensors import Sensors
 from support.ros_node import SimulatorProcess
 
@@ -139,3 +144,26 @@ def test_nothing_is_recorded_that_was_switched_off(tmp_path: Path, capfd) -> Non
     assert not {f'/simulator/{label}' for label in TYPES} & topics
     assert main(['verify', str(node.logs[0])]) == 0
     assert 'of sensors' not in capfd.readouterr().out
+
+
+def test_a_scene_whose_messages_are_missing_is_refused_and_the_node_lives(
+    tmp_path: Path, peer, monkeypatch
+) -> None:
+    (tmp_path / 'scene.yaml').write_text(SCENE)
+    given = {'start_paused': True, 'record.enabled': False, 'status_line': False}
+    overrides = [Parameter(name, value=value) for name, value in given.items()]
+    node = Simulator(StatusLine(stream=io.StringIO()), Stop(), overrides)
+    try:
+        node.begin()
+        monkeypatch.setitem(sys.modules, 'nav_msgs.msg', None)
+        asked = Parameter('scene', value=str(tmp_path / 'scene.yaml'))
+        answer = node.set_parameters_atomically([asked])
+        assert not answer.successful and 'nav_msgs' in answer.reason
+        node._control.run.tick()
+        assert node._control.run.failure is None
+        monkeypatch.undo()
+        assert node.set_parameters_atomically([asked]).successful
+        node._control.run.tick()
+    finally:
+        node.close()
+        node.destroy_node()

@@ -207,6 +207,8 @@ def test_noise_has_its_statistics_and_belongs_to_the_step() -> None:
         ({'imu': {'body': 'rod', 'seed': 1.5}}, 'seed must be a whole number'),
         ({'encoder': {'joint': 'pin', 'resolution': 0}}, 'resolution must be positive'),
         ({'encoder': {'joint': 'pins'}}, 'pin'),
+        ({'encoder': {'joint': 'pin', 'delay': 1e9}}, 'at most 60 s'),
+        ({'encoder': {'joint': 'pin', 'rate': math.nan}}, 'rate'),
         ({'force_torque': {'joint': 'knee'}}, 'pin'),
         ({'range': {'at': 'O'}}, 'to'),
         ({'twist': {'body': 'rod', 'axes': 'mine'}}, 'world'),

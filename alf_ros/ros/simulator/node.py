@@ -22,6 +22,7 @@ from alf_ros.ros.recording.recorder import Split
 from alf_ros.ros.simulator import parameters, startup_report
 from alf_ros.ros.simulator.outputs import Outputs
 from alf_ros.ros.simulator.pacing import SHORTEST_BEAT, Pacer
+from alf_ros.ros.simulator.sensor_outputs import check_types
 from alf_ros.ros.simulator.services import Services
 from alf_ros.ros.terminal import LOOK_PERIOD, StatusLine
 from alf_ros.simulation import listening
@@ -278,6 +279,7 @@ class Simulator(Node):
                 ledger, code = (self.get_parameter(k).value for k in ('ledger', 'trust_scenes'))
                 rate = values.get('rate')
                 setup = self._settings.loaded(values['scene'], solver, rate, ledger, code)
+                check_types(setup.scene)  # refused now, not after the change
                 return setup, values
         if 'accuracy' in values:
             before = self._control.run.setup.simulation.solver

@@ -34,6 +34,12 @@ class _Topic:
     made: float = 0.0  # s
 
 
+def check_types(scene: Scene) -> None:
+    """Raise InputError for a sensor of a scene whose messages are not installed."""
+    for sensor in scene.sensors:
+        message_type(sensor.kind)
+
+
 class SensorOutputs:
     """Publishes and records what the sensors of `scene` measure.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Collection, Mapping
 from typing import Any
@@ -68,7 +69,7 @@ class Sensors:
         return {label: each.frame for label, each in every if isinstance(each, _Mounted)}
 
 
-class _Measure:
+class _Measure(ABC):
     """Makes the measurements of one sensor."""
 
     def __init__(self, scene: Scene, sensor: Sensor) -> None:
@@ -76,8 +77,9 @@ class _Measure:
         seed = getattr(sensor.parameters, 'seed', None)
         self._noise = None if seed is None else SensorNoise(int(seed), sensor.label)
 
+    @abstractmethod
     def __call__(self, sample: Sample) -> Measurement:
-        raise NotImplementedError
+        """The measurement of a sample, with its errors."""
 
     def _with_errors(self, sample: Sample, found: dict[str, Floats]) -> Measurement:
         """The vectors (3,) of which the parameters give noise and bias, with errors."""
@@ -99,9 +101,9 @@ class _Measure:
 class _Mounted(_Measure):
     """With a frame of its own."""
 
+    @abstractmethod
     def frame(self, sample: Kinematics) -> Floats:
         """(7,) in the world."""
-        raise NotImplementedError
 
 
 class _ForceTorque(_Mounted):
