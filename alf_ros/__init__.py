@@ -29,6 +29,9 @@ if TYPE_CHECKING:
     from alf_ros.studies.identification.identification import identify
     from alf_ros.studies.identification.identified import Identification
     from alf_ros.studies.identification.recording import Recording, recorded
+    from alf_ros.studies.loads.fastest_run import FastestRun, fastest
+    from alf_ros.studies.loads.load_history import LoadHistory
+    from alf_ros.studies.loads.prescribed_loads import loads
     from alf_ros.studies.statics.linear_model import LinearModel
     from alf_ros.studies.statics.linearisation import linearise
     from alf_ros.studies.statics.positions_of_rest import Equilibrium, equilibria, equilibrium
@@ -40,9 +43,11 @@ __all__ = [
     'BusyError',
     'Closure',
     'Equilibrium',
+    'FastestRun',
     'Identification',
     'InputError',
     'LinearModel',
+    'LoadHistory',
     'Posture',
     'Recording',
     'Run',
@@ -56,9 +61,11 @@ __all__ = [
     'ensemble',
     'equilibria',
     'equilibrium',
+    'fastest',
     'identify',
     'linearise',
     'load_scene',
+    'loads',
     'modes',
     'record',
     'recorded',
@@ -85,6 +92,10 @@ _HOME = {
     'equilibrium': 'studies.statics.positions_of_rest',
     'LinearModel': 'studies.statics.linear_model',
     'linearise': 'studies.statics.linearisation',
+    'FastestRun': 'studies.loads.fastest_run',
+    'fastest': 'studies.loads.fastest_run',
+    'LoadHistory': 'studies.loads.load_history',
+    'loads': 'studies.loads.prescribed_loads',
     'VibrationModes': 'studies.statics.vibration_modes',
     'modes': 'studies.statics.vibration_modes',
     'ensemble': 'studies.ensemble.ensemble',

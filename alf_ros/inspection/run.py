@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -155,16 +155,7 @@ class Run:
 
         Raises InputError if the file cannot be written.
         """
-        file, columns = paths.named(path), {'t': self.t, **self.columns()}
-        lists = (column.tolist() for column in columns.values())
-        try:
-            with open(file, 'w', newline='', encoding='utf-8') as stream:
-                writer = csv.writer(stream)
-                writer.writerow(columns)
-                writer.writerows(zip(*lists, strict=True))
-        except OSError as error:
-            raise _unwritten(file, error) from None
-        return file
+        return write_columns({'t': self.t, **self.columns()}, path)
 
     def parquet(self, path: str | Path) -> Path:
         """Write `t` and all columns, each with its unit as metadata. Returns the path.
@@ -270,6 +261,22 @@ def _wanted(known: Sequence[Group], only: Sequence[str] | None) -> list[tuple[Gr
         (group, [n for n, name in enumerate(group.names) if name in asked]) for group in known
     ]
     return [(group, which) for group, which in found if which]
+
+
+def write_columns(columns: Mapping[str, Floats], path: str | Path) -> Path:
+    """Write columns of one length as CSV; numbers read back exactly. Returns the path.
+
+    Raises InputError if the file cannot be written.
+    """
+    file, lists = paths.named(path), (column.tolist() for column in columns.values())
+    try:
+        with open(file, 'w', newline='', encoding='utf-8') as stream:
+            writer = csv.writer(stream)
+            writer.writerow(columns)
+            writer.writerows(zip(*lists, strict=True))
+    except OSError as error:
+        raise _unwritten(file, error) from None
+    return file
 
 
 def _missing(what: str, package: str) -> InputError:

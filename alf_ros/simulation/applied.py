@@ -371,6 +371,15 @@ def _held(model: Model, name: str, what: Wrench | float | Curve) -> _Held:
     return _Held(what, registry.held(role, name, what))
 
 
+def one_by_one(model: Model, each: Sequence[Inputs]) -> Effects:
+    """Inputs of a single wrench or effort, packed as an effect each, in their order."""
+    held = [
+        item for inputs in each for item in (*inputs.wrenches.items(), *inputs.efforts.items())
+    ]
+    kinds = [_held(model, name, what).kinds(model.layout) for name, what in held]
+    return _listed([kind for group in kinds for kind in group])
+
+
 def from_outside(model: Model) -> set[str]:
     """The effects that wrenches and steady efforts on this mechanism are packed as."""
     roles = {WRENCH, *(_steady(each) for each in model.coordinates)}

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 
 from support.foreign_bags import joints, written
 from support.paths import ROOT
@@ -20,16 +19,6 @@ PROGRAMS = programs(TEXT)
 COMMANDS = re.findall(
     r'^```bash\n\.venv/bin/python (.*?)\n^```\n\n^```text\n(.*?)^```$', TEXT, re.M | re.S
 )
-
-
-@pytest.mark.parametrize(
-    ('program', 'name', 'shown'), PROGRAMS, ids=[name for _, name, _ in PROGRAMS]
-)
-def test_a_program_prints_what_the_page_says(
-    program: str, name: str, shown: str, tmp_path: Path
-) -> None:
-    (tmp_path / name).write_text(program, 'utf-8')
-    assert shown_by([name], tmp_path) == (shown, '')
 
 
 def test_a_command_prints_what_the_page_says(tmp_path: Path) -> None:
@@ -52,7 +41,7 @@ def test_a_command_prints_what_the_page_says(tmp_path: Path) -> None:
     ((command, shown),) = COMMANDS
     told, errors = shown_by(shlex.split(command), tmp_path)
     assert re.sub(r'press_\w+', 'press_…', told) == shown
-    assert not errors
+    assert all(line.startswith('identify ') for line in errors.splitlines())  # of progress
     (log,) = (tmp_path / 'identified').glob('press_*Z')
     told, _ = shown_by(['-m', 'alf_ros', 'verify', str(log)], tmp_path)
     assert 'EQUAL' in told

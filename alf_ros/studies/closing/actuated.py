@@ -14,9 +14,9 @@ from alf_ros import kernel, resources
 from alf_ros.arrays import Floats
 from alf_ros.errors import AssemblyError, InputError
 from alf_ros.mechanism import GROUND, Coordinate, Drive, Mechanism, natural_coordinates
-from alf_ros.mechanism.natural_coordinates import Layout
 from alf_ros.mechanism.time_function import signal
 from alf_ros.model import assembly
+from alf_ros.model.carried_positions import carried
 from alf_ros.model.compile import Model, allocate, compile_model
 from alf_ros.model.constraints.row import Row
 from alf_ros.model.constraints.rows import joint_rows
@@ -91,7 +91,7 @@ def actuated(scene: Scene, active: Sequence[str]) -> Actuated:
     driven = replace(mechanism, drives=drives)
     try:
         model = compile_model(driven, free.model.penalty)
-        q = assembly.close(model, {}, _carried(free.model, free.q, model))
+        q = assembly.close(model, {}, carried(free.model, free.q, model))
         dependent, _, sigma = assembly.ordinary(model, q)
         model = fitted(model.accustomed(sigma, dependent), sigma)
     except AssemblyError as error:
@@ -201,19 +201,6 @@ def _drive(coordinate: Coordinate, value: float) -> Drive:
     return Drive(
         name, kind, (coordinate.name,), (signal(value),), from_ground and coordinate.is_angle
     )
-
-
-def _carried(before: Model, q: Floats, after: Model) -> Floats:
-    """q of a model as q of another one with more blocks; those are as drawn."""
-    found, D = np.array(after.q), before.layout.dimension
-    to, of = found.reshape(-1, D), q.reshape(-1, D)
-    layouts: tuple[Layout, Layout] = before.layout, after.layout
-    for kind in ('of_point', 'of_vector', 'of_auxiliary'):
-        own = getattr(layouts[0], kind)
-        for name, block in getattr(layouts[1], kind).items():
-            if name in own:
-                to[block] = of[own[name]]
-    return found
 
 
 def _values(model: Model, q: Floats) -> Floats:

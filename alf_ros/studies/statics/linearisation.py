@@ -23,7 +23,7 @@ from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.inspection.run import Run
 from alf_ros.model import assembly
-from alf_ros.model.compile import Model
+from alf_ros.model.carried_positions import blocks_of
 from alf_ros.model.singular_branches import SMOOTH, position
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation.input_checks import texts
@@ -133,19 +133,11 @@ def _motion(instant: Instant, sample: Sample) -> tuple[Floats, Floats, Floats, F
     A = np.block([[Y.T @ (instant.M @ U), Y.T @ (instant.M @ Z)], [-stiffness, -damping]]).reshape(
         g + f, g + f
     )
-    acceleration = np.zeros((model.layout.movable, model.layout.dimension))
-    acceleration[model.coordinate_block] = _blocks(model, sample.qdd)
-    rates = [Y.T @ (instant.M @ instant.qd[:n]), Z.T @ (instant.M @ acceleration.ravel())]
+    acceleration = blocks_of(model, sample.qdd)[:n]
+    rates = [Y.T @ (instant.M @ instant.qd[:n]), Z.T @ (instant.M @ acceleration)]
     if g != f:
         stiffness = damping = np.zeros((0, 0))
     return A, stiffness, damping, np.concatenate(rates)
-
-
-def _blocks(model: Model, values: Floats) -> Floats:
-    """Numbers in the order of `Sample.q` as blocks (movable, D), vectors in their own length."""
-    blocks = np.array(values).reshape(-1, model.layout.dimension)
-    blocks[sum(not point.fixed for point in model.mechanism.points) :] *= model.layout.length
-    return blocks
 
 
 def _pushed_by(instant: Instant, each: NamedInput) -> Floats:

@@ -35,10 +35,13 @@ class NamedInput:
     added: Callable[[Inputs, float], Inputs]
 
 
-def named_inputs(loads: Loads, t: float, names: Sequence[str]) -> tuple[NamedInput, ...]:
-    """The inputs of these names, or of ends of names that only one has. Raises InputError."""
+def named_inputs(
+    loads: Loads, t: float, names: Sequence[str], key: str = 'inputs'
+) -> tuple[NamedInput, ...]:
+    """The inputs of these names, or of ends of names that only one has. Raises InputError with the
+    key."""
     known = {each.name: each for each in _all(loads, t)}
-    return tuple(known[full_name(name, tuple(known), 'inputs')] for name in names)
+    return tuple(known[full_name(name, tuple(known), key)] for name in names)
 
 
 def _all(loads: Loads, t: float) -> list[NamedInput]:

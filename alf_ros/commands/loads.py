@@ -1,0 +1,122 @@
+"""Compute the efforts that a given motion needs, the reactions, and the fastest run of a path.
+
+See doc/loads.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from alf_ros.commands.parser import Parser, add_numbers, numbers, writing
+from alf_ros.errors import InputError
+from alf_ros.scene.library import load
+from alf_ros.scene.text.expression import ExpressionError, evaluate
+from alf_ros.simulation.input_checks import number, whole
+from alf_ros.studies.loads.fastest_run import fastest
+from alf_ros.studies.loads.load_history import LoadHistory
+from alf_ros.studies.loads.prescribed_loads import loads
+
+_MOST = 1_000_000  # instants
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Compute the loads of one motion; returns 0, or 1 if the actuators cannot make it. Raises
+    InputError."""
+    parser = Parser(
+        prog='loads',
+        description='Compute the efforts of chosen actuators for the motion that the drives of a '
+        'scene prescribe, with the reactions of all joints: inverse dynamics. With --limits, the '
+        'fastest run of this motion as a path.',
+    )
+    parser.add_argument('scene', help='a scene with drives: a name, or the path of a file')
+    parser.add_argument(
+        '--actuators',
+        nargs='+',
+        metavar='NAME',
+        help='joints, or wrenches.C.force.z, ... (default: the driven joints)',
+    )
+    parser.add_argument(
+        '--duration', type=float, required=True, metavar='S', help='of the motion, s'
+    )
+    parser.add_argument(
+        '--rate', type=float, default=100.0, metavar='HZ', help='instants per s (default: 100)'
+    )
+    parser.add_argument(
+        '--weights',
+        nargs='+',
+        default=[],
+        metavar='NAME=NUMBER',
+        help='of efforts, if actuators are more than freedoms (default: 1)',
+    )
+    parser.add_argument(
+        '--without', nargs='+', default=[], metavar='EFFECT', help='effects that do not act'
+    )
+    parser.add_argument(
+        '--limits',
+        nargs='+',
+        default=[],
+        metavar='NAME=MOST',
+        help='the fastest run under these limits of efforts (N, N m): NAME=MOST or '
+        'NAME=LEAST:MOST; the t of the drives is then the parameter of the path',
+    )
+    parser.add_argument(
+        '--pieces', type=int, default=1000, metavar='N', help='of the path (default: 1000)'
+    )
+    add_numbers(parser)
+    parser.add_argument('--csv', metavar='FILE', help='write efforts and reactions over time')
+    options = parser.parse_args(argv)
+    scene = load(options.scene, numbers(options.set))
+    duration = number(options.duration, '--duration', 0.0)
+    if options.limits:
+        if options.actuators:
+            raise InputError('the limits name the actuators', key='--actuators')
+        run = fastest(
+            scene,
+            _limits(options.limits),
+            length=duration,
+            pieces=options.pieces,
+            without=options.without,
+        )
+        print(f'the fastest run takes {run.duration:.9g} s')
+        for name, part in run.limited_by.items():
+            print(f'  {name} is at a limit for {part:.1%} of the time')
+        history = run.loads
+    else:
+        rate = number(options.rate, '--rate', 0.0)
+        count = whole(round(duration * rate), '--duration', 1, _MOST)
+        history = loads(
+            scene,
+            options.actuators,
+            times=[k * duration / count for k in range(count + 1)],
+            weights=numbers(options.weights),
+            without=options.without,
+        )
+    print('\n'.join([*(f'note: {note}' for note in history.notes), _table(history)]))
+    if options.csv:
+        with writing('--csv', options.csv):
+            print(f'written: {history.csv(options.csv)}')
+    return 0 if history.is_possible else 1
+
+
+def _limits(given: Iterable[str]) -> dict[str, list[float]]:
+    found: dict[str, list[float]] = {}
+    for text in given:
+        name, _, value = text.partition('=')
+        try:
+            ends = [evaluate(part, {}) for part in value.split(':')]
+        except ExpressionError as error:
+            expected = 'NAME=MOST or NAME=LEAST:MOST'
+            raise InputError(str(error), key='--limits', value=text, expected=expected) from None
+        found[name] = [-ends[0], ends[0]] if len(ends) == 1 else ends
+    return found
+
+
+def _table(history: LoadHistory) -> str:
+    peaks = history.peaks
+    width = max(map(len, peaks)) + 2
+    lines = ['', f'{"":{width}}{"largest":>14}{"at t, s":>12}{"rms":>14}']
+    for name, peak in peaks.items():
+        if name in history.names or peak.largest != 0.0:
+            values = f'{peak.largest:>14.6g}{peak.t:>12.6g}{peak.rms:>14.6g}'
+            lines.append(f'{name:{width}}{values}  {peak.unit}')
+    return '\n'.join(lines)
