@@ -31,8 +31,8 @@ _AT = 1e-6  # of the range of an effort within which it is at its limit
 class FastestRun:
     """The fastest run of a path from rest to rest.
 
-    s (N + 1,): the parameter of the path at the ends of N pieces; t (N + 1,), s, and rate (N + 1,),
-    ṡ, there. loads: efforts and reactions in the middle of the pieces, where the efforts
+    s (N + 1,): the parameter of the path at the ends of N pieces, with t (N + 1,), s, and rate
+    (N + 1,), ṡ, there. loads: efforts and reactions in the middle of the pieces, where the efforts
     keep their limits. at_limit (N, a): whether an effort is at its limit there.
     """
 
