@@ -12,6 +12,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from alf_ros import kernel
 from alf_ros.arrays import Floats
@@ -24,6 +25,7 @@ from alf_ros.model.constraints.rows import joint_rows, rigidity
 from alf_ros.model.dense_linearisation import Linearised, moving
 from alf_ros.model.singular_branches import Position
 from alf_ros.scene.scene import Scene
+from alf_ros.simulation.bearing_shares import BearingShares, has_bearings
 from alf_ros.simulation.reactions import Reactions
 from alf_ros.simulation.simulation import Simulation
 
@@ -228,11 +230,31 @@ def _reactions(usual: Linearised) -> Answer:
     work = allocate(model, model.system, 0)
     kernel.linearise(model.unit, model.system, work, usual.q)
     reactions = Reactions(model)
-    flags = reactions.indeterminate(reactions.on_cut_blocks(usual.q), work)
-    names = [name for name, flag in zip(model.joint_names, flags, strict=True) if flag]
+    if has_bearings(model):
+        shares, there = BearingShares(model, reactions), reactions.workspace()
+        kernel.place_on_cut(model.unit, reactions.arrays, there, work.q, work.qd)
+        flags, cause = shares.open_components(work, there), 'rigid bodies and bearings'
+    else:
+        flags = reactions.indeterminate(reactions.on_cut_blocks(usual.q), work)
+        cause = 'rigid bodies'
+    names = [
+        f'{name} ({_components(flag)})'
+        for name, flag in zip(model.joint_names, flags, strict=True)
+        if flag.any()
+    ]
     if not names:
-        return Answer(OK, 'reactions', 'all determinate')
-    return Answer(NOTE, 'reactions', f'not determined by rigid bodies: {_list(names)}')
+        shared = ', shared by bearings' if has_bearings(model) else ''
+        return Answer(OK, 'reactions', f'all determinate{shared}')
+    return Answer(NOTE, 'reactions', f'not determined by {cause}: {_list(names)}')
+
+
+def _components(flags: NDArray[np.bool_]) -> str:
+    """Components of force and torque that are not determined, such as 'force xy, torque z'."""
+    forces, torques = ('xy', 'z') if flags.size == 3 else ('xyz', 'xyz')
+    marked = zip((*forces, *torques), flags, strict=True)
+    axes = [axis if flag else '' for axis, flag in marked]
+    parts = {'force': ''.join(axes[: len(forces)]), 'torque': ''.join(axes[len(forces) :])}
+    return ', '.join(f'{what} {which}' for what, which in parts.items() if which)
 
 
 def _mass(at: Linearised) -> Answer:

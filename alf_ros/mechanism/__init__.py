@@ -5,6 +5,7 @@ No YAML and no compiled code.
 
 from alf_ros.mechanism.parts import (
     GROUND,
+    Bearing,
     Body,
     Coordinate,
     Coupling,
@@ -22,6 +23,7 @@ from alf_ros.mechanism.parts import (
 
 __all__ = [
     'GROUND',
+    'Bearing',
     'Body',
     'Coordinate',
     'Coupling',

@@ -115,6 +115,16 @@ class Joint:
     turning: bool = False
     auxiliary: tuple[str, ...] = ()
     freedoms: tuple[Freedom, ...] = field(default=(), compare=False)
+    bearing: Bearing | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Bearing:
+    """Stiffness of a joint against translation (N/m) and rotation (N m/rad), infinite if rigid. It
+    decides how joints share loads that rigid bodies leave open, and changes no motion."""
+
+    translation: float
+    rotation: float
 
 
 @dataclass(frozen=True, slots=True)

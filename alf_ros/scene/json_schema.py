@@ -18,7 +18,7 @@ from alf_ros.model import joints as joint_types
 from alf_ros.model.joints.contract import Key
 from alf_ros.scene import mechanism_file, scene, sensors_section
 from alf_ros.scene.diff_drive_section import DiffDrive
-from alf_ros.scene.mechanism_file import bodies, couplings, drives, joints
+from alf_ros.scene.mechanism_file import bearings, bodies, couplings, drives, joints
 from alf_ros.scene.text.repetition import NAME, TITLE
 
 Schema = dict[str, Any]
@@ -128,6 +128,13 @@ _BODY: dict[str, tuple[str, Callable[[int], Schema]]] = {
     'com': ('centre of mass, body frame (m)', _vector),
     'length': ('distance of its two points (m); as drawn if absent', lambda D: _NUMBER),
 }
+
+
+def _bearing(_D: int) -> Schema:
+    fields = {key: {'description': doc, **_NUMBER} for key, doc in bearings.KEYS.items()}
+    return {**_mapping(fields, ()), 'type': 'object', 'minProperties': 1}
+
+
 _BETWEEN = Key('between', 'points', 'parent and child: bodies, or ground first')
 _SHAPES: dict[str, Callable[[int], Schema]] = {  # of the keys of joints
     'point': lambda D: _NAME,
@@ -212,6 +219,7 @@ def _joint(D: int) -> Schema:
     for kind, about in types.items():
         keys = (_BETWEEN, *about.keys, *about.optional)
         table = {key.name: (key.doc, _SHAPES[key.shape]) for key in keys}
+        table[bearings.KEY] = (bearings.DOC, _bearing)
         then = _repeated(table, joints.needed(about, between=True), table, D)
         then['properties']['type'] = True
         given = {'properties': {'type': {'const': kind}}, 'required': ['type']}

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from alf_ros import kernel
 from alf_ros.arrays import Floats
 from alf_ros.errors import StepError
-from alf_ros.kernel import Phase, Work
+from alf_ros.kernel import CutWork, Phase, Work
 from alf_ros.model.compile import Model
 from alf_ros.model.prescribed import prescribe
 from alf_ros.model.rank import effective_rank
@@ -27,6 +28,7 @@ from alf_ros.simulation.state import State
 # distances to a singular position: from which down efforts of drives are limits, and a pole is
 # lost in rounding
 _DOUBTFUL, _ROUNDED = 5e-3, 1e-6
+_BALANCED = 1e-9  # of the acceleration without rows, from which down nothing moves
 
 
 class Dynamics(Kinematics):
@@ -48,6 +50,7 @@ class Dynamics(Kinematics):
         super().__init__(model, t, state, instruments)
         self._applied, self._solver = applied, solver
         self._dependent_rows, self._beside = dependent_rows, beside
+        self._works_shared: set[int] = set()
 
     @kept
     def _lent(self) -> Lent[Workspace]:
@@ -110,7 +113,7 @@ class Dynamics(Kinematics):
     @kept
     def _limits(self) -> Limits | None:
         """The support positions of limits, in a singular position or too near to one."""
-        if not self._within and not self._doubtful:
+        if (not self._within and not self._doubtful) or self._rests:
             return None
         state = self._state
         problem = self._workspace.problem(self._applied.assembled, self._solver)
@@ -121,12 +124,36 @@ class Dynamics(Kinematics):
 
     def _read(self, read: Callable[[Place], Floats]) -> Floats:
         """Something of the accelerated mechanism: its limit, in a singular position."""
+
+        def shared(place: Place) -> Floats:
+            return read(self._shared(place))
+
         if self._limits is None:
-            return read(Place(*self._accelerated[:2]))
-        limit, far = self._limits.of(read), _ROUNDED * self.model.system.ordinary
+            return shared(Place(*self._accelerated[:2]))
+        limit, far = self._limits.of(shared), _ROUNDED * self.model.system.ordinary
         if far < self._accelerated[2] < np.inf and not self._lost:  # a pole, beside it
-            limit = np.where(np.isnan(limit), read(Place(*self._accelerated[:2])), limit)
+            limit = np.where(np.isnan(limit), shared(Place(*self._accelerated[:2])), limit)
         return limit
+
+    def _shared(self, place: Place) -> Place:
+        """The place with λ as bearings share redundant loads, if joints have a stiffness."""
+        shares, work = self._instruments.shares, place.work
+        if shares is None or id(work) in self._works_shared:
+            return place
+        self._works_shared.add(id(work))
+        with self._on_cut(work) as there:
+            shares.apply(work, there)
+        return place
+
+    @contextmanager
+    def _on_cut(self, work: Work) -> Iterator[CutWork]:
+        """The cut mechanism at q and q̇ in `work`, with the forces that act on its blocks."""
+        cut, lent = self._instruments.reactions(), self._instruments.lend_cut()
+        there = lent.workspace
+        kernel.place_on_cut(self.model.unit, cut.arrays, there, work.q, work.qd)
+        effects = self._applied.on(cut.cut)
+        kernel.applied_forces(effects, self.t, there.q, there.qd, self._near, there.Q)
+        yield there
 
     @kept
     def _within(self) -> bool:
@@ -139,6 +166,16 @@ class Dynamics(Kinematics):
         """Whether a row has lost its direction, so that nothing is felt of it: only a step that
         was interpolated ends there."""
         return self._beside is not False and self._singular
+
+    @property
+    def _rests(self) -> bool:
+        """Whether it is at rest and remains so: rows balance all forces, also in a singular
+        position, and λ is a share of least norm."""
+        if self._state.qd.any():
+            return False
+        work, n = self._accelerated[0], self.model.n
+        free = np.abs(work.Q[:n]).max(initial=0.0) / self.model.system.mean
+        return bool(np.abs(work.qdd[:n]).max(initial=0.0) <= _BALANCED * free)
 
     @property
     def _doubtful(self) -> bool:

@@ -18,6 +18,7 @@ from alf_ros.model.compile import Model, allocate
 from alf_ros.model.constraints.packing import indices
 from alf_ros.model.softest_modes import begun
 from alf_ros.scene.scene import Solver
+from alf_ros.simulation.bearing_shares import BearingShares, has_bearings
 from alf_ros.simulation.reactions import ReactionsOf
 
 _KEPT = 4  # workspaces that wait, at most
@@ -91,6 +92,13 @@ class Instruments:
     def lend_cut(self) -> Lent[CutWork]:
         """One on the cut mechanism."""
         return _lent(self._idle_cut, lambda: self.reactions().workspace())
+
+    @cached_property
+    def shares(self) -> BearingShares | None:
+        """How bearings share redundant reactions; None if all joints are rigid."""
+        if not has_bearings(self._model):
+            return None
+        return BearingShares(self._model, self.reactions())
 
     @cached_property
     def coordinates(self) -> JointCoordinates:

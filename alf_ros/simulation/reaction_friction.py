@@ -6,9 +6,11 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from alf_ros.errors import InputError
 from alf_ros.kernel import Bearings, Effects
 from alf_ros.mechanism import Joint
 from alf_ros.model.constraints.packing import indices
+from alf_ros.simulation.bearing_shares import has_bearings
 from alf_ros.simulation.reactions import Reactions
 
 
@@ -25,6 +27,12 @@ def bearings(
     from alf_ros.kernel import reaction_friction as compiled
 
     cut = reactions()
+    if has_bearings(cut.model):
+        raise InputError(
+            'friction that depends on a reaction does not know the stiffness of bearings',
+            key='effects',
+            expected='a given load, or joints without stiffness',
+        )
     first, block, sign = [0], [], []
     first_entry, entry, entry_row = [0], [], []
     for joint in joints:

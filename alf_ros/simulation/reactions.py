@@ -61,6 +61,11 @@ class Reactions:
         self._block: Integers = np.array(block, dtype=np.int64)
         self._is_point = is_point[self._block]
 
+    @property
+    def components(self) -> int:
+        """Of a force and a torque."""
+        return len(_rigid(self.cut.dimension))
+
     def _sums(self, joints: Sequence[Joint], kind: str) -> Any:
         """(joints, cut blocks): which blocks to sum for the force of parent on child."""
         at: dict[str, list[Joint]] = {}
@@ -137,7 +142,8 @@ class Reactions:
         return g, g2
 
     def indeterminate(self, q: Floats, work: Work) -> NDArray[np.bool_]:
-        """(joints,) whether λ may change without a change of motion and yet change the reaction.
+        """(joints, D + 1 or 3) whether λ may change without a change of motion and yet change this
+        component of the force, or of the torque, of the joint.
 
         A component of a reaction is w·λ. It is unique if w lies in the range of Φ_q, that is if
         the projector Φ_q A⁻¹ Φ_qᵀ α leaves it as it is. `work` holds Φ_q and the factor there.
@@ -145,7 +151,7 @@ class Reactions:
         D, places = self.cut.dimension, q.reshape(-1, self.cut.dimension)
         unit, (g, g2) = self.model.unit, self._jacobian(q)
         joints = self.model.mechanism.joints
-        flags = np.zeros(len(joints), dtype=bool)
+        flags = np.zeros((len(joints), self.components), dtype=bool)
         w_cut = np.zeros(self.source_row.size)
         for n, joint in enumerate(joints):
             own = slice(self._first[n], self._first[n + 1])
@@ -154,14 +160,14 @@ class Reactions:
             gradients, is_point = g2.reshape(-1, D)[self._entry[own]], self._is_point[own, None]
             origin = self.cut.place(joint.child, joint.frames[1].origin).value(places)
             arms = places[self._block[own]] - is_point * origin
-            for move, turn in _rigid(D):
+            for c, (move, turn) in enumerate(_rigid(D)):
                 v = np.outer(points, move) + vectors[:, None] * _turned(turn, places)
                 kernel.times_jacobian(unit, self.rows, g, g2, v.ravel(), w_cut)
                 w = np.zeros(work.y.size)
                 w[self.source_row] = w_cut
                 each = is_point * move + _turned(turn, arms)
                 np.subtract.at(w, self._row[own], (gradients * each).sum(axis=1))
-                flags[n] |= self._lost(w, work) > _LOST
+                flags[n, c] = self._lost(w, work) > _LOST
         return flags
 
     def _lost(self, w: Floats, work: Work) -> float:

@@ -52,12 +52,15 @@ class Reaction:
 
     `indeterminate`: the constraints are redundant here, and the share of this joint is one of many
     that balance (the one of least norm); or the sample is in a singular position where the
-    reaction has a pole: components that have no limit are NaN.
+    reaction has a pole: components that have no limit are NaN. `open_force` (D,) and `open_torque`
+    (1 or 3,): which components that is true of.
     """
 
     force: Floats
     torque: float | Floats
     indeterminate: bool
+    open_force: NDArray[np.bool_]
+    open_torque: NDArray[np.bool_]
 
 
 class Sample(Dynamics):
@@ -290,26 +293,38 @@ class Sample(Dynamics):
     @property
     def reactions(self) -> Mapping[str, Reaction]:
         """Force and torque of parent on child in each joint."""
-        planar = self.model.layout.dimension == 2
-        return NamedValues(
-            self.model.joint_names,
-            lambda n: Reaction(
-                self.reaction_forces[n],
-                float(self.reaction_torques[n, 0]) if planar else self.reaction_torques[n],
-                bool(self._indeterminate[n]),
-            ),
-        )
+        D = self.model.layout.dimension
 
-    @kept
+        def reaction(n: int) -> Reaction:
+            torque, unknown = self.reaction_torques[n], self._open_components[n]
+            return Reaction(
+                self.reaction_forces[n],
+                float(torque[0]) if D == 2 else torque,
+                bool(self._indeterminate[n]),
+                unknown[:D],
+                unknown[D:],
+            )
+
+        return NamedValues(self.model.joint_names, reaction)
+
+    @property
     def _indeterminate(self) -> NDArray[np.bool_]:
         """(joints,) whether the reaction is one of many that balance."""
+        return np.asarray(self._open_components.any(axis=1))
+
+    @kept
+    def _open_components(self) -> NDArray[np.bool_]:
+        """(joints, D + 1 or 3) the same of each component of force and torque."""
         cut, work = self._reactions(), self._linearised
-        redundant = self._redundant
-        unknown: NDArray[np.bool_] = np.zeros(len(self.model.joint_names), dtype=bool)
+        redundant, shares = self._redundant, self._instruments.shares
+        unknown: NDArray[np.bool_] = np.zeros((len(cut.model.joint_names), cut.components), bool)
         if self._limits is not None:  # of rows that depend on others also beside the position
             redundant, work = self._dependent_rows, self._limits.beside
-            unknown = np.asarray(np.isnan(np.column_stack(self._wrenches)).any(axis=1))
-        if redundant:
+            unknown = np.isnan(np.column_stack(self._wrenches))
+        if redundant and shares is not None:
+            with self._on_cut(work) as there:
+                unknown |= shares.open_components(work, there)
+        elif redundant:
             unknown |= cut.indeterminate(cut.on_cut_blocks(work.q), work)
         return unknown
 

@@ -23,6 +23,7 @@ from alf_ros.model.constraints.packing import indices
 from alf_ros.model.softest_modes import KNOWN, MISSING, ROUNDS, begun, found
 from alf_ros.simulation import state_vector
 from alf_ros.simulation.applied import Applied
+from alf_ros.simulation.bearing_shares import has_bearings
 from alf_ros.simulation.instruments import Workspace
 from alf_ros.simulation.one_thread import by_one_thread
 from alf_ros.simulation.simulation import Simulation
@@ -173,8 +174,11 @@ class SampleReader:
 
 
 def fits(simulation: Simulation) -> bool:
-    """Whether a `SampleReader` can serve it: of formulation alf2, and without drives."""
-    return simulation._stepper.formulation is None and not simulation.model.mechanism.drives
+    """Whether a `SampleReader` can serve it: of formulation alf2, without drives, and without
+    bearings that share redundant reactions."""
+    model = simulation.model
+    plain = not model.mechanism.drives and not has_bearings(model)
+    return simulation._stepper.formulation is None and plain
 
 
 def _check(simulation: Simulation, into: Mapping[str, tuple[Floats, ...]]) -> None:

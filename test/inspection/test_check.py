@@ -220,7 +220,7 @@ def test_redundancy_by_name() -> None:
     cart = answers(examine(load_scene('differential_drive_cart')))
     assert cart['redundant rows'][1].startswith('1, among the rows of ')
     assert {'left', 'right'} <= set(cart['redundant rows'][1].replace(',', '').split())
-    assert cart['reactions'][1].endswith('bodies: left, right')
+    assert cart['reactions'][1].endswith('bodies: left (force y), right (force y)')
     wishbone = answers(examine(load_scene('double_wishbone')))
     assert wishbone['redundant rows'] == (NOTE, '2, among the rows of lower, upper')
 

@@ -211,6 +211,7 @@ def test_diagnostics_have_fixed_keys_with_units(slider_crank):
         'velocity_violation_m_per_s',
         'rank',
         'redundant',
+        'indeterminate_reactions',
         'singular',
         'distance_to_singular',
     ]

@@ -366,6 +366,8 @@ STUDIES: dict[Callable[..., Any], dict[str, Any]] = {
     alf_ros.equilibria: {'scene': JUNK, 'seed': JUNK, 't': JUNK},
     alf_ros.linearise: {'about': JUNK, 'inputs': JUNK, 'outputs': JUNK},
     alf_ros.modes: {'about': JUNK, 'count': JUNK},
+    alf_ros.loads: dict.fromkeys(('motion', 'actuators', 'times', 'weights', 'without'), JUNK),
+    alf_ros.fastest: dict.fromkeys(('path', 'limits', 'length', 'pieces', 'without'), JUNK),
     alf_ros.ensemble: dict.fromkeys(('scene', 'vary', 'outputs', 'period', 'sampling'), JUNK),
     alf_ros.Closure: dict.fromkeys(('mechanism', 'active', 'noise'), JUNK),
     alf_ros.recorded: dict.fromkeys(('t', 'positions', 'velocities', 'inputs', 'name'), JUNK),
@@ -387,7 +389,15 @@ STUDIES: dict[Callable[..., Any], dict[str, Any]] = {
     ),
 }
 SHORT: dict[str, Any] = {'t': [0.0, 0.01, 0.02], 'positions': {'crank_pin': [0.8, 0.8, 0.8]}}
+DRIVEN = load_scene(
+    {
+        'mechanism': 'slider_crank',
+        'drives': {'motor': {'joint': 'crank_pin', 'angle': 'pi/4 + t'}},
+    }
+)
 RIGHT: dict[Any, dict[str, Any]] = {
+    alf_ros.loads: {'motion': DRIVEN, 'times': [0.0, 0.1]},
+    alf_ros.fastest: {'path': DRIVEN, 'limits': {'crank_pin': 9.0}, 'length': 0.1, 'pieces': 8},
     alf_ros.equilibria: {'starts': 1},
     alf_ros.ensemble: {'vary': {}, 'members': 1, 'duration': 0.01, 'workers': 0},
     alf_ros.Closure: {'active': ['crank_pin']},
@@ -437,6 +447,7 @@ def test_everything_public_is_told_of_here() -> None:
     called: list[Callable[..., Any]] = [load_scene, Simulation, alf_ros.record, *STUDIES]
     made_by_calls = [alf_ros.Run, alf_ros.Sample, alf_ros.Scene, State]
     made_by_calls += [alf_ros.Equilibrium, alf_ros.LinearModel, alf_ros.VibrationModes]
+    made_by_calls += [alf_ros.LoadHistory, alf_ros.FastestRun]
     made_by_calls += [alf_ros.Posture, alf_ros.Identification, alf_ros.Recording]
     for name in alf_ros.__all__:
         each = getattr(alf_ros, name)

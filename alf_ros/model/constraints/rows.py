@@ -6,6 +6,7 @@ A row is kept as what it is made of (`row`) until it goes into the kernel's arra
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -23,6 +24,8 @@ from alf_ros.model.constraints.row import (
 )
 from alf_ros.model.joints import type_of
 from alf_ros.model.joints.contract import Frames
+
+_ROUNDED = 1e-12  # part of a coefficient that is rounding
 
 
 def unit_rows(layout: Layout) -> Iterator[Row]:
@@ -52,7 +55,19 @@ def rigidity(body: Body, layout: Layout) -> Iterator[Constraint]:
             D, length = layout.dimension, own.length
             d = affine.of_block(own.end, D) - affine.of_block(own.start, D)
             own = scaled(0.5 / length, product(own.name, d, d, length**2))  # so it is in m
-        yield own
+        yield _held(own, layout.movable) if isinstance(own, Row) else own
+
+
+def _held(row: Row, movable: int) -> Row:
+    """The row, without parts of movable blocks that are rounding of the parts of fixed blocks: a
+    third point on a line of fixed points would be held by such a part alone."""
+    if row.terms or min(row.b, default=0) >= movable or max(row.b, default=0) < movable:
+        return row
+    most = max(float(np.abs(b).max()) for b in row.b.values())
+    moves = max(float(np.abs(b).max()) for block, b in row.b.items() if block < movable)
+    if moves > _ROUNDED * most:
+        return row
+    return replace(row, b={block: b for block, b in row.b.items() if block >= movable})
 
 
 @lru_cache(maxsize=1024)
@@ -84,4 +99,5 @@ def _rigid(shape: Shape) -> tuple[Constraint, ...]:
 
 def joint_rows(joint: Joint, layout: Layout) -> list[Row]:
     """Rows that a joint adds to shared points and vectors: none for a planar revolute."""
-    return type_of(joint).rows(Frames(joint, layout))
+    rows = type_of(joint).rows(Frames(joint, layout))
+    return [_held(row, layout.movable) for row in rows]

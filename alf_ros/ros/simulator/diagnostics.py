@@ -27,6 +27,7 @@ CONSTRAINTS = (
     'velocity_violation_m_per_s',
     'rank',
     'redundant',
+    'indeterminate_reactions',
     'singular',
     'distance_to_singular',
 )
@@ -91,6 +92,7 @@ def constraints(sample: Sample, closest: float = math.inf) -> Report:
             found.velocity_violation,
             found.rank,
             found.redundant,
+            _indeterminate(sample),
             found.singular,
             closest,
         )
@@ -104,6 +106,14 @@ def constraints(sample: Sample, closest: float = math.inf) -> Report:
     if closest < near(sample.model):
         return Report('constraints', WARN, 'passed near a singular position', told)
     return Report('constraints', OK, f'{found.redundant} redundant rows', told)
+
+
+def _indeterminate(sample: Sample) -> str:
+    """The joints whose reaction is one of many that balance; 'no' if there are none."""
+    if not sample.diagnostics.redundant:
+        return 'no'
+    each = sample.reactions.items()
+    return ', '.join(name for name, reaction in each if reaction.indeterminate) or 'no'
 
 
 def energy(sample: Sample, initial: float) -> Report:

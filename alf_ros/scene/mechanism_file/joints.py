@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from functools import cached_property, lru_cache
 from typing import Any, NoReturn
 
@@ -19,6 +20,7 @@ from alf_ros.mechanism import GROUND, Body, Frame, Joint, Numbers, Point, Vector
 from alf_ros.mechanism.time_function import Signal, signal
 from alf_ros.model import joints
 from alf_ros.model.joints.contract import JointType, Key, Surface
+from alf_ros.scene.mechanism_file import bearings
 from alf_ros.scene.mechanism_file.bodies import Pose
 from alf_ros.scene.text import repetition
 from alf_ros.scene.text.repetition import Item
@@ -51,7 +53,8 @@ class JointReader:
     def fields(self, entry: Entry) -> dict[str, Entry]:
         """The keys of a joint, which depend on its type."""
         if 'type' not in entry.mapping():
-            keys = ['for', 'type', 'between', *_keys(each.keys for each in self.types.values())]
+            keys = ['for', 'type', 'between', bearings.KEY]
+            keys += _keys(each.keys for each in self.types.values())
             for dimension in (3, 2):
                 keys += _keys(each.optional for each in joints.types(dimension).values())
             entry.mapping(tuple(dict.fromkeys(keys)), ('type',))
@@ -64,7 +67,8 @@ class JointReader:
         if found is None:
             each.text(self.types)
         assert found is not None
-        allowed = ('for', 'type', 'between', *needed(found), *_keys([found.optional]))
+        own = (*needed(found), *_keys([found.optional]))
+        allowed = ('for', 'type', 'between', bearings.KEY, *own)
         return entry.mapping(allowed, needed(found, between=True))
 
     def joint(self, item: Item) -> Joint:
@@ -77,7 +81,10 @@ class JointReader:
             given.parent, given.child = self.between(item.fields['between'], item)
             if found.on_ground and given.parent != GROUND:
                 given.refuse_parent(f'{kind} is between the ground and a body')
-        return found.read(given)
+        joint = found.read(given)
+        if bearings.KEY in item.fields:
+            joint = replace(joint, bearing=bearings.read(item.fields[bearings.KEY], item.names))
+        return joint
 
     @cached_property
     def types(self) -> Mapping[str, JointType]:

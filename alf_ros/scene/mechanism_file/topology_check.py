@@ -9,26 +9,43 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
 
+import numpy as np
+
 from alf_ros.mechanism import GROUND, Joint, Mechanism
 from alf_ros.mechanism.natural_coordinates import Layout
 from alf_ros.model.constraints.drives import drive_rows
 from alf_ros.model.constraints.rows import joint_rows, rigidity
 from alf_ros.scene.text.yaml_document import Entry
 
+_ALIGNED = 1e-9  # of directions of length 1: singular value from which down they are one line
+
 
 def check(layout: Layout, entries: Mapping[str, Entry]) -> None:
     """Raise InputError at the entry (by name in `entries`) that is wrong; the layout is cut."""
     mechanism = layout.mechanism
     fixed = {item.name for item in mechanism.blocks if item.fixed}
-    enough = 2 if mechanism.dimension == 2 else 3  # fixed places that leave no freedom
     for body in mechanism.bodies:
         held = [name for name in (*body.points, *body.vectors) if name in fixed]
-        if len(held) >= enough or held == [*body.points, *body.vectors]:
+        if _holds(mechanism, held) or held == [*body.points, *body.vectors]:
             message = f'body {body.name!r} cannot move: fixed at {" and ".join(held)}'
             raise entries[body.name].error(message)
     _check_shared(mechanism, 'point', fixed, entries)
     _check_shared(mechanism, 'vector', fixed, entries)
     _check_row_names(layout, entries)
+
+
+def _holds(mechanism: Mechanism, held: Collection[str]) -> bool:
+    """Whether a body that is fixed at these points and vectors cannot move: in space, if they span
+    two directions. Points on one line are hinges."""
+    points = [point.at for point in mechanism.points if point.name in held]
+    vectors = [vector.along for vector in mechanism.vectors if vector.name in held]
+    enough = 1 if mechanism.dimension == 2 else 2
+    if len(points) + len(vectors) <= enough:
+        return False
+    arms = [np.subtract(at, points[0]) for at in points[1:]]
+    rows = np.array([*arms, *vectors], dtype=float)
+    directions = rows / np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-300)
+    return bool(np.linalg.matrix_rank(directions, tol=_ALIGNED) >= enough)
 
 
 def _check_shared(
