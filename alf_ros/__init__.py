@@ -18,6 +18,7 @@ if TYPE_CHECKING:
         StepError,
         StoppedError,
     )
+    from alf_ros.inspection.branches_report import Branches, branches
     from alf_ros.inspection.run import Run, record
     from alf_ros.scene.scene import Scene, load_scene
     from alf_ros.simulation.sample import Sample
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
 __all__ = [
     'AlfError',
     'AssemblyError',
+    'Branches',
     'BusyError',
     'Closure',
     'Equilibrium',
@@ -53,6 +55,7 @@ __all__ = [
     'StepError',
     'StoppedError',
     'VibrationModes',
+    'branches',
     'ensemble',
     'equilibria',
     'equilibrium',
@@ -71,6 +74,8 @@ _HOME = {
     'InputError': 'errors',
     'StepError': 'errors',
     'StoppedError': 'errors',
+    'Branches': 'inspection.branches_report',
+    'branches': 'inspection.branches_report',
     'Run': 'inspection.run',
     'record': 'inspection.run',
     'Sample': 'simulation.sample',
