@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from alf_ros.simulation.sample import Sample
     from alf_ros.simulation.simulation import Simulation
     from alf_ros.simulation.state import State
+    from alf_ros.studies.atlas.position_map import Atlas, atlas
     from alf_ros.studies.closing.closure import Closure
     from alf_ros.studies.closing.posture import Posture
     from alf_ros.studies.ensemble.ensemble import ensemble
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
 __all__ = [
     'AlfError',
     'AssemblyError',
+    'Atlas',
     'Branches',
     'BusyError',
     'Closure',
@@ -55,6 +57,7 @@ __all__ = [
     'StepError',
     'StoppedError',
     'VibrationModes',
+    'atlas',
     'branches',
     'ensemble',
     'equilibria',
@@ -83,6 +86,8 @@ _HOME = {
     'load_scene': 'scene.scene',
     'Simulation': 'simulation.simulation',
     'State': 'simulation.state',
+    'Atlas': 'studies.atlas.position_map',
+    'atlas': 'studies.atlas.position_map',
     'Closure': 'studies.closing.closure',
     'Posture': 'studies.closing.posture',
     'Equilibrium': 'studies.statics.positions_of_rest',

@@ -13,6 +13,7 @@ COMMANDS = {
     'equilibrium': 'alf_ros.commands.equilibrium',
     'linearise': 'alf_ros.commands.linearise',
     'modes': 'alf_ros.commands.modes',
+    'atlas': 'alf_ros.commands.atlas',
     'hard_cases': 'alf_ros.commands.hard_cases',
     'ensemble': 'alf_ros.commands.ensemble',
     'identify': 'alf_ros.commands.identify',

@@ -123,7 +123,9 @@ def branches(at: Scene | Simulation) -> Branches:
     if dependent:
         names = [*dict.fromkeys(name for each in _by_row(model, here.lost) for name in each)]
         shown = ', '.join(names[:_NAMES]) + ('' if len(names) <= _NAMES else ' ...')
-        text += f'; {len(here.lost)} rows depend on others everywhere, among them {shown}'
+        count = len(here.lost)
+        rows = '1 row depends' if count == 1 else f'{count} rows depend'
+        text += f'; {rows} on others everywhere, among them {shown}'
     raise InputError(text, key='branches')
 
 

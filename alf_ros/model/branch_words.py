@@ -1,4 +1,4 @@
-"""Velocities of branches in words: 'A: [-1, 0] with (1) B: [-2, 0], or (2) B: [0, 0]'."""
+"""Velocities of branches in words: 'A: [-1, 0] with 1) B: [-2, 0], or 2) B: [0, 0]'."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ def listed(model: Model, velocities: Sequence[Floats], numbers: Sequence[int] = 
     first = ', '.join(f'{n}: {shown[0][n]}' for n in moving[: 1 if apart else _POINTS])
     more = [', '.join(f'{n}: {each[n]}' for n in apart) for each in shown] if apart else []
     if more and numbers:
-        more = [f'({number}) {each}' for number, each in zip(numbers, more, strict=False)]
+        more = [f'{number}) {each}' for number, each in zip(numbers, more, strict=False)]
     text = ', or '.join(more)
     if len(velocities) > BRANCHES:
         text += f', or {len(velocities) - BRANCHES} others'
     if not more and len(numbers) == 1:
-        first = f'({numbers[0]}) {first}'
+        first = f'{numbers[0]}) {first}'
     return f'{first} with {text}' if first and text else first or text
 
 

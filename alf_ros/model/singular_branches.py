@@ -150,10 +150,10 @@ class Position:
     def described(
         self, given: Given | None = None, branches: Sequence[Branch] | None = None
     ) -> str:
-        """Branches of a position, or all: 'A: [-1, 0] with (1) B: [-2, 0], or (2) B: [0, 0]'.
+        """Branches of a position, or all: 'A: [-1, 0] with 1) B: [-2, 0], or 2) B: [0, 0]'.
 
         Of a branch that is a line its direction, scaled to `given`; of one with more freedoms how
-        many. In brackets the numbers of the branches, if there is more than one.
+        many. Before each its number, if there is more than one.
         """
         branches = self.branches if branches is None else branches
         lines = [branch for branch in branches if branch.dimension <= 1]
@@ -163,7 +163,7 @@ class Position:
         found = branch_words.listed(self.model, velocities, numbers) if velocities else ''
         wide = []
         for branch in [b for b in branches if b.dimension > 1][: branch_words.BRANCHES]:
-            label = f'({self.number(branch)}) ' if several else ''
+            label = f'{self.number(branch)}) ' if several else ''
             wide.append(f'{label}a branch of {branch.dimension} freedoms')
         return ', or '.join(([found] if found else []) + wide)
 

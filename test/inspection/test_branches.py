@@ -15,8 +15,9 @@ import pytest
 
 from alf_ros import AssemblyError, Branches, InputError, Simulation, branches, load_scene
 from alf_ros import __main__ as program
+from alf_ros.inspection.branches_report import reported
 from alf_ros.inspection.soundness import NOTE, examine
-from alf_ros.model import assembly
+from alf_ros.model import assembly, singular_branches
 from alf_ros.model.singular_location import located
 from alf_ros.scene.scene import Scene
 from alf_ros.studies.exact import one_freedom
@@ -91,7 +92,7 @@ def test_the_slider_crank_has_the_branches_b_0_and_b_2a() -> None:
     assert n['coupler_length'] == 1.0 and not found.redundant
     assert abs(n['crank_length']) == pytest.approx(math.sqrt(0.5), abs=1e-12)
     assert n['guide'] == pytest.approx(-n['crank_length'], abs=1e-12)
-    assert found.text == 'crossing, 2 branches: A: [1, 0] with (1) B: [2, 0], or (2) B: [0, 0]'
+    assert found.text == 'crossing, 2 branches: A: [1, 0] with 1) B: [2, 0], or 2) B: [0, 0]'
     assert repr(found) == f'<Branches: {found.text}>'
 
 
@@ -160,10 +161,31 @@ def test_permanent_redundancy() -> None:
 
 
 def test_more_freedoms_for_good() -> None:
-    """Where the rhombus of Peaucellier's linkage folds, two arms may turn without each other."""
-    found = examine(load_scene('peaucellier'))
-    kinds = [each.kind for each in found.singular]
-    assert sorted(kinds) == ['crossing'] * 4 + ['more freedoms'] * 2
+    """Where the rhombus of Peaucellier's linkage is folded, D turns freely about B."""
+    parameters = load_scene('peaucellier').mechanism
+    at = {point.name: np.array(point.at) for point in parameters.points}
+    arm, side = np.linalg.norm(at['B'] - at['O']), np.linalg.norm(at['B'] - at['A'])
+    A = at['P'] + np.array([0.0, -np.linalg.norm(at['A'] - at['P'])])
+    f = np.linalg.norm(A)
+    x = (f * f + arm * arm - side * side) / (2 * f)
+    B = (x * A + math.sqrt(arm * arm - x * x) * np.array([-A[1], A[0]])) / f
+    D = B + side * np.array([math.cos(0.4), math.sin(0.4)])
+    folded = {'A': A.tolist(), 'B': B.tolist(), 'C': B.tolist(), 'D': D.tolist()}
+    scene = load_scene({'mechanism': 'peaucellier', 'initial': {'positions': folded}})
+    simulation = Simulation(scene)
+    found = reported(singular_branches.position(simulation.model, simulation.state.q), 0)
+    assert found.kind == 'more freedoms' and '2 freedoms in place of 1' in found.text
+    # on this motion one row is redundant, and no position nearby is another
+    with pytest.raises(InputError, match='1 row depends on others everywhere, among them arm_b'):
+        branches(scene)
+
+
+def test_where_a_motion_with_more_freedoms_begins() -> None:
+    """The crank turns 120 degrees each way: there both parts of the rhombus lie on the arms."""
+    found = examine(load_scene('peaucellier')).singular
+    ends = [each for each in found if 'a branch of 2 freedoms' in each.text]
+    angles = [math.atan2(e.points['A'][1], e.points['A'][0] - 0.15) for e in ends]
+    assert ends and np.abs(angles) == pytest.approx(2.0 * math.pi / 3.0, abs=1e-9)
 
 
 def test_no_such_branch() -> None:
@@ -182,13 +204,11 @@ def test_check_names_what_it_finds() -> None:
     kind = found['  2 of them']
     assert kind.verdict == NOTE
     assert kind.answer == (
-        'crossing, 2 branches: A: [1, 0] with (1) B: [2, 0], or (2) B: [0, 0]; '
+        'crossing, 2 branches: A: [1, 0] with 1) B: [2, 0], or 2) B: [0, 0]; '
         'first at A [0, 1], B [0, 0]'
     )
     text = answers(load_scene('change_point'))['  1 of them'][1]
-    assert (
-        'A: [0, 1] with (1) B: [0, 1.58], or (2) B: [0, -0.3798]; at A [-1, 0], B [1, 0]' in text
-    )
+    assert 'A: [0, 1] with 1) B: [0, 1.58], or 2) B: [0, -0.3798]; at A [-1, 0], B [1, 0]' in text
 
 
 def test_positions_found_are_exact() -> None:
