@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from alf_ros.simulation.sample import Sample
     from alf_ros.simulation.simulation import Simulation
     from alf_ros.simulation.state import State
+    from alf_ros.studies.atlas.assembly_search import Assemblies, assemblies
     from alf_ros.studies.atlas.position_map import Atlas, atlas
     from alf_ros.studies.closing.closure import Closure
     from alf_ros.studies.closing.posture import Posture
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     'AlfError',
+    'Assemblies',
     'AssemblyError',
     'Atlas',
     'Branches',
@@ -57,6 +59,7 @@ __all__ = [
     'StepError',
     'StoppedError',
     'VibrationModes',
+    'assemblies',
     'atlas',
     'branches',
     'ensemble',
@@ -86,6 +89,8 @@ _HOME = {
     'load_scene': 'scene.scene',
     'Simulation': 'simulation.simulation',
     'State': 'simulation.state',
+    'Assemblies': 'studies.atlas.assembly_search',
+    'assemblies': 'studies.atlas.assembly_search',
     'Atlas': 'studies.atlas.position_map',
     'atlas': 'studies.atlas.position_map',
     'Closure': 'studies.closing.closure',

@@ -371,6 +371,7 @@ STUDIES: dict[Callable[..., Any], dict[str, Any]] = {
     alf_ros.linearise: {'about': JUNK, 'inputs': JUNK, 'outputs': JUNK},
     alf_ros.modes: {'about': JUNK, 'count': JUNK},
     alf_ros.branches: {'at': JUNK},
+    alf_ros.assemblies: dict.fromkeys(('mechanism', 'values', 'seed'), JUNK),
     alf_ros.atlas: dict.fromkeys(('mechanism', 'over', 'hold', 'output', 'bar', 'seed'), JUNK),
     alf_ros.ensemble: dict.fromkeys(('scene', 'vary', 'outputs', 'period', 'sampling'), JUNK),
     alf_ros.Closure: dict.fromkeys(('mechanism', 'active', 'noise'), JUNK),
@@ -398,6 +399,7 @@ RIGHT: dict[Any, dict[str, Any]] = {
     alf_ros.ensemble: {'vary': {}, 'members': 1, 'duration': 0.01, 'workers': 0},
     alf_ros.Closure: {'active': ['crank_pin']},
     alf_ros.atlas: {'starts': 1},
+    alf_ros.assemblies: {'starts': 1, 'values': {'crank_pin': 0.8}},
     alf_ros.recorded: SHORT,
     alf_ros.identify: {'recordings': alf_ros.recorded(**SHORT), 'fit': ['m']},
 }
@@ -444,7 +446,7 @@ def test_everything_public_is_told_of_here() -> None:
     called: list[Callable[..., Any]] = [load_scene, Simulation, alf_ros.record, *STUDIES]
     made_by_calls = [alf_ros.Run, alf_ros.Sample, alf_ros.Scene, State]
     made_by_calls += [alf_ros.Equilibrium, alf_ros.LinearModel, alf_ros.VibrationModes]
-    made_by_calls += [alf_ros.Branches, alf_ros.Atlas]
+    made_by_calls += [alf_ros.Branches, alf_ros.Atlas, alf_ros.Assemblies]
     made_by_calls += [alf_ros.Posture, alf_ros.Identification, alf_ros.Recording]
     for name in alf_ros.__all__:
         each = getattr(alf_ros, name)

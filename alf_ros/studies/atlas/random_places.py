@@ -1,8 +1,8 @@
 """Random places from which the loops of a mechanism are closed, to find all of its assemblies.
 
 Three kinds take turns: noise on the drawing, which finds assemblies near it; a known position with
-one or two points mirrored at a line or plane through other points, which flips a part over; and a
-known position with one body turned about one of its points, in space about one of its axes or any.
+one or two points mirrored, at a line through two others or a plane through three, or along an
+axis, which flips a part over; and a known position with one body turned about a joint.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from alf_ros.arrays import Floats
+from alf_ros.mechanism import GROUND
 from alf_ros.model.compile import Model
 
 _AMPLITUDES = (0.1, 0.3, 1.0)  # of the size: noise, in turn
@@ -49,37 +50,39 @@ class RandomPlaces:
         random, D = self._random, self._model.layout.dimension
         count = min(len(self._movable), int(random.integers(1, 3)))
         for block in random.choice(self._movable, size=count, replace=False):
-            at = places[random.choice(self._all)]
+            others = np.array([places[random.choice(self._all)] for _ in range(D)])
+            at = others[0]
             normal = np.eye(D)[random.integers(D)]
-            if random.integers(2):
-                line = places[random.choice(self._all)] - at
-                normal = random.standard_normal(D)
-                size = float(line @ line)
-                normal -= (normal @ line) / size * line if size > 0.0 else 0.0
+            if random.integers(3):  # through as many other points as there are dimensions
+                normal = np.linalg.svd(others[1:] - at)[2][-1]
             size = float(normal @ normal)
             if size > 0.0:
                 places[block] -= 2.0 * (normal @ (places[block] - at)) / size * normal
 
     def _turn(self, places: Floats) -> None:
-        """Turn a body about one of its points."""
+        """Turn a body about a joint: in space about the axis of the joint, or any."""
         random, layout = self._random, self._model.layout
-        body = self._model.mechanism.bodies[random.integers(len(self._model.mechanism.bodies))]
-        blocks = [int(block) for block in layout.of_body[body.name]]
-        points, vectors = blocks[: len(body.points)], blocks[len(body.points) :]
-        fixed = [block for block in points if block >= layout.movable]
-        at = np.array(places[fixed[0] if fixed else random.choice(points)])
-        angle = float(random.uniform(-np.pi, np.pi))
+        joints = self._model.mechanism.joints
+        if not joints:
+            return
+        joint = joints[random.integers(len(joints))]
+        name = joint.child if joint.parent == GROUND or random.integers(2) else joint.parent
+        blocks = [int(block) for block in layout.of_body[name]]
+        points = len(layout.body[name].points)
+        pivot = layout.of_point[joint.point] if joint.point else blocks[0]
+        at, angle = np.array(places[pivot]), float(random.uniform(-np.pi, np.pi))
         if layout.dimension == 2:
             c, s = np.cos(angle), np.sin(angle)
             R = np.array([[c, -s], [s, c]])
         else:
             axis = random.standard_normal(3)
-            if vectors and random.integers(4):
-                axis = places[random.choice(vectors)]
+            axes = joint.frames[0].axes
+            if len(axes) and random.integers(4):
+                axis = layout.direction(joint.parent, axes[-1]).value(places)
             R = _turned(axis / np.linalg.norm(axis), angle)
-        for block in points:
+        for block in blocks[:points]:
             places[block] = at + R @ (places[block] - at)
-        for block in vectors:
+        for block in blocks[points:]:
             places[block] = R @ places[block]
 
 
