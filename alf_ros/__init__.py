@@ -18,11 +18,14 @@ if TYPE_CHECKING:
         StepError,
         StoppedError,
     )
+    from alf_ros.inspection.branches_report import Branches, branches
     from alf_ros.inspection.run import Run, record
     from alf_ros.scene.scene import Scene, load_scene
     from alf_ros.simulation.sample import Sample
     from alf_ros.simulation.simulation import Simulation
     from alf_ros.simulation.state import State
+    from alf_ros.studies.atlas.assembly_search import Assemblies, assemblies
+    from alf_ros.studies.atlas.position_map import Atlas, atlas
     from alf_ros.studies.closing.closure import Closure
     from alf_ros.studies.closing.posture import Posture
     from alf_ros.studies.ensemble.ensemble import ensemble
@@ -39,7 +42,10 @@ if TYPE_CHECKING:
 
 __all__ = [
     'AlfError',
+    'Assemblies',
     'AssemblyError',
+    'Atlas',
+    'Branches',
     'BusyError',
     'Closure',
     'Equilibrium',
@@ -58,6 +64,9 @@ __all__ = [
     'StepError',
     'StoppedError',
     'VibrationModes',
+    'assemblies',
+    'atlas',
+    'branches',
     'ensemble',
     'equilibria',
     'equilibrium',
@@ -78,6 +87,8 @@ _HOME = {
     'InputError': 'errors',
     'StepError': 'errors',
     'StoppedError': 'errors',
+    'Branches': 'inspection.branches_report',
+    'branches': 'inspection.branches_report',
     'Run': 'inspection.run',
     'record': 'inspection.run',
     'Sample': 'simulation.sample',
@@ -85,6 +96,10 @@ _HOME = {
     'load_scene': 'scene.scene',
     'Simulation': 'simulation.simulation',
     'State': 'simulation.state',
+    'Assemblies': 'studies.atlas.assembly_search',
+    'assemblies': 'studies.atlas.assembly_search',
+    'Atlas': 'studies.atlas.position_map',
+    'atlas': 'studies.atlas.position_map',
     'Closure': 'studies.closing.closure',
     'Posture': 'studies.closing.posture',
     'Equilibrium': 'studies.statics.positions_of_rest',

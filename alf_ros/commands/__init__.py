@@ -14,6 +14,7 @@ COMMANDS = {
     'linearise': 'alf_ros.commands.linearise',
     'modes': 'alf_ros.commands.modes',
     'loads': 'alf_ros.commands.loads',
+    'atlas': 'alf_ros.commands.atlas',
     'hard_cases': 'alf_ros.commands.hard_cases',
     'ensemble': 'alf_ros.commands.ensemble',
     'identify': 'alf_ros.commands.identify',

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Sequence
 
-from alf_ros.commands.parser import Parser, add_folder, add_numbers, numbers, writing_into
+from alf_ros.commands.parser import Parser, add_folder, add_numbers, numbers, writing, writing_into
 from alf_ros.inspection import mechanism_plot
-from alf_ros.inspection.soundness import examine, table
+from alf_ros.inspection.soundness import as_data, examine, table
 from alf_ros.scene.library import load
 
 
@@ -21,10 +22,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument('scene', help='a scene or a mechanism: a name, or the path of a file')
     add_numbers(parser)
     add_folder(parser, 'check', 'folder for the picture')
+    parser.add_argument(
+        '--json', metavar='FILE', help='write the answers and all singular positions to this file'
+    )
     options = parser.parse_args(argv)
     scene = load(options.scene, numbers(options.set))
     found = examine(scene)
     print(table(found, scene.name))
+    if options.json:
+        with writing('--json', options.json), open(options.json, 'w', encoding='utf-8') as stream:
+            json.dump(as_data(found, scene.name), stream, indent=1)
     with writing_into(options.folder) as folder:
         path = folder / f'{scene.name}.png'
         try:

@@ -21,6 +21,8 @@ _LABOUR = 3e8  # n³ times positions, of all ways
 _BOTTOM = 40  # positions for finding the minimum of a dip
 _LEAST = 20  # positions: with fewer there is no walk
 _SUSPECT = 0.3  # singular value, of its usual one, below which a dip is looked at
+_APPROACHES, _CLOSE = 60, 1e-7  # steps up to a singular position, and the value at their end
+_STRAIGHT = 0.97  # least product of the directions of two of them
 _SINGULAR = 1e-5  # and below which its bottom counts as singular
 
 
@@ -56,7 +58,7 @@ def _walk(start: Linearised, direction: Floats, most: int, found: Sweep) -> None
     """One walk. `found` is added to."""
     model, rank = start.model, start.rank
     D = model.layout.dimension
-    step = _STEP * _shortest(start)
+    step = _STEP * shortest(start)
     usual = start.singular_values[rank - 1] if rank else 1.0
     at, before, back = start, math.inf, start  # back: the position before
     weak = usual
@@ -69,11 +71,14 @@ def _walk(start: Linearised, direction: Floats, most: int, found: Sweep) -> None
         value = float(ahead.singular_values[rank - 1]) if rank else 1.0
         if weak <= min(before, value) and weak < _SUSPECT * usual:
             found.left -= _BOTTOM
-            bottom = _bottom(back, ahead, rank)
-            if bottom is not None and bottom.singular_values[rank - 1] < _SINGULAR * usual:
+            lowest = bottom(back, ahead, rank)
+            if lowest is not None and lowest.singular_values[rank - 1] < _SINGULAR * usual:
+                gone = at.q[: model.n] - back.q[: model.n]
+                t = gone / (float(np.linalg.norm(gone)) or 1.0)
+                near = approached(back, t, rank, 0.02 * step, usual) or lowest
                 same = 1e-3 * model.size
-                if all(np.abs(bottom.q - other).max() > same for other in found.singular):
-                    found.singular.append(bottom.q)
+                if all(np.abs(near.q - other).max() > same for other in found.singular):
+                    found.singular.append(near.q)
         gone = ahead.q[: model.n] - at.q[: model.n]
         back, before, at, weak = at, weak, ahead, value
         found.positions.append(at.q)
@@ -89,7 +94,7 @@ def _walk(start: Linearised, direction: Floats, most: int, found: Sweep) -> None
         direction = onward if straight else gone
 
 
-def _bottom(back: Linearised, ahead: Linearised, rank: int) -> Linearised | None:
+def bottom(back: Linearised, ahead: Linearised, rank: int) -> Linearised | None:
     """The position between two at which the rank-th singular value is least: golden section."""
     n, ratio = back.model.n, 0.5 * (math.sqrt(5.0) - 1.0)
     span = ahead.q[:n] - back.q[:n]
@@ -110,7 +115,32 @@ def _bottom(back: Linearised, ahead: Linearised, rank: int) -> Linearised | None
     return min(left, right, key=lambda found: found[0])[1]
 
 
-def _shortest(at: Linearised) -> float:
+def approached(at: Linearised, t: Floats, rank: int, h: float, usual: float) -> Linearised | None:
+    """The position just before a singular one ahead, by the secant of its singular value; None if
+    that does not fall to zero on the way.
+
+    Behind it the mechanism may have more freedoms: then there is no single minimum. t (n,): the
+    tangent, of length 1; h (m): first step; usual: the singular value at ordinary positions.
+    """
+    n = at.model.n
+    for _ in range(_APPROACHES):
+        value = float(at.singular_values[rank - 1])
+        if value < _CLOSE * usual:
+            return at
+        ahead = at.closed(h * t, rank)
+        if ahead is None or not 0.0 < ahead.singular_values[rank - 1] < value:
+            h *= 0.25
+            continue
+        gone = ahead.q[:n] - at.q[:n]
+        size = float(np.linalg.norm(gone))
+        if gone @ t < _STRAIGHT * size:
+            return None
+        left = float(ahead.singular_values[rank - 1])
+        at, t, h = ahead, gone / size, 0.7 * left * size / (value - left)
+    return None
+
+
+def shortest(at: Linearised) -> float:
     """Length of the shortest body, m; of the drawing if none has a length."""
     spans = [np.linalg.norm(body.local[1]) for body in at.model.mechanism.bodies if body.local[1:]]
     return float(min(spans, default=at.model.size))

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 from alf_ros import kernel
 from alf_ros.arrays import Floats
 from alf_ros.errors import AssemblyError
+from alf_ros.inspection.branches_report import Branches, reported
 from alf_ros.inspection.position_sweep import Sweep, sweep
 from alf_ros.model import assembly, singular_branches
 from alf_ros.model.compile import Model, allocate, compile_model
@@ -24,6 +26,7 @@ from alf_ros.model.constraints.drives import offset
 from alf_ros.model.constraints.rows import joint_rows, rigidity
 from alf_ros.model.dense_linearisation import Linearised, moving
 from alf_ros.model.singular_branches import Position
+from alf_ros.model.singular_location import located
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation.bearing_shares import BearingShares, has_bearings
 from alf_ros.simulation.reactions import Reactions
@@ -32,6 +35,7 @@ from alf_ros.simulation.simulation import Simulation
 OK, NOTE, BAD = 'ok', 'note', 'BAD'
 LARGEST = 4000  # coordinates: matrices are dense here
 _WIDTH = 100  # characters of a line of the table
+_KINDS = 6  # of singular positions in it
 
 
 @dataclass(frozen=True)
@@ -47,7 +51,8 @@ class Answer:
 class Soundness:
     """The findings. `q` is the closed position (blocks D, m), the drawn one if none is.
 
-    freedoms: of velocity, at ordinary positions; zero if the loops do not close.
+    freedoms: of velocity, at ordinary positions; zero if the loops do not close. singular: what
+    the singular positions of the walk are, in its order.
     """
 
     model: Model
@@ -55,6 +60,7 @@ class Soundness:
     answers: tuple[Answer, ...]
     walk: Sweep
     freedoms: int = 0
+    singular: tuple[Branches, ...] = ()
 
     @property
     def sound(self) -> bool:
@@ -86,8 +92,9 @@ def examine(scene: Scene) -> Soundness:
     answers += _drives(scene, at, usual.model.n - usual.rank)
     answers += [_reactions(usual), _mass(at)]
     answers += _start(scene, at, any(answer.verdict == BAD for answer in answers))
-    answers.append(_on_the_way(usual, walk))
-    return Soundness(model, at.q, tuple(answers), walk, usual.model.n - usual.rank)
+    singular = _examined(usual, walk)
+    answers += _on_the_way(usual, walk, singular)
+    return Soundness(model, at.q, tuple(answers), walk, usual.model.n - usual.rank, singular)
 
 
 def table(found: Soundness, name: str) -> str:
@@ -99,6 +106,19 @@ def table(found: Soundness, name: str) -> str:
             answer.answer, _WIDTH, initial_indent=start, subsequent_indent=' ' * len(start)
         )
     return '\n'.join([*lines, '', 'sound' if found.sound else 'NOT SOUND'])
+
+
+def as_data(found: Soundness, name: str) -> dict[str, Any]:
+    """All findings as numbers, text and lists, for a JSON file."""
+    return {
+        'name': name,
+        'sound': found.sound,
+        'freedoms': found.freedoms,
+        'answers': [asdict(answer) for answer in found.answers],
+        'positions_looked_at': len(found.walk.positions),
+        'all_the_way_round': found.walk.whole,
+        'singular_positions': [each.as_data() for each in found.singular],
+    }
 
 
 def _without_rotors(model: Model) -> Model:
@@ -286,7 +306,7 @@ def _start(scene: Scene, at: Linearised, is_known_bad: bool) -> Iterator[Answer]
             here, gained = simulation.singular_start, max(gained, 1)
     if simulation is not None and simulation.adjustment is not None:
         yield Answer(NOTE, 'redundant lengths', str(simulation.adjustment))
-    yield _place_of_start(here, gained)
+    yield _place_of_start(here, gained, dependent)
     question = 'initial velocities'
     if simulation is None:
         of_velocities = fault is not None and fault.key == 'initial.velocities'
@@ -300,7 +320,7 @@ def _start(scene: Scene, at: Linearised, is_known_bad: bool) -> Iterator[Answer]
         yield _from_rest(here, simulation)
 
 
-def _place_of_start(here: Position, gained: int) -> Answer:
+def _place_of_start(here: Position, gained: int, dependent: int) -> Answer:
     question = 'initial position'
     if here.kind == singular_branches.SHAKY and not any(b.dimension for b in here.branches):
         names = _list(moving(here.model, here.free[0, : here.model.n]))
@@ -308,11 +328,10 @@ def _place_of_start(here: Position, gained: int) -> Answer:
         return Answer(BAD, question, text)
     if gained <= 0:
         return Answer(OK, question, 'not singular')
-    text = f'singular: {_count(gained, "freedom")} more than around it; '
-    if here.kind in (singular_branches.CURVED, singular_branches.MANY):
-        return Answer(NOTE, question, f'{text}branches not enumerated ({here.kind})')
-    branches = _count(len(here.branches), 'branch', 'es')
-    return Answer(NOTE, question, f'{text}{here.kind}, {branches}: {here.described()}')
+    text = reported(here, dependent).text
+    return Answer(
+        NOTE, question, f'singular: {_count(gained, "freedom")} more than around it; {text}'
+    )
 
 
 def _from_rest(here: Position, simulation: Simulation) -> Answer:
@@ -320,24 +339,46 @@ def _from_rest(here: Position, simulation: Simulation) -> Answer:
     question, departure = 'initial velocities', simulation.departure
     if departure is not None:
         alone = here.described(None, [departure])
-        return Answer(NOTE, question, f'at rest: leaves along {alone}, where forces do most')
+        number = f'branch {here.number(departure)}, ' if len(here.branches) > 1 else ''
+        text = f'at rest: leaves along {number}{alone}, where forces do most'
+        return Answer(NOTE, question, text)
     if here.kind in (singular_branches.CURVED, singular_branches.MANY):
         text = 'at rest: a force starts the branch that is nearest to its acceleration'
         return Answer(NOTE, question, text)
     return Answer(OK, question, 'at rest, and stays there: no force acts along a branch')
 
 
-def _on_the_way(usual: Linearised, walk: Sweep) -> Answer:
+def _examined(usual: Linearised, walk: Sweep) -> tuple[Branches, ...]:
+    """The kinds of the singular positions of a walk; `walk.singular` becomes exact."""
+    if not walk.singular:
+        return ()
+    dependent, _, sigma = assembly.ordinary(usual.model, usual.q)
+    model = usual.model.accustomed(sigma, dependent)
+    walk.singular[:] = [located(model, q) for q in walk.singular]
+    return tuple(reported(singular_branches.position(model, q), dependent) for q in walk.singular)
+
+
+def _on_the_way(usual: Linearised, walk: Sweep, singular: Sequence[Branches]) -> Iterator[Answer]:
     question = 'singular positions'
     if len(walk.positions) < 2:
-        return Answer(OK, question, 'not looked for')
+        yield Answer(OK, question, 'not looked for')
+        return
     looked = f'{len(walk.positions)} positions, ' + (
         'all the way round' if walk.whole else 'a part of the way'
     )
-    if not walk.singular:
-        return Answer(OK, question, f'none found ({looked})')
-    first = _place(usual.model, walk.singular[0])
-    return Answer(NOTE, question, f'{len(walk.singular)} found ({looked}); at {first}')
+    if not singular:
+        yield Answer(OK, question, f'none found ({looked})')
+        return
+    yield Answer(NOTE, question, f'{len(singular)} found ({looked})')
+    alike: dict[str, list[int]] = {}
+    for n, each in enumerate(singular):
+        alike.setdefault(each.text, []).append(n)
+    for text, which in list(alike.items())[:_KINDS]:
+        first = _place(usual.model, walk.singular[which[0]])
+        places = f'first at {first}' if which[1:] else f'at {first}'
+        yield Answer(NOTE, f'  {len(which)} of them', f'{text}; {places}')
+    if len(alike) > _KINDS:
+        yield Answer(NOTE, '  others', f'of {len(alike) - _KINDS} more kinds')
 
 
 def _place(model: Model, q: Floats) -> str:

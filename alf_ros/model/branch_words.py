@@ -1,4 +1,4 @@
-"""Velocities of branches in words: 'A: [-1, 0] with B: [-2, 0], or B: [0, 0]'."""
+"""Velocities of branches in words: 'A: [-1, 0] with 1) B: [-2, 0], or 2) B: [0, 0]'."""
 
 from __future__ import annotations
 
@@ -30,10 +30,9 @@ def alike(
     return [v / v[np.argmax(np.abs(v[:n]))] for v in velocities]
 
 
-def listed(model: Model, velocities: Sequence[Floats]) -> str:
-    """The common motion, then the differing ones, alternative by alternative, the fastest
-    first."""
-    velocities = sorted(velocities, key=lambda v: -round(float(np.linalg.norm(v)), 6))
+def listed(model: Model, velocities: Sequence[Floats], numbers: Sequence[int] = ()) -> str:
+    """The common motion, then the differing ones, alternative by alternative, each with the number
+    of its branch if numbers are given."""
     shown = [_by_name(model, v) for v in velocities[:BRANCHES]]
     names = list(shown[0])
     common = [n for n in names if len({each[n] for each in shown}) == 1]
@@ -41,9 +40,13 @@ def listed(model: Model, velocities: Sequence[Floats]) -> str:
     apart = [n for n in names if n not in common][:_POINTS]
     first = ', '.join(f'{n}: {shown[0][n]}' for n in moving[: 1 if apart else _POINTS])
     more = [', '.join(f'{n}: {each[n]}' for n in apart) for each in shown] if apart else []
+    if more and numbers:
+        more = [f'{number}) {each}' for number, each in zip(numbers, more, strict=False)]
     text = ', or '.join(more)
     if len(velocities) > BRANCHES:
         text += f', or {len(velocities) - BRANCHES} others'
+    if not more and len(numbers) == 1:
+        first = f'{numbers[0]}) {first}'
     return f'{first} with {text}' if first and text else first or text
 
 

@@ -10,7 +10,7 @@ each branch. Null vectors of rows that are redundant everywhere fulfil the condi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -19,7 +19,7 @@ from alf_ros import kernel
 from alf_ros.arrays import Floats
 from alf_ros.errors import AssemblyError
 from alf_ros.kernel.data import NOTHING
-from alf_ros.model import assembly, branch_words
+from alf_ros.model import assembly, branch_order, branch_words
 from alf_ros.model.assembly import Given
 from alf_ros.model.compile import Model, allocate
 from alf_ros.model.null_spaces import convective, dependent_rows, free_directions, linearise
@@ -97,8 +97,13 @@ class Position:
 
     @property
     def branches(self) -> tuple[Branch, ...]:
-        """The branches; none if CURVED or MANY, where they are not enumerated."""
+        """The branches in the order of their numbers, 1, 2 ...; none if CURVED or MANY, where they
+        are not enumerated."""
         return self._found[1]
+
+    def number(self, branch: Branch) -> int:
+        """The number of one of the branches."""
+        return 1 + [each is branch for each in self.branches].index(True)
 
     def miss(self, qd: Floats) -> float:
         """By how much q̇ (blocks D, m/s) misses nᵀ c = 0, as a part of the terms of the sum."""
@@ -145,22 +150,44 @@ class Position:
     def described(
         self, given: Given | None = None, branches: Sequence[Branch] | None = None
     ) -> str:
-        """Branches of a position, or all, in words: 'A: [-1, 0] with B: [-2, 0], or B: [0, 0]'.
+        """Branches of a position, or all: 'A: [-1, 0] with 1) B: [-2, 0], or 2) B: [0, 0]'.
 
-        Of a branch that is a line its direction, scaled to `given`; of one with more freedoms only
-        their number.
+        Of a branch that is a line its direction, scaled to `given`; of one with more freedoms how
+        many. Before each its number, if there is more than one.
         """
         branches = self.branches if branches is None else branches
         lines = [branch for branch in branches if branch.dimension <= 1]
-        velocities = []
-        for branch in lines:
-            velocities.append(branch.drift if self.is_driven else branch.directions[0])
-        if not self.is_driven:
-            at, values = components(self.model, given or {})
-            velocities = branch_words.alike(self.model, velocities, at, values)
-        found = branch_words.listed(self.model, velocities) if velocities else ''
-        wide = [f'a branch of {b.dimension} freedoms' for b in branches if b.dimension > 1]
-        return ', or '.join(([found] if found else []) + wide[: branch_words.BRANCHES])
+        velocities = self._alike(lines, given)
+        several = len(branches) > 1
+        numbers = [self.number(branch) for branch in lines] if several else []
+        found = branch_words.listed(self.model, velocities, numbers) if velocities else ''
+        wide = []
+        for branch in [b for b in branches if b.dimension > 1][: branch_words.BRANCHES]:
+            label = f'{self.number(branch)}) ' if several else ''
+            wide.append(f'{label}a branch of {branch.dimension} freedoms')
+        return ', or '.join(([found] if found else []) + wide)
+
+    def split(self) -> tuple[Floats, Floats]:
+        """The left null vectors (k, rows) in two parts: combinations n whose condition nᵀ c = 0
+        rules velocities out; and those whose condition is void, as of rows that are redundant
+        everywhere."""
+        basis = np.vstack([self.free, self.drift]) if self.is_driven else self.free
+        if not len(self.lost) or not len(basis):
+            return self.lost[:0], self.lost
+        forms, sizes = self._products(basis, self.pushed)
+        U, s, _ = np.linalg.svd(forms.reshape(len(forms), -1))
+        s = np.pad(s, (0, len(forms) - s.size))
+        felt = s > self._noise * sizes.max(initial=0.0)
+        return U.T[felt] @ self.lost, U.T[~felt] @ self.lost
+
+    def _alike(self, lines: Sequence[Branch], given: Given | None = None) -> list[Floats]:
+        """The velocities of branches that are lines, at a common speed of something that moves on
+        all of them, as far as drives leave a choice."""
+        if self.is_driven:
+            return [branch.drift for branch in lines]
+        at, values = components(self.model, given or {})
+        directions = [branch.directions[0] for branch in lines if branch.dimension]
+        return branch_words.alike(self.model, directions, at, values) if directions else []
 
     @cached_property
     def _found(self) -> tuple[str, tuple[Branch, ...]]:
@@ -184,7 +211,22 @@ class Position:
         if relevant == 1 and len(outer):  # a double zero
             kind = TOUCHING
         made = (self._branch(np.vstack([cone @ inner, outer]), rate) for cone in cones)
-        return kind, tuple(branch for branch in made if branch is not None)
+        return kind, self._ordered([branch for branch in made if branch is not None])
+
+    def _ordered(self, branches: Sequence[Branch]) -> tuple[Branch, ...]:
+        lines = [n for n, branch in enumerate(branches) if branch.dimension <= 1]
+        velocities = self._alike([branches[n] for n in lines])
+        speeds = dict(zip(lines, map(np.linalg.norm, velocities), strict=False))
+        order = branch_order.order(
+            [branch.directions for branch in branches],
+            [float(speeds.get(n, 0.0)) for n in range(len(branches))],
+            [branch.drift for branch in branches],
+        )
+        turned = list(branches)
+        for n, velocity in zip(lines, velocities, strict=False):
+            if not self.is_driven and velocity @ branches[n].directions[0] < 0.0:
+                turned[n] = replace(branches[n], directions=-branches[n].directions)
+        return tuple(turned[n] for n in order)
 
     def _branch(self, coordinates: Floats, rate: float) -> Branch | None:
         """The part of a subspace (dimension, freedoms + 1) of (z, τ) with τ = `rate`; None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import NoReturn
 
@@ -12,7 +12,7 @@ from alf_ros import kernel
 from alf_ros.arrays import Floats
 from alf_ros.errors import AssemblyError
 from alf_ros.kernel.data import NOTHING
-from alf_ros.model import assembly, branch_words
+from alf_ros.model import assembly, branch_words, softest_modes
 from alf_ros.model.assembly import Given
 from alf_ros.model.compile import Model, allocate, hold
 from alf_ros.model.null_spaces import convective, linearise
@@ -29,7 +29,13 @@ _NOT_ENUMERATED = (
 
 
 def start(
-    model: Model, q: Floats, given: Given, dependent: int, near: bool, t: float = 0.0
+    model: Model,
+    q: Floats,
+    given: Given,
+    dependent: int,
+    near: bool,
+    t: float = 0.0,
+    branch: int | None = None,
 ) -> tuple[Floats, Position | None]:
     """Velocities q̇ (blocks D, m/s) of a start at q (blocks D, m), completed from the given ones;
     and the position, if it is a singular one with few enough freedoms to be examined.
@@ -37,11 +43,13 @@ def start(
     In an ordinary position as `assembly.complete` does. In a singular one all given values must
     fit one branch, and the free velocities on it get the least kinetic energy. `dependent`: rows
     that depend on others in ordinary positions; `near`: whether q is `assembly.within` a singular
-    one.
+    one. branch: the number of the branch that the velocities must fit; None for any.
 
-    Raises AssemblyError if no branch fits, naming the constraints or the branches, and if several
-    branches fit with different velocities.
+    Raises AssemblyError if no branch fits, naming the constraints or the branches, if several
+    branches fit with different velocities, and if the branch asked for is none.
     """
+    if branch is not None:
+        return _start_on(model, q, given, dependent, t, branch)
     if near and _freedoms(model, q) > WIDE:
         return _start_of_many(model, q, given, t), None
     here = position(model, q, t) if near or (dependent and _is_tight(model, q, t)) else None
@@ -56,14 +64,85 @@ def start(
         tolerance = 1e-9 + 100.0 * here.x
         qd = assembly.complete(model, q, given, t, None, tolerance, beside=True)
         if not here.can_begin(qd):
-            _refuse(here, given, [])
+            _refuse(here, given, {})
         return qd, here
     if here.kind in (CURVED, MANY):
         raise AssemblyError(_NOT_ENUMERATED, key='initial.velocities')
     fitting = _fitting(here, given)
     if len(fitting) != 1:
         _refuse(here, given, fitting)
-    return fitting[0], here
+    return next(iter(fitting.values())), here
+
+
+def _start_on(
+    model: Model, q: Floats, given: Given, dependent: int, t: float, number: int
+) -> tuple[Floats, Position]:
+    """The same on the branch with a number."""
+    try:
+        here = branching(model, q, dependent, t)
+        branch = numbered(here, number)
+        qd = on_branch(here, branch, given)
+    except AssemblyError as error:
+        raise AssemblyError(error.message, key='initial.branch') from None
+    if not qd.any():
+        raise AssemblyError(
+            f'branch {number} is a direction, not a speed: give the velocity of something that '
+            f'moves on it, {here.described(given, [branch])}',
+            key='initial.branch',
+        )
+    return qd, here
+
+
+def branching(model: Model, q: Floats, dependent: int, t: float = 0.0) -> Position:
+    """The singular position at q (blocks D, m), with its branches.
+
+    dependent: rows that depend on others in ordinary positions. Raises AssemblyError, with the
+    distance, for a position that is not singular; and where branches are not enumerated.
+    """
+    here = position(model, q, t)
+    if len(here.lost) <= dependent:
+        raise AssemblyError(
+            f'not in a singular position: its distance σ is {distance(model, q, dependent):.3g}',
+            key='branch',
+        )
+    if here.kind in (CURVED, MANY):
+        raise AssemblyError(f'{_NOT_ENUMERATED} ({here.kind})', key='branch')
+    if not any(branch.dimension or branch.drift.any() for branch in here.branches):
+        raise AssemblyError(branch_words.shaky(model, here.free), key='branch')
+    return here
+
+
+def distance(model: Model, q: Floats, dependent: int) -> float:
+    """The least singular value σ at q (blocks D, m), of rows that are independent in ordinary
+    positions; 1 if nothing is soft."""
+    work = allocate(model, model.system, 0)
+    work.q[:] = q
+    linearise(model, model.system, work)
+    modes = softest_modes.found(model, work, dependent)
+    return 1.0 if modes is None else float(modes.sigma[0])
+
+
+def numbered(here: Position, number: int) -> Branch:
+    """The branch with a number. Raises AssemblyError for a number that no branch has."""
+    if not 1 <= number <= len(here.branches):
+        count = len(here.branches)
+        raise AssemblyError(
+            f'no branch {number}: the position has {count}, {here.described()}', key='branch'
+        )
+    return here.branches[number - 1]
+
+
+def on_branch(here: Position, branch: Branch, given: Given) -> Floats:
+    """The velocities q̇ (blocks D, m/s) of least kinetic energy on a branch with those given.
+    Raises AssemblyError if none fit."""
+    qd = _on(here, branch, given)
+    if qd is None:
+        raise AssemblyError(
+            f'the given velocities do not fit branch {here.number(branch)}, '
+            f'{here.described(given, [branch])} m/s',
+            key='branch',
+        )
+    return qd
 
 
 def unexamined(model: Model, q: Floats, here: Position | None, Q: Floats) -> str:
@@ -148,15 +227,16 @@ def _on(here: Position, branch: Branch, given: Given) -> Floats | None:
     return np.asarray(branch.drift + weights @ branch.directions)
 
 
-def _fitting(here: Position, given: Given) -> list[Floats]:
-    """The velocities with those given on each branch where some fit; once those that are alike."""
-    found: list[Floats] = []
-    for branch in here.branches:
+def _fitting(here: Position, given: Given) -> dict[int, Floats]:
+    """The velocities with those given on each branch where some fit, by its number; once those
+    that are alike."""
+    found: dict[int, Floats] = {}
+    for number, branch in enumerate(here.branches, 1):
         qd = _on(here, branch, given)
         if qd is not None:
-            nearest = min((np.abs(qd - other).max() for other in found), default=np.inf)
+            nearest = min((np.abs(qd - other).max() for other in found.values()), default=np.inf)
             if nearest > SAME * np.abs(qd).max():
-                found.append(qd)
+                found[number] = qd
     return found
 
 
@@ -188,11 +268,12 @@ def _accelerated(model: Model, q: Floats, qd: Floats, t: float) -> tuple[Floats,
     return x, left / max(size, NOTHING)
 
 
-def _refuse(here: Position, given: Given, fitting: Sequence[Floats]) -> NoReturn:
+def _refuse(here: Position, given: Given, fitting: Mapping[int, Floats]) -> NoReturn:
     if len(fitting) > 1:
+        listed = branch_words.listed(here.model, list(fitting.values()), list(fitting))
         raise AssemblyError(
-            f'a singular position: the given velocities fit {len(fitting)} branches, '
-            f'{branch_words.listed(here.model, fitting)} m/s; give more of them',
+            f'a singular position: the given velocities fit {len(fitting)} branches, {listed} '
+            'm/s; give more of them, or initial.branch',
             key='initial.velocities',
         )
     if here.kind == SHAKY and not any(branch.dimension for branch in here.branches):

@@ -66,6 +66,7 @@ _DESCRIPTION: Schema = {'description': 'text, not read'}
 _INITIAL = {
     'positions': 'by point or vector (m), world frame; ~ leaves a component free',
     'velocities': 'by point or vector (m/s), world frame: any consistent ones; ~ leaves one free',
+    'branch': 'number of the branch of a singular start position, as `check` counts them',
 }
 _SETTINGS = {  # of the solver
     'step': 'time step',
@@ -393,7 +394,12 @@ def scene_schema(kinds: Collection[str]) -> Schema:
         'initial': {
             'description': 'positions and velocities at the start; missing values are solved',
             **_mapping(
-                {key: {'description': _INITIAL[key], **components} for key in scene.INITIAL}, ()
+                {
+                    'positions': {'description': _INITIAL['positions'], **components},
+                    'velocities': {'description': _INITIAL['velocities'], **components},
+                    'branch': {'description': _INITIAL['branch'], **_NUMBER},
+                },
+                (),
             ),
         },
         'solver': _solver(),

@@ -62,7 +62,7 @@ KEYS = (
     'solver',
 )
 REQUIRED = ('mechanism',)
-INITIAL = ('positions', 'velocities')
+INITIAL = ('positions', 'velocities', 'branch')
 
 _SUFFIXES = ('.yaml', '.yml')
 PICKED = ('integrator', 'tolerance')  # by an accuracy
@@ -132,7 +132,8 @@ class Scene:
     """All that is needed to run.
 
     `positions` (m) and `velocities` (m/s) are by movable point, world frame; a component that is
-    None is free, as is every point that is not named. `says_solver`: whether the section
+    None is free, as is every point that is not named. `branch`: the number of the branch that the
+    velocities fit in a singular start position; None for any. `says_solver`: whether the section
     says anything; otherwise `solver` is `UNSAID`, unless a simulation is given settings.
     """
 
@@ -147,6 +148,7 @@ class Scene:
     says_solver: bool = field(default=True, compare=False)
     sensors: tuple[Sensor, ...] = ()
     diff_drive: DiffDrive | None = None
+    branch: int | None = None
 
     @property
     def hash(self) -> str:
@@ -265,7 +267,7 @@ def _read_scene(
     found = read_mechanism(source, mechanism_name, given, references, fields.get('drives'))
     mechanism, values = found.layout.mechanism, found.values
 
-    positions, velocities = _initial(fields.get('initial', nothing), mechanism, values)
+    positions, velocities, branch = _initial(fields.get('initial', nothing), mechanism, values)
     asked = fields.get('solver', nothing)
     says_solver = bool(asked.mapping())
     solver = _solver(asked, values) if says_solver else UNSAID
@@ -305,6 +307,7 @@ def _read_scene(
         says_solver,
         sensors,
         diff_drive,
+        branch,
     )
 
 
@@ -356,9 +359,13 @@ def _no_scene(name: str, scenes: Collection[str]) -> InputError:
 
 def _initial(
     section: Entry, mechanism: Mechanism, names: Mapping[str, float]
-) -> tuple[dict[str, Components], dict[str, Components]]:
+) -> tuple[dict[str, Components], dict[str, Components], int | None]:
     known = {item.name: item for item in mechanism.blocks}
     parts = section.mapping(INITIAL)
+    number = parts.pop('branch', None)
+    branch = None if number is None or number.is_null else number.integer(names)
+    if number is not None and branch is not None and branch < 1:
+        raise number.error('not a branch', value=branch, expected='1 or more, as `check` counts')
     found: dict[str, dict[str, Components]] = {'positions': {}, 'velocities': {}}
     for which, part in parts.items():
         for name, entry in part.mapping().items():
@@ -371,7 +378,7 @@ def _initial(
                 None if item.is_null else item.number(names)
                 for item in entry.sequence(mechanism.dimension)
             )
-    return found['positions'], found['velocities']
+    return found['positions'], found['velocities'], branch
 
 
 def _kind(item: Point | Vector) -> str:

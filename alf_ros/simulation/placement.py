@@ -22,6 +22,8 @@ from alf_ros.mechanism.orientation import orientation, quaternion
 from alf_ros.model import assembly
 from alf_ros.model.compile import Model
 from alf_ros.model.constraints.meshing import meshing
+from alf_ros.model.singular_location import located
+from alf_ros.simulation.branch_velocities import on_branch as velocities_on
 from alf_ros.simulation.input_checks import numbers, text
 from alf_ros.simulation.state import State
 
@@ -45,14 +47,18 @@ def placed(
     body: str,
     pose: Sequence[float] | Floats | None = None,
     twist: Sequence[float] | Floats | None = None,
+    branch: int | None = None,
+    dependent: int = 0,
 ) -> tuple[Floats, Floats, Integers]:
     """q (m), q̇ (m/s), turns with the frame of `body` at `pose`, moving with `twist`, at t (s).
 
     pose: in the plane x, y (m), angle (rad, of any turn); in space x, y, z, quaternion x, y, z, w.
     twist: velocity of the origin of the frame (m/s), angular velocity (rad/s), in the world frame:
     3 or 6 numbers. Without a pose the mechanism stays where it is; without a twist the body keeps
-    its own, as far as the constraints permit. Raises InputError for an invalid pose or twist,
-    AssemblyError with the gap of the constraints for an impossible one.
+    its own, as far as the constraints permit. branch: the number of the branch that the velocities
+    fit, in a singular position; `dependent`: rows that depend on others in ordinary positions.
+    Raises InputError for an invalid pose or twist, AssemblyError with the gap of the constraints
+    for an impossible one, or with the branches.
     """
     layout = model.layout
     if text(body, 'body') not in layout.body:
@@ -61,6 +67,12 @@ def placed(
     speeds = None
     if twist is not None:
         speeds = np.array(numbers(twist, 'twist', (3, 6)[layout.dimension - 2], _LARGEST))
+
+    def on_branch(q: Floats) -> Floats:
+        given, D = None, layout.dimension
+        if speeds is not None:
+            given = _moving(model, q, one, speeds[:D], speeds[D:])
+        return velocities_on(model, q, t, dependent, branch or 1, given, state.qd)
 
     def going(q: Floats) -> Floats:
         try:
@@ -71,9 +83,12 @@ def placed(
             raise AssemblyError(f'{body} cannot move like that: {error.message}') from None
 
     if wanted is None:
-        return state.q, going(state.q), state.turns
+        return state.q, on_branch(state.q) if branch else going(state.q), state.turns
     way = _Way(model, state.q, one, *wanted)
     q, turns = _assembled(model, state, way)
+    if branch:
+        q = located(model, q)
+        return q, on_branch(q), turns
     try:
         return q, going(q), turns
     except AssemblyError:

@@ -396,6 +396,11 @@ class Simulation:
         """The position where the scene starts, to second order, if it is a singular one."""
         return self._start.singular
 
+    @property
+    def dependent_rows(self) -> int:
+        """Number of constraint rows that depend on the others in ordinary positions."""
+        return self._start.dependent_rows
+
     # ------------------------------------------------------------------------------------ state
 
     @property
@@ -439,6 +444,7 @@ class Simulation:
         body: str,
         pose: Sequence[float] | Any | None = None,
         twist: Sequence[float] | Any | None = None,
+        branch: int | None = None,
     ) -> None:
         """Continue with the frame of a body elsewhere, or with another velocity of it.
 
@@ -446,13 +452,19 @@ class Simulation:
         rates in the plane; x, y, z, quaternion x, y, z, w, and velocity and angular velocity (6,)
         in the world frame in space. The mechanism is assembled around it, on its branch, with its
         turns counted; velocities follow from an impulse on the body. Without a pose all places
-        stay, without a twist the body keeps its own if possible. Raises InputError, and changes
-        nothing, for an impossible request.
+        stay, without a twist the body keeps its own if possible. branch: in a singular position,
+        the number of the branch on which the motion continues, as `branches` and `check` count
+        them; without a twist the velocities become the nearest ones of the branch. Raises
+        InputError, and changes nothing, for an impossible request.
         """
         if self._following is not None:
             raise InputError('no tangents of a placed body', key='body', value=body)
         now, formulation = self._present.state(), self._stepper.formulation
-        q, qd, turns = placed(self.model, now, self.t, body, pose, twist)
+        if branch is not None:
+            branch = check.whole(branch, 'branch', 1)
+        q, qd, turns = placed(
+            self.model, now, self.t, body, pose, twist, branch, self.dependent_rows
+        )
         carried = formulation.start(q, qd) if formulation else now.carried
         pace, loads = self._stepper.first_pace(qd), np.zeros_like(now.loads)
         moved = replace(now, q=q, qd=qd, turns=turns, pace=pace, carried=carried, loads=loads)

@@ -36,8 +36,34 @@ class Start:
     unexamined: str = ''
 
 
+@dataclass(frozen=True, eq=False)
+class Assembled:
+    """The position where a scene starts, before its velocities; fields as in `Start`."""
+
+    model: Model
+    q: Floats
+    dependent_rows: int
+    ordinary: Floats
+    near: bool
+    adjustment: Adjustment | None
+
+
 def started(scene: Scene, solver: Solver) -> Start:
     """The start of a scene for a solver. Raises AssemblyError, naming the file of the scene."""
+    at = assembled(scene, solver)
+    try:
+        qd, singular = singular_start.start(
+            at.model, at.q, scene.velocities, at.dependent_rows, at.near, branch=scene.branch
+        )
+    except AssemblyError as error:
+        raise AssemblyError(error.message, file=scene.file, key=error.key) from None
+    return Start(
+        at.model, at.q, qd, at.dependent_rows, at.ordinary, singular, at.near, at.adjustment
+    )
+
+
+def assembled(scene: Scene, solver: Solver) -> Assembled:
+    """The closed mechanism of a scene for a solver. Raises AssemblyError, naming its file."""
     alf2 = solver.formulation == 'alf2'
     least = LEAST_PENALTY if alf2 else 0.0
     model = compile_model(scene.mechanism, max(solver.penalty, least))
@@ -54,10 +80,9 @@ def started(scene: Scene, solver: Solver) -> Start:
         near = assembly.within(model, q, dependent)
         if near:
             q = assembly.close(model, scene.positions, q, least=0.0)
-        qd, singular = singular_start.start(model, q, scene.velocities, dependent, near)
     except AssemblyError as error:
         raise AssemblyError(error.message, file=scene.file, key=error.key) from None
-    return Start(model, q, qd, dependent, ordinary, singular, near, adjustment)
+    return Assembled(model, q, dependent, ordinary, near, adjustment)
 
 
 def _assembled(scene: Scene, model: Model) -> tuple[Model, Floats, int, Floats]:

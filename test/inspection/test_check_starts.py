@@ -24,10 +24,10 @@ def test_check_calls_correct_starts_sound() -> None:
         told = {each.question: (each.verdict, each.answer) for each in found.answers}
         verdict, text = told['initial position']
         assert verdict == NOTE and '1 freedom more' in text
-        assert 'crossing, 2 branches: A: [1, 0] with B: [2, 0], or B: [0, 0]' in text
+        assert 'crossing, 2 branches: A: [1, 0] with 1) B: [2, 0], or 2) B: [0, 0]' in text
         assert told['initial velocities'][0] == OK
     verdict, text = answers(scene('change_point', IN_LINE))['initial velocities']
-    assert verdict == NOTE and 'at rest: leaves along A: [0, 1], B: [0, 1.58]' in text
+    assert verdict == NOTE and 'at rest: leaves along branch 1, A: [0, 1], B: [0, 1.58]' in text
 
 
 def test_check_judges_velocities() -> None:

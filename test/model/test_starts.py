@@ -49,7 +49,7 @@ def test_a_speed_that_fits_one_branch_is_completed_on_it() -> None:
 
 def test_a_speed_that_fits_both_is_refused() -> None:
     said = refused(scene(A=[1, 0]))
-    assert 'fit 2 branches, A: [1, 0] with B: [2, 0], or B: [0, 0] m/s' in said
+    assert 'fit 2 branches, A: [1, 0] with 1) B: [2, 0], or 2) B: [0, 0] m/s' in said
     both: tuple[dict[str, Any], ...] = ({'A': [1, 0], 'B': [2, 0]}, {'A': [1, 0], 'B': [0, 0]})
     for speeds in both:
         found = velocities(Simulation(scene(**speeds)))
@@ -59,7 +59,7 @@ def test_a_speed_that_fits_both_is_refused() -> None:
 def test_speeds_of_no_branch_are_refused_with_the_branches_named() -> None:
     said = refused(scene(A=[-1, 0], B=[1, 0]))
     assert 'initial.velocities' in said and 'no motion begins' in said
-    assert 'A: [-1, 0] with B: [-2, 0], or B: [0, 0]' in said
+    assert 'A: [-1, 0] with 1) B: [-2, 0], or 2) B: [0, 0]' in said
     assert 'no motion begins' in refused(scene(A=[1, 0], B=[-4, 0]))
     # what the constraints do not allow to first order says so as anywhere else
     assert 'contradict each other' in refused(scene(A=[1, 0.5], B=[2, 0]))
@@ -128,7 +128,7 @@ def test_a_parallelogram() -> None:
     simulation = Simulation(parallelogram(flat, B0=[0, 2]))
     assert velocities(simulation)['B1'] == pytest.approx([0, 2], abs=1e-12)
     said = refused(parallelogram(flat, B1=[0, 2]))
-    assert 'B1: [0, 2] with B0: [0, 2], or B0: [0, 0]' in said
+    assert 'B1: [0, 2] with 1) B0: [0, 2], or 2) B0: [0, 0]' in said
     assert 'no motion begins' in refused(parallelogram(flat, B0=[0, 1], B1=[0, -1]))
 
 

@@ -64,9 +64,9 @@ def test_infinitesimally_mobile_only() -> None:
 def test_driven_through_the_position() -> None:
     """The crank is driven: the coupler follows or folds, and the start must say which."""
     said = refused(scene(drives=motor('pi/2 + t')))
-    assert 'fit 2 branches, A: [-1, 0] with B: [-2, 0], or B: [0, 0] m/s' in said
+    assert 'fit 2 branches, A: [-1, 0] with 1) B: [-2, 0], or 2) B: [0, 0] m/s' in said
     said = refused(scene(drives=motor('pi/2 + t'), B=[-1, 0]))
-    assert 'no motion begins' in said and 'A: [-1, 0] with B: [-2, 0], or B: [0, 0]' in said
+    assert 'no motion begins' in said and 'A: [-1, 0] with 1) B: [-2, 0], or 2) B: [0, 0]' in said
     for b in (-2.0, 0.0):
         simulation = Simulation(scene(drives=motor('pi/2 + t'), B=[b, 0]))
         assert velocities(simulation)['A'] == pytest.approx([-1, 0], abs=1e-12)
@@ -79,7 +79,7 @@ def test_driven_through_the_position() -> None:
 
 def test_a_drive_that_accelerates_from_rest() -> None:
     said = refused(scene(drives=motor('pi/2 + t*t')))
-    assert 'accelerate' in said and 'A: [-2, 0] with B: [-4, 0], or B: [0, 0]' in said
+    assert 'accelerate' in said and 'A: [-2, 0] with 1) B: [-4, 0], or 2) B: [0, 0]' in said
     assert not Simulation(scene(drives=motor('pi/2'))).state.qd[:4].any()
 
 
@@ -194,7 +194,7 @@ def test_forces_that_act_alike_on_two_branches_are_refused() -> None:
         }
     }
     said = refused(scene(effects=effects))
-    assert 'not unique' in said and 'A: [1, 0] with B: [2, 0], or B: [0, 0]' in said
+    assert 'not unique' in said and 'A: [1, 0] with 1) B: [2, 0], or 2) B: [0, 0]' in said
     effects['constant_wrench']['two']['force'] = [1.1, 0]
     simulation = Simulation(scene(effects=effects))
     simulation.step(100)

@@ -73,6 +73,8 @@ def check_pages(package):
         'ros/view/page/index.html',
         'logs/report/page/stage.js',
         'logs/report/page/analysis.html',
+        'studies/atlas/page/atlas.html',
+        'studies/atlas/page/atlas.js',
     ):
         assert (package / page).is_file()
 

@@ -46,7 +46,7 @@ TAKEN: dict[str, dict[str, Any]] = {
     'run': {'duration': 0.004, 'every': 2, 'at': None},
     'restore': {'state': None},  # its own one
     'reset': {},
-    'place': {'body': 'crank', 'pose': None, 'twist': [0.0, 0.0, 1.0]},
+    'place': {'body': 'crank', 'pose': None, 'twist': [0.0, 0.0, 1.0], 'branch': None},
     'apply_wrench': {
         'name': 'coupler',
         'force': [0.0, 5.0],
@@ -95,6 +95,10 @@ REFUSED: dict[tuple[str, str], list[tuple[Any, str]]] = {
         ([0.0, INF, 0.0], '3 finite numbers'),
         ({}, '3 finite numbers'),
         ([7.0, 7.0, 0.0], 'cannot move like that'),
+    ],
+    ('place', 'branch'): [
+        *((n, 'whole number from 1') for n in (0, 1.5, NAN, '2', [1])),
+        (1, 'not in a singular position'),
     ],
     ('apply_wrench', 'name'): [('copler', "did you mean 'coupler'"), (None, 'not a name')],
     ('apply_wrench', 'force'): [
@@ -368,6 +372,9 @@ STUDIES: dict[Callable[..., Any], dict[str, Any]] = {
     alf_ros.modes: {'about': JUNK, 'count': JUNK},
     alf_ros.loads: dict.fromkeys(('motion', 'actuators', 'times', 'weights', 'without'), JUNK),
     alf_ros.fastest: dict.fromkeys(('path', 'limits', 'length', 'pieces', 'without'), JUNK),
+    alf_ros.branches: {'at': JUNK},
+    alf_ros.assemblies: dict.fromkeys(('mechanism', 'values', 'seed'), JUNK),
+    alf_ros.atlas: dict.fromkeys(('mechanism', 'over', 'hold', 'output', 'bar', 'seed'), JUNK),
     alf_ros.ensemble: dict.fromkeys(('scene', 'vary', 'outputs', 'period', 'sampling'), JUNK),
     alf_ros.Closure: dict.fromkeys(('mechanism', 'active', 'noise'), JUNK),
     alf_ros.recorded: dict.fromkeys(('t', 'positions', 'velocities', 'inputs', 'name'), JUNK),
@@ -401,6 +408,8 @@ RIGHT: dict[Any, dict[str, Any]] = {
     alf_ros.equilibria: {'starts': 1},
     alf_ros.ensemble: {'vary': {}, 'members': 1, 'duration': 0.01, 'workers': 0},
     alf_ros.Closure: {'active': ['crank_pin']},
+    alf_ros.atlas: {'starts': 1},
+    alf_ros.assemblies: {'starts': 1, 'values': {'crank_pin': 0.8}},
     alf_ros.recorded: SHORT,
     alf_ros.identify: {'recordings': alf_ros.recorded(**SHORT), 'fit': ['m']},
 }
@@ -448,6 +457,7 @@ def test_everything_public_is_told_of_here() -> None:
     made_by_calls = [alf_ros.Run, alf_ros.Sample, alf_ros.Scene, State]
     made_by_calls += [alf_ros.Equilibrium, alf_ros.LinearModel, alf_ros.VibrationModes]
     made_by_calls += [alf_ros.LoadHistory, alf_ros.FastestRun]
+    made_by_calls += [alf_ros.Branches, alf_ros.Atlas, alf_ros.Assemblies]
     made_by_calls += [alf_ros.Posture, alf_ros.Identification, alf_ros.Recording]
     for name in alf_ros.__all__:
         each = getattr(alf_ros, name)

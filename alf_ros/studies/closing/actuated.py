@@ -80,7 +80,7 @@ def actuated(scene: Scene, active: Sequence[str]) -> Actuated:
     """
     bare = replace(scene.mechanism, drives=(), rotors=())
     names = _checked(bare, active)
-    _refuse_velocity_rows(bare)
+    refuse_velocity_rows(bare)
     free = started(
         replace(scene, mechanism=bare, effects=(), velocities={}, text=''), scene.solver
     )
@@ -128,7 +128,7 @@ def _checked(mechanism: Mechanism, active: Sequence[str]) -> tuple[str, ...]:
     return tuple(active)
 
 
-def _refuse_velocity_rows(mechanism: Mechanism) -> None:
+def refuse_velocity_rows(mechanism: Mechanism) -> None:
     """Rows that bind velocities only leave positions open: what rolls, or meshes, is refused."""
     layout = natural_coordinates.cut(mechanism)
     for joint in mechanism.joints:

@@ -1,0 +1,1 @@
+"""Maps of the positions of a mechanism over one or two coordinates."""

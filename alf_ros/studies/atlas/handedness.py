@@ -1,0 +1,74 @@
+"""Whether a position fulfils the constraint rows, but holds parts as no assembly does.
+
+Lengths and products of the points and vectors of a body are the same in a mirror. Rows that keep
+two axes parallel keep them antiparallel too: a slider turned round in its guide. Along a curve of
+positions neither changes.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations, product
+
+import numpy as np
+
+from alf_ros.arrays import Floats
+from alf_ros.mechanism.affine import Form
+from alf_ros.model.compile import Model
+
+_PARALLEL = 1.0 - 1e-9  # cosine of two axes that are parallel
+_FLAT = 1e-6  # part of the product of lengths: volumes that are smaller tell nothing
+
+
+class Handedness:
+    """Knows of each body of a model D directions that span space, and of each joint the axes that
+    are parallel, as they are drawn."""
+
+    def __init__(self, model: Model) -> None:
+        self._model = model
+        self._frames: list[tuple[list[tuple[int, int]], float]] = []
+        drawn = model.q.reshape(-1, model.layout.dimension)
+        for body in model.mechanism.bodies:
+            frame = self._frame(body.name, len(body.points), drawn)
+            if frame is not None:
+                self._frames.append(frame)
+        layout = model.layout
+        self._axes: list[tuple[Form, Form, float]] = []
+        for joint in model.mechanism.joints:
+            first, last = joint.frames
+            for a, b in product(first.axes, last.axes):
+                pair = layout.direction(joint.parent, a), layout.direction(joint.child, b)
+                cosine = _cosine(*pair, drawn)
+                if abs(cosine) > _PARALLEL:
+                    self._axes.append((*pair, cosine))
+
+    def is_mirrored(self, q: Floats) -> bool:
+        """Whether a body is mirrored, or turned round in a joint, at q (blocks D, m)."""
+        places = q.reshape(-1, self._model.layout.dimension)
+        if any(_volume(places, pairs)[0] * volume < 0.0 for pairs, volume in self._frames):
+            return True
+        return any(_cosine(a, b, places) * drawn < -_PARALLEL for a, b, drawn in self._axes)
+
+    def _frame(
+        self, body: str, points: int, drawn: Floats
+    ) -> tuple[list[tuple[int, int]], float] | None:
+        """Pairs of blocks, the difference of which is a direction (a vector has -1 for none), and
+        their volume as drawn; None for a body that is no wider than a line or plane."""
+        blocks = [int(block) for block in self._model.layout.of_body[body]]
+        directions = [(block, blocks[0]) for block in blocks[1:points]]
+        directions += [(block, -1) for block in blocks[points:]]
+        for pairs in combinations(directions, self._model.layout.dimension):
+            volume, size = _volume(drawn, list(pairs))
+            if abs(volume) > _FLAT * size:
+                return list(pairs), volume
+        return None
+
+
+def _cosine(a: Form, b: Form, places: Floats) -> float:
+    one, other = a.value(places), b.value(places)
+    size = float(np.linalg.norm(one) * np.linalg.norm(other))
+    return float(one @ other) / size if size > 0.0 else 0.0
+
+
+def _volume(places: Floats, pairs: list[tuple[int, int]]) -> tuple[float, float]:
+    rows = np.array([places[a] - (places[b] if b >= 0 else 0.0) for a, b in pairs])
+    return float(np.linalg.det(rows)), float(np.prod(np.linalg.norm(rows, axis=1)))

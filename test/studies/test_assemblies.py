@@ -1,0 +1,226 @@
+"""Numbers of assemblies, each against a count made independently, with 20 seeds of the search."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import pytest
+
+from alf_ros import AssemblyError, InputError, assemblies
+from alf_ros.arrays import Floats
+from alf_ros.studies.atlas.assembly_search import Assemblies
+
+SEEDS = range(20)
+ROD = {'mass': 1.0, 'inertia': 'rod'}
+
+
+def places(found: Assemblies, name: str) -> Floats:
+    rows = np.array([each.points[name] for each in found.positions])
+    return rows[np.lexsort(np.round(rows, 9).T[::-1])]
+
+
+# ------------------------------------------------------------------------------- three legs, plane
+
+ANCHORS = [
+    (Fraction(0), Fraction(0)),
+    (Fraction(19, 10), Fraction(0)),
+    (Fraction(17, 10), Fraction(4, 5)),
+]
+PLATE = [
+    (Fraction(0), Fraction(0)),
+    (Fraction(8, 5), Fraction(0)),
+    (Fraction(-3, 5), Fraction(19, 10)),
+]
+LEGS = [Fraction(23, 10), Fraction(9, 5), Fraction(21, 10)]
+
+
+def sextic(t: Fraction) -> tuple[Fraction, tuple[Fraction, Fraction, Fraction]]:
+    """The miss of the third circle at t = tan(φ/2) of the plate; x det, y det, det of its corner.
+
+    (1 + t²)⁴ times the miss is (1 + t²) times a polynomial of degree six.
+    """
+    c, s = (1 - t * t) / (1 + t * t), 2 * t / (1 + t * t)
+    rows = []
+    for n in (1, 2):
+        u = c * PLATE[n][0] - s * PLATE[n][1] - ANCHORS[n][0]
+        v = s * PLATE[n][0] + c * PLATE[n][1] - ANCHORS[n][1]
+        rows.append((2 * u, 2 * v, LEGS[n] ** 2 - LEGS[0] ** 2 - u * u - v * v))
+    (a, b, p), (d, e, q) = rows
+    x, y, det = p * e - q * b, a * q - d * p, a * e - d * b
+    return x * x + y * y - det * det * LEGS[0] ** 2, (x, y, det)
+
+
+def roots() -> list[Floats]:
+    """The first corner and the direction of the plate at each root, by exact signs and bisection.
+
+    Six changes of sign prove that there are six: a polynomial of degree six has no more.
+    """
+    angles = [math.pi * (k / 90 - 1) + 1e-3 for k in range(180)]
+    grid = [Fraction(math.tan(a / 2)).limit_denominator(10**6) for a in angles]
+    found = []
+    for low, high in zip(grid, grid[1:], strict=False):
+        if sextic(low)[0] * sextic(high)[0] >= 0:
+            continue
+        for _ in range(60):
+            middle = ((low + high) / 2).limit_denominator(10**24)
+            low, high = (
+                (low, middle) if sextic(low)[0] * sextic(middle)[0] <= 0 else (middle, high)
+            )
+        x, y, det = sextic(low)[1]
+        t = float(low)
+        found.append(np.array([float(x / det), float(y / det), (1 - t * t) / (1 + t * t)]))
+    return found
+
+
+def three_legs() -> dict[str, Any]:
+    x, y, c = roots()[0]
+    s = math.sqrt(1 - c * c)
+    corners = [
+        [x + c * float(u) - s * float(v), y + s * float(u) + c * float(v)] for u, v in PLATE
+    ]
+    points: dict[str, Any] = {f'B{n}': {'at': corner} for n, corner in enumerate(corners)}
+    points |= {
+        f'A{n}': {'at': [float(u), float(v)], 'fixed': True} for n, (u, v) in enumerate(ANCHORS)
+    }
+    local = [[float(u), float(v)] for u, v in PLATE]
+    drawn = np.linalg.norm(np.array(local[1]))
+    assert drawn == pytest.approx(1.6)
+    bodies: dict[str, Any] = {'plate': {'points': ['B0', 'B1', 'B2'], **ROD}}
+    joints: dict[str, Any] = {}
+    for n in range(3):
+        bodies[f'leg{n}'] = {'points': [f'A{n}', f'B{n}'], 'length': float(LEGS[n]), **ROD}
+        joints[f'foot{n}'] = {'type': 'revolute', 'between': ['ground', f'leg{n}'], 'at': f'A{n}'}
+        joints[f'head{n}'] = {'type': 'revolute', 'between': [f'leg{n}', 'plate'], 'at': f'B{n}'}
+    return {'alf': 1, 'points': points, 'bodies': bodies, 'joints': joints}
+
+
+def test_a_plate_on_three_legs_has_six_assemblies() -> None:
+    wanted = roots()
+    assert len(wanted) == 6
+    rows = np.array([w[:2] for w in wanted])
+    rows = rows[np.lexsort(np.round(rows, 9).T[::-1])]
+    mechanism = three_legs()
+    for seed in SEEDS:
+        found = assemblies(mechanism, starts=100, seed=seed)
+        assert len(found) == 6, (seed, found.statement)
+        assert places(found, 'B0') == pytest.approx(rows, abs=1e-10)
+
+
+# ---------------------------------------------------------------------------- three arms, in space
+
+
+def arms() -> dict[str, Any]:
+    """A delta robot: each pair of rods is one rod, to a point that stands for the plate."""
+    points: dict[str, Any] = {'C': {'at': [0, 0, -0.4]}}
+    bodies: dict[str, Any] = {'tool': {'points': ['C'], 'mass': 1.0, 'inertia': 'point'}}
+    joints: dict[str, Any] = {}
+    for k in range(3):
+        angle = 2 * math.pi * k / 3
+        out = np.array([math.cos(angle), math.sin(angle), 0.0])
+        points[f'A{k}'] = {'at': (0.14 * out).tolist(), 'fixed': True}
+        points[f'E{k}'] = {'at': ((0.14 + 0.25 * 0.8) * out + [0, 0, -0.15]).tolist()}
+        bodies[f'arm{k}'] = {'points': [f'A{k}', f'E{k}'], 'length': 0.25, **ROD}
+        joints[f'motor{k}'] = {
+            'type': 'revolute',
+            'between': ['ground', f'arm{k}'],
+            'at': f'A{k}',
+            'axis': [-math.sin(angle), math.cos(angle), 0.0],
+        }
+        joints[f'rod{k}'] = {
+            'type': 'distance',
+            'between': [f'arm{k}', 'tool'],
+            'points': [f'E{k}', 'C'],
+            'length': 0.45,
+        }
+    return {'alf': 1, 'space': 'spatial', 'points': points, 'bodies': bodies, 'joints': joints}
+
+
+def test_a_delta_robot_reaches_a_place_in_eight_ways() -> None:
+    """Of each arm two ways: where the circle of its elbow meets the sphere around the tool."""
+    at = np.array([0.05, -0.03, -0.4])
+    for seed in SEEDS:
+        found = assemblies(arms(), {'C.x': 0.05, 'C.y': -0.03, 'C.z': -0.4}, seed=seed)
+        assert len(found) == 8, (seed, found.statement)
+    ways = []
+    for k in range(3):
+        angle = 2 * math.pi * k / 3
+        out = np.array([math.cos(angle), math.sin(angle), 0.0])
+        # |A + a (cos θ out - sin θ z) - C|² = l² is P cos θ - Q sin θ = R
+        gap = 0.14 * out - at
+        P, Q = 2 * 0.25 * gap @ out, 2 * 0.25 * gap[2]
+        R = 0.45**2 - 0.25**2 - gap @ gap
+        middle, half = math.atan2(-Q, P), math.acos(R / math.hypot(P, Q))
+        ways.append(
+            [
+                0.14 * out + 0.25 * (math.cos(x) * out - [0, 0, math.sin(x)])
+                for x in (middle + half, middle - half)
+            ]
+        )
+    for each in found.positions:
+        for k in range(3):
+            assert min(np.abs(each.points[f'E{k}'] - way).max() for way in ways[k]) < 1e-10
+
+
+def test_a_delta_robot_has_its_tool_at_two_places() -> None:
+    """Three spheres around the elbows meet in two points."""
+    values = {'motor0': 0.1, 'motor1': -0.2, 'motor2': 0.3}
+    for seed in SEEDS:
+        found = assemblies(arms(), values, starts=100, seed=seed)
+        assert len(found) == 2, (seed, found.statement)
+    E = [found[0].points[f'E{k}'] for k in range(3)]
+    M = 2.0 * np.array([E[1] - E[0], E[2] - E[0]])
+    v = np.array([E[1] @ E[1] - E[0] @ E[0], E[2] @ E[2] - E[0] @ E[0]])
+    base, along = np.linalg.lstsq(M, v, rcond=None)[0], np.cross(E[1] - E[0], E[2] - E[0])
+    a, b, c = along @ along, 2 * along @ (base - E[0]), (base - E[0]) @ (base - E[0]) - 0.45**2
+    wanted = np.array([base + x * along for x in np.roots([a, b, c])])
+    wanted = wanted[np.lexsort(np.round(wanted, 9).T[::-1])]
+    assert places(found, 'C') == pytest.approx(wanted, abs=1e-10)
+
+
+# ------------------------------------------------------------------------------------- the library
+
+
+@pytest.mark.parametrize(
+    'name, values, count',
+    [
+        ('slider_crank', {'crank_pin': 0.7}, 2),  # also folded
+        ('four_bar', {'crank_pin': 0.7}, 2),
+        ('four_bar', {'rocker_pin': 2.0}, 2),
+        ('change_point', {'crank_pin': 0.7}, 2),
+        ('wiper', {'motor_shaft': 0.7}, 4),
+        ('spatial_four_bar', {'crank_pin': 0.7}, 2),
+        ('spatial_slider_crank', {'crank_pin': 0.7}, 2),
+        ('double_pendulum', {'B.x': 1.1, 'B.y': 0.2}, 2),
+    ],
+)
+def test_counts_of_the_library(name: str, values: dict[str, float], count: int) -> None:
+    starts = 300 if name.startswith('spatial') else 60
+    for seed in SEEDS:
+        found = assemblies(name, values, starts=starts, seed=seed)
+        assert len(found) == count, (seed, found.statement)
+
+
+def test_what_a_search_says() -> None:
+    found = assemblies('four_bar', {'crank_pin': 0.7}, starts=50)
+    assert found.closed >= sum(each.hits for each in found.positions)
+    assert found.missing == 0.0 and found.statement.startswith('2 found by a search: ')
+    assert found[0].joints['crank_pin'] == pytest.approx(0.7, abs=1e-12)
+    assert all(each.sigma > 0.01 for each in found.positions)
+
+
+@pytest.mark.parametrize(
+    'values, said',
+    [
+        ({}, 'positions are not isolated: 1 freedom left'),
+        ({'crank': 0.0}, "did you mean 'crank_pin'"),
+        ({'crank_pin': 'far'}, 'finite number'),
+    ],
+)
+def test_what_is_refused(values: dict[str, Any], said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        assemblies('four_bar', values)
+    with pytest.raises(AssemblyError, match='no assembly: '):
+        assemblies('four_bar', {'rocker_pin': 0.0}, starts=20)
