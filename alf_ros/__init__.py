@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from alf_ros.studies.identification.identification import identify
     from alf_ros.studies.identification.identified import Identification
     from alf_ros.studies.identification.recording import Recording, recorded
+    from alf_ros.studies.statics.equilibrium_path import EquilibriumPath, equilibrium_path
     from alf_ros.studies.statics.linear_model import LinearModel
     from alf_ros.studies.statics.linearisation import linearise
     from alf_ros.studies.statics.positions_of_rest import Equilibrium, equilibria, equilibrium
@@ -40,6 +41,7 @@ __all__ = [
     'BusyError',
     'Closure',
     'Equilibrium',
+    'EquilibriumPath',
     'Identification',
     'InputError',
     'LinearModel',
@@ -56,6 +58,7 @@ __all__ = [
     'ensemble',
     'equilibria',
     'equilibrium',
+    'equilibrium_path',
     'identify',
     'linearise',
     'load_scene',
@@ -83,6 +86,8 @@ _HOME = {
     'Equilibrium': 'studies.statics.positions_of_rest',
     'equilibria': 'studies.statics.positions_of_rest',
     'equilibrium': 'studies.statics.positions_of_rest',
+    'EquilibriumPath': 'studies.statics.equilibrium_path',
+    'equilibrium_path': 'studies.statics.equilibrium_path',
     'LinearModel': 'studies.statics.linear_model',
     'linearise': 'studies.statics.linearisation',
     'VibrationModes': 'studies.statics.vibration_modes',
