@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from alf_ros.studies.identification.identified import Identification
     from alf_ros.studies.identification.recording import Recording, recorded
     from alf_ros.studies.statics.equilibrium_path import EquilibriumPath, equilibrium_path
+    from alf_ros.studies.statics.floquet import FloquetModel, floquet
     from alf_ros.studies.statics.linear_model import LinearModel
     from alf_ros.studies.statics.linearisation import linearise
     from alf_ros.studies.statics.positions_of_rest import Equilibrium, equilibria, equilibrium
@@ -42,6 +43,7 @@ __all__ = [
     'Closure',
     'Equilibrium',
     'EquilibriumPath',
+    'FloquetModel',
     'Identification',
     'InputError',
     'LinearModel',
@@ -59,6 +61,7 @@ __all__ = [
     'equilibria',
     'equilibrium',
     'equilibrium_path',
+    'floquet',
     'identify',
     'linearise',
     'load_scene',
@@ -88,6 +91,8 @@ _HOME = {
     'equilibrium': 'studies.statics.positions_of_rest',
     'EquilibriumPath': 'studies.statics.equilibrium_path',
     'equilibrium_path': 'studies.statics.equilibrium_path',
+    'FloquetModel': 'studies.statics.floquet',
+    'floquet': 'studies.statics.floquet',
     'LinearModel': 'studies.statics.linear_model',
     'linearise': 'studies.statics.linearisation',
     'VibrationModes': 'studies.statics.vibration_modes',

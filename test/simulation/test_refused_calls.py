@@ -367,6 +367,7 @@ STUDIES: dict[Callable[..., Any], dict[str, Any]] = {
     alf_ros.equilibrium_path: dict.fromkeys(
         ('scene', 'over', 'end', 'start', 'back', 't', 'nearest', 'most'), JUNK
     ),
+    alf_ros.floquet: {'about': JUNK, 'period': JUNK},
     alf_ros.linearise: {'about': JUNK, 'inputs': JUNK, 'outputs': JUNK},
     alf_ros.modes: {'about': JUNK, 'count': JUNK},
     alf_ros.ensemble: dict.fromkeys(('scene', 'vary', 'outputs', 'period', 'sampling'), JUNK),
@@ -393,6 +394,7 @@ SHORT: dict[str, Any] = {'t': [0.0, 0.01, 0.02], 'positions': {'crank_pin': [0.8
 RIGHT: dict[Any, dict[str, Any]] = {
     alf_ros.equilibria: {'starts': 1},
     alf_ros.equilibrium_path: {'over': 'gravity.acceleration.1', 'end': -9.0, 'most': 3},
+    alf_ros.floquet: {'period': 0.1},
     alf_ros.ensemble: {'vary': {}, 'members': 1, 'duration': 0.01, 'workers': 0},
     alf_ros.Closure: {'active': ['crank_pin']},
     alf_ros.recorded: SHORT,
@@ -441,7 +443,7 @@ def test_everything_public_is_told_of_here() -> None:
     called: list[Callable[..., Any]] = [load_scene, Simulation, alf_ros.record, *STUDIES]
     made_by_calls = [alf_ros.Run, alf_ros.Sample, alf_ros.Scene, State]
     made_by_calls += [alf_ros.Equilibrium, alf_ros.EquilibriumPath]
-    made_by_calls += [alf_ros.LinearModel, alf_ros.VibrationModes]
+    made_by_calls += [alf_ros.FloquetModel, alf_ros.LinearModel, alf_ros.VibrationModes]
     made_by_calls += [alf_ros.Posture, alf_ros.Identification, alf_ros.Recording]
     for name in alf_ros.__all__:
         each = getattr(alf_ros, name)

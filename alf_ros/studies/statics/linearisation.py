@@ -66,7 +66,7 @@ def linearise(
     loads = Loads(simulation)
     rubbing = sample._loads if loads.applied.load_count else np.zeros(0)
     instant = Instant(loads, t, state.q, state.qd, state.turns, rubbing)
-    _refuse_singular(instant)
+    refuse_singular(instant)
     named = named_inputs(loads, t, inputs)
     A, stiffness, damping, drift = _motion(instant, sample)
     charted = _Charted(instant, simulation, state)
@@ -102,7 +102,7 @@ def _instant_of(about: Scene | Simulation | Equilibrium) -> tuple[Simulation, St
     return simulation, rest.state, rest.t
 
 
-def _refuse_singular(instant: Instant) -> None:
+def refuse_singular(instant: Instant) -> None:
     """Raises InputError in a singular position, where there is no linear model."""
     model = instant.model
     dependent = len(model.row_names) - round(model.system.rank)
@@ -134,14 +134,14 @@ def _motion(instant: Instant, sample: Sample) -> tuple[Floats, Floats, Floats, F
         g + f, g + f
     )
     acceleration = np.zeros((model.layout.movable, model.layout.dimension))
-    acceleration[model.coordinate_block] = _blocks(model, sample.qdd)
+    acceleration[model.coordinate_block] = blocks_of(model, sample.qdd)
     rates = [Y.T @ (instant.M @ instant.qd[:n]), Z.T @ (instant.M @ acceleration.ravel())]
     if g != f:
         stiffness = damping = np.zeros((0, 0))
     return A, stiffness, damping, np.concatenate(rates)
 
 
-def _blocks(model: Model, values: Floats) -> Floats:
+def blocks_of(model: Model, values: Floats) -> Floats:
     """Numbers in the order of `Sample.q` as blocks (movable, D), vectors in their own length."""
     blocks = np.array(values).reshape(-1, model.layout.dimension)
     blocks[sum(not point.fixed for point in model.mechanism.points) :] *= model.layout.length

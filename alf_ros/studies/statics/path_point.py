@@ -36,8 +36,8 @@ _ZERO = 1e-11  # singular value, of the size of the terms, from which down it is
 
 @dataclass(frozen=True, eq=False)
 class PathScales:
-    """Scales that make displacements and the number comparable: M (n, n) kg of the scene, a length of
-    displacements, kg^½ m, and the range of the number."""
+    """Scales that make displacements and the number comparable: M (n, n) kg of the scene, a length
+    of displacements, kg^½ m, and the range of the number."""
 
     mass: Sparse
     length: float
