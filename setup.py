@@ -42,7 +42,9 @@ setup(
     maintainer_email=MAINTAINER.get('email'),
     license=XML.findtext('license'),
     packages=find_packages(include=[NAME, f'{NAME}.*']),
-    package_data={NAME: ['py.typed', 'logs/report/page/*', 'ros/view/page/*']},
+    package_data={
+        NAME: ['py.typed', 'logs/report/page/*', 'ros/view/page/*', 'studies/statics/page/*']
+    },
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),

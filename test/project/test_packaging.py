@@ -73,6 +73,7 @@ def check_pages(package):
         'ros/view/page/index.html',
         'logs/report/page/stage.js',
         'logs/report/page/analysis.html',
+        'studies/statics/page/modes.html',
     ):
         assert (package / page).is_file()
 
