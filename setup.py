@@ -43,7 +43,13 @@ setup(
     license=XML.findtext('license'),
     packages=find_packages(include=[NAME, f'{NAME}.*']),
     package_data={
-        NAME: ['py.typed', 'logs/report/page/*', 'ros/view/page/*', 'studies/atlas/page/*']
+        NAME: [
+            'py.typed',
+            'logs/report/page/*',
+            'ros/view/page/*',
+            'studies/atlas/page/*',
+            'studies/statics/page/*',
+        ]
     },
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),

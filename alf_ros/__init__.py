@@ -35,6 +35,8 @@ if TYPE_CHECKING:
     from alf_ros.studies.loads.fastest_run import FastestRun, fastest
     from alf_ros.studies.loads.load_history import LoadHistory
     from alf_ros.studies.loads.prescribed_loads import loads
+    from alf_ros.studies.statics.equilibrium_path import EquilibriumPath, equilibrium_path
+    from alf_ros.studies.statics.floquet import FloquetModel, floquet
     from alf_ros.studies.statics.linear_model import LinearModel
     from alf_ros.studies.statics.linearisation import linearise
     from alf_ros.studies.statics.positions_of_rest import Equilibrium, equilibria, equilibrium
@@ -50,6 +52,8 @@ __all__ = [
     'Closure',
     'Equilibrium',
     'FastestRun',
+    'EquilibriumPath',
+    'FloquetModel',
     'Identification',
     'InputError',
     'LinearModel',
@@ -71,6 +75,8 @@ __all__ = [
     'equilibria',
     'equilibrium',
     'fastest',
+    'equilibrium_path',
+    'floquet',
     'identify',
     'linearise',
     'load_scene',
@@ -105,6 +111,10 @@ _HOME = {
     'Equilibrium': 'studies.statics.positions_of_rest',
     'equilibria': 'studies.statics.positions_of_rest',
     'equilibrium': 'studies.statics.positions_of_rest',
+    'EquilibriumPath': 'studies.statics.equilibrium_path',
+    'equilibrium_path': 'studies.statics.equilibrium_path',
+    'FloquetModel': 'studies.statics.floquet',
+    'floquet': 'studies.statics.floquet',
     'LinearModel': 'studies.statics.linear_model',
     'linearise': 'studies.statics.linearisation',
     'FastestRun': 'studies.loads.fastest_run',

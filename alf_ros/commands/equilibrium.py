@@ -1,12 +1,17 @@
-"""Find where a scene rests, and whether it rests stably."""
+"""Find where a scene rests, whether it rests stably, and how this changes with a number."""
 
 from __future__ import annotations
 
 import json
+from argparse import Namespace
 from collections.abc import Sequence
 
 from alf_ros.commands.parser import Parser, add_numbers, numbers, writing
+from alf_ros.errors import InputError
 from alf_ros.scene.library import load
+from alf_ros.scene.scene import Scene
+from alf_ros.studies.statics import path_report
+from alf_ros.studies.statics.equilibrium_path import equilibrium_path
 from alf_ros.studies.statics.positions_of_rest import equilibria, equilibrium
 from alf_ros.studies.statics.rest_report import as_data, report
 
@@ -37,8 +42,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument('--seed', type=int, default=0, help='of the random positions (default: 0)')
     add_numbers(parser)
     parser.add_argument('--json', metavar='FILE', help='write all numbers to this file too')
+    _add_path(parser)
     options = parser.parse_args(argv)
     scene = load(options.scene, numbers(options.set))
+    if options.over is not None:
+        return _follow(scene, options)
     if options.starts:
         found = equilibria(scene, starts=options.starts, seed=options.seed, t=options.at)
     else:
@@ -47,4 +55,66 @@ def main(argv: Sequence[str] | None = None) -> int:
     if options.json:
         with writing('--json', options.json), open(options.json, 'w', encoding='utf-8') as stream:
             json.dump([as_data(each) for each in found], stream, indent=1)
+    return 0
+
+
+def _add_path(parser: Parser) -> None:
+    group = parser.add_argument_group('equilibrium path')
+    group.add_argument(
+        '--over',
+        metavar='NAME',
+        help='follow the position of rest while this number changes: spring.stiffness, '
+        'gravity.acceleration.1, coupler.mass, crank_pin.effort, t, ...',
+    )
+    group.add_argument('--to', type=float, metavar='VALUE', help='value at which the path ends')
+    group.add_argument(
+        '--from',
+        dest='begin',
+        type=float,
+        metavar='VALUE',
+        help='value at which it begins (default: of the scene)',
+    )
+    group.add_argument(
+        '--back',
+        type=float,
+        metavar='VALUE',
+        help='value on the other side at which it ends (default: as far as --to)',
+    )
+    group.add_argument(
+        '--branches', action='store_true', help='follow the paths through its branch points too'
+    )
+    group.add_argument('--csv', metavar='FILE', help='write all points of the path to this file')
+    group.add_argument(
+        '--picture', metavar='FILE', help='draw the path to this file: .png, .svg, .pdf'
+    )
+    group.add_argument(
+        '--show',
+        nargs='+',
+        default=[],
+        metavar='NAME',
+        help='quantities in the picture: points.B.y, knee.position, ... (default: those that '
+        'change most)',
+    )
+
+
+def _follow(scene: Scene, options: Namespace) -> int:
+    """Follow a path, print and write it; returns 0."""
+    if options.to is None:
+        raise InputError('a path has an end', key='--to', expected='a value')
+    path = equilibrium_path(
+        scene,
+        over=options.over,
+        start=options.begin,
+        end=options.to,
+        back=options.back,
+        t=options.at,
+        nearest=options.nearest,
+    )
+    others = path.branches() if options.branches else {}
+    print(path_report.report(path, others))
+    if options.csv:
+        with writing('--csv', options.csv):
+            path.write(options.csv)
+    if options.picture:
+        path.plot(*options.show, file=options.picture, branches=others.values())
     return 0

@@ -7,10 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from alf_ros.commands.parser import Parser, add_numbers, numbers, writing
+from alf_ros.errors import InputError
 from alf_ros.scene.library import load
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation.input_checks import number, steps_of
 from alf_ros.simulation.simulation import Simulation
+from alf_ros.studies.statics.floquet import FloquetModel, floquet
 from alf_ros.studies.statics.linear_files import write
 from alf_ros.studies.statics.linear_model import LinearModel
 from alf_ros.studies.statics.linearisation import linearise
@@ -41,6 +43,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         help='quantities: crank_pin.position, points.B.x, knee.force, ... (default: the positions '
         'of all joints)',
     )
+    parser.add_argument(
+        '--period',
+        type=float,
+        metavar='T',
+        help='about the periodic motion from the start or from --at, with this period (s): its '
+        'Floquet multipliers, in place of the model',
+    )
     add_numbers(parser)
     parser.add_argument(
         '-o',
@@ -56,12 +65,32 @@ def main(argv: Sequence[str] | None = None) -> int:
     if options.at is not None:
         about = Simulation(scene)
         about.step(steps_of(number(options.at, '--at', 0.0), about.h, 0))
+    if options.period is not None:
+        if options.inputs or options.outputs or options.output:
+            raise InputError('has neither inputs, outputs nor files', key='--period')
+        print(_multipliers(floquet(about, period=options.period)))
+        return 0
     model = linearise(about, inputs=options.inputs, outputs=options.outputs)
     print(_table(model))
     for name in options.output:
         with writing('--output', name):
             print(f'written: {write(model, name)}')
     return 0
+
+
+def _multipliers(found: FloquetModel) -> str:
+    lines = [f'{found.verdict}, period {found.period:g} s', '']
+    lines.append(f'{"":4}{"multiplier":>30}{"magnitude":>18}{"exponent, 1/s":>30}')
+    each = zip(found.multipliers, found.exponents, strict=True)
+    for k, (value, rate) in enumerate(each, 1):
+        lines.append(f'{k:>4}{_complex(value):>30}{abs(value):>18.9g}{_complex(rate):>30}')
+    if found.autonomous:
+        lines += ['', 'one multiplier is 1 because the motion may begin at any time']
+    return '\n'.join(lines)
+
+
+def _complex(value: complex) -> str:
+    return f'{value.real:.9g}{value.imag:+.9g}j' if value.imag else f'{value.real:.9g}'
 
 
 def _table(model: LinearModel) -> str:

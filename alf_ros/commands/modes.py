@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.commands.parser import Parser, add_numbers, numbers, writing
 from alf_ros.scene.library import load
+from alf_ros.studies.statics.mode_words import damping_text, frequency_text, largest_shares
+from alf_ros.studies.statics.modes_page import page
 from alf_ros.studies.statics.positions_of_rest import equilibrium
 from alf_ros.studies.statics.vibration_modes import VibrationModes, modes
-
-_NAMED = 3  # of a mode
-_LEAST = 0.005  # share that is worth a name
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -33,14 +33,22 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     add_numbers(parser)
     parser.add_argument('--json', metavar='FILE', help='write numbers and shapes to this file too')
+    parser.add_argument(
+        '--html', metavar='FILE', help='write a page that shows each mode moving, for a browser'
+    )
     options = parser.parse_args(argv)
-    rest = equilibrium(load(options.scene, numbers(options.set)), t=options.at)
+    scene = load(options.scene, numbers(options.set))
+    rest = equilibrium(scene, t=options.at)
     found = modes(rest, count=options.count)
     print('\n'.join([f'at rest, {rest.stability}', *(f'note: {note}' for note in rest.notes)]))
     print(_table(found))
     if options.json:
         with writing('--json', options.json), open(options.json, 'w', encoding='utf-8') as stream:
             json.dump(_data(found), stream, indent=1, allow_nan=False)
+    if options.html:
+        title = f'{scene.name}: modes at rest, {rest.stability}'
+        with writing('--html', options.html):
+            Path(options.html).write_text(page(found, title, rest.notes), 'utf-8')
     return 0
 
 
@@ -48,19 +56,11 @@ def _table(found: VibrationModes) -> str:
     kinetic, potential = found.kinetic_shares, found.potential_shares
     head = f'{"mode":>4}{"frequency, Hz":>18}{"damping ratio":>18}'
     lines = ['', f'{head}   kinetic energy; potential energy']
-    for k, (f, z) in enumerate(zip(found.frequencies, found.damping_ratios, strict=True)):
-        low = 'falls' if np.isnan(f) else f'{f:.9g}'
-        ratio = '-' if np.isnan(z) else f'{z + 0.0:.9g}'
-        shares = f'{_largest(kinetic, k)}; {_largest(potential, k)}'
+    for k in range(len(found.squares)):
+        shares = f'{largest_shares(kinetic, k)}; {largest_shares(potential, k)}'
+        low, ratio = frequency_text(found, k), damping_text(found, k)
         lines.append(f'{k + 1:>4}{low:>18}{ratio:>18}   {shares}')
     return '\n'.join(lines)
-
-
-def _largest(shares: Mapping[str, Floats], k: int) -> str:
-    """The largest shares of mode k in words."""
-    order = sorted(shares, key=lambda name: -abs(float(np.nan_to_num(shares[name][k]))))
-    named = [name for name in order if abs(shares[name][k]) >= _LEAST][:_NAMED]
-    return ', '.join(f'{name} {shares[name][k]:.0%}' for name in named) or 'none'
 
 
 def _data(found: VibrationModes) -> dict[str, object]:

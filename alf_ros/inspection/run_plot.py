@@ -46,11 +46,12 @@ def draw(
             text.set_parse_math(False)  # a '$' in a name begins no formula
     axes[-1].set_xlabel('t, s')
     if file is not None:
-        _save(figure, file)
+        save(figure, file)
     return tuple(axes)
 
 
-def _save(figure: Figure, file: Path) -> None:
+def save(figure: Figure, file: Path) -> None:
+    """Write a picture. Raises InputError for another format, and if it cannot be written."""
     kinds = figure.canvas.get_supported_filetypes()
     if file.suffix.lstrip('.').lower() not in kinds:
         raise InputError(

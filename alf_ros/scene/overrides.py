@@ -81,6 +81,12 @@ def number(scene: Scene, name: str) -> float:
     )
 
 
+def section(scene: Scene, name: str) -> str:
+    """The section of a scene that has the value of this name: 'mechanism', 'effects', 'initial',
+    'solver'. Raises InputError for an unknown name."""
+    return _place(yaml_document.parse(scene.text, '<scene>'), name, 'name')[0]
+
+
 def _place(root: Entry, name: str, said: str) -> tuple[str, ...]:
     """The keys that lead to the value."""
     first, *rest = name.split('.')

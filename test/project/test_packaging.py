@@ -75,6 +75,7 @@ def check_pages(package):
         'logs/report/page/analysis.html',
         'studies/atlas/page/atlas.html',
         'studies/atlas/page/atlas.js',
+        'studies/statics/page/modes.html',
     ):
         assert (package / page).is_file()
 

@@ -368,6 +368,10 @@ def test_a_run_is_recorded_or_refused_in_a_line(data: st.DataObject) -> None:
 STUDIES: dict[Callable[..., Any], dict[str, Any]] = {
     alf_ros.equilibrium: {'scene': JUNK, 't': JUNK, 'nearest': JUNK},
     alf_ros.equilibria: {'scene': JUNK, 'seed': JUNK, 't': JUNK},
+    alf_ros.equilibrium_path: dict.fromkeys(
+        ('scene', 'over', 'end', 'start', 'back', 't', 'nearest', 'most'), JUNK
+    ),
+    alf_ros.floquet: {'about': JUNK, 'period': JUNK},
     alf_ros.linearise: {'about': JUNK, 'inputs': JUNK, 'outputs': JUNK},
     alf_ros.modes: {'about': JUNK, 'count': JUNK},
     alf_ros.loads: dict.fromkeys(('motion', 'actuators', 'times', 'weights', 'without'), JUNK),
@@ -406,6 +410,8 @@ RIGHT: dict[Any, dict[str, Any]] = {
     alf_ros.loads: {'motion': DRIVEN, 'times': [0.0, 0.1]},
     alf_ros.fastest: {'path': DRIVEN, 'limits': {'crank_pin': 9.0}, 'length': 0.1, 'pieces': 8},
     alf_ros.equilibria: {'starts': 1},
+    alf_ros.equilibrium_path: {'over': 'gravity.acceleration.1', 'end': -9.0, 'most': 3},
+    alf_ros.floquet: {'period': 0.1},
     alf_ros.ensemble: {'vary': {}, 'members': 1, 'duration': 0.01, 'workers': 0},
     alf_ros.Closure: {'active': ['crank_pin']},
     alf_ros.atlas: {'starts': 1},
@@ -455,9 +461,10 @@ def test_everything_public_is_told_of_here() -> None:
     """Every public name is in the lists here: a new name needs a test of its refusals."""
     called: list[Callable[..., Any]] = [load_scene, Simulation, alf_ros.record, *STUDIES]
     made_by_calls = [alf_ros.Run, alf_ros.Sample, alf_ros.Scene, State]
-    made_by_calls += [alf_ros.Equilibrium, alf_ros.LinearModel, alf_ros.VibrationModes]
     made_by_calls += [alf_ros.LoadHistory, alf_ros.FastestRun]
     made_by_calls += [alf_ros.Branches, alf_ros.Atlas, alf_ros.Assemblies]
+    made_by_calls += [alf_ros.Equilibrium, alf_ros.EquilibriumPath]
+    made_by_calls += [alf_ros.FloquetModel, alf_ros.LinearModel, alf_ros.VibrationModes]
     made_by_calls += [alf_ros.Posture, alf_ros.Identification, alf_ros.Recording]
     for name in alf_ros.__all__:
         each = getattr(alf_ros, name)

@@ -34,16 +34,22 @@ def page(accounts: Sequence[Account]) -> str:
         'panels': [{'key': key, **panels.panel(key)._asdict()} for key in panels.ordered(used)],
         'logs': logs,
     }
+    scripts = (PAGE / 'stage.js', PAGE / 'plot.js', PAGE / 'analysis.js')
+    return assembled(PAGE / 'analysis.html', scripts, data)
+
+
+def assembled(template: Path, scripts: Sequence[Path], data: Json) -> str:
+    """The text of a page: a template with the look of all pages, scripts and data inside."""
     parts = {
         '/*LOOK*/': (PAGE / 'look.css').read_text('utf-8'),
         '/*SCRIPT*/': '\n'.join(
             path.read_text('utf-8').replace("'use strict';\n", '', 1 if n else 0)
-            for n, path in enumerate((PAGE / 'stage.js', PAGE / 'plot.js', PAGE / 'analysis.js'))
+            for n, path in enumerate(scripts)
         ),
         # '</script>' in a name must not end the data
         '/*DATA*/': json.dumps(data).replace('<', '\\u003c'),
     }
-    text = (PAGE / 'analysis.html').read_text('utf-8')
+    text = template.read_text('utf-8')
     for mark, part in parts.items():
         before, after = text.split(mark)
         text = before + part + after
@@ -64,7 +70,7 @@ def _single(values: Floats) -> NDArray[np.float32]:
         return np.ascontiguousarray(values, dtype='<f4')
 
 
-def _array(values: Floats) -> Json:
+def array(values: Floats) -> Json:
     """The same where an array is needed."""
     flat = _single(values)
     return {'f32': base64.b64encode(flat.tobytes()).decode()}
@@ -93,11 +99,11 @@ def _log(account: Account) -> Json:
         'last': account.last,
         'traces': [trace for trace in traces if trace['curves']],
         'levels': [
-            {'task': task, 't': _array(trace.t - first), 'high': packed(trace.high)}
+            {'task': task, 't': array(trace.t - first), 'high': packed(trace.high)}
             for task, trace in found.reports.levels.items()
         ],
         'orders': [
-            {'label': ' '.join(key).strip(), 't': _array(trace.t - first)}
+            {'label': ' '.join(key).strip(), 't': array(trace.t - first)}
             for key, trace in found.orders.traces.items()
         ],
         'passes': account.passes,
@@ -111,7 +117,7 @@ def _trace(labels: Sequence[Label], trace: Trace, account: Account) -> Json:
         for n, label in enumerate(labels)
         if _is_worth(label, trace, n)
     ]
-    return {'t': _array(trace.t - account.first), 'group': trace.group, 'curves': curves}
+    return {'t': array(trace.t - account.first), 'group': trace.group, 'curves': curves}
 
 
 def _is_worth(label: Label, trace: Trace, n: int) -> bool:
@@ -145,14 +151,14 @@ def _motion(motion: DrawnMotion, first: float) -> Json:
     still = motion.places[0].astype(object)
     still[moving] = None
     frames = {
-        't': _array(motion.t - first),
-        'values': _array(motion.places[:, moving, :D]),
+        't': array(motion.t - first),
+        'values': array(motion.places[:, moving, :D]),
         'width': len(moving) * D,
     }
     forces = [
         {
-            't': _array(t - first),
-            'values': _array(forces[..., :D]),
+            't': array(t - first),
+            'values': array(forces[..., :D]),
             'width': len(points) * D,
             'at': points,
         }
@@ -168,5 +174,5 @@ def _motion(motion: DrawnMotion, first: float) -> Json:
         'still': still.ravel().tolist(),
         'frames': frames,
         'forces': forces,
-        'held': {'values': _array(held), 'width': 6 * held.shape[1]} if held.size else None,
+        'held': {'values': array(held), 'width': 6 * held.shape[1]} if held.size else None,
     }

@@ -7,6 +7,7 @@ Both are orthonormal in the metric of M, so that their columns have the unit kg^
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -35,11 +36,22 @@ DENSE = 1200  # coordinates, up to which dense matrices are used
 class Loads:
     """The loads on a model: its effects, and the inputs held."""
 
-    def __init__(self, simulation: Simulation) -> None:
-        """Of the present of a simulation."""
-        self.model: Model = simulation.model
-        self.inputs = simulation.state.inputs
-        self.effects: tuple[Effect, ...] = tuple(simulation.scene.effects)
+    def __init__(
+        self,
+        simulation: Simulation,
+        *,
+        model: Model | None = None,
+        effects: Sequence[Effect] | None = None,
+        inputs: Inputs | None = None,
+    ) -> None:
+        """Of the present of a simulation, or with something else in its place.
+
+        Raises InputError if an effect does not fit the model.
+        """
+        own = simulation.scene.effects
+        self.model: Model = simulation.model if model is None else model
+        self.inputs = simulation.state.inputs if inputs is None else inputs
+        self.effects: tuple[Effect, ...] = tuple(own if effects is None else effects)
         self.applied = Applied(self.model, self.effects, self.inputs, ReactionsOf(self.model))
 
     @cached_property

@@ -66,7 +66,7 @@ def linearise(
     loads = Loads(simulation)
     rubbing = sample._loads if loads.applied.load_count else np.zeros(0)
     instant = Instant(loads, t, state.q, state.qd, state.turns, rubbing)
-    _refuse_singular(instant)
+    refuse_singular(instant)
     named = named_inputs(loads, t, inputs)
     A, stiffness, damping, drift = _motion(instant, sample)
     charted = _Charted(instant, simulation, state)
@@ -102,7 +102,7 @@ def _instant_of(about: Scene | Simulation | Equilibrium) -> tuple[Simulation, St
     return simulation, rest.state, rest.t
 
 
-def _refuse_singular(instant: Instant) -> None:
+def refuse_singular(instant: Instant) -> None:
     """Raises InputError in a singular position, where there is no linear model."""
     model = instant.model
     dependent = len(model.row_names) - round(model.system.rank)

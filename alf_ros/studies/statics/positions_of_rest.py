@@ -110,11 +110,11 @@ def equilibrium(
     if the mechanism cannot be closed.
     """
     nearest = truth(nearest, 'nearest')
-    simulation, start = _start(scene, t)
+    simulation, start = beginning(scene, t)
     landing = nearest_rest(start) if nearest else descended(start)
     if not landing.rests and not nearest and simulation.model.n <= DENSE:
         landing = _better(landing, start)
-    return _found(simulation, landing)
+    return found_at(simulation, landing)
 
 
 def equilibria(
@@ -125,7 +125,7 @@ def equilibria(
 
     It is a search: more starts may find more. Raises as `equilibrium` if none is found.
     """
-    simulation, start = _start(scene, t)
+    simulation, start = beginning(scene, t)
     model, random = simulation.model, np.random.default_rng(whole(seed, 'seed', 0))
     found: list[Equilibrium] = []
     refused: InputError | None = None
@@ -140,7 +140,7 @@ def equilibria(
                 continue
         for search in (descended, nearest_rest):
             try:
-                each = _found(simulation, search(begin))
+                each = found_at(simulation, search(begin))
             except InputError as error:
                 refused = refused or error
                 continue
@@ -158,7 +158,7 @@ def _is_same(size: float, one: Equilibrium, other: Equilibrium) -> bool:
     return bool(apart.max(initial=0.0) <= _SAME * size)
 
 
-def _start(scene: Scene | Simulation, t: float | None) -> tuple[Simulation, Instant]:
+def beginning(scene: Scene | Simulation, t: float | None) -> tuple[Simulation, Instant]:
     """A simulation of one's own, and its present at rest with drives at t (s)."""
     if isinstance(scene, Simulation):
         simulation = copy.copy(scene)
@@ -198,7 +198,7 @@ def _better(landing: Landing, start: Instant) -> Landing:
     return other if other.rests else landing
 
 
-def _found(simulation: Simulation, landing: Landing) -> Equilibrium:
+def found_at(simulation: Simulation, landing: Landing) -> Equilibrium:
     """Raises InputError if the landing is no position of rest."""
     instant, model = landing.instant, simulation.model
     singular = _singular(simulation, landing)

@@ -17,7 +17,7 @@ from alf_ros.arrays import Floats
 from alf_ros.studies.statics.instant import Instant
 
 STABLE, UNSTABLE, NEUTRAL = 'stable', 'unstable', 'neutral'
-_NEUTRAL = 1e-9  # ω² of the terms that it is the sum of, from which down it counts as zero
+NEUTRAL_PART = 1e-9  # ω² of the terms that it is the sum of, from which down it counts as zero
 _SYMMETRIC = 1e-7  # of the Hessian, that its skew part may be
 
 
@@ -43,7 +43,7 @@ def reduced_stiffness(instant: Instant, lam: Floats) -> tuple[Floats, float]:
 
 def without_rounding(squares: Floats, size: float) -> Floats:
     """ω² (1/s²) of the reduced stiffness; zero where terms as large as `size` leave rounding."""
-    return np.where(np.abs(squares) > _NEUTRAL * size, squares, 0.0)
+    return np.where(np.abs(squares) > NEUTRAL_PART * size, squares, 0.0)
 
 
 def stability_of(instant: Instant, lam: Floats) -> RestStability:
@@ -60,6 +60,6 @@ def stability_of(instant: Instant, lam: Floats) -> RestStability:
         grows = np.abs(squares.imag) > _SYMMETRIC * size
         deciding = np.where(grows, -np.abs(squares), squares.real)
     least = float(deciding.min(initial=np.inf))
-    nothing = _NEUTRAL * size
+    nothing = NEUTRAL_PART * size
     verdict = STABLE if least > nothing else NEUTRAL if least >= -nothing else UNSTABLE
     return RestStability(verdict, without_rounding(values, size), (Z @ turn).T, conservative)

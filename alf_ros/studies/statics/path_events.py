@@ -1,0 +1,163 @@
+"""Turning points and branch points of a path of equilibria.
+
+In both the stiffness Zᵀ (K + L) Z has a zero eigenvalue μ. In a turning point (limit point, fold)
+the path turns back in its number. In a branch point another path crosses, and the path continues.
+On the side branch of a pitchfork the number turns there, and μ touches zero without a change of
+sign.
+
+Along a step of length s, μ(s) is smooth. A bracket of its zero is found by bisection. Then μ, the
+number and the position are interpolated from eight points around the zero (Chebyshev nodes). So no
+point is computed very near to it, where Newton's method has few digits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial import chebyshev
+from scipy.optimize import brentq
+
+from alf_ros.arrays import Floats
+from alf_ros.errors import InputError
+from alf_ros.studies.statics.arc_length import PathStep, corrected
+from alf_ros.studies.statics.path_point import PathDirection, PathPoint
+
+TURN, BRANCH = 'turn', 'branch'
+_NODES = 8
+_AROUND = 0.15  # of a step, that the nodes reach
+_BRACKET = 0.02  # of a step
+_TOGETHER = 1e-5  # of a step, within which zeros count as one
+_SMOOTH = 1e-6  # of the largest coefficient, that the last ones of a smooth μ may be
+
+
+@dataclass(frozen=True, eq=False)
+class CriticalPoint:
+    """kind: TURN or BRANCH. point; leaving: the direction of the path there; soft: the motion that
+    has no stiffness. count: how many eigenvalues vanish. smooth: False if the stiffness jumps."""
+
+    kind: str
+    point: PathPoint
+    leaving: PathDirection
+    soft: PathDirection
+    count: int
+    smooth: bool
+
+
+@dataclass(frozen=True, eq=False)
+class _Mark:
+    """A point at s along a step, with the direction of the path there."""
+
+    s: float
+    point: PathPoint
+    direction: PathDirection
+
+
+Measure = Callable[[PathPoint, PathDirection], float]
+
+
+def critical_points(step: PathStep) -> Iterator[CriticalPoint]:
+    """Those between the two ends of a step, in their order."""
+    a, b = step.before, step.after
+    length = a.scales.product(step.leaving, b.since(a))
+    first, last = _Mark(0.0, a, step.leaving), _Mark(length, b, step.arriving)
+    yield from _Zeros(step, length).between(first, last)
+
+
+class _Zeros:
+    """Where the stiffness is singular along a step."""
+
+    def __init__(self, step: PathStep, length: float) -> None:
+        self._step, self._length = step, length
+
+    def _mark(self, s: float) -> _Mark:
+        point = corrected(self._step.before, self._step.leaving, s)
+        return _Mark(s, point, point.tangent(self._step.leaving))
+
+    def between(self, first: _Mark, last: _Mark) -> Iterator[CriticalPoint]:
+        """The critical points between two marks."""
+        measure, count = _changes(first.point, last.point)
+        turns = first.direction.value * last.direction.value < 0.0
+        if count > 1 and last.s - first.s > _TOGETHER * self._length:
+            middle = self._mark(0.5 * (first.s + last.s))
+            yield from self.between(first, middle)
+            yield from self.between(middle, last)
+        elif count:
+            yield self._located(first, last, measure, TURN if turns else BRANCH, count)
+        elif turns and _is_beyond(first) and _is_beyond(last):
+            # the eigenvalue touches zero: the number turns where another path crosses
+            yield self._located(first, last, lambda _, along: along.value, BRANCH, 1)
+
+    def _located(
+        self, first: _Mark, last: _Mark, measure: Measure, kind: str, count: int
+    ) -> CriticalPoint:
+        """The zero of a measure between two marks."""
+        known = {each.s: each for each in (first, last)}
+
+        def value(s: float) -> float:
+            at = known[s] if s in known else self._mark(s)
+            return measure(at.point, at.direction)
+
+        s = 0.5 * (first.s + last.s)
+        if count == 1:
+            s = brentq(value, first.s, last.s, xtol=_BRACKET * self._length)
+        reach = min(_AROUND * self._length, 0.5 * (last.s - first.s))
+        try:
+            found = self._interpolated(s, reach, measure)
+        except InputError:
+            found = None
+        smooth = found is not None
+        if found is None:
+            found = self._mark(brentq(value, first.s, last.s, xtol=1e-12 * self._length)).point
+        return CriticalPoint(
+            kind, found, found.tangent(self._step.leaving), found.soft, count, smooth
+        )
+
+    def _interpolated(self, near: float, reach: float, measure: Measure) -> PathPoint | None:
+        """The point where the interpolated measure is zero; None if it is not smooth there."""
+        nodes = chebyshev.chebpts1(_NODES)
+        marks = [self._mark(near + reach * x) for x in nodes]
+        values = np.array([measure(each.point, each.direction) for each in marks])
+        fitted = chebyshev.chebfit(nodes, values, _NODES - 1)
+        if np.abs(fitted[-2:]).max() > _SMOOTH * np.abs(fitted).max():
+            return None
+        roots = chebyshev.chebroots(fitted)
+        real = roots.real[(np.abs(roots.imag) < 1e-6) & (np.abs(roots.real) < 1.0)]
+        if not real.size:
+            return None
+        root = float(real[np.argmin(np.abs(real))])
+
+        def there(numbers: Floats) -> Floats:
+            return np.asarray(
+                chebyshev.chebval(root, chebyshev.chebfit(nodes, numbers, _NODES - 1))
+            )
+
+        start = self._step.before
+        value = float(there(np.array([each.point.value - start.value for each in marks])))
+        q = there(np.array([each.point.since(start).q for each in marks]))
+        found = start.beside(PathDirection(q, value))
+        rests = found.left <= 1e-9 * max(found.scale, start.scale)
+        return found if rests else None
+
+
+def _changes(a: PathPoint, b: PathPoint) -> tuple[Measure, int]:
+    """An eigenvalue that changes its sign between two points, or the determinant of loads without
+    potential; and how many change.
+
+    One that is zero at an end does not count: there the path begins or ends in a critical point.
+    """
+    if not (a.stability.conservative and b.stability.conservative):
+        size = float(np.abs(a.stiffness).max(initial=0.0)) or 1.0
+        signs = [np.linalg.det(each.stiffness / size) for each in (a, b)]
+        return (lambda at, _: float(np.linalg.det(at.stiffness / size))), int(
+            signs[0] * signs[1] < 0.0
+        )
+    changed = np.flatnonzero((a.squares * b.squares < 0.0) & ~a.are_zero & ~b.are_zero)
+    which = int(changed[0]) if changed.size else 0
+    return (lambda at, _: float(at.squares[which])), int(changed.size)
+
+
+def _is_beyond(mark: _Mark) -> bool:
+    """Whether the stiffness is not singular at a mark."""
+    return not mark.point.are_zero.any()

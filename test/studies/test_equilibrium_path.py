@@ -1,0 +1,246 @@
+"""Equilibrium paths against closed forms: snap-through, pitchforks, toggles, redundant rows."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from alf_ros import InputError, Simulation, equilibrium, equilibrium_path, load_scene
+from alf_ros.arrays import Floats
+from alf_ros.scene.overrides import with_changes
+from alf_ros.scene.scene import Scene
+from support.statics_scenes import GRAVITY, chain, redundant_parallelogram, sprung
+
+STIFFNESS = 1000.0
+
+
+def arch(height: float) -> Scene:
+    """Von Mises' truss: two springs (half span 1 m, slack as drawn) hold an apex with a load."""
+    springs = {
+        name: {
+            'between': ['apex', 'ground'],
+            'at': [None, [x, 0.0]],
+            'stiffness': STIFFNESS,
+            'free_length': float(np.hypot(1.0, height)),
+        }
+        for name, x in (('left', -1.0), ('right', 1.0))
+    }
+    return load_scene(
+        {
+            'mechanism': {
+                'alf': 1,
+                'points': {'P': {'at': [0.0, height]}},
+                'bodies': {'apex': {'points': ['P'], 'mass': 1.0, 'inertia': 'point'}},
+            },
+            'effects': {'constant_wrench': {'load': {'on': 'apex', 'force': [0, 0]}}}
+            | {'spring': springs},
+        }
+    )
+
+
+def load(y: Floats | float, height: float) -> Floats:
+    """The load that holds the apex at (0, y): F = 2 k (l - l₀) y / l."""
+    length = np.hypot(1.0, y)
+    return np.asarray(2.0 * STIFFNESS * (length - np.hypot(1.0, height)) * y / length)
+
+
+def limit(height: float) -> float:
+    """y where dF/dy = 0: l³ = l₀ (half span)²."""
+    return float(np.sqrt(np.hypot(1.0, height) ** (2.0 / 3.0) - 1.0))
+
+
+def test_a_shallow_arch_snaps_through_at_both_limit_points() -> None:
+    path = equilibrium_path(arch(0.5), over='load.force.1', end=-60.0)
+    x, y = path.points['P'].T
+    np.testing.assert_allclose(path.values, load(y, 0.5), rtol=0.0, atol=1e-13 * STIFFNESS)
+    np.testing.assert_allclose(x, 0.0, atol=1e-12)
+    assert path.values[0] == 0.0 and path.values[-1] == -60.0
+    assert [event.name for event in path.events] == ['turn 1', 'turn 2']
+    for event, sense in zip(path.turns, (1.0, -1.0), strict=True):
+        expected = load(sense * limit(0.5), 0.5)
+        assert event.value == pytest.approx(float(expected), rel=1e-12)
+        assert y[event.index] == pytest.approx(sense * limit(0.5), rel=1e-12)
+        np.testing.assert_allclose(event.direction, [0.0, 1.0], atol=1e-9)
+        assert event.smooth and event.count == 1
+    first, second = path.turns
+    assert (first.before, first.after) == ('stable', 'unstable')
+    assert (second.before, second.after) == ('unstable', 'stable')
+    # the vertical stiffness of two springs, for 1 kg
+    length = np.hypot(1.0, y)
+    square = 2.0 * STIFFNESS * (1.0 - np.hypot(1.0, 0.5) / length**3)
+    lowest = np.abs(path.stiffness - square[:, None]).min(axis=1)
+    np.testing.assert_allclose(lowest, 0.0, atol=1e-8)
+
+
+def test_a_tall_arch_sways_before_it_snaps() -> None:
+    """Pitchforks where the lateral stiffness vanishes: l³ = l₀ y²."""
+    slack = np.hypot(1.0, 3.0)
+    lengths = [z.real for z in np.roots([1.0, -slack, 0.0, slack]) if z.real > 1.0]
+    heights = np.sqrt(np.square(sorted(lengths, reverse=True)) - 1.0)
+    path = equilibrium_path(arch(3.0), over='load.force.1', end=-2600.0, back=500.0)
+    names = [event.name for event in path.events]
+    assert names == ['branch 1', 'turn 1', 'branch 2']
+    for event, height in zip(path.branch_points, heights, strict=True):
+        assert event.value == pytest.approx(float(load(height, 3.0)), rel=1e-11)
+        np.testing.assert_allclose(np.abs(event.direction), [1.0, 0.0], atol=1e-9)
+    assert path.turns[0].value == pytest.approx(float(load(limit(3.0), 3.0)), rel=1e-12)
+    assert path.branch_points[0].before == 'stable'
+
+    sides = path.follow('branch 1')
+    assert len(sides) == 2 and all('500' in side.ending for side in sides)
+    ends = np.array([side.points['P'][-1] for side in sides])
+    np.testing.assert_allclose(ends[0], ends[1] * [-1.0, 1.0], atol=1e-9)
+    for side in sides:
+        assert set(side.stability[1:]) == {'unstable'} and not side.turns
+        # forces on the apex, from both springs
+        for at, value in zip(side.points['P'], side.values, strict=True):
+            arms = at - np.array([[-1.0, 0.0], [1.0, 0.0]])
+            lengths_ = np.linalg.norm(arms, axis=1)
+            pull = STIFFNESS * ((1.0 - slack / lengths_) @ arms)
+            np.testing.assert_allclose(pull, [0.0, value], atol=1e-7)
+
+
+def test_an_imperfect_arch_has_no_pitchfork() -> None:
+    scene = with_changes(arch(3.0), {'load.force.0': '1.0'})
+    path = equilibrium_path(scene, over='load.force.1', end=-2000.0, back=100.0)
+    assert not path.branch_points and len(path.turns) == 1
+    assert path.turns[0].value > float(load(2.55265467, 3.0))  # sooner than the perfect one
+
+
+def test_a_toggle_turns_and_passes_a_singular_position() -> None:
+    """A slider-crank with equal rods and a spring on its slider: τ = -2 k (2 cos θ - 1) sin θ."""
+    spring = {'between': ['B', 'ground'], 'at': [None, [-10, 0]], 'stiffness': 100.0}
+    scene = load_scene(
+        {'mechanism': 'slider_crank', 'effects': {'spring': {**spring, 'free_length': 11.0}}}
+    )
+    path = equilibrium_path(scene, over='crank_pin.effort', end=400.0)
+    assert (path.over, path.unit) == ('joints.crank_pin.effort', 'N m')
+    cosine = np.array([(1.0 - np.sqrt(33.0)) / 8.0, (1.0 + np.sqrt(33.0)) / 8.0])
+    highest, lower = -200.0 * (2.0 * cosine - 1.0) * np.sqrt(1.0 - cosine**2)
+    found = [event.value for event in path.turns]
+    np.testing.assert_allclose(found, [highest, -highest, -lower, lower], rtol=1e-11)
+    assert path.ending == 'it comes back to its start'
+    angle = path['crank_pin.position']
+    assert angle[-1] - angle[0] == pytest.approx(2.0 * np.pi, abs=1e-9)
+    torque = 200.0 * (1.0 - 2.0 * np.cos(angle)) * np.sin(angle)
+    np.testing.assert_allclose(path.values, torque, atol=1e-8)
+    # the slider carries no force along its line, the crank pin the spring's
+    np.testing.assert_allclose(
+        path.reactions['crank_pin'][:, 0], 100.0 * (2.0 * np.cos(angle) - 1.0), atol=1e-4
+    )
+
+
+def test_redundant_rows_change_nothing() -> None:
+    """Three cranks under gravity that turns point along it."""
+    path = equilibrium_path(redundant_parallelogram(), over='gravity.acceleration.0', end=100.0)
+    crank = path.points['B1'] - path.points['A1']
+    angle = np.arctan2(crank[:, 1], crank[:, 0])
+    np.testing.assert_allclose(angle, np.arctan2(-9.81, path.values), atol=1e-13)
+    assert path.rest(-1).reactions['pin1'].indeterminate
+
+
+def test_a_mass_that_a_torque_can_lift() -> None:
+    """A pendulum with a torque T rests at sin φ = T / (m g l): below m = T / (g l) at no angle."""
+    scene = chain(1, {**GRAVITY, 'constant_wrench': {'on': 'b0', 'torque': 9.81 / 2.0}})
+    path = equilibrium_path(scene, over='b0.mass', end=0.1, back=2.0)
+    assert [event.name for event in path.events] == ['turn 1']
+    assert path.turns[0].value == pytest.approx(0.5, rel=1e-12)
+    np.testing.assert_allclose(path.points['P1'][-1], [0.25, np.sqrt(1.0 - 0.0625)], atol=1e-12)
+
+
+def test_a_follower_load_without_potential() -> None:
+    """A force across the last bar holds it at most upright to gravity: F = m g sin φ."""
+    push = {'on': 'b1', 'at': 'P2', 'force': [0, 0], 'frame': 'body'}
+    scene = chain(2, {**GRAVITY, 'constant_wrench': {'tip': push}})
+    path = equilibrium_path(scene, over='tip.force.1', end=15.0, back=-1.0)
+    assert [event.name for event in path.events] == ['turn 1']
+    assert path.turns[0].value == pytest.approx(9.81, rel=1e-12)
+    assert not path.rest(10).conservative
+
+
+def test_over_the_time_of_a_drive() -> None:
+    scene = load_scene(
+        {
+            'mechanism': 'double_pendulum',
+            'effects': GRAVITY,
+            'drives': {'turn': {'joint': 'shoulder', 'angle': '0.5*t'}},
+        }
+    )
+    path = equilibrium_path(scene, over='t', start=1.0, end=8.0, back=0.5)
+    elbow = np.stack([np.cos(0.5 * path.values), np.sin(0.5 * path.values)], axis=1)
+    np.testing.assert_allclose(path.points['A'], elbow, atol=1e-13)
+    np.testing.assert_allclose(path.points['B'], elbow - [0.0, 0.8], atol=1e-12)
+    assert path.unit == 's' and path.rest(-1).t == 8.0 and not path.events
+
+
+@pytest.mark.parametrize(('over', 'end'), [('b', 0.33), ('spring.stiffness', 0.0)])
+def test_the_last_point_is_what_equilibrium_finds(over: str, end: float) -> None:
+    scene = sprung('four_bar')
+    path = equilibrium_path(scene, over=over, end=end)
+    assert path.values[-1] == end and not path.events
+    changed = with_changes(scene, {over: repr(end)})
+    alone, rest = equilibrium(changed), path.rest(-1)
+    np.testing.assert_allclose(rest.points['B'], alone.points['B'], atol=1e-9)
+    np.testing.assert_allclose(rest.stiffness, alone.stiffness, rtol=1e-8)
+    np.testing.assert_allclose(
+        path.reactions['knee'][-1], alone.reactions['knee'].force, atol=1e-7
+    )
+
+
+def test_held_inputs_stay_and_the_table_holds_all(tmp_path: Path) -> None:
+    simulation = Simulation(chain(1))
+    simulation.apply_wrench('P1', force=[9.81, 0.0])
+    path = equilibrium_path(simulation, over='wrenches.P1.force.x', end=-2.0 * 9.81)
+    np.testing.assert_allclose(path.points['P1'][-1], -np.sqrt([0.5, 0.5]), atol=1e-12)
+    path.write(tmp_path / 'path.csv')
+    with open(tmp_path / 'path.csv', encoding='utf-8', newline='') as stream:
+        rows = list(csv.reader(stream))
+    assert rows[0][:4] == ['wrenches.P1.force.x', 'stability', 'stiffness', 'event']
+    assert [float(row[0]) for row in rows[1:]] == path.values.tolist()
+    column = rows[0].index('reactions.j0.force.y')
+    assert [float(row[column]) for row in rows[1:]] == path['j0.force.y'].tolist()
+
+
+def test_a_picture_shows_the_path(tmp_path: Path) -> None:
+    pytest.importorskip('matplotlib')
+    path = equilibrium_path(arch(0.5), over='load.force.1', end=-30.0)
+    (axes,) = path.plot('P.y', file=tmp_path / 'path.svg')
+    assert axes.get_ylabel() == 'points.P.y, m'
+    assert (tmp_path / 'path.svg').read_bytes().startswith(b'<?xml')
+    with pytest.raises(InputError, match='no format of a picture'):
+        path.plot(file=tmp_path / 'path.txt')
+
+
+@pytest.mark.parametrize(
+    ('over', 'message'),
+    [
+        ('spring.stifness', "over: no such part.*did you mean 'stiffness'"),
+        ('nothing.mass', 'over: nothing of this name'),
+        ('initial.positions.A.0', 'over: does not move the position of rest'),
+        ('solver.step', 'over: does not move the position of rest'),
+        ('joints.crank_pn.effort', 'over: no such quantity.*crank_pin.effort'),
+    ],
+)
+def test_a_name_that_cannot_be_followed(over: str, message: str) -> None:
+    with pytest.raises(InputError, match=message) as error:
+        equilibrium_path(sprung('four_bar'), over=over, end=1.0)
+    assert '\n' not in str(error.value)
+
+
+def test_refused() -> None:
+    with pytest.raises(InputError, match='not a scene'):
+        equilibrium_path('four_bar', over='t', end=1.0)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match='two ends'):
+        equilibrium_path(arch(0.5), over='load.force.1', end=0.0)
+    with pytest.raises(InputError, match='same side'):
+        equilibrium_path(arch(0.5), over='load.force.1', end=-1.0, back=-2.0)
+    with pytest.raises(InputError, match='no such branch point'):
+        equilibrium_path(arch(0.5), over='load.force.1', end=-1.0).follow('branch 1')
+    with pytest.raises(InputError, match='singular position'):
+        hanging = load_scene({'mechanism': 'slider_crank', 'effects': GRAVITY})
+        equilibrium_path(hanging, over='crank_pin.effort', end=1.0)
+    with pytest.raises(InputError, match='rows bind velocities only'):
+        equilibrium_path(load_scene('rolling_disk'), over='gravity.acceleration.2', end=-1.0)
