@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from fractions import Fraction
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from alf_ros import AssemblyError, InputError, assemblies
 from alf_ros.arrays import Floats
@@ -178,6 +180,109 @@ def test_a_delta_robot_has_its_tool_at_two_places() -> None:
     wanted = np.array([base + x * along for x in np.roots([a, b, c])])
     wanted = wanted[np.lexsort(np.round(wanted, 9).T[::-1])]
     assert places(found, 'C') == pytest.approx(wanted, abs=1e-10)
+
+
+# --------------------------------------------------------------- six legs, in space, feet in pairs
+
+BASE = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.9, 1.8, 0.0]])
+PAIRS = ((1.64, 1.68), (1.68, 1.74), (1.87, 1.82))  # legs from corner i and i + 1 of the base
+SIDES = (1.03, 1.16, 1.08)  # of the plate, from corner i to i + 1
+
+
+def circles() -> list[tuple[Floats, Floats, float]]:
+    """Centre, direction in the plane of the base, and radius: each corner of the plate turns about
+    a side of the base."""
+    found = []
+    for i, (a, b) in enumerate(PAIRS):
+        side = BASE[(i + 1) % 3] - BASE[i]
+        length = float(np.linalg.norm(side))
+        along = (a * a - b * b + length**2) / (2 * length)
+        across = np.cross([0.0, 0.0, 1.0], side / length)
+        found.append((BASE[i] + along * side / length, across, math.sqrt(a * a - along**2)))
+    return found
+
+
+def corner(i: int, angle: float) -> Floats:
+    centre, across, radius = circles()[i]
+    up = np.array([0.0, 0.0, math.sin(angle)])
+    return np.asarray(centre + radius * (math.cos(angle) * across + up))
+
+
+def turned(i: int, p: Floats, side: float, sign: int) -> float:
+    """The angle of corner i at a distance from p, one of two; NaN if there is none."""
+    centre, across, radius = circles()[i]
+    gap = centre - p
+    reach = (side**2 - gap @ gap - radius**2) / (2 * radius)
+    most = math.hypot(gap @ across, gap[2])
+    if abs(reach) > most:
+        return math.nan
+    return math.atan2(gap[2], gap @ across) + sign * math.acos(reach / most)
+
+
+def plates() -> Floats:
+    """(16, 9) all plates: along a turn of the first corner, where the third side fits. The closing
+    equation is a polynomial of degree 16 (Nanua, Waldron & Murthy, IEEE Trans. Robotics and
+    Automation 6 (1990) 438-444), so that 16 changes of sign are all."""
+    found = []
+    for second in (1, -1):
+        for third in (1, -1):
+
+            def plate(angle: float, signs: tuple[int, int] = (second, third)) -> Floats:
+                first = corner(0, angle)
+                others = turned(1, first, SIDES[0], signs[0]), turned(2, first, SIDES[2], signs[1])
+                return np.array([first, corner(1, others[0]), corner(2, others[1])])
+
+            def miss(angle: float, plate: Callable[[float], Floats] = plate) -> float:
+                _, q, r = plate(angle)
+                return float((q - r) @ (q - r) - SIDES[1] ** 2)
+
+            grid = np.linspace(-math.pi, math.pi, 721) + 1e-3
+            values = np.array([miss(angle) for angle in grid])
+            for k in np.flatnonzero(values[:-1] * values[1:] < 0):
+                root = brentq(miss, grid[k], grid[k + 1], xtol=1e-15)
+                found.append(plate(root).ravel())
+    return np.array(found)
+
+
+def six_legs(plate: Floats) -> dict[str, Any]:
+    points: dict[str, Any] = {
+        f'A{n}': {'at': at.tolist(), 'fixed': True} for n, at in enumerate(BASE)
+    }
+    points |= {f'T{n}': {'at': at.tolist()} for n, at in enumerate(plate.reshape(3, 3))}
+    joints: dict[str, Any] = {}
+    for n, pair in enumerate(PAIRS):
+        for foot, length in zip((n, (n + 1) % 3), pair, strict=True):
+            joints[f'leg{n}{foot}'] = {
+                'type': 'distance',
+                'between': ['ground', 'plate'],
+                'points': [f'A{foot}', f'T{n}'],
+                'length': length,
+            }
+    body = {
+        'points': ['T0', 'T1', 'T2'],
+        'mass': 1.0,
+        'inertia': {'about_com': [1, 1, 1]},
+        'com': [0.3, 0.3, 0],
+    }
+    return {
+        'alf': 1,
+        'space': 'spatial',
+        'points': points,
+        'bodies': {'plate': body},
+        'joints': joints,
+    }
+
+
+def test_a_stewart_platform_with_feet_in_pairs_has_sixteen_assemblies() -> None:
+    wanted = plates()
+    assert len(wanted) == 16
+    mechanism = six_legs(wanted[0])
+    for seed in SEEDS:
+        found = assemblies(mechanism, starts=400, seed=seed)
+        assert len(found) == 16, (seed, found.statement)
+        rows = np.array([[each.points[f'T{n}'] for n in range(3)] for each in found.positions])
+        for plate in wanted:
+            assert np.abs(rows.reshape(16, 9) - plate).max(axis=1).min() < 1e-10
 
 
 # ------------------------------------------------------------------------------------- the library
