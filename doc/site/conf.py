@@ -32,7 +32,8 @@ nitpick_ignore_regex = [
     ('py:.*', r'alf_ros\.simulation\.state_direction\..*'),
     ('py:.*', r'alf_ros\.studies\.identification\.(window_runs|window_start)\..*'),
     ('py:.*', r'alf_ros\.simulation\.(formulations|parameter_slopes|start|tangent_following)\..*'),
-    ('py:.*', r'alf_ros\.studies\.statics\.instant\..*'),
+    ('py:.*', r'alf_ros\.studies\.statics\.(instant|path_course|varied_scene)\..*'),
+    ('py:.*', r'alf_ros\.studies\.atlas\.(coordinate_reader|configuration_curve)\..*'),
     ('py:.*', r'alf_ros\.studies\.closing\.posture\.Ways'),
 ]
 

@@ -29,6 +29,20 @@ _WITH: dict[str, tuple[str, ...]] = {
         'alf_ros.studies.identification.identifiability.Knowledge',
         'alf_ros.studies.identification.identifiability.Combination',
     ),
+    'Loads and paths of equilibria': (
+        'alf_ros.studies.loads.load_history.Peak',
+        'alf_ros.studies.statics.equilibrium_path.PathEvent',
+    ),
+    'Maps of positions': (
+        'alf_ros.inspection.branches_report.NamedBranch',
+        'alf_ros.studies.atlas.assembly_search.FoundAssembly',
+        'alf_ros.studies.atlas.map_coordinate.MapCoordinate',
+        'alf_ros.studies.atlas.mapped_piece.MappedPiece',
+        'alf_ros.studies.atlas.mapped_piece.Turning',
+        'alf_ros.studies.atlas.curve_search.Node',
+        'alf_ros.studies.atlas.map_search.Sheet',
+        'alf_ros.studies.atlas.transmission.Bar',
+    ),
     'What a sample holds': (
         'alf_ros.simulation.sample.JointState',
         'alf_ros.simulation.sample.Reaction',

@@ -14,9 +14,9 @@ from alf_ros.errors import InputError
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation.input_checks import by_name, is_number, number, texts, whole
 from alf_ros.studies.loads.driven_motion import Carrier, moving, undriven
+from alf_ros.studies.loads.effort_limits import EffortLimits
 from alf_ros.studies.loads.inverse_dynamics import InverseDynamics, Motion
 from alf_ros.studies.loads.load_history import POSSIBLE, LoadHistory
-from alf_ros.studies.loads.path_limits import PathLimits
 from alf_ros.studies.loads.prescribed_loads import notes_of, sampled
 from alf_ros.studies.loads.singular_instants import filled
 
@@ -188,7 +188,7 @@ def _speeds(
     rate: Floats = still
     drag, part, change = np.zeros_like(g), 1.0, np.inf
     for _ in range(_ROUNDS):
-        x, where = PathLimits(way, m, c, g + drag, *limits).fastest(0.0, 0.0)
+        x, where = EffortLimits(way, m, c, g + drag, *limits).fastest(0.0, 0.0)
         if where >= 0:
             raise InputError(
                 f'the limits cannot hold the path at s = {s[where]:.6g}', key='limits'

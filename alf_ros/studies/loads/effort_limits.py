@@ -22,7 +22,7 @@ _ROUNDED = 1e-12  # of a number, by which inequalities may be missed
 
 
 @dataclass(frozen=True, eq=False)
-class PathLimits:
+class EffortLimits:
     """In the middle of each of N pieces of length `way`: m (N, a) effort for a unit of s̈, c (N, a)
     for a unit of ṡ², g (N, a) the rest; low, high (a,): limits of the efforts."""
 
