@@ -91,7 +91,9 @@ def main(argv: Sequence[str] | None = None) -> int:
             weights=numbers(options.weights),
             without=options.without,
         )
-    print('\n'.join([*(f'note: {note}' for note in history.notes), _table(history)]))
+    for note in history.notes:
+        print(f'note: {note}')
+    print(_table(history))
     if options.csv:
         with writing('--csv', options.csv):
             print(f'written: {history.csv(options.csv)}')

@@ -87,6 +87,11 @@ def test_singular_instants_have_limits() -> None:
     assert found.run.t == pytest.approx(times[[0, 1, 9]])
     alone = loads(crank('pi/4 + t'), times=[at])  # nothing around it is known
     assert np.isnan(alone['crank_pin']).all() and 'not determined' in alone.notes[0]
+    with pytest.raises(InputError, match='all instants lie in singular positions'):
+        print(alone.peaks)
+    rubbing: Any = {'joint_friction': {'joint': 'knee', 'dynamic': 0.2, 'radius': 0.05}}
+    alone = loads(crank('pi/4 + t', **rubbing), times=[at])
+    assert np.isnan(alone['crank_pin']).all()
 
 
 DOUBLE: dict[str, Any] = {'mechanism': 'double_pendulum', 'effects': GRAVITY}

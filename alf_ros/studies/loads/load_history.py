@@ -77,9 +77,12 @@ class LoadHistory:
         instants but those in singular positions.
 
         Where the efforts cannot make the motion, the reactions belong to the accelerations that
-        the efforts make.
+        the efforts make. Raises InputError if there is no such instant.
         """
-        return Run(self.sampled())
+        samples = self.sampled()
+        if not samples:
+            raise InputError('all instants lie in singular positions', key='times')
+        return Run(samples)
 
     @cached_property
     def peaks(self) -> Mapping[str, Peak]:

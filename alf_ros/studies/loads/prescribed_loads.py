@@ -111,6 +111,8 @@ def _with_friction(
     carrier: Carrier, bare: Simulation, solver: InverseDynamics, path: Motion, found: NeededEfforts
 ) -> tuple[Motion, NeededEfforts]:
     """Efforts and loads of friction that agree. Raises InputError if they do not settle."""
+    if not found.is_regular.any():
+        return path, found
     for _ in range(_ROUNDS):
         samples = sampled(carrier, bare, solver, path, found)
         rubbing = path.loads.copy()
