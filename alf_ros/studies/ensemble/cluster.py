@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Iterator, Sequence
+from concurrent.futures import CancelledError
 from typing import Any
 
 from alf_ros.digest import digest
@@ -109,12 +110,15 @@ class Cluster:
 
     def _outcome(self, future: Any, number: int, deaths: dict[int, int]) -> Chunk | None:
         """The chunk of a future; None if it is to be given out again."""
-        if future.status == 'finished':
-            found: Chunk = future.result()
-            return found
         if future.status in ('cancelled', 'lost'):
             raise self._gone()
-        error = future.exception()
+        try:
+            if future.status == 'finished':
+                found: Chunk = future.result()
+                return found
+            error = future.exception()
+        except (OSError, TimeoutError, CancelledError):  # it went while the answer was fetched
+            raise self._gone() from None
         if not isinstance(error, self._distributed.KilledWorker):
             raise error
         deaths[number] += 1
