@@ -83,12 +83,14 @@ def main(argv: Sequence[str] | None = None) -> int:
         history = run.loads
     else:
         rate = number(options.rate, '--rate', 0.0)
-        count = whole(round(duration * rate), '--duration', 1, _MOST)
+        if duration * rate > _MOST:
+            raise InputError(f'more than {_MOST} instants', key='--duration', value=duration)
+        count = whole(round(duration * rate), '--duration', 1)
         history = loads(
             scene,
             options.actuators,
             times=[k * duration / count for k in range(count + 1)],
-            weights=numbers(options.weights),
+            weights=numbers(options.weights, '--weights'),
             without=options.without,
         )
     for note in history.notes:

@@ -53,18 +53,18 @@ def add_numbers(
     parser.add_argument('--set', metavar=metavar, nargs='+', default=[], help=what)
 
 
-def numbers(assignments: Iterable[str]) -> dict[str, float]:
-    """The numbers of --set by name; each is an expression of constants. Raises InputError."""
-    return dict(map(_number, assignments))
+def numbers(assignments: Iterable[str], option: str = '--set') -> dict[str, float]:
+    """The numbers of an option by name; each is an expression of constants. Raises InputError."""
+    return dict(_number(text, option) for text in assignments)
 
 
-def _number(text: str) -> tuple[str, float]:
+def _number(text: str, option: str) -> tuple[str, float]:
     name, given, value = text.partition('=')
     try:
         return name, evaluate(value if given else '', {})
     except ExpressionError as error:
-        message = f'not a parameter: {error}'
-        raise InputError(message, key='--set', value=text, expected='NAME=NUMBER') from None
+        message = f'not a number by name: {error}'
+        raise InputError(message, key=option, value=text, expected='NAME=NUMBER') from None
 
 
 @contextmanager

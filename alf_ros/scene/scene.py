@@ -12,7 +12,7 @@ import hashlib
 import os
 import re
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import islice
 from numbers import Integral, Real
 from pathlib import Path
@@ -149,6 +149,10 @@ class Scene:
     sensors: tuple[Sensor, ...] = ()
     diff_drive: DiffDrive | None = None
     branch: int | None = None
+
+    def at_rest(self) -> Scene:
+        """The same scene without velocities, and so without a branch on which they begin."""
+        return replace(self, velocities={}, branch=None)
 
     @property
     def hash(self) -> str:

@@ -141,16 +141,17 @@ class Dynamics(Kinematics):
         if shares is None or id(work) in self._works_shared:
             return place
         self._works_shared.add(id(work))
-        with self._on_cut(work) as there:
+        with self._on_cut() as there:
             shares.apply(work, there)
         return place
 
     @contextmanager
-    def _on_cut(self, work: Work) -> Iterator[CutWork]:
-        """The cut mechanism at q and q̇ in `work`, with the forces that act on its blocks."""
+    def _on_cut(self) -> Iterator[CutWork]:
+        """The cut mechanism at this instant, with the forces on its blocks, except friction that
+        depends on reactions."""
         cut, lent = self._instruments.reactions(), self._instruments.lend_cut()
-        there = lent.workspace
-        kernel.place_on_cut(self.model.unit, cut.arrays, there, work.q, work.qd)
+        there, state = lent.workspace, self._state
+        kernel.place_on_cut(self.model.unit, cut.arrays, there, state.q, state.qd)
         effects = self._applied.on(cut.cut)
         kernel.applied_forces(effects, self.t, there.q, there.qd, self._near, there.Q)
         yield there

@@ -258,26 +258,24 @@ class Sample(Dynamics):
 
     @kept
     def _wrenches(self) -> tuple[Floats, Floats]:
-        cut, lent, state = self._reactions(), self._instruments.lend_cut(), self._state
-        unit, joints, D = self.model.unit, len(self.model.joint_names), self.model.layout.dimension
-        effects, t, near = self._applied.on(cut.cut), self.t, self._near
-        there = lent.workspace
-        applied = np.zeros(there.Q.size)
-        kernel.place_on_cut(unit, cut.arrays, there, state.q, state.qd)
-        kernel.applied_forces(effects, t, there.q, there.qd, near, applied)
+        cut, unit, D = self._reactions(), self.model.unit, self.model.layout.dimension
+        joints, effects = len(self.model.joint_names), self._applied.on(cut.cut)
+        with self._on_cut() as there:
+            applied = there.Q.copy()
 
-        def read(place: Place) -> Floats:
-            work = place.work
-            there.Q[:] = applied
-            if place.loads.size:
-                kernel.place_on_cut(unit, cut.arrays, there, work.q, work.qd)
-                kernel.add_friction(effects, t, there.q, there.qd, near, place.loads, there.Q)
-            wrenches = np.empty(joints * (D + _SPINS[D]))
-            force, torque = wrenches[: joints * D], wrenches[joints * D :]
-            kernel.joint_wrenches(unit, cut.arrays, there, work, force, torque)
-            return wrenches
+            def read(place: Place) -> Floats:
+                work, loads = place.work, place.loads
+                there.Q[:] = applied
+                if loads.size:
+                    kernel.place_on_cut(unit, cut.arrays, there, work.q, work.qd)
+                    q, qd, Q = there.q, there.qd, there.Q
+                    kernel.add_friction(effects, self.t, q, qd, self._near, loads, Q)
+                wrenches = np.empty(joints * (D + _SPINS[D]))
+                force, torque = wrenches[: joints * D], wrenches[joints * D :]
+                kernel.joint_wrenches(unit, cut.arrays, there, work, force, torque)
+                return wrenches
 
-        both = self._read(read)
+            both = self._read(read)
         return both[: joints * D].reshape(-1, D), both[joints * D :].reshape(-1, _SPINS[D])
 
     @property
@@ -322,7 +320,7 @@ class Sample(Dynamics):
             redundant, work = self._dependent_rows, self._limits.beside
             unknown = np.isnan(np.column_stack(self._wrenches))
         if redundant and shares is not None:
-            with self._on_cut(work) as there:
+            with self._on_cut() as there:
                 unknown |= shares.open_components(work, there)
         elif redundant:
             unknown |= cut.indeterminate(cut.on_cut_blocks(work.q), work)

@@ -49,11 +49,13 @@ class Limits:
         There is one if the six outer places predict the two inner ones.
         """
         values = np.array([read(place) for place in self._places])
-        limit = np.tensordot(_weights(self._at, 0.0), values, 1)
+        limit = np.tensordot(lagrange_weights(self._at, 0.0), values, 1)
         outer = np.abs(_OFFSETS) > 1.0
         off = np.zeros_like(limit)
         for k in np.flatnonzero(~outer):
-            predicted = np.tensordot(_weights(self._at[outer], self._at[k]), values[outer], 1)
+            predicted = np.tensordot(
+                lagrange_weights(self._at[outer], self._at[k]), values[outer], 1
+            )
             off = np.maximum(off, np.abs(predicted - values[k]))
         scale = np.abs(values).max(initial=0.0)
         return np.asarray(np.where(off <= _SMOOTH * scale, limit, np.nan))
@@ -83,7 +85,7 @@ def limits(
     return Limits(places, float(work.place_shift[0]))
 
 
-def _weights(at: Floats, x: float) -> Floats:
+def lagrange_weights(at: Floats, x: float) -> Floats:
     """Of Lagrange's interpolation from `at` to x."""
     weights = np.ones(at.size)
     for i in range(at.size):

@@ -10,9 +10,18 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from alf_ros import InputError, Simulation, fastest, load_scene, loads
+from alf_ros import (
+    Closure,
+    InputError,
+    Simulation,
+    equilibrium,
+    fastest,
+    load_scene,
+    loads,
+)
 from alf_ros.arrays import Floats
 from alf_ros.scene.scene import Scene
+from alf_ros.studies.loads import inverse_dynamics
 
 G = 9.81
 GRAVITY = {'gravity': {'acceleration': [0, -G]}}
@@ -323,3 +332,28 @@ def test_actuators_that_lose_a_direction() -> None:
     found = loads(crank('pi/4 - t'), ['wrenches.B.force.x'], times=times)
     assert np.isnan(found.efforts[1, 0]) and not np.isnan(found.efforts[[0, 2]]).any()
     assert 'not determined' in found.notes[0]
+
+
+def test_parts_of_a_motion_have_the_bits_of_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Many instants are computed in several calls, so that an interruption is heard between."""
+    whole = loads(crank('pi/4 + t'), ['crank_pin', 'knee'], times=TIMES)
+    monkeypatch.setattr(inverse_dynamics, '_LABOUR', 1)
+    parts = loads(crank('pi/4 + t'), ['crank_pin', 'knee'], times=TIMES)
+    for name in ('efforts', 'short', 'missing'):
+        assert getattr(parts, name).tobytes() == getattr(whole, name).tobytes()
+
+
+def test_the_branch_of_a_start_does_not_matter_at_rest() -> None:
+    """A scene that names the branch of its velocities has equilibria, loads and closed loops."""
+    singular = {
+        'positions': {'A': [0, 1], 'B': [0, 0]},
+        'velocities': {'B': [-4.0, None]},
+        'branch': 1,
+    }
+    scene = load_scene({'mechanism': 'slider_crank', 'effects': GRAVITY, 'initial': singular})
+    simulation = Simulation(scene, step=1e-3, integrator='dop853')
+    found = loads(simulation, ['crank_pin'], times=[0.1, 0.2])
+    assert np.abs(found.efforts).max() < 1e-8  # gravity makes the motion
+    assert equilibrium(scene).stability == 'undecided'  # it rests where it starts, upright
+    posture = Closure(scene, ['crank_pin']).close({'crank_pin': np.pi / 2 + 0.1})
+    assert posture.missed_by < 1e-12

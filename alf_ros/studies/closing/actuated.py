@@ -81,9 +81,7 @@ def actuated(scene: Scene, active: Sequence[str]) -> Actuated:
     bare = replace(scene.mechanism, drives=(), rotors=())
     names = _checked(bare, active)
     refuse_velocity_rows(bare)
-    free = started(
-        replace(scene, mechanism=bare, effects=(), velocities={}, text=''), scene.solver
-    )
+    free = started(replace(scene.at_rest(), mechanism=bare, effects=(), text=''), scene.solver)
     values = _values(free.model, free.q)
     numbers = dict(zip(free.model.coordinate_names, values.tolist(), strict=True))
     mechanism = free.model.mechanism

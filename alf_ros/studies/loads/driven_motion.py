@@ -51,10 +51,9 @@ def undriven(motion: Scene | Simulation, without: Sequence[str]) -> Simulation:
         if name not in labels:
             raise InputError('no such effect', key='without', value=name, choices=labels)
     bare = replace(
-        scene,
+        scene.at_rest(),
         mechanism=replace(scene.mechanism, drives=()),
         effects=tuple(e for e in scene.effects if e.label not in without),
-        velocities={},
         text='',
     )
     simulation = Simulation(bare, step=_STEP, integrator='rk4', formulation='alf2')

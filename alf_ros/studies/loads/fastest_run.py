@@ -17,10 +17,10 @@ from alf_ros.studies.loads.driven_motion import Carrier, moving, undriven
 from alf_ros.studies.loads.effort_limits import EffortLimits
 from alf_ros.studies.loads.inverse_dynamics import InverseDynamics, Motion
 from alf_ros.studies.loads.load_history import POSSIBLE, LoadHistory
-from alf_ros.studies.loads.prescribed_loads import notes_of, sampled
+from alf_ros.studies.loads.prescribed_loads import history_of
 from alf_ros.studies.loads.singular_instants import filled
 
-_PIECES = 1000
+_PIECES, _MOST = 1000, 100_000
 _AGREED = 1e-9  # of the largest speed: forces of the speed no longer change it
 _ROUNDS = 60
 _ROUNDED = 1e-12  # of the limits: forces of the speed that count as none
@@ -81,7 +81,7 @@ def fastest(
     length = number(length, 'length', 0.0)
     if length == 0.0:
         raise InputError('not usable', key='length', value=length, expected='> 0')
-    count = whole(pieces, 'pieces', 2)
+    count = whole(pieces, 'pieces', 2, _MOST)
     simulation = moving(path)
     bare = undriven(path, texts(without, 'without'))
     if bare.state.loads.size:
@@ -104,16 +104,7 @@ def fastest(
         s=np.array([way * k for k in range(count + 1)]),
         t=t,
         rate=np.sqrt(x),
-        loads=LoadHistory(
-            t=motion.t,
-            names=solver.names,
-            units=solver.units,
-            efforts=found.efforts,
-            short=found.short,
-            missing=found.missing,
-            notes=notes_of(bare, solver, motion, found),
-            sampled=lambda: sampled(carrier, bare, solver, motion, found),
-        ),
+        loads=history_of(carrier, bare, solver, motion, found),
         at_limit=(found.efforts > high - near) | (found.efforts < low + near),
     )
 

@@ -30,6 +30,8 @@ _DEPENDENT = 1e-13
 # distance to a singular position, below which q̈ of a prescribed motion is felt to be rounded: as
 # rounding over x⁴
 _DOUBTFUL = 3e-2
+_LABOUR = 4_000_000  # numbers times solves in one compiled call: about 0.1 s
+_SOLVES = 8  # what an instant costs besides a solve for each actuator
 _ROUNDS = 2  # that take back rounding of the normal equations
 
 
@@ -113,6 +115,21 @@ class InverseDynamics:
     def needed(self, motion: Motion) -> NeededEfforts:
         """The efforts for a motion that fulfils the constraints; NaN where they are not
         determined: in a singular position, also one of the actuators."""
+        # an interruption is heard between two calls
+        most = max(1, _LABOUR // (self._model.q.size * (_SOLVES + len(self.names))))
+        spans = (slice(k, k + most) for k in range(0, motion.t.size, most))
+        parts = [self._part(motion.at(span)) for span in spans]
+        efforts, left, whole, missing, moved, rank = map(np.concatenate, zip(*parts, strict=True))
+        clear = self._is_clear(rank)
+        clear &= moved >= moved[clear].max(initial=0)
+        efforts[~clear] = np.nan
+        size = float(whole[clear].max(initial=0.0))
+        short = left / size if size > 0.0 else np.zeros(left.size)
+        short[~clear] = np.nan
+        return NeededEfforts(efforts, short, missing, moved)
+
+    def _part(self, motion: Motion) -> tuple[Any, ...]:
+        """Efforts, `left` and `whole` as in `Actuation`, missing, moved, and the rank of Φ_q."""
         count, a = motion.t.size, len(self.names)
         of = self._actuation(motion, a)
         needed_efforts(of)
@@ -124,13 +141,7 @@ class InverseDynamics:
             efforts[hard] = found.efforts.reshape(-1, a)
             missing[hard] = found.missing.reshape(missing[hard].shape)
             of.left[hard], of.whole[hard], moved[hard] = found.left, found.whole, its
-        clear = self._is_clear(of.rank)
-        clear &= moved >= moved[clear].max(initial=0)
-        efforts[~clear] = np.nan
-        most = float(of.whole[clear].max(initial=0.0))
-        short = of.left / most if most > 0.0 else np.zeros(count)
-        short[~clear] = np.nan
-        return NeededEfforts(efforts, short, missing, moved)
+        return efforts, of.left, of.whole, missing, moved, of.rank
 
     def _is_clear(self, rank: Floats) -> NDArray[np.bool_]:
         """(T,) whether an instant is no singular position, nor too near to one."""
@@ -149,8 +160,9 @@ class InverseDynamics:
         inverse = np.where(counts, 1.0 / np.where(counts, values, 1.0), 0.0)
         efforts = of.efforts.reshape(count, a)
         for _ in range(_ROUNDS):
-            along = np.einsum('tji,tj->ti', vectors, scale * of.pull.reshape(count, a))
-            efforts += scale * np.einsum('tij,tj->ti', vectors, inverse * along)
+            pull = scale * of.pull.reshape(count, a)
+            along = inverse * (vectors * pull[:, :, None]).sum(axis=1)
+            efforts += scale * (vectors * along[:, None, :]).sum(axis=2)
             effort_residuals(of)
         return of, counts.sum(axis=1)
 

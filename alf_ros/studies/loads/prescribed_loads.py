@@ -64,6 +64,13 @@ def loads(
         path, found = _with_friction(carrier, bare, solver, path, found)
     else:
         found = _with_limits(carrier, begin, solver, path, found)
+    return history_of(carrier, bare, solver, path, found)
+
+
+def history_of(
+    carrier: Carrier, bare: Simulation, solver: InverseDynamics, path: Motion, found: NeededEfforts
+) -> LoadHistory:
+    """The efforts found for a path, with samples of the mechanism that they move."""
     return LoadHistory(
         t=path.t,
         names=solver.names,
@@ -71,8 +78,8 @@ def loads(
         efforts=found.efforts,
         short=found.short,
         missing=found.missing,
-        notes=notes_of(bare, solver, path, found),
-        sampled=lambda: sampled(carrier, bare, solver, path, found),
+        notes=_notes(bare, solver, path, found),
+        sampled=lambda: _sampled(carrier, bare, solver, path, found),
     )
 
 
@@ -114,7 +121,7 @@ def _with_friction(
     if not found.is_regular.any():
         return path, found
     for _ in range(_ROUNDS):
-        samples = sampled(carrier, bare, solver, path, found)
+        samples = _sampled(carrier, bare, solver, path, found)
         rubbing = path.loads.copy()
         rubbing[found.is_regular] = [sample._loads for sample in samples]
         change = float(np.abs(rubbing - path.loads).max(initial=0.0))
@@ -150,7 +157,7 @@ def _with_limits(
     return replace(found, efforts=efforts)
 
 
-def sampled(
+def _sampled(
     carrier: Carrier, bare: Simulation, solver: InverseDynamics, path: Motion, found: NeededEfforts
 ) -> list[Sample]:
     """The motion as samples of the mechanism that the actuators move, at regular instants: in a
@@ -163,7 +170,7 @@ def sampled(
     return samples
 
 
-def notes_of(
+def _notes(
     bare: Simulation, solver: InverseDynamics, path: Motion, found: NeededEfforts
 ) -> tuple[str, ...]:
     """Conditions of the result, a sentence each."""

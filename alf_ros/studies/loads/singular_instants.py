@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy.interpolate import BarycentricInterpolator
 
 from alf_ros.arrays import Floats
+from alf_ros.simulation.sample_limits import lagrange_weights
 
 # two grids of supports, in spacings: what they differ by estimates the error. They are not
 # symmetric: both would take 0 for the limit at a pole that changes its sign
@@ -69,7 +69,7 @@ def _agreed(at: Floats, values: Floats, largest: Floats) -> Floats:
     """(a,) at 0, from values (supports, a) at the supports; NaN if in doubt."""
     if np.isnan(values).any():
         return np.full(largest.size, np.nan)
-    fine = BarycentricInterpolator(at, values)(0.0)
-    coarse = BarycentricInterpolator(at[_OUTER], values[_OUTER])(0.0)
+    fine = lagrange_weights(at, 0.0) @ values
+    coarse = lagrange_weights(at[_OUTER], 0.0) @ values[_OUTER]
     agrees = np.abs(fine - coarse) <= _AGREED * np.maximum(largest, np.abs(values).max(axis=0))
     return np.where(agrees.all(), fine, np.nan)

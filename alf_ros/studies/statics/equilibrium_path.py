@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -313,7 +313,7 @@ def equilibrium_path(
 def _at_rest(scene: Scene) -> Simulation:
     if not isinstance(scene, Scene):
         raise InputError('not a scene', key='scene', value=scene, expected='load_scene(…)')
-    return Simulation(replace(scene, velocities={}))
+    return Simulation(scene.at_rest())
 
 
 def _check(rest: Equilibrium) -> None:

@@ -163,7 +163,7 @@ def beginning(scene: Scene | Simulation, t: float | None) -> tuple[Simulation, I
     if isinstance(scene, Simulation):
         simulation = copy.copy(scene)
     elif isinstance(scene, Scene):
-        simulation = Simulation(replace(scene, velocities={}))
+        simulation = Simulation(scene.at_rest())
     else:
         raise InputError('not a scene', key='scene', value=scene, expected='load_scene(…)')
     state, now = simulation.state, simulation.t

@@ -122,7 +122,7 @@ class VariedScene:
         if self.over == TIME or self._input is not None:
             found = copy.copy(base)
         else:
-            found = Simulation(replace(self.scene(value), velocities={}))
+            found = Simulation(self.scene(value).at_rest())
         held = base.state.inputs
         if self._input is not None:
             held = self._input.added(held, value)
