@@ -30,8 +30,9 @@ import numpy as np
 from alf_ros.arrays import Floats, Unit
 from alf_ros.kernel.data import FREE, ORIGIN, Arms, Chart, Phase, System, Work
 from alf_ros.kernel.mass import add_mass_times
-from alf_ros.kernel.numba_ext.block import Block, add, block, cross, dot, packed, put, subtract
+from alf_ros.kernel.numba_ext.block import Block, block, cross, dot, packed, put
 from alf_ros.kernel.numba_ext.jit import ONE, THREE, TWO, inlined, inner
+from alf_ros.kernel.numba_ext.lane_numbers import anywhere, everywhere, nowhere, pick, unless
 from alf_ros.kernel.numba_ext.plain_loops import each
 from alf_ros.kernel.numba_ext.vectors import copy, largest, zero
 
@@ -67,10 +68,11 @@ def turning(unit: Unit, arms: Arms, phase: Phase) -> float:
 
 
 @inner
-def choose_arcs(unit: Unit, system: System, work: Work, phase: Phase, h: float) -> None:
-    """Choose the coordinates of a step of h (s), and store ξ̇ and w where it begins."""
+def choose_arcs(unit: Unit, system: System, work: Work, phase: Phase, h: float) -> bool:
+    """Choose the coordinates of a step of h (s), and store ξ̇ where it begins; returns whether
+    there are arcs. Then `begin_momenta` follows."""
     arms, chart = system.arms, work.chart
-    chart.arcs[0] = 0
+    some = False
     slowest = _SLOWEST * largest(phase.qd, work.p.size)
     for i in each(0, arms.about.size):
         chart.curvature[i] = 0.0
@@ -80,61 +82,70 @@ def choose_arcs(unit: Unit, system: System, work: Work, phase: Phase, h: float) 
         d, v = relative(unit, arms, i, phase.q), relative(unit, arms, i, phase.qd)
         if len(unit) == 2:
             turn, dd = d[0] * v[1] - d[1] * v[0], dot(d, d)
-            if abs(turn) * h <= _LEAST * dd:
+            has = unless(abs(turn) * h <= _LEAST * dd)
+            if nowhere(has):
                 continue
             long = np.sqrt(dd)
-            chart.curvature[i] = 1.0 / long
+            curvature = 1.0 / long
             put(chart.t, i, packed(unit, -d[1] / long, d[0] / long, 0.0))
             put(chart.n, i, (-1.0 / long) * d)
-            put(chart.rate, i, packed(unit, turn / long, -dot(d, v) / long, 0.0))
+            rate = packed(unit, turn / long, -dot(d, v) / long, 0.0)
         else:
             b, vv = relative(unit, arms, i, work.bend), dot(v, v)
             fast, vb = np.sqrt(vv), dot(v, b)
-            if fast <= slowest:
+            has = unless(fast <= slowest)
+            if nowhere(has):
                 continue
             across = np.sqrt(max(0.0, dot(b, b) * vv - vb * vb)) / fast
-            if across * h < _LEAST * fast or across * np.sqrt(dot(d, d)) > _SHARPEST * vv:
+            has = has & unless(across * h < _LEAST * fast)
+            has = has & unless(across * np.sqrt(dot(d, d)) > _SHARPEST * vv)
+            if nowhere(has):
                 continue
-            chart.curvature[i] = across / vv
+            curvature = across / vv
             t, n = (1.0 / fast) * v, (1.0 / across) * (b - (vb / vv) * v)
             put(chart.t, i, t)
             put(chart.n, i, n)
             put(chart.b, i, cross(t, n))
-            put(chart.rate, i, packed(unit, fast, 0.0, 0.0))
+            rate = packed(unit, fast, 0.0, 0.0)
+        chart.curvature[i] = pick(has, curvature, 0.0)
+        put(chart.rate, i, pick(has, rate, block(unit, phase.qd, i)))
         chart.sin[i], chart.cos[i], chart.rho[i] = 0.0, 1.0, 1.0
-        chart.arcs[0] += 1
-    if chart.arcs[0] > 0:
-        _store_momenta(unit, system, work, phase)
+        some = some | has
+    return some
 
 
 @inner
-def _store_momenta(unit: Unit, system: System, work: Work, phase: Phase) -> None:
+def begin_momenta(unit: Unit, system: System, work: Work, phase: Phase, arcs: bool) -> None:
     """w where the step begins (30), and the part of p that w lacks because t and n are rounded:
-    without it the error would add up from step to step."""
+    without it the error would add up from step to step. Without arcs w does not exist."""
     arms, chart, p = system.arms, work.chart, work.p
+    chart.arcs[0] = arcs
+    if not arcs:
+        return
     zero(work.sum)
     add_mass_times(unit, system.mass, 1.0, phase.qd, work.sum)  # (30), σ = 0
     copy(work.sum, chart.rest)
     gather(unit, arms, chart, work.sum)
     for i in each(0, arms.about.size):
         w = block(unit, work.sum, i)
-        if chart.curvature[i] == 0.0:
+        flat = chart.curvature[i] == 0.0
+        if everywhere(flat):
             put(chart.momentum, i, w)
             put(p, i, w)
         else:
-            w = components(unit, chart, i, w)
-            put(chart.momentum, i, w)
-            put(p, i, composed(unit, chart, i, w))
+            u = components(unit, chart, i, w)
+            put(chart.momentum, i, pick(flat, w, u))
+            put(p, i, pick(flat, w, composed(unit, chart, i, u)))
     scatter(unit, arms, chart, p)
     for a in range(p.size):
         chart.rest[a] -= p[a]
 
 
 @inlined
-def turns_about_movable(arms: Arms, chart: Chart, i: np.uint64) -> bool:
-    """Whether the arc of block i is about a movable block."""
+def is_about_movable(arms: Arms, i: np.uint64) -> bool:
+    """Whether the arc of block i, if it has one, is about a movable block."""
     about = arms.about[i]
-    return chart.curvature[i] != 0.0 and 0 <= about < arms.about.size
+    return 0 <= about < arms.about.size
 
 
 @inner
@@ -142,8 +153,11 @@ def gather(unit: Unit, arms: Arms, chart: Chart, u: Floats) -> None:
     """Add to u (movable D,) of each block the u of all blocks whose arcs are about it."""
     for m in each(0, arms.order.size):
         i = arms.order[arms.order.size - ONE - m]
-        if turns_about_movable(arms, chart, i):
-            add(u, np.uint64(arms.about[i]), block(unit, u, i))
+        turns = chart.curvature[i] != 0.0
+        if is_about_movable(arms, i) and anywhere(turns):
+            to = np.uint64(arms.about[i])
+            v = block(unit, u, to)
+            put(u, to, pick(turns, v + block(unit, u, i), v))
 
 
 @inner
@@ -151,8 +165,11 @@ def scatter(unit: Unit, arms: Arms, chart: Chart, u: Floats) -> None:
     """The inverse of `gather`."""
     for m in each(0, arms.order.size):
         i = arms.order[m]
-        if turns_about_movable(arms, chart, i):
-            subtract(u, np.uint64(arms.about[i]), block(unit, u, i))
+        turns = chart.curvature[i] != 0.0
+        if is_about_movable(arms, i) and anywhere(turns):
+            to = np.uint64(arms.about[i])
+            v = block(unit, u, to)
+            put(u, to, pick(turns, v - block(unit, u, i), v))
 
 
 @inlined
@@ -201,8 +218,9 @@ def unfold(unit: Unit, system: System, work: Work, phase: Phase) -> None:
     for m in each(0, arms.order.size):
         i = arms.order[m]
         k = chart.curvature[i]
-        if k == 0.0:
-            add(work.q, i, block(unit, phase.q, i))
+        flat, place = k == 0.0, block(unit, work.q, i) + block(unit, phase.q, i)
+        if everywhere(flat):
+            put(work.q, i, place)
             continue
         xi, xid, w = block(unit, work.q, i), block(unit, work.qd, i), block(unit, p, i)
         rho = 1.0 - k * xi[1]
@@ -211,7 +229,8 @@ def unfold(unit: Unit, system: System, work: Work, phase: Phase) -> None:
         d = (rho * sin / k) * block(unit, chart.t, i)
         d = d + (xi[1] * cos + versine / k) * block(unit, chart.n, i)
         v = composed(unit, chart, i, packed(unit, rho * xid[0], xid[1], _third(unit, xid)))
-        put(p, i, composed(unit, chart, i, packed(unit, w[0] / rho, w[1], _third(unit, w))))
+        P = composed(unit, chart, i, packed(unit, w[0] / rho, w[1], _third(unit, w)))
+        put(p, i, pick(flat, w, P))
         if len(unit) != 2:
             d = d + xi[2] * block(unit, chart.b, i)
         d = block(unit, phase.q, i) + d
@@ -220,8 +239,8 @@ def unfold(unit: Unit, system: System, work: Work, phase: Phase) -> None:
             to = np.uint64(about)
             d = d + (block(unit, work.q, to) - block(unit, phase.q, to))
             v = v + block(unit, work.qd, to)
-        put(work.q, i, d)
-        put(work.qd, i, v)
+        put(work.q, i, pick(flat, place, d))
+        put(work.qd, i, pick(flat, xid, v))
     scatter(unit, arms, chart, p)
     for a in range(p.size):
         p[a] += chart.rest[a]
@@ -230,12 +249,13 @@ def unfold(unit: Unit, system: System, work: Work, phase: Phase) -> None:
 @inlined
 def _turned(x: float) -> tuple[float, float, float]:
     """sin x, cos x and 1 - cos x; unless x (rad) is large from sin(x/2) alone."""
-    if abs(x) > _WIDE:
-        cos = np.cos(x)
-        return np.sin(x), cos, 1.0 - cos
-    half = np.sin(0.5 * x)
+    half, wide = np.sin(0.5 * x), abs(x) > _WIDE
     versine = 2.0 * half * half
-    return 2.0 * half * np.sqrt(1.0 - half * half), 1.0 - versine, versine
+    sin, cos = 2.0 * half * np.sqrt(1.0 - half * half), 1.0 - versine
+    if anywhere(wide):
+        sin, cos = pick(wide, np.sin(x), sin), pick(wide, np.cos(x), cos)
+        versine = pick(wide, 1.0 - cos, versine)
+    return sin, cos, versine
 
 
 @inner
@@ -248,11 +268,16 @@ def shift_along_path(unit: Unit, arms: Arms, work: Work, amount: float) -> None:
     chart = work.chart
     for m in each(0, arms.order.size):
         i = arms.order[m]
-        if chart.curvature[i] == 0.0:
-            add(work.q, i, amount * block(unit, work.bend, i))
-        elif turns_about_movable(arms, chart, i):
+        flat = chart.curvature[i] == 0.0
+        place = block(unit, work.q, i)
+        ahead = place + amount * block(unit, work.bend, i)
+        if everywhere(flat):
+            put(work.q, i, ahead)
+            continue
+        if is_about_movable(arms, i):
             to = np.uint64(arms.about[i])
-            add(work.q, i, block(unit, work.q, to) - block(unit, work.target, to))
+            place = place + (block(unit, work.q, to) - block(unit, work.target, to))
+        put(work.q, i, pick(flat, ahead, place))
 
 
 @inner
@@ -273,22 +298,24 @@ def fold(unit: Unit, system: System, work: Work, qd: Floats, qdd: Floats, s: np.
     for i in each(0, blocks):
         bent, xi = chart.curvature[i], s * THREE * blocks + i
         xid, wd = xi + blocks, xi + TWO * blocks
-        if bent == 0.0:
-            put(k, xi, block(unit, qd, i))
-            put(k, xid, block(unit, qdd, i))
-            put(k, wd, block(unit, work.sum, i))
+        flat = bent == 0.0
+        a, b, c = block(unit, qd, i), block(unit, qdd, i), block(unit, work.sum, i)
+        if everywhere(flat):
+            put(k, xi, a)
+            put(k, xid, b)
+            put(k, wd, c)
             continue
         u = components(unit, chart, i, relative(unit, arms, i, qd))
         v = components(unit, chart, i, relative(unit, arms, i, qdd))
-        P, w = components(unit, chart, i, block(unit, work.sum, i)), block(unit, chart.w, i)
+        P, w = components(unit, chart, i, c), block(unit, chart.w, i)
         rho, cd = chart.rho[i], u[1]
         ad = u[0] / rho
         wt, wn = w[0] / rho, w[1]
-        put(k, xi, packed(unit, ad, cd, _third(unit, u)))
+        put(k, xi, pick(flat, a, packed(unit, ad, cd, _third(unit, u))))
         along, inward = (v[0] + 2.0 * bent * ad * cd) / rho, v[1] - bent * rho * ad * ad
-        put(k, xid, packed(unit, along, inward, _third(unit, v)))
+        put(k, xid, pick(flat, b, packed(unit, along, inward, _third(unit, v))))
         along, inward = rho * P[0] + bent * (rho * ad * wn - cd * wt), P[1] - bent * ad * wt
-        put(k, wd, packed(unit, along, inward, _third(unit, P)))
+        put(k, wd, pick(flat, c, packed(unit, along, inward, _third(unit, P))))
 
 
 @inner
@@ -303,12 +330,14 @@ def straighten(unit: Unit, arms: Arms, chart: Chart, u: Floats) -> None:
     """A small difference u of ξ (movable D,), where `unfold` was last, as one of q."""
     for m in each(0, arms.order.size):
         i = arms.order[m]
-        if chart.curvature[i] != 0.0:
-            v = block(unit, u, i)
-            v = packed(unit, chart.rho[i] * v[0], v[1], _third(unit, v))
-            put(u, i, composed(unit, chart, i, v))
-            if turns_about_movable(arms, chart, i):
-                add(u, i, block(unit, u, np.uint64(arms.about[i])))
+        turns = chart.curvature[i] != 0.0
+        if anywhere(turns):
+            small = block(unit, u, i)
+            v = packed(unit, chart.rho[i] * small[0], small[1], _third(unit, small))
+            v = composed(unit, chart, i, v)
+            if is_about_movable(arms, i):
+                v = v + block(unit, u, np.uint64(arms.about[i]))
+            put(u, i, pick(turns, v, small))
 
 
 @inner

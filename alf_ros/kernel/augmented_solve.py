@@ -35,7 +35,7 @@ from alf_ros.kernel.triangular_solve import solve, step_by
 
 _DIRECTIONS = 40  # of conjugate gradients, at most
 _REFINEMENTS = 2  # rounds after conjugate gradients, which remove the rounding they bring
-_NOISE = 8.0 * EPS  # part of x by which rows are off by rounding
+NOISE = 8.0 * EPS  # part of x by which rows are off by rounding
 _ROUNDING = 1e-12  # of an eigenvalue
 
 
@@ -69,7 +69,7 @@ def augmented(
     """
     n, iterations, tolerance = work.p.size, until.iterations, until.tolerance
     alone = largest(f, n) / system.mean
-    fine = max(tolerance, _NOISE * np.sqrt(system.penalty))
+    fine = max(tolerance, NOISE * np.sqrt(system.penalty))
     before, slowest = 0.0, 0.0
     for count in range(1, iterations + 1):
         work.pulse[LEFT] -= 1
@@ -120,7 +120,7 @@ def finish(
         z[r] = rows.alpha[r] * r2[r]
         rho += r2[r] * z[r]
     for _ in range(_DIRECTIONS):
-        floor = max(limits.noise, _NOISE * largest(x, n), NOTHING)
+        floor = max(limits.noise, NOISE * largest(x, n), NOTHING)
         if rho <= system.penalty * system.mean * floor * floor:
             return least
         zero(delta)

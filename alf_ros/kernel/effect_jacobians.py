@@ -12,6 +12,7 @@ from alf_ros.kernel.data import Forces, Soft, System, Work
 from alf_ros.kernel.numba_ext.block import add, add_outer, block, dot, packed, put
 from alf_ros.kernel.numba_ext.calls import call
 from alf_ros.kernel.numba_ext.jit import ONE, THREE, TWO, inner
+from alf_ros.kernel.numba_ext.lane_numbers import anywhere, everywhere
 
 
 @inner
@@ -51,7 +52,7 @@ def add_soft_times(unit: Unit, soft: Soft, s: float, v: Floats, out: Floats) -> 
         for e in range(soft.first[r], soft.movable[r]):
             along += dot(block(unit, soft.g, e), block(unit, v, soft.block[e]))
         along *= s * soft.weight[r]
-        if along != 0.0:
+        if anywhere(along != 0.0):
             for e in range(soft.first[r], soft.movable[r]):
                 add(out, soft.block[e], along * block(unit, soft.g, e))
 
@@ -61,7 +62,7 @@ def add_soft(unit: Unit, soft: Soft, diagonal: Floats, off: Floats) -> None:
     """M̂ - M on the pattern, lower blocks."""
     for r in range(soft.weight.size):
         w = soft.weight[r]
-        if w == 0.0:
+        if everywhere(w == 0.0):
             continue
         for e in range(soft.first[r], soft.movable[r]):
             g = block(unit, soft.g, e)

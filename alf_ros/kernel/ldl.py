@@ -12,6 +12,7 @@ from alf_ros.kernel.data import Pattern, System, Work
 from alf_ros.kernel.effect_jacobians import add_soft
 from alf_ros.kernel.numba_ext.block import Block, add, add_outer, block, dot, packed, put, subtract
 from alf_ros.kernel.numba_ext.jit import FOUR, ONE, TWO, ZERO, compiled, inlined, inner
+from alf_ros.kernel.numba_ext.lane_numbers import nowhere
 from alf_ros.kernel.numba_ext.plain_loops import each
 from alf_ros.kernel.numba_ext.vectors import copy
 from alf_ros.kernel.triangular_solve import eliminate, upper
@@ -88,7 +89,7 @@ def factorise(
     x: Floats | None,
 ) -> int:
     """A = L D Lᵀ in place, right-looking by blocks; returns the number of columns with a positive
-    pivot block before the first without.
+    pivot block before the first without. Of lanes the last one counts: see `are_factored`.
 
     If x is given, x = L⁻¹ x as well: this costs little, because columns wait for each other.
 
@@ -113,7 +114,7 @@ def factorise(
         minor = a00 * a11 - a10 * a10
         d0, d1 = 1.0 / a00, a00 / minor
         l10 = a10 * d0
-        good = a00 > 0.0 and 0.0 < minor < np.inf
+        good = (a00 > 0.0) & (minor > 0.0) & (minor < np.inf)
         diagonal[kk], diagonal[kk + D], diagonal[kk + D + ONE] = d0, l10, d1
         if D != TWO:
             at = kk + TWO * D
@@ -122,9 +123,9 @@ def factorise(
             l21 = rest * d1
             third = a22 - a20 * l20 - rest * l21
             d2 = 1.0 / third
-            good = good and third > 0.0
+            good = good & (third > 0.0)
             diagonal[at], diagonal[at + ONE], diagonal[at + TWO] = l20, l21, d2
-        if not good:
+        if nowhere(good):
             return k
         pivot = Pivot(l10, l20, l21, d0, d1, d2)
         first = np.uint64(pattern.first[k])

@@ -13,6 +13,7 @@ from alf_ros.arrays import Unit
 from alf_ros.kernel.data import System, Work
 from alf_ros.kernel.inverse_trace import mass_trace
 from alf_ros.kernel.numba_ext.jit import FOUR, ONE, THREE, TWO, ZERO, inner
+from alf_ros.kernel.numba_ext.lane_numbers import anywhere, everywhere, pick, unless
 
 _FALLEN = 8.0  # of log det A: a lost row that had s > 100, above which solves are not slow
 _FALLEN_BY = np.exp(_FALLEN)
@@ -30,9 +31,10 @@ def inverse_det(unit: Unit, work: Work) -> tuple[float, float]:
         b, c, d = a + ONE, a + TWO, a + THREE
         first = diagonal[a * D + a % D] * diagonal[b * D + b % D]
         product *= first * (diagonal[c * D + c % D] * diagonal[d * D + d % D])
-        if not _SMALL < product < _LARGE:
-            exponent += np.log(product)
-            product = 1.0
+        kept = (product > _SMALL) & (product < _LARGE)
+        if anywhere(unless(kept)):
+            exponent += pick(kept, 0.0, np.log(product))
+            product = pick(kept, product, 1.0)
     for a in range(paired, n):
         product *= diagonal[a * D + a % D]
     return product, exponent
@@ -55,9 +57,10 @@ def fallen(work: Work) -> bool:
     """Whether det A at the end of the step is a small part of what it was where it began."""
     before, product = work.inverse_det[0], work.inverse_det[2]
     difference = work.inverse_det[3] - work.inverse_det[1]
-    if difference == 0.0:
-        return product > _FALLEN_BY * before
-    return difference + np.log(product) - np.log(before) > _FALLEN
+    by_product, same = product > _FALLEN_BY * before, difference == 0.0
+    if everywhere(same):
+        return by_product
+    return pick(same, by_product, difference + np.log(product) - np.log(before) > _FALLEN)
 
 
 @inner

@@ -18,7 +18,7 @@ from alf_ros.kernel.status import NOT_CLOSED, NOT_POSITIVE, OK
 from alf_ros.kernel.triangular_solve import solve
 
 _FAINT = 4.0  # times the gap: σ below which a mode may be an artefact of the gap
-_CLOSED = 0.6  # rounding units: an error of q turns rows beside a singular position
+CLOSED = 0.6  # rounding units: an error of q turns rows beside a singular position
 _ROUNDED = 0.3  # rounding units, of a stage
 _DISTINCT = 0.1  # part of the distance that is too close to a singular position
 _FURTHEST = 0.1  # part of the distance to a singular position that a correction may go across
@@ -118,7 +118,7 @@ def project(unit: Unit, system: System, work: Work, exactly: bool) -> int:
     fresh, wanting = False, exactly
     for _ in range(50):
         gap = _opening(unit, system.rows, work.q, work.r2, exactly)
-        closed = gap <= _CLOSED * EPS * size
+        closed = gap <= CLOSED * EPS * size
         if closed or (fresh and gap > 0.5 * before and gap <= 1e-10 * size):
             if not linearise(unit, system, work, work.q):
                 return NOT_CLOSED
@@ -151,7 +151,7 @@ def project_stage(unit: Unit, system: System, work: Work, exactly: bool) -> int:
     if exactly:
         return _project_exactly(unit, system, work)
     assemble(unit, system, work, work.q)
-    _begin_correction(unit, system, work)
+    begin_correction(unit, system, work)
     if not solve_on(unit, system, work):
         return NOT_POSITIVE
     for a in range(work.p.size):
@@ -160,7 +160,7 @@ def project_stage(unit: Unit, system: System, work: Work, exactly: bool) -> int:
 
 
 @inner
-def _begin_correction(unit: Unit, system: System, work: Work) -> None:
+def begin_correction(unit: Unit, system: System, work: Work) -> None:
     """δ = -Φ_qᵀ α (Φ + Φ_q (target - q)), of the guess q in `work`."""
     rows, delta, phi, m1 = system.rows, work.delta, work.r2, system.rows.i.size
     u, g, g2 = work.shift, work.gf, work.g2f

@@ -20,7 +20,14 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Unit
-from alf_ros.kernel.arc_coordinates import choose_arcs, fold, fold_first, shift_along_path, unfold
+from alf_ros.kernel.arc_coordinates import (
+    begin_momenta,
+    choose_arcs,
+    fold,
+    fold_first,
+    shift_along_path,
+    unfold,
+)
 from alf_ros.kernel.augmented_residuals import begin_accelerations
 from alf_ros.kernel.augmented_solve import accelerate, augmented, restore_reactions, velocities
 from alf_ros.kernel.constraints import violation
@@ -193,7 +200,7 @@ def step(
             return JAMMED, 1
         sigma = min(sigma, felt)
     scales = scales_of(system, work, phase)
-    choose_arcs(unit, system, work, phase, h)
+    begin_momenta(unit, system, work, phase, choose_arcs(unit, system, work, phase, h))
     if begun:
         fold_first(unit, system, work, phase)
     nearest = np.inf

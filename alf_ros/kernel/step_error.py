@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from alf_ros.arrays import Unit
+from alf_ros.arrays import Floats, Unit
 from alf_ros.kernel.arc_coordinates import straighten
 from alf_ros.kernel.augmented_solve import augmented
 from alf_ros.kernel.data import NOTHING, Method, System, Until, Work
@@ -29,7 +29,8 @@ from alf_ros.kernel.effect_jacobians import add_soft_times
 from alf_ros.kernel.interpolated_stages import linearise_aside
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.mass import add_mass_times
-from alf_ros.kernel.numba_ext.jit import FOUR, ONE, THREE, TWO, ZERO, inner
+from alf_ros.kernel.numba_ext.jit import FOUR, ONE, THREE, TWO, ZERO, inlined, inner
+from alf_ros.kernel.numba_ext.lane_numbers import pick
 from alf_ros.kernel.numba_ext.plain_loops import each
 from alf_ros.kernel.numba_ext.vectors import largest, zero
 from alf_ros.kernel.status import OK, TOO_LONG
@@ -49,8 +50,8 @@ LEVEL = 1e-3  # of the size: sum of errors of 1000 steps from which on steps are
 MOST_UNRESOLVED = 200.0  # steps of 1000, likewise
 _MEMORY, _SHORT_MEMORY = 1e-3, 1e-2  # part of a sum that each step forgets
 _PIECE = np.uint64(256)  # coordinates at a time
-_TELLS = 1e-6  # of the size: errors below add up to less than LEVEL
-_FINEST = 1e-10  # of the size: errors below may be rounding
+TELLS = 1e-6  # of the size: errors below add up to less than LEVEL
+FINEST = 1e-10  # of the size: errors below may be rounding
 
 
 @inner
@@ -69,13 +70,13 @@ def free_part(unit: Unit, system: System, work: Work) -> float:
 
 
 @inner
-def _embedded(method: Method, work: Work) -> tuple[float, float, float]:
+def embedded_errors(method: Method, work: Work) -> tuple[float, float, float]:
     """(high / h, low / h, |ξ̈| of the first stage), m/s², of the step that ended in `work`.
 
     The stages are even in number. With four of them one pass does, and costs half.
     """
     if method.b.size == 4:
-        return _embedded_of_four(method, work)
+        return _of_four(method, work)
     n, stages = np.uint64(work.sum.size), np.uint64(method.b.size)
     k, out, other, e = work.k, work.sum, work.sum_q, method.estimate
     high, low, first = 0.0, 0.0, 0.0
@@ -109,7 +110,7 @@ def _embedded(method: Method, work: Work) -> tuple[float, float, float]:
 
 
 @inner
-def _embedded_of_four(method: Method, work: Work) -> tuple[float, float, float]:
+def _of_four(method: Method, work: Work) -> tuple[float, float, float]:
     n, k, e = np.uint64(work.sum.size), work.k, method.estimate
     a, b, c, d = e[0], e[1], e[2], e[3]
     a2, b2, c2, d2 = e[4], e[5], e[6], e[7]
@@ -130,7 +131,7 @@ def _embedded_of_four(method: Method, work: Work) -> tuple[float, float, float]:
 
 
 @inner
-def _difference(method: Method, work: Work) -> None:
+def embedded_difference(method: Method, work: Work) -> None:
     """h Σ e_s ξ̈_s / h, whose largest is `high` / h, into `work.sum`."""
     n, out = np.uint64(work.sum.size), work.sum
     zero(out)
@@ -138,6 +139,30 @@ def _difference(method: Method, work: Work) -> None:
         weight, at = method.estimate[s], (THREE * s + ONE) * n
         for i in range(n):
             out[i] += weight * work.k[at + i]
+
+
+@inner
+def remember(judged: Floats, moved: float, unresolved: bool, counts: bool) -> None:
+    """Add the error of a step that `counts`, in parts of the size, to those of the last steps."""
+    recent = judged[RECENT] + (moved - _MEMORY * judged[RECENT])
+    rough = judged[UNRESOLVED] + (pick(unresolved, 1.0, 0.0) - _MEMORY * judged[UNRESOLVED])
+    steps = judged[STEPS] + (1.0 - _MEMORY * judged[STEPS])
+    level = max(recent * (1.0 / LEVEL), rough * (1.0 / MOST_UNRESOLVED))
+    worse = counts & (level > judged[WORST])
+    judged[LOST] = pick(counts, lost_lately(judged, moved), judged[LOST])
+    judged[RECENT] = pick(counts, recent, judged[RECENT])
+    judged[UNRESOLVED] = pick(counts, rough, judged[UNRESOLVED])
+    judged[STEPS] = pick(counts, steps, judged[STEPS])
+    judged[WORST] = pick(worse, level, judged[WORST])
+    judged[WORST_ERROR] = pick(worse, recent, judged[WORST_ERROR])
+    judged[WORST_UNRESOLVED] = pick(worse, rough, judged[WORST_UNRESOLVED])
+    judged[WORST_STEPS] = pick(worse, steps, judged[WORST_STEPS])
+
+
+@inlined
+def lost_lately(judged: Floats, moved: float) -> float:
+    """The errors of about the last 100 steps after one more; above 1 the motion is lost."""
+    return judged[LOST] + (moved - _SHORT_MEMORY * judged[LOST])
 
 
 @inner
@@ -150,16 +175,16 @@ def judge(unit: Unit, system: System, method: Method, work: Work, h: float) -> i
     if method.estimate.size == 0:
         return OK
     judged = work.judged
-    high, low, first = _embedded(method, work)
+    high, low, first = embedded_errors(method, work)
     moved, sharp = 0.0, False
     if high > NOTHING:
         error = high * (high * high / (high * high + low * low))
         moved = h * h * error / system.size
         sharp = error > method.sharp * first
-        if moved > _TELLS or (sharp and moved > _FINEST):
+        if moved > TELLS or (sharp and moved > FINEST):
             if work.aside[0]:
                 linearise_aside(unit, system, work)
-            _difference(method, work)
+            embedded_difference(method, work)
             straighten(unit, system.arms, work.chart, work.sum)
             zero(work.p)
             add_mass_times(unit, system.mass, 1.0, work.sum, work.p)
@@ -169,14 +194,5 @@ def judge(unit: Unit, system: System, method: Method, work: Work, h: float) -> i
                 linearise(unit, system, work, work.q)
         if not moved < 1.0:
             moved = 1.0
-    judged[RECENT] += moved - _MEMORY * judged[RECENT]
-    judged[LOST] += moved - _SHORT_MEMORY * judged[LOST]
-    judged[UNRESOLVED] += (sharp and moved > _FINEST) - _MEMORY * judged[UNRESOLVED]
-    judged[STEPS] += 1.0 - _MEMORY * judged[STEPS]
-    level = max(judged[RECENT] * (1.0 / LEVEL), judged[UNRESOLVED] * (1.0 / MOST_UNRESOLVED))
-    if level > judged[WORST]:
-        judged[WORST] = level
-        judged[WORST_ERROR] = judged[RECENT]
-        judged[WORST_UNRESOLVED] = judged[UNRESOLVED]
-        judged[WORST_STEPS] = judged[STEPS]
+    remember(judged, moved, sharp and moved > FINEST, True)
     return TOO_LONG if judged[LOST] > 1.0 else OK

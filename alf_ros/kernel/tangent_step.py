@@ -28,6 +28,7 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.kernel.arc_coordinates import (
+    begin_momenta,
     choose_arcs,
     components,
     composed,
@@ -84,7 +85,7 @@ def carry_tangents(
         return UNFOLLOWED
     x = min(sigma, felt) / system.ordinary
     scales = scales_of(system, work, phase)
-    choose_arcs(unit, system, work, phase, h)
+    begin_momenta(unit, system, work, phase, choose_arcs(unit, system, work, phase, h))
     _begin(tangents, phase)
     stages = method.b.size
     for s in range(stages):

@@ -6,6 +6,7 @@ import numpy as np
 
 from alf_ros.arrays import Floats, Integers
 from alf_ros.kernel.numba_ext.jit import compiled, inlined, inner
+from alf_ros.kernel.numba_ext.lane_numbers import anywhere, pick, unless
 
 
 @inner
@@ -13,11 +14,11 @@ def count_turns(before: Floats, after: Floats, turns: Integers) -> None:
     """Count the passages of each (x, y) over the negative x axis."""
     for n in range(turns.size):
         x0, y0, x1, y1 = before[2 * n], before[2 * n + 1], after[2 * n], after[2 * n + 1]
-        if (y0 < 0.0) != (y1 < 0.0):
-            if x0 * y1 - x1 * y0 > 0.0:  # counter-clockwise
-                turns[n] += 1 if y1 < 0.0 else 0
-            else:
-                turns[n] -= 1 if y0 < 0.0 else 0
+        crossed = (y0 < 0.0) ^ (y1 < 0.0)
+        if anywhere(crossed):
+            counter_clockwise = x0 * y1 - x1 * y0 > 0.0
+            turns[n] += pick(crossed & counter_clockwise & (y1 < 0.0), 1, 0)
+            turns[n] -= pick(crossed & unless(counter_clockwise) & (y0 < 0.0), 1, 0)
 
 
 @inlined
@@ -27,7 +28,7 @@ def to_a_quarter(y: float, turns: np.int64) -> float:
     This is accurate enough to unwrap the angles of the stages of a step, and needs no arcus
     tangent.
     """
-    return 2.0 * np.pi * turns + (-0.5 * np.pi if y < 0.0 else 0.5 * np.pi)
+    return 2.0 * np.pi * turns + pick(y < 0.0, -0.5 * np.pi, 0.5 * np.pi)
 
 
 @compiled

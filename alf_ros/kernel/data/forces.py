@@ -103,7 +103,7 @@ class Ledger(Struct):
 class Forces(Struct):
     """All forces: effects, reactions that their friction depends on, and the account of work."""
 
-    constant = True
+    constant = common = True
 
     effects: Effects
     bearings: Bearings

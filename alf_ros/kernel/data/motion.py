@@ -14,7 +14,7 @@ from alf_ros.kernel.numba_ext.structs import Struct
 class Method(Struct):
     """A Runge-Kutta method (a, b, c), and how its solves end."""
 
-    constant = True
+    constant = common = True
 
     a: Floats  # (stages, stages)
     b: Floats  # (stages,)
@@ -31,6 +31,8 @@ class Method(Struct):
 @dataclass(frozen=True, eq=False)
 class Phase(Struct):
     """State of the mechanism, where a step begins and where it ends."""
+
+    counted = ('turns',)
 
     q: Floats  # (all blocks D,) m
     qd: Floats  # (all blocks D,) m/s

@@ -16,13 +16,16 @@ from typing import Any
 import numpy as np
 from llvmlite import ir
 from numba import types
+from numba.core import cgutils
+from numba.core.typeconv import Conversion
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
-from numba.extending import lower_builtin, models, register_model
+from numba.extending import lower_builtin, lower_cast, models, register_model
 
 from alf_ros.arrays import Floats, Unit
 from alf_ros.kernel.numba_ext.jit import ONE, THREE, TWO, inlined
+from alf_ros.kernel.numba_ext.lane_numbers import LanesType, lanes_among
 from alf_ros.kernel.numba_ext.plain import lowered
-from alf_ros.kernel.numba_ext.structs import element, load
+from alf_ros.kernel.numba_ext.structs import VectorType, element, load
 
 Block = Any  # a value of BlockType, in compiled code
 
@@ -72,33 +75,80 @@ def _plain_cross(b: Any, c: Any) -> Any:
 
 
 class BlockType(types.Type):
-    """D numbers."""
+    """D numbers, one beside the other in a register; or D times W lanes, each in its own."""
 
-    def __init__(self, D: int) -> None:
-        self.D = D
-        super().__init__(f'block{D}')
+    def __init__(self, D: int, number: Any = types.float64) -> None:
+        self.D, self.number = D, number
+        super().__init__(f'block{D} of {number}')
+
+    @property
+    def in_lanes(self) -> bool:
+        """Whether each of its numbers is one of several members."""
+        return isinstance(self.number, LanesType)
+
+    def can_convert_from(self, typingctx: Any, other: Any) -> Any:
+        """Whether another type becomes this one: a block of one member, of all."""
+        return Conversion.safe if self._takes(other) else None
+
+    def unify(self, typingctx: Any, other: Any) -> Any:
+        """The type of a variable that is either."""
+        return self if self._takes(other) else None
+
+    def _takes(self, other: Any) -> bool:
+        single = isinstance(other, BlockType) and not other.in_lanes
+        return single and self.in_lanes and other.D == self.D
 
 
 @register_model(BlockType)
 class _BlockModel(models.PrimitiveModel):
     def __init__(self, manager: Any, kind: BlockType) -> None:
-        super().__init__(manager, kind, ir.VectorType(_number, kind.D))
+        super().__init__(manager, kind, _stored(kind))
 
 
-def _place(context: Any, builder: Any, kind: Any, vector: Any, i: Any, D: int) -> Any:
-    at = builder.mul(i, i.type(D))
+def _stored(kind: BlockType) -> Any:
+    """Its type for LLVM, in a register and in memory."""
+    if kind.in_lanes:
+        return ir.ArrayType(ir.VectorType(_number, kind.number.W), kind.D)
+    return ir.VectorType(_number, kind.D)
+
+
+def _place(context: Any, builder: Any, kind: Any, vector: Any, i: Any, of: BlockType) -> Any:
+    at = builder.mul(i, i.type(of.D))
     pointer = element(context, builder, kind, vector, at)
-    return builder.bitcast(pointer, ir.VectorType(_number, D).as_pointer())
+    return builder.bitcast(pointer, _stored(of).as_pointer())
+
+
+def _each(kind: BlockType, code: Any, builder: Any, *blocks: Any) -> Any:
+    """`code`(builder, numbers) of blocks: at once, or in lanes one coordinate after another."""
+    if not kind.in_lanes:
+        return code(builder, *blocks)
+    value = ir.Constant(_stored(kind), ir.Undefined)
+    for a in range(kind.D):
+        of = [builder.extract_value(b, a) if b.type == value.type else b for b in blocks]
+        value = builder.insert_value(value, code(builder, *of), a)
+    return value
+
+
+def _block_of(unit: Any, v: Any) -> BlockType:
+    number = v.number if isinstance(v, VectorType) else types.float64
+    return BlockType(len(unit), number if isinstance(number, LanesType) else types.float64)
 
 
 @lowered(_plain_block)
 def block(typing: Any, unit: Any, v: Any, i: Any) -> Any:
     """Block i of v (blocks D,)."""
-    kind = BlockType(len(unit))
+    kind = _block_of(unit, v)
 
     def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        pointer = _place(context, builder, sig.args[1], args[1], args[2], kind.D)
-        return load(builder, pointer, getattr(sig.args[1], 'constant', False), _ALIGNED)
+        pointer = _place(context, builder, sig.args[1], args[1], args[2], kind)
+        constant = getattr(sig.args[1], 'constant', False)
+        if not kind.in_lanes:
+            return load(builder, pointer, constant, _ALIGNED)
+        value = ir.Constant(_stored(kind), ir.Undefined)
+        for a in range(kind.D):
+            at = builder.gep(pointer, [_index(0), _index(a)])
+            value = builder.insert_value(value, load(builder, at, constant), a)
+        return value
 
     return kind(unit, v, types.uint64), code
 
@@ -108,17 +158,30 @@ def put(typing: Any, v: Any, i: Any, b: Any) -> Any:
     """Block i of v (blocks D,) = b."""
 
     def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        pointer = _place(context, builder, sig.args[0], args[0], args[1], sig.args[2].D)
-        builder.store(args[2], pointer, align=_ALIGNED)
+        of = sig.args[2]
+        pointer = _place(context, builder, sig.args[0], args[0], args[1], of)
+        if not of.in_lanes:
+            builder.store(args[2], pointer, align=_ALIGNED)
+        else:
+            for a in range(of.D):
+                at = builder.gep(pointer, [_index(0), _index(a)])
+                builder.store(builder.extract_value(args[2], a), at)
         return context.get_dummy_value()
 
     return types.void(v, types.uint64, b), code
 
 
 def _changed(operation: str, context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    pointer = _place(context, builder, sig.args[0], args[0], args[1], sig.args[2].D)
-    value = getattr(builder, operation)(builder.load(pointer, align=_ALIGNED), args[2])
-    builder.store(value, pointer, align=_ALIGNED)
+    of = sig.args[2]
+    pointer = _place(context, builder, sig.args[0], args[0], args[1], of)
+    change = getattr(builder, operation)
+    if not of.in_lanes:
+        value = change(builder.load(pointer, align=_ALIGNED), args[2])
+        builder.store(value, pointer, align=_ALIGNED)
+        return context.get_dummy_value()
+    for a in range(of.D):
+        at = builder.gep(pointer, [_index(0), _index(a)])
+        builder.store(change(builder.load(at), builder.extract_value(args[2], a)), at)
     return context.get_dummy_value()
 
 
@@ -137,15 +200,19 @@ def subtract(typing: Any, v: Any, i: Any, b: Any) -> Any:
 @lowered(_plain_packed)
 def packed(typing: Any, unit: Any, x: Any, y: Any, z: Any) -> Any:
     """(x, y) in the plane, (x, y, z) in space."""
-    kind = BlockType(len(unit))
+    number = lanes_among((x, y, z)) or types.float64
+    kind = BlockType(len(unit), number)
 
     def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        value = ir.Constant(ir.VectorType(_number, kind.D), ir.Undefined)
+        value = ir.Constant(_stored(kind), ir.Undefined)
         for a in range(kind.D):
-            value = builder.insert_element(value, args[1 + a], _index(a))
+            if kind.in_lanes:
+                value = builder.insert_value(value, args[1 + a], a)
+            else:
+                value = builder.insert_element(value, args[1 + a], _index(a))
         return value
 
-    return kind(unit, types.float64, types.float64, types.float64), code
+    return kind(unit, number, number, number), code
 
 
 @lowered(_plain_dot)
@@ -153,13 +220,20 @@ def dot(typing: Any, b: Any, c: Any) -> Any:
     """The inner product."""
 
     def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        product = builder.fmul(*args)
-        s = builder.extract_element(product, _index(0))
-        for a in range(1, sig.args[0].D):
-            s = builder.fadd(s, builder.extract_element(product, _index(a)))
+        kind = sig.args[0]
+        product = _each(kind, ir.IRBuilder.fmul, builder, *args)
+
+        def of(a: int) -> Any:
+            if kind.in_lanes:
+                return builder.extract_value(product, a)
+            return builder.extract_element(product, _index(a))
+
+        s = of(0)
+        for a in range(1, kind.D):
+            s = builder.fadd(s, of(a))
         return s
 
-    return types.float64(b, c), code
+    return b.number(b, c), code
 
 
 @lowered(_plain_cross)
@@ -167,23 +241,42 @@ def cross(typing: Any, b: Any, c: Any) -> Any:
     """b × c, in space; in the plane nothing that counts."""
 
     def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        D = sig.args[0].D
+        kind = sig.args[0]
+        D = kind.D
 
         def turned(value: Any, by: int) -> Any:
+            if kind.in_lanes:
+                parts = [builder.extract_value(value, (a + by) % D) for a in range(D)]
+                for a, part in enumerate(parts):
+                    value = builder.insert_value(value, part, a)
+                return value
             order = ir.Constant(ir.VectorType(_index, D), [(a + by) % D for a in range(D)])
             return builder.shuffle_vector(value, value, order)
 
-        one = builder.fmul(turned(args[0], 1), turned(args[1], 2))
-        return builder.fsub(one, builder.fmul(turned(args[0], 2), turned(args[1], 1)))
+        times = ir.IRBuilder.fmul
+        one = _each(kind, times, builder, turned(args[0], 1), turned(args[1], 2))
+        other = _each(kind, times, builder, turned(args[0], 2), turned(args[1], 1))
+        return _each(kind, ir.IRBuilder.fsub, builder, one, other)
 
     return b(b, c), code
 
 
+@lower_cast(BlockType, BlockType)
+def _in_lanes(context: Any, builder: Any, of: BlockType, to: BlockType, value: Any) -> Any:
+    made = ir.Constant(_stored(to), ir.Undefined)
+    for a in range(of.D):
+        number = builder.extract_element(value, _index(a))
+        number = context.cast(builder, number, of.number, to.number)
+        made = builder.insert_value(made, number, a)
+    return made
+
+
 class _Of(AbstractTemplate):
     def generic(self, args: Any, kws: Any) -> Any:
-        if len(args) == 2 and isinstance(args[0], BlockType) and args[0] == args[1]:
-            return signature(args[0], *args)
-        return None
+        if len(args) != 2 or not all(isinstance(kind, BlockType) for kind in args):
+            return None
+        kind = next((kind for kind in args if kind.in_lanes), args[0])
+        return signature(kind, kind, kind)
 
 
 @infer_global(operator.add)
@@ -199,8 +292,10 @@ class _Sub(_Of):
 @infer_global(operator.mul)
 class _Mul(AbstractTemplate):
     def generic(self, args: Any, kws: Any) -> Any:
-        if isinstance(args[0], types.Float) and isinstance(args[1], BlockType):
-            return signature(args[1], types.float64, args[1])
+        if not isinstance(args[1], BlockType):
+            return None
+        if isinstance(args[0], types.Float) or args[0] == args[1].number:
+            return signature(args[1], args[1].number, args[1])
         return None
 
 
@@ -208,23 +303,27 @@ class _Mul(AbstractTemplate):
 class _Coordinate(AbstractTemplate):
     def generic(self, args: Any, kws: Any) -> Any:
         if isinstance(args[0], BlockType) and isinstance(args[1], types.Integer):
-            return signature(types.float64, args[0], types.uint64)
+            return signature(args[0].number, args[0], types.uint64)
         return None
 
 
 @lower_builtin(operator.add, BlockType, BlockType)
 def _add(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    return builder.fadd(*args)
+    return _each(sig.return_type, ir.IRBuilder.fadd, builder, *args)
 
 
 @lower_builtin(operator.sub, BlockType, BlockType)
 def _sub(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    return builder.fsub(*args)
+    return _each(sig.return_type, ir.IRBuilder.fsub, builder, *args)
 
 
+@lower_builtin(operator.mul, LanesType, BlockType)
 @lower_builtin(operator.mul, types.float64, BlockType)
 def _mul(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    D = sig.args[1].D
+    kind = sig.args[1]
+    if kind.in_lanes:
+        return _each(kind, ir.IRBuilder.fmul, builder, *args)
+    D = kind.D
     empty = ir.Constant(ir.VectorType(_number, D), ir.Undefined)
     one = builder.insert_element(empty, args[0], _index(0))
     firsts = ir.Constant(ir.VectorType(_index, D), [0] * D)
@@ -233,7 +332,13 @@ def _mul(context: Any, builder: Any, sig: Any, args: Any) -> Any:
 
 @lower_builtin(operator.getitem, BlockType, types.Integer)
 def _coordinate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    return builder.extract_element(*args)
+    kind = sig.args[0]
+    if not kind.in_lanes:
+        return builder.extract_element(*args)
+    if isinstance(args[1], ir.Constant):
+        return builder.extract_value(args[0], args[1].constant)
+    stored = cgutils.alloca_once_value(builder, args[0])
+    return builder.load(builder.gep(stored, [_index(0), args[1]]))
 
 
 @inlined

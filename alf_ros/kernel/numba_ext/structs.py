@@ -49,6 +49,7 @@ from numba.extending import (
 )
 from numba.np.numpy_support import as_dtype
 
+from alf_ros.kernel.numba_ext.lane_numbers import LanesType
 from alf_ros.kernel.numba_ext.plain import View, flat, lowered
 
 S = TypeVar('S', bound='Struct')
@@ -60,9 +61,16 @@ _word = ir.IntType(64)
 class VectorType(types.Type):
     """A pointer to numbers and how many they are; `constant` if nobody writes them."""
 
-    def __init__(self, number: types.Number, constant: bool) -> None:
+    def __init__(self, number: types.Number | LanesType, constant: bool) -> None:
         self.number, self.constant = number, constant
         super().__init__(f'{"const " if constant else ""}{number}*')
+
+
+def _dtype(part: types.Type) -> Any:
+    """Of an array in a field; None of other fields."""
+    if not isinstance(part, VectorType):
+        return None
+    return as_dtype(types.float64 if isinstance(part.number, LanesType) else part.number)
 
 
 class StructType(types.Type):
@@ -72,7 +80,7 @@ class StructType(types.Type):
     def __init__(self, name: str, parts: tuple[tuple[str, int, types.Type], ...]) -> None:
         self.parts = parts
         self.words = tuple(
-            (name, as_dtype(part.number) if isinstance(part, VectorType) else None)
+            (name, _dtype(part))
             for name, _, part in parts
             if not isinstance(part, types.UniTuple)
         )
@@ -89,6 +97,8 @@ class Struct:
     """
 
     constant: ClassVar[bool] = False
+    common: ClassVar[bool] = False
+    counted: ClassVar[tuple[str, ...]] = ()
     addresses: ClassVar[tuple[str, ...]] = ()
     borrowed: ClassVar[tuple[str, ...]] = ()
     _table: ClassVar[Any]
@@ -261,6 +271,9 @@ def _field(context: Any, builder: Any, kind: StructType, table: Any, name: str) 
         return builder.inttoptr(read(word), table.type)
     if isinstance(part, types.UniTuple):
         return context.get_constant_null(part)
+    if isinstance(part, LanesType):  # the word is where they stand
+        numbers = context.get_value_type(part).as_pointer()
+        return load(builder, builder.inttoptr(read(word), numbers), True)
     return builder.bitcast(read(word), context.get_value_type(part))
 
 
@@ -299,6 +312,7 @@ def _get(context: Any, builder: Any, sig: Any, args: Any) -> Any:
 
 
 @lower_builtin(operator.setitem, VectorType, types.Integer, types.Number)
+@lower_builtin(operator.setitem, VectorType, types.Integer, LanesType)
 def _set(context: Any, builder: Any, sig: Any, args: Any) -> Any:
     builder.store(args[2], element(context, builder, sig.args[0], *args[:2]))
     return context.get_dummy_value()

@@ -1,0 +1,34 @@
+"""The members that a group of lanes steps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from alf_ros.arrays import Addresses, Floats, Integers
+from alf_ros.kernel.numba_ext.structs import Struct
+
+
+@dataclass(frozen=True, eq=False)
+class Crew(Struct):
+    """Where the data of each member stand, and functions for one of them."""
+
+    addresses = ('problem', 'phase', 'alone', 'forces', 'drives')
+
+    problem: Addresses  # (W,) of its Problem
+    phase: Addresses  # (W,) of its Phase
+    alone: Addresses  # (1,) of the function that takes steps of one member
+    forces: Addresses  # (1,) of the function that puts Q of one member into its work
+    drives: Addresses  # (1,) of the function that places its prescribed blocks
+    result: Integers  # (W,) of the steps of each
+    apart: Integers  # (W,) steps that each took alone
+    told: Floats  # (3,) result of steps alone, how many they were, most iterations
+
+
+@dataclass(frozen=True, eq=False)
+class Progress(Struct):
+    """How far a member is; in lanes all of them."""
+
+    index: Floats  # (1,) number of its steps, a whole number
+    target: Floats  # (1,) number of steps at which it is done
+    t: Floats  # (1,) s, of the stage
+    most: Floats  # (1,) most iterations in one solve

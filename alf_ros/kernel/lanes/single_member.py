@@ -1,0 +1,111 @@
+"""What a group does for one member after another: forces, prescribed motions, steps alone.
+
+Effects and drives are functions of one mechanism, called by their addresses. They read and write
+the workspace of the member itself.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numba import types
+
+from alf_ros.arrays import Floats
+from alf_ros.kernel.augmented_solve import apply
+from alf_ros.kernel.data import Phase, Problem, Span, Work
+from alf_ros.kernel.data.crew import Crew, Progress
+from alf_ros.kernel.fixed_steps import advance
+from alf_ros.kernel.numba_ext.calls import call
+from alf_ros.kernel.numba_ext.jit import ZERO, by_address, inner
+from alf_ros.kernel.numba_ext.lane_structs import lane, set_lane, struct_at
+from alf_ros.kernel.prescribed import prescribe
+
+
+@inner
+def put_lane(of: Floats, to: Floats, n: np.uint64, l: np.uint64) -> None:
+    """The first n numbers of lane l, to those of a member."""
+    for i in range(ZERO, n):
+        to[i] = lane(of, i, l)
+
+
+@inner
+def take_lane(of: Floats, to: Floats, first: np.uint64, n: np.uint64, l: np.uint64) -> None:
+    """The numbers of a member from the first on, before the n-th, into lane l."""
+    for i in range(first, n):
+        set_lane(to, i, l, of[i])
+
+
+@inner
+def lane_forces(problem: Problem, of: Problem, crew: Crew, progress: Progress) -> None:
+    """Q at q, q̇ of `problem`, which is that of all lanes. `of`: any member."""
+    work = problem.work
+    n, whole = np.uint64(work.p.size), np.uint64(work.q.size)
+    for l in range(ZERO, np.uint64(crew.problem.size)):
+        member = struct_at(of, crew.problem[l])
+        put_lane(work.q, member.work.q, n, l)
+        put_lane(work.qd, member.work.qd, n, l)
+        call(crew.forces[0], member, lane(progress.t, ZERO, l))
+        take_lane(member.work.Q, work.Q, ZERO, whole, l)
+
+
+@inner
+def lane_drives(problem: Problem, of: Problem, crew: Crew, progress: Progress) -> None:
+    """Position, velocity and acceleration of prescribed blocks."""
+    if problem.system.prescribed.program.size == 0:
+        return
+    work = problem.work
+    n, whole = np.uint64(work.p.size), np.uint64(work.q.size)
+    for l in range(ZERO, np.uint64(crew.problem.size)):
+        member = struct_at(of, crew.problem[l])
+        call(crew.drives[0], member, lane(progress.t, ZERO, l))
+        take_lane(member.work.q, work.q, n, whole, l)
+        take_lane(member.work.qd, work.qd, n, whole, l)
+        take_lane(member.work.qdd, work.qdd, n, whole, l)
+
+
+@inner
+def give_phase(phase: Phase, work: Work, to: Phase, of: Problem, l: np.uint64) -> None:
+    """State and judgement of lane l, to its member."""
+    put_lane(phase.q, to.q, np.uint64(to.q.size), l)
+    put_lane(phase.qd, to.qd, np.uint64(to.q.size), l)
+    put_lane(phase.within, to.within, np.uint64(1), l)
+    put_lane(work.judged, of.work.judged, np.uint64(work.judged.size), l)
+    for i in range(ZERO, np.uint64(to.turns.size)):
+        to.turns[i] = np.int64(lane(phase.turns, i, l))
+
+
+@inner
+def take_phase(phase: Phase, work: Work, of: Phase, member: Problem, l: np.uint64) -> None:
+    """The inverse of `give_phase`."""
+    take_lane(of.q, phase.q, ZERO, np.uint64(of.q.size), l)
+    take_lane(of.qd, phase.qd, ZERO, np.uint64(of.q.size), l)
+    take_lane(of.within, phase.within, ZERO, np.uint64(1), l)
+    take_lane(member.work.judged, work.judged, ZERO, np.uint64(work.judged.size), l)
+    for i in range(ZERO, np.uint64(of.turns.size)):
+        set_lane(phase.turns, i, l, float(of.turns[i]))
+
+
+def _apply(problem: Problem, t: float) -> None:
+    apply(problem, t)
+
+
+def _prescribe(problem: Problem, t: float) -> None:
+    work = problem.work
+    prescribe(problem.system, t, work.q, work.qd, work.qdd)
+
+
+def _advance(problem: Problem, phase: Phase, h: float, steps: int, told: Floats) -> None:
+    span = Span(0.0, phase.step[0], steps, h)
+    result, taken, most = advance(problem, phase, None, span, False)
+    told[0], told[1], told[2] = float(result), float(taken), float(most)
+
+
+@cache
+def functions_of_members(dimension: int) -> tuple[Any, Any, Any]:
+    """Compiled for 2 or 3 dimensions: steps of a member alone, its forces, its drives."""
+    problem, phase = Problem._numba_type(dimension), Phase._numba_type()
+    now = types.void(problem, types.float64)
+    steps = types.void(problem, phase, types.float64, types.int64, types.CPointer(types.float64))
+    return by_address(steps)(_advance), by_address(now)(_apply), by_address(now)(_prescribe)

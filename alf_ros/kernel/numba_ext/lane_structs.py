@@ -1,0 +1,137 @@
+"""Structs whose numbers are those of several members side by side: see `lane_numbers`.
+
+`LaneStruct` is made of structs of one class. Whole numbers are the pattern, which all members
+share; fields that a class names in `counted` are numbers of each member too, and a class that is
+`common` is shared as it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+from alf_ros.arrays import Floats
+from alf_ros.kernel.numba_ext.lane_numbers import LanesType
+from alf_ros.kernel.numba_ext.structs import Struct, StructType, VectorType, element
+
+_LINE = 64  # bytes, of the cache: a register of 8 lanes is one
+_types: dict[tuple[type[Struct], int, int], StructType] = {}
+
+
+def lane_type(cls: type[Struct], D: int, W: int) -> StructType:
+    """The type of a `LaneStruct` of structs of a class, D the length of its `unit`."""
+    if (cls, D, W) not in _types:
+        parts, word = [], 0
+        for name, _, part in cls._numba_type(D).parts:
+            hint = cls._hints()[name]
+            if name in cls.counted or (
+                isinstance(part, VectorType) and part.number == types.float64
+            ):
+                part = VectorType(LanesType(W), cls.constant)
+            elif part == types.float64:
+                part = LanesType(W)
+            elif isinstance(part, StructType) and not hint.common:
+                part = lane_type(hint, D if _has_unit(hint) else 0, W)
+            parts.append((name, word, part))
+            if name != 'unit':
+                word += 2 if isinstance(part, VectorType) else 1
+        name = f'{W} {cls._numba_type(D).name}'
+        _types[cls, D, W] = StructType(name, tuple(parts))
+    return _types[cls, D, W]
+
+
+def _has_unit(cls: type[Struct]) -> bool:
+    return any(field.name == 'unit' for field in fields(cls))
+
+
+class LaneStruct:
+    """Structs of one class side by side: arrays (numbers, W), a copy; patterns are the first's."""
+
+    _table: Any
+    _address: int
+
+    def __init__(self, members: Sequence[Struct]) -> None:
+        first, W = members[0], len(members)
+        self._numba_type_ = lane_type(type(first), len(getattr(first, 'unit', ())), W)
+        words: list[int] = []
+        for name, _, part in self._numba_type_.parts:
+            value: Any = getattr(first, name)
+            if isinstance(part, (VectorType, LanesType)) and value_in_lanes(part):
+                value = _side_by_side([getattr(member, name) for member in members])
+                words.append(value.ctypes.data)
+                if isinstance(part, VectorType):
+                    words.append(len(value))
+            elif isinstance(part, VectorType):
+                if not type(first).constant:
+                    value = value.copy()
+                words += (value.ctypes.data, value.size)
+            elif isinstance(part, StructType):
+                if not type(value).common:
+                    value = LaneStruct([getattr(member, name) for member in members])
+                words.append(value._address)
+            elif name != 'unit':
+                words.append(int(value))
+            setattr(self, name, value)
+        self._table = np.array(words, dtype=np.uint64)
+        self._address = self._table.ctypes.data
+
+
+def value_in_lanes(part: Any) -> bool:
+    """Whether a field holds numbers of each member."""
+    return isinstance(part, LanesType) or isinstance(part.number, LanesType)
+
+
+def _side_by_side(values: Sequence[Any]) -> Floats:
+    """(numbers, W) where lines of the cache begin."""
+    first = np.asarray(values[0])
+    size, W = first.size, len(values)
+    room = np.zeros(size * W + _LINE // 8)
+    begin = (-room.ctypes.data % _LINE) // 8
+    array = room[begin : begin + size * W].reshape(size, W)
+    for l, value in enumerate(values):
+        array[:, l] = np.asarray(value).reshape(-1)
+    return array
+
+
+@intrinsic
+def struct_at(typing: Any, like: Any, address: Any) -> Any:
+    """The struct at an address, of the type of another."""
+
+    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return builder.inttoptr(args[1], args[0].type)
+
+    return like(like, types.uint64), code
+
+
+def _lane(context: Any, builder: Any, kind: Any, args: Any) -> Any:
+    """Where number args[1] of the member in lane args[2] stands."""
+    pointer = element(context, builder, kind, args[0], args[1])
+    numbers = builder.bitcast(pointer, ir.DoubleType().as_pointer())
+    return builder.gep(numbers, [args[2]])
+
+
+@intrinsic
+def lane(typing: Any, v: Any, i: Any, l: Any) -> Any:
+    """Number i of v, of the member in lane l."""
+
+    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return builder.load(_lane(context, builder, sig.args[0], args))
+
+    return types.float64(v, types.uint64, types.uint64), code
+
+
+@intrinsic
+def set_lane(typing: Any, v: Any, i: Any, l: Any, x: Any) -> Any:
+    """Number i of v, of the member in lane l, = x."""
+
+    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        builder.store(args[3], _lane(context, builder, sig.args[0], args[:3]))
+        return context.get_dummy_value()
+
+    return types.void(v, types.uint64, types.uint64, types.float64), code
