@@ -33,10 +33,10 @@ from alf_ros.kernel.prescribed import bias
 from alf_ros.kernel.stopping import LEFT
 from alf_ros.kernel.triangular_solve import solve, step_by
 
-_DIRECTIONS = 40  # of conjugate gradients, at most
+DIRECTIONS = 40  # of conjugate gradients, at most
 _REFINEMENTS = 2  # rounds after conjugate gradients, which remove the rounding they bring
 NOISE = 8.0 * EPS  # part of x by which rows are off by rounding
-_ROUNDING = 1e-12  # of an eigenvalue
+ROUNDING = 1e-12  # of an eigenvalue
 
 
 @compiled
@@ -119,7 +119,7 @@ def finish(
     for r in range(m):
         z[r] = rows.alpha[r] * r2[r]
         rho += r2[r] * z[r]
-    for _ in range(_DIRECTIONS):
+    for _ in range(DIRECTIONS):
         floor = max(limits.noise, NOISE * largest(x, n), NOTHING)
         if rho <= system.penalty * system.mean * floor * floor:
             return least
@@ -133,7 +133,7 @@ def finish(
         for r in range(m):
             zw += z[r] * w[r]
             zz += z[r] * z[r] / rows.alpha[r]
-        if not zw > _ROUNDING * zz:
+        if not zw > ROUNDING * zz:
             return least
         sigma = np.sqrt(zw / (system.penalty * max(zz - zw, EPS * zz)))
         beta = rho / zw

@@ -17,11 +17,11 @@ from alf_ros.kernel.numba_ext.vectors import zero
 from alf_ros.kernel.status import NOT_CLOSED, NOT_POSITIVE, OK
 from alf_ros.kernel.triangular_solve import solve
 
-_FAINT = 4.0  # times the gap: σ below which a mode may be an artefact of the gap
+FAINT = 4.0  # times the gap: σ below which a mode may be an artefact of the gap
 CLOSED = 0.6  # rounding units: an error of q turns rows beside a singular position
-_ROUNDED = 0.3  # rounding units, of a stage
+ROUNDED = 0.3  # rounding units, of a stage
 _DISTINCT = 0.1  # part of the distance that is too close to a singular position
-_FURTHEST = 0.1  # part of the distance to a singular position that a correction may go across
+FURTHEST = 0.1  # part of the distance to a singular position that a correction may go across
 
 
 @inner
@@ -77,8 +77,8 @@ def correct_exactly(unit: Unit, system: System, work: Work, gap: float, furthest
     Off Φ = 0 by `gap` (m), rows that depend on others look as if they were about that far from it.
     Such modes are left out, and so are modes that ask for more than `furthest` (m) times their σ.
     """
-    faintest = _FAINT * gap / system.size
-    limits = ModeLimits(_ROUNDED * EPS * system.size, faintest, furthest)
+    faintest = FAINT * gap / system.size
+    limits = ModeLimits(ROUNDED * EPS * system.size, faintest, furthest)
     _correct_modes(unit, system, work, limits)
 
 
@@ -133,7 +133,7 @@ def project(unit: Unit, system: System, work: Work, exactly: bool) -> int:
             fresh = True
         before = gap
         if fresh:
-            correct_exactly(unit, system, work, gap, _FURTHEST * size)
+            correct_exactly(unit, system, work, gap, FURTHEST * size)
         else:
             correct(unit, system, work)
     return NOT_CLOSED
@@ -209,7 +209,7 @@ def _project_exactly(unit: Unit, system: System, work: Work) -> int:
         gap = _opening(unit, system.rows, work.q, work.r2, True)
         if not linearise(unit, system, work, work.q):
             return NOT_POSITIVE
-        if gap <= _ROUNDED * EPS * system.size or gap > 0.5 * before:
+        if gap <= ROUNDED * EPS * system.size or gap > 0.5 * before:
             break
         before = gap
     correct_at_last(unit, system, work)

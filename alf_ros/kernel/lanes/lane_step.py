@@ -4,9 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
-from alf_ros.arrays import Unit
 from alf_ros.kernel.arc_coordinates import (
     begin_momenta,
     choose_arcs,
@@ -14,9 +11,10 @@ from alf_ros.kernel.arc_coordinates import (
     shift_along_path,
     unfold,
 )
-from alf_ros.kernel.data import EPS, Phase, Problem, System, Work
+from alf_ros.kernel.data import Phase, Problem
 from alf_ros.kernel.data.crew import Crew, Progress
 from alf_ros.kernel.lanes.lane_judge import judge_lanes
+from alf_ros.kernel.lanes.lane_projection import project_lanes
 from alf_ros.kernel.lanes.lane_solve import (
     are_factored,
     lane_accelerations,
@@ -27,15 +25,13 @@ from alf_ros.kernel.lanes.single_member import lane_drives, lane_forces
 from alf_ros.kernel.ldl import assemble, linearise, solve_on
 from alf_ros.kernel.lost_rank import fallen, note_det
 from alf_ros.kernel.numba_ext.jit import ONE, ZERO, inner
-from alf_ros.kernel.numba_ext.lane_numbers import anywhere, mostly, nowhere, pick, unless
+from alf_ros.kernel.numba_ext.lane_numbers import mostly, nowhere, pick, unless
 from alf_ros.kernel.numba_ext.vectors import copy
-from alf_ros.kernel.projection import CLOSED, begin_correction, correct, opening
+from alf_ros.kernel.projection import begin_correction
 from alf_ros.kernel.step import add_up, lag_of_stage
 
 Lanes = Any
 Mask = Any
-
-_TRIES = 50  # corrections of an end, as of a single mechanism
 
 
 @inner
@@ -111,7 +107,7 @@ def _end(problem: Problem, good: Mask) -> tuple[Lanes, Mask]:
     """The end of a step, q and p' in `work`, onto Φ = 0, with Φ_q and factor, and q̇; returns what
     `_stage` does."""
     unit, system, work = problem.unit, problem.system, problem.work
-    good = _project(unit, system, work, good)
+    good = project_lanes(unit, system, work, good)
     linearise(unit, system, work, work.q)
     note_det(unit, work)
     good = good & are_factored(unit, work) & unless(fallen(work))
@@ -120,29 +116,3 @@ def _end(problem: Problem, good: Mask) -> tuple[Lanes, Mask]:
     for i in range(work.p.size):
         check += work.q[i] + work.qd[i]
     return rounds, good & (check - check == 0.0)
-
-
-@inner
-def _project(unit: Unit, system: System, work: Work, good: Mask) -> Mask:
-    """Bring q onto Φ = 0 along M, with Φ_q and factor of the last stage; returns the lanes where
-    they are good enough for that."""
-    n = work.p.size
-    going, kept, before = good, good & unless(good), pick(good, np.inf, np.inf)
-    for _ in range(_TRIES):
-        gap = opening(unit, system.rows, work.q, work.r2)
-        closed = going & (gap <= CLOSED * EPS * system.size)
-        going = going & unless(closed)
-        slow = going & (gap > 0.1 * before)
-        going, good = going & unless(slow), good & unless(slow)
-        if nowhere(going):
-            break
-        if anywhere(closed):
-            kept = kept | closed
-            for i in range(n):
-                work.base[i] = pick(closed, work.q[i], work.base[i])
-        before = gap
-        correct(unit, system, work)
-    if anywhere(kept):
-        for i in range(n):
-            work.q[i] = pick(kept, work.base[i], work.q[i])
-    return good & unless(going)
