@@ -179,6 +179,15 @@ class Stepper:
             self._tangents = known
         return known[1]
 
+    def problem_of(self, present: Present) -> Problem:
+        """The problem of the steps from the present."""
+        return self._problem(self.work, present.applied.assembled)
+
+    @property
+    def is_implicit(self) -> bool:
+        """Whether the method solves for its stages."""
+        return self._kernel is kernel.advance_implicitly
+
     def _problem(self, work: Work, forces: Forces) -> Problem:
         """The problem of the kernel; replaced when held inputs change."""
         known = self._problems.get(work is self.work)

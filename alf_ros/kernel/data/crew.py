@@ -1,4 +1,4 @@
-"""The members that a group of lanes steps."""
+"""The members that groups of lanes step."""
 
 from __future__ import annotations
 
@@ -32,3 +32,15 @@ class Progress(Struct):
     target: Floats  # (1,) number of steps at which it is done
     t: Floats  # (1,) s, of the stage
     most: Floats  # (1,) most iterations in one solve
+
+
+@dataclass(frozen=True, eq=False)
+class Groups(Struct):
+    """Where the data of each group stand."""
+
+    addresses = ('problem', 'phase', 'progress', 'crew')
+
+    problem: Addresses  # (groups,) of the Problem in lanes
+    phase: Addresses  # (groups,) of the Phase in lanes
+    progress: Addresses  # (groups,) of the Progress in lanes
+    crew: Addresses  # (groups,) of the Crew

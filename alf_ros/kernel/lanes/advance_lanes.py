@@ -8,7 +8,7 @@ import numpy as np
 
 from alf_ros.kernel.constraints import violation
 from alf_ros.kernel.data import Phase, Problem
-from alf_ros.kernel.data.crew import Crew, Progress
+from alf_ros.kernel.data.crew import Crew, Groups, Progress
 from alf_ros.kernel.lanes.lane_solve import are_factored
 from alf_ros.kernel.lanes.lane_step import lane_step
 from alf_ros.kernel.lanes.single_member import give_phase, put_lane, take_phase
@@ -33,18 +33,46 @@ _ALONE = 8.0  # steps of a member that left, before it comes back
 def advance_lanes(
     problem: Problem,
     phase: Phase,
+    progress: Progress,
+    crew: Crew,
     of: Problem,
     of_phase: Phase,
-    crew: Crew,
+    groups: Groups,
+    h: float,
+) -> int:
+    """Take steps of h (s), group by group, until the index of each member is its target, or one of
+    its steps has failed.
+
+    `problem`, `phase`, `progress` and `crew` are of any group, `of` and `of_phase` of any member.
+    States are read from the members and given back to them. Returns -1, or the number of the group
+    that was stopped.
+    """
+    for g in range(ZERO, np.uint64(groups.crew.size)):
+        done = _advance(
+            struct_at(problem, groups.problem[g]),
+            struct_at(phase, groups.phase[g]),
+            struct_at(progress, groups.progress[g]),
+            struct_at(crew, groups.crew[g]),
+            of,
+            of_phase,
+            h,
+        )
+        if not done:
+            return np.int64(g)
+    return -1
+
+
+@inner
+def _advance(
+    problem: Problem,
+    phase: Phase,
     progress: Progress,
+    crew: Crew,
+    of: Problem,
+    of_phase: Phase,
     h: float,
 ) -> bool:
-    """Take steps of h (s) until the index of each member is its target, or one of its steps has
-    failed; returns False if the call was stopped before.
-
-    `problem`, `phase` and `progress` hold all members in lanes; the states are read from the
-    members and given back to them. `of`, `of_phase`: of any member.
-    """
+    """The same of one group; returns whether it was not stopped."""
     unit, system, work = problem.unit, problem.system, problem.work
     members = np.uint64(crew.problem.size)
     for l in range(ZERO, members):

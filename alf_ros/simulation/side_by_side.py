@@ -1,0 +1,221 @@
+"""Simulations of one mechanism with other numbers, stepped side by side in vector registers.
+
+Each has the bits of its steps alone, and remains a Simulation: between two calls it can be read,
+restored, or stepped by itself.
+"""
+
+from __future__ import annotations
+
+import copy
+import time
+from collections.abc import Sequence
+from contextlib import ExitStack
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from alf_ros.arrays import Addresses
+from alf_ros.errors import AlfError, BusyError, InputError
+from alf_ros.kernel import Phase, Problem, Status
+from alf_ros.kernel.data.crew import Crew, Groups, Progress
+from alf_ros.kernel.lanes.advance_lanes import advance_lanes
+from alf_ros.kernel.lanes.single_member import functions_of_members
+from alf_ros.kernel.numba_ext.lane_structs import LaneStruct
+from alf_ros.kernel.numba_ext.plain import PLAIN
+from alf_ros.simulation import input_checks as check
+from alf_ros.simulation.listening import Listener
+from alf_ros.simulation.simulation import Simulation
+
+WIDTHS = 2, 4, 8  # members that a register may hold
+
+
+@cache
+def width() -> int:
+    """How many numbers a register of this processor holds."""
+    import llvmlite.binding as llvm
+
+    features = llvm.get_host_cpu_features()
+    return 8 if features.get('avx512f') else 4 if features.get('avx2') else 2
+
+
+class _Group:
+    """As many members as a register has lanes, of one pattern. Lanes without a member hold a copy
+    of the first, which has no steps to take."""
+
+    def __init__(self, members: Sequence[Simulation], lanes: int) -> None:
+        self.members = list(members)
+        spare = [copy.copy(members[0]) for _ in range(lanes - len(members))]
+        self._all = [*members, *spare]
+        problems, phases = self._problems(), self._phases()
+        self.problem, self.phase = LaneStruct(problems), LaneStruct(phases)
+        self.progress = LaneStruct([Progress(*np.zeros((4, 1))) for _ in self._all])
+        steps, forces, drives = functions_of_members(len(problems[0].unit))
+        self.crew = Crew(
+            _addresses(problems),
+            _addresses(phases),
+            _address(steps),
+            _address(forces),
+            _address(drives),
+            np.zeros(lanes, dtype=np.int64),
+            np.zeros(lanes, dtype=np.int64),
+            np.zeros(3),
+        )
+        self.listener = Listener(self.problem.work)  # type: ignore[attr-defined]
+
+    def _problems(self) -> list[Problem]:
+        return [each._stepper.problem_of(each._present) for each in self._all]
+
+    def _phases(self) -> list[Phase]:
+        return [each._present.phase for each in self._all]
+
+    def begin(self, n: int) -> tuple[Problem, Phase]:
+        """Set the targets n steps ahead; returns problem and phase of a member."""
+        problems, phases = self._problems(), self._phases()
+        self.crew.problem[:], self.crew.phase[:] = _addresses(problems), _addresses(phases)
+        self.crew.apart[:] = self.crew.result[:] = 0
+        index = np.array([each.step_index for each in self._all], dtype=float)
+        self._first = index[: len(self.members)]
+        ahead = np.zeros(len(index))
+        ahead[: len(self.members)] = n
+        progress: Any = self.progress
+        progress.most[:], progress.target[0] = 0.0, index + ahead
+        for each in self.members:
+            each._stepper.work.crossing[1] = 0.0
+        return problems[0], phases[0]
+
+    def end(self, cost: float) -> dict[int, AlfError]:
+        """Count what has been done, `cost` (s) a step; returns the failures by member."""
+        progress: Any = self.progress
+        failed: dict[int, AlfError] = {}
+        for l, each in enumerate(self.members):
+            taken = each.step_index - int(self._first[l])
+            stepper, alone = each._stepper, int(self.crew.apart[l])
+            stepper.work.evaluations[0] += each.stages * (taken - alone)
+            stepper.iterations = int(progress.most[0, l])
+            if taken > alone:
+                stepper.work.aside[:] = 0
+            if taken:
+                each._step_cost = cost
+            status = Status(int(self.crew.result[l]))
+            if status != Status.OK:
+                failed[l] = stepper.error(status, each._present)
+        return failed
+
+
+class SideBySide:
+    """Simulations that are stepped together, as many at once as a register has numbers.
+
+    They have one step and method, and may differ in all else; those whose mechanisms have one
+    pattern share registers. `are_possible` says which simulations have a place here. `lanes`: how
+    many numbers a register holds, that of this processor if absent. Raises InputError for a
+    simulation that has no place here.
+    """
+
+    def __init__(self, simulations: Sequence[Simulation], lanes: int | None = None) -> None:
+        self.simulations = tuple(simulations)
+        self.lanes = check.whole(width() if lanes is None else lanes, 'lanes', 2)
+        if self.lanes not in WIDTHS:
+            raise InputError('not usable', key='lanes', value=lanes, expected='2, 4 or 8')
+        patterns: dict[bytes, list[int]] = {}
+        for k, each in enumerate(self.simulations):
+            why = no_place(each)
+            if why:
+                raise InputError(why, key=f'simulations[{k}]', value=each.solver.integrator)
+            patterns.setdefault(_pattern(each), []).append(k)
+        if len({(each.h, each.solver.integrator) for each in self.simulations}) > 1:
+            raise InputError('not of one step and integrator', key='simulations')
+        self._groups: list[tuple[list[int], _Group]] = []
+        for places in patterns.values():
+            for first in range(0, len(places), self.lanes):
+                some = places[first : first + self.lanes]
+                group = _Group([self.simulations[k] for k in some], self.lanes)
+                self._groups.append((some, group))
+        self._by_dimension: dict[int, list[tuple[list[int], _Group]]] = {}
+        for places, group in self._groups:
+            dimension = group.members[0].model.layout.dimension
+            self._by_dimension.setdefault(dimension, []).append((places, group))
+
+    def step(self, n: int = 1) -> dict[int, AlfError]:
+        """n steps of each simulation in one compiled call; returns the failures, StepErrors, by
+        number of the simulation: these stand at the end of their last whole step.
+
+        Raises StoppedError or the exception of a signal handler if the call is interrupted, and
+        BusyError if another thread uses one of the simulations.
+        """
+        last = max((each.step_index for each in self.simulations), default=0)
+        n = check.whole(n, 'n', 0, check.MOST_STEPS - last)
+        failed: dict[int, AlfError] = {}
+        with ExitStack() as stack:
+            for each in self.simulations:
+                if each._lock.locked():
+                    raise BusyError(type(self).__name__, 'step')
+                stack.enter_context(each._lock)
+            for groups in self._by_dimension.values():
+                failed |= _stepped(groups, n)
+        return failed
+
+
+def _stepped(groups: list[tuple[list[int], _Group]], n: int) -> dict[int, AlfError]:
+    started = time.perf_counter()
+    begun = [group.begin(n) for _, group in groups]
+    first, (of, of_phase) = groups[0][1], begun[0]
+    h = first.members[0].h
+    where = Groups(
+        _addresses([group.problem for _, group in groups]),
+        _addresses([group.phase for _, group in groups]),
+        _addresses([group.progress for _, group in groups]),
+        _addresses([group.crew for _, group in groups]),
+    )
+    stopped = advance_lanes(
+        first.problem, first.phase, first.progress, first.crew, of, of_phase, where, h
+    )
+    cost = (time.perf_counter() - started) / max(1, n * sum(len(places) for places, _ in groups))
+    failed: dict[int, AlfError] = {}
+    for places, group in groups:
+        failed |= {places[l]: error for l, error in group.end(cost).items()}
+    if stopped >= 0:
+        groups[stopped][1].listener.answer()
+    return failed
+
+
+def no_place(simulation: Simulation) -> str:
+    """Why a simulation cannot be stepped side by side with others; empty if it can."""
+    stepper = simulation._stepper
+    if PLAIN:
+        return 'code that is not compiled has no lanes'
+    if simulation.yields or stepper.method.embedded.size or stepper.is_implicit:
+        return 'only explicit integrators of fixed steps have lanes'
+    if stepper.formulation is not None:
+        return 'only alf2 has lanes'
+    if simulation._watcher is not None or simulation.following is not None:
+        return 'a watched run, or one with tangents, has no lanes'
+    if simulation.ledger or stepper.applied.load_count:
+        return 'works, and friction that depends on reactions, have no lanes'
+    return ''
+
+
+def _pattern(simulation: Simulation) -> bytes:
+    """What members of one group have in common: the whole numbers of the mechanism."""
+    parts: list[bytes] = []
+    system = simulation._stepper.system
+    for struct in (system.mass, system.rows, system.pattern, system.arms, system.angles):
+        for name, value in sorted(vars(struct).items()):
+            if name.startswith('_'):
+                continue
+            if isinstance(value, np.ndarray):
+                whole = value.dtype.kind != 'f'
+                parts.append(repr((name, value.shape)).encode())
+                parts.append(value.tobytes() if whole else b'')
+            else:
+                parts.append(repr(value).encode())
+    parts.append(repr((simulation._present.phase.q.size, system.prescribed.slots.size)).encode())
+    return b'|'.join(parts)
+
+
+def _addresses(structs: Sequence[Any]) -> Addresses:
+    return np.array([each._address for each in structs], dtype=np.uint64)
+
+
+def _address(function: Any) -> Addresses:
+    return np.array([function.address], dtype=np.uint64)
