@@ -119,8 +119,8 @@ def begin_momenta(unit: Unit, system: System, work: Work, phase: Phase, arcs: bo
     """w where the step begins (30), and the part of p that w lacks because t and n are rounded:
     without it the error would add up from step to step. Without arcs w does not exist."""
     arms, chart, p = system.arms, work.chart, work.p
-    chart.arcs[0] = arcs
-    if not arcs:
+    chart.arcs[0] = pick(arcs, 1, 0)
+    if nowhere(arcs):
         return
     zero(work.sum)
     add_mass_times(unit, system.mass, 1.0, phase.qd, work.sum)  # (30), σ = 0
@@ -209,7 +209,8 @@ def unfold(unit: Unit, system: System, work: Work, phase: Phase) -> None:
     Prescribed blocks have been placed before. Without arcs p = M q̇.
     """
     p, arms, chart = work.p, system.arms, work.chart
-    if chart.arcs[0] == 0:
+    arcs = chart.arcs[0] > 0
+    if nowhere(arcs):
         for a in range(p.size):
             work.q[a] += phase.q[a]
         zero(p)
@@ -244,6 +245,11 @@ def unfold(unit: Unit, system: System, work: Work, phase: Phase) -> None:
     scatter(unit, arms, chart, p)
     for a in range(p.size):
         p[a] += chart.rest[a]
+    if not everywhere(arcs):
+        zero(work.sum)
+        add_mass_times(unit, system.mass, 1.0, work.qd, work.sum)
+        for a in range(p.size):
+            p[a] = pick(arcs, p[a], work.sum[a])
 
 
 @inlined
@@ -286,7 +292,7 @@ def fold(unit: Unit, system: System, work: Work, qd: Floats, qdd: Floats, s: np.
     stage, in `chart.w`. Without arcs w does not exist."""
     arms, chart, k, n = system.arms, work.chart, work.k, work.p.size
     blocks = arms.about.size
-    if chart.arcs[0] == 0:
+    if nowhere(chart.arcs[0] > 0):
         first = s * THREE * n
         for a in range(n):
             k[first + a] = qd[a]

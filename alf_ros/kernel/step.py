@@ -42,6 +42,7 @@ from alf_ros.kernel.interpolated_stages import (
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.lost_rank import begin_with_det, fallen, lost, note_det, rank_lost
 from alf_ros.kernel.numba_ext.jit import ONE, THREE, TWO, expanded, inner
+from alf_ros.kernel.numba_ext.lane_numbers import anywhere
 from alf_ros.kernel.numba_ext.vectors import copy, furthest, largest, zero
 from alf_ros.kernel.prescribed import prescribe
 from alf_ros.kernel.projection import project
@@ -153,7 +154,7 @@ def add_up(method: Method, work: Work, s: np.uint64, h: float) -> None:
     a singular position that many rows share would take too long.
     """
     n, stages, chart, total = work.p.size, method.b.size, work.chart, work.total
-    arcs = chart.arcs[0] > 0
+    arcs = anywhere(chart.arcs[0] > 0)
     used = THREE * n if arcs else TWO * n
     zero(total)
     for m in range(s):

@@ -10,9 +10,11 @@ from alf_ros.kernel.numba_ext.structs import Struct
 
 @dataclass(frozen=True, eq=False)
 class Chart(Struct):
-    """The coordinates of a step, ξ = (a, c, e) of each block; see `chart`."""
+    """The coordinates of a step, ξ = (a, c, e) of each block; see `arc_coordinates`."""
 
-    arcs: Integers  # (1,) how many blocks have one
+    counted = ('arcs',)
+
+    arcs: Integers  # (1,) 1 if a block has one
     curvature: Floats  # (movable,) κ, 1/m; 0: they are places
     t: Floats  # (movable D,) tangent where the step begins
     n: Floats  # (movable D,) normal

@@ -25,7 +25,7 @@ from alf_ros.kernel.lanes.single_member import lane_drives, lane_forces
 from alf_ros.kernel.ldl import assemble, linearise, solve_on
 from alf_ros.kernel.lost_rank import fallen, note_det
 from alf_ros.kernel.numba_ext.jit import ONE, ZERO, inner
-from alf_ros.kernel.numba_ext.lane_numbers import mostly, nowhere, pick, unless
+from alf_ros.kernel.numba_ext.lane_numbers import nowhere, unless
 from alf_ros.kernel.numba_ext.vectors import copy
 from alf_ros.kernel.projection import begin_correction
 from alf_ros.kernel.step import add_up, lag_of_stage
@@ -59,10 +59,7 @@ def lane_step(
     lane_forces(problem, of, crew, progress)
     most, good = lane_accelerations(problem, live)  # (26)
     path_curvature(problem, good)
-    some = choose_arcs(unit, system, work, phase, h)
-    arcs = mostly(some, good)
-    good = good & (pick(some, 1.0, 0.0) == (1.0 if arcs else 0.0))
-    begin_momenta(unit, system, work, phase, arcs)
+    begin_momenta(unit, system, work, phase, choose_arcs(unit, system, work, phase, h))
     for s in range(ZERO, stages + ONE):
         add_up(method, work, s, h)
         t[0] = begin + method.c[s] * h if s < stages else (index + 1.0) * h

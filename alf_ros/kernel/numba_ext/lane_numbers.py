@@ -281,26 +281,6 @@ def nowhere(typing: Any, m: Any) -> Any:
     return types.boolean(m), code
 
 
-def _plainly_most(m: Any, among: Any) -> Any:
-    return bool(m)
-
-
-@lowered(_plainly_most)
-def mostly(typing: Any, m: Any, among: Any) -> Any:
-    """Whether m holds in at least half of the lanes where `among` holds."""
-
-    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        W = sig.args[0].W
-
-        def count(mask: Any) -> Any:
-            return builder.ctpop(builder.zext(_bits(builder, mask, W), _whole))
-
-        twice = builder.shl(count(builder.and_(*args)), _whole(1))
-        return builder.icmp_unsigned('>=', twice, count(args[1]))
-
-    return types.boolean(m, among), code
-
-
 def _plain_pick(m: Any, a: Any, b: Any) -> Any:
     return a if m else b
 
