@@ -284,6 +284,11 @@ class Applied:
         """The files of the effects that the kernel calls, in its order."""
         return tuple(kind.name for kind in self._all(self._model.layout))
 
+    @cached_property
+    def is_steady(self) -> bool:
+        """Whether the forces depend neither on time nor on the motion."""
+        return all(getattr(registry.load(kind), 'CONSTANT', False) for kind in self.kinds)
+
     def _all(self, layout: Layout) -> list[_Kind]:
         kinds = list(self._scene.kinds(layout))
         for held in self._held.values():

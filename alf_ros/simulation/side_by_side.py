@@ -57,6 +57,7 @@ class _Group:
             _address(steps),
             _address(forces),
             _address(drives),
+            np.zeros(1, dtype=np.int64),
             np.zeros(lanes, dtype=np.int64),
             np.zeros(lanes, dtype=np.int64),
             np.zeros(3),
@@ -74,6 +75,7 @@ class _Group:
         problems, phases = self._problems(), self._phases()
         self.crew.problem[:], self.crew.phase[:] = _addresses(problems), _addresses(phases)
         self.crew.apart[:] = self.crew.result[:] = 0
+        self.crew.steady[0] = all(each._present.applied.is_steady for each in self._all)
         index = np.array([each.step_index for each in self._all], dtype=float)
         self._first = index[: len(self.members)]
         ahead = np.zeros(len(index))

@@ -19,6 +19,7 @@ class Crew(Struct):
     alone: Addresses  # (1,) of the function that takes steps of one member
     forces: Addresses  # (1,) of the function that puts Q of one member into its work
     drives: Addresses  # (1,) of the function that places its prescribed blocks
+    steady: Integers  # (1,) 1 if Q depends neither on time nor on the motion
     result: Integers  # (W,) of the steps of each
     apart: Integers  # (W,) steps that each took alone
     told: Floats  # (3,) result of steps alone, how many they were, most iterations

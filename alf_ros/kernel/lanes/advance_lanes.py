@@ -11,7 +11,12 @@ from alf_ros.kernel.data import Phase, Problem
 from alf_ros.kernel.data.crew import Crew, Groups, Progress
 from alf_ros.kernel.lanes.lane_solve import are_factored
 from alf_ros.kernel.lanes.lane_step import lane_step
-from alf_ros.kernel.lanes.single_member import give_phase, put_lane, take_phase
+from alf_ros.kernel.lanes.single_member import (
+    give_phase,
+    put_lane,
+    steady_forces,
+    take_phase,
+)
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.lost_rank import begin_with_det, note_det
 from alf_ros.kernel.numba_ext.calls import call
@@ -129,6 +134,8 @@ def _begin(problem: Problem, phase: Phase, of: Problem, crew: Crew) -> None:
         put_lane(work.near, member.near, np.uint64(member.near.size), l)
         put_lane(phase.q, member.q, whole, l)
         put_lane(phase.qd, member.qd, whole, l)
+    if crew.steady[0] != 0:
+        steady_forces(problem, of, crew)
 
 
 @inner

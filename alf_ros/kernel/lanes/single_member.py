@@ -39,7 +39,9 @@ def take_lane(of: Floats, to: Floats, first: np.uint64, n: np.uint64, l: np.uint
 
 @inner
 def lane_forces(problem: Problem, of: Problem, crew: Crew, progress: Progress) -> None:
-    """Q at q, q̇ of `problem`, which is that of all lanes. `of`: any member."""
+    """Q at q, q̇ of `problem`, which is that of all lanes, unless it is known. `of`: any member."""
+    if crew.steady[0] != 0:
+        return
     work = problem.work
     n, whole = np.uint64(work.p.size), np.uint64(work.q.size)
     for l in range(ZERO, np.uint64(crew.problem.size)):
@@ -48,6 +50,15 @@ def lane_forces(problem: Problem, of: Problem, crew: Crew, progress: Progress) -
         put_lane(work.qd, member.work.qd, n, l)
         call(crew.forces[0], member, lane(progress.t, ZERO, l))
         take_lane(member.work.Q, work.Q, ZERO, whole, l)
+
+
+@inner
+def steady_forces(problem: Problem, of: Problem, crew: Crew) -> None:
+    """Q that depends neither on time nor on the motion."""
+    for l in range(ZERO, np.uint64(crew.problem.size)):
+        member = struct_at(of, crew.problem[l])
+        call(crew.forces[0], member, 0.0)
+        take_lane(member.work.Q, problem.work.Q, ZERO, np.uint64(member.work.Q.size), l)
 
 
 @inner
