@@ -7,8 +7,9 @@ restored, or stepped by itself.
 from __future__ import annotations
 
 import copy
+import math
 import time
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from contextlib import ExitStack
 from functools import cache
 from typing import Any
@@ -16,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from alf_ros.arrays import Addresses
-from alf_ros.errors import AlfError, BusyError, InputError
+from alf_ros.errors import AlfError, BusyError, InputError, StepError
 from alf_ros.kernel import Phase, Problem, Status
 from alf_ros.kernel.data.crew import Crew, Groups, Progress
 from alf_ros.kernel.lanes.advance_lanes import advance_lanes
@@ -25,6 +26,7 @@ from alf_ros.kernel.numba_ext.lane_structs import LaneStruct
 from alf_ros.kernel.numba_ext.plain import PLAIN
 from alf_ros.simulation import input_checks as check
 from alf_ros.simulation.listening import Listener
+from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.simulation import Simulation
 
 WIDTHS = 2, 4, 8  # members that a register may hold
@@ -70,8 +72,9 @@ class _Group:
     def _phases(self) -> list[Phase]:
         return [each._present.phase for each in self._all]
 
-    def begin(self, n: int) -> tuple[Problem, Phase]:
-        """Set the targets n steps ahead; returns problem and phase of a member."""
+    def begin(self, n: int, moving: Sequence[bool]) -> tuple[Problem, Phase]:
+        """Set the targets of the moving members n steps ahead; returns problem and phase of a
+        member."""
         problems, phases = self._problems(), self._phases()
         self.crew.problem[:], self.crew.phase[:] = _addresses(problems), _addresses(phases)
         self.crew.apart[:] = self.crew.result[:] = 0
@@ -79,7 +82,7 @@ class _Group:
         index = np.array([each.step_index for each in self._all], dtype=float)
         self._first = index[: len(self.members)]
         ahead = np.zeros(len(index))
-        ahead[: len(self.members)] = n
+        ahead[: len(self.members)] = n * np.array(moving)
         progress: Any = self.progress
         progress.most[:], progress.target[0] = 0.0, index + ahead
         for each in self.members:
@@ -138,9 +141,11 @@ class SideBySide:
             dimension = group.members[0].model.layout.dimension
             self._by_dimension.setdefault(dimension, []).append((places, group))
 
-    def step(self, n: int = 1) -> dict[int, AlfError]:
-        """n steps of each simulation in one compiled call; returns the failures, StepErrors, by
-        number of the simulation: these stand at the end of their last whole step.
+    def step(self, n: int = 1, without: Container[int] = ()) -> dict[int, AlfError]:
+        """n steps of each simulation in one compiled call, `without` those of these numbers.
+
+        Returns the failures, StepErrors, by number of the simulation: these stand at the end of
+        their last whole step.
 
         Raises StoppedError or the exception of a signal handler if the call is interrupted, and
         BusyError if another thread uses one of the simulations.
@@ -154,13 +159,39 @@ class SideBySide:
                     raise BusyError(type(self).__name__, 'step')
                 stack.enter_context(each._lock)
             for groups in self._by_dimension.values():
-                failed |= _stepped(groups, n)
+                failed |= _stepped(groups, n, without)
         return failed
 
+    def run(
+        self, duration: float, at: Sequence[float]
+    ) -> list[tuple[list[Sample], AlfError | None]]:
+        """`Simulation.run` of each: its samples at the times `at` (s), and what ended it early."""
+        first = self.simulations[0]
+        h, index = first.h, first.step_index
+        last = index + check.steps_of(duration, h, index)
+        found: list[list[Sample]] = [[] for _ in self.simulations]
+        failed: dict[int, AlfError] = {}
+        for t in check.times(at, first.t, h):
+            ahead = math.floor(t / h + check.CLOSE) - index
+            if ahead > 0:
+                failed |= self.step(ahead, failed)
+                index += ahead
+            for k, each in enumerate(self.simulations):
+                if k not in failed:
+                    try:
+                        found[k].append(each.sample_at(t))
+                    except StepError as error:
+                        failed[k] = error
+        if index < last:
+            failed |= self.step(last - index, failed)
+        return [(samples, failed.get(k)) for k, samples in enumerate(found)]
 
-def _stepped(groups: list[tuple[list[int], _Group]], n: int) -> dict[int, AlfError]:
+
+def _stepped(
+    groups: list[tuple[list[int], _Group]], n: int, without: Container[int]
+) -> dict[int, AlfError]:
     started = time.perf_counter()
-    begun = [group.begin(n) for _, group in groups]
+    begun = [group.begin(n, [k not in without for k in places]) for places, group in groups]
     first, (of, of_phase) = groups[0][1], begun[0]
     h = first.members[0].h
     where = Groups(

@@ -331,7 +331,7 @@ class Simulation:
             steps = math.floor(t / self.h + check.CLOSE) - self.step_index
             if steps > 0:
                 self.step(steps)
-            yield self.sample() if t - self.t <= check.CLOSE * self.h else self._sample_between(t)
+            yield self.sample_at(t)
         if self.step_index < last:
             self.step(last - self.step_index)
 
@@ -540,6 +540,10 @@ class Simulation:
         """The present state to read from; nothing in it is computed before it is asked for."""
         present = self._present
         return self._sample(self.t, present.state(), self._stepper.beside(present))
+
+    def sample_at(self, t: float) -> Sample:
+        """The motion at t (s), now or before the end of the next step. Raises StepError."""
+        return self.sample() if t - self.t <= check.CLOSE * self.h else self._sample_between(t)
 
     @by_one_thread
     def _sample_between(self, t: float) -> Sample:

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from alf_ros.studies.ensemble.kept_outputs import LabelledArray
-from alf_ros.studies.ensemble.member import LONGEST_REASON, run_member
+from alf_ros.studies.ensemble.member import LONGEST_REASON
+from alf_ros.studies.ensemble.members_together import run_members
 from alf_ros.studies.ensemble.study import Study
 
 REASON = LabelledArray('reason', text=LONGEST_REASON)
@@ -32,7 +33,7 @@ class Chunk:
 
 def run_chunk(study: Study, number: int) -> Chunk:
     """Run the members of a chunk, in their order."""
-    members = [run_member(study, k) for k in study.indices(number)]
+    members = run_members(study, study.indices(number))
     found: dict[str, NDArray[np.generic]] = {
         variable.name: np.array([member.arrays[n] for member in members], dtype=np.float64)
         for n, variable in enumerate(study.variables)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +11,9 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.errors import AlfError, StoppedError, printable
 from alf_ros.inspection.run import Run
+from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.simulation import Simulation
+from alf_ros.simulation.singular_passes import Pass
 from alf_ros.studies.ensemble.study import Study
 
 LONGEST_REASON = 200  # characters
@@ -32,8 +34,23 @@ def simulation_of(study: Study, k: int) -> Simulation:
 
 def run_member(study: Study, k: int) -> Member:
     """Run member k. What fails in it is its reason; only a stop from outside is raised."""
+
+    def alone() -> Iterator[Sample]:
+        nonlocal simulation
+        simulation = simulation_of(study, k)
+        yield from simulation.run(study.duration, at=study.instants[0].tolist())
+
+    simulation: Simulation | None = None
+    return member_of(study, alone(), lambda: simulation.passes if simulation else ())
+
+
+def member_of(
+    study: Study, samples: Iterable[Sample], passes: Callable[[], Sequence[Pass]] = tuple
+) -> Member:
+    """The outputs of a run, from its samples at the instants of the study; `passes`: through
+    singular positions, known when the samples are. What fails in the run is its reason."""
     try:
-        return Member(_ran(study, k))
+        return Member(_read(study, samples, passes))
     except StoppedError:
         raise
     except AlfError as error:
@@ -55,14 +72,13 @@ class _FunctionError(Exception):
     """Whatever a function of the user has raised."""
 
 
-def _ran(study: Study, k: int) -> tuple[Floats, ...]:
-    simulation = simulation_of(study, k)
-    times, grid = study.instants
+def _read(
+    study: Study, samples: Iterable[Sample], passes: Callable[[], Sequence[Pass]]
+) -> tuple[Floats, ...]:
     names = [name for output in study.outputs for name in output.quantities]
     everything = any(o.kind == 'function' and not o.reads for o in study.outputs)
-    run = Run(simulation.run(study.duration, at=times.tolist()), None if everything else names)
-    passes = simulation.passes if study.watch else ()
-    return tuple(_arrays(study, run, grid, passes))
+    run = Run(samples, None if everything else names)
+    return tuple(_arrays(study, run, study.instants[1], passes() if study.watch else ()))
 
 
 def _arrays(study: Study, run: Run, grid: object, passes: object) -> Iterator[Floats]:
