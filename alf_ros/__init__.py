@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from alf_ros.studies.closing.closure import Closure
     from alf_ros.studies.closing.posture import Posture
     from alf_ros.studies.ensemble.ensemble import ensemble
+    from alf_ros.studies.ensemble.stepped_ensemble import Ensemble
     from alf_ros.studies.identification.identification import identify
     from alf_ros.studies.identification.identified import Identification
     from alf_ros.studies.identification.recording import Recording, recorded
@@ -50,6 +51,7 @@ __all__ = [
     'Branches',
     'BusyError',
     'Closure',
+    'Ensemble',
     'Equilibrium',
     'FastestRun',
     'EquilibriumPath',
@@ -123,6 +125,7 @@ _HOME = {
     'loads': 'studies.loads.prescribed_loads',
     'VibrationModes': 'studies.statics.vibration_modes',
     'modes': 'studies.statics.vibration_modes',
+    'Ensemble': 'studies.ensemble.stepped_ensemble',
     'ensemble': 'studies.ensemble.ensemble',
     'Identification': 'studies.identification.identified',
     'identify': 'studies.identification.identification',

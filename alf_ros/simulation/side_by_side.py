@@ -78,15 +78,21 @@ class _Group:
         problems, phases = self._problems(), self._phases()
         self.crew.problem[:], self.crew.phase[:] = _addresses(problems), _addresses(phases)
         self.crew.apart[:] = self.crew.result[:] = 0
+        first = [each.step_index for each in self.members]
+        ahead = np.zeros(len(self._all))
+        for l, each in enumerate(self.members):
+            ahead[l] = n if moving[l] else 0
+            stepper, present = each._stepper, each._present
+            stepper.work.crossing[1] = 0.0
+            if ahead[l] and present.step == 0 and stepper.begins_within(present):
+                status = stepper.advance(present, 1)
+                self.crew.result[l], self.crew.apart[l] = status, present.step
+                ahead[l] = ahead[l] - 1 if status == Status.OK else 0
         self.crew.steady[0] = all(each._present.applied.is_steady for each in self._all)
         index = np.array([each.step_index for each in self._all], dtype=float)
-        self._first = index[: len(self.members)]
-        ahead = np.zeros(len(index))
-        ahead[: len(self.members)] = n * np.array(moving)
+        self._first = first
         progress: Any = self.progress
         progress.most[:], progress.target[0] = 0.0, index + ahead
-        for each in self.members:
-            each._stepper.work.crossing[1] = 0.0
         return problems[0], phases[0]
 
     def end(self, cost: float) -> dict[int, AlfError]:
@@ -94,7 +100,7 @@ class _Group:
         progress: Any = self.progress
         failed: dict[int, AlfError] = {}
         for l, each in enumerate(self.members):
-            taken = each.step_index - int(self._first[l])
+            taken = each.step_index - self._first[l]
             stepper, alone = each._stepper, int(self.crew.apart[l])
             stepper.work.evaluations[0] += each.stages * (taken - alone)
             stepper.iterations = int(progress.most[0, l])
@@ -130,6 +136,7 @@ class SideBySide:
             patterns.setdefault(_pattern(each), []).append(k)
         if len({(each.h, each.solver.integrator) for each in self.simulations}) > 1:
             raise InputError('not of one step and integrator', key='simulations')
+        self.patterns = len(patterns)
         self._groups: list[tuple[list[int], _Group]] = []
         for places in patterns.values():
             for first in range(0, len(places), self.lanes):

@@ -154,12 +154,7 @@ class Stepper:
                 forces, work, phase, present.carried, start, first, n, h
             )
             return Status(result)
-        within = False
-        if first == 0 and start == 0.0:
-            within = self._start.near and bool(self._start.qd.any())
-            if self._start.singular is not None and not phase.qd.any():
-                pull = self._start.singular.pull(self._forces_at_rest(present.applied))
-                within = bool(pull.any())
+        within = first == 0 and start == 0.0 and self.begins_within(present)
         self.work.crossing[1] = 0.0
         problem, span = self._problem(work, forces), Span(start, first, n, h)
         follow: tuple[Tangents, ...] = ()
@@ -167,6 +162,13 @@ class Stepper:
             follow = (self._followed(present.applied, problem),)
         result, _, self.iterations = self._kernel(problem, phase, watch, span, within, *follow)
         return Status(result)
+
+    def begins_within(self, present: Present) -> bool:
+        """Whether the scene starts in a singular position that solves do not show."""
+        if self._start.singular is not None and not present.phase.qd.any():
+            pull = self._start.singular.pull(self._forces_at_rest(present.applied))
+            return bool(pull.any())
+        return self._start.near and bool(self._start.qd.any())
 
     def _followed(self, applied: Applied, problem: Problem) -> Tangents:
         """The tangents of a problem; replaced when held inputs change."""

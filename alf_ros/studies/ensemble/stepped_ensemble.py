@@ -1,0 +1,209 @@
+"""`alf_ros.Ensemble`: members that are stepped together, with inputs of their own each time."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from alf_ros.arrays import Floats
+from alf_ros.errors import InputError
+from alf_ros.kernel.lanes.observing import JOINT, JOINT_RATE, PLACE, VELOCITY, Observing, observe
+from alf_ros.scene.scene import Scene, load_scene
+from alf_ros.simulation import input_checks as check
+from alf_ros.simulation.side_by_side import SideBySide
+from alf_ros.simulation.simulation import Simulation
+from alf_ros.studies.ensemble.study_reading import study_of
+
+_AXES = 'xyz'
+
+
+class Ensemble:
+    """Members of one mechanism, with other numbers each, stepped together as a controller needs.
+
+    scene: as of `alf_ros.ensemble`; vary, seed, sampling: likewise, nothing varies by default.
+    efforts: the joint coordinates on which `step` puts efforts (N m or N). observations: names of
+    the numbers that `step` returns: 'joints.crank.position', 'joints.crank.velocity' (rad, m,
+    turns counted), 'points.tip.x', 'velocities.tip.x' (m, world frame); by default positions and
+    velocities of all joint coordinates. steps: of the solver in a step of the ensemble. settings:
+    keywords of `Simulation`, as `step` (s) and `integrator`, an explicit one of fixed steps.
+
+    A member has the bits of a Simulation alone; with efforts that of one whose efforts are rounded
+    likewise. Raises InputError for what cannot be used, AssemblyError if a member cannot be
+    assembled.
+    """
+
+    def __init__(
+        self,
+        scene: str | Path | Scene,
+        members: int | None = None,
+        *,
+        vary: Mapping[str, Any] | None = None,
+        seed: int = 0,
+        sampling: str = 'random',
+        efforts: Sequence[str] = (),
+        observations: Sequence[str] | None = None,
+        steps: int = 1,
+        **settings: Any,
+    ) -> None:
+        self.steps = check.whole(steps, 'steps', 1)
+        loaded = scene if isinstance(scene, Scene) else load_scene(scene)
+        self._varied = bool(vary)
+        if vary:
+            given = study_of(loaded, vary, members=members, seed=seed, sampling=sampling)
+            scenes = [given.scene_of(k) for k in range(given.members)]
+            self._members = [Simulation(each, **settings) for each in scenes]
+        else:
+            count = check.whole(members, 'members', 1)
+            first = Simulation(loaded, **settings)
+            self._members = [first, *(copy.copy(first) for _ in range(count - 1))]
+        self.inputs = tuple(check.text(name, 'efforts') for name in efforts)
+        self.efforts = np.zeros((len(self._members), len(self.inputs)))
+        self._together = SideBySide(self._members)
+        if self._together.patterns > 1:
+            raise InputError('members differ in structure', key='vary', value=list(vary or ()))
+        self._failed: dict[int, str] = {}
+        for each in self._members:
+            for name in self.inputs:
+                each.apply_effort(name, 0.0)
+        self._params = self._own_params()
+        self._unit_efforts = [self._units(name) for name in self.inputs]
+        self._begin = [each.state for each in self._members]
+        model = self._members[0].model
+        if observations is None:
+            names = model.coordinate_names
+            found = [f'joints.{name}.position' for name in names]
+            observations = [*found, *(f'joints.{name}.velocity' for name in names)]
+        self.observations = tuple(check.text(name, 'observations') for name in observations)
+        self._observing = self._reading()
+
+    # ---------------------------------------------------------------------------------- set-up
+
+    def _own_params(self) -> Floats:
+        """(members, numbers) the numbers of the effects of all members in one array, into which
+        inputs are written."""
+        packed = [each._present.applied.assembled for each in self._members]
+        params = np.array([forces.effects.params for forces in packed])
+        for each, forces, own in zip(self._members, packed, params, strict=True):
+            effects = replace(forces.effects, params=own)
+            applied = copy.copy(each._present.applied)
+            vars(applied)['assembled'] = replace(forces, effects=effects)
+            each._present = replace(each._present, applied=applied)
+        return params
+
+    def _units(self, name: str) -> tuple[NDArray[np.int64], Floats]:
+        """Where an effort is in these numbers, and the numbers (members, places) of 1 N m or N."""
+        found: list[Floats] = []
+        for each in self._members[: len(self._members) if self._varied else 1]:
+            applied = each._present.applied
+            efforts = {**applied.inputs.efforts, name: 1.0}
+            pushed = applied.holding(replace(applied.inputs, efforts=efforts))
+            found.append(pushed.assembled.effects.params)
+        units = np.array(found) - self._params[: len(found)]
+        (places,) = np.nonzero(units.any(axis=0))
+        return places, units[:, places]
+
+    def _reading(self) -> Observing:
+        model = self._members[0].model
+        joints, points, D = model.coordinate_names, model.point_names, model.layout.dimension
+        known: dict[str, tuple[np.uint64, int]] = {}
+        for n, name in enumerate(joints):
+            known[f'joints.{name}.position'] = JOINT, n
+            known[f'joints.{name}.velocity'] = JOINT_RATE, n
+        for n, name in enumerate(points):
+            for a in range(D):
+                at = int(model.point_block[n]) * D + a
+                known[f'points.{name}.{_AXES[a]}'] = PLACE, at
+                known[f'velocities.{name}.{_AXES[a]}'] = VELOCITY, at
+        for name in self.observations:
+            if name not in known:
+                raise InputError(
+                    'no such number', key='observations', value=name, choices=tuple(known)
+                )
+        found = [known[name] for name in self.observations]
+        count, angles = len(self._members), model.system.angles.c.size // 2
+        self._joints = [each._stepper.instruments.coordinates for each in self._members]
+        return Observing(
+            np.zeros(count, dtype=np.uint64),
+            np.zeros(count, dtype=np.uint64),
+            np.array([each._address for each in self._joints], dtype=np.uint64),
+            np.array([kind for kind, _ in found], dtype=np.uint32),
+            np.array([at for _, at in found], dtype=np.uint32),
+            *np.zeros((3, angles)),
+            *np.zeros((2, len(joints))),
+            np.zeros((count, len(found))),
+        )
+
+    # ------------------------------------------------------------------------------------ steps
+
+    def __len__(self) -> int:
+        return len(self._members)
+
+    @property
+    def t(self) -> Floats:
+        """(members,) s."""
+        return np.array([each.t for each in self._members])
+
+    @property
+    def failed(self) -> dict[int, str]:
+        """The members whose steps have failed since they were reset, with the reasons. They stand
+        at the end of their last whole step."""
+        return dict(self._failed)
+
+    def step(self, inputs: ArrayLike | None = None) -> Floats:
+        """`steps` steps of all members that have not failed, with these efforts (members, inputs)
+        held; with those before if absent. Returns the observations (members, observations).
+
+        Raises InputError, and changes nothing, for inputs of another shape or that are not finite.
+        """
+        if inputs is not None:
+            given = np.asarray(inputs, dtype=float)
+            if given.shape != self.efforts.shape:
+                expected = f'shape {self.efforts.shape}'
+                raise InputError('not usable', key='inputs', value=given.shape, expected=expected)
+            if not np.isfinite(given).all():
+                raise InputError('not finite', key='inputs', value=float(given.sum()))
+            self._give(given)
+        for k, error in self._together.step(self.steps, self._failed).items():
+            self._failed[k] = str(error)
+        return self.observe()
+
+    def _give(self, efforts: Floats) -> None:
+        self.efforts[:] = efforts
+        for n, (places, units) in enumerate(self._unit_efforts):
+            self._params[:, places] = efforts[:, n, None] * units
+
+    def observe(self) -> Floats:
+        """The observations (members, observations) now."""
+        what = self._observing
+        problems = [each._stepper.problem_of(each._present) for each in self._members]
+        phases = [each._present.phase for each in self._members]
+        what.problem[:] = [each._address for each in problems]
+        what.phase[:] = [each._address for each in phases]
+        observe(problems[0], phases[0], self._joints[0], what)
+        return what.numbers.copy()
+
+    def reset(self, which: Any = None) -> Floats:
+        """Members back to their start, without efforts: all, or those that `which` selects, as an
+        index of numpy does. Returns the observations."""
+        chosen = np.arange(len(self._members))
+        for k in chosen if which is None else np.atleast_1d(chosen[which]):
+            self._members[k].restore(self._begin[k])
+            self._failed.pop(int(k), None)
+            self.efforts[k] = 0.0
+        self._give(self.efforts)
+        return self.observe()
+
+    def simulation(self, k: int) -> Simulation:
+        """A copy of member k, at its state and with the efforts that it is given: for all that a
+        Simulation can be asked."""
+        of = self._members[check.whole(k, 'k', 0, len(self._members) - 1)]
+        other = copy.copy(of)
+        for name, effort in zip(self.inputs, self.efforts[k].tolist(), strict=True):
+            other.apply_effort(name, effort)
+        return other
