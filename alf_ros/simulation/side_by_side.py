@@ -18,7 +18,7 @@ import numpy as np
 
 from alf_ros.arrays import Addresses
 from alf_ros.errors import AlfError, BusyError, InputError, StepError
-from alf_ros.kernel import Phase, Problem, Status
+from alf_ros.kernel import Status
 from alf_ros.kernel.data.crew import Crew, Groups, Progress
 from alf_ros.kernel.lanes.advance_lanes import advance_lanes
 from alf_ros.kernel.lanes.single_member import functions_of_members
@@ -30,6 +30,7 @@ from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.simulation import Simulation
 
 WIDTHS = 2, 4, 8  # members that a register may hold
+_PARTS = 'problem', 'phase', 'progress', 'crew'  # of `Groups`
 
 
 @cache
@@ -49,7 +50,8 @@ class _Group:
         self.members = list(members)
         spare = [copy.copy(members[0]) for _ in range(lanes - len(members))]
         self._all = [*members, *spare]
-        problems, phases = self._problems(), self._phases()
+        problems = [each._stepper.problem_of(each._present) for each in self._all]
+        phases = [each._present.phase for each in self._all]
         self.problem, self.phase = LaneStruct(problems), LaneStruct(phases)
         self.progress = LaneStruct([Progress(*np.zeros((4, 1))) for _ in self._all])
         steps, forces, drives = functions_of_members(len(problems[0].unit))
@@ -65,67 +67,81 @@ class _Group:
             np.zeros(3),
         )
         self.listener = Listener(self.problem.work)  # type: ignore[attr-defined]
+        # (lanes,) number of steps, targets, most iterations: of the kernel
+        progress: Any = self.progress
+        self._index, self._target, self._most = (
+            getattr(progress, name)[0] for name in ('index', 'target', 'most')
+        )
+        self._taken = np.zeros(lanes)  # steps in lanes that the members do not count yet
+        self._begun = np.zeros(lanes)
 
-    def _problems(self) -> list[Problem]:
-        return [each._stepper.problem_of(each._present) for each in self._all]
-
-    def _phases(self) -> list[Phase]:
-        return [each._present.phase for each in self._all]
-
-    def begin(self, n: int, moving: Sequence[bool]) -> tuple[Problem, Phase]:
-        """Set the targets of the moving members n steps ahead; returns problem and phase of a
-        member."""
-        problems, phases = self._problems(), self._phases()
-        self.crew.problem[:], self.crew.phase[:] = _addresses(problems), _addresses(phases)
-        self.crew.apart[:] = self.crew.result[:] = 0
-        first = [each.step_index for each in self.members]
-        ahead = np.zeros(len(self._all))
-        for l, each in enumerate(self.members):
-            ahead[l] = n if moving[l] else 0
-            stepper, present = each._stepper, each._present
-            stepper.work.crossing[1] = 0.0
-            if ahead[l] and present.step == 0 and stepper.begins_within(present):
-                status = stepper.advance(present, 1)
-                self.crew.result[l], self.crew.apart[l] = status, present.step
-                ahead[l] = ahead[l] - 1 if status == Status.OK else 0
+    def bind(self) -> None:
+        """Take the members as they are now."""
+        self.of = [each._stepper.problem_of(each._present) for each in self._all]
+        self.of_phase = [each._present.phase for each in self._all]
+        self.crew.problem[:], self.crew.phase[:] = _addresses(self.of), _addresses(self.of_phase)
         self.crew.steady[0] = all(each._present.applied.is_steady for each in self._all)
-        index = np.array([each.step_index for each in self._all], dtype=float)
-        self._first = first
-        progress: Any = self.progress
-        progress.most[:], progress.target[0] = 0.0, index + ahead
-        return problems[0], phases[0]
+        self._index[:] = [each.step_index for each in self._all]
 
-    def end(self, cost: float) -> dict[int, AlfError]:
-        """Count what has been done, `cost` (s) a step; returns the failures by member."""
-        progress: Any = self.progress
-        failed: dict[int, AlfError] = {}
-        for l, each in enumerate(self.members):
-            taken = each.step_index - self._first[l]
-            stepper, alone = each._stepper, int(self.crew.apart[l])
-            stepper.work.evaluations[0] += each.stages * (taken - alone)
-            stepper.iterations = int(progress.most[0, l])
-            if taken > alone:
-                stepper.work.aside[:] = 0
-            if taken:
-                each._step_cost = cost
-            status = Status(int(self.crew.result[l]))
+    def begin(self, n: int, moving: Sequence[bool]) -> None:
+        """Set the targets of the moving members n steps ahead."""
+        crew, count = self.crew, len(self.members)
+        crew.apart[:] = crew.result[:] = 0
+        self._most[:], self._begun[:] = 0.0, self._index
+        self._target[:] = self._index
+        self._target[:count] += n * np.array(moving)
+        if (self._target > self._index)[self._index == 0].any():
+            for m, each in enumerate(self.members):
+                if self._index[m] == 0 and self._target[m] > 0:
+                    self._start(m, each)
+
+    def _start(self, m: int, member: Simulation) -> None:
+        """The first step of a scene that starts in a singular position is taken alone."""
+        stepper, present = member._stepper, member._present
+        if stepper.begins_within(present):
+            status = stepper.advance(present, 1)
+            self.crew.result[m], self.crew.apart[m] = status, present.step
+            self._index[m] = present.step
             if status != Status.OK:
-                failed[l] = stepper.error(status, each._present)
+                self._target[m] = present.step
+
+    def end(self) -> dict[int, AlfError]:
+        """Returns the failures by member."""
+        self._taken += self._index - self._begun - self.crew.apart
+        if not self.crew.result.any():
+            return {}
+        self.settle()
+        failed: dict[int, AlfError] = {}
+        for m, each in enumerate(self.members):
+            status = Status(int(self.crew.result[m]))
+            if status != Status.OK:
+                failed[m] = each._stepper.error(status, each._present)
         return failed
+
+    def settle(self, cost: float = math.nan) -> None:
+        """Let the members count what has been done; `cost` (s) of a step."""
+        for m, each in enumerate(self.members):
+            stepper, taken = each._stepper, int(self._taken[m])
+            stepper.work.evaluations[0] += each.stages * taken
+            stepper.iterations = int(self._most[m])
+            each._step_cost = cost
+            if taken:
+                stepper.work.aside[:] = 0
+        self._taken[:] = 0.0
 
 
 class SideBySide:
     """Simulations that are stepped together, as many at once as a register has numbers.
 
     They have one step and method, and may differ in all else; those whose mechanisms have one
-    pattern share registers. `are_possible` says which simulations have a place here. `lanes`: how
-    many numbers a register holds, that of this processor if absent. Raises InputError for a
-    simulation that has no place here.
+    pattern share registers. `no_place` says which simulations have none here. `lanes`: how many
+    numbers a register holds, that of this processor if absent. Raises InputError for a simulation
+    that has no place here.
     """
 
     def __init__(self, simulations: Sequence[Simulation], lanes: int | None = None) -> None:
         self.simulations = tuple(simulations)
-        self.lanes = check.whole(width() if lanes is None else lanes, 'lanes', 2)
+        self.lanes = width() if lanes is None else lanes
         if self.lanes not in WIDTHS:
             raise InputError('not usable', key='lanes', value=lanes, expected='2, 4 or 8')
         patterns: dict[bytes, list[int]] = {}
@@ -143,31 +159,69 @@ class SideBySide:
                 some = places[first : first + self.lanes]
                 group = _Group([self.simulations[k] for k in some], self.lanes)
                 self._groups.append((some, group))
-        self._by_dimension: dict[int, list[tuple[list[int], _Group]]] = {}
-        for places, group in self._groups:
-            dimension = group.members[0].model.layout.dimension
-            self._by_dimension.setdefault(dimension, []).append((places, group))
 
     def step(self, n: int = 1, without: Container[int] = ()) -> dict[int, AlfError]:
         """n steps of each simulation in one compiled call, `without` those of these numbers.
 
         Returns the failures, StepErrors, by number of the simulation: these stand at the end of
-        their last whole step.
-
-        Raises StoppedError or the exception of a signal handler if the call is interrupted, and
-        BusyError if another thread uses one of the simulations.
+        their last whole step. Raises StoppedError or the exception of a signal handler if the call
+        is interrupted, and BusyError if another thread uses one of the simulations.
         """
         last = max((each.step_index for each in self.simulations), default=0)
         n = check.whole(n, 'n', 0, check.MOST_STEPS - last)
-        failed: dict[int, AlfError] = {}
+        started = time.perf_counter()
         with ExitStack() as stack:
             for each in self.simulations:
                 if each._lock.locked():
                     raise BusyError(type(self).__name__, 'step')
                 stack.enter_context(each._lock)
-            for groups in self._by_dimension.values():
-                failed |= _stepped(groups, n, without)
+            self.bind()
+            try:
+                return self.advance(n, without)
+            finally:
+                taken = time.perf_counter() - started
+                self.settle(taken / max(1, n * len(self.simulations)))
+
+    def bind(self) -> None:
+        """Take the simulations as they are now, for calls of `advance` between which nobody else
+        uses them."""
+        for _, group in self._groups:
+            group.bind()
+        self._where: dict[int, tuple[list[tuple[list[int], _Group]], Groups]] = {}
+        for places, group in self._groups:
+            D = group.members[0].model.layout.dimension
+            self._where.setdefault(D, ([], Groups.empty()))[0].append((places, group))
+        for D, (groups, _) in self._where.items():
+            parts = ([getattr(g, part) for _, g in groups] for part in _PARTS)
+            self._where[D] = groups, Groups(*map(_addresses, parts))
+
+    def advance(self, n: int, without: Container[int] = ()) -> dict[int, AlfError]:
+        """`step`, of simulations that are bound, which count their steps at `settle`."""
+        failed: dict[int, AlfError] = {}
+        for groups, where in self._where.values():
+            for places, group in groups:
+                group.begin(n, [k not in without for k in places])
+            first = groups[0][1]
+            stopped = advance_lanes(
+                first.problem,
+                first.phase,
+                first.progress,
+                first.crew,
+                first.of[0],
+                first.of_phase[0],
+                where,
+                first.members[0].h,
+            )
+            for places, group in groups:
+                failed |= {places[m]: error for m, error in group.end().items()}
+            if stopped >= 0:
+                groups[stopped][1].listener.answer()
         return failed
+
+    def settle(self, cost: float = math.nan) -> None:
+        """Let the simulations count what `advance` has done; `cost` (s) of a step."""
+        for _, group in self._groups:
+            group.settle(cost)
 
     def run(
         self, duration: float, at: Sequence[float]
@@ -192,31 +246,6 @@ class SideBySide:
         if index < last:
             failed |= self.step(last - index, failed)
         return [(samples, failed.get(k)) for k, samples in enumerate(found)]
-
-
-def _stepped(
-    groups: list[tuple[list[int], _Group]], n: int, without: Container[int]
-) -> dict[int, AlfError]:
-    started = time.perf_counter()
-    begun = [group.begin(n, [k not in without for k in places]) for places, group in groups]
-    first, (of, of_phase) = groups[0][1], begun[0]
-    h = first.members[0].h
-    where = Groups(
-        _addresses([group.problem for _, group in groups]),
-        _addresses([group.phase for _, group in groups]),
-        _addresses([group.progress for _, group in groups]),
-        _addresses([group.crew for _, group in groups]),
-    )
-    stopped = advance_lanes(
-        first.problem, first.phase, first.progress, first.crew, of, of_phase, where, h
-    )
-    cost = (time.perf_counter() - started) / max(1, n * sum(len(places) for places, _ in groups))
-    failed: dict[int, AlfError] = {}
-    for places, group in groups:
-        failed |= {places[l]: error for l, error in group.end(cost).items()}
-    if stopped >= 0:
-        groups[stopped][1].listener.answer()
-    return failed
 
 
 def no_place(simulation: Simulation) -> str:

@@ -78,13 +78,13 @@ def _advance(
     h: float,
 ) -> bool:
     """The same of one group; returns whether it was not stopped."""
-    unit, system, work = problem.unit, problem.system, problem.work
+    unit, work = problem.unit, problem.work
     members = np.uint64(crew.problem.size)
-    for l in range(ZERO, members):
-        member = struct_at(of, crew.problem[l])
-        state = struct_at(of_phase, crew.phase[l])
-        take_phase(phase, work, state, member, l)
-        set_lane(progress.index, ZERO, l, float(state.step[0]))
+    for m in range(ZERO, members):
+        member = struct_at(of, crew.problem[m])
+        state = struct_at(of_phase, crew.phase[m])
+        take_phase(phase, work, state, member, m)
+        set_lane(progress.index, ZERO, m, float(state.step[0]))
     fresh, stopped = False, False
     while True:
         live = progress.index[0] < progress.target[0]
@@ -107,15 +107,15 @@ def _advance(
         leaving = pick(live & unless(good), 1.0, 0.0)
         if anywhere(leaving > 0.0):
             progress.t[0] = leaving
-            for l in range(ZERO, members):
-                if lane(progress.t, ZERO, l) > 0.0:
-                    _advance_alone(problem, phase, of, of_phase, crew, progress, h, l)
+            for m in range(ZERO, members):
+                if lane(progress.t, ZERO, m) > 0.0:
+                    _advance_alone(problem, phase, of, of_phase, crew, progress, h, m)
             fresh = False
-    for l in range(ZERO, members):
-        member = struct_at(of, crew.problem[l])
-        state = struct_at(of_phase, crew.phase[l])
-        give_phase(phase, work, state, member, l)
-        state.step[0] = np.int64(lane(progress.index, ZERO, l))
+    for m in range(ZERO, members):
+        member = struct_at(of, crew.problem[m])
+        state = struct_at(of_phase, crew.phase[m])
+        give_phase(phase, work, state, member, m)
+        state.step[0] = np.int64(lane(progress.index, ZERO, m))
     return not stopped
 
 
@@ -128,12 +128,12 @@ def _begin(problem: Problem, phase: Phase, of: Problem, crew: Crew) -> None:
     linearise(unit, system, work, work.q)
     note_det(unit, work)
     begin_with_det(work)
-    for l in range(ZERO, np.uint64(crew.problem.size)):
-        member = struct_at(of, crew.problem[l]).work
+    for m in range(ZERO, np.uint64(crew.problem.size)):
+        member = struct_at(of, crew.problem[m]).work
         whole = np.uint64(member.q.size)
-        put_lane(work.near, member.near, np.uint64(member.near.size), l)
-        put_lane(phase.q, member.q, whole, l)
-        put_lane(phase.qd, member.qd, whole, l)
+        put_lane(work.near, member.near, np.uint64(member.near.size), m)
+        put_lane(phase.q, member.q, whole, m)
+        put_lane(phase.qd, member.qd, whole, m)
     if crew.steady[0] != 0:
         steady_forces(problem, of, crew)
 
@@ -156,8 +156,8 @@ def _accept(problem: Problem, phase: Phase, of: Problem, crew: Crew, good: Mask)
     count_turns(work.angle_before, work.angle, phase.turns)
     copy(work.angle, work.angle_before)
     nearby(work.angle, phase.turns, work.near)
-    for l in range(ZERO, np.uint64(crew.problem.size)):
-        put_lane(work.near, struct_at(of, crew.problem[l]).work.near, angles, l)
+    for m in range(ZERO, np.uint64(crew.problem.size)):
+        put_lane(work.near, struct_at(of, crew.problem[m]).work.near, angles, m)
 
 
 @inner
@@ -169,21 +169,21 @@ def _advance_alone(
     crew: Crew,
     progress: Progress,
     h: float,
-    l: np.uint64,
+    m: np.uint64,
 ) -> None:
-    """Some steps of the member in lane l by the kernel of a single mechanism."""
-    member = struct_at(of, crew.problem[l])
-    state = struct_at(of_phase, crew.phase[l])
-    give_phase(phase, problem.work, state, member, l)
-    index, target = lane(progress.index, ZERO, l), lane(progress.target, ZERO, l)
+    """Some steps of the member in lane m by the kernel of a single mechanism."""
+    member = struct_at(of, crew.problem[m])
+    state = struct_at(of_phase, crew.phase[m])
+    give_phase(phase, problem.work, state, member, m)
+    index, target = lane(progress.index, ZERO, m), lane(progress.target, ZERO, m)
     state.step[0] = np.int64(index)
     steps = np.int64(min(_ALONE, target - index))
     call(crew.alone[0], member, state, h, steps, crew.told)
-    take_phase(phase, problem.work, state, member, l)
+    take_phase(phase, problem.work, state, member, m)
     index += crew.told[1]
-    set_lane(progress.index, ZERO, l, index)
-    set_lane(progress.most, ZERO, l, max(lane(progress.most, ZERO, l), crew.told[2]))
-    crew.apart[l] += np.int64(crew.told[1])
-    crew.result[l] = np.int64(crew.told[0])
-    if crew.result[l] != OK:
-        set_lane(progress.target, ZERO, l, index)
+    set_lane(progress.index, ZERO, m, index)
+    set_lane(progress.most, ZERO, m, max(lane(progress.most, ZERO, m), crew.told[2]))
+    crew.apart[m] += np.int64(crew.told[1])
+    crew.result[m] = np.int64(crew.told[0])
+    if crew.result[m] != OK:
+        set_lane(progress.target, ZERO, m, index)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from alf_ros.arrays import Floats, Unit
 from alf_ros.kernel.augmented_solve import DIRECTIONS, NOISE, ROUNDING
 from alf_ros.kernel.constraints import add_transposed, times_jacobian
@@ -15,8 +17,6 @@ from alf_ros.kernel.numba_ext.lane_numbers import anywhere, nowhere, pick, unles
 from alf_ros.kernel.numba_ext.vectors import copy, largest, zero
 from alf_ros.kernel.projection import CLOSED, FAINT, FURTHEST, ROUNDED, correct, opening
 from alf_ros.kernel.triangular_solve import solve
-
-import numpy as np
 
 Lanes = Any
 Mask = Any
@@ -31,7 +31,7 @@ def project_lanes(unit: Unit, system: System, work: Work, good: Mask) -> Mask:
 
     Lanes converge with the factor of the last stage, or wait until it is computed again.
     """
-    n, size = work.p.size, system.size
+    size = system.size
     going, slow, before = good, good & unless(good), pick(good, np.inf, np.inf)
     copy(work.q, work.base)
     for _ in range(_TRIES):

@@ -15,7 +15,7 @@ from alf_ros.kernel.augmented_residuals import (
 )
 from alf_ros.kernel.augmented_solve import NOISE
 from alf_ros.kernel.data import EPS, NOTHING, SOLVED, Problem, System, Until, Work
-from alf_ros.kernel.numba_ext.jit import ONE, inner
+from alf_ros.kernel.numba_ext.jit import inner
 from alf_ros.kernel.numba_ext.lane_numbers import nowhere, pick, unless
 from alf_ros.kernel.numba_ext.vectors import copy, largest
 from alf_ros.kernel.triangular_solve import step_by

@@ -24,17 +24,17 @@ from alf_ros.kernel.prescribed import prescribe
 
 
 @inner
-def put_lane(of: Floats, to: Floats, n: np.uint64, l: np.uint64) -> None:
-    """The first n numbers of lane l, to those of a member."""
+def put_lane(of: Floats, to: Floats, n: np.uint64, m: np.uint64) -> None:
+    """The first n numbers of lane m, to those of a member."""
     for i in range(ZERO, n):
-        to[i] = lane(of, i, l)
+        to[i] = lane(of, i, m)
 
 
 @inner
-def take_lane(of: Floats, to: Floats, first: np.uint64, n: np.uint64, l: np.uint64) -> None:
-    """The numbers of a member from the first on, before the n-th, into lane l."""
+def take_lane(of: Floats, to: Floats, first: np.uint64, n: np.uint64, m: np.uint64) -> None:
+    """The numbers of a member from the first on, before the n-th, into lane m."""
     for i in range(first, n):
-        set_lane(to, i, l, of[i])
+        set_lane(to, i, m, of[i])
 
 
 @inner
@@ -44,21 +44,21 @@ def lane_forces(problem: Problem, of: Problem, crew: Crew, progress: Progress) -
         return
     work = problem.work
     n, whole = np.uint64(work.p.size), np.uint64(work.q.size)
-    for l in range(ZERO, np.uint64(crew.problem.size)):
-        member = struct_at(of, crew.problem[l])
-        put_lane(work.q, member.work.q, n, l)
-        put_lane(work.qd, member.work.qd, n, l)
-        call(crew.forces[0], member, lane(progress.t, ZERO, l))
-        take_lane(member.work.Q, work.Q, ZERO, whole, l)
+    for m in range(ZERO, np.uint64(crew.problem.size)):
+        member = struct_at(of, crew.problem[m])
+        put_lane(work.q, member.work.q, n, m)
+        put_lane(work.qd, member.work.qd, n, m)
+        call(crew.forces[0], member, lane(progress.t, ZERO, m))
+        take_lane(member.work.Q, work.Q, ZERO, whole, m)
 
 
 @inner
 def steady_forces(problem: Problem, of: Problem, crew: Crew) -> None:
     """Q that depends neither on time nor on the motion."""
-    for l in range(ZERO, np.uint64(crew.problem.size)):
-        member = struct_at(of, crew.problem[l])
+    for m in range(ZERO, np.uint64(crew.problem.size)):
+        member = struct_at(of, crew.problem[m])
         call(crew.forces[0], member, 0.0)
-        take_lane(member.work.Q, problem.work.Q, ZERO, np.uint64(member.work.Q.size), l)
+        take_lane(member.work.Q, problem.work.Q, ZERO, np.uint64(member.work.Q.size), m)
 
 
 @inner
@@ -68,34 +68,34 @@ def lane_drives(problem: Problem, of: Problem, crew: Crew, progress: Progress) -
         return
     work = problem.work
     n, whole = np.uint64(work.p.size), np.uint64(work.q.size)
-    for l in range(ZERO, np.uint64(crew.problem.size)):
-        member = struct_at(of, crew.problem[l])
-        call(crew.drives[0], member, lane(progress.t, ZERO, l))
-        take_lane(member.work.q, work.q, n, whole, l)
-        take_lane(member.work.qd, work.qd, n, whole, l)
-        take_lane(member.work.qdd, work.qdd, n, whole, l)
+    for m in range(ZERO, np.uint64(crew.problem.size)):
+        member = struct_at(of, crew.problem[m])
+        call(crew.drives[0], member, lane(progress.t, ZERO, m))
+        take_lane(member.work.q, work.q, n, whole, m)
+        take_lane(member.work.qd, work.qd, n, whole, m)
+        take_lane(member.work.qdd, work.qdd, n, whole, m)
 
 
 @inner
-def give_phase(phase: Phase, work: Work, to: Phase, of: Problem, l: np.uint64) -> None:
-    """State and judgement of lane l, to its member."""
-    put_lane(phase.q, to.q, np.uint64(to.q.size), l)
-    put_lane(phase.qd, to.qd, np.uint64(to.q.size), l)
-    put_lane(phase.within, to.within, np.uint64(1), l)
-    put_lane(work.judged, of.work.judged, np.uint64(work.judged.size), l)
+def give_phase(phase: Phase, work: Work, to: Phase, of: Problem, m: np.uint64) -> None:
+    """State and judgement of lane m, to its member."""
+    put_lane(phase.q, to.q, np.uint64(to.q.size), m)
+    put_lane(phase.qd, to.qd, np.uint64(to.q.size), m)
+    put_lane(phase.within, to.within, np.uint64(1), m)
+    put_lane(work.judged, of.work.judged, np.uint64(work.judged.size), m)
     for i in range(ZERO, np.uint64(to.turns.size)):
-        to.turns[i] = np.int64(lane(phase.turns, i, l))
+        to.turns[i] = np.int64(lane(phase.turns, i, m))
 
 
 @inner
-def take_phase(phase: Phase, work: Work, of: Phase, member: Problem, l: np.uint64) -> None:
+def take_phase(phase: Phase, work: Work, of: Phase, member: Problem, m: np.uint64) -> None:
     """The inverse of `give_phase`."""
-    take_lane(of.q, phase.q, ZERO, np.uint64(of.q.size), l)
-    take_lane(of.qd, phase.qd, ZERO, np.uint64(of.q.size), l)
-    take_lane(of.within, phase.within, ZERO, np.uint64(1), l)
-    take_lane(member.work.judged, work.judged, ZERO, np.uint64(work.judged.size), l)
+    take_lane(of.q, phase.q, ZERO, np.uint64(of.q.size), m)
+    take_lane(of.qd, phase.qd, ZERO, np.uint64(of.q.size), m)
+    take_lane(of.within, phase.within, ZERO, np.uint64(1), m)
+    take_lane(member.work.judged, work.judged, ZERO, np.uint64(work.judged.size), m)
     for i in range(ZERO, np.uint64(of.turns.size)):
-        set_lane(phase.turns, i, l, float(of.turns[i]))
+        set_lane(phase.turns, i, m, float(of.turns[i]))
 
 
 def _apply(problem: Problem, t: float) -> None:

@@ -1,7 +1,7 @@
 """Numbers of which each is one number of several members: one instruction computes all of them.
 
 Members of an ensemble have the same pattern and different numbers. A function of numbers that is
-compiled for lanes computes with a vector register: lane l holds the number of member l. Each lane
+compiled for lanes computes with a vector register: lane m holds the number of member m. Each lane
 has the bits that the function gives for its member alone: sums, products, quotients and roots are
 rounded in the same way, and functions without an instruction, such as the sine, are called lane by
 lane.
@@ -185,14 +185,14 @@ def _lane_by_lane(function: Any) -> None:
             return signature(kind, kind) if kind else None
 
     def single(x: float) -> float:
-        return function(x)  # type: ignore[no-any-return]
+        return function(x)
 
     def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         value, one = args[0], signature(types.float64, types.float64)
-        for l in range(sig.return_type.W):
-            number = builder.extract_element(args[0], _index(l))
+        for m in range(sig.return_type.W):
+            number = builder.extract_element(args[0], _index(m))
             number = context.compile_internal(builder, single, one, [number])
-            value = builder.insert_element(value, number, _index(l))
+            value = builder.insert_element(value, number, _index(m))
         return value
 
     infer_global(function)(Typing)

@@ -94,8 +94,8 @@ def _side_by_side(values: Sequence[Any]) -> Floats:
     room = np.zeros(size * W + _LINE // 8)
     begin = (-room.ctypes.data % _LINE) // 8
     array = room[begin : begin + size * W].reshape(size, W)
-    for l, value in enumerate(values):
-        array[:, l] = np.asarray(value).reshape(-1)
+    for m, value in enumerate(values):
+        array[:, m] = np.asarray(value).reshape(-1)
     return array
 
 
@@ -117,8 +117,8 @@ def _lane(context: Any, builder: Any, kind: Any, args: Any) -> Any:
 
 
 @intrinsic
-def lane(typing: Any, v: Any, i: Any, l: Any) -> Any:
-    """Number i of v, of the member in lane l."""
+def lane(typing: Any, v: Any, i: Any, m: Any) -> Any:
+    """Number i of v, of the member in lane m."""
 
     def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         return builder.load(_lane(context, builder, sig.args[0], args))
@@ -127,8 +127,8 @@ def lane(typing: Any, v: Any, i: Any, l: Any) -> Any:
 
 
 @intrinsic
-def set_lane(typing: Any, v: Any, i: Any, l: Any, x: Any) -> Any:
-    """Number i of v, of the member in lane l, = x."""
+def set_lane(typing: Any, v: Any, i: Any, m: Any, x: Any) -> Any:
+    """Number i of v, of the member in lane m, = x."""
 
     def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         builder.store(args[3], _lane(context, builder, sig.args[0], args[:3]))

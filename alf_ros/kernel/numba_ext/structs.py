@@ -80,9 +80,7 @@ class StructType(types.Type):
     def __init__(self, name: str, parts: tuple[tuple[str, int, types.Type], ...]) -> None:
         self.parts = parts
         self.words = tuple(
-            (name, _dtype(part))
-            for name, _, part in parts
-            if not isinstance(part, types.UniTuple)
+            (name, _dtype(part)) for name, _, part in parts if not isinstance(part, types.UniTuple)
         )
         super().__init__(name)
 

@@ -35,13 +35,13 @@ def simulation_of(study: Study, k: int) -> Simulation:
 def run_member(study: Study, k: int) -> Member:
     """Run member k. What fails in it is its reason; only a stop from outside is raised."""
 
-    def alone() -> Iterator[Sample]:
-        nonlocal simulation
-        simulation = simulation_of(study, k)
-        yield from simulation.run(study.duration, at=study.instants[0].tolist())
+    simulations: list[Simulation] = []
 
-    simulation: Simulation | None = None
-    return member_of(study, alone(), lambda: simulation.passes if simulation else ())
+    def alone() -> Iterator[Sample]:
+        simulations.append(simulation_of(study, k))
+        yield from simulations[0].run(study.duration, at=study.instants[0].tolist())
+
+    return member_of(study, alone(), lambda: simulations[0].passes)
 
 
 def member_of(

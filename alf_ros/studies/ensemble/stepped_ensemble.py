@@ -81,6 +81,7 @@ class Ensemble:
             observations = [*found, *(f'joints.{name}.velocity' for name in names)]
         self.observations = tuple(check.text(name, 'observations') for name in observations)
         self._observing = self._reading()
+        self._bind()
 
     # ---------------------------------------------------------------------------------- set-up
 
@@ -129,14 +130,14 @@ class Ensemble:
         count, angles = len(self._members), model.system.angles.c.size // 2
         self._joints = [each._stepper.instruments.coordinates for each in self._members]
         return Observing(
-            np.zeros(count, dtype=np.uint64),
-            np.zeros(count, dtype=np.uint64),
-            np.array([each._address for each in self._joints], dtype=np.uint64),
-            np.array([kind for kind, _ in found], dtype=np.uint32),
-            np.array([at for _, at in found], dtype=np.uint32),
-            *np.zeros((3, angles)),
-            *np.zeros((2, len(joints))),
-            np.zeros((count, len(found))),
+            problem=np.zeros(count, dtype=np.uint64),
+            phase=np.zeros(count, dtype=np.uint64),
+            joints=np.array([each._address for each in self._joints], dtype=np.uint64),
+            kind=np.array([kind for kind, _ in found], dtype=np.uint32),
+            which=np.array([at for _, at in found], dtype=np.uint32),
+            **{name: np.zeros(angles) for name in ('angles', 'spins', 'near')},
+            **{name: np.zeros(len(joints)) for name in ('values', 'rates')},
+            numbers=np.zeros((count, len(found))),
         )
 
     # ------------------------------------------------------------------------------------ steps
@@ -169,7 +170,7 @@ class Ensemble:
             if not np.isfinite(given).all():
                 raise InputError('not finite', key='inputs', value=float(given.sum()))
             self._give(given)
-        for k, error in self._together.step(self.steps, self._failed).items():
+        for k, error in self._together.advance(self.steps, self._failed).items():
             self._failed[k] = str(error)
         return self.observe()
 
@@ -180,13 +181,17 @@ class Ensemble:
 
     def observe(self) -> Floats:
         """The observations (members, observations) now."""
-        what = self._observing
+        observe(*self._first, self._joints[0], self._observing)
+        return self._observing.numbers.copy()
+
+    def _bind(self) -> None:
+        """Take the members as they are now."""
+        self._together.bind()
         problems = [each._stepper.problem_of(each._present) for each in self._members]
         phases = [each._present.phase for each in self._members]
-        what.problem[:] = [each._address for each in problems]
-        what.phase[:] = [each._address for each in phases]
-        observe(problems[0], phases[0], self._joints[0], what)
-        return what.numbers.copy()
+        self._observing.problem[:] = [each._address for each in problems]
+        self._observing.phase[:] = [each._address for each in phases]
+        self._first = problems[0], phases[0]
 
     def reset(self, which: Any = None) -> Floats:
         """Members back to their start, without efforts: all, or those that `which` selects, as an
@@ -197,11 +202,14 @@ class Ensemble:
             self._failed.pop(int(k), None)
             self.efforts[k] = 0.0
         self._give(self.efforts)
+        self._together.settle()
+        self._bind()
         return self.observe()
 
     def simulation(self, k: int) -> Simulation:
         """A copy of member k, at its state and with the efforts that it is given: for all that a
         Simulation can be asked."""
+        self._together.settle()
         of = self._members[check.whole(k, 'k', 0, len(self._members) - 1)]
         other = copy.copy(of)
         for name, effort in zip(self.inputs, self.efforts[k].tolist(), strict=True):
