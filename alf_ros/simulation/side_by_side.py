@@ -105,9 +105,12 @@ class _Group:
             if status != Status.OK:
                 self._target[m] = present.step
 
-    def end(self) -> dict[int, AlfError]:
-        """Returns the failures by member."""
+    def end(self) -> None:
+        """Count the steps since `begin`."""
         self._taken += self._index - self._begun - self.crew.apart
+
+    def failures(self) -> dict[int, AlfError]:
+        """By member. Raises what stopped one."""
         if not self.crew.result.any():
             return {}
         self.settle()
@@ -212,8 +215,10 @@ class SideBySide:
                 where,
                 first.members[0].h,
             )
+            for _, group in groups:
+                group.end()
             for places, group in groups:
-                failed |= {places[m]: error for m, error in group.end().items()}
+                failed |= {places[m]: error for m, error in group.failures().items()}
             if stopped >= 0:
                 groups[stopped][1].listener.answer()
         return failed

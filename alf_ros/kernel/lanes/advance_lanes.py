@@ -24,7 +24,7 @@ from alf_ros.kernel.numba_ext.jit import ZERO, compiled, inner
 from alf_ros.kernel.numba_ext.lane_numbers import anywhere, nowhere, pick, unless
 from alf_ros.kernel.numba_ext.lane_structs import lane, set_lane, struct_at
 from alf_ros.kernel.numba_ext.vectors import copy
-from alf_ros.kernel.status import OK
+from alf_ros.kernel.status import OK, STOPPED
 from alf_ros.kernel.step import store_angles
 from alf_ros.kernel.stopping import told_to_stop
 from alf_ros.kernel.unwrapping import count_turns, nearby
@@ -108,8 +108,11 @@ def _advance(
         if anywhere(leaving > 0.0):
             progress.t[0] = leaving
             for m in range(ZERO, members):
-                if lane(progress.t, ZERO, m) > 0.0:
+                if not stopped and lane(progress.t, ZERO, m) > 0.0:
                     _advance_alone(problem, phase, of, of_phase, crew, progress, h, m)
+                    stopped = crew.result[m] == STOPPED
+            if stopped:
+                break
             fresh = False
     for m in range(ZERO, members):
         member = struct_at(of, crew.problem[m])

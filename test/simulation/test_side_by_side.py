@@ -1,0 +1,249 @@
+"""Simulations in lanes have the bits of simulations alone, whatever happens to their neighbours."""
+
+from __future__ import annotations
+
+import copy
+import signal
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+
+from alf_ros import BusyError, InputError, Simulation, StepError, load_scene
+from alf_ros.kernel.numba_ext.plain import PLAIN
+from alf_ros.scene.overrides import with_changes
+from alf_ros.scene.scene import Scene
+from alf_ros.simulation.side_by_side import SideBySide, no_place
+from support.singular_starts import GRAVITY, scene
+
+pytestmark = pytest.mark.skipif(PLAIN, reason='code that is not compiled has no lanes')
+
+DOWN, BELOW = 'gravity.acceleration.1', 'gravity.acceleration.2'
+# what differs from member to member, step (s), steps: the plane and space, singular positions,
+# redundant rows, rolling, stops, drives, angles that are counted
+LIBRARY: dict[str, tuple[dict[str, Any], float, int]] = {
+    'slider_crank': ({'coupler.mass': '{1+k/50}', DOWN: '{-9-k/8}'}, 5e-3, 400),
+    'change_point': ({'m': '{1+k/40}', DOWN: '{-9-k/8}'}, 5e-3, 300),
+    'double_four_bar': ({DOWN: '{-9-k/8}'}, 2e-3, 200),
+    'double_pendulum': ({DOWN: '{-9-k/8}'}, 5e-3, 200),
+    'bricard': ({BELOW: '{-9-k/8}'}, 5e-3, 40),
+    'delta_robot_controlled': ({BELOW: '{-9-k/8}'}, 5e-3, 60),
+    'coin': ({BELOW: '{-9-k/8}'}, 5e-3, 100),
+    'differential_drive_cart': ({}, 5e-3, 60),
+    'wiper': ({DOWN: '{-9-k/8}'}, 5e-3, 100),
+    'scissor_lift': ({DOWN: '{-9-k/8}'}, 5e-3, 60),
+}
+
+
+def member(name: str | Scene, changes: Mapping[str, Any], k: int, **settings: Any) -> Simulation:
+    of = load_scene(name) if isinstance(name, str) else name
+    texts = {key: str(eval(f'f{text!r}', {'k': k})) for key, text in changes.items()}
+    return Simulation(with_changes(of, texts), **settings)
+
+
+def told(simulation: Simulation) -> tuple[Any, ...]:
+    """All that a step leaves behind."""
+    state, resolution = simulation.state, simulation.resolution
+    return (
+        simulation.step_index,
+        state.q.tobytes(),
+        state.qd.tobytes(),
+        state.turns.tolist(),
+        simulation.evaluations,
+        repr(simulation.step_error),
+        repr(resolution),
+        simulation.sample().energy,
+    )
+
+
+def check(members: list[Simulation], alone: list[Simulation]) -> None:
+    for one, other in zip(members, alone, strict=True):
+        assert told(one) == told(other)
+
+
+@pytest.mark.parametrize('name', LIBRARY)
+def test_members_have_the_bits_of_their_single_runs(name):
+    changes, h, steps = LIBRARY[name]
+    made = [member(name, changes, k, step=h, integrator='rk4') for k in range(5)]
+    alone = [copy.copy(each) for each in made]
+    together = SideBySide(made, 8)
+    for n in (1, steps - 8, 7):
+        assert together.step(n) == {}
+        for each in alone:
+            each.step(n)
+        check(made, alone)
+
+
+@pytest.mark.parametrize('lanes', [2, 4])
+@pytest.mark.parametrize('integrator', ['rk4', 'dop853'])
+def test_registers_of_any_width_and_every_explicit_integrator(lanes, integrator):
+    made = [
+        member('change_point', {DOWN: '{-9-k/8}'}, k, step=1e-2, integrator=integrator)
+        for k in range(2 * lanes + 1)
+    ]
+    alone = [copy.copy(each) for each in made]
+    SideBySide(made, lanes).step(90)
+    for each in alone:
+        each.step(90)
+    check(made, alone)
+
+
+def test_different_mechanisms_share_a_call():
+    names = ['slider_crank', 'double_pendulum', 'slider_crank', 'bricard', 'double_pendulum']
+    made = [Simulation(load_scene(name), step=4e-3, integrator='rk4') for name in names]
+    alone = [copy.copy(each) for each in made]
+    together = SideBySide(made)
+    assert together.patterns == 3
+    together.step(50)
+    for each in alone:
+        each.step(50)
+    check(made, alone)
+
+
+@pytest.mark.parametrize('crank', [0.0, 3.0])
+def test_starts_in_singular_positions(crank):
+    """Upright, with and without a speed, and beside members that start elsewhere."""
+    starts: list[Scene] = [
+        scene(effects=GRAVITY, A=[-crank, 0.0], B=[-2.0 * crank, 0.0]),
+        load_scene('slider_crank'),
+        scene(effects=GRAVITY, A=[-2.0 * crank, 0.0], B=[-4.0 * crank, 0.0]),
+    ]
+    made = [Simulation(each, step=5e-3, integrator='rk4') for each in starts]
+    alone = [copy.copy(each) for each in made]
+    SideBySide(made).step(60)
+    for each in alone:
+        each.step(60)
+    check(made, alone)
+
+
+def test_a_member_that_fails_does_not_touch_the_others():
+    """A drive that asks for a place beyond reach ends its own run, with the error of its run."""
+
+    def driven(reach: float) -> Simulation:
+        drives = {'push': {'joint': 'guide', 'length': f'1.2 + {reach}*t'}}
+        return Simulation(
+            scene(positions={'A': [0.6, 0.8], 'B': [1.2, 0]}, drives=drives, effects={}),
+            step=1e-2,
+            integrator='rk4',
+        )
+
+    made = [driven(reach) for reach in (0.1, 5.0, 0.2)]
+    alone = [copy.copy(each) for each in made]
+    failed = SideBySide(made).step(40)
+    assert list(failed) == [1]
+    with pytest.raises(StepError) as error:
+        alone[1].step(40)
+    assert str(failed[1]) == str(error.value)
+    for each in (alone[0], alone[2]):
+        each.step(40)
+    check(made, alone)
+
+
+def test_between_two_calls_a_member_is_a_simulation():
+    made = [member('slider_crank', {'m': '{1+k/9}'}, k, integrator='rk4') for k in range(3)]
+    alone = [copy.copy(each) for each in made]
+    together = SideBySide(made)
+    together.step(40)
+    for each in alone:
+        each.step(40)
+    begin = made[1].state
+    for run in (made, alone):
+        run[0].apply_effort('crank_pin', 3.0)
+        run[1].restore(begin)
+        run[2].step(5)
+    together.step(30, without=[2])
+    for each in alone[:2]:
+        each.step(30)
+    check(made, alone)
+
+
+def test_samples_of_a_run():
+    made = [member('slider_crank', {'m': '{1+k/9}'}, k, integrator='rk4') for k in range(2)]
+    alone = [copy.copy(each) for each in made]
+    times = [0.0, 0.01, 0.0234567, 0.05]
+    for (samples, error), each in zip(SideBySide(made).run(0.06, times), alone, strict=True):
+        seen = list(each.run(0.06, at=times))
+        assert error is None and [s.t for s in samples] == [s.t for s in seen]
+        assert [s.state.q.tobytes() for s in samples] == [s.state.q.tobytes() for s in seen]
+    check(made, alone)
+
+
+class _Ring(Exception):
+    pass
+
+
+def test_an_interrupted_call_leaves_whole_steps():
+    made = [member('slider_crank', {'m': '{1+k/9}'}, k, integrator='rk4') for k in range(3)]
+    alone = [copy.copy(each) for each in made]
+    together = SideBySide(made)
+    together.step(1)
+
+    def ring(*_: object) -> None:
+        raise _Ring
+
+    before = signal.signal(signal.SIGVTALRM, ring)
+    try:
+        signal.setitimer(signal.ITIMER_VIRTUAL, 0.2)
+        with pytest.raises(_Ring):
+            together.step(10**9)
+    finally:
+        signal.setitimer(signal.ITIMER_VIRTUAL, 0.0)
+        signal.signal(signal.SIGVTALRM, before)
+    together.step(10)
+    for one, other in zip(made, alone, strict=True):
+        assert one.step_index > 11
+        other.step(one.step_index)
+        assert one.state.q.tobytes() == other.state.q.tobytes()
+        assert one.state.qd.tobytes() == other.state.qd.tobytes()
+
+
+def test_one_thread_at_a_time():
+    made = [Simulation(load_scene('slider_crank'), integrator='rk4') for _ in range(2)]
+    together = SideBySide(made)
+    with made[1]._lock, pytest.raises(BusyError):
+        together.step(1)
+    together.step(1)
+    assert [each.step_index for each in made] == [1, 1]
+
+
+@pytest.mark.parametrize(
+    ('settings', 'said'),
+    [
+        ({'integrator': 'dop853_adaptive'}, 'fixed steps'),
+        ({'integrator': 'esdirk43'}, 'explicit'),
+        ({'formulation': 'alf1'}, 'alf2'),
+        ({'watch': True}, 'watched'),
+        ({'ledger': True}, 'works'),
+    ],
+)
+def test_what_has_no_lanes_is_refused(settings, said):
+    simulation = Simulation(load_scene('slider_crank'), **settings)
+    assert said in no_place(simulation)
+    with pytest.raises(InputError, match=said):
+        SideBySide([simulation])
+
+
+def test_other_refusals():
+    one, other = (Simulation(load_scene('slider_crank'), step=h) for h in (1e-3, 2e-3))
+    with pytest.raises(InputError, match='one step'):
+        SideBySide([one, other])
+    with pytest.raises(InputError, match='2, 4 or 8'):
+        SideBySide([one], lanes=3)
+    with pytest.raises(InputError, match='n: '):
+        SideBySide([one]).step(-1)
+
+
+def test_turns_are_counted_for_each_member():
+    made = [
+        member('pendulum', {DOWN: '{-0.01-k/1e3}'}, k, step=1e-2, integrator='rk4')
+        for k in range(4)
+    ]
+    for k, each in enumerate(made):
+        each.apply_effort(each.model.coordinate_names[0], 3.0 * (-1) ** k)
+    alone = [copy.copy(each) for each in made]
+    SideBySide(made).step(400)
+    for each in alone:
+        each.step(400)
+    check(made, alone)
+    assert len({np.sign(each.state.turns.sum()) for each in made}) > 1

@@ -1,0 +1,142 @@
+"""Ensembles in a loop: each member has the bits of a simulation with the same inputs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from alf_ros import Ensemble, InputError, Simulation, load_scene
+from alf_ros.kernel.numba_ext.plain import PLAIN
+from alf_ros.scene.overrides import with_changes
+from alf_ros.studies.ensemble.distributions import uniform
+from alf_ros.studies.ensemble.study_reading import study_of
+
+pytestmark = pytest.mark.skipif(PLAIN, reason='code that is not compiled has no lanes')
+
+CRANK: dict[str, Any] = {'efforts': ['crank_pin'], 'step': 2e-3, 'integrator': 'rk4'}
+
+
+def numbers(simulation: Simulation) -> np.ndarray:
+    sample = simulation.sample()
+    return np.concatenate([sample.joint_positions, sample.joint_velocities])
+
+
+def test_members_have_the_bits_of_simulations_with_the_same_efforts():
+    efforts = np.random.default_rng(3).normal(0.0, 5.0, (30, 11, 1))
+    ensemble = Ensemble('slider_crank', 11, steps=4, **CRANK)
+    seen = np.array([ensemble.step(each) for each in efforts])
+    assert seen.shape == (30, 11, 6) and not ensemble.failed
+    for k in (0, 4, 10):
+        alone = Simulation(load_scene('slider_crank'), step=2e-3, integrator='rk4')
+        for effort, row in zip(efforts[:, k, 0].tolist(), seen[:, k], strict=True):
+            alone.apply_effort('crank_pin', effort)
+            alone.step(4)
+            assert numbers(alone).tobytes() == row.tobytes()
+        member = ensemble.simulation(k)
+        assert member.state.q.tobytes() == alone.state.q.tobytes()
+        assert member.evaluations == alone.evaluations
+        # also what depends on forces, and what comes next
+        forces = [each.sample().reactions['knee'].force for each in (member, alone)]
+        assert forces[0].tobytes() == forces[1].tobytes()
+        member.step(5)
+        alone.step(5)
+        assert member.state.qd.tobytes() == alone.state.qd.tobytes()
+    assert ensemble.t.tolist() == [0.24] * 11
+
+
+def test_members_with_other_numbers():
+    vary = {'coupler.mass': uniform(0.5, 2.0), 'm': uniform(0.9, 1.1)}
+    ensemble = Ensemble('slider_crank', 10, vary=vary, seed=4, steps=50, **CRANK)
+    seen = ensemble.step(np.full((10, 1), 0.25))
+    study = study_of('slider_crank', vary, members=10, seed=4)
+    for k in range(10):
+        scene = with_changes(load_scene('slider_crank'), study.samples.values(k))
+        alone = Simulation(scene, step=2e-3, integrator='rk4')
+        alone.apply_effort('crank_pin', 0.25)
+        alone.step(50)
+        assert numbers(alone).tobytes() == seen[k].tobytes()
+
+
+def test_efforts_in_space():
+    """Three motors of a delta robot, as efforts, on members that stand differently."""
+    joints = [f'motor_{k}' for k in '123']
+    scene = load_scene('delta_robot')
+    names = [n for n in Simulation(scene).model.coordinate_names if n in joints]
+    joints = names or list(Simulation(scene).model.coordinate_names[:3])
+    ensemble = Ensemble(scene, 3, efforts=joints, steps=10, step=2e-3, integrator='rk4')
+    efforts = np.random.default_rng(1).normal(0.0, 1.0, (4, 3, 3))
+    for each in efforts:
+        seen = ensemble.step(each)
+    alone = Simulation(scene, step=2e-3, integrator='rk4')
+    for each in efforts[:, 1]:
+        for joint, effort in zip(joints, each.tolist(), strict=True):
+            alone.apply_effort(joint, effort)
+        alone.step(10)
+    # an effort times the numbers of 1 N m may be rounded otherwise than packed
+    np.testing.assert_allclose(seen[1], numbers(alone), rtol=0, atol=1e-12)
+
+
+def test_single_members_are_reset():
+    ensemble = Ensemble('slider_crank', 9, steps=5, **CRANK)
+    begin = ensemble.observe()
+    first = ensemble.step(np.ones((9, 1)))
+    second = ensemble.step()
+    assert second[0].tolist() != first[0].tolist()
+    seen = ensemble.reset(np.arange(9) % 4 == 0)
+    assert np.array_equal(seen[::4], begin[::4])
+    assert np.array_equal(seen[1:4], second[1:4])
+    assert ensemble.efforts[:, 0].tolist() == [0, 1, 1, 1, 0, 1, 1, 1, 0]
+    again = ensemble.step(np.ones((9, 1)))
+    assert np.array_equal(again[::4], first[::4])
+    assert np.array_equal(ensemble.reset(), begin)
+    assert np.array_equal(ensemble.reset(3), begin)
+
+
+def test_points_are_observed_too():
+    names = ['points.B.x', 'velocities.A.y', 'joints.guide.position']
+    ensemble = Ensemble('slider_crank', 2, observations=names, step=2e-3, integrator='rk4')
+    seen = ensemble.step()
+    sample = ensemble.simulation(1).sample()
+    expected = sample.points['B'][0], sample.velocities['A'][1], sample.joint_positions[-1]
+    assert seen[1].tolist() == list(expected)
+
+
+def test_a_member_that_fails_waits_until_it_is_reset():
+    """Efforts that tear at one member until its steps are too long for it."""
+    ensemble = Ensemble('slider_crank', 9, steps=50, **CRANK)
+    efforts = np.zeros((9, 1))
+    efforts[5] = 1e9
+    for _ in range(4):
+        ensemble.step(efforts)
+    assert list(ensemble.failed) == [5] and 't = ' in ensemble.failed[5]
+    stands = ensemble.t[5]
+    ensemble.step(np.zeros((9, 1)))
+    assert ensemble.t[5] == stands < ensemble.t[4]
+    ensemble.reset([5])
+    ensemble.step()
+    assert not ensemble.failed and ensemble.t[5] == 0.1
+
+
+@pytest.mark.parametrize(
+    ('settings', 'said'),
+    [
+        ({'members': 0}, 'members'),
+        ({'members': 2, 'efforts': ['crank']}, "did you mean 'crank_pin'"),
+        ({'members': 2, 'observations': ['points.B.z']}, 'points.B'),
+        ({'members': 2, 'steps': 0}, 'steps'),
+        ({'members': 2, 'integrator': 'dop853_adaptive'}, 'fixed steps'),
+    ],
+)
+def test_refusals(settings, said):
+    with pytest.raises(InputError, match=said):
+        Ensemble('slider_crank', **settings)
+
+
+def test_inputs_of_another_shape_change_nothing():
+    ensemble = Ensemble('slider_crank', 3, **CRANK)
+    for wrong in (np.zeros(3), np.zeros((3, 2)), [[0.0], [np.nan], [0.0]]):
+        with pytest.raises(InputError):
+            ensemble.step(wrong)
+    assert ensemble.t.tolist() == [0.0, 0.0, 0.0]
