@@ -223,6 +223,11 @@ class SideBySide:
                 groups[stopped][1].listener.answer()
         return failed
 
+    @property
+    def apart(self) -> int:
+        """How many steps of the last call members took alone, beside singular positions."""
+        return sum(int(group.crew.apart[: len(group.members)].sum()) for _, group in self._groups)
+
     def settle(self, cost: float = math.nan) -> None:
         """Let the simulations count what `advance` has done; `cost` (s) of a step."""
         for _, group in self._groups:

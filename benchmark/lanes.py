@@ -1,0 +1,119 @@
+"""What a member costs in lanes beside its single run: python benchmark/lanes.py [--members N]
+
+Of each mechanism: members that differ in gravity, from the same start, with rk4 and dop853 at fixed
+steps; the time of a step of a member in lanes and alone, their ratio, and the part of the steps
+that members took alone, beside singular positions. The fastest of several rounds of both, by
+turns, in one process. Then `Ensemble.step`. Writes benchmark/results/lanes.csv.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import os
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+from alf_ros import Ensemble, Scene, Simulation, load_scene  # noqa: E402
+from alf_ros.logs.provenance import about  # noqa: E402
+from alf_ros.scene.overrides import with_changes  # noqa: E402
+from alf_ros.simulation.side_by_side import SideBySide, width  # noqa: E402
+
+RESULTS = ROOT / 'benchmark' / 'results'
+FOUR_BARS = {f'four-bars, N = {n}': ('n_four_bar', {'N': n}) for n in (2, 10, 40)}
+MECHANISMS = {
+    **FOUR_BARS,
+    'slider_crank': ('slider_crank', {}),
+    'double_pendulum': ('double_pendulum', {}),
+    'delta_robot': ('delta_robot', {}),
+    'stewart_platform': ('stewart_platform', {}),
+}
+SPAN = 1.0  # s
+ROUNDS = 5
+COLUMNS = 'mechanism,integrator,step_s,lanes,lanes_us,alone_us,ratio,apart'.split(',')
+
+
+def scenes_of(name: str, parameters: dict[str, float], members: int) -> list[Scene]:
+    """Members that differ in gravity, up to 5 %."""
+    scene = load_scene(name, parameters)
+    (gravity,) = (effect for effect in scene.effects if effect.kind == 'gravity')
+    down = np.array(gravity.parameters.acceleration)
+    return [
+        with_changes(scene, {'gravity.acceleration': str((down * (1.0 + 0.05 * k / members)).tolist())})
+        for k in range(members)
+    ]
+
+
+def measured(scenes: Sequence[Scene], integrator: str, h: float) -> tuple[float, float, float]:
+    """µs of a step of a member in lanes, and alone; and the part of the steps taken alone."""
+    members = [Simulation(scene, step=h, integrator=integrator) for scene in scenes]
+    together = SideBySide(members)
+    starts, steps = [each.state for each in members], max(1, round(SPAN / h))
+    times: tuple[list[float], list[float]] = [], []
+    apart = 0.0
+    for _ in range(ROUNDS + 1):  # the first compiles
+        for kind in (0, 1):
+            for each, start in zip(members, starts, strict=True):
+                each.restore(start)
+            begun = time.perf_counter()
+            if kind == 0:
+                together.step(steps)
+                apart = together.apart / (steps * len(members))
+            else:
+                for each in members:
+                    each.step(steps)
+            times[kind].append(1e6 * (time.perf_counter() - begun) / steps / len(members))
+    return min(times[0][1:]), min(times[1][1:]), apart
+
+
+def in_a_loop(members: int) -> float:
+    """µs of a member in a step of an `Ensemble` of slider-cranks, of one step of rk4."""
+    ensemble = Ensemble(
+        'slider_crank', members, efforts=['crank_pin'], step=2e-3, integrator='rk4'
+    )
+    efforts = np.random.default_rng(0).normal(size=(members, 1))
+    times: list[float] = []
+    for _ in range(50):
+        begun = time.perf_counter()
+        ensemble.step(efforts)
+        times.append(time.perf_counter() - begun)
+    return 1e6 * min(times) / members
+
+
+def main() -> None:
+    """Print and store all of it."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('--members', type=int, default=64)
+    options = parser.parse_args()
+    print(f'{width()} lanes')
+    print(f'{"":18}{"":>8}{"step, ms":>10}{"lanes, us":>11}{"alone, us":>11}{"ratio":>7}{"apart":>7}')
+    rows: list[list[object]] = []
+    for label, (name, parameters) in MECHANISMS.items():
+        scenes = scenes_of(name, parameters, options.members)
+        for integrator, h in (('rk4', 2e-3), ('dop853', 1e-2)):
+            lanes, alone, apart = measured(scenes, integrator, h)
+            rows.append([label, integrator, h, width(), lanes, alone, lanes / alone, apart])
+            print(
+                f'{label:18}{integrator:>8}{1e3 * h:10g}{lanes:11.3f}{alone:11.3f}'
+                f'{lanes / alone:7.3f}{apart:7.3f}',
+                flush=True,
+            )
+    RESULTS.mkdir(exist_ok=True)
+    with (RESULTS / 'lanes.csv').open('w', newline='') as file:
+        file.write(f'{about()}; load of the machine {os.getloadavg()[0]:.1f}\n')
+        writer = csv.writer(file)
+        writer.writerow(COLUMNS)
+        writer.writerows(rows)
+    for members in (8, 1000):
+        print(f'Ensemble.step of {members} slider-cranks: {in_a_loop(members):.3g} us a member')
+
+
+if __name__ == '__main__':
+    main()
