@@ -35,6 +35,8 @@ if TYPE_CHECKING:
     from alf_ros.studies.loads.fastest_run import FastestRun, fastest
     from alf_ros.studies.loads.load_history import LoadHistory
     from alf_ros.studies.loads.prescribed_loads import loads
+    from alf_ros.studies.optimisation.optimisation import optimise
+    from alf_ros.studies.optimisation.optimum import Optimum
     from alf_ros.studies.statics.equilibrium_path import EquilibriumPath, equilibrium_path
     from alf_ros.studies.statics.floquet import FloquetModel, floquet
     from alf_ros.studies.statics.linear_model import LinearModel
@@ -58,6 +60,7 @@ __all__ = [
     'InputError',
     'LinearModel',
     'LoadHistory',
+    'Optimum',
     'Posture',
     'Recording',
     'Run',
@@ -82,6 +85,7 @@ __all__ = [
     'load_scene',
     'loads',
     'modes',
+    'optimise',
     'record',
     'recorded',
 ]
@@ -126,6 +130,8 @@ _HOME = {
     'ensemble': 'studies.ensemble.ensemble',
     'Identification': 'studies.identification.identified',
     'identify': 'studies.identification.identification',
+    'Optimum': 'studies.optimisation.optimum',
+    'optimise': 'studies.optimisation.optimisation',
     'Recording': 'studies.identification.recording',
     'recorded': 'studies.identification.recording',
 }

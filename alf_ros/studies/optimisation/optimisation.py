@@ -1,0 +1,286 @@
+"""`optimise`: numbers of a scene that minimise a number of its motion."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from alf_ros.arrays import Floats
+from alf_ros.errors import AlfError, InputError, StoppedError
+from alf_ros.scene.scene import Scene, load_scene
+from alf_ros.simulation import input_checks as check
+from alf_ros.simulation.simulation import Simulation
+from alf_ros.studies.ensemble.distributions import uniform
+from alf_ros.studies.ensemble.sampling import Sampling
+from alf_ros.studies.optimisation.design_goal import (
+    DesignLimit,
+    design_goal,
+    design_limit,
+)
+from alf_ros.studies.optimisation.design_numbers import DesignNumbers, design_numbers
+from alf_ros.studies.optimisation.designs import Design, DesignCurve, Designs
+from alf_ros.studies.optimisation.driven_design import is_driven
+from alf_ros.studies.optimisation.local_search import OUTSIDE, LocalOptimum, searched
+from alf_ros.studies.optimisation.optimum import Optimum, StartedSearch
+
+SAMPLINGS = ('lhs', 'sobol', 'random')
+SAMPLES = 100  # in the duration, if no period is given
+MOST_SEED = 2**63 - 1
+_AT_BOUND = 1e-6  # of the range of a number
+_EQUAL = 1e-3  # of a peak: another one that is as high
+Report = Callable[[str], None]
+
+
+def optimise(
+    scene: str | Path | Scene | Mapping[str, Any],
+    vary: Mapping[str, Any],
+    minimise: Any,
+    *,
+    subject_to: Mapping[str, Any] | None = None,
+    starts: int = 1,
+    seed: int = 0,
+    sampling: str = 'lhs',
+    duration: float = 10.0,
+    period: float | None = None,
+    designs: int = 200,
+    report: Report | None = None,
+) -> Optimum:
+    """Find numbers of a scene, between bounds, that minimise a number of its motion.
+
+    vary: [least, greatest] by the names of `fork --set`. minimise: 'max(norm(knee.force))',
+    {'path': 'P', 'through': places} and so on, see doc/optimisation.md. subject_to: [least, most]
+    by such numbers, None for no limit; or {label: {'of': …, 'between': [least, most]}}. starts:
+    how many searches begin, the first one at the scene, the others from `sampling` within the
+    bounds, with `seed`. duration and period (s): of the motion, and between its samples. designs:
+    evaluations of one search at most. report: called with a line of text.
+
+    Gradients are exact: of tangents of the run, or, where drives decide on the motion, of the
+    constraints. Raises InputError for what cannot be used, and AlfError if every start fails.
+    """
+    loaded = scene if isinstance(scene, Scene) else load_scene(scene)
+    numbers = design_numbers(loaded, vary)
+    _check_within(numbers)
+    simulation = Simulation(loaded)
+    length = _positive(duration, 'duration')
+    driven = is_driven(simulation)
+    step = _period(simulation, length, period, driven)
+    sample = simulation.sample()
+    objective = design_goal(minimise, 'minimise', sample, length)
+    limits = _limits(subject_to, sample, length)
+    count = check.whole(starts, 'starts', 1, 10_000)
+    most = check.whole(designs, 'designs', 2, 1_000_000)
+    begins = _begins(numbers, count, check.whole(seed, 'seed', 0, MOST_SEED), sampling)
+    study = Designs(numbers, objective, limits, length, step, driven)
+    rows, ends, failures = [], [], []
+    for k, begin in enumerate(begins):
+        study.tried = []
+        study.told = _teller(report, k, count)
+        row, end, failure = _searched(study, begin, most)
+        rows.append(row)
+        ends.append(end)
+        failures.append(failure)
+    best = _best(rows)
+    if best is None:
+        first = next(each for each in failures if each is not None)
+        if isinstance(first, InputError):
+            raise first
+        raise AlfError(f'no start is usable; the first one: {first}')
+    return _optimum(loaded, numbers, study, rows, ends, best)
+
+
+def _searched(
+    study: Designs, begin: Floats, most: int
+) -> tuple[StartedSearch, LocalOptimum | None, AlfError | None]:
+    try:
+        found = searched(study, begin, most)
+    except StoppedError:
+        raise
+    except AlfError as error:
+        failed = StartedSearch(
+            begin, None, math.nan, math.nan, False, str(error), tuple(study.tried)
+        )
+        return failed, None, error
+    design = found.design
+    row = StartedSearch(
+        begin,
+        design.values,
+        design.objective.value,
+        _outside(study, design),
+        found.settled,
+        found.reason,
+        tuple(study.tried),
+    )
+    return row, found, None
+
+
+def _optimum(
+    scene: Scene,
+    numbers: DesignNumbers,
+    study: Designs,
+    rows: list[StartedSearch],
+    ends: list[LocalOptimum | None],
+    best: int,
+) -> Optimum:
+    end = ends[best]
+    assert end is not None
+    after, before = end.design, _before(study, numbers)
+    objective_before, limits_before, curves_before = before
+    return Optimum(
+        scene=scene,
+        optimised_scene=numbers.at(after.values),
+        numbers=numbers,
+        objective=study.objective,
+        limits=study.limits,
+        values=after.values,
+        objective_before=objective_before,
+        objective_after=after.objective.value,
+        limits_before=limits_before,
+        limits_after=tuple(each.value for each in after.limited),
+        active=_active(study, after),
+        is_feasible=rows[best].outside <= OUTSIDE,
+        notes=tuple(_notes(study, rows[best], after)),
+        starts=tuple(rows),
+        best=best,
+        curves_before=tuple(curves_before),
+        curves_after=tuple(study.curves(after.values)),
+    )
+
+
+def _before(
+    study: Designs, numbers: DesignNumbers
+) -> tuple[float, tuple[float, ...], list[DesignCurve]]:
+    """Of the scene itself; without numbers where it has none."""
+    try:
+        found = study.at(numbers.before)
+        limited = tuple(each.value for each in found.limited)
+        return found.objective.value, limited, study.curves(numbers.before)
+    except StoppedError:
+        raise
+    except AlfError:
+        return math.nan, (math.nan,) * len(study.limits), []
+
+
+def _best(rows: list[StartedSearch]) -> int | None:
+    """The start that ended best: inside all limits, else the least outside."""
+    ended = [k for k, row in enumerate(rows) if row.end is not None]
+    if not ended:
+        return None
+    inside = [k for k in ended if rows[k].outside <= OUTSIDE]
+    if inside:
+        return min(inside, key=lambda k: rows[k].objective)
+    return min(ended, key=lambda k: rows[k].outside)
+
+
+def _outside(study: Designs, design: Design) -> float:
+    rooms = [
+        limit.room(asked.value) for limit, asked in zip(study.limits, design.limited, strict=True)
+    ]
+    return max(0.0, -min(rooms, default=0.0))
+
+
+def _active(study: Designs, design: Design) -> tuple[str, ...]:
+    numbers = study.numbers
+    edge = np.minimum(design.values - numbers.lower, numbers.upper - design.values)
+    found = [
+        name
+        for name, at in zip(numbers.names, edge / numbers.width <= _AT_BOUND, strict=True)
+        if at
+    ]
+    for limit, asked in zip(study.limits, design.limited, strict=True):
+        if limit.room(asked.value) <= OUTSIDE:
+            found.append(limit.goal.text)
+    return tuple(found)
+
+
+def _notes(study: Designs, row: StartedSearch, design: Design) -> list[str]:
+    found = []
+    if row.outside > OUTSIDE:
+        found.append(f'no design within the limits was found: {row.outside:.2%} outside')
+    if not row.settled:
+        found.append(f'the search has not settled: {row.reason}')
+    goals = (study.objective, *(limit.goal for limit in study.limits))
+    for goal, asked in zip(goals, (design.objective, *design.limited), strict=True):
+        if any(abs(other - asked.value) <= _EQUAL * abs(asked.value) for other in asked.others):
+            found.append(
+                f'{goal.text} has two equal peaks: there it is not smooth, and the search may end '
+                'before the optimum'
+            )
+    return found
+
+
+# ---------------------------------------------------------------------------------- arguments
+
+
+def _check_within(numbers: DesignNumbers) -> None:
+    each = zip(numbers.names, numbers.before, numbers.lower, numbers.upper, strict=True)
+    for name, value, low, high in each:
+        if not low <= value <= high:
+            raise InputError(
+                'the scene begins outside the bounds',
+                key=f'vary.{name}',
+                value=float(value),
+                expected=f'{low:g} to {high:g}',
+            )
+
+
+def _positive(given: Any, key: str) -> float:
+    found = check.number(given, key, 0.0)
+    if found == 0.0:
+        raise InputError('not usable', key=key, value=given, expected='s, more than 0')
+    return found
+
+
+def _period(simulation: Simulation, duration: float, given: Any, driven: bool) -> float:
+    """s between samples, a whole part of the duration, and whole steps where forces decide."""
+    h = simulation.h
+    asked = duration / SAMPLES if given is None else _positive(given, 'period')
+    if asked > duration:
+        raise InputError('longer than the duration', key='period', value=asked)
+    if driven:
+        return duration / max(1, round(duration / asked))
+    steps = round(duration / h)
+    if not steps or abs(steps * h - duration) > check.CLOSE * h:
+        raise InputError('not whole steps', key='duration', value=duration, expected=f'k * {h:g}')
+    if given is None:
+        return max(1, round(steps / SAMPLES)) * h
+    every = round(asked / h)
+    if not every or abs(every * h - asked) > check.CLOSE * h:
+        raise InputError('not whole steps', key='period', value=asked, expected=f'k * {h:g}')
+    return every * h
+
+
+def _limits(given: Any, sample: Any, duration: float) -> list[DesignLimit]:
+    expected = '{max(norm(knee.force)): [~, 50]}'
+    found = []
+    for name, data in check.by_name(given, 'subject_to', expected).items():
+        key = f'subject_to.{name}'
+        if not isinstance(data, Mapping):
+            found.append(design_limit(name, data, key, sample, duration))
+            continue
+        for word in data:
+            if word not in ('of', 'between'):
+                raise InputError('unknown key', key=key, value=word, choices=('of', 'between'))
+        found.append(design_limit(data.get('of'), data.get('between'), key, sample, duration))
+    return found
+
+
+def _begins(numbers: DesignNumbers, count: int, seed: int, sampling: Any) -> list[Floats]:
+    """(P,) of each start: the scene, then samples within the bounds."""
+    if sampling not in SAMPLINGS:
+        raise InputError('no such sampling', key='sampling', value=sampling, choices=SAMPLINGS)
+    found = [numbers.before]
+    if count > 1:
+        vary = {name: uniform(0.0, 1.0) for name in numbers.names}
+        samples = Sampling(sampling, vary, count - 1, seed)
+        found += [numbers.lower + samples.unit(k) * numbers.width for k in range(count - 1)]
+    return found
+
+
+def _teller(report: Report | None, k: int, count: int) -> Callable[[int, float], None] | None:
+    if report is None:
+        return None
+    return lambda tried, value: report(f'start {k + 1}/{count}, design {tried}: {value:.6g}')
