@@ -83,7 +83,7 @@ class DesignGoal:
     def value(self, motion: DesignMotion) -> float:
         """The number alone. Raises AlfError."""
         if self.path is not None:
-            return self.of(motion).value
+            return self.path.distance(motion)
         assert self.quantity is not None
         return self._folded(motion.t, self.quantity.values(motion.samples)).value
 
@@ -91,7 +91,8 @@ class DesignGoal:
         if self.kind == 'at':
             return value_at(t, y, self.at)
         if self.kind == 'crossing':
-            return crossing(t, y, self.at, self.direction)
+            assert self.quantity is not None
+            return crossing(t, y, self.at, self.direction, self.quantity.text)
         return FOLDS[self.kind](t, y)
 
 

@@ -101,9 +101,6 @@ def _framed(scene: Scene) -> Scene:
     axis, with a kink where another pair of points becomes the furthest.
     """
     mechanism = scene.mechanism
-    turning = any(block.is_direction for block in mechanism.prescribed)
-    if mechanism.dimension == 2 and not turning:
-        return scene
     places = np.array([point.at for point in mechanism.points])
     middle, size = places.mean(axis=0), float(np.ptp(places, axis=0).max(initial=0.0)) or 1.0
     corners = {

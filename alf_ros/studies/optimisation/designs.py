@@ -73,6 +73,13 @@ class Designs:
             raise found
         return found
 
+    def numbers_of(self, values: Floats) -> tuple[float, ...]:
+        """The objective and the limited numbers of a design, without derivatives. Raises
+        AlfError."""
+        motion = self._motion(values)
+        goals = (self.objective, *(limit.goal for limit in self.limits))
+        return tuple(goal.value(motion) for goal in goals)
+
     def curves(self, values: Floats) -> list[DesignCurve]:
         """Of the objective and of each limited number. Raises AlfError."""
         motion = self._motion(values)

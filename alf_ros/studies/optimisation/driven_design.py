@@ -78,6 +78,13 @@ class DrivenDesign:
         """δq, δq̇ (P, blocks D) of sample n. Raises InputError where they do not exist."""
         return self._tangent(self.samples[n])
 
+    def places(self, point: str, times: Floats) -> tuple[Floats, Floats]:
+        """(K, D) positions and velocities of a point at instants (s)."""
+        order = np.argsort(times, kind='stable')
+        back = np.argsort(order, kind='stable')
+        x, v = path(self._at(times[order]), point)
+        return x[back], v[back]
+
     def track(self, point: str, times: Floats) -> PointTrack:
         """A point at instants (s)."""
         order = np.argsort(times, kind='stable')

@@ -93,13 +93,13 @@ def value_at(t: Floats, y: Floats, at: float) -> Folded:
     return Folded(float(weights @ y), weights, at)
 
 
-def crossing(t: Floats, y: Floats, value: float, direction: str) -> Folded:
+def crossing(t: Floats, y: Floats, value: float, direction: str, what: str) -> Folded:
     """The first instant (s) at which a value is crossed. Raises AlfError if it is not."""
     off = y - value
     up, down = (off[:-1] < 0.0) & (off[1:] >= 0.0), (off[:-1] > 0.0) & (off[1:] <= 0.0)
     wanted = np.flatnonzero({'up': up, 'down': down, 'both': up | down}[direction])
     if not wanted.size:
-        raise AlfError(f'{value:g} is not crossed')
+        raise AlfError(f'{what} does not cross {value:g}')
     n = int(wanted[0])
     window = near(t, float(t[n]))
     p = window.coefficients(off[window.of])
@@ -112,7 +112,7 @@ def crossing(t: Floats, y: Floats, value: float, direction: str) -> Folded:
     at = window.t(high)
     rate = float(window.rate(at) @ off[window.of])
     if rate == 0.0:
-        raise AlfError(f'{value:g} is touched and not crossed')
+        raise AlfError(f'{what} touches {value:g} and does not cross it')
     weights = np.zeros(t.size)
     weights[window.of] = -window.at(at) / rate
     return Folded(at, weights, at)

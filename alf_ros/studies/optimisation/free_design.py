@@ -52,8 +52,15 @@ class FreeDesign:
         dq, dqd = state.tangents.reshape(-1, 2, state.q.size).transpose(1, 0, 2)
         return dq, dqd
 
+    def places(self, point: str, times: Floats) -> tuple[Floats, Floats]:
+        """(K, D) positions and velocities of a point at instants (s)."""
+        x, v = path(self.samples, point)
+        weights = self._weights(times)
+        return weights @ x, weights @ v
+
     def track(self, point: str, times: Floats) -> PointTrack:
         """A point at instants (s)."""
+        weights = self._weights(times)
         x, v = path(self.samples, point)
         layout = self.simulation.model.layout
         block = layout.of_point[point]
@@ -63,8 +70,12 @@ class FreeDesign:
                 for n in range(len(self.samples))
             ]
         )
-        weights = np.zeros((times.size, self.t.size))
-        for row, t in zip(weights, times.tolist(), strict=True):
+        return PointTrack(weights @ x, weights @ v, np.tensordot(weights, dx, axes=(1, 0)))
+
+    def _weights(self, times: Floats) -> Floats:
+        """(K, N) of the samples at instants."""
+        found = np.zeros((times.size, self.t.size))
+        for row, t in zip(found, times.tolist(), strict=True):
             window = near(self.t, t)
             row[window.of] = window.at(t)
-        return PointTrack(weights @ x, weights @ v, np.tensordot(weights, dx, axes=(1, 0)))
+        return found

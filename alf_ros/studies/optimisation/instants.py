@@ -54,8 +54,12 @@ class DesignMotion(Protocol):
         """δq, δq̇ (P, blocks D) of sample n."""
         ...
 
+    def places(self, point: str, times: Floats) -> tuple[Floats, Floats]:
+        """(K, D) positions and velocities of a point at instants (s) within the duration."""
+        ...
+
     def track(self, point: str, times: Floats) -> PointTrack:
-        """A point at instants (s) within the duration."""
+        """The same with the derivatives of the positions."""
         ...
 
 

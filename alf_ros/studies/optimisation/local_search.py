@@ -23,9 +23,12 @@ from alf_ros.arrays import Floats
 from alf_ros.errors import AlfError
 from alf_ros.studies.optimisation.designs import Design, Designs
 
-_TIGHT = 1e-12  # relative change of the objective, and of u, that ends a search
-_MOST_BOXES = 40
-_SMALLEST = 1e-7  # half side of a box
+_TIGHT = 1e-12  # relative change of the objective, and of u, that ends a least-squares search
+_FLAT = 1e-11  # relative change of the objective that ends SLSQP, and
+_ROUNDED = 1e-8  # between designs that it accepted, from which down no descent is one
+_NO_DESCENT = 8  # status of SLSQP: its direction does not lead down
+_MOST_BOXES = 60
+_SMALLEST = 1e-6  # half side of a box
 _AT_SIDE = 1e-9
 OUTSIDE = 1e-6  # part of a limit that a design may be outside
 _ENDS = {
@@ -128,7 +131,7 @@ class _Search:
     # -------------------------------------------------------------------------------------- SLSQP
 
     def by_boxes(self, first: Design) -> LocalOptimum:
-        self._anchor, half, reason = first, 1.0, _ENDS[0]
+        self._anchor, half, refusal = first, 1.0, ''
         scale = abs(self._objective(first)[0]) or 1.0
         for _ in range(_MOST_BOXES):
             u = self.parts(self._anchor.values)
@@ -137,22 +140,26 @@ class _Search:
                 done = self._in_box(u, low, high, scale)
             except _RefusedError as refused:
                 off = np.abs(refused.u - self.parts(self._anchor.values)).max()
-                half, reason = 0.5 * float(off), str(refused.error)
+                half, refusal = 0.5 * float(off), str(refused.error)
                 if half < _SMALLEST:
-                    told = f'beyond lie designs that cannot be: {reason}'
-                    return LocalOptimum(self._anchor, False, told)
+                    break
                 continue
             except _TooManyError:
                 return LocalOptimum(self._anchor, False, _ENDS[0])
-            ended = np.clip(done.x, low, high)
+            ended, last = np.clip(done.x, low, high), self._anchor
             self._anchor = self._designs.at(self.values(ended))
+            fallen = self._objective(last)[0] - self._objective(self._anchor)[0]
+            level = done.status == _NO_DESCENT and abs(fallen) <= _ROUNDED * scale
+            settled = done.status == 0 or level
             side = (ended - low <= _AT_SIDE) & (low > 0.0) | (high - ended <= _AT_SIDE) & (
                 high < 1.0
             )
-            if done.status != 0 or not side.any():
-                return LocalOptimum(self._anchor, done.status == 0, str(done.message))
+            if not settled or not side.any():
+                return LocalOptimum(
+                    self._anchor, settled, _ENDS[2] if settled else str(done.message)
+                )
             half = min(1.0, 2.0 * half)
-        return LocalOptimum(self._anchor, False, reason)
+        return LocalOptimum(self._anchor, False, f'beyond lie designs that cannot be: {refusal}')
 
     def _in_box(self, u: Floats, low: Floats, high: Floats, scale: float) -> Any:
         def tried(u: Floats) -> Design:
@@ -180,7 +187,7 @@ class _Search:
             method='SLSQP',
             bounds=list(zip(low, high, strict=True)),
             constraints=limits,
-            options={'ftol': _TIGHT, 'maxiter': self._most},
+            options={'ftol': _FLAT, 'maxiter': self._most},
         )
 
     def _objective(self, design: Design) -> tuple[float, Floats]:

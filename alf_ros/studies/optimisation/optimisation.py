@@ -155,9 +155,8 @@ def _before(
 ) -> tuple[float, tuple[float, ...], list[DesignCurve]]:
     """Of the scene itself; without numbers where it has none."""
     try:
-        found = study.at(numbers.before)
-        limited = tuple(each.value for each in found.limited)
-        return found.objective.value, limited, study.curves(numbers.before)
+        objective, *limited = study.numbers_of(numbers.before)
+        return objective, tuple(limited), study.curves(numbers.before)
     except StoppedError:
         raise
     except AlfError:

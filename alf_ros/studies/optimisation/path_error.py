@@ -20,7 +20,8 @@ from alf_ros.arrays import Floats
 from alf_ros.studies.optimisation.instants import DesignMotion, path
 
 _FINE = 8  # places looked at between two samples
-_ROUNDS = 4  # of Newton's method on the cubics between samples
+_ROUNDS = 4  # of Newton's method on the cubics between samples, and
+_EXACT = 2  # on the motion itself
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +48,12 @@ class PathError:
         r = (track.x - self.places) / root
         return r.ravel(), dx.transpose(0, 2, 1).reshape(-1, P) / root
 
+    def distance(self, motion: DesignMotion) -> float:
+        """The root of the mean square distance, m. Raises AlfError."""
+        times = self._nearest(motion) if self.times is None else self.times
+        off = motion.places(self.point, times)[0] - self.places
+        return float(np.linalg.norm(off) / np.sqrt(len(times)))
+
     def _nearest(self, motion: DesignMotion) -> Floats:
         """(K,) s: where the path is nearest to each place."""
         first, last = float(motion.t[0]), float(motion.t[-1])
@@ -60,9 +67,12 @@ class PathError:
             bend = (v * v).sum(axis=1) + (off * a).sum(axis=1)
             times = np.clip(_newton(times, off, v, bend), low, high)
         times = np.clip(times, first, last)
-        track = motion.track(self.point, times)
-        bend = (track.v**2).sum(axis=1)
-        return np.clip(_newton(times, track.x - self.places, track.v, bend), first, last)
+        for _ in range(_EXACT):
+            x, v = motion.places(self.point, times)
+            off = x - self.places
+            bend = (v * v).sum(axis=1) + (off * curve(times, 2)).sum(axis=1)
+            times = np.clip(_newton(times, off, v, bend), first, last)
+        return times
 
 
 def _newton(times: Floats, off: Floats, v: Floats, bend: Floats) -> Floats:
