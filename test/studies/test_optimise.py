@@ -18,7 +18,7 @@ from alf_ros.studies.optimisation.design_numbers import DesignNumbers, design_nu
 from alf_ros.studies.optimisation.driven_design import DrivenDesign
 from alf_ros.studies.optimisation.free_design import FreeDesign
 from alf_ros.studies.optimisation.instants import DesignMotion
-from support.design_scenes import BARS, coupler_point, four_bar, whirled_bob
+from support.design_scenes import BARS, coupler_point, four_bar, sprung_block, whirled_bob
 
 SIXTH = ((1, 3 / 4), (2, -3 / 20), (3, 1 / 60))  # central differences
 NEAR = [[0.1, 0.2], [0.0, 0.15], [0.15, 0.1]]
@@ -149,6 +149,22 @@ def test_a_limit_on_the_transmission_angle() -> None:
     square = 0.3**2 + 0.25**2 - 2.0 * 0.3 * 0.25 * math.cos(math.radians(40))
     assert found['d'] == pytest.approx(0.1 + math.sqrt(square), rel=1e-8)
     assert found.is_feasible
+
+
+def test_the_shortest_time_under_a_limit_of_speed() -> None:
+    """A block on a spring: x = 0.4 cos ω t, ω² = k / m. It is at x = 0.2 after π / 3 ω, and its
+    greatest speed is 0.4 ω."""
+    found = optimise(
+        sprung_block(),
+        {'main.stiffness': [10, 200]},
+        {'crossing': 'rail.position', 'value': 0.2},
+        subject_to={'max(abs(rail.velocity))': [None, 3.0]},
+        duration=0.6,
+        period=0.01,
+    )
+    assert found['main.stiffness'] == pytest.approx(2.0 * (3.0 / 0.4) ** 2, rel=1e-7)
+    assert found.objective_after == pytest.approx(math.pi / 3.0 / 7.5, rel=1e-7)
+    assert found.settled and found.is_feasible
 
 
 def test_steps_to_impossible_designs_are_refused() -> None:

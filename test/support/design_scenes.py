@@ -110,3 +110,34 @@ def whirled_bob() -> dict[str, Any]:
         'effects': {'gravity': {'acceleration': [0, -9.81]}},
         'solver': {'step': 0.02, 'integrator': 'rk4'},
     }
+
+
+def sprung_block() -> dict[str, Any]:
+    """A block of 2 kg on a rail, released 0.4 m away from where its spring of k N/m is slack."""
+    return {
+        'name': 'block',
+        'mechanism': {
+            'alf': 1,
+            'space': 'planar',
+            'points': {'B': {'at': [0.4, 0]}},
+            'bodies': {'block': {'points': ['B'], 'mass': 2.0, 'inertia': 'point'}},
+            'joints': {
+                'rail': {
+                    'type': 'slider',
+                    'point': 'B',
+                    'on': {'through': [0, 0], 'direction': [1, 0]},
+                }
+            },
+        },
+        'effects': {
+            'spring': {
+                'main': {
+                    'between': ['B', 'ground'],
+                    'at': [None, [-2, 0]],
+                    'stiffness': 50.0,
+                    'free_length': 2.0,
+                }
+            }
+        },
+        'solver': {'step': 1e-3, 'integrator': 'rk4'},
+    }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from alf_ros.arrays import Floats
 
 _WIDTH, _HEIGHT = 480, 300
-_LEFT, _RIGHT, _TOP, _BOTTOM = 64, 12, 46, 28
+_LEFT, _RIGHT, _TOP, _BOTTOM = 64, 12, 46, 34
 _MOST = 2000  # places of a line
 LOOK = """
 .before { fill: none; stroke: #8a5a00; stroke-width: 1.5; stroke-dasharray: 6 4 }
@@ -19,14 +19,20 @@ LOOK = """
 .limit { fill: none; stroke: #b3261e; stroke-width: 1; stroke-dasharray: 2 3 }
 circle.wanted { fill: none; stroke: #111; stroke-width: 1.5; opacity: 1 }
 circle.tried { fill: #1f5fa8; opacity: 1 } .refused { stroke: #b3261e; stroke-width: 1.5 }
-figure { margin: 0 0 1.5em; max-width: 480px } figure svg { width: 100%; height: auto; margin: 0 }
+.off { fill: none; stroke: #1f5fa8; stroke-width: 1 }
+.grid { stroke: #ddd }
+.figures { display: flex; flex-wrap: wrap; gap: 0 1.5em }
+figure { margin: 0 0 1.5em; max-width: 480px; flex: 1 1 300px }
+figure svg { width: 100%; height: auto; margin: 0 }
 """
 
 
 @dataclass(frozen=True)
 class Line:
-    """Places (N, 2), the class of their look ('before', 'after', 'limit', 'wanted', 'tried') and
-    what the legend calls them; circles if they are 'wanted' or 'tried'."""
+    """Places (N, 2), the class of their look, and what the legend calls them, if anything.
+
+    The classes are 'before', 'after', 'limit', 'off', and, drawn as circles, 'wanted', 'tried'.
+    """
 
     kind: str
     label: str
@@ -45,7 +51,7 @@ def chart(
     is_log: y are decimal logarithms."""
     every = np.concatenate([line.places for line in lines])
     low, high = every.min(axis=0), every.max(axis=0)
-    middle, half = 0.5 * (low + high), 0.53 * (high - low)
+    middle, half = 0.5 * (low + high), np.array([0.5 if not is_map else 0.53, 0.53]) * (high - low)
     half = np.where(half > 1e-12 * np.maximum(np.abs(middle), 1e-300), half, 1.0)
     size = np.array([_WIDTH - _LEFT - _RIGHT, _HEIGHT - _TOP - _BOTTOM])
     if is_map:
@@ -57,7 +63,7 @@ def chart(
     def at(places: Floats) -> Floats:
         return origin + (places - low) * scale
 
-    parts = [_frame(title, axes, low, high, is_log)]
+    parts = [_frame(title, axes), *_ticks(at, low, high, is_log)]
     for line in lines:
         places = at(line.places[:: max(1, len(line.places) // _MOST)])
         if line.kind in ('wanted', 'tried'):
@@ -81,21 +87,41 @@ def chart(
     )
 
 
-def _frame(title: str, axes: tuple[str, str], low: Floats, high: Floats, is_log: bool) -> str:
+def _frame(title: str, axes: tuple[str, str]) -> str:
     foot, right = _HEIGHT - _BOTTOM, _WIDTH - _RIGHT
-    y = [f'{10.0**value:.2g}' if is_log else f'{value:.4g}' for value in (low[1], high[1])]
     return (
         f'<rect x="{_LEFT}" y="{_TOP}" width="{right - _LEFT}" height="{foot - _TOP}" '
         f'class="box"/><text x="{_LEFT}" y="14" class="title">{html.escape(title)}</text>'
-        f'<text x="{_LEFT}" y="{foot + 18}">{low[0]:.4g}</text>'
-        f'<text x="{right}" y="{foot + 18}" text-anchor="end">{high[0]:.4g}</text>'
-        f'<text x="{(_LEFT + right) / 2}" y="{foot + 18}" text-anchor="middle">'
-        f'{html.escape(axes[0])}</text>'
-        f'<text x="{_LEFT - 5}" y="{foot}" text-anchor="end">{y[0]}</text>'
-        f'<text x="{_LEFT - 5}" y="{_TOP + 10}" text-anchor="end">{y[1]}</text>'
-        f'<text x="{_LEFT - 5}" y="{(_TOP + foot) / 2}" text-anchor="end">'
-        f'{html.escape(axes[1])}</text>'
+        f'<text x="{right}" y="{_HEIGHT - 6}" text-anchor="end">{html.escape(axes[0])}</text>'
+        f'<text x="4" y="{_TOP + 10}">{html.escape(axes[1])}</text>'
     )
+
+
+def _ticks(
+    at: Callable[[Floats], Floats], low: Floats, high: Floats, is_log: bool
+) -> Iterator[str]:
+    """Numbers and thin lines at round values of both axes."""
+    foot, right = _HEIGHT - _BOTTOM, _WIDTH - _RIGHT
+    for value in _round_values(low[0], high[0], False):
+        x = float(at(np.array([value, low[1]]))[0])
+        yield f'<path d="M{x:.1f},{_TOP}V{foot}" class="grid"/>'
+        yield f'<text x="{x:.1f}" y="{foot + 14}" text-anchor="middle">{value:.6g}</text>'
+    for value in _round_values(low[1], high[1], is_log):
+        y = float(at(np.array([low[0], value]))[1])
+        text = f'{10.0**value:.0e}' if is_log else f'{value:.6g}'
+        yield f'<path d="M{_LEFT},{y:.1f}H{right}" class="grid"/>'
+        yield f'<text x="{_LEFT - 5}" y="{y + 4:.1f}" text-anchor="end">{text}</text>'
+
+
+def _round_values(low: float, high: float, is_log: bool) -> list[float]:
+    """Two to six round values between two."""
+    rough = (high - low) / 5.0
+    power = 10.0 ** np.floor(np.log10(rough))
+    step = next(k * power for k in (1.0, 2.0, 5.0, 10.0) if k * power >= rough)
+    if is_log:
+        step = max(1.0, np.ceil(step))
+    first = np.ceil(low / step)
+    return [float(k * step) for k in np.arange(first, np.floor(high / step) + 1.0)]
 
 
 def _legend(lines: Sequence[Line], refused: bool) -> list[str]:

@@ -26,6 +26,7 @@ from alf_ros.studies.optimisation.folds import FOLDS, Folded, crossing, value_at
 from alf_ros.studies.optimisation.instants import DesignMotion
 from alf_ros.studies.optimisation.path_error import PathError
 
+_EQUAL = 1e-3  # of the largest value: peaks that differ by less count as equal
 _KEYS = {
     'at': ('at', 'of'),
     'crossing': ('crossing', 'value', 'direction'),
@@ -36,15 +37,12 @@ _KEYS = {
 @dataclass(frozen=True, eq=False)
 class Asked:
     """A number of one design, its gradient (P,), and for a path error the residuals (m,), whose
-    sum of squares is the square of the number, with their derivatives (m, P). t (s): the instant
-    it belongs to; others: the values of other peaks."""
+    sum of squares is the square of the number, with their derivatives (m, P)."""
 
     value: float
     gradient: Floats
     residuals: Floats | None = None
     jacobian: Floats | None = None
-    t: float | None = None
-    others: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,13 +70,28 @@ class DesignGoal:
         assert self.quantity is not None
         y = self.quantity.values(motion.samples)
         folded = self._folded(motion.t, y)
+        return Asked(folded.value, self._gradient(motion, folded, float(np.abs(y).max())))
+
+    def has_equal_peaks(self, motion: DesignMotion) -> bool:
+        """Whether two peaks of a motion are equal, with other gradients: there the number has a
+        kink. Raises AlfError."""
+        if self.quantity is None:
+            return False
+        y = self.quantity.values(motion.samples)
+        size, folded = float(np.abs(y).max()), self._folded(motion.t, y)
+        equal = [e for e in folded.others if abs(e.value - folded.value) <= _EQUAL * size]
+        if not equal:
+            return False
+        first, *rest = (self._gradient(motion, each, size) for each in (folded, *equal))
+        most = _EQUAL * max(np.abs(each).max() for each in (first, *rest))
+        return any(np.abs(each - first).max() > most for each in rest)
+
+    def _gradient(self, motion: DesignMotion, folded: Folded, size: float) -> Floats:
+        assert self.quantity is not None
         which = np.flatnonzero(folded.weights)
-        size = float(np.abs(y).max())
-        slopes = self.quantity.slopes(motion, which.tolist(), size)
-        gradient = folded.weights[which] @ slopes.reshape(which.size, -1)
         if not which.size:
-            gradient = np.zeros(len(motion.displaced.names))
-        return Asked(folded.value, gradient, t=folded.t, others=folded.others)
+            return np.zeros(len(motion.displaced.names))
+        return folded.weights[which] @ self.quantity.slopes(motion, which.tolist(), size)
 
     def value(self, motion: DesignMotion) -> float:
         """The number alone. Raises AlfError."""

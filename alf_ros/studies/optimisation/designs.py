@@ -14,8 +14,9 @@ from alf_ros.studies.optimisation.design_goal import Asked, DesignGoal, DesignLi
 from alf_ros.studies.optimisation.design_numbers import DesignNumbers
 from alf_ros.studies.optimisation.driven_design import DrivenDesign
 from alf_ros.studies.optimisation.free_design import FreeDesign
-from alf_ros.studies.optimisation.instants import DesignMotion, path
+from alf_ros.studies.optimisation.instants import DesignMotion
 
+_DRAWN = 241  # places of a path that is drawn
 _KEPT = 8  # designs that are known at a time
 Told = Callable[[int, float], None]  # designs so far, value of the last one
 
@@ -31,10 +32,12 @@ class Design:
 
 @dataclass(frozen=True, eq=False)
 class DesignCurve:
-    """What a report draws of a goal: `y` (N,) over t (s), or the path (N, D) of a point."""
+    """What a report draws of a goal: `y` (N,) over t (s), or the path (N, D) of a point, with
+    the places `met` (K, D) on it that are compared with the wanted ones."""
 
     t: Floats
     y: Floats
+    met: Floats | None = None
 
 
 class Designs:
@@ -80,16 +83,24 @@ class Designs:
         goals = (self.objective, *(limit.goal for limit in self.limits))
         return tuple(goal.value(motion) for goal in goals)
 
+    def equal_peaks(self, values: Floats) -> list[str]:
+        """The goals with a kink at a design, because two peaks are equal. Raises AlfError."""
+        motion = self._motion(values)
+        goals = (self.objective, *(limit.goal for limit in self.limits))
+        return [goal.text for goal in goals if goal.has_equal_peaks(motion)]
+
     def curves(self, values: Floats) -> list[DesignCurve]:
         """Of the objective and of each limited number. Raises AlfError."""
         motion = self._motion(values)
         found = []
         for goal in (self.objective, *(limit.goal for limit in self.limits)):
             if goal.path is not None:
-                y = path(motion.samples, goal.path.point)[0]
-            else:
-                assert goal.quantity is not None
-                y = goal.quantity.values(motion.samples)
+                fine = np.linspace(motion.t[0], motion.t[-1], max(motion.t.size, _DRAWN))
+                y = motion.places(goal.path.point, fine)[0]
+                found.append(DesignCurve(fine, y, goal.path.places_met(motion)))
+                continue
+            assert goal.quantity is not None
+            y = goal.quantity.values(motion.samples)
             found.append(DesignCurve(motion.t, y))
         return found
 

@@ -25,12 +25,12 @@ _PEAKS = 3  # the largest samples around which the extreme is looked for
 class Folded:
     """A number of N samples: its value, and `weights` (N,), its derivatives by the values.
 
-    t (s): the instant it belongs to; others: the values of the other peaks, descending."""
+    t (s): the instant it belongs to; others: the other peaks, from the largest one."""
 
     value: float
     weights: Floats
     t: float | None = None
-    others: tuple[float, ...] = ()
+    others: tuple[Folded, ...] = ()
 
 
 def _final(t: Floats, y: Floats) -> Folded:
@@ -57,7 +57,8 @@ def _rms(t: Floats, y: Floats) -> Folded:
 
 def _least(t: Floats, y: Floats) -> Folded:
     found = _largest(t, -y)
-    return Folded(-found.value, found.weights, found.t, tuple(-x for x in found.others))
+    others = tuple(Folded(-each.value, each.weights, each.t) for each in found.others)
+    return Folded(-found.value, found.weights, found.t, others)
 
 
 def _largest(t: Floats, y: Floats) -> Folded:
@@ -65,9 +66,7 @@ def _largest(t: Floats, y: Floats) -> Folded:
     peaks = np.flatnonzero((edges[1:-1] >= edges[:-2]) & (edges[1:-1] > edges[2:]))
     order = peaks[np.argsort(-y[peaks], kind='stable')][:_PEAKS]
     found = sorted((_peak(t, y, int(n)) for n in order), key=lambda each: -each.value)
-    return Folded(
-        found[0].value, found[0].weights, found[0].t, tuple(each.value for each in found[1:])
-    )
+    return Folded(found[0].value, found[0].weights, found[0].t, tuple(found[1:]))
 
 
 def _peak(t: Floats, y: Floats, n: int) -> Folded:

@@ -31,7 +31,6 @@ SAMPLINGS = ('lhs', 'sobol', 'random')
 SAMPLES = 100  # in the duration, if no period is given
 MOST_SEED = 2**63 - 1
 _AT_BOUND = 1e-6  # of the range of a number
-_EQUAL = 1e-3  # of a peak: another one that is as high
 Report = Callable[[str], None]
 
 
@@ -201,13 +200,11 @@ def _notes(study: Designs, row: StartedSearch, design: Design) -> list[str]:
         found.append(f'no design within the limits was found: {row.outside:.2%} outside')
     if not row.settled:
         found.append(f'the search has not settled: {row.reason}')
-    goals = (study.objective, *(limit.goal for limit in study.limits))
-    for goal, asked in zip(goals, (design.objective, *design.limited), strict=True):
-        if any(abs(other - asked.value) <= _EQUAL * abs(asked.value) for other in asked.others):
-            found.append(
-                f'{goal.text} has two equal peaks: there it is not smooth, and the search may end '
-                'before the optimum'
-            )
+    for text in study.equal_peaks(design.values):
+        found.append(
+            f'{text} has two equal peaks: there it is not smooth, and the search may end before '
+            'the optimum'
+        )
     return found
 
 

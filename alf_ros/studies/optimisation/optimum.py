@@ -89,7 +89,7 @@ class Optimum:
         width = max(map(len, self.names))
         for k, name in enumerate(self.names):
             bound = ', at its bound' if name in self.active else ''
-            yield f'{name:{width}}  {self.before[k]:.6g} -> {self.values[k]:.10g}{bound}'
+            yield f'{name:{width}}  {self.before[k]:.6g} -> {self.values[k]:.6g}{bound}'
         before, after = self.objective_before, self.objective_after
         shown = f'{before:.6g}' if np.isfinite(before) else 'none'
         yield f'{self.objective.text}: {shown} -> {after:.6g} {self.objective.unit}'.rstrip()

@@ -17,6 +17,7 @@ from alf_ros.studies.optimisation import before_after_charts
 from alf_ros.studies.optimisation.before_after_charts import Line, chart
 from alf_ros.studies.optimisation.design_goal import DesignGoal, DesignLimit
 from alf_ros.studies.optimisation.designs import DesignCurve
+from alf_ros.studies.optimisation.local_search import OUTSIDE
 from alf_ros.studies.optimisation.optimum import Optimum
 
 _LEAST = 1e-18  # of an objective over tries: a logarithm needs one
@@ -37,7 +38,9 @@ def page(found: Optimum) -> str:
         '<h2>Numbers</h2>',
         _numbers(found),
         '<h2>Before and after</h2>',
+        '<div class="figures">',
         *_curves(found),
+        '</div>',
         '<h2>Search</h2>',
         _search(found),
         '<h2>Starts</h2>',
@@ -71,7 +74,7 @@ def _numbers(found: Optimum) -> str:
         (
             name,
             _shown(numbers.before[k]),
-            f'{found.values[k]:.10g}',
+            f'{found.values[k]:.6g}',
             f'{numbers.lower[k]:.6g}',
             f'{numbers.upper[k]:.6g}',
             'at its bound' if name in found.active else '',
@@ -99,15 +102,18 @@ def _curves(found: Optimum) -> Iterator[str]:
 
 
 def _path(goal: DesignGoal, before: DesignCurve | None, after: DesignCurve) -> str:
-    assert goal.path is not None
-    flat = slice(0, 2)
+    assert goal.path is not None and after.met is not None
+    wanted = goal.path.places[:, :2]
     lines = [
-        Line('after', 'after', after.y[:, flat]),
-        Line('wanted', 'wanted', goal.path.places[:, flat]),
+        Line('off', '', np.array([here, there]))
+        for here, there in zip(after.met[:, :2], wanted, strict=True)
     ]
     if before is not None:
-        lines.insert(0, Line('before', 'before', before.y[:, flat]))
-    return chart(f'Path of {goal.path.point}, m', lines, ('x', 'y'), is_map=True)
+        lines.append(Line('before', 'before', before.y[:, :2]))
+    lines.append(Line('after', 'after', after.y[:, :2]))
+    lines.append(Line('tried', 'compared', after.met[:, :2]))
+    lines.append(Line('wanted', 'wanted', wanted))
+    return chart(f'Path of {goal.path.point}, m', lines, ('x, m', 'y, m'), is_map=True)
 
 
 def _history(
@@ -149,7 +155,7 @@ def _starts(found: Optimum) -> str:
     rows = []
     for k, each in enumerate(found.starts):
         name = f'{k}, the best' if k == found.best else str(k)
-        outside = f'{each.outside:.2g}' if each.outside > 0.0 else ''
+        outside = f'{each.outside:.2g}' if each.outside > OUTSIDE else ''
         how = each.reason if each.settled else f'not settled: {each.reason}'
         if each.end is None:
             how = f'failed: {each.reason}'

@@ -50,9 +50,13 @@ class PathError:
 
     def distance(self, motion: DesignMotion) -> float:
         """The root of the mean square distance, m. Raises AlfError."""
+        off = self.places_met(motion) - self.places
+        return float(np.linalg.norm(off) / np.sqrt(len(off)))
+
+    def places_met(self, motion: DesignMotion) -> Floats:
+        """(K, D) where the point is at the instants, or nearest to the wanted places."""
         times = self._nearest(motion) if self.times is None else self.times
-        off = motion.places(self.point, times)[0] - self.places
-        return float(np.linalg.norm(off) / np.sqrt(len(times)))
+        return motion.places(self.point, times)[0]
 
     def _nearest(self, motion: DesignMotion) -> Floats:
         """(K,) s: where the path is nearest to each place."""
