@@ -215,12 +215,14 @@ def test_the_new_scene_repeats_the_objective(tmp_path: Path) -> None:
 
 
 def test_two_equal_peaks_are_told() -> None:
-    """The pin of a bob without weight pulls alike all the time."""
+    """A motor turns a bob of weight m g against a steady effort T: its peak m g L + |T| has a kink
+    at 0, where the peaks on both sides are equal."""
     scene = whirled_bob()
-    del scene['effects']
-    found = optimise(
-        scene, {'L': [0.5, 1.0]}, 'max(abs(pin.force.x))', duration=2.6, period=0.02, designs=4
-    )
+    scene['effects']['joint_effort'] = {'push': {'joint': 'pin', 'effort': 1.0}}
+    vary, peak = {'push.effort': [-2.0, 3.0]}, 'max(abs(drives.motor.effort))'
+    found = optimise(scene, vary, peak, duration=1.26, period=0.02, designs=60)
+    assert abs(found['push.effort']) < 1e-3
+    assert found.objective_after == pytest.approx(2.0 * 9.81 * 0.5, abs=2e-3)
     assert any('two equal peaks' in note for note in found.notes)
 
 
