@@ -1,4 +1,4 @@
-"""What an optimisation asks of a motion: numbers of it, as objective or between limits.
+"""Numbers of a motion that an optimisation minimises, or keeps between limits.
 
 max(norm(knee.force))                            an extreme, between samples
 min, final, mean, integral, rms                  likewise
@@ -177,7 +177,7 @@ def _path(data: Mapping[str, Any], key: str, sample: Sample, duration: float) ->
 
 @dataclass(frozen=True, eq=False)
 class DesignLimit:
-    """A number of the motion that must lie between `least` and `most`, of which one is finite."""
+    """A number of the motion that must lie between `least` and `most`; one of them is finite."""
 
     goal: DesignGoal
     least: float

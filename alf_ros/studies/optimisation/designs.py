@@ -32,8 +32,8 @@ class Design:
 
 @dataclass(frozen=True, eq=False)
 class DesignCurve:
-    """What a report draws of a goal: `y` (N,) over t (s), or the path (N, D) of a point, with
-    the places `met` (K, D) on it that are compared with the wanted ones."""
+    """The picture of a goal: `y` (N,) over t (s), or the path (N, D) of a point, with the places
+    `met` (K, D) on it that are compared with the wanted ones."""
 
     t: Floats
     y: Floats

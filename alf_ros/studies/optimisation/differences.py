@@ -1,4 +1,4 @@
-"""Derivatives by central differences of eighth order, checked by those of sixth order.
+"""Derivatives by central differences of eighth order, checked by differences of sixth order.
 
 The step of a number is a small part of it, so that the difference of a smooth function is off by
 about 1e-12 of the function. Where the two orders differ, the function has a kink or a jump.

@@ -2,7 +2,7 @@
 
 A number is written as `max(…)`, `final(…)` and so on. Extremes and crossings lie between samples,
 on the polynomial of the six nearest ones. Its number depends on these values alone: of an
-extreme the instant does not count to first order, and of a crossing it is what is asked for.
+extreme the instant does not count to first order. Of a crossing the instant is the number.
 """
 
 from __future__ import annotations
