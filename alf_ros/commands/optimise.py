@@ -26,6 +26,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         '--starts', type=int, metavar='N', help='how many searches (default: as in the study)'
     )
     parser.add_argument(
+        '--workers',
+        type=int,
+        metavar='N',
+        help='processes of this machine that share the starts (default: one for each processor)',
+    )
+    parser.add_argument(
         '-o',
         '--output',
         default='optimised',
@@ -34,7 +40,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     options = parser.parse_args(argv)
     with ProgressBar('optimise') as bar:
-        found = optimise_file(options.study, bar.note, starts=options.starts)
+        found = optimise_file(
+            options.study, bar.note, starts=options.starts, workers=options.workers
+        )
     print(found)
     folder = paths.named(options.output, '--output')
     with writing('--output', folder):

@@ -31,7 +31,16 @@ def folder(tmp_path: Path) -> Path:
 def test_it_writes_a_scene_and_a_report(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """k = m (v / 0.4)² of a block of 2 kg with a speed of 2.5 m/s at most."""
     out = folder / 'out'
-    given = ['optimise', str(folder / 'study.yaml'), '--starts', '2', '--output', str(out)]
+    given = [
+        'optimise',
+        str(folder / 'study.yaml'),
+        '--starts',
+        '2',
+        '--workers',
+        '0',
+        '--output',
+        str(out),
+    ]
     assert main(given) == 0
     told = capsys.readouterr().out
     assert 'main.stiffness  50 -> 78.125\n' in told and 'at its limit' in told

@@ -179,7 +179,14 @@ def test_steps_to_impossible_designs_are_refused() -> None:
 def test_starts_that_fail_are_rows() -> None:
     goal = {'path': 'P', 'through': coupler_point({'c': 0.27}, np.zeros(1)), 'at': [0.0]}
     found = optimise(
-        four_bar(), {'c': [0.02, 0.45]}, goal, duration=1.0, period=0.25, starts=8, seed=3
+        four_bar(),
+        {'c': [0.02, 0.45]},
+        goal,
+        duration=1.0,
+        period=0.25,
+        starts=8,
+        seed=3,
+        workers=0,
     )
     failed = [each for each in found.starts if each.end is None]
     assert failed and len(failed) < 8
@@ -188,13 +195,23 @@ def test_starts_that_fail_are_rows() -> None:
 
 
 def test_the_same_seed_has_the_same_bits() -> None:
-    def run(seed: int) -> Any:
+    """Here and in a worker process."""
+
+    def run(seed: int, workers: int) -> Any:
         vary, goal = {'c': [0.2, 0.3], 'd': [0.25, 0.35]}, 'max(drives.motor.effort)'
         return optimise(
-            four_bar(), vary, goal, duration=1.0, period=0.1, starts=2, seed=seed, designs=2
+            four_bar(),
+            vary,
+            goal,
+            duration=1.0,
+            period=0.1,
+            starts=2,
+            seed=seed,
+            designs=2,
+            workers=workers,
         )
 
-    one, other, third = run(1), run(1), run(2)
+    one, other, third = run(1, 0), run(1, 1), run(2, 0)
     assert one.values.tobytes() == other.values.tobytes()
     for a, b in zip(one.starts, other.starts, strict=True):
         assert a.begin.tobytes() == b.begin.tobytes()

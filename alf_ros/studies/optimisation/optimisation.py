@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -10,21 +11,19 @@ from typing import Any
 import numpy as np
 
 from alf_ros.arrays import Floats
+from alf_ros.effects.contract import user_file
 from alf_ros.errors import AlfError, InputError, StoppedError
 from alf_ros.scene.scene import Scene, load_scene
 from alf_ros.simulation import input_checks as check
 from alf_ros.simulation.simulation import Simulation
+from alf_ros.studies.ensemble.crews import Processes
 from alf_ros.studies.ensemble.distributions import uniform
 from alf_ros.studies.ensemble.sampling import Sampling
-from alf_ros.studies.optimisation.design_goal import (
-    DesignLimit,
-    design_goal,
-    design_limit,
-)
 from alf_ros.studies.optimisation.design_numbers import DesignNumbers, design_numbers
-from alf_ros.studies.optimisation.designs import Design, DesignCurve, Designs
+from alf_ros.studies.optimisation.design_study import DesignStudy, SearchEnd, started_search
+from alf_ros.studies.optimisation.designs import Design, DesignCurve, Designs, Told
 from alf_ros.studies.optimisation.driven_design import is_driven
-from alf_ros.studies.optimisation.local_search import OUTSIDE, LocalOptimum, searched
+from alf_ros.studies.optimisation.local_search import OUTSIDE
 from alf_ros.studies.optimisation.optimum import Optimum, StartedSearch
 
 SAMPLINGS = ('lhs', 'sobol', 'random')
@@ -46,6 +45,7 @@ def optimise(
     duration: float = 10.0,
     period: float | None = None,
     designs: int = 200,
+    workers: int | None = None,
     report: Report | None = None,
 ) -> Optimum:
     """Find numbers of a scene, between bounds, that minimise a number of its motion.
@@ -55,7 +55,8 @@ def optimise(
     by such numbers, None for no limit; or {label: {'of': …, 'between': [least, most]}}. starts:
     how many searches begin, the first one at the scene, the others from `sampling` within the
     bounds, with `seed`. duration and period (s): of the motion, and between its samples. designs:
-    evaluations of one search at most. report: called with a line of text.
+    evaluations of one search at most. workers: processes of this machine that share the starts (as
+    many as it has processors; 0: none, this one). report: called with a line of text.
 
     Gradients are exact: of tangents of the run, or, where drives decide on the motion, of the
     constraints. Raises InputError for what cannot be used, and AlfError if every start fails.
@@ -66,68 +67,55 @@ def optimise(
     simulation = Simulation(loaded)
     length = _positive(duration, 'duration')
     driven = is_driven(simulation)
-    step = _period(simulation, length, period, driven)
-    sample = simulation.sample()
-    objective = design_goal(minimise, 'minimise', sample, length)
-    limits = _limits(subject_to, sample, length)
     count = check.whole(starts, 'starts', 1, 10_000)
-    most = check.whole(designs, 'designs', 2, 1_000_000)
-    begins = _begins(numbers, count, check.whole(seed, 'seed', 0, MOST_SEED), sampling)
-    study = Designs(numbers, objective, limits, length, step, driven)
-    rows, ends, failures = [], [], []
-    for k, begin in enumerate(begins):
-        study.tried = []
-        study.told = _teller(report, k, count)
-        row, end, failure = _searched(study, begin, most)
-        rows.append(row)
-        ends.append(end)
-        failures.append(failure)
-    best = _best(rows)
+    kinds = dict.fromkeys(effect.kind for effect in loaded.effects)
+    study = DesignStudy(
+        name=loaded.name,
+        text=loaded.text,
+        files=tuple((k, user_file.source(k)) for k in kinds if user_file.is_file_name(k)),
+        vary=dict(vary),
+        minimise=minimise,
+        subject_to=check.by_name(subject_to, 'subject_to', '{max(norm(knee.force)): [~, 50]}'),
+        duration=length,
+        period=_period(simulation, length, period, driven),
+        driven=driven,
+        begins=_begins(numbers, count, check.whole(seed, 'seed', 0, MOST_SEED), sampling),
+        most=check.whole(designs, 'designs', 2, 1_000_000),
+    )
+    evaluation = study.designs()  # refuses goals that cannot be
+    ends = _ends(study, _workers(workers, count), report or _silent)
+    best = _best([end.row for end in ends])
     if best is None:
-        first = next(each for each in failures if each is not None)
+        first = ends[0].error
+        assert first is not None
         if isinstance(first, InputError):
             raise first
         raise AlfError(f'no start is usable; the first one: {first}')
-    return _optimum(loaded, numbers, study, rows, ends, best)
+    return _optimum(loaded, evaluation, ends, best)
 
 
-def _searched(
-    study: Designs, begin: Floats, most: int
-) -> tuple[StartedSearch, LocalOptimum | None, AlfError | None]:
-    try:
-        found = searched(study, begin, most)
-    except StoppedError:
-        raise
-    except AlfError as error:
-        failed = StartedSearch(
-            begin, None, math.nan, math.nan, False, str(error), tuple(study.tried)
-        )
-        return failed, None, error
-    design = found.design
-    row = StartedSearch(
-        begin,
-        design.values,
-        design.objective.value,
-        _outside(study, design),
-        found.settled,
-        found.reason,
-        tuple(study.tried),
-    )
-    return row, found, None
+def _ends(study: DesignStudy, workers: int, report: Report) -> list[SearchEnd]:
+    """Of all starts, in their order."""
+    count = len(study.begins)
+    if not workers:
+        return [started_search(study, k, _teller(report, k, count)) for k in range(count)]
+    found: dict[int, SearchEnd] = {}
+    for k, end in Processes(workers, run=_numbered).chunks(study, range(count)):
+        found[k] = end
+        told = f'{end.row.objective:.6g}' if end.design is not None else 'failed'
+        report(f'{len(found)}/{count} starts, start {k}: {told}')
+    return [found[k] for k in range(count)]
 
 
-def _optimum(
-    scene: Scene,
-    numbers: DesignNumbers,
-    study: Designs,
-    rows: list[StartedSearch],
-    ends: list[LocalOptimum | None],
-    best: int,
-) -> Optimum:
-    end = ends[best]
-    assert end is not None
-    after, before = end.design, _before(study, numbers)
-    objective_before, limits_before, curves_before = before
+def _numbered(study: DesignStudy, k: int) -> tuple[int, SearchEnd]:
+    """For a worker: the start, and how it ended."""
+    return k, started_search(study, k)
+
+
+def _optimum(scene: Scene, study: Designs, ends: list[SearchEnd], best: int) -> Optimum:
+    after, numbers, rows = ends[best].design, study.numbers, [end.row for end in ends]
+    assert after is not None
+    objective_before, limits_before, curves_before = _before(study, numbers)
     return Optimum(
         scene=scene,
         optimised_scene=numbers.at(after.values),
@@ -171,13 +159,6 @@ def _best(rows: list[StartedSearch]) -> int | None:
     if inside:
         return min(inside, key=lambda k: rows[k].objective)
     return min(ended, key=lambda k: rows[k].outside)
-
-
-def _outside(study: Designs, design: Design) -> float:
-    rooms = [
-        limit.room(asked.value) for limit, asked in zip(study.limits, design.limited, strict=True)
-    ]
-    return max(0.0, -min(rooms, default=0.0))
 
 
 def _active(study: Designs, design: Design) -> tuple[str, ...]:
@@ -249,22 +230,14 @@ def _period(simulation: Simulation, duration: float, given: Any, driven: bool) -
     return every * h
 
 
-def _limits(given: Any, sample: Any, duration: float) -> list[DesignLimit]:
-    expected = '{max(norm(knee.force)): [~, 50]}'
-    found = []
-    for name, data in check.by_name(given, 'subject_to', expected).items():
-        key = f'subject_to.{name}'
-        if not isinstance(data, Mapping):
-            found.append(design_limit(name, data, key, sample, duration))
-            continue
-        for word in data:
-            if word not in ('of', 'between'):
-                raise InputError('unknown key', key=key, value=word, choices=('of', 'between'))
-        found.append(design_limit(data.get('of'), data.get('between'), key, sample, duration))
-    return found
+def _workers(given: Any, starts: int) -> int:
+    """Worker processes; 0 for none."""
+    if given is not None:
+        return check.whole(given, 'workers', 0)
+    return min(starts, len(os.sched_getaffinity(0))) if starts > 1 else 0
 
 
-def _begins(numbers: DesignNumbers, count: int, seed: int, sampling: Any) -> list[Floats]:
+def _begins(numbers: DesignNumbers, count: int, seed: int, sampling: Any) -> tuple[Floats, ...]:
     """(P,) of each start: the scene, then samples within the bounds."""
     if sampling not in SAMPLINGS:
         raise InputError('no such sampling', key='sampling', value=sampling, choices=SAMPLINGS)
@@ -273,10 +246,12 @@ def _begins(numbers: DesignNumbers, count: int, seed: int, sampling: Any) -> lis
         vary = {name: uniform(0.0, 1.0) for name in numbers.names}
         samples = Sampling(sampling, vary, count - 1, seed)
         found += [numbers.lower + samples.unit(k) * numbers.width for k in range(count - 1)]
-    return found
+    return tuple(found)
 
 
-def _teller(report: Report | None, k: int, count: int) -> Callable[[int, float], None] | None:
-    if report is None:
-        return None
+def _silent(text: str) -> None:
+    """Tell nobody."""
+
+
+def _teller(report: Report, k: int, count: int) -> Told:
     return lambda tried, value: report(f'start {k + 1}/{count}, design {tried}: {value:.6g}')
