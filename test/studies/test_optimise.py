@@ -115,7 +115,12 @@ def test_a_published_path_from_a_bad_start() -> None:
     vary: dict[str, Any] = {name: [5, 60] for name in 'abcd'}
     vary |= {name: [-60, 60] for name in 'uvxy'} | {'g': [-math.pi, math.pi]}
     found = optimise(
-        four_bar(start), vary, {'path': 'P', 'through': places}, duration=1.0, designs=14
+        four_bar(start),
+        vary,
+        {'path': 'P', 'through': places},
+        duration=1.0,
+        period=0.02,
+        designs=14,
     )
     assert found.objective_before > 15.0
     numbers = dict(zip(found.names, found.values.tolist(), strict=True))
@@ -281,6 +286,15 @@ def test_errors_are_one_line(change: dict[str, Any], told: str) -> None:
     with pytest.raises(InputError) as caught:
         optimise(four_bar(), **given)
     assert told in str(caught.value) and '\n' not in str(caught.value)
+
+
+def test_a_length_that_unfolds_a_singular_position_is_refused() -> None:
+    """The slider-crank with two equal rods passes through one after 0.39 s; one rod alone unfolds
+    it."""
+    vary = {'mechanism.points.A.at.0': [0.6, 0.8]}
+    with pytest.raises(InputError, match='unfolds the singular position') as caught:
+        optimise('slider_crank', vary, 'final(energy)', duration=0.5)
+    assert 'mechanism.points.A.at.0' in str(caught.value)
 
 
 def test_what_tangents_refuse_is_refused_by_name() -> None:

@@ -122,10 +122,12 @@ class _Search:
                 gtol=None,
                 max_nfev=self._most,
             )
-        except (_TooManyError, ValueError) as error:
-            # ValueError: the first step into the bounds leads to a design that cannot be
-            reason = _ENDS[0] if isinstance(error, _TooManyError) else failure[0]
-            return LocalOptimum(best[0], False, reason)
+        except _TooManyError:
+            return LocalOptimum(best[0], False, _ENDS[0])
+        except ValueError:  # the first design, which scipy moves off the bounds, cannot be
+            if not failure:
+                raise
+            return LocalOptimum(best[0], False, failure[0])
         return LocalOptimum(best[0], done.status > 0, _ENDS[done.status])
 
     # -------------------------------------------------------------------------------------- SLSQP

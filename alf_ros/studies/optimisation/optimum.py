@@ -97,7 +97,8 @@ class Optimum:
             self.limits, self.limits_before, self.limits_after, strict=True
         ):
             goal, active = limit.goal, ', at its limit' if limit.goal.text in self.active else ''
-            yield f'{goal.text}: {old:.6g} -> {new:.6g} {goal.unit}'.rstrip() + active
+            shown = f'{old:.6g}' if np.isfinite(old) else 'none'
+            yield f'{goal.text}: {shown} -> {new:.6g} {goal.unit}'.rstrip() + active
         failed = sum(each.end is None for each in self.starts)
         yield f'{len(self.starts)} starts, {failed} failed; the best is start {self.best}'
         yield from self.notes
