@@ -18,7 +18,7 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
-from alf_ros.simulation.input_checks import number, numbers
+from alf_ros.simulation.input_checks import number, numbers, text
 from alf_ros.simulation.sample import Sample
 from alf_ros.studies.ensemble.kept_outputs import DIRECTIONS
 from alf_ros.studies.optimisation.design_quantity import CALL, DesignQuantity, design_quantity
@@ -26,6 +26,7 @@ from alf_ros.studies.optimisation.folds import FOLDS, Folded, crossing, value_at
 from alf_ros.studies.optimisation.instants import DesignMotion
 from alf_ros.studies.optimisation.path_error import PathError
 
+_FURTHEST = 1e100  # m, whose square is a number
 _EQUAL = 1e-3  # of the largest value: peaks that differ by less count as equal
 _KEYS = {
     'at': ('at', 'of'),
@@ -141,16 +142,16 @@ def _mapped(data: Mapping[str, Any], key: str, sample: Sample, duration: float) 
     quantity = design_quantity(data['crossing'], f'{key}.crossing', sample)
     value = number(data.get('value', 0.0), f'{key}.value')
     direction = data.get('direction', 'both')
-    if direction not in DIRECTIONS:
+    if text(direction, f'{key}.direction') not in DIRECTIONS:
         raise InputError(
             'no direction', key=f'{key}.direction', value=direction, choices=DIRECTIONS
         )
-    text = f'crossing({quantity.text}, {value:g})'
-    return DesignGoal(text, 's', 'crossing', quantity, at=value, direction=direction)
+    name = f'crossing({quantity.text}, {value:g})'
+    return DesignGoal(name, 's', 'crossing', quantity, at=value, direction=direction)
 
 
 def _path(data: Mapping[str, Any], key: str, sample: Sample, duration: float) -> DesignGoal:
-    model, point = sample.model, data['path']
+    model, point = sample.model, text(data['path'], f'{key}.path')
     moving = [each.name for each in model.mechanism.points if not each.fixed]
     if point not in moving:
         raise InputError('no movable point', key=f'{key}.path', value=point, choices=moving)
@@ -159,7 +160,9 @@ def _path(data: Mapping[str, Any], key: str, sample: Sample, duration: float) ->
         given = given.tolist()
     if not isinstance(given, Sequence) or isinstance(given, str) or not given:
         raise InputError('no places', key=f'{key}.through', value=given, expected='[[x, y], …]')
-    places = np.array([numbers(each, f'{key}.through.{k}', D) for k, each in enumerate(given)])
+    places = np.array(
+        [numbers(each, f'{key}.through.{k}', D, _FURTHEST) for k, each in enumerate(given)]
+    )
     times = None
     if data.get('at') is not None:
         times = np.array(numbers(data['at'], f'{key}.at', len(places)))
@@ -204,8 +207,7 @@ def design_limit(data: Any, pair: Any, key: str, sample: Sample, duration: float
         raise InputError('not two limits', key=key, value=pair, expected=expected)
     bounds = []
     for given, none in zip(pair, (-math.inf, math.inf), strict=True):
-        free = given is None or given == none
-        bounds.append(none if free else number(given, key))
+        bounds.append(none if given is None else number(given, key))
     least, most = bounds
     if not least < most or math.isinf(least) and math.isinf(most):
         raise InputError('not two limits', key=key, value=pair, expected='least < most')

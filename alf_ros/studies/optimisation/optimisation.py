@@ -239,7 +239,7 @@ def _workers(given: Any, starts: int) -> int:
 
 def _begins(numbers: DesignNumbers, count: int, seed: int, sampling: Any) -> tuple[Floats, ...]:
     """(P,) of each start: the scene, then samples within the bounds."""
-    if sampling not in SAMPLINGS:
+    if check.text(sampling, 'sampling') not in SAMPLINGS:
         raise InputError('no such sampling', key='sampling', value=sampling, choices=SAMPLINGS)
     found = [numbers.before]
     if count > 1:
