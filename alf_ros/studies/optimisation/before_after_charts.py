@@ -20,6 +20,7 @@ LOOK = """
 circle.wanted { fill: none; stroke: #111; stroke-width: 1.5; opacity: 1 }
 circle.tried { fill: #1f5fa8; opacity: 1 } .refused { stroke: #b3261e; stroke-width: 1.5 }
 .off { fill: none; stroke: #1f5fa8; stroke-width: 1 }
+.reasons td:last-child { min-width: 22em }
 .grid { stroke: #ddd }
 .figures { display: flex; flex-wrap: wrap; gap: 0 1.5em }
 figure { margin: 0 0 1.5em; max-width: 480px; flex: 1 1 300px }
@@ -108,7 +109,7 @@ def _ticks(
         yield f'<text x="{x:.1f}" y="{foot + 14}" text-anchor="middle">{value:.6g}</text>'
     for value in _round_values(low[1], high[1], is_log):
         y = float(at(np.array([low[0], value]))[1])
-        text = f'{10.0**value:.0e}' if is_log else f'{value:.6g}'
+        text = f'{10.0**value:g}' if is_log else f'{value:.6g}'
         yield f'<path d="M{_LEFT},{y:.1f}H{right}" class="grid"/>'
         yield f'<text x="{_LEFT - 5}" y="{y + 4:.1f}" text-anchor="end">{text}</text>'
 
@@ -121,7 +122,7 @@ def _round_values(low: float, high: float, is_log: bool) -> list[float]:
     if is_log:
         step = max(1.0, np.ceil(step))
     first = np.ceil(low / step)
-    return [float(k * step) for k in np.arange(first, np.floor(high / step) + 1.0)]
+    return [float(k * step) + 0.0 for k in np.arange(first, np.floor(high / step) + 1.0)]
 
 
 def _legend(lines: Sequence[Line], refused: bool) -> list[str]:

@@ -160,7 +160,8 @@ def _starts(found: Optimum) -> str:
         if each.end is None:
             how = f'failed: {each.reason}'
         rows.append((name, _shown(each.objective), outside, str(len(each.tried)), how))
-    return _table(('start', 'objective', 'outside of limits', 'designs', 'ended'), rows)
+    head = ('start', 'objective', 'outside of limits', 'designs', 'ended')
+    return f'<div class="reasons">{_table(head, rows)}</div>'
 
 
 def _range(limit: DesignLimit) -> str:
