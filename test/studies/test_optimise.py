@@ -238,13 +238,13 @@ def test_the_new_scene_repeats_the_objective(tmp_path: Path) -> None:
 
 def test_two_equal_peaks_are_told() -> None:
     """A motor turns a bob of weight m g against a steady effort T: its peak m g L + |T| has a kink
-    at 0, where the peaks on both sides are equal."""
+    at 0, its optimum, where the peaks on both sides are equal."""
     scene = whirled_bob()
-    scene['effects']['joint_effort'] = {'push': {'joint': 'pin', 'effort': 1.0}}
+    scene['effects']['joint_effort'] = {'push': {'joint': 'pin', 'effort': 0.0}}
     vary, peak = {'push.effort': [-2.0, 3.0]}, 'max(abs(drives.motor.effort))'
-    found = optimise(scene, vary, peak, duration=1.26, period=0.02, designs=60)
+    found = optimise(scene, vary, peak, duration=1.26, period=0.02, designs=6)
     assert abs(found['push.effort']) < 1e-3
-    assert found.objective_after == pytest.approx(2.0 * 9.81 * 0.5, abs=2e-3)
+    assert found.objective_after == pytest.approx(2.0 * 9.81 * 0.5, abs=1e-3)
     assert any('two equal peaks' in note for note in found.notes)
 
 

@@ -192,7 +192,7 @@ class DesignLimit:
 
     @property
     def size(self) -> float:
-        """Of the number, by which it is scaled."""
+        """Size of the number, its scale."""
         finite = [abs(x) for x in (self.least, self.most) if math.isfinite(x)]
         return max(finite) or 1.0
 
