@@ -36,6 +36,8 @@ if TYPE_CHECKING:
     from alf_ros.studies.loads.fastest_run import FastestRun, fastest
     from alf_ros.studies.loads.load_history import LoadHistory
     from alf_ros.studies.loads.prescribed_loads import loads
+    from alf_ros.studies.optimisation.optimisation import optimise
+    from alf_ros.studies.optimisation.optimum import Optimum
     from alf_ros.studies.statics.equilibrium_path import EquilibriumPath, equilibrium_path
     from alf_ros.studies.statics.floquet import FloquetModel, floquet
     from alf_ros.studies.statics.linear_model import LinearModel
@@ -60,6 +62,7 @@ __all__ = [
     'InputError',
     'LinearModel',
     'LoadHistory',
+    'Optimum',
     'Posture',
     'Recording',
     'Run',
@@ -84,6 +87,7 @@ __all__ = [
     'load_scene',
     'loads',
     'modes',
+    'optimise',
     'record',
     'recorded',
 ]
@@ -129,6 +133,8 @@ _HOME = {
     'ensemble': 'studies.ensemble.ensemble',
     'Identification': 'studies.identification.identified',
     'identify': 'studies.identification.identification',
+    'Optimum': 'studies.optimisation.optimum',
+    'optimise': 'studies.optimisation.optimisation',
     'Recording': 'studies.identification.recording',
     'recorded': 'studies.identification.recording',
 }

@@ -18,6 +18,7 @@ COMMANDS = {
     'hard_cases': 'alf_ros.commands.hard_cases',
     'ensemble': 'alf_ros.commands.ensemble',
     'identify': 'alf_ros.commands.identify',
+    'optimise': 'alf_ros.commands.optimise',
     'work_precision': 'alf_ros.commands.work_precision',
     'figures': 'alf_ros.commands.figures',
     'analyze': 'alf_ros.commands.analyze',

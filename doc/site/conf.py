@@ -34,6 +34,8 @@ nitpick_ignore_regex = [
     ('py:.*', r'alf_ros\.simulation\.(formulations|parameter_slopes|start|tangent_following)\..*'),
     ('py:.*', r'alf_ros\.studies\.statics\.(instant|path_course|varied_scene)\..*'),
     ('py:.*', r'alf_ros\.studies\.atlas\.(coordinate_reader|configuration_curve)\..*'),
+    ('py:.*', r'alf_ros\.studies\.optimisation\.(design_quantity|instants|path_error)\..*'),
+    ('py:.*', r'alf_ros\.studies\.optimisation\.(design_goal\.Asked|optimisation\.Report)'),
     ('py:.*', r'alf_ros\.studies\.closing\.posture\.Ways'),
 ]
 

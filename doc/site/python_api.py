@@ -29,6 +29,13 @@ _WITH: dict[str, tuple[str, ...]] = {
         'alf_ros.studies.identification.identifiability.Knowledge',
         'alf_ros.studies.identification.identifiability.Combination',
     ),
+    'Optimised designs': (
+        'alf_ros.studies.optimisation.optimum.StartedSearch',
+        'alf_ros.studies.optimisation.design_goal.DesignGoal',
+        'alf_ros.studies.optimisation.design_goal.DesignLimit',
+        'alf_ros.studies.optimisation.design_numbers.DesignNumbers',
+        'alf_ros.studies.optimisation.designs.DesignCurve',
+    ),
     'Loads and paths of equilibria': (
         'alf_ros.studies.loads.load_history.Peak',
         'alf_ros.studies.statics.equilibrium_path.PathEvent',

@@ -12,7 +12,16 @@ from support.paths import ROOT
 from support.reader import programs, shown_by
 
 # whose programs and commands run by themselves, in a folder with the files of the page
-PAGES = ('atlas', 'closing_loops', 'derivatives', 'identification', 'loads', 'sensors', 'statics')
+PAGES = (
+    'atlas',
+    'closing_loops',
+    'derivatives',
+    'identification',
+    'loads',
+    'optimisation',
+    'sensors',
+    'statics',
+)
 # of pages whose commands need more than that; they have a test of their own
 OWN_COMMANDS = ('identification',)
 TEXTS = {page: (ROOT / 'doc' / f'{page}.md').read_text('utf-8') for page in PAGES}

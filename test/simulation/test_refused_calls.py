@@ -398,6 +398,9 @@ STUDIES: dict[Callable[..., Any], dict[str, Any]] = {
         ),
         JUNK,
     ),
+    alf_ros.optimise: dict.fromkeys(
+        ('scene', 'vary', 'minimise', 'subject_to', 'seed', 'sampling', 'period'), JUNK
+    ),
 }
 SHORT: dict[str, Any] = {'t': [0.0, 0.01, 0.02], 'positions': {'crank_pin': [0.8, 0.8, 0.8]}}
 DRIVEN = load_scene(
@@ -418,6 +421,12 @@ RIGHT: dict[Any, dict[str, Any]] = {
     alf_ros.assemblies: {'starts': 1, 'values': {'crank_pin': 0.8}},
     alf_ros.recorded: SHORT,
     alf_ros.identify: {'recordings': alf_ros.recorded(**SHORT), 'fit': ['m']},
+    alf_ros.optimise: {
+        'vary': {'m': [0.5, 2.0]},
+        'minimise': 'final(energy)',
+        'duration': 0.01,
+        'designs': 2,
+    },
 }
 
 
@@ -465,7 +474,7 @@ def test_everything_public_is_told_of_here() -> None:
     made_by_calls += [alf_ros.Branches, alf_ros.Atlas, alf_ros.Assemblies]
     made_by_calls += [alf_ros.Equilibrium, alf_ros.EquilibriumPath]
     made_by_calls += [alf_ros.FloquetModel, alf_ros.LinearModel, alf_ros.VibrationModes]
-    made_by_calls += [alf_ros.Posture, alf_ros.Identification, alf_ros.Recording]
+    made_by_calls += [alf_ros.Posture, alf_ros.Identification, alf_ros.Recording, alf_ros.Optimum]
     for name in alf_ros.__all__:
         each = getattr(alf_ros, name)
         assert each in called or each in made_by_calls or issubclass(each, AlfError), name

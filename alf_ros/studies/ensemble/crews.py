@@ -11,7 +11,7 @@ import queue
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Protocol
 
 from alf_ros.errors import AlfError
@@ -40,20 +40,25 @@ class ThisProcess:
 
 
 class Processes:
-    """`count` worker processes of this machine, which end with this one."""
+    """`count` worker processes of this machine, which end with this one.
 
-    def __init__(self, count: int) -> None:
-        self._count = count
+    run: makes the result of a number from a study; a function of a module, as workers import it.
+    A study of another kind has `indices`, the members of a number.
+    """
 
-    def chunks(self, study: Study, numbers: Sequence[int]) -> Iterator[Chunk]:
+    def __init__(self, count: int, run: Callable[[Any, int], Any] = run_chunk) -> None:
+        self._count, self._run = count, run
+
+    def chunks(self, study: Any, numbers: Sequence[int]) -> Iterator[Any]:
         """The chunks of these numbers as they are done."""
         waiting: queue.SimpleQueue[int | None] = queue.SimpleQueue()
-        done: queue.SimpleQueue[Chunk | BaseException] = queue.SimpleQueue()
+        done: queue.SimpleQueue[Any] = queue.SimpleQueue()
         for number in numbers:
             waiting.put(number)
         deaths = dict.fromkeys(numbers, 0)
         foremen = [
-            _Foreman(study, waiting, done, deaths) for _ in range(min(self._count, len(numbers)))
+            _Foreman((self._run, study), waiting, done, deaths)
+            for _ in range(min(self._count, len(numbers)))
         ]
         try:
             for _ in numbers:
@@ -73,13 +78,13 @@ class _Foreman(threading.Thread):
 
     def __init__(
         self,
-        study: Study,
+        work: tuple[Callable[[Any, int], Any], Any],
         waiting: queue.SimpleQueue[int | None],
-        done: queue.SimpleQueue[Chunk | BaseException],
+        done: queue.SimpleQueue[Any],
         deaths: dict[int, int],
     ) -> None:
         super().__init__(daemon=True)
-        self._study, self._waiting, self._done, self._deaths = study, waiting, done, deaths
+        self._work, self._waiting, self._done, self._deaths = work, waiting, done, deaths
         self._worker: subprocess.Popen[bytes] | None = None
         self._lock, self._dismissed = threading.Lock(), False
         self.start()
@@ -92,16 +97,15 @@ class _Foreman(threading.Thread):
         except BaseException as error:  # it is raised where the chunks are awaited
             self._done.put(error)
 
-    def _chunk(self, number: int) -> Chunk | BaseException:
+    def _chunk(self, number: int) -> Any:
         while True:
             try:
-                found = self._asked(number)
-                return found if isinstance(found, (Chunk, BaseException)) else AlfError(str(found))
+                return self._asked(number)
             except (EOFError, OSError):
                 self._deaths[number] += 1
                 code = self._end()
             if self._dismissed or self._deaths[number] >= MOST_DEATHS:
-                members = self._study.indices(number)
+                members = self._work[1].indices(number)
                 return AlfError(
                     f'{self._deaths[number]} workers have died (exit code {code}) while they ran '
                     f'members {members[0]} to {members[-1]}; what is finished is kept'
@@ -124,7 +128,7 @@ class _Foreman(threading.Thread):
             raise EOFError
         assert worker.stdin is not None and worker.stdout is not None
         if begins:
-            send(worker.stdin, self._study)
+            send(worker.stdin, self._work)
         send(worker.stdin, number)
         return receive(worker.stdout)
 

@@ -162,7 +162,7 @@ class KeptOutput:
         if self.kind in ('max', 'min'):
             place = values.argmax(axis=0) if self.kind == 'max' else values.argmin(axis=0)
             return np.take_along_axis(values, place[None], axis=0)[0], t[place]
-        total = _integral(t, values)
+        total = integral(t, values)
         return (total / (t[-1] - t[0]) if self.kind == 'mean' else total,)
 
     def _crossings(self, t: Floats, values: Floats) -> list[float]:
@@ -202,7 +202,7 @@ def _root(t: Floats, off: Floats, n: int) -> float:
     return high
 
 
-def _integral(t: Floats, values: Floats) -> Floats:
+def integral(t: Floats, values: Floats) -> Floats:
     """∫ dt over equally spaced samples, by Simpson's rule; of an odd number of intervals the last
     three by the 3/8 rule, and of a single one by the trapezoid."""
     n = t.size - 1

@@ -163,11 +163,11 @@ def load_study(source: str | Path, **changes: Any) -> Study:
     fields = yaml_document.read(path).mapping(KEYS, ('scene', 'vary'))
     given: dict[str, Any] = {}
     for key, entry in fields.items():
-        given[key] = _within(entry, lambda entry=entry: _plain(entry))  # type: ignore[misc]
-    given['scene'] = _within(fields['scene'], lambda: _scene(given['scene'], path.parent))
+        given[key] = within(entry, lambda entry=entry: plain(entry))  # type: ignore[misc]
+    given['scene'] = within(fields['scene'], lambda: scene_beside(given['scene'], path.parent))
     if 'outputs' in given:
         files = lambda: _functions(given['outputs'], path.parent)  # noqa: E731
-        given['outputs'] = _within(fields['outputs'], lambda: read_outputs(files()))
+        given['outputs'] = within(fields['outputs'], lambda: read_outputs(files()))
     given.update({key: value for key, value in changes.items() if value is not None})
     try:
         return study_of(**given)
@@ -178,7 +178,7 @@ def load_study(source: str | Path, **changes: Any) -> Study:
         raise
 
 
-def _within(entry: Entry, made: Callable[[], Any]) -> Any:
+def within(entry: Entry, made: Callable[[], Any]) -> Any:
     """The result of `made`; its errors say where the entry is."""
     try:
         return made()
@@ -188,12 +188,12 @@ def _within(entry: Entry, made: Callable[[], Any]) -> Any:
         raise InputError(str(error), file=entry.file, line=entry.line) from None
 
 
-def _plain(entry: Entry) -> Any:
+def plain(entry: Entry) -> Any:
     """The value of an entry: numbers and expressions of constants as numbers."""
     if isinstance(entry.value, dict):
-        return {key: _plain(inner) for key, inner in entry.value.items()}
+        return {key: plain(inner) for key, inner in entry.value.items()}
     if isinstance(entry.value, tuple):
-        return [_plain(inner) for inner in entry.value]
+        return [plain(inner) for inner in entry.value]
     if entry.is_null:
         return None
     if not entry.plain:
@@ -207,7 +207,7 @@ def _plain(entry: Entry) -> Any:
     return int(number) if number == int(number) and abs(number) < 2**53 else number
 
 
-def _scene(given: Any, folder: Path) -> Any:
+def scene_beside(given: Any, folder: Path) -> Any:
     """A path is one from the folder of the study."""
     if isinstance(given, str) and (given.endswith(('.yaml', '.yml')) or '/' in given):
         return folder / paths.named(given)

@@ -1,6 +1,7 @@
 """A worker process: chunk numbers come in on stdin, chunks go out on stdout.
 
-A message is its length (8 bytes) and a pickle. The first one in is the study. The process ends as
+A message is its length (8 bytes) and a pickle. The first one in is the pair of a function and a
+study; for each number the result of the function goes out. The process ends as
 soon as stdin closes, which it does when the process that began it has gone, however that ended.
 """
 
@@ -14,8 +15,6 @@ import struct
 import sys
 import threading
 from typing import IO, Any
-
-from alf_ros.studies.ensemble.chunk import run_chunk
 
 _LENGTH = struct.Struct('<Q')
 # Run with -c, so that the worker looks where the client does, and nowhere before.
@@ -48,11 +47,11 @@ def main() -> None:
         os.dup2(2, 1)  # what a function of the user prints
         waiting: queue.SimpleQueue[Any] = queue.SimpleQueue()
         threading.Thread(target=_listen, args=(waiting,), daemon=True).start()
-        study = waiting.get()
+        run, study = waiting.get()
         while True:
             number = waiting.get()
             try:
-                send(out, run_chunk(study, number))
+                send(out, run(study, number))
             except BrokenPipeError:
                 os._exit(0)
             except Exception as error:

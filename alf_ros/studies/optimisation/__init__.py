@@ -1,0 +1,1 @@
+"""Numbers of a scene that minimise an output of its motion, with exact gradients."""

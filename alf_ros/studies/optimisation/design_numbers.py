@@ -1,0 +1,112 @@
+"""The numbers that an optimisation varies, each between two bounds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from alf_ros.arrays import Floats
+from alf_ros.errors import InputError
+from alf_ros.scene import overrides
+from alf_ros.scene.scene import Scene
+from alf_ros.simulation.input_checks import numbers
+
+# steps of differences: of the number, which counts as this part of its range at least
+_STEP, _LEAST = 2.5e-3, 0.1
+_FRAME = 4.0  # of the size of the drawing
+
+
+@dataclass(frozen=True, eq=False)
+class DesignNumbers:
+    """Names of numbers of a scene, as of `fork --set`, with bounds.
+
+    framed: the scene as it is computed. before, lower, upper (P,): the values in the scene, which
+    may lie outside, and the bounds.
+    """
+
+    scene: Scene
+    framed: Scene
+    names: tuple[str, ...]
+    before: Floats
+    lower: Floats
+    upper: Floats
+
+    @property
+    def width(self) -> Floats:
+        """(P,) from bound to bound."""
+        return self.upper - self.lower
+
+    def at(self, values: Sequence[float] | Floats) -> Scene:
+        """The scene with other values (P,). Raises InputError if there is no such scene."""
+        return self._changed(self.scene, values)
+
+    def framed_at(self, values: Sequence[float] | Floats) -> Scene:
+        """The same of `framed`."""
+        return self._changed(self.framed, values)
+
+    def _changed(self, scene: Scene, values: Sequence[float] | Floats) -> Scene:
+        changes = {n: repr(float(x)) for n, x in zip(self.names, values, strict=True)}
+        return overrides.with_changes(scene, changes, prefix='vary.')
+
+    def steps(self, values: Floats) -> Floats:
+        """(P,) steps of differences around values."""
+        return _STEP * np.minimum(self.width, np.maximum(np.abs(values), _LEAST * self.width))
+
+
+def design_numbers(scene: Scene, vary: Any) -> DesignNumbers:
+    """The numbers of `{name: [least, largest]}`. Raises InputError."""
+    if not isinstance(vary, Mapping) or not vary:
+        raise InputError(
+            'nothing varies', key='vary', value=vary, expected='{name: [least, largest]}'
+        )
+    lower, upper, before = [], [], []
+    for name, pair in vary.items():
+        key = f'vary.{name}'
+        if not isinstance(name, str):
+            raise InputError('no name', key='vary', value=name, expected='coupler.mass')
+        try:
+            low, high = numbers(pair, 'pair of bounds', 2)
+        except InputError:
+            expected = '[least, largest], both finite'
+            raise InputError('not two bounds', key=key, value=pair, expected=expected) from None
+        if not low < high:
+            raise InputError('not two bounds', key=key, value=pair, expected='least < largest')
+        if name.partition('.')[0] == 'solver':
+            raise InputError('a setting of the solver is no number of the design', key=key)
+        try:
+            before.append(overrides.number(scene, name))
+        except InputError as error:
+            raise InputError(
+                error.message,
+                key=key,
+                value=error.value,
+                expected=error.expected,
+                choices=error.choices,
+            ) from None
+        lower.append(low)
+        upper.append(high)
+    framed = _framed(scene)
+    return DesignNumbers(
+        scene, framed, tuple(vary), np.array(before), np.array(lower), np.array(upper)
+    )
+
+
+def _framed(scene: Scene) -> Scene:
+    """The scene in a frame of two fixed points, which do nothing but keep the size of the drawing.
+
+    This size is the length of blocks of directions. It is the largest distance of points along an
+    axis, with a kink where another pair of points becomes the furthest.
+    """
+    mechanism = scene.mechanism
+    places = np.array([point.at for point in mechanism.points])
+    middle, size = places.mean(axis=0), float(np.ptp(places, axis=0).max(initial=0.0)) or 1.0
+    corners = {
+        f'mechanism.points.{name}': (
+            f'{{at: {(middle + side * _FRAME * size).tolist()}, fixed: true}}'
+        )
+        for name, side in (('frame_first', -0.5), ('frame_last', 0.5))
+    }
+    return overrides.with_changes(scene, corners)

@@ -1,0 +1,134 @@
+"""A study: all that the searches of an optimisation depend on, and that a worker needs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import Any
+
+from alf_ros.arrays import Floats
+from alf_ros.effects.contract import user_file
+from alf_ros.errors import AlfError, InputError, StoppedError
+from alf_ros.scene.references import WHOLE
+from alf_ros.scene.scene import Scene, scene_from_text
+from alf_ros.simulation.input_checks import by_name
+from alf_ros.simulation.sample import Sample
+from alf_ros.simulation.simulation import Simulation
+from alf_ros.studies.optimisation.design_goal import DesignLimit, design_goal, design_limit
+from alf_ros.studies.optimisation.design_numbers import design_numbers
+from alf_ros.studies.optimisation.designs import Design, Designs, Told
+from alf_ros.studies.optimisation.local_search import searched
+from alf_ros.studies.optimisation.optimum import StartedSearch
+
+
+@dataclass(frozen=True, eq=False)
+class SearchEnd:
+    """How one start ended: its row, and its design; or why it failed."""
+
+    row: StartedSearch
+    design: Design | None = None
+    error: AlfError | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class DesignStudy:
+    """`text` is the scene's, `files` the texts of its effects that are files, by full name.
+
+    vary, minimise, subject_to: as `optimise` has them. duration, period (s): of the motion, and
+    between its samples; driven: whether drives decide on the motion; begins: the numbers (P,)
+    with which each search begins; most: evaluations of one search.
+    """
+
+    name: str
+    text: str
+    files: tuple[tuple[str, str], ...]
+    vary: Mapping[str, Any]
+    minimise: Any
+    subject_to: Mapping[str, Any]
+    duration: float
+    period: float
+    driven: bool
+    begins: tuple[Floats, ...]
+    most: int
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {each.name: getattr(self, each.name) for each in fields(self)}
+
+    def __setstate__(self, state: Mapping[str, Any]) -> None:
+        vars(self).update(state)
+
+    @cached_property
+    def scene(self) -> Scene:
+        """The scene, with the numbers of its file."""
+        for name, text in self.files:
+            if not user_file.is_known(name):
+                user_file.provide(name, text)
+        return scene_from_text(self.text, self.name, references=WHOLE)
+
+    @cached_property
+    def _sample(self) -> Sample:
+        return Simulation(self.scene).sample()
+
+    def designs(self) -> Designs:
+        """An evaluation of designs that knows none yet, so that no search depends on another.
+
+        Raises InputError for numbers and goals that cannot be used.
+        """
+        return Designs(
+            design_numbers(self.scene, self.vary),
+            design_goal(self.minimise, 'minimise', self._sample, self.duration),
+            limits_of(self.subject_to, self._sample, self.duration),
+            self.duration,
+            self.period,
+            self.driven,
+        )
+
+    def indices(self, k: int) -> range:
+        """The starts that belong to number k: that one."""
+        return range(k, k + 1)
+
+
+def started_search(study: DesignStudy, k: int, told: Told | None = None) -> SearchEnd:
+    """Search from start k; told: called after each design."""
+    designs, begin = study.designs(), study.begins[k]
+    designs.told = told
+    row = StartedSearch(begin, None, math.nan, math.nan, False, '', ())
+    try:
+        found = searched(designs, begin, study.most)
+    except StoppedError:
+        raise
+    except AlfError as error:
+        return SearchEnd(replace(row, reason=str(error), tried=tuple(designs.tried)), error=error)
+    design = found.design
+    rooms = [
+        limit.room(asked.value)
+        for limit, asked in zip(designs.limits, design.limited, strict=True)
+    ]
+    row = StartedSearch(
+        begin,
+        design.values,
+        design.objective.value,
+        max(0.0, -min(rooms, default=0.0)),
+        found.settled,
+        found.reason,
+        tuple(designs.tried),
+    )
+    return SearchEnd(row, design)
+
+
+def limits_of(given: Any, sample: Sample, duration: float) -> list[DesignLimit]:
+    """The limits of `subject_to`, for the scene of a sample. Raises InputError."""
+    expected = '{max(norm(knee.force)): [~, 50]}'
+    found = []
+    for name, data in by_name(given, 'subject_to', expected).items():
+        key = f'subject_to.{name}'
+        if not isinstance(data, Mapping):
+            found.append(design_limit(name, data, key, sample, duration))
+            continue
+        for word in data:
+            if word not in ('of', 'between'):
+                raise InputError('unknown key', key=key, value=word, choices=('of', 'between'))
+        found.append(design_limit(data.get('of'), data.get('between'), key, sample, duration))
+    return found

@@ -1,0 +1,154 @@
+"""The motion of a design whose drives decide on all of it: positions follow from the drives.
+
+At an instant Φ(q, θ) = 0 and Φ_q q̇ + Φ_s ṡ = 0 hold with the prescribed blocks s. So the
+derivatives by a number θ are the solutions of
+
+    Φ_q δq = -∂Φ/∂θ        Φ_q δq̇ = -d(Φ_q q̇ + Φ_s ṡ)/dθ
+
+where d/dθ takes θ and δq along, at constant q̇. Nothing is integrated, so the instants are exact.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+
+from alf_ros.arrays import Floats
+from alf_ros.errors import InputError
+from alf_ros.model.dense_linearisation import Linearised
+from alf_ros.simulation.sample import Sample
+from alf_ros.simulation.simulation import Simulation
+from alf_ros.studies.optimisation.design_numbers import DesignNumbers
+from alf_ros.studies.optimisation.differences import OFFSETS, slope
+from alf_ros.studies.optimisation.displaced_scenes import DisplacedScene, DisplacedScenes
+from alf_ros.studies.optimisation.instants import PointTrack, path
+
+_SINGULAR = 1e-6  # singular value, of the largest, from which down the drives do not decide
+_OPEN = 1e-7  # part of a slope of Φ that redundant rows may leave open
+
+
+def is_driven(simulation: Simulation) -> bool:
+    """Whether the drives decide on all freedoms."""
+    model = simulation.model
+    return bool(model.mechanism.drives) and model.n <= round(model.system.rank)
+
+
+class DrivenDesign:
+    """The motion of a scene with values of its numbers, over a duration (s).
+
+    Raises AlfError for a design that cannot be assembled or driven, and one that is singular on
+    the way.
+    """
+
+    def __init__(
+        self, numbers: DesignNumbers, values: Floats, duration: float, period: float
+    ) -> None:
+        self._numbers, self._values, self._duration = numbers, values, duration
+        scene = numbers.framed_at(values)
+        self.simulation = Simulation(scene)
+        if self.simulation.model.system.rows.velocity:
+            raise InputError('positions do not follow from drives where wheels or gears roll')
+        # nothing is integrated: the step is the way between two closed positions
+        step = self.simulation.solver.step
+        self._moved = Simulation(replace(scene, effects=(), text=''), step=step, integrator='rk4')
+        self.t: Floats = np.asarray(np.arange(round(duration / period) + 1) * period, dtype=float)
+        self.samples: Sequence[Sample] = self._at(self.t)
+
+    def _at(self, times: Floats) -> list[Sample]:
+        """Of ascending instants."""
+        self._moved.reset()
+        found, state = [], self.simulation.state
+        for each in self._moved.run(self._duration, at=times.tolist()):
+            own = each.state
+            state = replace(state, step=own.step, q=own.q, qd=own.qd, turns=own.turns)
+            found.append(self.simulation._sample(each.t, state, False))
+        return found
+
+    @cached_property
+    def displaced(self) -> DisplacedScenes:
+        """The scenes beside it."""
+        if self.simulation.adjustment is not None:
+            raise InputError('no derivative: redundant lengths are adjusted, so none is free')
+        return DisplacedScenes(self._numbers, self._values, self.simulation)
+
+    def tangent(self, n: int) -> tuple[Floats, Floats]:
+        """δq, δq̇ (P, blocks D) of sample n. Raises InputError where they do not exist."""
+        return self._tangent(self.samples[n])
+
+    def places(self, point: str, times: Floats) -> tuple[Floats, Floats]:
+        """(K, D) positions and velocities of a point at instants (s)."""
+        order = np.argsort(times, kind='stable')
+        back = np.argsort(order, kind='stable')
+        x, v = path(self._at(times[order]), point)
+        return x[back], v[back]
+
+    def track(self, point: str, times: Floats) -> PointTrack:
+        """A point at instants (s)."""
+        order = np.argsort(times, kind='stable')
+        back = np.argsort(order, kind='stable')
+        samples = self._at(times[order])
+        x, v = path(samples, point)
+        layout = self.simulation.model.layout
+        block = layout.of_point[point]
+        dx = [
+            self._positions(each)[0].reshape(len(self._values), -1, layout.dimension)[:, block]
+            for each in samples
+        ]
+        return PointTrack(x[back], v[back], np.array(dx)[back])
+
+    def _positions(self, sample: Sample) -> tuple[Floats, Floats]:
+        """δq (P, blocks D), and the inverse of Φ_q (n, rows) in the order and scale of `phi`."""
+        model, state = self.simulation.model, sample.state
+        jacobian = Linearised(model, state.q).jacobian
+        U, s, Vt = np.linalg.svd(jacobian, full_matrices=False)
+        if s.size < model.n or s[model.n - 1] <= _SINGULAR * s[0]:
+            raise InputError(
+                f'singular at t = {sample.t:.6g} s: the drives do not decide there',
+                key='drives',
+            )
+        inverse = Vt.T @ (U / s).T
+        found = np.zeros((len(self._values), state.q.size))
+        size = float(np.abs(state.q).max()) ** 2
+        for k, (scenes, step) in enumerate(self._each):
+            placed = [each.placed(sample.t, state.q, state.qd)[0] for each in scenes]
+            name = self.displaced.names[k]
+            opened = [each.violation(q) for each, q in zip(scenes, placed, strict=True)]
+            given = self._scaled(slope(np.array(opened), step, name, 'a length', size))
+            found[k] = slope(np.array(placed), step, name, 'a place')
+            found[k, : model.n] = -inverse @ given
+            left = jacobian @ found[k, : model.n] + given
+            if np.abs(left).max(initial=0.0) > _OPEN * np.abs(given).max(initial=0.0):
+                raise InputError(
+                    'no derivative: redundant rows hold only where it stays', key=name
+                )
+        return found, inverse
+
+    def _tangent(self, sample: Sample) -> tuple[Floats, Floats]:
+        state, n = sample.state, self.simulation.model.n
+        dq, inverse = self._positions(sample)
+        dqd = np.zeros_like(dq)
+        size = float(np.abs(state.q).max() * np.abs(state.qd).max())
+        for k, (scenes, step) in enumerate(self._each):
+            rates, speeds = [], []
+            for offset, each in zip(OFFSETS, scenes, strict=True):
+                q = state.q + offset * step * dq[k]
+                q, qd = each.placed(sample.t, q, state.qd)
+                rates.append(each.rate(q, qd))
+                speeds.append(qd)
+            name = self.displaced.names[k]
+            dqd[k] = slope(np.array(speeds), step, name, 'a drive')
+            given = self._scaled(slope(np.array(rates), step, name, 'a velocity', size))
+            dqd[k, :n] = -inverse @ given
+        return dq, dqd
+
+    @property
+    def _each(self) -> list[tuple[Sequence[DisplacedScene], float]]:
+        return list(zip(self.displaced.of, self.displaced.steps.tolist(), strict=True))
+
+    def _scaled(self, of_rows: Floats) -> Floats:
+        """(rows,) of the kernel -> in the order and scale of `Linearised`."""
+        model = self.simulation.model
+        return np.asarray((of_rows * model.system.rows.scale)[model.row])

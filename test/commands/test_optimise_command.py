@@ -1,0 +1,74 @@
+"""The command optimise: a scene and a report, and errors of one line with their place."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import yaml
+
+from alf_ros import load_scene
+from alf_ros.__main__ import main
+from support.design_scenes import sprung_block
+
+STUDY = """scene: block.yaml
+vary: {main.stiffness: [10, 100]}
+minimise: {crossing: rail.position, value: 0.2}
+subject_to: {max(abs(rail.velocity)): [~, 2.0 + 0.5]}
+duration: 0.6
+period: 0.02
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """With a scene and a study of it."""
+    (tmp_path / 'block.yaml').write_text(yaml.safe_dump(sprung_block()), 'utf-8')
+    (tmp_path / 'study.yaml').write_text(STUDY, 'utf-8')
+    return tmp_path
+
+
+def test_it_writes_a_scene_and_a_report(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """k = m (v / 0.4)² of a block of 2 kg with a speed of 2.5 m/s at most."""
+    out = folder / 'out'
+    given = [
+        'optimise',
+        str(folder / 'study.yaml'),
+        '--starts',
+        '2',
+        '--workers',
+        '0',
+        '--output',
+        str(out),
+    ]
+    assert main(given) == 0
+    told = capsys.readouterr().out
+    assert 'main.stiffness  50 -> 78.125\n' in told and 'at its limit' in told
+    assert '2 starts, 0 failed' in told
+    (spring,) = load_scene(out / 'block.yaml').effects
+    assert spring.parameters.stiffness == pytest.approx(78.125, rel=1e-6)
+    report = (out / 'report.html').read_text('utf-8')
+    assert 'main.stiffness' in report and report.count('<svg') == 3 and 'http' not in report
+
+
+@pytest.mark.parametrize(
+    ('before', 'after', 'expected'),
+    [
+        ('vary:', 'very:', 'study.yaml:2: very: unknown key'),
+        ('main.stiffness', 'main.stifness', 'study.yaml:2: vary.main.stifness'),
+        ('rail.position', 'rail.positon', 'study.yaml:3: minimise.crossing'),
+        ('[~, 2.0 + 0.5]', '[3, 2]', 'study.yaml:4: subject_to'),
+        ('0.6', '-1', 'study.yaml:5: duration'),
+        ('block.yaml', 'blocks.yaml', 'blocks.yaml'),
+        ('value: 0.2', 'value: -0.5', 'rail.position does not cross -0.5'),
+    ],
+)
+def test_errors_are_one_line(
+    folder: Path, before: str, after: str, expected: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / 'study.yaml').write_text(STUDY.replace(before, after, 1), 'utf-8')
+    code = main(['optimise', str(folder / 'study.yaml'), '-o', str(folder / 'none')])
+    told = capsys.readouterr().err
+    assert code in (1, 2) and told.count('\n') == 1
+    assert expected in told
+    assert not (folder / 'none').exists()

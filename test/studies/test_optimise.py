@@ -1,0 +1,312 @@
+"""optimise against closed forms: gradients, recovered linkages, limits, failing starts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from alf_ros import Simulation, load_scene, optimise
+from alf_ros.arrays import Floats
+from alf_ros.errors import AlfError, InputError
+from alf_ros.studies.optimisation.design_goal import DesignGoal, design_goal
+from alf_ros.studies.optimisation.design_numbers import DesignNumbers, design_numbers
+from alf_ros.studies.optimisation.driven_design import DrivenDesign
+from alf_ros.studies.optimisation.free_design import FreeDesign
+from alf_ros.studies.optimisation.instants import DesignMotion
+from support.design_scenes import BARS, coupler_point, four_bar, sprung_block, whirled_bob
+
+SIXTH = ((1, 3 / 4), (2, -3 / 20), (3, 1 / 60))  # central differences
+NEAR = [[0.1, 0.2], [0.0, 0.15], [0.15, 0.1]]
+GOALS: list[Any] = [
+    'max(norm(knee.force))',
+    'min(transmission(A, B))',
+    'rms(drives.motor.effort)',
+    'mean(points.P.x)',
+    'integral(energy)',
+    'final(rocker_pin.velocity)',
+    'max(abs(drives.motor.effort))',
+    {'at': 0.21, 'of': 'wrist.position'},
+    {'crossing': 'points.P.y', 'value': 0.11, 'direction': 'down'},
+    {'path': 'P', 'through': NEAR, 'at': [0.11, 0.37, 0.5]},
+    {'path': 'P', 'through': NEAR},
+]
+FREE: list[Any] = [
+    'max(norm(knee.force))',
+    'final(energy)',
+    'rms(crank_pin.effort)',
+    {'crossing': 'points.P.x', 'value': 0.1},
+    {'path': 'P', 'through': NEAR[:2], 'at': [0.05, 0.13]},
+]
+
+
+def check_gradients(
+    numbers: DesignNumbers, goals: list[Any], made: Callable[[Floats], DesignMotion], error: float
+) -> None:
+    """Against differences of sixth order of whole motions."""
+    motion = made(numbers.before)
+    each: list[DesignGoal] = [
+        design_goal(goal, 'minimise', motion.samples[0], 1.0) for goal in goals
+    ]
+    found = np.array([goal.of(motion).gradient for goal in each])
+    for k, value in enumerate(numbers.before.tolist()):
+        h, slopes = 2e-4 * abs(value), np.zeros(len(goals))
+        for n, weight in SIXTH:
+            for sign in (1.0, -1.0):
+                values = numbers.before.copy()
+                values[k] += sign * n * h
+                there = made(values)
+                slopes += sign * weight / h * np.array([goal.value(there) for goal in each])
+        size = np.maximum(np.abs(slopes), 1e-2 * np.abs(found).max(axis=1))
+        assert (np.abs(found[:, k] - slopes) <= error * size).all(), numbers.names[k]
+
+
+def test_gradients_where_drives_decide() -> None:
+    """Lengths, an angle of the ground and a mass, of every kind of number."""
+    scene = load_scene(four_bar({'g': 0.1}))
+    vary = {'a': [0.05, 0.15], 'c': [0.1, 0.4], 'g': [-1, 1], 'coupler.mass': [0.5, 2]}
+    numbers = design_numbers(scene, vary)
+    check_gradients(numbers, GOALS, lambda v: DrivenDesign(numbers, v, 1.0, 1 / 60), 2e-8)
+
+
+def test_gradients_where_forces_decide() -> None:
+    """A length and a friction: the tangents of the run, and reactions and energy from them."""
+    scene = load_scene(four_bar(driven=False, step=1e-3))
+    numbers = design_numbers(scene, {'b': [0.2, 0.4], 'pin.viscous': [0.01, 1]})
+    check_gradients(numbers, FREE, lambda v: FreeDesign(numbers, v, 0.15, 0.005), 2e-7)
+
+
+def test_gradients_in_space() -> None:
+    """A spatial linkage with directions: the size of its drawing has kinks, its motion has not."""
+    scene = load_scene(
+        {
+            'mechanism': 'spatial_slider_crank',
+            'effects': {'gravity': {'acceleration': [0, 0, -9.81]}},
+            'drives': {'motor': {'joint': 'crank_pin', 'angle': '0.4*t'}},
+            'solver': {'step': 0.05, 'integrator': 'rk4'},
+        }
+    )
+    numbers = design_numbers(scene, {'r': [0.05, 0.1], 'l': [0.25, 0.4]})
+    goals = ['max(norm(knee.force))', 'max(abs(drives.motor.effort))', 'final(points.B.x)']
+    check_gradients(numbers, goals, lambda v: DrivenDesign(numbers, v, 0.5, 0.05), 2e-8)
+
+
+def test_a_linkage_is_recovered_from_a_bad_start() -> None:
+    """Nine places of a known four-bar, with their instants: six numbers, 20 to 40 % off."""
+    t = np.arange(9) / 9
+    goal = {'path': 'P', 'through': coupler_point({}, t), 'at': t}
+    start = {'a': 0.08, 'b': 0.36, 'c': 0.3, 'd': 0.33, 'u': 0.1, 'v': 0.14}
+    vary = {name: [0.5 * BARS[name], 1.7 * BARS[name]] for name in start}
+    found = optimise(four_bar(start), vary, goal, duration=1.0, period=1 / 9)
+    assert found.settled and found.objective_before > 0.05
+    assert np.allclose(found.values, [BARS[name] for name in start], rtol=1e-9)
+
+
+def test_a_published_path_from_a_bad_start() -> None:
+    """Six points of a vertical line without instants: case 1 of Cabrera, Simon, Prado, Mechanism
+    and Machine Theory 37 (2002) 1165, with its bounds of the lengths. From a linkage whose path is
+    17 away on average, the error falls below 0.1 % of the line."""
+    places = [[20.0, 20.0 + 5.0 * k] for k in range(6)]
+    start = {'a': 10.0, 'b': 40.0, 'c': 40.0, 'd': 45.0, 'u': 20.0, 'v': 20.0}
+    vary: dict[str, Any] = {name: [5, 60] for name in 'abcd'}
+    vary |= {name: [-60, 60] for name in 'uvxy'} | {'g': [-math.pi, math.pi]}
+    found = optimise(
+        four_bar(start),
+        vary,
+        {'path': 'P', 'through': places},
+        duration=1.0,
+        period=0.02,
+        designs=14,
+    )
+    assert found.objective_before > 15.0
+    numbers = dict(zip(found.names, found.values.tolist(), strict=True))
+    path = coupler_point(numbers, np.arange(2_000_001) / 2e6)
+    away = [np.linalg.norm(path - place, axis=1).min() for place in places]
+    assert found.objective_after == pytest.approx(
+        float(np.sqrt(np.mean(np.square(away)))), rel=1e-4
+    )
+    assert found.objective_after < 1e-3 * 25.0
+
+
+def test_a_limit_on_a_reaction() -> None:
+    """A bob on a bar of length L, whirled at 5 rad/s: its pin holds m (g + 25 L) at the lowest
+    place. As long as possible with at most 60 N: L = (60 / m - g) / 25."""
+    goal = {'path': 'B', 'through': [[3.0, 0.0]], 'at': [0.0]}
+    limits = {'max(norm(pin.force))': [None, 60.0]}
+    found = optimise(
+        whirled_bob(), {'L': [0.1, 2]}, goal, subject_to=limits, duration=1.3, period=0.02
+    )
+    assert found['L'] == pytest.approx((30.0 - 9.81) / 25.0, rel=1e-8)
+    assert found.active == ('max(norm(pin.force))',) and found.is_feasible and found.settled
+
+
+def test_a_limit_on_the_transmission_angle() -> None:
+    """The least angle of a four-bar is between coupler and rocker, with the crank along the
+    ground: (d - a)² = b² + c² - 2 b c cos μ."""
+    limits = {'least': {'of': 'min(transmission(A, B))', 'between': [math.radians(40), None]}}
+    found = optimise(
+        four_bar(), {'d': [0.1, 0.5]}, 'final(points.C.x)', subject_to=limits, duration=1.0
+    )
+    square = 0.3**2 + 0.25**2 - 2.0 * 0.3 * 0.25 * math.cos(math.radians(40))
+    assert found['d'] == pytest.approx(0.1 + math.sqrt(square), rel=1e-8)
+    assert found.is_feasible
+
+
+def test_the_shortest_time_under_a_limit_of_speed() -> None:
+    """A block on a spring: x = 0.4 cos ω t, ω² = k / m. It is at x = 0.2 after π / 3 ω, and its
+    greatest speed is 0.4 ω."""
+    found = optimise(
+        sprung_block(),
+        {'main.stiffness': [10, 200]},
+        {'crossing': 'rail.position', 'value': 0.2},
+        subject_to={'max(abs(rail.velocity))': [None, 3.0]},
+        duration=0.6,
+        period=0.01,
+    )
+    assert found['main.stiffness'] == pytest.approx(2.0 * (3.0 / 0.4) ** 2, rel=1e-7)
+    assert found.objective_after == pytest.approx(math.pi / 3.0 / 7.5, rel=1e-7)
+    assert found.settled and found.is_feasible
+
+
+def test_steps_to_impossible_designs_are_refused() -> None:
+    """The shorter its ground, the better; where a + b = c + d the crank no longer goes round."""
+    found = optimise(four_bar(), {'d': [0.1, 0.5]}, 'final(points.C.x)', duration=1.0)
+    assert not found.settled and 'beyond lie designs that cannot be' in str(found)
+    assert 0.15 < found['d'] < 0.1502
+    assert np.isnan(found.starts[found.best].tried).any()
+    assert all(each.end is not None or each.reason for each in found.starts)
+
+
+def test_starts_that_fail_are_rows() -> None:
+    goal = {'path': 'P', 'through': coupler_point({'c': 0.27}, np.zeros(1)), 'at': [0.0]}
+    found = optimise(
+        four_bar(),
+        {'c': [0.02, 0.45]},
+        goal,
+        duration=1.0,
+        period=0.25,
+        starts=8,
+        seed=3,
+        workers=0,
+    )
+    failed = [each for each in found.starts if each.end is None]
+    assert failed and len(failed) < 8
+    assert all(each.reason and math.isnan(each.objective) for each in failed)
+    assert found['c'] == pytest.approx(0.27, rel=1e-9)
+
+
+def test_the_same_seed_has_the_same_bits() -> None:
+    """Here and in a worker process."""
+
+    def run(seed: int, workers: int) -> Any:
+        vary, goal = {'c': [0.2, 0.3], 'd': [0.25, 0.35]}, 'max(drives.motor.effort)'
+        return optimise(
+            four_bar(),
+            vary,
+            goal,
+            duration=1.0,
+            period=0.1,
+            starts=2,
+            seed=seed,
+            designs=2,
+            workers=workers,
+        )
+
+    one, other, third = run(1, 0), run(1, 1), run(2, 0)
+    assert one.values.tobytes() == other.values.tobytes()
+    for a, b in zip(one.starts, other.starts, strict=True):
+        assert a.begin.tobytes() == b.begin.tobytes()
+        assert np.array(a.tried).tobytes() == np.array(b.tried).tobytes()
+    assert one.starts[1].begin.tobytes() != third.starts[1].begin.tobytes()
+
+
+def test_the_new_scene_repeats_the_objective(tmp_path: Path) -> None:
+    vary = {'a': [0.08, 0.12], 'coupler.mass': [0.5, 2.0]}
+    found = optimise(four_bar(), vary, 'final(energy)', duration=1.0, period=0.1)
+    folder = found.save(tmp_path / 'out')
+    scene = load_scene(folder / 'linkage.yaml')
+    *_, last = Simulation(scene).run(1.0)
+    assert last.energy == pytest.approx(found.objective_after, rel=1e-12)
+    assert 'a' in found.active and found['coupler.mass'] == pytest.approx(0.5)
+    report = (folder / 'report.html').read_text('utf-8')
+    assert 'minimise final(energy)' in report and 'nan' not in report
+
+
+def test_two_equal_peaks_are_told() -> None:
+    """A motor turns a bob of weight m g against a steady effort T: its peak m g L + |T| has a kink
+    at 0, its optimum, where the peaks on both sides are equal."""
+    scene = whirled_bob()
+    scene['effects']['joint_effort'] = {'push': {'joint': 'pin', 'effort': 0.0}}
+    vary, peak = {'push.effort': [-2.0, 3.0]}, 'max(abs(drives.motor.effort))'
+    found = optimise(scene, vary, peak, duration=1.26, period=0.02, designs=6)
+    assert abs(found['push.effort']) < 1e-3
+    assert found.objective_after == pytest.approx(2.0 * 9.81 * 0.5, abs=1e-3)
+    assert any('two equal peaks' in note for note in found.notes)
+
+
+BAD: list[tuple[dict[str, Any], str]] = [
+    ({'vary': {}}, 'vary: nothing varies'),
+    ({'vary': {'e': [0, 1]}}, 'vary.e'),
+    ({'vary': {'a': [0.2]}}, 'vary.a: not two bounds'),
+    ({'vary': {'a': [0.2, 0.1]}}, 'least < largest'),
+    ({'vary': {'a': [0.2, 0.3]}}, 'the scene begins outside the bounds'),
+    ({'vary': {'solver.step': [0.01, 0.3]}}, 'no number of the design'),
+    ({'minimise': 'energy'}, 'expected max(NAME)'),
+    ({'minimise': 'maximum(energy)'}, "did you mean 'max'"),
+    ({'minimise': 'max(enrgy)'}, "did you mean 'energy'"),
+    ({'minimise': 'max(knee.force)'}, 'norm(knee.force)'),
+    ({'minimise': 'max(size(knee.force))'}, 'no such function'),
+    ({'minimise': 'max(transmission(A, C))'}, 'no body has both points'),
+    ({'minimise': 'max(diagnostics.distance)'}, 'has no derivative'),
+    ({'minimise': {'path': 'O', 'through': [[0, 0]]}}, 'no movable point'),
+    ({'minimise': {'path': 'P', 'through': [[0, 0, 0]]}}, 'minimise.through.0'),
+    ({'minimise': {'path': 'P', 'through': [[0, 0]], 'at': [2]}}, 'outside of the motion'),
+    ({'minimise': {'path': 'P', 'thru': [[0, 0]]}}, "did you mean 'through'"),
+    ({'subject_to': {'max(energy)': [None, None]}}, 'not two limits'),
+    ({'subject_to': {'max(energy)': 3}}, 'not two limits'),
+    ({'starts': 0}, 'starts: not usable'),
+    ({'sampling': 'grid'}, 'no such sampling'),
+    ({'duration': 0}, 'duration: not usable'),
+    ({'period': 2}, 'longer than the duration'),
+]
+
+
+@pytest.mark.parametrize(('change', 'told'), BAD, ids=[told for _, told in BAD])
+def test_errors_are_one_line(change: dict[str, Any], told: str) -> None:
+    given: dict[str, Any] = {
+        'vary': {'a': [0.05, 0.15]},
+        'minimise': 'final(energy)',
+        'duration': 1.0,
+        **change,
+    }
+    with pytest.raises(InputError) as caught:
+        optimise(four_bar(), **given)
+    assert told in str(caught.value) and '\n' not in str(caught.value)
+
+
+def test_a_length_that_unfolds_a_singular_position_is_refused() -> None:
+    """The slider-crank with two equal rods passes through one after 0.39 s; one rod alone unfolds
+    it."""
+    vary = {'mechanism.points.A.at.0': [0.6, 0.8]}
+    with pytest.raises(InputError, match='unfolds the singular position') as caught:
+        optimise('slider_crank', vary, 'final(energy)', duration=0.5)
+    assert 'mechanism.points.A.at.0' in str(caught.value)
+
+
+def test_what_tangents_refuse_is_refused_by_name() -> None:
+    scene = four_bar(driven=False, step=1e-3)
+    scene['effects']['joint_friction']['pin'] = {
+        'joint': 'crank_pin',
+        'dynamic': 0.1,
+        'radius': 0.01,
+    }
+    with pytest.raises(AlfError, match='joint_friction'):
+        optimise(scene, {'a': [0.05, 0.15]}, 'final(energy)', duration=0.1)
+    scene = four_bar(driven=False, step=1e-3)
+    scene['solver']['integrator'] = 'esdirk43'
+    with pytest.raises(AlfError, match='tangents follow explicit integrators'):
+        optimise(scene, {'a': [0.05, 0.15]}, 'final(energy)', duration=0.1)
