@@ -19,7 +19,7 @@ import numpy as np
 from alf_ros.arrays import Addresses
 from alf_ros.errors import AlfError, BusyError, InputError, StepError
 from alf_ros.kernel import Status
-from alf_ros.kernel.data.crew import Crew, Groups, Progress
+from alf_ros.kernel.data.lane_crew import LaneCrew, LaneGroups, LaneProgress
 from alf_ros.kernel.lanes.advance_lanes import advance_lanes
 from alf_ros.kernel.lanes.single_member import functions_of_members
 from alf_ros.kernel.numba_ext.lane_structs import LaneStruct
@@ -30,7 +30,7 @@ from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.simulation import Simulation
 
 WIDTHS = 2, 4, 8  # members that a register may hold
-_PARTS = 'problem', 'phase', 'progress', 'crew'  # of `Groups`
+_PARTS = 'problem', 'phase', 'progress', 'crew'  # of `LaneGroups`
 
 
 @cache
@@ -53,9 +53,9 @@ class _Group:
         problems = [each._stepper.problem_of(each._present) for each in self._all]
         phases = [each._present.phase for each in self._all]
         self.problem, self.phase = LaneStruct(problems), LaneStruct(phases)
-        self.progress = LaneStruct([Progress(*np.zeros((4, 1))) for _ in self._all])
+        self.progress = LaneStruct([LaneProgress(*np.zeros((4, 1))) for _ in self._all])
         steps, forces, drives = functions_of_members(len(problems[0].unit))
-        self.crew = Crew(
+        self.crew = LaneCrew(
             _addresses(problems),
             _addresses(phases),
             _address(steps),
@@ -190,13 +190,13 @@ class SideBySide:
         uses them."""
         for _, group in self._groups:
             group.bind()
-        self._where: dict[int, tuple[list[tuple[list[int], _Group]], Groups]] = {}
+        self._where: dict[int, tuple[list[tuple[list[int], _Group]], LaneGroups]] = {}
         for places, group in self._groups:
             D = group.members[0].model.layout.dimension
-            self._where.setdefault(D, ([], Groups.empty()))[0].append((places, group))
+            self._where.setdefault(D, ([], LaneGroups.empty()))[0].append((places, group))
         for D, (groups, _) in self._where.items():
             parts = ([getattr(g, part) for _, g in groups] for part in _PARTS)
-            self._where[D] = groups, Groups(*map(_addresses, parts))
+            self._where[D] = groups, LaneGroups(*map(_addresses, parts))
 
     def advance(self, n: int, without: Container[int] = ()) -> dict[int, AlfError]:
         """`step`, of simulations that are bound, which count their steps at `settle`."""

@@ -20,6 +20,7 @@ PAGES = (
     'loads',
     'optimisation',
     'sensors',
+    'side_by_side',
     'statics',
 )
 # of pages whose commands need more than that; they have a test of their own

@@ -8,7 +8,7 @@ import numpy as np
 
 from alf_ros.kernel.constraints import violation
 from alf_ros.kernel.data import Phase, Problem
-from alf_ros.kernel.data.crew import Crew, Groups, Progress
+from alf_ros.kernel.data.lane_crew import LaneCrew, LaneGroups, LaneProgress
 from alf_ros.kernel.lanes.lane_solve import are_factored
 from alf_ros.kernel.lanes.lane_step import lane_step
 from alf_ros.kernel.lanes.single_member import (
@@ -38,11 +38,11 @@ _ALONE = 8.0  # steps of a member that left, before it comes back
 def advance_lanes(
     problem: Problem,
     phase: Phase,
-    progress: Progress,
-    crew: Crew,
+    progress: LaneProgress,
+    crew: LaneCrew,
     of: Problem,
     of_phase: Phase,
-    groups: Groups,
+    groups: LaneGroups,
     h: float,
 ) -> int:
     """Take steps of h (s), group by group, until the index of each member is its target, or one of
@@ -71,8 +71,8 @@ def advance_lanes(
 def _advance(
     problem: Problem,
     phase: Phase,
-    progress: Progress,
-    crew: Crew,
+    progress: LaneProgress,
+    crew: LaneCrew,
     of: Problem,
     of_phase: Phase,
     h: float,
@@ -123,7 +123,7 @@ def _advance(
 
 
 @inner
-def _begin(problem: Problem, phase: Phase, of: Problem, crew: Crew) -> None:
+def _begin(problem: Problem, phase: Phase, of: Problem, crew: LaneCrew) -> None:
     """Φ_q, factor and angles of the phases."""
     unit, system, work = problem.unit, problem.system, problem.work
     store_angles(unit, system, work, phase)
@@ -142,7 +142,7 @@ def _begin(problem: Problem, phase: Phase, of: Problem, crew: Crew) -> None:
 
 
 @inner
-def _accept(problem: Problem, phase: Phase, of: Problem, crew: Crew, good: Mask) -> None:
+def _accept(problem: Problem, phase: Phase, of: Problem, crew: LaneCrew, good: Mask) -> None:
     """Take the ends of the steps of the lanes where `good` holds as their new phases."""
     unit, system, work = problem.unit, problem.system, problem.work
     for i in range(phase.q.size):
@@ -169,8 +169,8 @@ def _advance_alone(
     phase: Phase,
     of: Problem,
     of_phase: Phase,
-    crew: Crew,
-    progress: Progress,
+    crew: LaneCrew,
+    progress: LaneProgress,
     h: float,
     m: np.uint64,
 ) -> None:

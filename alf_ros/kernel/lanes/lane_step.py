@@ -12,7 +12,7 @@ from alf_ros.kernel.arc_coordinates import (
     unfold,
 )
 from alf_ros.kernel.data import Phase, Problem
-from alf_ros.kernel.data.crew import Crew, Progress
+from alf_ros.kernel.data.lane_crew import LaneCrew, LaneProgress
 from alf_ros.kernel.lanes.lane_judge import judge_lanes
 from alf_ros.kernel.lanes.lane_projection import project_lanes
 from alf_ros.kernel.lanes.lane_solve import (
@@ -39,8 +39,8 @@ def lane_step(
     problem: Problem,
     phase: Phase,
     of: Problem,
-    crew: Crew,
-    progress: Progress,
+    crew: LaneCrew,
+    progress: LaneProgress,
     h: float,
     live: Mask,
 ) -> tuple[Mask, Lanes]:
@@ -82,7 +82,7 @@ def lane_step(
 
 @inner
 def _stage(
-    problem: Problem, of: Problem, crew: Crew, progress: Progress, good: Mask
+    problem: Problem, of: Problem, crew: LaneCrew, progress: LaneProgress, good: Mask
 ) -> tuple[Lanes, Mask]:
     """q̇ and q̈ of a stage from q and p' in `work`; returns the rounds and the lanes where the
     stage is far from singular positions."""

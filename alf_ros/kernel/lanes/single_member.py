@@ -15,7 +15,7 @@ from numba import types
 from alf_ros.arrays import Floats
 from alf_ros.kernel.augmented_solve import apply
 from alf_ros.kernel.data import Phase, Problem, Span, Work
-from alf_ros.kernel.data.crew import Crew, Progress
+from alf_ros.kernel.data.lane_crew import LaneCrew, LaneProgress
 from alf_ros.kernel.fixed_steps import advance
 from alf_ros.kernel.numba_ext.calls import call
 from alf_ros.kernel.numba_ext.jit import ZERO, by_address, inner
@@ -38,7 +38,7 @@ def take_lane(of: Floats, to: Floats, first: np.uint64, n: np.uint64, m: np.uint
 
 
 @inner
-def lane_forces(problem: Problem, of: Problem, crew: Crew, progress: Progress) -> None:
+def lane_forces(problem: Problem, of: Problem, crew: LaneCrew, progress: LaneProgress) -> None:
     """Q at q, q̇ of `problem`, which is that of all lanes, unless it is known. `of`: any member."""
     if crew.steady[0] != 0:
         return
@@ -53,7 +53,7 @@ def lane_forces(problem: Problem, of: Problem, crew: Crew, progress: Progress) -
 
 
 @inner
-def steady_forces(problem: Problem, of: Problem, crew: Crew) -> None:
+def steady_forces(problem: Problem, of: Problem, crew: LaneCrew) -> None:
     """Q that depends neither on time nor on the motion."""
     for m in range(ZERO, np.uint64(crew.problem.size)):
         member = struct_at(of, crew.problem[m])
@@ -62,7 +62,7 @@ def steady_forces(problem: Problem, of: Problem, crew: Crew) -> None:
 
 
 @inner
-def lane_drives(problem: Problem, of: Problem, crew: Crew, progress: Progress) -> None:
+def lane_drives(problem: Problem, of: Problem, crew: LaneCrew, progress: LaneProgress) -> None:
     """Position, velocity and acceleration of prescribed blocks."""
     if problem.system.prescribed.program.size == 0:
         return

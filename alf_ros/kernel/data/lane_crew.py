@@ -9,7 +9,7 @@ from alf_ros.kernel.numba_ext.structs import Struct
 
 
 @dataclass(frozen=True, eq=False)
-class Crew(Struct):
+class LaneCrew(Struct):
     """Where the data of each member stand, and functions for one of them."""
 
     addresses = ('problem', 'phase', 'alone', 'forces', 'drives')
@@ -26,7 +26,7 @@ class Crew(Struct):
 
 
 @dataclass(frozen=True, eq=False)
-class Progress(Struct):
+class LaneProgress(Struct):
     """How far a member is; in lanes all of them."""
 
     index: Floats  # (1,) number of its steps, a whole number
@@ -36,12 +36,12 @@ class Progress(Struct):
 
 
 @dataclass(frozen=True, eq=False)
-class Groups(Struct):
+class LaneGroups(Struct):
     """Where the data of each group stand."""
 
     addresses = ('problem', 'phase', 'progress', 'crew')
 
     problem: Addresses  # (groups,) of the Problem in lanes
     phase: Addresses  # (groups,) of the Phase in lanes
-    progress: Addresses  # (groups,) of the Progress in lanes
-    crew: Addresses  # (groups,) of the Crew
+    progress: Addresses  # (groups,) of the LaneProgress in lanes
+    crew: Addresses  # (groups,) of the LaneCrew
