@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -32,11 +32,17 @@ from alf_ros.model.constraints.rows import joint_rows, rigidity, unit_rows
 from alf_ros.model.mass import mass_of
 from alf_ros.model.mass import renumbered as renumbered_mass
 from alf_ros.model.prescribed import prescribe, prescribed, reached, without_value
+from alf_ros.model.struct_memory import Workspace, changed
 from alf_ros.model.symbolic_factor import elimination_order, pattern_of
 
 _PATIENCE = 1e-4  # of two rounds of a solve: the ratio that counts as slow; at least
 _ROUNDED = 300.0  # times ε penalty: what rounding leaves of a round, at most
 _NEAR = 0.05  # of the ratio at a place that is too close to a singular position
+# arrays of a workspace, by their sizes
+_OF_BLOCKS = ('q', 'qd', 'qdd', 'Q', 'delta', 'shift', 'base', 'given')
+_OF_BLOCKS += ('bend', 'pull', 'along', 'target', 'good_q', 'good_qd')
+_OF_MOVABLE = ('p', 'before_q', 'before_qd', 'sum', 'sum_q', 'sum_qd', 'curve')
+_OF_ROWS = ('r2', 'y', 'z', 'w')
 _CLOSE = 5e-4  # distance to a singular position below which a stage is interpolated, at σ = 0.5
 
 
@@ -103,16 +109,21 @@ class Model:
         """
         close = _CLOSE * (0.5 / sigma) ** (1.0 / 3.0)
         rank = float(len(self.row_names) - dependent_rows)
-        system = replace(self.system, ordinary=sigma, rank=rank, close=close)
-        return replace(self, system=_patient(system))
+        patience = _patience(self.system.penalty, close, sigma)
+        system = changed(
+            self.system, ordinary=sigma, rank=rank, close=close, patience=patience
+        )
+        return replace(self, system=system)
 
     def with_penalty(self, penalty: float) -> Model:
         """The same with another penalty."""
         rows = self.system.rows
         alpha = rows.alpha * (penalty / self.penalty)
         alpha.flags.writeable = False
-        system = replace(self.system, rows=replace(rows, alpha=alpha), penalty=penalty)
-        return replace(self, system=_patient(system), penalty=penalty)
+        patience = _patience(penalty, self.system.close, self.system.ordinary)
+        rows = changed(rows, alpha=alpha)
+        system = changed(self.system, rows=rows, penalty=penalty, patience=patience)
+        return replace(self, system=system, penalty=penalty)
 
     @cached_property
     def body_names(self) -> tuple[str, ...]:
@@ -191,7 +202,7 @@ def compile_model(mechanism: Mechanism, penalty: float) -> Model:
     model = Model(
         mechanism=mechanism,
         layout=layout,
-        system=replace(system, rows=_scaled(system, q, layout, penalty)),
+        system=changed(system, rows=_scaled(system, q, layout, penalty)),
         lengths=rows_of(lengths, layout)[0],
         penalty=penalty,
         q=q,
@@ -246,20 +257,18 @@ def hold(model: Model, extra: Sequence[Row], velocities: bool) -> tuple[System, 
     at = own.i.size + own.c.size
     names[at:] = [row.name for row in extra] + (names[at:] if velocities else [])
     rows = with_more(own, rows_of(extra, model.layout)[0], velocities)
-    system = replace(
-        model.system, rows=rows, pattern=pattern_of(model.layout, model.system.mass, rows)
-    )
-    system = replace(system, rows=_scaled(system, model.q, model.layout, model.penalty))
+    pattern = pattern_of(model.layout, model.system.mass, rows)
+    system = changed(model.system, rows=rows, pattern=pattern)
+    system = changed(system, rows=_scaled(system, model.q, model.layout, model.penalty))
     return system, names, slice(at, at + len(extra))
 
 
-def _patient(system: System) -> System:
-    """Set the convergence ratio above which a solve is slow. It is above the rounding of a round,
-    and far below the ratio of a position too close to a singular one."""
-    sigma = system.close * system.ordinary
-    near = 1.0 / (1.0 + system.penalty * sigma**2)
-    patience = max(_PATIENCE, min(_ROUNDED * EPS * system.penalty, _NEAR * near))
-    return replace(system, patience=patience)
+def _patience(penalty: float, close: float, ordinary: float) -> float:
+    """The convergence ratio above which a solve is slow. It is above the rounding of a round, and
+    far below the ratio of a position too close to a singular one."""
+    sigma = close * ordinary
+    near = 1.0 / (1.0 + penalty * sigma**2)
+    return max(_PATIENCE, min(_ROUNDED * EPS * penalty, _NEAR * near))
 
 
 def _scaled(system: System, q: Floats, layout: Layout, penalty: float) -> Rows:
@@ -286,84 +295,79 @@ def _scaled(system: System, q: Floats, layout: Layout, penalty: float) -> Rows:
         return np.where(total > 0.0, total, 1.0)
 
     scale = 1.0 / np.sqrt(sums(np.ones(layout.blocks)))
-    return replace(rows, alpha=penalty / sums(light), scale=scale)
+    return changed(rows, alpha=penalty / sums(light), scale=scale)
 
 
 def allocate(model: Model, system: System, stages: int) -> Work:
     """The workspace of the kernel for a system and a method of so many stages; without stages
     only for solves at a place."""
-    D, n = model.layout.dimension, model.n
-    rows, pattern, whole = system.rows, system.pattern, model.q.size
-    columns = np.diff(pattern.first.astype(np.int64))
-    m, angles = rows.alpha.size, system.angles.c.size
+    rows, first = system.rows, system.pattern.first
+    work, chart = _workspaces(
+        model.layout.dimension,
+        model.n,
+        model.q.size,
+        system.pattern.row.size,
+        int((first[1:] - first[:-1]).max(initial=0)),
+        (rows.i.size, rows.block.size, rows.alpha.size),
+        system.angles.c.size,
+        stages,
+    )
+    return work.zeros(chart=chart.zeros())
+
+
+@lru_cache(maxsize=64)
+def _workspaces(
+    D: int,
+    n: int,
+    whole: int,
+    off: int,
+    longest: int,
+    of_rows: tuple[int, int, int],
+    angles: int,
+    stages: int,
+) -> tuple[Workspace[Work], Workspace[Chart]]:
+    """The memory of a workspace. off: blocks of the factor below the diagonal, `longest` of them
+    in a column; of_rows: distances, entries and rows."""
+    bars, entries, m = of_rows
     sizes = {
+        'pulse': 3,
+        'caller': 4,
+        'evaluations': 1,
+        'rounded': 1,
+        'aside': 2,
+        'judged': JUDGED,
+        'good_turns': angles // 2,
         'diagonal': n * D,
-        'off': pattern.row.size * D * D,
+        'off': off * D * D,
         'inverse_det': 4,
         'good_within': 1,
         'inverse': n * D if stages else 0,
-        'inverse_off': pattern.row.size * D * D if stages else 0,
-        'column': int(columns.max(initial=0)) * D * D,
-        'g': rows.i.size * D,
-        'g2': rows.block.size * D,
-        'g2d': rows.block.size * D,
-        'gf': rows.i.size * D,
-        'g2f': rows.block.size * D,
-        'q': whole,
-        'qd': whole,
-        'qdd': whole,
-        'p': n,
-        'Q': whole,
-        'delta': whole,
-        'r2': m,
-        'y': m,
-        'z': m,
-        'w': m,
-        'shift': whole,
+        'inverse_off': off * D * D if stages else 0,
+        'column': longest * D * D,
+        'g': bars * D,
+        'g2': entries * D,
+        'g2d': entries * D,
+        'gf': bars * D,
+        'g2f': entries * D,
         'k': stages * 3 * n,
         'total': 3 * n,
-        'base': whole,
-        'before_q': n,
-        'before_qd': n,
-        'sum': n,
-        'sum_q': n,
-        'sum_qd': n,
         'places': 16 * n if stages else 0,
-        'given': whole,
-        'curve': n,
         'place_step': 1,
         'place_shift': 1,
         'place_weights': 8,
         'place_x': 8,
         'nearest': 1,
         'crossing': 3,
-        'bend': whole,
-        'pull': whole,
-        'along': whole,
-        'target': whole,
-        'good_q': whole,
-        'good_qd': whole,
         'angle': angles,
         'angle_before': angles,
         'near': angles // 2,
     }
-    return Work(
-        pulse=np.zeros(3, dtype=np.int64),
-        caller=np.zeros(4, dtype=np.uint64),
-        evaluations=np.zeros(1, dtype=np.int64),
-        rounded=np.zeros(1, dtype=np.int64),
-        aside=np.zeros(2, dtype=np.int64),
-        judged=np.zeros(JUDGED),
-        chart=Chart(
-            **{name: np.zeros(n) for name in ('t', 'n', 'rate', 'momentum', 'rest', 'w')},
-            **{name: np.zeros(n // D) for name in ('curvature', 'sin', 'cos', 'rho')},
-            b=np.zeros(n if D == 3 else 0),
-            first=np.zeros(whole),
-            arcs=np.zeros(1, dtype=np.int64),
-        ),
-        good_turns=np.zeros(angles // 2, dtype=np.int64),
-        **{name: np.zeros(size) for name, size in sizes.items()},
-    )
+    for names, size in ((_OF_BLOCKS, whole), (_OF_MOVABLE, n), (_OF_ROWS, m)):
+        sizes |= dict.fromkeys(names, size)
+    of_chart = dict.fromkeys(('t', 'n', 'rate', 'momentum', 'rest', 'w'), n)
+    of_chart |= dict.fromkeys(('curvature', 'sin', 'cos', 'rho'), n // D)
+    of_chart |= {'b': n if D == 3 else 0, 'first': whole, 'arcs': 1}
+    return Workspace(Work, sizes), Workspace(Chart, of_chart)
 
 
 def _freeze(model: Model) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from functools import lru_cache
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import scipy.sparse as sparse
@@ -14,42 +16,16 @@ from alf_ros.kernel.numba_ext.jit import compiled
 from alf_ros.mechanism.natural_coordinates import TURN, Layout
 from alf_ros.model.constraints.packing import indices
 
+T = TypeVar('T')
+A = TypeVar('A', bound=np.ndarray[Any, Any])
+
+_EYE = {D: np.eye(D) for D in (2, 3)}
+_REMEMBERED = 1 << 14  # bytes: mechanisms whose structure has more are analysed each time
+
 
 def elimination_order(mass: Mass, rows: Rows) -> Integers:
     """New place of every movable block: SuperLU's symmetric minimum degree order."""
-    n = mass.diagonal.size
-    (i, j), pairs = _bound(mass, rows), _entry_pairs(rows)
-    i = np.concatenate([i, rows.block[pairs[:, 0]]])
-    j = np.concatenate([j, rows.block[pairs[:, 1]]])
-    half = sparse.coo_matrix((np.ones(i.size), (i, j)), shape=(n, n)).tocsr()
-    whole = half + half.T
-    whole.data[:] = -1.0
-    graph = (whole + sparse.diags(np.asarray(-whole.sum(axis=1)).ravel() + 1.0)).tocsc()
-    options = {'SymmetricMode': True}
-    factor = splu(graph, permc_spec='MMD_AT_PLUS_A', diag_pivot_thresh=0.0, options=options)
-    return np.array(factor.perm_c, dtype=np.int64)
-
-
-def _bound(mass: Mass, rows: Rows) -> tuple[Integers, Integers]:
-    """Pairs of blocks that a mass or a distance binds."""
-    both = int(rows.both)
-    i = np.concatenate([mass.i, rows.i[:both]]).astype(np.int64)
-    j = np.concatenate([mass.j, rows.j[:both]]).astype(np.int64)
-    return np.maximum(i, j), np.minimum(i, j)
-
-
-def _entry_pairs(rows: Rows) -> Integers:
-    """(pairs, 3): two entries of movable blocks, the second before the first, and their row."""
-    first, count = rows.first[:-1].astype(np.int64), rows.movable - rows.first[:-1]
-    found = []
-    for m in range(2, int(count.max(initial=0)) + 1):
-        own = np.flatnonzero(count == m)
-        e, f = np.tril_indices(m, -1)
-        row = np.repeat(own, e.size)
-        at = first[row]
-        found.append(np.stack([at + np.tile(e, own.size), at + np.tile(f, own.size), row], 1))
-    pairs = np.concatenate([np.zeros((0, 3), dtype=np.int64), *found])
-    return pairs[np.argsort(pairs[:, 2], kind='stable')]
+    return _known(_ordered, _Bound.of(mass, rows), mass.diagonal.size)
 
 
 def pattern_of(
@@ -59,18 +35,123 @@ def pattern_of(
 
     `cliques`: blocks that something else binds together.
     """
-    D, n = layout.dimension, layout.movable
-    (i, j), pairs = _bound(mass, rows), _entry_pairs(rows)
+    D, more = layout.dimension, tuple(map(tuple, cliques))
+    fill: _Fill = _known(_filled, _Bound.of(mass, rows), layout.movable, more)
+    diagonal = mass.diagonal[:, None, None] * _EYE[D]
+    off = np.zeros((fill.row.size, D, D))
+    off[fill.masses] = mass.k[:, None, None] * _EYE[D]
+    if mass.skew.size:
+        off[fill.masses[mass.skew]] += mass.w[:, None, None] * TURN
+    bar = np.zeros(fill.distance.size)
+    bar[fill.own] = mass.k[fill.of_own]
+    return Pattern(
+        first=fill.first,
+        row=fill.row,
+        target=fill.target,
+        mass_diagonal=diagonal.ravel(),
+        mass_off=off.ravel(),
+        distance=fill.distance,
+        bar=bar,
+        apart=fill.apart,
+        pair=fill.pair,
+    )
+
+
+class _Bound(NamedTuple):
+    """Which blocks the masses and the rows of a mechanism bind, as `Mass` and `Rows` have it: all
+    that the pattern depends on. Arrays as bytes, so that two of them can be compared."""
+
+    mass_i: bytes
+    mass_j: bytes
+    both: int
+    i: bytes
+    j: bytes
+    first: bytes
+    movable: bytes
+    block: bytes
+
+    @classmethod
+    def of(cls, mass: Mass, rows: Rows) -> _Bound:
+        masses, bars = (mass.i.tobytes(), mass.j.tobytes()), (rows.i.tobytes(), rows.j.tobytes())
+        entries = rows.first.tobytes(), rows.movable.tobytes(), rows.block.tobytes()
+        return cls(*masses, int(rows.both), *bars, *entries)
+
+    def array(self, name: str) -> Indices:
+        return np.frombuffer(getattr(self, name), dtype=np.uint32)
+
+    def pairs(self) -> tuple[Integers, Integers]:
+        """Pairs of blocks that a mass or a distance binds."""
+        i = np.concatenate([self.array('mass_i'), self.array('i')[: self.both]])
+        j = np.concatenate([self.array('mass_j'), self.array('j')[: self.both]])
+        i, j = i.astype(np.int64), j.astype(np.int64)
+        return np.maximum(i, j), np.minimum(i, j)
+
+    def entry_pairs(self) -> Integers:
+        """(pairs, 3): two entries of movable blocks, the second before the first, and their
+        row."""
+        first = self.array('first')[:-1].astype(np.int64)
+        count = self.array('movable') - first
+        found = []
+        for m in range(2, int(count.max(initial=0)) + 1):
+            own = np.flatnonzero(count == m)
+            e, f = np.tril_indices(m, -1)
+            row = np.repeat(own, e.size)
+            at = first[row]
+            found.append(np.stack([at + np.tile(e, own.size), at + np.tile(f, own.size), row], 1))
+        pairs = np.concatenate([np.zeros((0, 3), dtype=np.int64), *found])
+        return pairs[np.argsort(pairs[:, 2], kind='stable')]
+
+
+class _Fill(NamedTuple):
+    """The parts of a `Pattern` that no number changes, and the places of the numbers: `masses` of
+    the pairs of M, and `own` of the distances that bind the pairs `of_own` of M."""
+
+    first: Indices
+    row: Indices
+    target: Indices
+    distance: Indices
+    apart: Indices
+    pair: Indices
+    masses: Integers
+    own: Integers
+    of_own: Integers
+
+
+def _known(analysed: Callable[..., T], bound: _Bound, *of: Any) -> T:
+    """What an analysis finds; of small mechanisms it is remembered, for others of the same
+    structure."""
+    if len(bound.block) + len(bound.i) > _REMEMBERED:
+        analysed = analysed.__wrapped__  # type: ignore[attr-defined]
+    return analysed(bound, *of)
+
+
+@lru_cache(maxsize=64)
+def _ordered(bound: _Bound, n: int) -> Integers:
+    (i, j), pairs, block = bound.pairs(), bound.entry_pairs(), bound.array('block')
+    i = np.concatenate([i, block[pairs[:, 0]]])
+    j = np.concatenate([j, block[pairs[:, 1]]])
+    half = sparse.coo_matrix((np.ones(i.size), (i, j)), shape=(n, n)).tocsr()
+    whole = half + half.T
+    whole.data[:] = -1.0
+    graph = (whole + sparse.diags(np.asarray(-whole.sum(axis=1)).ravel() + 1.0)).tocsc()
+    options = {'SymmetricMode': True}
+    factor = splu(graph, permc_spec='MMD_AT_PLUS_A', diag_pivot_thresh=0.0, options=options)
+    return _read_only(np.array(factor.perm_c, dtype=np.int64))
+
+
+@lru_cache(maxsize=64)
+def _filled(bound: _Bound, n: int, cliques: tuple[tuple[int, ...], ...]) -> _Fill:
+    (i, j), pairs, block = bound.pairs(), bound.entry_pairs(), bound.array('block')
     e, f, row = pairs.T
     more = [(b, a) for clique in cliques for b in clique for a in clique if a < b]
-    bound = np.concatenate(
+    bound_blocks = np.concatenate(
         [
             np.stack([i, j], axis=1),
-            np.stack([rows.block[e], rows.block[f]], axis=1).astype(np.int64),
+            np.stack([block[e], block[f]], axis=1).astype(np.int64),
             np.array(more, dtype=np.int64).reshape(-1, 2),
         ]
     )
-    i_of_a, j_of_a = np.divmod(np.unique(bound[:, 0] * n + bound[:, 1]), n)
+    i_of_a, j_of_a = np.divmod(np.unique(bound_blocks[:, 0] * n + bound_blocks[:, 1]), n)
     first, below = _fill(np.searchsorted(i_of_a, np.arange(n + 1)), j_of_a)
     keys = np.repeat(np.arange(n), np.diff(first)) * n + below
 
@@ -78,31 +159,32 @@ def pattern_of(
         """Where blocks below the diagonal stand."""
         return np.searchsorted(keys, j.astype(np.int64) * n + i)
 
-    diagonal = mass.diagonal[:, None, None] * np.eye(D)
-    off = np.zeros((below.size, D, D))
-    off[place(mass.i, mass.j)] = mass.k[:, None, None] * np.eye(D)
-    if mass.skew.size:
-        off[place(mass.i[mass.skew], mass.j[mass.skew])] += mass.w[:, None, None] * TURN
-    masses = mass.i.size
-    entries = place(rows.block[e], rows.block[f])
+    masses = bound.array('mass_i').size
+    of_mass = place(bound.array('mass_i'), bound.array('mass_j'))
+    entries = place(block[e], block[f])
     bars, at = place(i[masses:], j[masses:]), np.full(below.size, -1)
-    at[place(mass.i, mass.j)] = np.arange(masses)
+    at[of_mass] = np.arange(masses)
     pair = at[bars]
     own = np.flatnonzero(pair >= 0)
     own = own[np.unique(pair[own], return_index=True)[1]]  # of rows that bind the same, one
-    bar = np.zeros(bars.size)
-    bar[own] = mass.k[pair[own]]
-    return Pattern(
-        first=indices(first),
-        row=indices(below),
-        target=indices(_targets(first, below)),
-        mass_diagonal=diagonal.ravel(),
-        mass_off=off.ravel(),
-        distance=indices(bars),
-        bar=bar,
-        apart=indices(np.setdiff1d(np.arange(masses), pair[own])),
-        pair=indices(np.stack([e, f, entries, rows.i.size + row], axis=1)),
+    bars_of_rows = bound.array('i').size
+    arrays = (
+        indices(first),
+        indices(below),
+        indices(_targets(first, below)),
+        indices(bars),
+        indices(np.setdiff1d(np.arange(masses), pair[own])),
+        indices(np.stack([e, f, entries, bars_of_rows + row], axis=1)),
+        of_mass,
+        own,
+        pair[own],
     )
+    return _Fill(*map(_read_only, arrays))
+
+
+def _read_only(array: A) -> A:
+    array.flags.writeable = False
+    return array
 
 
 @compiled
