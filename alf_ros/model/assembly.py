@@ -19,6 +19,7 @@ from alf_ros.errors import AssemblyError
 from alf_ros.kernel import System, Work
 from alf_ros.kernel.data import NOTHING
 from alf_ros.mechanism import affine
+from alf_ros.model.closing_newton import opened, settle
 from alf_ros.model.compile import Model, allocate, hold
 from alf_ros.model.constraints.drives import is_aligned
 from alf_ros.model.constraints.meshing import Mesh, meshing, slips
@@ -42,7 +43,18 @@ def close(model: Model, given: Given, start: Floats | None = None, least: float 
     open.
     """
     system, names, _ = hold(model, held(model, given), velocities=False)
-    work = allocate(model, system, 1)
+    return _closed(model, system, names, allocate(model, system, 0), start, least)
+
+
+def _closed(
+    model: Model,
+    system: System,
+    names: Sequence[str],
+    work: Work,
+    start: Floats | None,
+    least: float = 1e-13,
+) -> Floats:
+    """`close`, with the rows of `system`, which have `names`."""
     work.q[:] = model.q if start is None else start
     gap = _settle(model, system, work, least)
     _check(model, work, names, gap, 1e-10)
@@ -131,28 +143,11 @@ def _check(model: Model, work: Work, names: Sequence[str], gap: Floats, toleranc
 def _settle(model: Model, system: System, work: Work, least: float) -> Floats:
     """Move work.q along M to where its rows are closed to `least` of the size, or as far as that
     goes; returns by how much each stays open, m."""
-    q, best, fraction = np.array(work.q), np.inf, 1.0
-    for _ in range(200):
-        gap = _gaps(model, system, work)
-        if not gap.size or gap.max() <= least * model.size:
-            break
-        if gap.max() < best:
-            best, q[:], fraction = gap.max(), work.q, 1.0
-        else:  # the full step overshot: take half of it from the best place so far
-            fraction *= 0.5
-            if fraction < 1e-3:
-                work.q[:] = q
-                break
-        work.q[:] = q
-        _, violation = _linearised(model, system, work)
-        work.delta[:] = 0.0
-        rows = system.rows
-        kernel.add_transposed(
-            model.unit, rows, work.g, work.g2, -rows.alpha * violation, work.delta
-        )
-        kernel.solve(model.unit, system.pattern, work.diagonal, work.off, work.delta)
-        work.q[: model.n] += fraction * work.delta[: model.n]
-    return _gaps(model, system, work)
+    phi, gap = np.zeros(system.rows.alpha.size), np.zeros(system.rows.alpha.size)
+    least, best = float(least * model.size), np.array(work.q)
+    if not settle(model.unit, system, work, least, best, phi, gap):
+        raise _no_factor()
+    return gap
 
 
 @dataclass(frozen=True)
@@ -299,7 +294,10 @@ def ordinary(model: Model, q: Floats) -> tuple[int, Floats, float]:
     too, and if rows depend on others there, places with drives elsewhere.
     """
     random = np.random.default_rng(0)
-    work = allocate(model, model.system, 1)
+    places_only, names, _ = hold(model, [], velocities=False)
+    closing = allocate(model, places_only, 0)
+    same = places_only is model.system
+    work = closing if same else allocate(model, model.system, 0)
     best, places, closed = -1, [q], 0
     for turn in range(12):
         near, away = np.array(q), 0.05 * model.size if turn else 0.0
@@ -316,7 +314,7 @@ def ordinary(model: Model, q: Floats) -> tuple[int, Floats, float]:
         near[: model.n] += away * random.standard_normal(model.n)
         if turn:
             try:
-                near = close(model, {}, near)
+                near = _closed(model, places_only, names, closing, near)
                 closed += 1
             except AssemblyError:
                 continue
@@ -335,7 +333,7 @@ def ordinary(model: Model, q: Floats) -> tuple[int, Floats, float]:
         near = np.array(q)
         near[axis : model.n : model.layout.dimension] += way
         try:
-            near = close(model, {}, near)
+            near = _closed(model, places_only, names, closing, near)
         except AssemblyError:
             continue
         rank = _rank(model, work, near)
@@ -376,7 +374,7 @@ def _rank(model: Model, work: Work, q: Floats) -> int:
     resolves the soft modes of chains of thousands of bars."""
     found, off = -1, 1.0
     for penalty in (model.penalty, 1e10):
-        stiff = model.with_penalty(penalty)
+        stiff = model if penalty == model.penalty else model.with_penalty(penalty)
         if not kernel.linearise(model.unit, stiff.system, work, q):
             break
         rank = effective_rank(stiff, work)
@@ -431,20 +429,20 @@ def held(model: Model, given: Given) -> list[Row]:
     return rows
 
 
-def _linearised(model: Model, system: System, work: Work) -> tuple[bool, Floats]:
-    phi = np.zeros(system.rows.alpha.size)
-    good = kernel.linearise(model.unit, system, work, work.q)
-    if not good:
-        raise AssemblyError('a point that moves has neither mass nor constraint', key='points')
-    kernel.violation(model.unit, system.rows, work.q, phi)
-    return good, phi
+def _linearised(model: Model, system: System, work: Work) -> None:
+    if not kernel.linearise(model.unit, system, work, work.q):
+        raise _no_factor()
+
+
+def _no_factor() -> AssemblyError:
+    return AssemblyError('a point that moves has neither mass nor constraint', key='points')
 
 
 def _gaps(model: Model, system: System, work: Work) -> Floats:
     """How far open each row is, m."""
-    phi = np.zeros(system.rows.alpha.size)
-    kernel.violation(model.unit, system.rows, work.q, phi)
-    return np.abs(phi) * system.rows.scale
+    phi, gap = np.zeros(system.rows.alpha.size), np.zeros(system.rows.alpha.size)
+    opened(model.unit, system, work, phi, gap)
+    return gap
 
 
 def _worst(names: Sequence[str], gap: Floats, unit: str) -> str:

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import lru_cache
 
 import numpy as np
 
 from alf_ros.arrays import Floats, Integers
 from alf_ros.kernel import Mass
 from alf_ros.mechanism import Numbers
+from alf_ros.mechanism.memory import remembered
 from alf_ros.mechanism.natural_coordinates import Layout, Shape
 from alf_ros.model.constraints.packing import indices
 from alf_ros.model.constraints.rotors import unit_of
@@ -83,7 +83,7 @@ def renumbered(mass: Mass, place: Integers) -> Mass:
     )
 
 
-@lru_cache(maxsize=1024)
+@remembered(1024)
 def _of_body(
     shape: Shape, m: float, com: Numbers, inertia: float | tuple[Numbers, ...]
 ) -> tuple[list[tuple[int, float]], list[tuple[int, int, float, float]]]:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from functools import lru_cache
-from typing import Any, NamedTuple, TypeVar
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sparse
@@ -13,19 +12,17 @@ from scipy.sparse.linalg import splu
 from alf_ros.arrays import Indices, Integers
 from alf_ros.kernel import Mass, Pattern, Rows
 from alf_ros.kernel.numba_ext.jit import compiled
+from alf_ros.mechanism.memory import remembered
 from alf_ros.mechanism.natural_coordinates import TURN, Layout
 from alf_ros.model.constraints.packing import indices
 
-T = TypeVar('T')
-A = TypeVar('A', bound=np.ndarray[Any, Any])
-
 _EYE = {D: np.eye(D) for D in (2, 3)}
-_REMEMBERED = 1 << 14  # bytes: mechanisms whose structure has more are analysed each time
 
 
 def elimination_order(mass: Mass, rows: Rows) -> Integers:
     """New place of every movable block: SuperLU's symmetric minimum degree order."""
-    return _known(_ordered, _Bound.of(mass, rows), mass.diagonal.size)
+    order: Integers = _ordered(mass.diagonal.size, *_structure(mass, rows))
+    return order
 
 
 def pattern_of(
@@ -35,8 +32,10 @@ def pattern_of(
 
     `cliques`: blocks that something else binds together.
     """
-    D, more = layout.dimension, tuple(map(tuple, cliques))
-    fill: _Fill = _known(_filled, _Bound.of(mass, rows), layout.movable, more)
+    D, n = layout.dimension, layout.movable
+    pairs = [(b, a) for clique in cliques for b in clique for a in clique if a < b]
+    more = np.array(pairs, dtype=np.int64).reshape(-1, 2)
+    fill = _Filled(*_filled(n, more, *_structure(mass, rows)))
     diagonal = mass.diagonal[:, None, None] * _EYE[D]
     off = np.zeros((fill.row.size, D, D))
     off[fill.masses] = mass.k[:, None, None] * _EYE[D]
@@ -57,52 +56,7 @@ def pattern_of(
     )
 
 
-class _Bound(NamedTuple):
-    """Which blocks the masses and the rows of a mechanism bind, as `Mass` and `Rows` have it: all
-    that the pattern depends on. Arrays as bytes, so that two of them can be compared."""
-
-    mass_i: bytes
-    mass_j: bytes
-    both: int
-    i: bytes
-    j: bytes
-    first: bytes
-    movable: bytes
-    block: bytes
-
-    @classmethod
-    def of(cls, mass: Mass, rows: Rows) -> _Bound:
-        masses, bars = (mass.i.tobytes(), mass.j.tobytes()), (rows.i.tobytes(), rows.j.tobytes())
-        entries = rows.first.tobytes(), rows.movable.tobytes(), rows.block.tobytes()
-        return cls(*masses, int(rows.both), *bars, *entries)
-
-    def array(self, name: str) -> Indices:
-        return np.frombuffer(getattr(self, name), dtype=np.uint32)
-
-    def pairs(self) -> tuple[Integers, Integers]:
-        """Pairs of blocks that a mass or a distance binds."""
-        i = np.concatenate([self.array('mass_i'), self.array('i')[: self.both]])
-        j = np.concatenate([self.array('mass_j'), self.array('j')[: self.both]])
-        i, j = i.astype(np.int64), j.astype(np.int64)
-        return np.maximum(i, j), np.minimum(i, j)
-
-    def entry_pairs(self) -> Integers:
-        """(pairs, 3): two entries of movable blocks, the second before the first, and their
-        row."""
-        first = self.array('first')[:-1].astype(np.int64)
-        count = self.array('movable') - first
-        found = []
-        for m in range(2, int(count.max(initial=0)) + 1):
-            own = np.flatnonzero(count == m)
-            e, f = np.tril_indices(m, -1)
-            row = np.repeat(own, e.size)
-            at = first[row]
-            found.append(np.stack([at + np.tile(e, own.size), at + np.tile(f, own.size), row], 1))
-        pairs = np.concatenate([np.zeros((0, 3), dtype=np.int64), *found])
-        return pairs[np.argsort(pairs[:, 2], kind='stable')]
-
-
-class _Fill(NamedTuple):
+class _Filled(NamedTuple):
     """The parts of a `Pattern` that no number changes, and the places of the numbers: `masses` of
     the pairs of M, and `own` of the distances that bind the pairs `of_own` of M."""
 
@@ -117,17 +71,26 @@ class _Fill(NamedTuple):
     of_own: Integers
 
 
-def _known(analysed: Callable[..., T], bound: _Bound, *of: Any) -> T:
-    """What an analysis finds; of small mechanisms it is remembered, for others of the same
-    structure."""
-    if len(bound.block) + len(bound.i) > _REMEMBERED:
-        analysed = analysed.__wrapped__  # type: ignore[attr-defined]
-    return analysed(bound, *of)
+def _structure(mass: Mass, rows: Rows) -> tuple[Any, ...]:
+    """Which blocks masses and rows bind: all that the pattern depends on."""
+    bars = int(rows.both), rows.i, rows.j
+    return mass.i, mass.j, *bars, rows.first, rows.movable, rows.block
 
 
-@lru_cache(maxsize=64)
-def _ordered(bound: _Bound, n: int) -> Integers:
-    (i, j), pairs, block = bound.pairs(), bound.entry_pairs(), bound.array('block')
+@remembered(64)
+def _ordered(
+    n: int,
+    mass_i: Indices,
+    mass_j: Indices,
+    both: int,
+    bar_i: Indices,
+    bar_j: Indices,
+    first: Indices,
+    movable: Indices,
+    block: Indices,
+) -> Integers:
+    """The elimination order of a structure."""
+    (i, j), pairs = _bound(mass_i, mass_j, bar_i[:both], bar_j[:both]), _pairs(first, movable)
     i = np.concatenate([i, block[pairs[:, 0]]])
     j = np.concatenate([j, block[pairs[:, 1]]])
     half = sparse.coo_matrix((np.ones(i.size), (i, j)), shape=(n, n)).tocsr()
@@ -136,22 +99,56 @@ def _ordered(bound: _Bound, n: int) -> Integers:
     graph = (whole + sparse.diags(np.asarray(-whole.sum(axis=1)).ravel() + 1.0)).tocsc()
     options = {'SymmetricMode': True}
     factor = splu(graph, permc_spec='MMD_AT_PLUS_A', diag_pivot_thresh=0.0, options=options)
-    return _read_only(np.array(factor.perm_c, dtype=np.int64))
+    return np.array(factor.perm_c, dtype=np.int64)
 
 
-@lru_cache(maxsize=64)
-def _filled(bound: _Bound, n: int, cliques: tuple[tuple[int, ...], ...]) -> _Fill:
-    (i, j), pairs, block = bound.pairs(), bound.entry_pairs(), bound.array('block')
-    e, f, row = pairs.T
-    more = [(b, a) for clique in cliques for b in clique for a in clique if a < b]
-    bound_blocks = np.concatenate(
+def _bound(
+    mass_i: Indices, mass_j: Indices, bar_i: Indices, bar_j: Indices
+) -> tuple[Integers, Integers]:
+    """Pairs of blocks that a mass or a distance binds."""
+    i = np.concatenate([mass_i, bar_i]).astype(np.int64)
+    j = np.concatenate([mass_j, bar_j]).astype(np.int64)
+    return np.maximum(i, j), np.minimum(i, j)
+
+
+def _pairs(starts: Indices, movable: Indices) -> Integers:
+    """(pairs, 3): two entries of movable blocks, the second before the first, and their row."""
+    first, count = starts[:-1].astype(np.int64), movable - starts[:-1]
+    found = []
+    for m in range(2, int(count.max(initial=0)) + 1):
+        own = np.flatnonzero(count == m)
+        e, f = np.tril_indices(m, -1)
+        row = np.repeat(own, e.size)
+        at = first[row]
+        found.append(np.stack([at + np.tile(e, own.size), at + np.tile(f, own.size), row], 1))
+    pairs = np.concatenate([np.zeros((0, 3), dtype=np.int64), *found])
+    return pairs[np.argsort(pairs[:, 2], kind='stable')]
+
+
+@remembered(64)
+def _filled(
+    n: int,
+    more: Integers,
+    mass_i: Indices,
+    mass_j: Indices,
+    both: int,
+    bar_i: Indices,
+    bar_j: Indices,
+    first_entry: Indices,
+    movable: Indices,
+    block: Indices,
+) -> tuple[Indices | Integers, ...]:
+    """The parts of `_Filled` of a structure, and of `more` pairs of blocks."""
+    i, j = _bound(mass_i, mass_j, bar_i[:both], bar_j[:both])
+    e, f, row = _pairs(first_entry, movable).T
+    bound = np.concatenate(
         [
             np.stack([i, j], axis=1),
             np.stack([block[e], block[f]], axis=1).astype(np.int64),
-            np.array(more, dtype=np.int64).reshape(-1, 2),
+            more,
         ]
     )
-    i_of_a, j_of_a = np.divmod(np.unique(bound_blocks[:, 0] * n + bound_blocks[:, 1]), n)
+    i_of_a, j_of_a = np.divmod(np.unique(bound[:, 0] * n + bound[:, 1]), n)
     first, below = _fill(np.searchsorted(i_of_a, np.arange(n + 1)), j_of_a)
     keys = np.repeat(np.arange(n), np.diff(first)) * n + below
 
@@ -159,32 +156,25 @@ def _filled(bound: _Bound, n: int, cliques: tuple[tuple[int, ...], ...]) -> _Fil
         """Where blocks below the diagonal stand."""
         return np.searchsorted(keys, j.astype(np.int64) * n + i)
 
-    masses = bound.array('mass_i').size
-    of_mass = place(bound.array('mass_i'), bound.array('mass_j'))
+    masses = mass_i.size
+    of_mass = place(mass_i, mass_j)
     entries = place(block[e], block[f])
     bars, at = place(i[masses:], j[masses:]), np.full(below.size, -1)
     at[of_mass] = np.arange(masses)
     pair = at[bars]
     own = np.flatnonzero(pair >= 0)
     own = own[np.unique(pair[own], return_index=True)[1]]  # of rows that bind the same, one
-    bars_of_rows = bound.array('i').size
-    arrays = (
+    return (
         indices(first),
         indices(below),
         indices(_targets(first, below)),
         indices(bars),
         indices(np.setdiff1d(np.arange(masses), pair[own])),
-        indices(np.stack([e, f, entries, bars_of_rows + row], axis=1)),
+        indices(np.stack([e, f, entries, bar_i.size + row], axis=1)),
         of_mass,
         own,
         pair[own],
     )
-    return _Fill(*map(_read_only, arrays))
-
-
-def _read_only(array: A) -> A:
-    array.flags.writeable = False
-    return array
 
 
 @compiled
