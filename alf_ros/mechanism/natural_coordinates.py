@@ -103,7 +103,7 @@ class Layout:
         return self.mechanism.bodies
 
     def shape(self, name: str) -> Shape:
-        """Affine forms of a body: the same for all bodies of one shape, of other mechanisms too."""
+        """Affine forms of a body; the same object for all bodies of one shape."""
         if name not in self._shapes:
             body = self.mechanism.body[name]
             unit = self.length if body.axes else 1.0

@@ -32,15 +32,16 @@ from alf_ros.model.constraints.rows import joint_rows, rigidity, unit_rows
 from alf_ros.model.mass import mass_of
 from alf_ros.model.mass import renumbered as renumbered_mass
 from alf_ros.model.prescribed import prescribe, prescribed, reached, without_value
-from alf_ros.model.struct_memory import Workspace, changed
+from alf_ros.model.struct_memory import StructMemory, changed
 from alf_ros.model.symbolic_factor import elimination_order, pattern_of
 
 _PATIENCE = 1e-4  # of two rounds of a solve: the ratio that counts as slow; at least
 _ROUNDED = 300.0  # times ε penalty: what rounding leaves of a round, at most
 _NEAR = 0.05  # of the ratio at a place that is too close to a singular position
 # arrays of a workspace, by their sizes
-_OF_BLOCKS = ('q', 'qd', 'qdd', 'Q', 'delta', 'shift', 'base', 'given')
-_OF_BLOCKS += ('bend', 'pull', 'along', 'target', 'good_q', 'good_qd')
+_OF_BLOCKS = tuple(
+    'q qd qdd Q delta shift base given bend pull along target good_q good_qd'.split()
+)
 _OF_MOVABLE = ('p', 'before_q', 'before_qd', 'sum', 'sum_q', 'sum_qd', 'curve')
 _OF_ROWS = ('r2', 'y', 'z', 'w')
 _CLOSE = 5e-4  # distance to a singular position below which a stage is interpolated, at σ = 0.5
@@ -110,9 +111,7 @@ class Model:
         close = _CLOSE * (0.5 / sigma) ** (1.0 / 3.0)
         rank = float(len(self.row_names) - dependent_rows)
         patience = _patience(self.system.penalty, close, sigma)
-        system = changed(
-            self.system, ordinary=sigma, rank=rank, close=close, patience=patience
-        )
+        system = changed(self.system, ordinary=sigma, rank=rank, close=close, patience=patience)
         return replace(self, system=system)
 
     def with_penalty(self, penalty: float) -> Model:
@@ -325,7 +324,7 @@ def _workspaces(
     of_rows: tuple[int, int, int],
     angles: int,
     stages: int,
-) -> tuple[Workspace[Work], Workspace[Chart]]:
+) -> tuple[StructMemory[Work], StructMemory[Chart]]:
     """The memory of a workspace. off: blocks of the factor below the diagonal, `longest` of them
     in a column; of_rows: distances, entries and rows."""
     bars, entries, m = of_rows
@@ -367,7 +366,7 @@ def _workspaces(
     of_chart = dict.fromkeys(('t', 'n', 'rate', 'momentum', 'rest', 'w'), n)
     of_chart |= dict.fromkeys(('curvature', 'sin', 'cos', 'rho'), n // D)
     of_chart |= {'b': n if D == 3 else 0, 'first': whole, 'arcs': 1}
-    return Workspace(Work, sizes), Workspace(Chart, of_chart)
+    return StructMemory(Work, sizes), StructMemory(Chart, of_chart)
 
 
 def _freeze(model: Model) -> None:

@@ -8,10 +8,11 @@ only those parts are examined.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import lru_cache
+from functools import cache
 from typing import Any, Generic, TypeVar
 
 import numpy as np
+from numba.np.numpy_support import as_dtype
 
 from alf_ros.kernel.numba_ext.structs import Struct, StructType, VectorType, _word_of
 
@@ -21,7 +22,7 @@ _WORD = 8  # bytes, of each number in a workspace
 _ALIGNED = 2  # words: where memory of its own would begin
 
 
-class Workspace(Generic[S]):
+class StructMemory(Generic[S]):
     """Memory for structs of one kind, whose arrays have these sizes: `sizes` by name.
 
     Raises TypeError for a kind with numbers of another length than 64 bits among them.
@@ -67,7 +68,8 @@ def changed(struct: S, **parts: Any) -> S:
 
 
 def _type_of(struct: Struct) -> StructType:
-    return vars(struct)['_numba_type_']  # type: ignore[no-any-return]
+    kind: StructType = vars(struct)['_numba_type_']
+    return kind
 
 
 def _made(
@@ -90,7 +92,7 @@ def _made(
     return made
 
 
-@lru_cache(maxsize=None)  # as many as there are kinds of structs
+@cache  # as many as there are kinds of structs
 def _word_at(of: StructType) -> dict[str, tuple[int, Any]]:
     """The first word of each field, and the type of its numbers if it is an array."""
     dtypes = dict(of.words)
@@ -102,6 +104,4 @@ def _words(of: StructType) -> int:
 
 
 def _numbers(part: Any) -> Any:
-    from numba.np.numpy_support import as_dtype
-
     return as_dtype(part.number)

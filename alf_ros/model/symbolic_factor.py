@@ -35,7 +35,7 @@ def pattern_of(
     D, n = layout.dimension, layout.movable
     pairs = [(b, a) for clique in cliques for b in clique for a in clique if a < b]
     more = np.array(pairs, dtype=np.int64).reshape(-1, 2)
-    fill = _Filled(*_filled(n, more, *_structure(mass, rows)))
+    fill = _filled(n, more, *_structure(mass, rows))
     diagonal = mass.diagonal[:, None, None] * _EYE[D]
     off = np.zeros((fill.row.size, D, D))
     off[fill.masses] = mass.k[:, None, None] * _EYE[D]
@@ -137,8 +137,8 @@ def _filled(
     first_entry: Indices,
     movable: Indices,
     block: Indices,
-) -> tuple[Indices | Integers, ...]:
-    """The parts of `_Filled` of a structure, and of `more` pairs of blocks."""
+) -> _Filled:
+    """Of a structure, and of `more` pairs of blocks."""
     i, j = _bound(mass_i, mass_j, bar_i[:both], bar_j[:both])
     e, f, row = _pairs(first_entry, movable).T
     bound = np.concatenate(
@@ -164,16 +164,16 @@ def _filled(
     pair = at[bars]
     own = np.flatnonzero(pair >= 0)
     own = own[np.unique(pair[own], return_index=True)[1]]  # of rows that bind the same, one
-    return (
-        indices(first),
-        indices(below),
-        indices(_targets(first, below)),
-        indices(bars),
-        indices(np.setdiff1d(np.arange(masses), pair[own])),
-        indices(np.stack([e, f, entries, bar_i.size + row], axis=1)),
-        of_mass,
-        own,
-        pair[own],
+    return _Filled(
+        first=indices(first),
+        row=indices(below),
+        target=indices(_targets(first, below)),
+        distance=indices(bars),
+        apart=indices(np.setdiff1d(np.arange(masses), pair[own])),
+        pair=indices(np.stack([e, f, entries, bar_i.size + row], axis=1)),
+        masses=of_mass,
+        own=own,
+        of_own=pair[own],
     )
 
 

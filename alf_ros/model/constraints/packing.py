@@ -199,7 +199,7 @@ def _numbered(*structure: Any) -> Rows:
     sizes = {'b': named['block'].size, 'term': named['term_block'].size, 'c': c}
     numbers = {name: np.arange(size, dtype=float) for name, size in sizes.items()}
     nothing = dict.fromkeys(('length2', 'alpha', 'scale'), np.zeros(0))
-    return Rows(**named, **numbers, **nothing)
+    return Rows(**{**named, **numbers, **nothing})
 
 
 def _arranged(rows: Rows) -> _Arrangement:

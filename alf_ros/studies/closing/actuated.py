@@ -23,6 +23,7 @@ from alf_ros.model.constraints.rows import joint_rows
 from alf_ros.model.penalty import fitted
 from alf_ros.scene.scene import Scene, load_scene
 from alf_ros.scene.text import yaml_document
+from alf_ros.scene.text.scene_document import SceneDocument
 from alf_ros.simulation.instruments import Instruments
 from alf_ros.simulation.reactions import ReactionsOf
 from alf_ros.simulation.start import started
@@ -81,7 +82,10 @@ def actuated(scene: Scene, active: Sequence[str]) -> Actuated:
     bare = replace(scene.mechanism, drives=(), rotors=())
     names = _checked(bare, active)
     refuse_velocity_rows(bare)
-    free = started(replace(scene.at_rest(), mechanism=bare, effects=(), text=''), scene.solver)
+    free = started(
+        replace(scene.at_rest(), mechanism=bare, effects=(), document=SceneDocument('')),
+        scene.solver,
+    )
     values = _values(free.model, free.q)
     numbers = dict(zip(free.model.coordinate_names, values.tolist(), strict=True))
     mechanism = free.model.mechanism
