@@ -21,7 +21,7 @@ import numpy as np
 F = TypeVar('F', bound=Callable[..., Any])
 
 _FORMAT = 2  # of marshal: the last one in which equal values have equal bytes
-_LARGEST = 1 << 14  # bytes of arrays among the arguments, from which on nothing is kept
+_LARGEST = 1 << 14  # bytes of arguments, from which on nothing is kept
 
 
 def remembered(most: int) -> Callable[[F], F]:
@@ -38,7 +38,14 @@ def remembered(most: int) -> Callable[[F], F]:
 
         @wraps(function)
         def known(*arguments: Any) -> Any:
-            key = tuple(map(_key, arguments))
+            key: tuple[Any, ...] = ()
+            for argument in arguments:
+                if isinstance(argument, np.ndarray):
+                    key += argument.dtype.char, argument.shape, argument.tobytes()
+                elif isinstance(argument, (float, int, tuple)):
+                    key += (marshal.dumps(argument, _FORMAT),)
+                else:
+                    key += (argument,)
             with lock:
                 if key in found:
                     found.move_to_end(key)
@@ -47,7 +54,7 @@ def remembered(most: int) -> Callable[[F], F]:
             for part in result if isinstance(result, tuple) else (result,):
                 if isinstance(part, np.ndarray):
                     part.flags.writeable = False
-            if sum(each.nbytes for each in arguments if isinstance(each, np.ndarray)) <= _LARGEST:
+            if sum(len(each) for each in key if isinstance(each, bytes)) <= _LARGEST:
                 with lock:
                     found[key] = result
                     if len(found) > most:
@@ -57,11 +64,3 @@ def remembered(most: int) -> Callable[[F], F]:
         return known  # type: ignore[return-value]
 
     return of
-
-
-def _key(argument: Any) -> Any:
-    if isinstance(argument, np.ndarray):
-        return argument.dtype.char, argument.shape, argument.tobytes()
-    if isinstance(argument, (float, int, tuple)):
-        return marshal.dumps(argument, _FORMAT)
-    return argument

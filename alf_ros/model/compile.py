@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cache, cached_property, lru_cache
 from typing import Any
 
 import numpy as np
 
 from alf_ros import kernel
-from alf_ros.arrays import Floats, Integers, Unit
+from alf_ros.arrays import Floats, Indices, Integers, Unit
 from alf_ros.errors import AssemblyError
 from alf_ros.gc_pause import paused
 from alf_ros.kernel import Chart, Rows, Soft, System, Work
@@ -19,6 +19,7 @@ from alf_ros.kernel.data import EPS
 from alf_ros.kernel.step_error import JUDGED
 from alf_ros.mechanism import Coordinate, Mechanism, Point, Vector
 from alf_ros.mechanism import natural_coordinates as layouts
+from alf_ros.mechanism.memory import remembered
 from alf_ros.mechanism.natural_coordinates import Layout
 from alf_ros.model.arm_tree import arms_of
 from alf_ros.model.constraints import auxiliary
@@ -32,7 +33,7 @@ from alf_ros.model.constraints.rows import joint_rows, rigidity, unit_rows
 from alf_ros.model.mass import mass_of
 from alf_ros.model.mass import renumbered as renumbered_mass
 from alf_ros.model.prescribed import prescribe, prescribed, reached, without_value
-from alf_ros.model.struct_memory import StructMemory, changed
+from alf_ros.model.struct_memory import StructMemory, changed, frozen, made
 from alf_ros.model.symbolic_factor import elimination_order, pattern_of
 
 _PATIENCE = 1e-4  # of two rounds of a solve: the ratio that counts as slow; at least
@@ -170,11 +171,12 @@ def compile_model(mechanism: Mechanism, penalty: float) -> Model:
     q = drawn(layout)
     coordinates = mechanism.coordinates
     lengths = [length_row(each.joint, layout) for each in coordinates if not each.is_angle]
-    system = System(
+    system = made(
+        System,
         mass=mass,
         rows=arrays,
         pattern=pattern_of(layout, mass, arrays),
-        soft=Soft.empty(),
+        soft=_not_soft(),
         prescribed=prescribed(layout),
         arms=arms_of(layout),
         angles=counted(layout),
@@ -217,6 +219,11 @@ def compile_model(mechanism: Mechanism, penalty: float) -> Model:
     )
     _freeze(model)
     return model
+
+
+@cache
+def _not_soft() -> Soft:
+    return Soft.empty()
 
 
 def _draft(mechanism: Mechanism) -> Layout:
@@ -284,17 +291,28 @@ def _scaled(system: System, q: Floats, layout: Layout, penalty: float) -> Rows:
     light[: mass.size] = 1.0 / np.where(mass > 0.0, mass, system.mean)
     square, entry = ((each.reshape(-1, D) ** 2).sum(axis=1) for each in (g, g2))
 
+    both, bars, alike = int(rows.both), rows.i.size, _of_one_length(rows.first, rows.movable)
+
     def sums(weight: Floats) -> Floats:
         """Σ |Φ_q,r,b|² weight_b over the movable blocks b of each row."""
-        ends = square * weight[rows.i]
-        ends[: int(rows.both)] += (square * weight[rows.j])[: int(rows.both)]
+        total = np.zeros(rows.alpha.size)
+        total[:bars] = square * weight[rows.i]
+        total[:both] += (square * weight[rows.j])[:both]
         entries = entry * weight[rows.block]
-        others = [entries[s:e].sum() for s, e in zip(rows.first[:-1], rows.movable, strict=True)]
-        total = np.concatenate([ends, np.array(others, dtype=float)])
+        for own, places in alike:
+            total[bars:][own] = entries[places].sum(axis=1)
         return np.where(total > 0.0, total, 1.0)
 
     scale = 1.0 / np.sqrt(sums(np.ones(layout.blocks)))
     return changed(rows, alpha=penalty / sums(light), scale=scale)
+
+
+@remembered(64)
+def _of_one_length(first: Indices, movable: Indices) -> list[tuple[Integers, Integers]]:
+    """Rows that have as many movable entries (rows,), and their entries (rows, entries)."""
+    start, count = first[:-1].astype(np.int64), (movable - first[:-1]).astype(np.int64)
+    groups = ((np.flatnonzero(count == m), np.arange(m)) for m in np.unique(count).tolist())
+    return [(own, start[own, None] + entries) for own, entries in groups]
 
 
 def allocate(model: Model, system: System, stages: int) -> Work:
@@ -372,7 +390,5 @@ def _workspaces(
 def _freeze(model: Model) -> None:
     system = model.system
     for part in (system.mass, system.rows, system.pattern, system.angles, model.lengths):
-        for array in vars(part).values():
-            if isinstance(array, np.ndarray):
-                array.flags.writeable = False
+        frozen(part)
     model.q.flags.writeable = False

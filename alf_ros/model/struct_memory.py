@@ -7,6 +7,7 @@ only those parts are examined.
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Mapping
 from functools import cache
 from typing import Any, Generic, TypeVar
@@ -18,6 +19,7 @@ from alf_ros.kernel.numba_ext.structs import Struct, StructType, VectorType, _wo
 
 S = TypeVar('S', bound=Struct)
 
+_NOTHING = ctypes.c_char * 0
 _WORD = 8  # bytes, of each number in a workspace
 _ALIGNED = 2  # words: where memory of its own would begin
 
@@ -49,7 +51,7 @@ class StructMemory(Generic[S]):
     def zeros(self, **parts: Struct) -> S:
         """A new one, zero everywhere; `parts`: its structs by name."""
         memory, table = np.zeros(self._size), self._table.copy()
-        table[self._places] += np.uint64(memory.ctypes.data)
+        table[self._places] += np.uint64(_address(memory))
         fields: dict[str, Any] = {}
         for name, start, end, dtype in self._arrays:
             array = memory[start:end]
@@ -65,6 +67,20 @@ def changed(struct: S, **parts: Any) -> S:
     """
     fields = {name: value for name, value in vars(struct).items() if name != '_plain'}
     return _made(type(struct), fields, struct._table.copy(), _type_of(struct), parts)
+
+
+def made(kind: type[S], **parts: Any) -> S:
+    """The struct of these parts, by name: arrays, numbers and structs. As `kind(**parts)`."""
+    of = kind._numba_type()
+    return _made(kind, {}, np.zeros(_words(of), dtype=np.uint64), of, parts)
+
+
+def frozen(struct: S) -> S:
+    """The struct, whose own arrays are read-only from now on."""
+    for part in vars(struct).values():
+        if isinstance(part, np.ndarray):
+            part.flags.writeable = False
+    return struct
 
 
 def _type_of(struct: Struct) -> StructType:
@@ -85,9 +101,9 @@ def _made(
             continue
         if value.dtype != dtype or not value.flags.c_contiguous:
             raise TypeError(f'{kind.__name__}.{name} is no array of {dtype}')
-        table[word], table[word + 1] = value.__array_interface__['data'][0], value.size
+        table[word], table[word + 1] = _address(value), value.size
     made = object.__new__(kind)
-    fields.update(_table=table, _address=table.ctypes.data, _numba_type_=of)
+    fields.update(_table=table, _address=_address(table), _numba_type_=of)
     vars(made).update(fields)
     return made
 
@@ -99,6 +115,14 @@ def _word_at(of: StructType) -> dict[str, tuple[int, Any]]:
     return {name: (word, dtypes[name]) for name, word, _ in of.parts if name in dtypes}
 
 
+def _address(array: np.ndarray[Any, Any]) -> int:
+    """Where the numbers of an array are. `ctypes.data` takes four times as long."""
+    if array.flags.writeable:
+        return ctypes.addressof(_NOTHING.from_buffer(array))
+    return int(array.ctypes.data)
+
+
+@cache
 def _words(of: StructType) -> int:
     return sum(2 if isinstance(part, VectorType) else 1 for _, _, part in of.parts)
 

@@ -15,6 +15,7 @@ from alf_ros.kernel.numba_ext.jit import compiled
 from alf_ros.mechanism.memory import remembered
 from alf_ros.mechanism.natural_coordinates import TURN, Layout
 from alf_ros.model.constraints.packing import indices
+from alf_ros.model.struct_memory import changed, frozen
 
 _EYE = {D: np.eye(D) for D in (2, 3)}
 
@@ -37,35 +38,20 @@ def pattern_of(
     more = np.array(pairs, dtype=np.int64).reshape(-1, 2)
     fill = _filled(n, more, *_structure(mass, rows))
     diagonal = mass.diagonal[:, None, None] * _EYE[D]
-    off = np.zeros((fill.row.size, D, D))
+    off = np.zeros((fill.pattern.row.size, D, D))
     off[fill.masses] = mass.k[:, None, None] * _EYE[D]
     if mass.skew.size:
         off[fill.masses[mass.skew]] += mass.w[:, None, None] * TURN
-    bar = np.zeros(fill.distance.size)
+    bar = np.zeros(fill.pattern.distance.size)
     bar[fill.own] = mass.k[fill.of_own]
-    return Pattern(
-        first=fill.first,
-        row=fill.row,
-        target=fill.target,
-        mass_diagonal=diagonal.ravel(),
-        mass_off=off.ravel(),
-        distance=fill.distance,
-        bar=bar,
-        apart=fill.apart,
-        pair=fill.pair,
-    )
+    return changed(fill.pattern, mass_diagonal=diagonal.ravel(), mass_off=off.ravel(), bar=bar)
 
 
 class _Filled(NamedTuple):
-    """The parts of a `Pattern` that no number changes, and the places of the numbers: `masses` of
-    the pairs of M, and `own` of the distances that bind the pairs `of_own` of M."""
+    """A pattern without masses, and the places of these: `masses` of the pairs of M, and `own` of
+    the distances that bind the pairs `of_own` of M."""
 
-    first: Indices
-    row: Indices
-    target: Indices
-    distance: Indices
-    apart: Indices
-    pair: Indices
+    pattern: Pattern
     masses: Integers
     own: Integers
     of_own: Integers
@@ -164,17 +150,18 @@ def _filled(
     pair = at[bars]
     own = np.flatnonzero(pair >= 0)
     own = own[np.unique(pair[own], return_index=True)[1]]  # of rows that bind the same, one
-    return _Filled(
+    pattern = Pattern(
         first=indices(first),
         row=indices(below),
         target=indices(_targets(first, below)),
+        mass_diagonal=np.zeros(0),
+        mass_off=np.zeros(0),
         distance=indices(bars),
+        bar=np.zeros(0),
         apart=indices(np.setdiff1d(np.arange(masses), pair[own])),
         pair=indices(np.stack([e, f, entries, bar_i.size + row], axis=1)),
-        masses=of_mass,
-        own=own,
-        of_own=pair[own],
     )
+    return _Filled(frozen(pattern), of_mass, own, pair[own])
 
 
 @compiled

@@ -17,50 +17,72 @@ from alf_ros.mechanism.affine import Form
 from alf_ros.mechanism.memory import remembered
 from alf_ros.mechanism.natural_coordinates import Layout, Shape
 from alf_ros.model.constraints.row import Constraint, Distance, Row
-from alf_ros.model.struct_memory import changed
+from alf_ros.model.struct_memory import changed, frozen
 
 
 def rows_of(rows: Sequence[Constraint], layout: Layout) -> tuple[Rows, list[int]]:
     """The rows as the kernel wants them, and which row stands at each of its places."""
-    D = layout.dimension
     bars = [(n, row) for n, row in enumerate(rows) if isinstance(row, Distance)]
     forms = [(n, row) for n, row in enumerate(rows) if not isinstance(row, Distance)]
     forms.sort(key=lambda each: each[1].velocity)
-    ends = np.array([row[1:3] for _, row in bars], dtype=np.int64).reshape(-1, 2)
-    ends.sort(axis=1)
-    fixed = ends[:, 1] >= layout.movable
+    # entries by ascending blocks, so that fixed ones come last
+    entries = [[(i, row.b[i], row.terms.get(i, {})) for i in row.blocks] for _, row in forms]
+    ends, bound = [row[1:3] for _, row in bars], []
+    for parts in entries:
+        bound.append(tuple((i, *terms) for i, _, terms in parts))
+    moving_first, placed = _placed(tuple(ends), tuple(bound), layout.movable)
     length = np.array([row.length for _, row in bars])
-    moving_first = np.argsort(fixed, kind='stable')
-    first, movable, block, b = [0], [], [], []
-    first_term, term_block, term = [0], [], []
-    for _, row in forms:
-        for i in row.blocks:  # ascending, so that fixed blocks come last
-            block.append(i)
-            b.append(row.b[i])
-            for j, T in row.terms.get(i, {}).items():
-                term_block.append(j)
-                term.append(T)
-            first_term.append(len(term))
-        movable.append(first[-1] + sum(i < layout.movable for i in row.blocks))
-        first.append(len(block))
-    order = [bars[n][0] for n in moving_first] + [n for n, _ in forms]
-    arrays = Rows(
-        both=np.uint64(np.count_nonzero(~fixed)),
-        i=indices(ends[moving_first, 0]),
-        j=indices(ends[moving_first, 1]),
+    order = [bars[n][0] for n in moving_first.tolist()] + [n for n, _ in forms]
+    numbers = [b for parts in entries for _, b, _ in parts]
+    products = [T for parts in entries for _, _, terms in parts for T in terms.values()]
+    arrays = changed(
+        placed,
         length2=length[moving_first] ** 2,
-        first=indices(first),
-        movable=indices(movable),
-        block=indices(block),
-        b=np.array(b, dtype=float).ravel(),
-        first_term=indices(first_term),
-        term_block=indices(term_block),
-        term=np.array(term, dtype=float).reshape(-1, D * D).ravel(),
+        b=np.concatenate(numbers, dtype=float) if numbers else np.zeros(0),
+        term=np.concatenate(products, dtype=float).ravel() if products else np.zeros(0),
         c=np.array([row.c for _, row in forms if not row.velocity], dtype=float),
         alpha=np.zeros(len(order)),
         scale=np.zeros(len(order)),
     )
     return arrays, order
+
+
+@remembered(64)
+def _placed(
+    bars: tuple[tuple[int, int], ...], forms: tuple[tuple[tuple[int, ...], ...], ...], movable: int
+) -> tuple[Integers, Rows]:
+    """The order of the distances between `bars`, and the rows without numbers; `forms` has their
+    entries: the block of each, and the blocks of its terms."""
+    ends = np.array(bars, dtype=np.int64).reshape(-1, 2)
+    ends.sort(axis=1)
+    fixed = ends[:, 1] >= movable
+    moving_first = np.argsort(fixed, kind='stable')
+    first, moving, block, first_term, term_block = [0], [], [], [0], []
+    for entries in forms:
+        for i, *terms in entries:
+            block.append(i)
+            term_block += terms
+            first_term.append(len(term_block))
+        moving.append(first[-1] + sum(i < movable for i, *_ in entries))
+        first.append(len(block))
+    nothing = np.zeros(0)
+    rows = Rows(
+        both=np.uint64(np.count_nonzero(~fixed)),
+        i=indices(ends[moving_first, 0]),
+        j=indices(ends[moving_first, 1]),
+        length2=nothing,
+        first=indices(first),
+        movable=indices(moving),
+        block=indices(block),
+        b=nothing,
+        first_term=indices(first_term),
+        term_block=indices(term_block),
+        term=nothing,
+        c=nothing,
+        alpha=nothing,
+        scale=nothing,
+    )
+    return moving_first, frozen(rows)
 
 
 def forms_of(forms: Sequence[Form], D: int) -> Forms:
@@ -172,16 +194,10 @@ _NUMBERS = ('b', 'term', 'c')
 
 
 class _Arrangement(NamedTuple):
-    """Rows without their numbers, which are those of other rows: of the entries `b`, the terms
-    `term` and the rows `c` there."""
+    """Rows without numbers. The numbers are taken from other rows: from the entries `b`, the terms
+    `term` and the rows `c` of these."""
 
-    i: Indices
-    j: Indices
-    first: Indices
-    movable: Indices
-    block: Indices
-    first_term: Indices
-    term_block: Indices
+    rows: Rows
     b: Integers
     term: Integers
     c: Integers
@@ -203,18 +219,16 @@ def _numbered(*structure: Any) -> Rows:
 
 
 def _arranged(rows: Rows) -> _Arrangement:
-    """What has become of rows that were `_numbered`."""
-    places = {name: getattr(rows, name).astype(np.int64) for name in _NUMBERS}
-    names = (name for name in _STRUCTURE if name != 'both')
-    return _Arrangement(**{name: getattr(rows, name) for name in names}, **places)
+    """The arrangement of rows that were `_numbered`."""
+    return _Arrangement(frozen(rows), *(getattr(rows, n).astype(np.int64) for n in _NUMBERS))
 
 
 def _gathered(rows: Rows, to: _Arrangement) -> Rows:
     """Rows that are arranged otherwise."""
-    D, m = rows.b.size // max(1, rows.block.size), to.i.size + to.movable.size
+    D, m = rows.b.size // max(1, rows.block.size), to.rows.i.size + to.rows.movable.size
     return changed(
-        rows,
-        **dict(zip(to._fields[:7], to[:7], strict=True)),
+        to.rows,
+        length2=rows.length2,
         b=rows.b.reshape(-1, D)[to.b].ravel() if to.b.size else np.zeros(0),
         term=rows.term.reshape(-1, D * D)[to.term].ravel() if to.term.size else np.zeros(0),
         c=rows.c[to.c],
