@@ -19,22 +19,53 @@ from typing import Any, TypeVar
 import numpy as np
 
 F = TypeVar('F', bound=Callable[..., Any])
+T = TypeVar('T')
 
 _FORMAT = 2  # of marshal: the last one in which equal values have equal bytes
-_LARGEST = 1 << 14  # bytes of arguments, from which on nothing is kept
+_LARGEST = 1 << 14  # bytes of a key, from which on nothing is kept
+
+
+class Memory:
+    """Results by key: the last `most`, those used last. Any thread may ask."""
+
+    def __init__(self, most: int) -> None:
+        self._most, self._lock = most, Lock()
+        self._known: OrderedDict[Any, Any] = OrderedDict()
+
+    def found(self, key: tuple[Any, ...], make: Callable[[], T]) -> T:
+        """The result of a key, which `make` gives if it is not known. Arrays that it is, or that
+        stand in a tuple, become read-only."""
+        with self._lock:
+            if key in self._known:
+                self._known.move_to_end(key)
+                known: T = self._known[key]
+                return known
+        result = make()
+        for part in result if isinstance(result, tuple) else (result,):
+            if isinstance(part, np.ndarray):
+                part.flags.writeable = False
+        if sum(len(each) for each in key if isinstance(each, bytes)) <= _LARGEST:
+            with self._lock:
+                self._known[key] = result
+                if len(self._known) > self._most:
+                    self._known.popitem(last=False)
+        return result
+
+
+def exactly(value: Any) -> bytes:
+    """Numbers, texts and nested tuples of them as a part of a key."""
+    return marshal.dumps(value, _FORMAT)
 
 
 def remembered(most: int) -> Callable[[F], F]:
-    """A function whose last `most` results are kept, those used last.
+    """A function whose results are kept in a `Memory`.
 
     Its arguments are numbers, arrays, nested tuples of these, or objects that are compared by
-    identity. Arrays that it returns, alone or in a tuple, become read-only. Any thread may call
-    it.
+    identity.
     """
 
     def of(function: F) -> F:
-        found: OrderedDict[tuple[Any, ...], Any] = OrderedDict()
-        lock = Lock()
+        memory = Memory(most)
 
         @wraps(function)
         def known(*arguments: Any) -> Any:
@@ -43,23 +74,10 @@ def remembered(most: int) -> Callable[[F], F]:
                 if isinstance(argument, np.ndarray):
                     key += argument.dtype.char, argument.shape, argument.tobytes()
                 elif isinstance(argument, (float, int, tuple)):
-                    key += (marshal.dumps(argument, _FORMAT),)
+                    key += (exactly(argument),)
                 else:
                     key += (argument,)
-            with lock:
-                if key in found:
-                    found.move_to_end(key)
-                    return found[key]
-            result = function(*arguments)
-            for part in result if isinstance(result, tuple) else (result,):
-                if isinstance(part, np.ndarray):
-                    part.flags.writeable = False
-            if sum(len(each) for each in key if isinstance(each, bytes)) <= _LARGEST:
-                with lock:
-                    found[key] = result
-                    if len(found) > most:
-                        found.popitem(last=False)
-            return result
+            return memory.found(key, lambda: function(*arguments))
 
         return known  # type: ignore[return-value]
 

@@ -185,12 +185,18 @@ def _shape(
     return Shape(tuple(places), points, ends, inverse)
 
 
-def independent(directions: Sequence[Floats], most: int, least: float = 1e-6) -> list[int]:
+def independent(directions: Sequence[Floats], most: int, least: float = 1e-6) -> tuple[int, ...]:
     """Which of the directions to choose as a basis, `most` of them: the first one that is not
     zero, then the first that is well apart from those chosen, or else the one farthest apart.
 
     `least` is the sine below which a direction counts as dependent.
     """
+    return _independent(np.array(directions), most, least) if directions else ()
+
+
+@remembered(1024)
+def _independent(directions: Floats, most: int, least: float) -> tuple[int, ...]:
+    """The same of directions in rows."""
     chosen: list[int] = []
     axes: list[Floats] = []
     while len(chosen) < most:
@@ -209,7 +215,7 @@ def independent(directions: Sequence[Floats], most: int, least: float = 1e-6) ->
         d = d - sum(((d @ a) * a for a in axes), 0.0 * d)
         chosen.append(best)
         axes.append(d / np.linalg.norm(d))
-    return chosen
+    return tuple(chosen)
 
 
 def cut(mechanism: Mechanism) -> Layout:

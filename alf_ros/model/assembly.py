@@ -35,15 +35,23 @@ _FIRMER = 20.0  # times the σ of an ordinary position near it
 Given = Mapping[str, Sequence[float | None]]
 
 
-def close(model: Model, given: Given, start: Floats | None = None, least: float = 1e-13) -> Floats:
+def close(
+    model: Model,
+    given: Given,
+    start: Floats | None = None,
+    least: float = 1e-13,
+    work: Work | None = None,
+) -> Floats:
     """Positions q (blocks D, m) that satisfy Φ = 0 and the given ones, nearest to the drawing.
 
     `start` (blocks D, m) is where to begin instead of the drawing. They are closed to `least` of
-    the size, or as far as rounding allows. Raises AssemblyError with the constraints that stay
-    open.
+    the size, or as far as rounding allows. `work`: memory for the rows of the model alone. Raises
+    AssemblyError with the constraints that stay open.
     """
     system, names, _ = hold(model, held(model, given), velocities=False)
-    return _closed(model, system, names, allocate(model, system, 0), start, least)
+    if work is None or system is not model.system:
+        work = allocate(model, system, 0)
+    return _closed(model, system, names, work, start, least)
 
 
 def _closed(
@@ -287,17 +295,17 @@ def brought_back(model: Model, q: Floats, qd: Floats, t: float) -> tuple[Floats,
     return q, x
 
 
-def ordinary(model: Model, q: Floats) -> tuple[int, Floats, float]:
+def ordinary(model: Model, q: Floats, work: Work | None = None) -> tuple[int, Floats, float]:
     """Ordinary values near q: the number of dependent rows, a position, and its distance σ.
 
-    q (blocks D, m) itself may be a singular position, so that positions around it are examined
-    too, and if rows depend on others there, places with drives elsewhere.
+    `work`: memory for the rows of the model. q (blocks D, m) itself may be a singular position, so
+    that positions around it are examined too, and if rows depend on others there, places with
+    drives elsewhere.
     """
     random = np.random.default_rng(0)
     places_only, names, _ = hold(model, [], velocities=False)
-    closing = allocate(model, places_only, 0)
-    same = places_only is model.system
-    work = closing if same else allocate(model, model.system, 0)
+    work = work or allocate(model, model.system, 0)
+    closing = work if places_only is model.system else allocate(model, places_only, 0)
     best, places, closed = -1, [q], 0
     for turn in range(12):
         near, away = np.array(q), 0.05 * model.size if turn else 0.0
@@ -386,9 +394,12 @@ def _rank(model: Model, work: Work, q: Floats) -> int:
     return found
 
 
-def within(model: Model, q: Floats, dependent_rows: int) -> bool:
-    """Whether q (blocks D, m) is a singular position, as near as stages are not trusted there."""
-    work = allocate(model, model.system, 1)
+def within(model: Model, q: Floats, dependent_rows: int, work: Work | None = None) -> bool:
+    """Whether q (blocks D, m) is a singular position, as near as stages are not trusted there.
+
+    `work`: memory for the rows of the model.
+    """
+    work = work or allocate(model, model.system, 0)
     if not kernel.linearise(model.unit, model.system, work, q):
         return False
     missing = len(model.row_names) - dependent_rows - effective_rank(model, work)

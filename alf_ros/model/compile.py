@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, lru_cache
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from alf_ros.kernel.data import EPS
 from alf_ros.kernel.step_error import JUDGED
 from alf_ros.mechanism import Coordinate, Mechanism, Point, Vector
 from alf_ros.mechanism import natural_coordinates as layouts
-from alf_ros.mechanism.memory import remembered
+from alf_ros.mechanism.memory import Memory, remembered
 from alf_ros.mechanism.natural_coordinates import Layout
 from alf_ros.model.arm_tree import arms_of
 from alf_ros.model.constraints import auxiliary
@@ -36,6 +36,9 @@ from alf_ros.model.prescribed import prescribe, prescribed, reached, without_val
 from alf_ros.model.struct_memory import StructMemory, changed, frozen, made
 from alf_ros.model.symbolic_factor import elimination_order, pattern_of
 
+T = TypeVar('T')
+
+_ROWS, _MEASURES = Memory(32), Memory(32)  # by geometry
 _PATIENCE = 1e-4  # of two rounds of a solve: the ratio that counts as slow; at least
 _ROUNDED = 300.0  # times ε penalty: what rounding leaves of a round, at most
 _NEAR = 0.05  # of the ratio at a place that is too close to a singular position
@@ -160,8 +163,8 @@ def compile_model(mechanism: Mechanism, penalty: float) -> Model:
     Raises AssemblyError if nothing has mass, or nothing moves.
     """
     draft = _draft(mechanism)
-    rows, mass = constraints(mechanism, draft), mass_of(draft)
-    arrays, kernel_order = rows_of(rows, draft)
+    arrays, kernel_order, row_names = _of_geometry(_ROWS, mechanism, lambda: _rows(draft))
+    mass = mass_of(draft)
     place = np.arange(draft.blocks)
     place[: draft.movable] = elimination_order(mass, arrays)
     layout = draft.renumbered(place.tolist())
@@ -169,8 +172,8 @@ def compile_model(mechanism: Mechanism, penalty: float) -> Model:
     if not mass.diagonal.sum() > 0.0:
         raise AssemblyError('nothing that moves has mass', key='bodies')
     q = drawn(layout)
-    coordinates = mechanism.coordinates
-    lengths = [length_row(each.joint, layout) for each in coordinates if not each.is_angle]
+    measures = _of_geometry(_MEASURES, mechanism, lambda: _measures(layout), place.tobytes())
+    angles, lengths = measures
     system = made(
         System,
         mass=mass,
@@ -179,7 +182,7 @@ def compile_model(mechanism: Mechanism, penalty: float) -> Model:
         soft=_not_soft(),
         prescribed=prescribed(layout),
         arms=arms_of(layout),
-        angles=counted(layout),
+        angles=angles,
         size=layout.length,
         mean=float(mass.diagonal.mean()),
         penalty=penalty,
@@ -204,21 +207,41 @@ def compile_model(mechanism: Mechanism, penalty: float) -> Model:
         mechanism=mechanism,
         layout=layout,
         system=changed(system, rows=_scaled(system, q, layout, penalty)),
-        lengths=rows_of(lengths, layout)[0],
+        lengths=lengths,
         penalty=penalty,
         q=q,
-        coordinates=coordinates,
+        coordinates=mechanism.coordinates,
         point_names=tuple(point.name for point in points),
         point_block=np.array([layout.of_point[point.name] for point in points]),
         coordinate_block=np.array(
             [block[item.name] for item in mechanism.blocks if not item.fixed]
             + list(layout.of_auxiliary.values())
         ),
-        row_names=tuple(row.name for row in rows),
+        row_names=row_names,
         row=np.argsort(kernel_order),
     )
     _freeze(model)
     return model
+
+
+def _of_geometry(memory: Memory, mechanism: Mechanism, make: Callable[[], T], *more: bytes) -> T:
+    """What `make` gives, which the geometry of a mechanism determines, and `more`."""
+    key = mechanism.geometry
+    return make() if key is None else memory.found((key, *more), make)
+
+
+def _rows(draft: Layout) -> tuple[Rows, Integers, tuple[str, ...]]:
+    """The rows of a mechanism without scales, which row stands at each place, and their names."""
+    rows = constraints(draft.mechanism, draft)
+    arrays, order = rows_of(rows, draft)
+    return frozen(arrays), np.array(order, dtype=np.int64), tuple(row.name for row in rows)
+
+
+def _measures(layout: Layout) -> tuple[Rows, Rows]:
+    """The rows of the angles whose turns are counted, and of the coordinates that are lengths."""
+    each = layout.mechanism.coordinates
+    lengths = [length_row(one.joint, layout) for one in each if not one.is_angle]
+    return frozen(counted(layout)), frozen(rows_of(lengths, layout)[0])
 
 
 @cache

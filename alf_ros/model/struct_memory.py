@@ -118,7 +118,7 @@ def _word_at(of: StructType) -> dict[str, tuple[int, Any]]:
 def _address(array: np.ndarray[Any, Any]) -> int:
     """Where the numbers of an array are. `ctypes.data` takes four times as long."""
     if array.flags.writeable:
-        return ctypes.addressof(_NOTHING.from_buffer(array))
+        return ctypes.addressof(_NOTHING.from_buffer(array.data))
     return int(array.ctypes.data)
 
 
