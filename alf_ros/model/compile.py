@@ -10,8 +10,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from alf_ros import kernel
-from alf_ros.arrays import Floats, Indices, Integers, Unit
+from alf_ros.arrays import Floats, Integers, Unit
 from alf_ros.errors import AssemblyError
 from alf_ros.gc_pause import paused
 from alf_ros.kernel import Chart, Rows, Soft, System, Work
@@ -19,7 +18,7 @@ from alf_ros.kernel.data import EPS
 from alf_ros.kernel.step_error import JUDGED
 from alf_ros.mechanism import Coordinate, Mechanism, Point, Vector
 from alf_ros.mechanism import natural_coordinates as layouts
-from alf_ros.mechanism.memory import Memory, remembered
+from alf_ros.mechanism.memory import Memory
 from alf_ros.mechanism.natural_coordinates import Layout
 from alf_ros.model.arm_tree import arms_of
 from alf_ros.model.constraints import auxiliary
@@ -29,6 +28,7 @@ from alf_ros.model.constraints.joint_coordinates import counted, length_row
 from alf_ros.model.constraints.packing import renumbered, rows_of, with_more
 from alf_ros.model.constraints.rotors import rotor_rows
 from alf_ros.model.constraints.row import Constraint, Row
+from alf_ros.model.constraints.row_scales import scaled_rows
 from alf_ros.model.constraints.rows import joint_rows, rigidity, unit_rows
 from alf_ros.model.mass import mass_of
 from alf_ros.model.mass import renumbered as renumbered_mass
@@ -206,7 +206,7 @@ def compile_model(mechanism: Mechanism, penalty: float) -> Model:
     model = Model(
         mechanism=mechanism,
         layout=layout,
-        system=changed(system, rows=_scaled(system, q, layout, penalty)),
+        system=changed(system, rows=scaled_rows(system, q, layout, penalty)),
         lengths=lengths,
         penalty=penalty,
         q=q,
@@ -288,7 +288,7 @@ def hold(model: Model, extra: Sequence[Row], velocities: bool) -> tuple[System, 
     rows = with_more(own, rows_of(extra, model.layout)[0], velocities)
     pattern = pattern_of(model.layout, model.system.mass, rows)
     system = changed(model.system, rows=rows, pattern=pattern)
-    system = changed(system, rows=_scaled(system, model.q, model.layout, model.penalty))
+    system = changed(system, rows=scaled_rows(system, model.q, model.layout, model.penalty))
     return system, names, slice(at, at + len(extra))
 
 
@@ -298,44 +298,6 @@ def _patience(penalty: float, close: float, ordinary: float) -> float:
     sigma = close * ordinary
     near = 1.0 / (1.0 + penalty * sigma**2)
     return max(_PATIENCE, min(_ROUNDED * EPS * penalty, _NEAR * near))
-
-
-def _scaled(system: System, q: Floats, layout: Layout, penalty: float) -> Rows:
-    """The rows with scale 1 / |Φ_q,r| and α_r = penalty / (Φ_q,r M⁻¹ Φ_q,rᵀ), both as drawn.
-
-    One over the denominator is the mass that the row moves: about its lightest block. M is
-    replaced by its diagonal, and missing masses by the mean.
-    """
-    rows, D = system.rows, layout.dimension
-    g, g2 = np.zeros(rows.i.size * D), np.zeros(rows.b.size)
-    kernel.jacobian((0.0,) * D, rows, q, g, g2)
-    light = np.zeros(layout.blocks)  # 1 / mass of each block; fixed ones do not move
-    mass = system.mass.diagonal
-    light[: mass.size] = 1.0 / np.where(mass > 0.0, mass, system.mean)
-    square, entry = ((each.reshape(-1, D) ** 2).sum(axis=1) for each in (g, g2))
-
-    both, bars, alike = int(rows.both), rows.i.size, _of_one_length(rows.first, rows.movable)
-
-    def sums(weight: Floats) -> Floats:
-        """Σ |Φ_q,r,b|² weight_b over the movable blocks b of each row."""
-        total = np.zeros(rows.alpha.size)
-        total[:bars] = square * weight[rows.i]
-        total[:both] += (square * weight[rows.j])[:both]
-        entries = entry * weight[rows.block]
-        for own, places in alike:
-            total[bars:][own] = entries[places].sum(axis=1)
-        return np.where(total > 0.0, total, 1.0)
-
-    scale = 1.0 / np.sqrt(sums(np.ones(layout.blocks)))
-    return changed(rows, alpha=penalty / sums(light), scale=scale)
-
-
-@remembered(64)
-def _of_one_length(first: Indices, movable: Indices) -> list[tuple[Integers, Integers]]:
-    """Rows that have as many movable entries (rows,), and their entries (rows, entries)."""
-    start, count = first[:-1].astype(np.int64), (movable - first[:-1]).astype(np.int64)
-    groups = ((np.flatnonzero(count == m), np.arange(m)) for m in np.unique(count).tolist())
-    return [(own, start[own, None] + entries) for own, entries in groups]
 
 
 def allocate(model: Model, system: System, stages: int) -> Work:
