@@ -25,7 +25,7 @@ _FORMAT = 2  # of marshal: the last one in which equal values have equal bytes
 _LARGEST = 1 << 14  # bytes of a key, from which on nothing is kept
 
 
-class Memory:
+class ResultMemory:
     """Results by key: the last `most`, those used last. Any thread may ask."""
 
     def __init__(self, most: int) -> None:
@@ -58,14 +58,14 @@ def exactly(value: Any) -> bytes:
 
 
 def remembered(most: int) -> Callable[[F], F]:
-    """A function whose results are kept in a `Memory`.
+    """A function whose results are kept in a `ResultMemory`.
 
     Its arguments are numbers, arrays, nested tuples of these, or objects that are compared by
     identity.
     """
 
     def of(function: F) -> F:
-        memory = Memory(most)
+        memory = ResultMemory(most)
 
         @wraps(function)
         def known(*arguments: Any) -> Any:

@@ -18,7 +18,7 @@ from alf_ros.kernel.data import EPS
 from alf_ros.kernel.step_error import JUDGED
 from alf_ros.mechanism import Coordinate, Mechanism, Point, Vector
 from alf_ros.mechanism import natural_coordinates as layouts
-from alf_ros.mechanism.memory import Memory
+from alf_ros.mechanism.memory import ResultMemory
 from alf_ros.mechanism.natural_coordinates import Layout
 from alf_ros.model.arm_tree import arms_of
 from alf_ros.model.constraints import auxiliary
@@ -38,7 +38,7 @@ from alf_ros.model.symbolic_factor import elimination_order, pattern_of
 
 T = TypeVar('T')
 
-_ROWS, _MEASURES = Memory(32), Memory(32)  # by geometry
+_ROWS, _MEASURES = ResultMemory(32), ResultMemory(32)  # by geometry
 _PATIENCE = 1e-4  # of two rounds of a solve: the ratio that counts as slow; at least
 _ROUNDED = 300.0  # times ε penalty: what rounding leaves of a round, at most
 _NEAR = 0.05  # of the ratio at a place that is too close to a singular position
@@ -224,8 +224,10 @@ def compile_model(mechanism: Mechanism, penalty: float) -> Model:
     return model
 
 
-def _of_geometry(memory: Memory, mechanism: Mechanism, make: Callable[[], T], *more: bytes) -> T:
-    """What `make` gives, which the geometry of a mechanism determines, and `more`."""
+def _of_geometry(
+    memory: ResultMemory, mechanism: Mechanism, make: Callable[[], T], *more: bytes
+) -> T:
+    """The result of `make`, which the geometry of a mechanism and `more` determine."""
     key = mechanism.geometry
     return make() if key is None else memory.found((key, *more), make)
 

@@ -13,8 +13,9 @@ import numpy as np
 import pytest
 
 from alf_ros import Simulation, load_scene
+from alf_ros.arrays import Floats
 from alf_ros.kernel import Mass
-from alf_ros.mechanism.memory import Memory, exactly, remembered
+from alf_ros.mechanism.memory import ResultMemory, exactly, remembered
 from alf_ros.model.compile import allocate
 from alf_ros.model.struct_memory import StructMemory, changed, frozen, made
 from alf_ros.scene.overrides import with_changes
@@ -78,9 +79,9 @@ def test_zeros_of_either_sign_are_different_arguments() -> None:
 
 
 def test_a_memory_is_bounded_and_keeps_nothing_large() -> None:
-    memory, made_by = Memory(2), []
+    memory, made_by = ResultMemory(2), []
 
-    def make() -> np.ndarray:
+    def make() -> Floats:
         made_by.append(1)
         return np.zeros(3)
 
