@@ -19,6 +19,8 @@ from alf_ros.kernel.numba_ext.structs import Struct, StructType, VectorType, _wo
 
 S = TypeVar('S', bound=Struct)
 
+# by the types of structs, which live as long as the process; to hash one calls Python
+_PLACES: dict[int, dict[str, tuple[int, Any]]] = {}
 _NOTHING = ctypes.c_char * 0
 _WORD = 8  # bytes, of each number in a workspace
 _ALIGNED = 2  # words: where memory of its own would begin
@@ -65,8 +67,9 @@ def changed(struct: S, **parts: Any) -> S:
     As `dataclasses.replace`, which examines all parts again. Raises TypeError for an array of
     another type.
     """
-    fields = {name: value for name, value in vars(struct).items() if name != '_plain'}
-    return _made(type(struct), fields, struct._table.copy(), _type_of(struct), parts)
+    fields = vars(struct).copy()
+    fields.pop('_plain', None)
+    return _made(type(struct), fields, struct._table.copy(), fields['_numba_type_'], parts)
 
 
 def made(kind: type[S], **parts: Any) -> S:
@@ -83,11 +86,6 @@ def frozen(struct: S) -> S:
     return struct
 
 
-def _type_of(struct: Struct) -> StructType:
-    kind: StructType = vars(struct)['_numba_type_']
-    return kind
-
-
 def _made(
     kind: type[S], fields: dict[str, Any], table: Any, of: StructType, parts: Mapping[str, Any]
 ) -> S:
@@ -102,17 +100,20 @@ def _made(
         if value.dtype != dtype or not value.flags.c_contiguous:
             raise TypeError(f'{kind.__name__}.{name} is no array of {dtype}')
         table[word], table[word + 1] = _address(value), value.size
-    made = object.__new__(kind)
-    fields.update(_table=table, _address=_address(table), _numba_type_=of)
-    vars(made).update(fields)
-    return made
+    fields['_table'], fields['_address'], fields['_numba_type_'] = table, _address(table), of
+    found = object.__new__(kind)
+    vars(found).update(fields)
+    return found
 
 
-@cache  # as many as there are kinds of structs
 def _word_at(of: StructType) -> dict[str, tuple[int, Any]]:
     """The first word of each field, and the type of its numbers if it is an array."""
-    dtypes = dict(of.words)
-    return {name: (word, dtypes[name]) for name, word, _ in of.parts if name in dtypes}
+    found = _PLACES.get(id(of))
+    if found is None:
+        dtypes = dict(of.words)
+        found = {name: (word, dtypes[name]) for name, word, _ in of.parts if name in dtypes}
+        _PLACES[id(of)] = found
+    return found
 
 
 def _address(array: np.ndarray[Any, Any]) -> int:

@@ -296,7 +296,7 @@ def _read_scene(
     }
     if found.drives is not None:
         whole['drives'] = found.drives
-    settings = dataclasses.asdict(solver)
+    settings = dict(vars(solver))
     if solver.accuracy is None:
         del settings['accuracy']
     whole['solver'] = joined(settings, {})
