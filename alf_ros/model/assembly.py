@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import product
 
 import numpy as np
@@ -19,6 +20,7 @@ from alf_ros.errors import AssemblyError
 from alf_ros.kernel import System, Work
 from alf_ros.kernel.data import NOTHING
 from alf_ros.mechanism import affine
+from alf_ros.mechanism.memory import remembered
 from alf_ros.model.closing_newton import opened, settle
 from alf_ros.model.compile import Model, allocate, hold
 from alf_ros.model.constraints.drives import is_aligned
@@ -28,6 +30,7 @@ from alf_ros.model.prescribed import prescribe
 from alf_ros.model.rank import distance, effective_rank
 
 _TO_ROUNDING = kernel.Until(iterations=100, tolerance=1e-15, patience=1.0)
+_NEAR_BY = 4  # places that each search for an ordinary position examines
 _SOFT = 0.05  # σ below which a position may be beside a singular one
 _FIRMER = 20.0  # times the σ of an ordinary position near it
 
@@ -302,24 +305,24 @@ def ordinary(model: Model, q: Floats, work: Work | None = None) -> tuple[int, Fl
     that positions around it are examined too, and if rows depend on others there, places with
     drives elsewhere.
     """
-    random = np.random.default_rng(0)
+    random = _Directions(model.n)
     places_only, names, _ = hold(model, [], velocities=False)
     work = work or allocate(model, model.system, 0)
     closing = work if places_only is model.system else allocate(model, places_only, 0)
     best, places, closed = -1, [q], 0
     for turn in range(12):
         near, away = np.array(q), 0.05 * model.size if turn else 0.0
-        if turn >= 4 and best == len(model.row_names):
+        if turn >= _NEAR_BY and best == len(model.row_names):
             break
-        if 4 <= turn < 8:  # long chains may close nearer only
+        if _NEAR_BY <= turn < 8:  # long chains may close nearer only
             if closed:
                 continue
             away = 0.05 * min(model.size, _shortest(model))
         if turn >= 8:  # with drives where they begin there may be no other place
             if not model.mechanism.prescribed:
                 break
-            _displace(model, near, 0.05 * random.standard_normal())
-        near[: model.n] += away * random.standard_normal(model.n)
+            _displace(model, near, 0.05 * random.generator.standard_normal())
+        near[: model.n] += away * random.next()
         if turn:
             try:
                 near = _closed(model, places_only, names, closing, near)
@@ -355,6 +358,33 @@ def ordinary(model: Model, q: Floats, work: Work | None = None) -> tuple[int, Fl
             if found > _FIRMER * sigma:
                 place, sigma = other, found
     return len(model.row_names) - rank, place, sigma
+
+
+class _Directions:
+    """Random directions (n,), the same in every search, one after another."""
+
+    def __init__(self, n: int) -> None:
+        self._n, self._given = n, 0
+
+    def next(self) -> Floats:
+        """The next direction."""
+        if self._given == _NEAR_BY:
+            return self.generator.standard_normal(self._n)
+        self._given += 1
+        return _directions(self._n)[self._given - 1]
+
+    @cached_property
+    def generator(self) -> np.random.Generator:
+        """The generator, which has given the first directions."""
+        generator = np.random.default_rng(0)
+        generator.standard_normal(self._given * self._n)
+        return generator
+
+
+@remembered(64)
+def _directions(n: int) -> Floats:
+    """The first directions, which every search takes: to make a generator takes longer."""
+    return np.random.default_rng(0).standard_normal((_NEAR_BY, n))
 
 
 def _shortest(model: Model) -> float:

@@ -82,7 +82,7 @@ def frozen(struct: S) -> S:
     """The struct, whose own arrays are read-only from now on."""
     for part in vars(struct).values():
         if isinstance(part, np.ndarray):
-            part.flags.writeable = False
+            part.setflags(write=False)
     return struct
 
 

@@ -24,22 +24,23 @@ def scaled_rows(system: System, q: Floats, layout: Layout, penalty: float) -> Ro
     light = np.zeros(layout.blocks)  # 1 / mass of each block; fixed ones do not move
     mass = system.mass.diagonal
     light[: mass.size] = 1.0 / np.where(mass > 0.0, mass, system.mean)
-    square, entry = ((each.reshape(-1, D) ** 2).sum(axis=1) for each in (g, g2))
-
+    square, entry = (np.add.reduce(each.reshape(-1, D) ** 2, axis=1) for each in (g, g2))
     both, bars, alike = int(rows.both), rows.i.size, _of_one_length(rows.first, rows.movable)
 
-    def sums(weight: Floats) -> Floats:
-        """Σ |Φ_q,r,b|² weight_b over the movable blocks b of each row."""
+    def sums(i: Floats, j: Floats, entries: Floats) -> Floats:
+        """Σ |Φ_q,r,b|² over the movable blocks b of each row, of its parts."""
         total = np.zeros(rows.alpha.size)
-        total[:bars] = square * weight[rows.i]
-        total[:both] += (square * weight[rows.j])[:both]
-        entries = entry * weight[rows.block]
+        total[:bars] = i
+        total[:both] += j[:both]
+        of_forms = total[bars:]
         for own, places in alike:
-            total[bars:][own] = entries[places].sum(axis=1)
-        return np.where(total > 0.0, total, 1.0)
+            of_forms[own] = np.add.reduce(entries[places], axis=1)
+        total[~(total > 0.0)] = 1.0
+        return total
 
-    scale = 1.0 / np.sqrt(sums(np.ones(layout.blocks)))
-    return changed(rows, alpha=penalty / sums(light), scale=scale)
+    light_entries = entry * light[rows.block]
+    masses = sums(square * light[rows.i], square * light[rows.j], light_entries)
+    return changed(rows, alpha=penalty / masses, scale=1.0 / np.sqrt(sums(square, square, entry)))
 
 
 @remembered(64)
