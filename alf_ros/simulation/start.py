@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from alf_ros.arrays import Floats
 from alf_ros.errors import AssemblyError
 from alf_ros.kernel import Work
-from alf_ros.model import assembly, singular_start
+from alf_ros.model import assembly, ordinary_positions, singular_start
 from alf_ros.model.compile import Model, allocate, compile_model
 from alf_ros.model.consistency import Adjustment, made_consistent
 from alf_ros.model.penalty import LEAST_PENALTY, fitted
@@ -79,7 +79,7 @@ def assembled(scene: Scene, solver: Solver) -> Assembled:
             model, q, dependent, ordinary = _assembled(scene, model, work)
         if alf2:
             model = fitted(model, model.system.ordinary)
-        near = assembly.within(model, q, dependent, work)
+        near = ordinary_positions.within(model, q, dependent, work)
         if near:
             q = assembly.close(model, scene.positions, q, least=0.0)
     except AssemblyError as error:
@@ -91,5 +91,5 @@ def _assembled(scene: Scene, model: Model, work: Work) -> tuple[Model, Floats, i
     """The model with ordinary values near its closed position; that position q (blocks D, m); the
     number of dependent rows; and an ordinary position (blocks D, m)."""
     q = assembly.close(model, scene.positions, work=work)
-    dependent, ordinary, sigma = assembly.ordinary(model, q, work)
+    dependent, ordinary, sigma = ordinary_positions.ordinary(model, q, work)
     return model.accustomed(sigma, dependent), q, dependent, ordinary

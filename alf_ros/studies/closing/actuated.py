@@ -15,7 +15,7 @@ from alf_ros.arrays import Floats
 from alf_ros.errors import AssemblyError, InputError
 from alf_ros.mechanism import GROUND, Coordinate, Drive, Mechanism, natural_coordinates
 from alf_ros.mechanism.time_function import signal
-from alf_ros.model import assembly
+from alf_ros.model import assembly, ordinary_positions
 from alf_ros.model.carried_positions import carried
 from alf_ros.model.compile import Model, allocate, compile_model
 from alf_ros.model.constraints.row import Row
@@ -94,7 +94,7 @@ def actuated(scene: Scene, active: Sequence[str]) -> Actuated:
     try:
         model = compile_model(driven, free.model.penalty)
         q = assembly.close(model, {}, carried(free.model, free.q, model))
-        dependent, _, sigma = assembly.ordinary(model, q)
+        dependent, _, sigma = ordinary_positions.ordinary(model, q)
         model = fitted(model.accustomed(sigma, dependent), sigma)
     except AssemblyError as error:
         raise AssemblyError(error.message, file=scene.file, key=error.key) from None
