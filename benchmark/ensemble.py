@@ -62,7 +62,7 @@ def study(
     )
 
 
-def of_one_member(name: str, vary: dict[str, Any], duration: float, rounds: int = 25) -> None:
+def of_one_member(name: str, vary: dict[str, Any], duration: float, rounds: int = 15) -> None:
     """The parts of a member, medians."""
     made = study(rounds + 1, duration, name, vary)
     run_member(made, rounds)  # compiles
@@ -80,7 +80,7 @@ def of_one_member(name: str, vary: dict[str, Any], duration: float, rounds: int 
     print(
         f'{name:17}{next(iter(vary)):13}'
         + ''.join(f'{found[part]:11.3f}' for part in parts)
-        + f'{building:12.3f}'
+        + f'{building:11.3f}'
     )
 
 
@@ -94,11 +94,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--members', type=int, default=512)
     options = parser.parse_args()
-    print('a member of 10 s, ms of each part, and building in times of the steps:')
-    print(f'{"":17}{"varied":13}{"scene":>11}{"simulation":>11}{"steps":>11}{"reading":>11}')
+    print('a member of 1 s, ms of each part, and building in times of the steps:')
+    heads = ('scene', 'simulation', 'steps', 'reading', 'building')
+    print(f'{"":17}{"varied":13}' + ''.join(f'{head:>11}' for head in heads))
     for name, kinds in VARIED.items():
         for vary in kinds:
-            of_one_member(name, vary, 10.0)
+            of_one_member(name, vary, 1.0)
     made = study(options.members, 10.0)
     here = rate(made, ThisProcess())
     one, two = rate(made, Processes(1)), rate(made, Processes(2))
