@@ -12,6 +12,7 @@ import argparse
 import tempfile
 import time
 from collections.abc import Callable
+from copy import copy
 from pathlib import Path
 from statistics import median
 from typing import Any, TypeVar
@@ -21,7 +22,7 @@ from alf_ros.studies.ensemble.chunk import run_chunk
 from alf_ros.studies.ensemble.crews import Crew, Processes, ThisProcess
 from alf_ros.studies.ensemble.distributions import normal
 from alf_ros.studies.ensemble.ensemble import conduct
-from alf_ros.studies.ensemble.member import run_member
+from alf_ros.studies.ensemble.member import outputs_of, run_member
 from alf_ros.studies.ensemble.store import EnsembleStore
 from alf_ros.studies.ensemble.study import Study
 from alf_ros.studies.ensemble.study_reading import study_of
@@ -70,9 +71,9 @@ def of_one_member(name: str, vary: dict[str, Any], duration: float, rounds: int 
     for k in range(rounds):
         scene, read = timed(made.scene_of, k)
         simulation, assembled = timed(Simulation, scene)
-        _, stepped = timed(simulation.step, round(duration / simulation.h))
-        _, whole = timed(run_member, made, k)
-        reading = whole - read - assembled - stepped
+        twin = copy(simulation)
+        _, stepped = timed(twin.step, round(duration / simulation.h))
+        reading = timed(outputs_of, made, simulation)[1] - stepped
         for part, seconds in zip(parts, (read, assembled, stepped, reading), strict=True):
             parts[part].append(seconds)
     found = {part: 1e3 * median(each) for part, each in parts.items()}

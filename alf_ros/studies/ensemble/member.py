@@ -33,7 +33,7 @@ def simulation_of(study: Study, k: int) -> Simulation:
 def run_member(study: Study, k: int) -> Member:
     """Run member k. What fails in it is its reason; only a stop from outside is raised."""
     try:
-        return Member(_ran(study, k))
+        return Member(outputs_of(study, simulation_of(study, k)))
     except StoppedError:
         raise
     except AlfError as error:
@@ -55,8 +55,9 @@ class _FunctionError(Exception):
     """Whatever a function of the user has raised."""
 
 
-def _ran(study: Study, k: int) -> tuple[Floats, ...]:
-    simulation = simulation_of(study, k)
+def outputs_of(study: Study, simulation: Simulation) -> tuple[Floats, ...]:
+    """The arrays of a member, which is run from its start. Raises StepError, and an exception for
+    what a function of the user raises."""
     times, grid = study.instants
     names = [name for output in study.outputs for name in output.quantities]
     everything = any(o.kind == 'function' and not o.reads for o in study.outputs)
