@@ -1,8 +1,9 @@
 """The cost of an ensemble beside single runs: python benchmark/ensemble.py [--members N]
 
-Of members of the slider-crank: the time of the steps alone, of assembling a scene with other
-numbers, and of a whole member; members per second in this process, with one and with two worker
-processes; and the cost of chunks and a store. Ratios are of medians in one run of this program.
+Of members of several mechanisms: the time of deriving the scene from the numbers, of building the
+simulation, of the steps alone, and of reading the outputs. For the slider-crank members per second
+in this process, with one and with two worker processes; and the cost of chunks and a store. Ratios
+are of medians in one run of this program.
 """
 
 from __future__ import annotations
@@ -11,16 +12,17 @@ import argparse
 import tempfile
 import time
 from collections.abc import Callable
+from copy import copy
 from pathlib import Path
 from statistics import median
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from alf_ros import Simulation
 from alf_ros.studies.ensemble.chunk import run_chunk
 from alf_ros.studies.ensemble.crews import Crew, Processes, ThisProcess
 from alf_ros.studies.ensemble.distributions import normal
 from alf_ros.studies.ensemble.ensemble import conduct
-from alf_ros.studies.ensemble.member import run_member
+from alf_ros.studies.ensemble.member import outputs_of, run_member
 from alf_ros.studies.ensemble.store import EnsembleStore
 from alf_ros.studies.ensemble.study import Study
 from alf_ros.studies.ensemble.study_reading import study_of
@@ -38,34 +40,50 @@ def timed(call: Callable[..., T], *arguments: object) -> tuple[T, float]:
 SOLVER = {'solver.integrator': ['dop853_adaptive'], 'solver.tolerance': [1e-8]}
 
 
-def study(members: int, duration: float) -> Study:
-    """Slider-cranks that differ in mass."""
+# a number of masses and one of lengths, which changes all shapes; of one mechanism each
+VARIED: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
+    'slider_crank': ({'coupler.mass': normal(1.0, 0.05)}, {'L': normal(1.0, 0.05)}),
+    'four_bar': ({'coupler.mass': normal(0.5, 0.02)}, {'a': normal(0.1, 0.001)}),
+    'delta_robot': ({'platform': normal(0.5, 0.02)}, {'l': normal(0.45, 0.002)}),
+    'stewart_platform': ({'plate': normal(20.0, 1.0)}, {'rp': normal(0.6, 0.002)}),
+}
+
+
+def study(
+    members: int, duration: float, name: str = 'slider_crank', vary: dict[str, Any] | None = None
+) -> Study:
+    """Mechanisms that differ in mass, or in `vary`; looked at ten times."""
     return study_of(
-        'slider_crank',
-        {'coupler.mass': normal(1.0, 0.05), **SOLVER},
+        name,
+        {**(vary or VARIED[name][0]), **SOLVER},
         members=members,
-        outputs=['final(points.B)', 'max(points.B.x)'],
+        outputs=['final(energy)', 'max(energy)'],
         duration=duration,
         period=duration / 10,
     )
 
 
-def of_one_member(duration: float, rounds: int = 15) -> None:
+def of_one_member(name: str, vary: dict[str, Any], duration: float, rounds: int = 15) -> None:
     """The parts of a member, medians."""
-    made = study(rounds + 1, duration)
+    made = study(rounds + 1, duration, name, vary)
     run_member(made, rounds)  # compiles
-    parts: dict[str, list[float]] = {'steps': [], 'scene': [], 'simulation': [], 'member': []}
+    parts: dict[str, list[float]] = {p: [] for p in ('scene', 'simulation', 'steps', 'reading')}
     for k in range(rounds):
         scene, read = timed(made.scene_of, k)
         simulation, assembled = timed(Simulation, scene)
-        _, stepped = timed(simulation.step, round(duration / simulation.h))
-        _, whole = timed(run_member, made, k)
-        for name, seconds in zip(parts, (stepped, read, assembled, whole), strict=True):
-            parts[name].append(seconds)
-    alone = median(parts['steps'])
-    print(f'a member of {duration:g} s, in times of its steps ({1e3 * alone:.3g} ms):')
-    for name in ('scene', 'simulation', 'member'):
-        print(f'  {name:12}{median(parts[name]) / alone:8.3g}')
+        twin = copy(simulation)
+        _, stepped = timed(twin.step, round(duration / simulation.h))
+        samples = simulation.run(duration, at=made.instants[0].tolist())
+        reading = timed(outputs_of, made, samples, tuple)[1] - stepped
+        for part, seconds in zip(parts, (read, assembled, stepped, reading), strict=True):
+            parts[part].append(seconds)
+    found = {part: 1e3 * median(each) for part, each in parts.items()}
+    building = (found['scene'] + found['simulation']) / found['steps']
+    print(
+        f'{name:17}{next(iter(vary)):13}'
+        + ''.join(f'{found[part]:11.3f}' for part in parts)
+        + f'{building:11.3f}'
+    )
 
 
 def rate(made: Study, crew: Crew) -> float:
@@ -78,8 +96,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--members', type=int, default=512)
     options = parser.parse_args()
-    for duration in (1.0, 10.0):
-        of_one_member(duration)
+    print('a member of 1 s, ms of each part, and building in times of the steps:')
+    heads = ('scene', 'simulation', 'steps', 'reading', 'building')
+    print(f'{"":17}{"varied":13}' + ''.join(f'{head:>11}' for head in heads))
+    for name, kinds in VARIED.items():
+        for vary in kinds:
+            of_one_member(name, vary, 1.0)
     made = study(options.members, 10.0)
     here = rate(made, ThisProcess())
     one, two = rate(made, Processes(1)), rate(made, Processes(2))

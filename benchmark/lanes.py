@@ -1,9 +1,9 @@
-"""What a member costs in lanes beside its single run: python benchmark/lanes.py [--members N]
+"""The cost of a member in lanes beside its single run: python benchmark/lanes.py [--members N]
 
-Of each mechanism: members that differ in gravity, from the same start, with rk4 and dop853 at fixed
-steps; the time of a step of a member in lanes and alone, their ratio, and the part of the steps
-that members took alone, beside singular positions. The fastest of several rounds of both, by
-turns, in one process. Then `Ensemble.step`. Writes benchmark/results/lanes.csv.
+Of each mechanism: members that differ in gravity, from the same start, with rk4 and dop853 at
+fixed steps; the time of a step of a member in lanes and alone, their ratio, and the part of the
+steps that members took alone, beside singular positions. The fastest of several rounds of both,
+by turns, in one process. Then `Ensemble.step`. Writes benchmark/results/lanes.csv.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import csv
 import os
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -40,13 +40,15 @@ ROUNDS = 5
 COLUMNS = 'mechanism,integrator,step_s,lanes,lanes_us,alone_us,ratio,apart'.split(',')
 
 
-def scenes_of(name: str, parameters: dict[str, float], members: int) -> list[Scene]:
+def scenes_of(name: str, parameters: Mapping[str, float], members: int) -> list[Scene]:
     """Members that differ in gravity, up to 5 %."""
     scene = load_scene(name, parameters)
     (gravity,) = (effect for effect in scene.effects if effect.kind == 'gravity')
     down = np.array(gravity.parameters.acceleration)
     return [
-        with_changes(scene, {'gravity.acceleration': str((down * (1.0 + 0.05 * k / members)).tolist())})
+        with_changes(
+            scene, {'gravity.acceleration': str((down * (1.0 + 0.05 * k / members)).tolist())}
+        )
         for k in range(members)
     ]
 
@@ -93,7 +95,8 @@ def main() -> None:
     parser.add_argument('--members', type=int, default=64)
     options = parser.parse_args()
     print(f'{width()} lanes')
-    print(f'{"":18}{"":>8}{"step, ms":>10}{"lanes, us":>11}{"alone, us":>11}{"ratio":>7}{"apart":>7}')
+    heads = 'lanes, us', 'alone, us'
+    print(f'{"":26}{"step, ms":>10}{heads[0]:>11}{heads[1]:>11}{"ratio":>7}{"apart":>7}')
     rows: list[list[object]] = []
     for label, (name, parameters) in MECHANISMS.items():
         scenes = scenes_of(name, parameters, options.members)

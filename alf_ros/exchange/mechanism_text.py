@@ -170,7 +170,7 @@ def _body(part: RobotPart, points: _Points, carried: list[str]) -> dict[str, Any
     if part.mass == 0.0:
         return fields
     first, *others = (points.at[name] for name in carried)
-    axes = frame_axes([place - first for place in others])
+    axes = frame_axes(np.array([place - first for place in others]).reshape(-1, 3))
     J = axes @ part.inertia @ axes.T
     size = float(np.abs(J).max())
     moments = [J[0, 0], J[1, 1], J[2, 2], J[0, 1], J[0, 2], J[1, 2]]

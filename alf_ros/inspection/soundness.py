@@ -20,7 +20,7 @@ from alf_ros.arrays import Floats
 from alf_ros.errors import AssemblyError
 from alf_ros.inspection.branches_report import Branches, reported
 from alf_ros.inspection.position_sweep import Sweep, sweep
-from alf_ros.model import assembly, singular_branches
+from alf_ros.model import assembly, ordinary_positions, singular_branches
 from alf_ros.model.compile import Model, allocate, compile_model
 from alf_ros.model.constraints.drives import offset
 from alf_ros.model.constraints.rows import joint_rows, rigidity
@@ -298,7 +298,7 @@ def _start(scene: Scene, at: Linearised, is_known_bad: bool) -> Iterator[Answer]
         simulation = Simulation(replace(scene, solver=solver))
     except AssemblyError as error:
         fault = error
-    dependent, _, sigma = assembly.ordinary(at.model, at.q)
+    dependent, _, sigma = ordinary_positions.ordinary(at.model, at.q)
     here = singular_branches.position(at.model.accustomed(sigma, dependent), at.q)
     gained = len(here.lost) - dependent
     if simulation is not None and simulation.singular_start is not None:
@@ -352,7 +352,7 @@ def _examined(usual: Linearised, walk: Sweep) -> tuple[Branches, ...]:
     """The kinds of the singular positions of a walk; `walk.singular` becomes exact."""
     if not walk.singular:
         return ()
-    dependent, _, sigma = assembly.ordinary(usual.model, usual.q)
+    dependent, _, sigma = ordinary_positions.ordinary(usual.model, usual.q)
     model = usual.model.accustomed(sigma, dependent)
     walk.singular[:] = [located(model, q) for q in walk.singular]
     return tuple(reported(singular_branches.position(model, q), dependent) for q in walk.singular)

@@ -143,7 +143,7 @@ def embedded_difference(method: Method, work: Work) -> None:
 
 @inner
 def remember(judged: Floats, moved: float, unresolved: bool, counts: bool) -> None:
-    """Add the error of a step that `counts`, in parts of the size, to those of the last steps."""
+    """Add the error of a step that `counts`, in parts of the size, to the sums of recent steps."""
     recent = judged[RECENT] + (moved - _MEMORY * judged[RECENT])
     rough = judged[UNRESOLVED] + (pick(unresolved, 1.0, 0.0) - _MEMORY * judged[UNRESOLVED])
     steps = judged[STEPS] + (1.0 - _MEMORY * judged[STEPS])
@@ -161,7 +161,7 @@ def remember(judged: Floats, moved: float, unresolved: bool, counts: bool) -> No
 
 @inlined
 def lost_lately(judged: Floats, moved: float) -> float:
-    """The errors of about the last 100 steps after one more; above 1 the motion is lost."""
+    """The errors of about the last 100 steps after one more; above 1 steps are too long."""
     return judged[LOST] + (moved - _SHORT_MEMORY * judged[LOST])
 
 

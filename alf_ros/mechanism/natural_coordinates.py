@@ -10,13 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.mechanism import affine
 from alf_ros.mechanism.affine import Form
+from alf_ros.mechanism.memory import remembered
 from alf_ros.mechanism.parts import GROUND, Body, Mechanism, Numbers
 
 TURN = np.array([[0.0, -1.0], [1.0, 0.0]])  # J, a quarter turn
@@ -62,7 +63,7 @@ class Layout:
     of_body: Mapping[str, tuple[int, ...]]
     of_auxiliary: Mapping[str, int]
     of_prescribed: Mapping[str, int]
-    _shapes: dict[tuple[object, ...], Shape] = field(default_factory=dict)
+    _shapes: dict[str, Shape] = field(default_factory=dict)
 
     def renumbered(self, place: Sequence[int]) -> Layout:
         """The same with other numbers for the blocks: `place` (blocks,) of each."""
@@ -102,12 +103,12 @@ class Layout:
         return self.mechanism.bodies
 
     def shape(self, name: str) -> Shape:
-        """Affine forms of a body, made for all bodies of one shape at once."""
-        body = self.mechanism.body[name]
-        key = body.local, body.axes
-        if key not in self._shapes:
-            self._shapes[key] = _shape(self.dimension, self.length, body)
-        return self._shapes[key]
+        """Affine forms of a body; the same object for all bodies of one shape."""
+        if name not in self._shapes:
+            body = self.mechanism.body[name]
+            unit = self.length if body.axes else 1.0
+            self._shapes[name] = _shape(self.dimension, unit, body.local, body.axes)
+        return self._shapes[name]
 
     def direction(self, body: str, local: Numbers) -> Form:
         """A direction fixed in a body (or in the ground), from the body frame."""
@@ -142,7 +143,7 @@ class Layout:
         return len(self.shape(name).ends) >= (1 if self.dimension == 2 else 3)
 
 
-@lru_cache(maxsize=1024)
+@remembered(1024)
 def direction(shape: Shape, local: Numbers) -> Form:
     """A direction fixed in a body, from its frame, in the body's own blocks."""
     c, D = shape.inverse @ np.asarray(local, dtype=float), shape.inverse.shape[1]
@@ -155,16 +156,21 @@ def direction(shape: Shape, local: Numbers) -> Form:
     return total
 
 
-@lru_cache(maxsize=1024)
+@remembered(1024)
 def place(shape: Shape, local: Numbers) -> Form:
     """A place fixed in a body, from its frame (m), in the body's own blocks."""
     return affine.of_block(0, shape.inverse.shape[1]) + direction(shape, local)
 
 
-def _shape(dimension: int, length: float, body: Body) -> Shape:
-    points = len(body.points)
-    places = [np.array(place, dtype=float) for place in body.local]
-    places += [length * np.array(axis) for axis in body.axes]
+@remembered(1024)
+def _shape(
+    dimension: int, length: float, local: tuple[Numbers, ...], axes: tuple[Numbers, ...]
+) -> Shape:
+    """The shape of bodies whose points and vectors are there in their frame, the vectors of a
+    length, m."""
+    points = len(local)
+    places = [np.array(place, dtype=float) for place in local]
+    places += [length * np.array(axis) for axis in axes]
     # the second point, then vectors, then further points: independent ones span the body
     order = [*range(1, min(2, points)), *range(points, len(places)), *range(2, points)]
     found = independent([places[n] for n in order], 1 if dimension == 2 else 3)
@@ -179,12 +185,18 @@ def _shape(dimension: int, length: float, body: Body) -> Shape:
     return Shape(tuple(places), points, ends, inverse)
 
 
-def independent(directions: Sequence[Floats], most: int, least: float = 1e-6) -> list[int]:
+def independent(directions: Sequence[Floats], most: int, least: float = 1e-6) -> tuple[int, ...]:
     """Which of the directions to choose as a basis, `most` of them: the first one that is not
     zero, then the first that is well apart from those chosen, or else the one farthest apart.
 
     `least` is the sine below which a direction counts as dependent.
     """
+    return _independent(np.array(directions), most, least) if directions else ()
+
+
+@remembered(1024)
+def _independent(directions: Floats, most: int, least: float) -> tuple[int, ...]:
+    """The same of directions in rows."""
     chosen: list[int] = []
     axes: list[Floats] = []
     while len(chosen) < most:
@@ -203,7 +215,7 @@ def independent(directions: Sequence[Floats], most: int, least: float = 1e-6) ->
         d = d - sum(((d @ a) * a for a in axes), 0.0 * d)
         chosen.append(best)
         axes.append(d / np.linalg.norm(d))
-    return chosen
+    return tuple(chosen)
 
 
 def cut(mechanism: Mechanism) -> Layout:

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 
+from alf_ros.mechanism.memory import exactly
 from alf_ros.mechanism.time_function import Signal, cosine, rate, sine
 
 GROUND = 'ground'
@@ -236,6 +237,32 @@ class Mechanism:
         names += [d.name for d in self.drives if d.kind == 'angle' and not d.from_ground]
         names += [joint.name + suffix for joint in self.joints for suffix in joint.auxiliary]
         return tuple(names)
+
+    @cached_property
+    def geometry(self) -> bytes | None:
+        """The parts that coordinates and rows depend on, exactly, as a key: all but masses,
+        stiffnesses and functions of time. None where functions of time turn or carry joints."""
+        if any(joint.motion for joint in self.joints):
+            return None
+        items = [(item.name, item.at, item.fixed) for item in self.points]
+        items += [(item.name, item.along, item.fixed) for item in self.vectors]
+        bodies = [(b.name, b.points, b.local, b.vectors, b.axes) for b in self.bodies]
+        joints = [
+            (
+                (j.name, j.kind, j.parent, j.child, j.point, j.vector, j.value, j.of_parent),
+                tuple((frame.origin, frame.axes) for frame in j.frames),
+                j.auxiliary,
+            )
+            for j in self.joints
+        ]
+        drives = [
+            (d.name, d.kind, d.of, tuple(each is None for each in d.motion), d.from_ground)
+            for d in self.drives
+        ]
+        rotors = [(rotor.name, rotor.of) for rotor in self.rotors]
+        couplings = [(coupling.name, coupling.of) for coupling in self.couplings]
+        parts = (items, bodies, joints, drives, rotors, couplings)
+        return exactly((self.dimension, *(tuple(part) for part in parts)))
 
     @property
     def blocks(self) -> tuple[Point | Vector, ...]:

@@ -7,7 +7,9 @@ from collections import defaultdict, deque
 import numpy as np
 
 from alf_ros.kernel import FREE, ORIGIN, Arms
+from alf_ros.mechanism.memory import remembered
 from alf_ros.mechanism.natural_coordinates import Layout
+from alf_ros.model.struct_memory import frozen
 
 
 def arms_of(layout: Layout) -> Arms:
@@ -16,24 +18,30 @@ def arms_of(layout: Layout) -> Arms:
     The tree grows from the ground, by as few bodies as possible; a floating part hangs on one of
     its points, which turns about no other.
     """
+    bodies = [(len(body.points), layout.of_body[body.name]) for body in layout.bodies]
+    return _tree(tuple(bodies), layout.movable)
+
+
+@remembered(64)
+def _tree(bodies: tuple[tuple[int, tuple[int, ...]], ...], movable: int) -> Arms:
+    """The tree of bodies with so many points, then vectors, on these blocks."""
     neighbours: dict[int, list[tuple[int, ...]]] = defaultdict(list)
-    about = np.full(layout.movable, FREE, dtype=np.int64)
-    for body in layout.bodies:
-        blocks = layout.of_body[body.name]
-        points = blocks[: len(body.points)]
+    about = np.full(movable, FREE, dtype=np.int64)
+    for count, blocks in bodies:
+        points = blocks[:count]
         for block in points:
             neighbours[block].append(points)
-        for block in blocks[len(points) :]:
-            if block < layout.movable:
+        for block in blocks[count:]:
+            if block < movable:
                 about[block] = ORIGIN
     order: list[int] = []
-    near = deque(block for block in neighbours if block >= layout.movable)
+    near = deque(block for block in neighbours if block >= movable)
     seen = set(near)
     floating = iter(list(neighbours))
     while True:
         while near:
             block = near.popleft()
-            if block < layout.movable:
+            if block < movable:
                 order.append(block)
             for points in neighbours[block]:
                 for other in points:
@@ -46,5 +54,5 @@ def arms_of(layout: Layout) -> Arms:
             break
         seen.add(start)
         near.append(start)
-    order += sorted(set(range(layout.movable)) - set(order))
-    return Arms(order=np.array(order, dtype=np.uint32), about=about)
+    order += sorted(set(range(movable)) - set(order))
+    return frozen(Arms(order=np.array(order, dtype=np.uint32), about=about))

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 
 import numpy as np
 
@@ -19,30 +18,47 @@ from alf_ros.errors import AssemblyError
 from alf_ros.kernel import System, Work
 from alf_ros.kernel.data import NOTHING
 from alf_ros.mechanism import affine
+from alf_ros.model.closing_newton import opened, settle
 from alf_ros.model.compile import Model, allocate, hold
 from alf_ros.model.constraints.drives import is_aligned
 from alf_ros.model.constraints.meshing import Mesh, meshing, slips
 from alf_ros.model.constraints.row import Row, linear
 from alf_ros.model.prescribed import prescribe
-from alf_ros.model.rank import distance, effective_rank
 
 _TO_ROUNDING = kernel.Until(iterations=100, tolerance=1e-15, patience=1.0)
-_SOFT = 0.05  # σ below which a position may be beside a singular one
-_FIRMER = 20.0  # times the σ of an ordinary position near it
 
 # components of points and vectors by name; None leaves one free
 Given = Mapping[str, Sequence[float | None]]
 
 
-def close(model: Model, given: Given, start: Floats | None = None, least: float = 1e-13) -> Floats:
+def close(
+    model: Model,
+    given: Given,
+    start: Floats | None = None,
+    least: float = 1e-13,
+    work: Work | None = None,
+) -> Floats:
     """Positions q (blocks D, m) that satisfy Φ = 0 and the given ones, nearest to the drawing.
 
     `start` (blocks D, m) is where to begin instead of the drawing. They are closed to `least` of
-    the size, or as far as rounding allows. Raises AssemblyError with the constraints that stay
-    open.
+    the size, or as far as rounding allows. `work`: memory for the rows of the model alone. Raises
+    AssemblyError with the constraints that stay open.
     """
     system, names, _ = hold(model, held(model, given), velocities=False)
-    work = allocate(model, system, 1)
+    if work is None or system is not model.system:
+        work = allocate(model, system, 0)
+    return closed(model, system, names, work, start, least)
+
+
+def closed(
+    model: Model,
+    system: System,
+    names: Sequence[str],
+    work: Work,
+    start: Floats | None,
+    least: float = 1e-13,
+) -> Floats:
+    """`close`, with the rows of `system`, which have `names`."""
     work.q[:] = model.q if start is None else start
     gap = _settle(model, system, work, least)
     _check(model, work, names, gap, 1e-10)
@@ -131,28 +147,11 @@ def _check(model: Model, work: Work, names: Sequence[str], gap: Floats, toleranc
 def _settle(model: Model, system: System, work: Work, least: float) -> Floats:
     """Move work.q along M to where its rows are closed to `least` of the size, or as far as that
     goes; returns by how much each stays open, m."""
-    q, best, fraction = np.array(work.q), np.inf, 1.0
-    for _ in range(200):
-        gap = _gaps(model, system, work)
-        if not gap.size or gap.max() <= least * model.size:
-            break
-        if gap.max() < best:
-            best, q[:], fraction = gap.max(), work.q, 1.0
-        else:  # the full step overshot: take half of it from the best place so far
-            fraction *= 0.5
-            if fraction < 1e-3:
-                work.q[:] = q
-                break
-        work.q[:] = q
-        _, violation = _linearised(model, system, work)
-        work.delta[:] = 0.0
-        rows = system.rows
-        kernel.add_transposed(
-            model.unit, rows, work.g, work.g2, -rows.alpha * violation, work.delta
-        )
-        kernel.solve(model.unit, system.pattern, work.diagonal, work.off, work.delta)
-        work.q[: model.n] += fraction * work.delta[: model.n]
-    return _gaps(model, system, work)
+    phi, gap = np.zeros(system.rows.alpha.size), np.zeros(system.rows.alpha.size)
+    least, best = float(least * model.size), np.array(work.q)
+    if not settle(model.unit, system, work, least, best, phi, gap):
+        raise _no_factor()
+    return gap
 
 
 @dataclass(frozen=True)
@@ -292,129 +291,6 @@ def brought_back(model: Model, q: Floats, qd: Floats, t: float) -> tuple[Floats,
     return q, x
 
 
-def ordinary(model: Model, q: Floats) -> tuple[int, Floats, float]:
-    """Ordinary values near q: the number of dependent rows, a position, and its distance σ.
-
-    q (blocks D, m) itself may be a singular position, so that positions around it are examined
-    too, and if rows depend on others there, places with drives elsewhere.
-    """
-    random = np.random.default_rng(0)
-    work = allocate(model, model.system, 1)
-    best, places, closed = -1, [q], 0
-    for turn in range(12):
-        near, away = np.array(q), 0.05 * model.size if turn else 0.0
-        if turn >= 4 and best == len(model.row_names):
-            break
-        if 4 <= turn < 8:  # long chains may close nearer only
-            if closed:
-                continue
-            away = 0.05 * min(model.size, _shortest(model))
-        if turn >= 8:  # with drives where they begin there may be no other place
-            if not model.mechanism.prescribed:
-                break
-            _displace(model, near, 0.05 * random.standard_normal())
-        near[: model.n] += away * random.standard_normal(model.n)
-        if turn:
-            try:
-                near = close(model, {}, near)
-                closed += 1
-            except AssemblyError:
-                continue
-        rank = _rank(model, work, near)
-        if rank > best:
-            best, places = rank, []
-        if rank == best:
-            places.append(near)
-    # many rows may be lost together, as where all cranks of a row lie flat: they are found again
-    # where all points go the same way
-    away = min(model.size, _shortest(model))
-    ways = (0.3 * away, -0.3 * away, 0.05 * away, -0.05 * away)  # far ones tell soft modes
-    for axis, way in product(range(model.layout.dimension), ways):
-        if best == len(model.row_names):
-            break
-        near = np.array(q)
-        near[axis : model.n : model.layout.dimension] += way
-        try:
-            near = close(model, {}, near)
-        except AssemblyError:
-            continue
-        rank = _rank(model, work, near)
-        if rank > best:
-            best, places = rank, [near]
-    rank = max(best, 0)
-    place, sigma = places[0], _softness(model, work, places[0], rank)
-    if sigma < _SOFT and np.array_equal(places[0], q):
-        for other in places[1:]:  # q is beside a singular position, or the mechanism is soft
-            found = _softness(model, work, other, rank)
-            if found > _FIRMER * sigma:
-                place, sigma = other, found
-    return len(model.row_names) - rank, place, sigma
-
-
-def _shortest(model: Model) -> float:
-    """The shortest distance that a row keeps, m."""
-    return float(np.sqrt(model.system.rows.length2.min(initial=np.inf)))
-
-
-def _displace(model: Model, q: Floats, by: float) -> None:
-    """Move prescribed blocks of q (blocks D, m) in place, by so many radians or parts of the size:
-    a mechanism that is driven into a singular position may have no other one there."""
-    layout = model.layout
-    places = q.reshape(-1, layout.dimension)
-    for item in model.mechanism.prescribed:
-        block = places[layout.of_prescribed[item.name]]
-        if item.is_direction:
-            x, y = block[:2]
-            block[:2] = np.cos(by) * x - np.sin(by) * y, np.sin(by) * x + np.cos(by) * y
-        else:
-            driven = [component is not None for component in item.components]
-            block[: len(driven)][driven] += by * model.size
-
-
-def _rank(model: Model, work: Work, q: Floats) -> int:
-    """The rank of Φ_q, -1 if A has no factor; with the penalty of the model, or with one that
-    resolves the soft modes of chains of thousands of bars."""
-    found, off = -1, 1.0
-    for penalty in (model.penalty, 1e10):
-        stiff = model.with_penalty(penalty)
-        if not kernel.linearise(model.unit, stiff.system, work, q):
-            break
-        rank = effective_rank(stiff, work)
-        away = abs(rank - np.rint(rank))  # not a number, for a penalty that overflows
-        if away < off:
-            found, off = round(rank), away
-        if off < 0.02:
-            break
-    return found
-
-
-def within(model: Model, q: Floats, dependent_rows: int) -> bool:
-    """Whether q (blocks D, m) is a singular position, as near as stages are not trusted there."""
-    work = allocate(model, model.system, 1)
-    if not kernel.linearise(model.unit, model.system, work, q):
-        return False
-    missing = len(model.row_names) - dependent_rows - effective_rank(model, work)
-    sigma = distance(missing, model.penalty)
-    return bool(sigma < model.system.close * model.system.ordinary)
-
-
-def _softness(model: Model, work: Work, q: Floats, rank: int) -> float:
-    """The distance σ at an ordinary place, with the smallest penalty that resolves it.
-
-    With a large one the deficit of the rank would be below rounding.
-    """
-    if rank == 0:
-        return 1.0
-    for penalty in (1e4, 1e6, 1e8, 1e10):
-        soft = model.with_penalty(penalty)
-        if not kernel.linearise(model.unit, soft.system, work, q):
-            break
-        missing = rank - effective_rank(soft, work)
-        if 0.0 < missing < 0.5:
-            return float(distance(missing, penalty))
-    return 1e-5
-
-
 def held(model: Model, given: Given) -> list[Row]:
     """One more linear row for each component given; components of vectors are in their own
     length."""
@@ -431,20 +307,20 @@ def held(model: Model, given: Given) -> list[Row]:
     return rows
 
 
-def _linearised(model: Model, system: System, work: Work) -> tuple[bool, Floats]:
-    phi = np.zeros(system.rows.alpha.size)
-    good = kernel.linearise(model.unit, system, work, work.q)
-    if not good:
-        raise AssemblyError('a point that moves has neither mass nor constraint', key='points')
-    kernel.violation(model.unit, system.rows, work.q, phi)
-    return good, phi
+def _linearised(model: Model, system: System, work: Work) -> None:
+    if not kernel.linearise(model.unit, system, work, work.q):
+        raise _no_factor()
+
+
+def _no_factor() -> AssemblyError:
+    return AssemblyError('a point that moves has neither mass nor constraint', key='points')
 
 
 def _gaps(model: Model, system: System, work: Work) -> Floats:
     """How far open each row is, m."""
-    phi = np.zeros(system.rows.alpha.size)
-    kernel.violation(model.unit, system.rows, work.q, phi)
-    return np.abs(phi) * system.rows.scale
+    phi, gap = np.zeros(system.rows.alpha.size), np.zeros(system.rows.alpha.size)
+    opened(model.unit, system, work, phi, gap)
+    return gap
 
 
 def _worst(names: Sequence[str], gap: Floats, unit: str) -> str:

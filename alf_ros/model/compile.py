@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Any
+from functools import cache, cached_property, lru_cache
+from typing import Any, TypeVar
 
 import numpy as np
 
-from alf_ros import kernel
 from alf_ros.arrays import Floats, Integers, Unit
 from alf_ros.errors import AssemblyError
 from alf_ros.gc_pause import paused
@@ -19,6 +18,7 @@ from alf_ros.kernel.data import EPS
 from alf_ros.kernel.step_error import JUDGED
 from alf_ros.mechanism import Coordinate, Mechanism, Point, Vector
 from alf_ros.mechanism import natural_coordinates as layouts
+from alf_ros.mechanism.memory import ResultMemory
 from alf_ros.mechanism.natural_coordinates import Layout
 from alf_ros.model.arm_tree import arms_of
 from alf_ros.model.constraints import auxiliary
@@ -28,15 +28,26 @@ from alf_ros.model.constraints.joint_coordinates import counted, length_row
 from alf_ros.model.constraints.packing import renumbered, rows_of, with_more
 from alf_ros.model.constraints.rotors import rotor_rows
 from alf_ros.model.constraints.row import Constraint, Row
+from alf_ros.model.constraints.row_scales import scaled_rows
 from alf_ros.model.constraints.rows import joint_rows, rigidity, unit_rows
 from alf_ros.model.mass import mass_of
 from alf_ros.model.mass import renumbered as renumbered_mass
 from alf_ros.model.prescribed import prescribe, prescribed, reached, without_value
+from alf_ros.model.struct_memory import StructMemory, changed, frozen, made
 from alf_ros.model.symbolic_factor import elimination_order, pattern_of
 
+T = TypeVar('T')
+
+_ROWS, _MEASURES = ResultMemory(32), ResultMemory(32)  # by geometry
 _PATIENCE = 1e-4  # of two rounds of a solve: the ratio that counts as slow; at least
 _ROUNDED = 300.0  # times ε penalty: what rounding leaves of a round, at most
 _NEAR = 0.05  # of the ratio at a place that is too close to a singular position
+# arrays of a workspace, by their sizes
+_OF_BLOCKS = tuple(
+    'q qd qdd Q delta shift base given bend pull along target good_q good_qd'.split()
+)
+_OF_MOVABLE = ('p', 'before_q', 'before_qd', 'sum', 'sum_q', 'sum_qd', 'curve')
+_OF_ROWS = ('r2', 'y', 'z', 'w')
 _CLOSE = 5e-4  # distance to a singular position below which a stage is interpolated, at σ = 0.5
 
 
@@ -103,16 +114,19 @@ class Model:
         """
         close = _CLOSE * (0.5 / sigma) ** (1.0 / 3.0)
         rank = float(len(self.row_names) - dependent_rows)
-        system = replace(self.system, ordinary=sigma, rank=rank, close=close)
-        return replace(self, system=_patient(system))
+        patience = _patience(self.system.penalty, close, sigma)
+        system = changed(self.system, ordinary=sigma, rank=rank, close=close, patience=patience)
+        return replace(self, system=system)
 
     def with_penalty(self, penalty: float) -> Model:
         """The same with another penalty."""
         rows = self.system.rows
         alpha = rows.alpha * (penalty / self.penalty)
         alpha.flags.writeable = False
-        system = replace(self.system, rows=replace(rows, alpha=alpha), penalty=penalty)
-        return replace(self, system=_patient(system), penalty=penalty)
+        patience = _patience(penalty, self.system.close, self.system.ordinary)
+        rows = changed(rows, alpha=alpha)
+        system = changed(self.system, rows=rows, penalty=penalty, patience=patience)
+        return replace(self, system=system, penalty=penalty)
 
     @cached_property
     def body_names(self) -> tuple[str, ...]:
@@ -149,8 +163,8 @@ def compile_model(mechanism: Mechanism, penalty: float) -> Model:
     Raises AssemblyError if nothing has mass, or nothing moves.
     """
     draft = _draft(mechanism)
-    rows, mass = constraints(mechanism, draft), mass_of(draft)
-    arrays, kernel_order = rows_of(rows, draft)
+    arrays, kernel_order, row_names = _of_geometry(_ROWS, mechanism, lambda: _rows(draft))
+    mass = mass_of(draft)
     place = np.arange(draft.blocks)
     place[: draft.movable] = elimination_order(mass, arrays)
     layout = draft.renumbered(place.tolist())
@@ -158,16 +172,17 @@ def compile_model(mechanism: Mechanism, penalty: float) -> Model:
     if not mass.diagonal.sum() > 0.0:
         raise AssemblyError('nothing that moves has mass', key='bodies')
     q = drawn(layout)
-    coordinates = mechanism.coordinates
-    lengths = [length_row(each.joint, layout) for each in coordinates if not each.is_angle]
-    system = System(
+    measures = _of_geometry(_MEASURES, mechanism, lambda: _measures(layout), place.tobytes())
+    angles, lengths = measures
+    system = made(
+        System,
         mass=mass,
         rows=arrays,
         pattern=pattern_of(layout, mass, arrays),
-        soft=Soft.empty(),
+        soft=_not_soft(),
         prescribed=prescribed(layout),
         arms=arms_of(layout),
-        angles=counted(layout),
+        angles=angles,
         size=layout.length,
         mean=float(mass.diagonal.mean()),
         penalty=penalty,
@@ -191,22 +206,49 @@ def compile_model(mechanism: Mechanism, penalty: float) -> Model:
     model = Model(
         mechanism=mechanism,
         layout=layout,
-        system=replace(system, rows=_scaled(system, q, layout, penalty)),
-        lengths=rows_of(lengths, layout)[0],
+        system=changed(system, rows=scaled_rows(system, q, layout, penalty)),
+        lengths=lengths,
         penalty=penalty,
         q=q,
-        coordinates=coordinates,
+        coordinates=mechanism.coordinates,
         point_names=tuple(point.name for point in points),
         point_block=np.array([layout.of_point[point.name] for point in points]),
         coordinate_block=np.array(
             [block[item.name] for item in mechanism.blocks if not item.fixed]
             + list(layout.of_auxiliary.values())
         ),
-        row_names=tuple(row.name for row in rows),
+        row_names=row_names,
         row=np.argsort(kernel_order),
     )
     _freeze(model)
     return model
+
+
+def _of_geometry(
+    memory: ResultMemory, mechanism: Mechanism, make: Callable[[], T], *more: bytes
+) -> T:
+    """The result of `make`, which the geometry of a mechanism and `more` determine."""
+    key = mechanism.geometry
+    return make() if key is None else memory.found((key, *more), make)
+
+
+def _rows(draft: Layout) -> tuple[Rows, Integers, tuple[str, ...]]:
+    """The rows of a mechanism without scales, which row stands at each place, and their names."""
+    rows = constraints(draft.mechanism, draft)
+    arrays, order = rows_of(rows, draft)
+    return frozen(arrays), np.array(order, dtype=np.int64), tuple(row.name for row in rows)
+
+
+def _measures(layout: Layout) -> tuple[Rows, Rows]:
+    """The rows of the angles whose turns are counted, and of the coordinates that are lengths."""
+    each = layout.mechanism.coordinates
+    lengths = [length_row(one.joint, layout) for one in each if not one.is_angle]
+    return frozen(counted(layout)), frozen(rows_of(lengths, layout)[0])
+
+
+@cache
+def _not_soft() -> Soft:
+    return Soft.empty()
 
 
 def _draft(mechanism: Mechanism) -> Layout:
@@ -246,130 +288,94 @@ def hold(model: Model, extra: Sequence[Row], velocities: bool) -> tuple[System, 
     at = own.i.size + own.c.size
     names[at:] = [row.name for row in extra] + (names[at:] if velocities else [])
     rows = with_more(own, rows_of(extra, model.layout)[0], velocities)
-    system = replace(
-        model.system, rows=rows, pattern=pattern_of(model.layout, model.system.mass, rows)
-    )
-    system = replace(system, rows=_scaled(system, model.q, model.layout, model.penalty))
+    pattern = pattern_of(model.layout, model.system.mass, rows)
+    system = changed(model.system, rows=rows, pattern=pattern)
+    system = changed(system, rows=scaled_rows(system, model.q, model.layout, model.penalty))
     return system, names, slice(at, at + len(extra))
 
 
-def _patient(system: System) -> System:
-    """Set the convergence ratio above which a solve is slow. It is above the rounding of a round,
-    and far below the ratio of a position too close to a singular one."""
-    sigma = system.close * system.ordinary
-    near = 1.0 / (1.0 + system.penalty * sigma**2)
-    patience = max(_PATIENCE, min(_ROUNDED * EPS * system.penalty, _NEAR * near))
-    return replace(system, patience=patience)
-
-
-def _scaled(system: System, q: Floats, layout: Layout, penalty: float) -> Rows:
-    """The rows with scale 1 / |Φ_q,r| and α_r = penalty / (Φ_q,r M⁻¹ Φ_q,rᵀ), both as drawn.
-
-    One over the denominator is the mass that the row moves: about its lightest block. M is
-    replaced by its diagonal, and missing masses by the mean.
-    """
-    rows, D = system.rows, layout.dimension
-    g, g2 = np.zeros(rows.i.size * D), np.zeros(rows.b.size)
-    kernel.jacobian((0.0,) * D, rows, q, g, g2)
-    light = np.zeros(layout.blocks)  # 1 / mass of each block; fixed ones do not move
-    mass = system.mass.diagonal
-    light[: mass.size] = 1.0 / np.where(mass > 0.0, mass, system.mean)
-    square, entry = ((each.reshape(-1, D) ** 2).sum(axis=1) for each in (g, g2))
-
-    def sums(weight: Floats) -> Floats:
-        """Σ |Φ_q,r,b|² weight_b over the movable blocks b of each row."""
-        ends = square * weight[rows.i]
-        ends[: int(rows.both)] += (square * weight[rows.j])[: int(rows.both)]
-        entries = entry * weight[rows.block]
-        others = [entries[s:e].sum() for s, e in zip(rows.first[:-1], rows.movable, strict=True)]
-        total = np.concatenate([ends, np.array(others, dtype=float)])
-        return np.where(total > 0.0, total, 1.0)
-
-    scale = 1.0 / np.sqrt(sums(np.ones(layout.blocks)))
-    return replace(rows, alpha=penalty / sums(light), scale=scale)
+def _patience(penalty: float, close: float, ordinary: float) -> float:
+    """The convergence ratio above which a solve is slow. It is above the rounding of a round, and
+    far below the ratio of a position too close to a singular one."""
+    sigma = close * ordinary
+    near = 1.0 / (1.0 + penalty * sigma**2)
+    return max(_PATIENCE, min(_ROUNDED * EPS * penalty, _NEAR * near))
 
 
 def allocate(model: Model, system: System, stages: int) -> Work:
     """The workspace of the kernel for a system and a method of so many stages; without stages
     only for solves at a place."""
-    D, n = model.layout.dimension, model.n
-    rows, pattern, whole = system.rows, system.pattern, model.q.size
-    columns = np.diff(pattern.first.astype(np.int64))
-    m, angles = rows.alpha.size, system.angles.c.size
+    rows, first = system.rows, system.pattern.first
+    work, chart = _workspaces(
+        model.layout.dimension,
+        model.n,
+        model.q.size,
+        system.pattern.row.size,
+        int((first[1:] - first[:-1]).max(initial=0)),
+        (rows.i.size, rows.block.size, rows.alpha.size),
+        system.angles.c.size,
+        stages,
+    )
+    return work.zeros(chart=chart.zeros())
+
+
+@lru_cache(maxsize=64)
+def _workspaces(
+    D: int,
+    n: int,
+    whole: int,
+    off: int,
+    longest: int,
+    of_rows: tuple[int, int, int],
+    angles: int,
+    stages: int,
+) -> tuple[StructMemory[Work], StructMemory[Chart]]:
+    """The memory of a workspace. off: blocks of the factor below the diagonal, `longest` of them
+    in a column; of_rows: distances, entries and rows."""
+    bars, entries, m = of_rows
     sizes = {
+        'pulse': 3,
+        'caller': 4,
+        'evaluations': 1,
+        'rounded': 1,
+        'aside': 2,
+        'judged': JUDGED,
+        'good_turns': angles // 2,
         'diagonal': n * D,
-        'off': pattern.row.size * D * D,
+        'off': off * D * D,
         'inverse_det': 4,
         'good_within': 1,
         'inverse': n * D if stages else 0,
-        'inverse_off': pattern.row.size * D * D if stages else 0,
-        'column': int(columns.max(initial=0)) * D * D,
-        'g': rows.i.size * D,
-        'g2': rows.block.size * D,
-        'g2d': rows.block.size * D,
-        'gf': rows.i.size * D,
-        'g2f': rows.block.size * D,
-        'q': whole,
-        'qd': whole,
-        'qdd': whole,
-        'p': n,
-        'Q': whole,
-        'delta': whole,
-        'r2': m,
-        'y': m,
-        'z': m,
-        'w': m,
-        'shift': whole,
+        'inverse_off': off * D * D if stages else 0,
+        'column': longest * D * D,
+        'g': bars * D,
+        'g2': entries * D,
+        'g2d': entries * D,
+        'gf': bars * D,
+        'g2f': entries * D,
         'k': stages * 3 * n,
         'total': 3 * n,
-        'base': whole,
-        'before_q': n,
-        'before_qd': n,
-        'sum': n,
-        'sum_q': n,
-        'sum_qd': n,
         'places': 16 * n if stages else 0,
-        'given': whole,
-        'curve': n,
         'place_step': 1,
         'place_shift': 1,
         'place_weights': 8,
         'place_x': 8,
         'nearest': 1,
         'crossing': 3,
-        'bend': whole,
-        'pull': whole,
-        'along': whole,
-        'target': whole,
-        'good_q': whole,
-        'good_qd': whole,
         'angle': angles,
         'angle_before': angles,
         'near': angles // 2,
     }
-    return Work(
-        pulse=np.zeros(3, dtype=np.int64),
-        caller=np.zeros(4, dtype=np.uint64),
-        evaluations=np.zeros(1, dtype=np.int64),
-        rounded=np.zeros(1, dtype=np.int64),
-        aside=np.zeros(2, dtype=np.int64),
-        judged=np.zeros(JUDGED),
-        chart=Chart(
-            **{name: np.zeros(n) for name in ('t', 'n', 'rate', 'momentum', 'rest', 'w')},
-            **{name: np.zeros(n // D) for name in ('curvature', 'sin', 'cos', 'rho')},
-            b=np.zeros(n if D == 3 else 0),
-            first=np.zeros(whole),
-            arcs=np.zeros(1, dtype=np.int64),
-        ),
-        good_turns=np.zeros(angles // 2, dtype=np.int64),
-        **{name: np.zeros(size) for name, size in sizes.items()},
-    )
+    for names, size in ((_OF_BLOCKS, whole), (_OF_MOVABLE, n), (_OF_ROWS, m)):
+        sizes |= dict.fromkeys(names, size)
+    of_chart = dict.fromkeys(('t', 'n', 'rate', 'momentum', 'rest', 'w'), n)
+    of_chart |= dict.fromkeys(('curvature', 'sin', 'cos', 'rho'), n // D)
+    of_chart |= {'b': n if D == 3 else 0, 'first': whole, 'arcs': 1}
+    return StructMemory(Work, sizes), StructMemory(Chart, of_chart)
 
 
 def _freeze(model: Model) -> None:
     system = model.system
     for part in (system.mass, system.rows, system.pattern, system.angles, model.lengths):
-        for array in vars(part).values():
-            if isinstance(array, np.ndarray):
-                array.flags.writeable = False
+        frozen(part)
     model.q.flags.writeable = False

@@ -19,7 +19,6 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.errors import AssemblyError
 from alf_ros.mechanism import Mechanism
-from alf_ros.model.assembly import ordinary
 from alf_ros.model.compile import Model
 from alf_ros.model.free_walk import (
     EXACT,
@@ -31,6 +30,7 @@ from alf_ros.model.free_walk import (
     carried,
     compiled,
 )
+from alf_ros.model.ordinary_positions import ordinary
 from alf_ros.model.shape_fit import fitted
 from alf_ros.model.shape_numbers import changes
 

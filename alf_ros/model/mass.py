@@ -8,17 +8,17 @@ Systems (1994), ch. 4.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from functools import lru_cache
 
 import numpy as np
 
 from alf_ros.arrays import Floats, Integers
 from alf_ros.kernel import Mass
 from alf_ros.mechanism import Numbers
+from alf_ros.mechanism.memory import remembered
 from alf_ros.mechanism.natural_coordinates import Layout, Shape
 from alf_ros.model.constraints.packing import indices
 from alf_ros.model.constraints.rotors import unit_of
+from alf_ros.model.struct_memory import changed, made
 
 _NOTHING = 1e-15  # of the largest of a body
 
@@ -48,7 +48,8 @@ def mass_of(layout: Layout) -> Mass:
     kept = (i < layout.movable) & values.any(axis=1)
     i, j, values = i[kept], j[kept], values[kept]
     turned = np.flatnonzero(values[:, 1])
-    return Mass(
+    return made(
+        Mass,
         diagonal=total[: layout.movable].copy(),
         i=indices(i),
         j=indices(j),
@@ -62,14 +63,22 @@ def _summed(
     pairs: Sequence[tuple[int, int]], values: Sequence[tuple[float, float]]
 ) -> tuple[Integers, Integers, Floats]:
     """Pairs of blocks, each once, in the order in which they first come, and their sums."""
+    i, j, place = _each_once(tuple(pairs))
+    sums = np.zeros((i.size, 2))
+    np.add.at(sums, place, np.array(values).reshape(-1, 2))
+    return i, j, sums
+
+
+@remembered(64)
+def _each_once(pairs: tuple[tuple[int, int], ...]) -> tuple[Integers, Integers, Integers]:
+    """Pairs of blocks, each once, in the order in which they first come; and which of these each
+    pair is."""
     every = np.array(pairs, dtype=np.int64).reshape(-1, 2)
     key = every[:, 0] * (every.max(initial=0) + 1) + every[:, 1]
     _, first, which = np.unique(key, return_index=True, return_inverse=True)
     place = np.argsort(np.argsort(first))
-    sums = np.zeros((first.size, 2))
-    np.add.at(sums, place[which], np.array(values).reshape(-1, 2))
     i, j = every[np.sort(first)].T
-    return i, j, sums
+    return i, j, place[which]
 
 
 def renumbered(mass: Mass, place: Integers) -> Mass:
@@ -78,12 +87,12 @@ def renumbered(mass: Mass, place: Integers) -> Mass:
     diagonal[place[: diagonal.size]] = mass.diagonal
     i, j = place[mass.i], place[mass.j]
     w[(i < j)[mass.skew]] *= -1.0
-    return replace(
+    return changed(
         mass, diagonal=diagonal, i=indices(np.maximum(i, j)), j=indices(np.minimum(i, j)), w=w
     )
 
 
-@lru_cache(maxsize=1024)
+@remembered(1024)
 def _of_body(
     shape: Shape, m: float, com: Numbers, inertia: float | tuple[Numbers, ...]
 ) -> tuple[list[tuple[int, float]], list[tuple[int, int, float, float]]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -17,8 +18,7 @@ def prescribed(layout: Layout) -> Prescribed:
     """The prescribed blocks of a mechanism; where there are none, nothing is compiled for them."""
     items = layout.mechanism.prescribed
     if not items:
-        nothing = np.zeros(0, dtype=np.int64)
-        return Prescribed(np.zeros(0, dtype=np.uint64), nothing, np.zeros(0), np.zeros(0))
+        return _nothing()
     from alf_ros.model import time_program
 
     outputs = {}
@@ -31,6 +31,11 @@ def prescribed(layout: Layout) -> Prescribed:
     slots, params = time_program.program(outputs)
     address = np.array([time_program.run.address], dtype=np.uint64)
     return Prescribed(address, slots, params, np.zeros(3 * int(slots[0])))
+
+
+@cache
+def _nothing() -> Prescribed:
+    return Prescribed.empty()
 
 
 def reached(bare: Prescribed) -> Prescribed:

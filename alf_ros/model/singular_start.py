@@ -42,8 +42,9 @@ def start(
 
     In an ordinary position as `assembly.complete` does. In a singular one all given values must
     fit one branch, and the free velocities on it get the least kinetic energy. `dependent`: rows
-    that depend on others in ordinary positions; `near`: whether q is `assembly.within` a singular
-    one. branch: the number of the branch that the velocities must fit; None for any.
+    that depend on others in ordinary positions; `near`: whether q is near a singular one
+    (`ordinary_positions.within`). branch: the number of the branch that the velocities must fit;
+    None for any.
 
     Raises AssemblyError if no branch fits, naming the constraints or the branches, if several
     branches fit with different velocities, and if the branch asked for is none.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sparse
@@ -11,16 +12,73 @@ from scipy.sparse.linalg import splu
 from alf_ros.arrays import Indices, Integers
 from alf_ros.kernel import Mass, Pattern, Rows
 from alf_ros.kernel.numba_ext.jit import compiled
+from alf_ros.mechanism.memory import remembered
 from alf_ros.mechanism.natural_coordinates import TURN, Layout
 from alf_ros.model.constraints.packing import indices
+from alf_ros.model.struct_memory import changed, frozen
+
+_EYE = {D: np.eye(D) for D in (2, 3)}
 
 
 def elimination_order(mass: Mass, rows: Rows) -> Integers:
     """New place of every movable block: SuperLU's symmetric minimum degree order."""
-    n = mass.diagonal.size
-    (i, j), pairs = _bound(mass, rows), _entry_pairs(rows)
-    i = np.concatenate([i, rows.block[pairs[:, 0]]])
-    j = np.concatenate([j, rows.block[pairs[:, 1]]])
+    order: Integers = _ordered(mass.diagonal.size, *_structure(mass, rows))
+    return order
+
+
+def pattern_of(
+    layout: Layout, mass: Mass, rows: Rows, cliques: Iterable[Sequence[int]] = ()
+) -> Pattern:
+    """Symbolic factorisation: the fill, and where the product of two blocks of a column goes.
+
+    `cliques`: blocks that something else binds together.
+    """
+    D, n = layout.dimension, layout.movable
+    pairs = [(b, a) for clique in cliques for b in clique for a in clique if a < b]
+    more = np.array(pairs, dtype=np.int64).reshape(-1, 2)
+    fill = _filled(n, more, *_structure(mass, rows))
+    diagonal = mass.diagonal[:, None, None] * _EYE[D]
+    off = np.zeros((fill.pattern.row.size, D, D))
+    off[fill.masses] = mass.k[:, None, None] * _EYE[D]
+    if mass.skew.size:
+        off[fill.masses[mass.skew]] += mass.w[:, None, None] * TURN
+    bar = np.zeros(fill.pattern.distance.size)
+    bar[fill.own] = mass.k[fill.of_own]
+    return changed(fill.pattern, mass_diagonal=diagonal.ravel(), mass_off=off.ravel(), bar=bar)
+
+
+class _Filled(NamedTuple):
+    """A pattern without masses, and the places of these: `masses` of the pairs of M, and `own` of
+    the distances that bind the pairs `of_own` of M."""
+
+    pattern: Pattern
+    masses: Integers
+    own: Integers
+    of_own: Integers
+
+
+def _structure(mass: Mass, rows: Rows) -> tuple[Any, ...]:
+    """Which blocks masses and rows bind: all that the pattern depends on."""
+    bars = int(rows.both), rows.i, rows.j
+    return mass.i, mass.j, *bars, rows.first, rows.movable, rows.block
+
+
+@remembered(64)
+def _ordered(
+    n: int,
+    mass_i: Indices,
+    mass_j: Indices,
+    both: int,
+    bar_i: Indices,
+    bar_j: Indices,
+    first: Indices,
+    movable: Indices,
+    block: Indices,
+) -> Integers:
+    """The elimination order of a structure."""
+    (i, j), pairs = _bound(mass_i, mass_j, bar_i[:both], bar_j[:both]), _pairs(first, movable)
+    i = np.concatenate([i, block[pairs[:, 0]]])
+    j = np.concatenate([j, block[pairs[:, 1]]])
     half = sparse.coo_matrix((np.ones(i.size), (i, j)), shape=(n, n)).tocsr()
     whole = half + half.T
     whole.data[:] = -1.0
@@ -30,17 +88,18 @@ def elimination_order(mass: Mass, rows: Rows) -> Integers:
     return np.array(factor.perm_c, dtype=np.int64)
 
 
-def _bound(mass: Mass, rows: Rows) -> tuple[Integers, Integers]:
+def _bound(
+    mass_i: Indices, mass_j: Indices, bar_i: Indices, bar_j: Indices
+) -> tuple[Integers, Integers]:
     """Pairs of blocks that a mass or a distance binds."""
-    both = int(rows.both)
-    i = np.concatenate([mass.i, rows.i[:both]]).astype(np.int64)
-    j = np.concatenate([mass.j, rows.j[:both]]).astype(np.int64)
+    i = np.concatenate([mass_i, bar_i]).astype(np.int64)
+    j = np.concatenate([mass_j, bar_j]).astype(np.int64)
     return np.maximum(i, j), np.minimum(i, j)
 
 
-def _entry_pairs(rows: Rows) -> Integers:
+def _pairs(starts: Indices, movable: Indices) -> Integers:
     """(pairs, 3): two entries of movable blocks, the second before the first, and their row."""
-    first, count = rows.first[:-1].astype(np.int64), rows.movable - rows.first[:-1]
+    first, count = starts[:-1].astype(np.int64), movable - starts[:-1]
     found = []
     for m in range(2, int(count.max(initial=0)) + 1):
         own = np.flatnonzero(count == m)
@@ -52,22 +111,27 @@ def _entry_pairs(rows: Rows) -> Integers:
     return pairs[np.argsort(pairs[:, 2], kind='stable')]
 
 
-def pattern_of(
-    layout: Layout, mass: Mass, rows: Rows, cliques: Iterable[Sequence[int]] = ()
-) -> Pattern:
-    """Symbolic factorisation: the fill, and where the product of two blocks of a column goes.
-
-    `cliques`: blocks that something else binds together.
-    """
-    D, n = layout.dimension, layout.movable
-    (i, j), pairs = _bound(mass, rows), _entry_pairs(rows)
-    e, f, row = pairs.T
-    more = [(b, a) for clique in cliques for b in clique for a in clique if a < b]
+@remembered(64)
+def _filled(
+    n: int,
+    more: Integers,
+    mass_i: Indices,
+    mass_j: Indices,
+    both: int,
+    bar_i: Indices,
+    bar_j: Indices,
+    first_entry: Indices,
+    movable: Indices,
+    block: Indices,
+) -> _Filled:
+    """Of a structure, and of `more` pairs of blocks."""
+    i, j = _bound(mass_i, mass_j, bar_i[:both], bar_j[:both])
+    e, f, row = _pairs(first_entry, movable).T
     bound = np.concatenate(
         [
             np.stack([i, j], axis=1),
-            np.stack([rows.block[e], rows.block[f]], axis=1).astype(np.int64),
-            np.array(more, dtype=np.int64).reshape(-1, 2),
+            np.stack([block[e], block[f]], axis=1).astype(np.int64),
+            more,
         ]
     )
     i_of_a, j_of_a = np.divmod(np.unique(bound[:, 0] * n + bound[:, 1]), n)
@@ -78,31 +142,26 @@ def pattern_of(
         """Where blocks below the diagonal stand."""
         return np.searchsorted(keys, j.astype(np.int64) * n + i)
 
-    diagonal = mass.diagonal[:, None, None] * np.eye(D)
-    off = np.zeros((below.size, D, D))
-    off[place(mass.i, mass.j)] = mass.k[:, None, None] * np.eye(D)
-    if mass.skew.size:
-        off[place(mass.i[mass.skew], mass.j[mass.skew])] += mass.w[:, None, None] * TURN
-    masses = mass.i.size
-    entries = place(rows.block[e], rows.block[f])
+    masses = mass_i.size
+    of_mass = place(mass_i, mass_j)
+    entries = place(block[e], block[f])
     bars, at = place(i[masses:], j[masses:]), np.full(below.size, -1)
-    at[place(mass.i, mass.j)] = np.arange(masses)
+    at[of_mass] = np.arange(masses)
     pair = at[bars]
     own = np.flatnonzero(pair >= 0)
     own = own[np.unique(pair[own], return_index=True)[1]]  # of rows that bind the same, one
-    bar = np.zeros(bars.size)
-    bar[own] = mass.k[pair[own]]
-    return Pattern(
+    pattern = Pattern(
         first=indices(first),
         row=indices(below),
         target=indices(_targets(first, below)),
-        mass_diagonal=diagonal.ravel(),
-        mass_off=off.ravel(),
+        mass_diagonal=np.zeros(0),
+        mass_off=np.zeros(0),
         distance=indices(bars),
-        bar=bar,
+        bar=np.zeros(0),
         apart=indices(np.setdiff1d(np.arange(masses), pair[own])),
-        pair=indices(np.stack([e, f, entries, rows.i.size + row], axis=1)),
+        pair=indices(np.stack([e, f, entries, bar_i.size + row], axis=1)),
     )
+    return _Filled(frozen(pattern), of_mass, own, pair[own])
 
 
 @compiled

@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 import math
-from functools import cache
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -113,7 +113,7 @@ def _guess(c: Floats) -> Floats:
     return weights
 
 
-@cache
+@lru_cache(maxsize=256)
 def method(integrator: str, iterations: int, tolerance: float) -> Method:
     """The solver section of a scene for the kernel; read only, so shared."""
     tableau = TABLEAUX[integrator]

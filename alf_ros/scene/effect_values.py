@@ -14,7 +14,6 @@ from typing import Any
 from alf_ros.effects import Effect
 from alf_ros.errors import InputError
 from alf_ros.scene.scene import Scene, whole_scene
-from alf_ros.scene.text import yaml_document
 from alf_ros.scene.text.yaml_document import Entry
 
 
@@ -65,7 +64,7 @@ def with_effect_values(scene: Scene, values: Mapping[str, Any]) -> Scene:
     if not values:
         return scene
     known = effect_values(scene)
-    fields = yaml_document.parse(scene.text, '<scene>').mapping()
+    fields = scene.document.root.mapping()
     effects: dict[str, object] = dict(fields['effects'].mapping()) if scene.effects else {}
     for name, value in values.items():
         if name not in known:

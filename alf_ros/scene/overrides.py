@@ -8,6 +8,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Mapping, Sequence
 
 from alf_ros import effects
@@ -17,6 +18,7 @@ from alf_ros.scene.scene import PICKED, Scene, load_scene
 from alf_ros.scene.text import yaml_document
 from alf_ros.scene.text.yaml_document import Entry
 
+_NUMBER = re.compile(r'-?[0-9]+(\.[0-9]+)?(e[-+]?[0-9]+)?')  # as Python prints it
 _PARTS = ('bodies', 'joints', 'points', 'vectors', 'parameters')
 
 
@@ -37,11 +39,11 @@ def with_changes(scene: Scene, changes: Mapping[str, str], prefix: str = '--set 
     `prefix`."""
     if not changes:
         return scene
-    root = yaml_document.parse(scene.text, '<scene>')
+    root = scene.document.root
     sources = [f'{prefix}{name}' for name in changes]
     try:
         for (name, text), source in zip(changes.items(), sources, strict=True):
-            value = yaml_document.parse(f'value: {text}', source).mapping()['value']
+            value = _value(text, source)
             place = _place(root, name, prefix.rstrip(' .'))
             root = _replaced(_without_rivals(root, place), place, value, name)
         changed = load_scene(root.mapping())
@@ -59,10 +61,17 @@ def with_changes(scene: Scene, changes: Mapping[str, str], prefix: str = '--set 
     return dataclasses.replace(changed, file=scene.file)
 
 
+def _value(text: str, source: str) -> Entry:
+    """The YAML value in the text of a change. Raises InputError."""
+    if _NUMBER.fullmatch(text):
+        return Entry(text, source, 1, 'value')
+    return yaml_document.parse(f'value: {text}', source).mapping()['value']
+
+
 def number(scene: Scene, name: str) -> float:
     """The number of this name in a scene. Raises InputError for an unknown name, and for a
     value that is no number."""
-    root = yaml_document.parse(scene.text, '<scene>')
+    root = scene.document.root
     parameters = root.mapping()['mechanism'].mapping().get('parameters')
     node = root
     for key in _place(root, name, 'tangents'):
@@ -84,7 +93,7 @@ def number(scene: Scene, name: str) -> float:
 def section(scene: Scene, name: str) -> str:
     """The section of a scene that has the value of this name: 'mechanism', 'effects', 'initial',
     'solver'. Raises InputError for an unknown name."""
-    return _place(yaml_document.parse(scene.text, '<scene>'), name, 'name')[0]
+    return _place(scene.document.root, name, 'name')[0]
 
 
 def _place(root: Entry, name: str, said: str) -> tuple[str, ...]:

@@ -32,9 +32,9 @@ from alf_ros.scene.references import WHOLE, References
 from alf_ros.scene.sensors_section import Sensor, read_sensors
 from alf_ros.scene.text import yaml_document
 from alf_ros.scene.text.repetition import title
+from alf_ros.scene.text.scene_document import SceneDocument
 from alf_ros.scene.text.yaml_document import Entry
 from alf_ros.scene.text.yaml_writer import entry as as_entry
-from alf_ros.scene.text.yaml_writer import serialise
 
 INTEGRATORS = tuple(TABLEAUX)
 FORMULATIONS = (
@@ -143,7 +143,7 @@ class Scene:
     positions: Mapping[str, Components]
     velocities: Mapping[str, Components]
     solver: Solver
-    text: str
+    document: SceneDocument
     file: str | None = field(default=None, compare=False)
     says_solver: bool = field(default=True, compare=False)
     sensors: tuple[Sensor, ...] = ()
@@ -153,6 +153,11 @@ class Scene:
     def at_rest(self) -> Scene:
         """The same scene without velocities, and so without a branch on which they begin."""
         return replace(self, velocities={}, branch=None)
+
+    @property
+    def text(self) -> str:
+        """The YAML text: one document without references to others."""
+        return self.document.text
 
     @property
     def hash(self) -> str:
@@ -291,14 +296,14 @@ def _read_scene(
     }
     if found.drives is not None:
         whole['drives'] = found.drives
-    settings = dataclasses.asdict(solver)
+    settings = dict(vars(solver))
     if solver.accuracy is None:
         del settings['accuracy']
     whole['solver'] = joined(settings, {})
     if 'effects' in fields:
         whole['effects'] = section
     whole.pop('parameters', None)
-    text = serialise(as_entry({key: whole[key] for key in KEYS if key in whole}))
+    document = SceneDocument({key: whole[key] for key in KEYS if key in whole})
     return Scene(
         name,
         mechanism,
@@ -306,7 +311,7 @@ def _read_scene(
         positions,
         velocities,
         solver,
-        text,
+        document,
         root.file,
         says_solver,
         sensors,

@@ -101,12 +101,12 @@ def _of_the_whole(sample: Sample) -> Iterator[Group]:
         lambda sample: np.array([sample.energy, sample.kinetic_energy]),
     )
     yield Group(
-        _paths('stored.*', sample.stored),
+        _paths('stored.*', sample.effects),
         ('J',),
         lambda sample: np.array(list(sample.stored.values())),
     )
     yield Group(
-        _paths('powers.*', sample.powers),
+        _paths('powers.*', sample.effects),
         ('W',),
         lambda sample: np.array(list(sample.powers.values())),
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cache
 
 import numpy as np
 
@@ -14,6 +15,11 @@ from alf_ros.simulation.bearing_shares import has_bearings
 from alf_ros.simulation.reactions import Reactions
 
 
+@cache
+def _none() -> Bearings:
+    return Bearings.empty()
+
+
 def bearings(
     reactions: Callable[[], Reactions],
     joints: Sequence[Joint | None],
@@ -23,7 +29,7 @@ def bearings(
     Forces on the cut mechanism are not set. Without a loaded joint no code is compiled.
     """
     if not any(joint is not None for joint in joints):
-        return Bearings.empty()
+        return _none()
     from alf_ros.kernel import reaction_friction as compiled
 
     cut = reactions()

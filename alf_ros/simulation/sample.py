@@ -130,6 +130,11 @@ class Sample(Dynamics):
         """The wrenches and efforts held."""
         return self._applied.inputs
 
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """The labels of the effects of the scene."""
+        return tuple(dict.fromkeys(effect.label for effect in self._applied.effects))
+
     @kept
     def energy(self) -> float:
         """Total mechanical energy, J: kinetic, and the potential of the effects that have one."""

@@ -66,11 +66,13 @@ class _Group:
             np.zeros(lanes, dtype=np.int64),
             np.zeros(3),
         )
-        self.listener = Listener(self.problem.work)  # type: ignore[attr-defined]
+        self.listener = Listener(self.problem.work)
         # (lanes,) number of steps, targets, most iterations: of the kernel
-        progress: Any = self.progress
+        progress = self.progress
         self._index, self._target, self._most = (
-            getattr(progress, name)[0] for name in ('index', 'target', 'most')
+            progress.index[0],
+            progress.target[0],
+            progress.most[0],
         )
         self._taken = np.zeros(lanes)  # steps in lanes that the members do not count yet
         self._begun = np.zeros(lanes)
@@ -122,12 +124,12 @@ class _Group:
         return failed
 
     def settle(self, cost: float = math.nan) -> None:
-        """Let the members count what has been done; `cost` (s) of a step."""
+        """Let the members count the steps since the last time; `cost` (s) of a step."""
         for m, each in enumerate(self.members):
             stepper, taken = each._stepper, int(self._taken[m])
             stepper.work.evaluations[0] += each.stages * taken
-            stepper.iterations = int(self._most[m])
-            each._step_cost = cost
+            if self._index[m] > self._begun[m]:
+                stepper.iterations, each._step_cost = int(self._most[m]), cost
             if taken:
                 stepper.work.aside[:] = 0
         self._taken[:] = 0.0
@@ -138,7 +140,7 @@ class SideBySide:
 
     They have one step and method, and may differ in all else; those whose mechanisms have one
     pattern share registers. `no_place` says which simulations have none here. `lanes`: how many
-    numbers a register holds, that of this processor if absent. Raises InputError for a simulation
+    numbers a register holds; by default the width of this processor. Raises InputError for a simulation
     that has no place here.
     """
 
@@ -164,7 +166,7 @@ class SideBySide:
                 self._groups.append((some, group))
 
     def step(self, n: int = 1, without: Container[int] = ()) -> dict[int, AlfError]:
-        """n steps of each simulation in one compiled call, `without` those of these numbers.
+        """n steps of each simulation in one compiled call, `without` some by their numbers.
 
         Returns the failures, StepErrors, by number of the simulation: these stand at the end of
         their last whole step. Raises StoppedError or the exception of a signal handler if the call
@@ -275,7 +277,7 @@ def no_place(simulation: Simulation) -> str:
 
 
 def _pattern(simulation: Simulation) -> bytes:
-    """What members of one group have in common: the whole numbers of the mechanism."""
+    """The common part of the members of a group: the whole numbers of the mechanism."""
     parts: list[bytes] = []
     system = simulation._stepper.system
     for struct in (system.mass, system.rows, system.pattern, system.arms, system.angles):

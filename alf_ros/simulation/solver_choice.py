@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict
 from typing import Any
 
 from alf_ros.errors import InputError
@@ -14,7 +13,7 @@ def chosen(scene: Scene, given: Mapping[str, Any]) -> tuple[Solver, bool]:
     """The scene's solver section with the given changes, or the section of `given`; and whether
     integrator and tolerance are still to be chosen for its accuracy. Raises InputError."""
     section = scene.solver if scene.says_solver or not given else Solver()
-    settings = joined(asdict(section), given)
+    settings = joined(vars(section), given)
     solver = Solver(**settings)
     picked = [key for key in PICKED if key in settings]
     if solver.accuracy is None or len(picked) == len(PICKED):  # both: as a log says

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import AssemblyError
-from alf_ros.model import assembly, singular_start
-from alf_ros.model.compile import Model, compile_model
+from alf_ros.kernel import Work
+from alf_ros.model import assembly, ordinary_positions, singular_start
+from alf_ros.model.compile import Model, allocate, compile_model
 from alf_ros.model.consistency import Adjustment, made_consistent
 from alf_ros.model.penalty import LEAST_PENALTY, fitted
 from alf_ros.model.singular_branches import Position
@@ -67,17 +68,18 @@ def assembled(scene: Scene, solver: Solver) -> Assembled:
     alf2 = solver.formulation == 'alf2'
     least = LEAST_PENALTY if alf2 else 0.0
     model = compile_model(scene.mechanism, max(solver.penalty, least))
-    adjustment = None
+    adjustment, work = None, allocate(model, model.system, 0)
     try:
-        model, q, dependent, ordinary = _assembled(scene, model)
+        model, q, dependent, ordinary = _assembled(scene, model, work)
         consistent = made_consistent(model, q, dependent)
         if consistent is not None:
             mechanism, adjustment = consistent
             model = compile_model(mechanism, model.penalty)
-            model, q, dependent, ordinary = _assembled(scene, model)
+            work = allocate(model, model.system, 0)
+            model, q, dependent, ordinary = _assembled(scene, model, work)
         if alf2:
             model = fitted(model, model.system.ordinary)
-        near = assembly.within(model, q, dependent)
+        near = ordinary_positions.within(model, q, dependent, work)
         if near:
             q = assembly.close(model, scene.positions, q, least=0.0)
     except AssemblyError as error:
@@ -85,9 +87,9 @@ def assembled(scene: Scene, solver: Solver) -> Assembled:
     return Assembled(model, q, dependent, ordinary, near, adjustment)
 
 
-def _assembled(scene: Scene, model: Model) -> tuple[Model, Floats, int, Floats]:
+def _assembled(scene: Scene, model: Model, work: Work) -> tuple[Model, Floats, int, Floats]:
     """The model with ordinary values near its closed position; that position q (blocks D, m); the
     number of dependent rows; and an ordinary position (blocks D, m)."""
-    q = assembly.close(model, scene.positions)
-    dependent, ordinary, sigma = assembly.ordinary(model, q)
+    q = assembly.close(model, scene.positions, work=work)
+    dependent, ordinary, sigma = ordinary_positions.ordinary(model, q, work)
     return model.accustomed(sigma, dependent), q, dependent, ordinary

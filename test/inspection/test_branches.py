@@ -17,7 +17,7 @@ from alf_ros import AssemblyError, Branches, InputError, Simulation, branches, l
 from alf_ros import __main__ as program
 from alf_ros.inspection.branches_report import reported
 from alf_ros.inspection.soundness import NOTE, examine
-from alf_ros.model import assembly, singular_branches
+from alf_ros.model import ordinary_positions, singular_branches
 from alf_ros.model.singular_location import located
 from alf_ros.scene.scene import Scene
 from alf_ros.studies.exact import one_freedom
@@ -232,7 +232,7 @@ def test_a_position_beside_a_singular_one_is_moved_into_it() -> None:
     far = Simulation(scene)
     ordinary = far.state.q
     assert np.array_equal(located(far.model, ordinary), ordinary)
-    assert not assembly.within(far.model, ordinary, 0)
+    assert not ordinary_positions.within(far.model, ordinary, 0)
 
 
 def test_json_of_check(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

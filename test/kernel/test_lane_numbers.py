@@ -80,7 +80,7 @@ def masks(of: Two) -> int:
     return 100 * everywhere(smaller) + 10 * anywhere(smaller) + nowhere(smaller)
 
 
-def twos(a: np.ndarray, b: np.ndarray) -> list[Two]:
+def twos(a: Floats, b: Floats) -> list[Two]:
     return [
         Two(np.array([x]), np.array([y]), float(x - y), np.zeros(20))
         for x, y in zip(a, b, strict=True)
@@ -108,9 +108,7 @@ def test_every_operation_has_the_bits_of_single_numbers(lanes):
 @pytest.mark.parametrize('lanes', [2, 8])
 def test_blocks_have_the_bits_of_single_blocks(lanes):
     rng = np.random.default_rng(lanes)
-    single = [
-        Blocks((0.0, 0.0, 0.0), rng.normal(size=6), np.zeros(15)) for _ in range(lanes)
-    ]
+    single = [Blocks((0.0, 0.0, 0.0), rng.normal(size=6), np.zeros(15)) for _ in range(lanes)]
     together = LaneStruct(single)
     each_block(together)
     for m, each in enumerate(single):

@@ -22,6 +22,7 @@ from alf_ros.mechanism import Body, Frame, Joint, Mechanism, Point
 from alf_ros.resources import folder
 from alf_ros.scene.scene import UNSAID, Scene, Solver, load_scene, scene_from_text
 from alf_ros.scene.text import yaml_document
+from alf_ros.scene.text.scene_document import SceneDocument
 from alf_ros.scene.text.yaml_writer import entry, serialise
 
 SCENES = sorted(path.stem for path in folder('scenes')[0].glob('*.yaml'))
@@ -107,7 +108,7 @@ def test_every_scene_stands_alone_as_text(name: str) -> None:
 
 def _without_text(scene: Scene) -> Scene:
     """Another YAML library may write the same numbers in another way."""
-    return dataclasses.replace(scene, text='')
+    return dataclasses.replace(scene, document=SceneDocument(''))
 
 
 @pytest.mark.parametrize('name', MECHANISMS)

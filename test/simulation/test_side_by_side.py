@@ -1,4 +1,4 @@
-"""Simulations in lanes have the bits of simulations alone, whatever happens to their neighbours."""
+"""Simulations in lanes have the bits of simulations alone, whatever their neighbours do."""
 
 from __future__ import annotations
 

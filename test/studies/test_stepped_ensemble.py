@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from alf_ros import Ensemble, InputError, Simulation, load_scene
+from alf_ros.arrays import Floats
 from alf_ros.kernel.numba_ext.plain import PLAIN
 from alf_ros.scene.overrides import with_changes
 from alf_ros.studies.ensemble.distributions import uniform
@@ -18,7 +19,7 @@ pytestmark = pytest.mark.skipif(PLAIN, reason='code that is not compiled has no 
 CRANK: dict[str, Any] = {'efforts': ['crank_pin'], 'step': 2e-3, 'integrator': 'rk4'}
 
 
-def numbers(simulation: Simulation) -> np.ndarray:
+def numbers(simulation: Simulation) -> Floats:
     sample = simulation.sample()
     return np.concatenate([sample.joint_positions, sample.joint_velocities])
 

@@ -18,7 +18,7 @@ JOINT, JOINT_RATE, PLACE, VELOCITY = np.uint64(0), np.uint64(1), np.uint64(2), n
 
 @dataclass(frozen=True, eq=False)
 class Observing(Struct):
-    """What is read of each member, and where members and numbers stand."""
+    """The numbers that are read of each member, and where members and numbers stand."""
 
     addresses = ('problem', 'phase', 'joints')
 

@@ -1,4 +1,4 @@
-"""What a group does for one member after another: forces, prescribed motions, steps alone.
+"""Tasks of a group for one member after another: forces, prescribed motions, steps alone.
 
 Effects and drives are functions of one mechanism, called by their addresses. They read and write
 the workspace of the member itself.
@@ -25,7 +25,7 @@ from alf_ros.kernel.prescribed import prescribe
 
 @inner
 def put_lane(of: Floats, to: Floats, n: np.uint64, m: np.uint64) -> None:
-    """The first n numbers of lane m, to those of a member."""
+    """The first n numbers of lane m, to the numbers of a member."""
     for i in range(ZERO, n):
         to[i] = lane(of, i, m)
 
@@ -39,7 +39,7 @@ def take_lane(of: Floats, to: Floats, first: np.uint64, n: np.uint64, m: np.uint
 
 @inner
 def lane_forces(problem: Problem, of: Problem, crew: LaneCrew, progress: LaneProgress) -> None:
-    """Q at q, q̇ of `problem`, which is that of all lanes, unless it is known. `of`: any member."""
+    """Q at q, q̇ of `problem`, in lanes, unless it is known. `of`: any member."""
     if crew.steady[0] != 0:
         return
     work = problem.work

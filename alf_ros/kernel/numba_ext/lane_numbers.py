@@ -109,7 +109,7 @@ def lanes_among(kinds: Any) -> Any:
 def _operation(code: Callable[[Any, Any], Any], count: int, *functions: Any) -> None:
     """Take `code`(builder, values) for these functions of `count` lanes."""
 
-    class Typing(AbstractTemplate):
+    class _Operation(AbstractTemplate):
         def generic(self, args: Any, kws: Any) -> Any:
             kind = lanes_among(args) if len(args) == count else None
             return signature(kind, *[kind] * count) if kind else None
@@ -118,12 +118,12 @@ def _operation(code: Callable[[Any, Any], Any], count: int, *functions: Any) -> 
         return code(builder, args)
 
     for function in functions:
-        infer_global(function)(Typing)
+        infer_global(function)(_Operation)
         lower_builtin(function, *[LanesType] * count)(lower)
 
 
 def _comparison(sign: str, function: Any) -> None:
-    class Typing(AbstractTemplate):
+    class _Comparison(AbstractTemplate):
         def generic(self, args: Any, kws: Any) -> Any:
             kind = lanes_among(args)
             return signature(MaskType(kind.W), kind, kind) if kind else None
@@ -132,7 +132,7 @@ def _comparison(sign: str, function: Any) -> None:
         compare = builder.fcmp_unordered if sign == '!=' else builder.fcmp_ordered
         return builder.sext(compare(sign, *args), context.get_value_type(sig.return_type))
 
-    infer_global(function)(Typing)
+    infer_global(function)(_Comparison)
     lower_builtin(function, LanesType, LanesType)(lower)
 
 
@@ -179,7 +179,7 @@ for _sign, _function in (
 def _lane_by_lane(function: Any) -> None:
     """Take a function of one number for each lane."""
 
-    class Typing(AbstractTemplate):
+    class _LaneByLane(AbstractTemplate):
         def generic(self, args: Any, kws: Any) -> Any:
             kind = lanes_among(args) if len(args) == 1 else None
             return signature(kind, kind) if kind else None
@@ -195,7 +195,7 @@ def _lane_by_lane(function: Any) -> None:
             value = builder.insert_element(value, number, _index(m))
         return value
 
-    infer_global(function)(Typing)
+    infer_global(function)(_LaneByLane)
     lower_builtin(function, LanesType)(lower)
 
 
@@ -207,7 +207,7 @@ for _function in (np.sin, np.cos, np.log):
 
 
 def _mask_operation(code: Callable[[Any, Any], Any], function: Any) -> None:
-    class Typing(AbstractTemplate):
+    class _MaskOperation(AbstractTemplate):
         def generic(self, args: Any, kws: Any) -> Any:
             kinds = [kind for kind in args if isinstance(kind, MaskType)]
             fits = all(isinstance(kind, (MaskType, types.Boolean)) for kind in args)
@@ -216,7 +216,7 @@ def _mask_operation(code: Callable[[Any, Any], Any], function: Any) -> None:
     def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         return code(builder, args)
 
-    infer_global(function)(Typing)
+    infer_global(function)(_MaskOperation)
     lower_builtin(function, MaskType, MaskType)(lower)
 
 

@@ -1,4 +1,4 @@
-"""Structs whose numbers are those of several members side by side: see `lane_numbers`.
+"""Structs whose numbers belong to several members side by side: see `lane_numbers`.
 
 `LaneStruct` is made of structs of one class. Whole numbers are the pattern, which all members
 share; fields that a class names in `counted` are numbers of each member too, and a class that is
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import fields
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from llvmlite import ir
@@ -55,6 +55,10 @@ class LaneStruct:
 
     _table: Any
     _address: int
+
+    if TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any: ...
 
     def __init__(self, members: Sequence[Struct]) -> None:
         first, W = members[0], len(members)

@@ -11,7 +11,7 @@ from alf_ros.arrays import Floats
 from alf_ros.kernel import Phase
 from alf_ros.logs import progress
 from alf_ros.logs.report.diagnostic_levels import Reports
-from alf_ros.model import assembly
+from alf_ros.model import ordinary_positions
 from alf_ros.model.compile import Model, allocate
 from alf_ros.model.prescribed import prescribe
 from alf_ros.model.softest_modes import KNOWN, NIL, ROUNDS, begun, near
@@ -46,7 +46,7 @@ def distances(
     model, blocks = simulation.model, simulation.state.q
     unit, system = model.unit, model.system
     work, D = allocate(model, system, 0), model.layout.dimension
-    redundant = assembly.ordinary(model, blocks)[0]
+    redundant = ordinary_positions.ordinary(model, blocks)[0]
     modes = begun(model, redundant, FOLLOWED)
     sigma, error, passes = np.ones(len(t)), np.zeros(len(t)), list[float]()
     work.q[:] = blocks

@@ -7,58 +7,82 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from alf_ros.arrays import Indices, Integers
 from alf_ros.kernel import Forms, Rows
 from alf_ros.mechanism.affine import Form
+from alf_ros.mechanism.memory import remembered
 from alf_ros.mechanism.natural_coordinates import Layout, Shape
 from alf_ros.model.constraints.row import Constraint, Distance, Row
+from alf_ros.model.struct_memory import changed, frozen
 
 
 def rows_of(rows: Sequence[Constraint], layout: Layout) -> tuple[Rows, list[int]]:
     """The rows as the kernel wants them, and which row stands at each of its places."""
-    D = layout.dimension
     bars = [(n, row) for n, row in enumerate(rows) if isinstance(row, Distance)]
     forms = [(n, row) for n, row in enumerate(rows) if not isinstance(row, Distance)]
     forms.sort(key=lambda each: each[1].velocity)
-    ends = np.array([row[1:3] for _, row in bars], dtype=np.int64).reshape(-1, 2)
-    ends.sort(axis=1)
-    fixed = ends[:, 1] >= layout.movable
+    # entries by ascending blocks, so that fixed ones come last
+    entries = [[(i, row.b[i], row.terms.get(i, {})) for i in row.blocks] for _, row in forms]
+    ends, bound = [row[1:3] for _, row in bars], []
+    for parts in entries:
+        bound.append(tuple((i, *terms) for i, _, terms in parts))
+    moving_first, placed = _placed(tuple(ends), tuple(bound), layout.movable)
     length = np.array([row.length for _, row in bars])
-    moving_first = np.argsort(fixed, kind='stable')
-    first, movable, block, b = [0], [], [], []
-    first_term, term_block, term = [0], [], []
-    for _, row in forms:
-        for i in row.blocks:  # ascending, so that fixed blocks come last
-            block.append(i)
-            b.append(row.b[i])
-            for j, T in row.terms.get(i, {}).items():
-                term_block.append(j)
-                term.append(T)
-            first_term.append(len(term))
-        movable.append(first[-1] + sum(i < layout.movable for i in row.blocks))
-        first.append(len(block))
-    order = [bars[n][0] for n in moving_first] + [n for n, _ in forms]
-    arrays = Rows(
-        both=np.uint64(np.count_nonzero(~fixed)),
-        i=indices(ends[moving_first, 0]),
-        j=indices(ends[moving_first, 1]),
+    order = [bars[n][0] for n in moving_first.tolist()] + [n for n, _ in forms]
+    numbers = [b for parts in entries for _, b, _ in parts]
+    products = [T for parts in entries for _, _, terms in parts for T in terms.values()]
+    arrays = changed(
+        placed,
         length2=length[moving_first] ** 2,
-        first=indices(first),
-        movable=indices(movable),
-        block=indices(block),
-        b=np.array(b, dtype=float).ravel(),
-        first_term=indices(first_term),
-        term_block=indices(term_block),
-        term=np.array(term, dtype=float).reshape(-1, D * D).ravel(),
+        b=np.concatenate(numbers, dtype=float) if numbers else np.zeros(0),
+        term=np.concatenate(products, dtype=float).ravel() if products else np.zeros(0),
         c=np.array([row.c for _, row in forms if not row.velocity], dtype=float),
         alpha=np.zeros(len(order)),
         scale=np.zeros(len(order)),
     )
     return arrays, order
+
+
+@remembered(64)
+def _placed(
+    bars: tuple[tuple[int, int], ...], forms: tuple[tuple[tuple[int, ...], ...], ...], movable: int
+) -> tuple[Integers, Rows]:
+    """The order of the distances between `bars`, and the rows without numbers; `forms` has their
+    entries: the block of each, and the blocks of its terms."""
+    ends = np.array(bars, dtype=np.int64).reshape(-1, 2)
+    ends.sort(axis=1)
+    fixed = ends[:, 1] >= movable
+    moving_first = np.argsort(fixed, kind='stable')
+    first, moving, block, first_term, term_block = [0], [], [], [0], []
+    for entries in forms:
+        for i, *terms in entries:
+            block.append(i)
+            term_block += terms
+            first_term.append(len(term_block))
+        moving.append(first[-1] + sum(i < movable for i, *_ in entries))
+        first.append(len(block))
+    nothing = np.zeros(0)
+    rows = Rows(
+        both=np.uint64(np.count_nonzero(~fixed)),
+        i=indices(ends[moving_first, 0]),
+        j=indices(ends[moving_first, 1]),
+        length2=nothing,
+        first=indices(first),
+        movable=indices(moving),
+        block=indices(block),
+        b=nothing,
+        first_term=indices(first_term),
+        term_block=indices(term_block),
+        term=nothing,
+        c=nothing,
+        alpha=nothing,
+        scale=nothing,
+    )
+    return moving_first, frozen(rows)
 
 
 def forms_of(forms: Sequence[Form], D: int) -> Forms:
@@ -77,19 +101,32 @@ def of_shapes(layout: Layout, made: Callable[[Shape], Sequence[Row]]) -> Rows:
     shapes = [layout.shape(body.name) for body in layout.bodies]
     alike = {shape: made(shape) for shape in dict.fromkeys(shapes)}
     own, _ = rows_of([row for rows in alike.values() for row in rows], layout)
-    ends = np.cumsum([len(rows) for rows in alike.values()]).tolist()
-    forms = {
-        shape: _forms(own, end - len(rows), end)
-        for (shape, rows), end in zip(alike.items(), ends, strict=True)
-    }
-    parts = [forms[shape] for shape in shapes]
-    blocks = np.cumsum([0, *(len(shape.local) for shape in shapes)])
-    before = np.repeat(blocks[:-1], [part['block'].size for part in parts])
-    rows = _joined(rows_of([], layout)[0], parts)
-    place = [block for body in layout.bodies for block in layout.of_body[body.name]]
-    return renumbered(
-        replace(rows, block=indices(rows.block + before)), np.array(place), layout.movable
+    number = {shape: n for n, shape in enumerate(alike)}
+    return _gathered(
+        own,
+        _of_bodies(
+            *_structure(own),
+            np.cumsum([0, *(len(rows) for rows in alike.values())]),
+            np.array([number[shape] for shape in shapes]),
+            np.array([len(shape.local) for shape in shapes]),
+            np.array([block for body in layout.bodies for block in layout.of_body[body.name]]),
+            layout.movable,
+        ),
     )
+
+
+@remembered(64)
+def _of_bodies(*given: Any) -> _Arrangement:
+    """Rows for bodies one after another. given: the structure of the rows of all shapes; where the
+    rows of each shape begin, and the end; the shape of each body, and how many blocks it has; the
+    blocks of all bodies; how many blocks move."""
+    *structure, ends, shape, count, place, movable = given
+    own = _numbered(*structure)
+    parts = [_forms(own, ends[n], ends[n + 1]) for n in shape]
+    blocks = np.concatenate([[0], np.cumsum(count)])
+    before = np.repeat(blocks[:-1], [part['block'].size for part in parts])
+    rows = _joined(own, parts)
+    return _arranged(_moved(replace(rows, block=indices(rows.block + before)), place, movable))
 
 
 def renumbered(rows: Rows, place: Integers, movable: int) -> Rows:
@@ -97,6 +134,17 @@ def renumbered(rows: Rows, place: Integers, movable: int) -> Rows:
 
     Entries of a row are sorted again.
     """
+    return _gathered(rows, _renumbered(*_structure(rows), place, movable))
+
+
+@remembered(64)
+def _renumbered(*given: Any) -> _Arrangement:
+    *structure, place, movable = given
+    return _arranged(_moved(_numbered(*structure), place, movable))
+
+
+def _moved(rows: Rows, place: Integers, movable: int) -> Rows:
+    """`renumbered`, of rows as `_numbered` has them."""
     ends = np.sort([place[rows.i], place[rows.j]], axis=0)
     block = place[rows.block]
     order = np.lexsort((block, np.repeat(np.arange(rows.movable.size), np.diff(rows.first))))
@@ -105,47 +153,106 @@ def renumbered(rows: Rows, place: Integers, movable: int) -> Rows:
     first_term = _starts(terms)
     moved = np.repeat(rows.first_term[order].astype(np.int64) - first_term[:-1], terms)
     moved += np.arange(moved.size)
-    D = rows.b.size // max(1, rows.block.size)
     return replace(
         rows,
         i=indices(ends[0]),
         j=indices(ends[1]),
         movable=rows.first[:-1] + moving[rows.first[1:]] - moving[rows.first[:-1]],
         block=indices(block[order]),
-        b=rows.b.reshape(order.size, D)[order].ravel(),
+        b=rows.b[order],
         first_term=first_term,
         term_block=indices(place[rows.term_block[moved]]),
-        term=rows.term.reshape(moved.size, D * D)[moved].ravel(),
+        term=rows.term[moved],
     )
 
 
 def with_more(rows: Rows, more: Rows, velocities: bool) -> Rows:
     """Rows, and more of forms behind theirs; with or without those that bind velocities only."""
+    arrangement = _with_more(*_structure(rows), *_structure(more), velocities)
+    numbers = {
+        name: np.concatenate([getattr(rows, name), getattr(more, name)])
+        for name in ('block', *_NUMBERS)
+    }
+    return _gathered(changed(rows, **numbers), arrangement)
+
+
+@remembered(64)
+def _with_more(*given: Any) -> _Arrangement:
+    *both, velocities = given
+    own, others = both[: len(both) // 2], both[len(both) // 2 :]
+    rows, more = _numbered(*own), _numbered(*others)
+    more = replace(
+        more, b=more.b + rows.b.size, term=more.term + rows.term.size, c=more.c + rows.c.size
+    )
     places, end = rows.c.size, rows.movable.size if velocities else rows.c.size
     parts = [_forms(rows, 0, places), _forms(more, 0, more.c.size), _forms(rows, places, end)]
-    return _joined(rows, parts)
+    return _arranged(_joined(rows, parts))
+
+
+_STRUCTURE = ('both', 'i', 'j', 'first', 'movable', 'block', 'first_term', 'term_block')
+_NUMBERS = ('b', 'term', 'c')
+
+
+class _Arrangement(NamedTuple):
+    """Rows without numbers. The numbers are taken from other rows: from the entries `b`, the terms
+    `term` and the rows `c` of these."""
+
+    rows: Rows
+    b: Integers
+    term: Integers
+    c: Integers
+
+
+def _structure(rows: Rows) -> tuple[Any, ...]:
+    """All of rows that is no number, and how many of them have a constant."""
+    return (*(getattr(rows, name) for name in _STRUCTURE), rows.c.size)
+
+
+def _numbered(*structure: Any) -> Rows:
+    """Rows of a structure in a space of one dimension whose numbers are their places."""
+    *parts, c = structure
+    named = dict(zip(_STRUCTURE, parts, strict=True))
+    sizes = {'b': named['block'].size, 'term': named['term_block'].size, 'c': c}
+    numbers = {name: np.arange(size, dtype=float) for name, size in sizes.items()}
+    nothing = dict.fromkeys(('length2', 'alpha', 'scale'), np.zeros(0))
+    return Rows(**{**named, **numbers, **nothing})
+
+
+def _arranged(rows: Rows) -> _Arrangement:
+    """The arrangement of rows that were `_numbered`."""
+    return _Arrangement(frozen(rows), *(getattr(rows, n).astype(np.int64) for n in _NUMBERS))
+
+
+def _gathered(rows: Rows, to: _Arrangement) -> Rows:
+    """Rows that are arranged otherwise."""
+    D, m = rows.b.size // max(1, rows.block.size), to.rows.i.size + to.rows.movable.size
+    return changed(
+        to.rows,
+        length2=rows.length2,
+        b=rows.b.reshape(-1, D)[to.b].ravel() if to.b.size else np.zeros(0),
+        term=rows.term.reshape(-1, D * D)[to.term].ravel() if to.term.size else np.zeros(0),
+        c=rows.c[to.c],
+        alpha=np.zeros(m),
+        scale=np.zeros(m),
+    )
 
 
 def _joined(rows: Rows, parts: Sequence[dict[str, Any]]) -> Rows:
     """Rows with these forms in place of their own."""
     each = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    m = rows.i.size + each['entries'].size
     first = _starts(each.pop('entries'))
     return replace(
         rows,
         first=first,
         movable=indices(first[:-1] + each.pop('moving')),
         first_term=_starts(each.pop('terms')),
-        alpha=np.zeros(m),
-        scale=np.zeros(m),
         **each,
     )
 
 
 def _forms(rows: Rows, start: int, end: int) -> dict[str, Any]:
     """Of the rows that are no distances, from `start` to `end`: entries of each, how many of them
-    move, terms of each entry; and blocks and numbers."""
-    D = rows.b.size // max(1, rows.block.size)
+    move, terms of each entry; and blocks and numbers; as `_numbered` has them."""
     s, e = (int(rows.first[n]) for n in (start, end))
     t, u = (int(rows.first_term[n]) for n in (s, e))
     return {
@@ -153,9 +260,9 @@ def _forms(rows: Rows, start: int, end: int) -> dict[str, Any]:
         'moving': rows.movable[start:end] - rows.first[start:end],
         'terms': np.diff(rows.first_term[s : e + 1]),
         'block': rows.block[s:e],
-        'b': rows.b[s * D : e * D],
+        'b': rows.b[s:e],
         'term_block': rows.term_block[t:u],
-        'term': rows.term[t * D * D : u * D * D],
+        'term': rows.term[t:u],
         'c': rows.c[start:end],
     }
 

@@ -9,8 +9,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
-import numpy as np
-
 from alf_ros.arrays import Floats
 from alf_ros.mechanism.affine import Form
 
@@ -73,8 +71,8 @@ def product(name: str, f: Form, g: Form, offset: float = 0.0) -> Row:
             for j, G in second.parts.items():
                 row = terms.setdefault(i, {})
                 row[j] = row.get(j, 0.0) + C.T @ G
-    terms = {i: {j: T for j, T in row.items() if np.any(T)} for i, row in terms.items()}
-    b = {i: v for i, v in b.items() if np.any(v) or terms.get(i)}
+    terms = {i: {j: T for j, T in row.items() if T.any()} for i, row in terms.items()}
+    b = {i: v for i, v in b.items() if v.any() or terms.get(i)}
     return Row(name, b, terms, float(f.constant @ g.constant) - offset)
 
 
@@ -125,4 +123,4 @@ def value(row: Row, places: Floats) -> float:
 
 
 def _kept(b: dict[int, Floats]) -> dict[int, Floats]:
-    return {block: value for block, value in b.items() if np.any(value)}
+    return {block: value for block, value in b.items() if value.any()}

@@ -11,6 +11,7 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.mechanism import Body, Numbers, Point, Vector
+from alf_ros.mechanism.memory import remembered
 from alf_ros.scene.text import repetition
 from alf_ros.scene.text.repetition import Item
 from alf_ros.scene.text.yaml_document import Entry
@@ -106,7 +107,8 @@ class BodyReader:
             axes = (x, y), (-y, x)
         else:
             to = [np.array(place) - drawn[0] for place in drawn[1:]]
-            axes = tuple(map(_numbers, frame_axes([*to[:1], *along, *to[1:]])))
+            directions = np.array([*to[:1], *along, *to[1:]]).reshape(-1, 3)
+            axes = tuple(map(_numbers, frame_axes(directions)))
         pose = self.poses[item.name] = Pose(drawn[0], self.alike.setdefault(axes, axes))
         zero = (0.0,) * self.dimension
         if 'length' in item.fields:
@@ -215,8 +217,10 @@ def _tensor(entry: Entry, names: Mapping[str, float]) -> tuple[Numbers, ...]:
     return tuple(_numbers(row) for row in J)
 
 
-def frame_axes(directions: list[Floats]) -> Floats:
-    """Right-handed axes (3, 3): x along the first, y in the plane of the next."""
+@remembered(1024)
+def frame_axes(directions: Floats) -> Floats:
+    """Right-handed axes (3, 3): x along the first direction (directions, 3), y in the plane of the
+    next."""
     axes: list[Floats] = []
     for d in [*directions, *np.eye(3)]:
         size = np.linalg.norm(d)

@@ -17,6 +17,7 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.mechanism import GROUND, Body, Frame, Joint, Numbers, Point, Vector
+from alf_ros.mechanism.memory import remembered
 from alf_ros.mechanism.time_function import Signal, signal
 from alf_ros.model import joints
 from alf_ros.model.joints.contract import JointType, Key, Surface
@@ -347,6 +348,7 @@ def unit(entry: Entry, dimension: int, names: Mapping[str, float]) -> Floats:
     return d / math.hypot(*d)
 
 
+@remembered(1024)
 def frame_axes(along: Floats) -> Floats:
     """Axes (rows) of which x in the plane, z in space is `along`."""
     if along.size == 2:

@@ -99,7 +99,8 @@ def _check_row_names(layout: Layout, entries: Mapping[str, Entry]) -> None:
     """Rows are named after bodies, vectors and joints; two rows of one name could not be
     distinguished."""
     owners: dict[str, str] = {}
-    for row, owner in _row_names(layout):
+    alike = _alike(layout.mechanism)
+    for row, owner in _row_names(layout, alike) if alike else ():
         if row in owners:
             raise entries[owner].error(
                 f'{owner!r} and {owners[row]!r} both have a constraint {row!r}: rename one'
@@ -107,15 +108,36 @@ def _check_row_names(layout: Layout, entries: Mapping[str, Entry]) -> None:
         owners[row] = owner
 
 
-def _row_names(layout: Layout) -> Iterator[tuple[str, str]]:
-    """Each with the name of what it is the row of."""
+def _alike(mechanism: Mechanism) -> set[str]:
+    """The names whose rows may have equal names. A row has the name of its owner, alone or with an
+    underscore and more behind it: so one of two such owners has the name of the other and more."""
+    items = (mechanism.bodies, mechanism.vectors, mechanism.joints, mechanism.couplings)
+    names = {item.name for group in (*items, mechanism.drives) for item in group}
+    found: set[str] = set()
+    for name in names:
+        end = name.rfind('_')
+        while end > 0:
+            if name[:end] in names:
+                found |= {name, name[:end]}
+            end = name.rfind('_', 0, end)
+    return found
+
+
+def _row_names(layout: Layout, owners: Collection[str]) -> Iterator[tuple[str, str]]:
+    """The rows of the owners, each with the name of its own."""
     mechanism = layout.mechanism
     for body in mechanism.bodies:
-        yield from ((row.name, body.name) for row in rigidity(body, layout))
+        if body.name in owners:
+            yield from ((row.name, body.name) for row in rigidity(body, layout))
     for vector in mechanism.vectors:
-        yield f'{vector.name}_unit', vector.name
+        if vector.name in owners:
+            yield f'{vector.name}_unit', vector.name
     for joint in mechanism.joints:
-        yield from ((row.name, joint.name) for row in joint_rows(joint, layout))
-    yield from ((coupling.name, coupling.name) for coupling in mechanism.couplings)
+        if joint.name in owners:
+            yield from ((row.name, joint.name) for row in joint_rows(joint, layout))
+    for coupling in mechanism.couplings:
+        if coupling.name in owners:
+            yield coupling.name, coupling.name
     for drive in mechanism.drives:
-        yield from ((row.name, drive.name) for row in drive_rows(drive, layout))
+        if drive.name in owners:
+            yield from ((row.name, drive.name) for row in drive_rows(drive, layout))

@@ -45,6 +45,8 @@ class Tables:
 
     def without_files(self, entry: Entry) -> Entry:
         """The entry, with tables from files written out."""
+        if not self._from_file:
+            return entry
         value = entry.value
         if id(entry) in self._from_file:
             return self._from_file[id(entry)]

@@ -27,9 +27,9 @@ from alf_ros.kernel.numba_ext.vectors import zero
 from alf_ros.kernel.prescribed import bias
 from alf_ros.kernel.projection import opening
 from alf_ros.kernel.status import FOLDED, OK, SINGULAR
-from alf_ros.model.assembly import ordinary
 from alf_ros.model.compile import Model
 from alf_ros.model.compile import allocate as workspace
+from alf_ros.model.ordinary_positions import ordinary
 from alf_ros.simulation.formulations import dense_lu
 from alf_ros.simulation.formulations.fixed_step import runge_kutta
 from alf_ros.simulation.formulations.storage import Settings, Storage, allocate

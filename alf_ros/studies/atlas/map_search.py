@@ -12,7 +12,7 @@ from alf_ros.arrays import Floats
 from alf_ros.errors import AssemblyError, InputError
 from alf_ros.inspection.position_sweep import shortest
 from alf_ros.mechanism import Mechanism
-from alf_ros.model import assembly
+from alf_ros.model import assembly, ordinary_positions
 from alf_ros.model.compile import Model, compile_model
 from alf_ros.model.dense_linearisation import Linearised
 from alf_ros.model.prescribed import prescribed
@@ -125,7 +125,7 @@ def _refuse_freedoms(freedoms: int, wanted: int) -> None:
 
 def _ground(model: Model, q: Floats) -> _Ground:
     """The space of curves around q (blocks D, m)."""
-    dependent, usual, sigma = assembly.ordinary(model, q)
+    dependent, usual, sigma = ordinary_positions.ordinary(model, q)
     at = Linearised(model, usual)
     known = model.accustomed(sigma, dependent)
     # held coordinates stay in their blocks, where the search puts them

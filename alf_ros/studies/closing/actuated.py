@@ -15,7 +15,7 @@ from alf_ros.arrays import Floats
 from alf_ros.errors import AssemblyError, InputError
 from alf_ros.mechanism import GROUND, Coordinate, Drive, Mechanism, natural_coordinates
 from alf_ros.mechanism.time_function import signal
-from alf_ros.model import assembly
+from alf_ros.model import assembly, ordinary_positions
 from alf_ros.model.carried_positions import carried
 from alf_ros.model.compile import Model, allocate, compile_model
 from alf_ros.model.constraints.row import Row
@@ -23,6 +23,7 @@ from alf_ros.model.constraints.rows import joint_rows
 from alf_ros.model.penalty import fitted
 from alf_ros.scene.scene import Scene, load_scene
 from alf_ros.scene.text import yaml_document
+from alf_ros.scene.text.scene_document import SceneDocument
 from alf_ros.simulation.instruments import Instruments
 from alf_ros.simulation.reactions import ReactionsOf
 from alf_ros.simulation.start import started
@@ -81,7 +82,10 @@ def actuated(scene: Scene, active: Sequence[str]) -> Actuated:
     bare = replace(scene.mechanism, drives=(), rotors=())
     names = _checked(bare, active)
     refuse_velocity_rows(bare)
-    free = started(replace(scene.at_rest(), mechanism=bare, effects=(), text=''), scene.solver)
+    free = started(
+        replace(scene.at_rest(), mechanism=bare, effects=(), document=SceneDocument('')),
+        scene.solver,
+    )
     values = _values(free.model, free.q)
     numbers = dict(zip(free.model.coordinate_names, values.tolist(), strict=True))
     mechanism = free.model.mechanism
@@ -90,7 +94,7 @@ def actuated(scene: Scene, active: Sequence[str]) -> Actuated:
     try:
         model = compile_model(driven, free.model.penalty)
         q = assembly.close(model, {}, carried(free.model, free.q, model))
-        dependent, _, sigma = assembly.ordinary(model, q)
+        dependent, _, sigma = ordinary_positions.ordinary(model, q)
         model = fitted(model.accustomed(sigma, dependent), sigma)
     except AssemblyError as error:
         raise AssemblyError(error.message, file=scene.file, key=error.key) from None

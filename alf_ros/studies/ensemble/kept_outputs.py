@@ -94,6 +94,11 @@ class KeptOutput:
         """The quantities that are read."""
         return (self.quantity,) if self.quantity else self.reads
 
+    @property
+    def reads_all(self) -> bool:
+        """Whether it reads the samples of the whole period."""
+        return self.kind not in ('final', 'at', 'passes')
+
     def variables(self, run: Run, times: Floats) -> tuple[LabelledArray, ...]:
         """The arrays it makes; `run`: one sample of the scene; `times` (s) of the study's period.
 

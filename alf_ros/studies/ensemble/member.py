@@ -50,7 +50,7 @@ def member_of(
     """The outputs of a run, from its samples at the instants of the study; `passes`: through
     singular positions, known when the samples are. What fails in the run is its reason."""
     try:
-        return Member(_read(study, samples, passes))
+        return Member(outputs_of(study, samples, passes))
     except StoppedError:
         raise
     except AlfError as error:
@@ -72,9 +72,11 @@ class _FunctionError(Exception):
     """Whatever a function of the user has raised."""
 
 
-def _read(
+def outputs_of(
     study: Study, samples: Iterable[Sample], passes: Callable[[], Sequence[Pass]]
 ) -> tuple[Floats, ...]:
+    """The arrays of a member. Raises what its run raises, and an exception for what a function of
+    the user raises."""
     names = [name for output in study.outputs for name in output.quantities]
     everything = any(o.kind == 'function' and not o.reads for o in study.outputs)
     run = Run(samples, None if everything else names)

@@ -77,11 +77,13 @@ class Study:
 
     @cached_property
     def instants(self) -> tuple[Floats, Integers]:
-        """All instants (s) at which a member is looked at, and which of them are `times`."""
+        """All instants (s) at which a member is looked at, and which of them are `times`: the last
+        of these alone, if no output reads others."""
+        times = self.times if any(o.reads_all for o in self.outputs) else self.times[-1:]
         asked = {t for output in self.outputs for t in output.times}
-        outside = [t for t in sorted(asked) if np.abs(self.times - t).min() > SAME]
-        merged = np.sort(np.concatenate([self.times, outside]))
-        return merged, np.searchsorted(merged, self.times)
+        outside = [t for t in sorted(asked) if np.abs(times - t).min() > SAME]
+        merged = np.sort(np.concatenate([times, outside]))
+        return merged, np.searchsorted(merged, times)
 
     @cached_property
     def parameters(self) -> tuple[LabelledArray, ...]:

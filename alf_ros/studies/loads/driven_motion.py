@@ -13,6 +13,7 @@ from alf_ros.errors import InputError
 from alf_ros.model.carried_positions import blocks_of, same_blocks
 from alf_ros.model.prescribed import prescribe
 from alf_ros.scene.scene import Scene
+from alf_ros.scene.text.scene_document import SceneDocument
 from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.simulation.state import State
@@ -54,7 +55,7 @@ def undriven(motion: Scene | Simulation, without: Sequence[str]) -> Simulation:
         scene.at_rest(),
         mechanism=replace(scene.mechanism, drives=()),
         effects=tuple(e for e in scene.effects if e.label not in without),
-        text='',
+        document=SceneDocument(''),
     )
     simulation = Simulation(bare, step=_STEP, integrator='rk4', formulation='alf2')
     if isinstance(motion, Simulation):

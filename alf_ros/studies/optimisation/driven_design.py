@@ -19,6 +19,7 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.model.dense_linearisation import Linearised
+from alf_ros.scene.text.scene_document import SceneDocument
 from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.studies.optimisation.design_numbers import DesignNumbers
@@ -53,7 +54,8 @@ class DrivenDesign:
             raise InputError('positions do not follow from drives where wheels or gears roll')
         # nothing is integrated: the step is the way between two closed positions
         step = self.simulation.solver.step
-        self._moved = Simulation(replace(scene, effects=(), text=''), step=step, integrator='rk4')
+        bare = replace(scene, effects=(), document=SceneDocument(''))
+        self._moved = Simulation(bare, step=step, integrator='rk4')
         self.t: Floats = np.asarray(np.arange(round(duration / period) + 1) * period, dtype=float)
         self.samples: Sequence[Sample] = self._at(self.t)
 

@@ -22,7 +22,7 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.inspection.run import Run
-from alf_ros.model import assembly
+from alf_ros.model import assembly, ordinary_positions
 from alf_ros.model.carried_positions import blocks_of
 from alf_ros.model.singular_branches import SMOOTH, position
 from alf_ros.scene.scene import Scene
@@ -107,7 +107,7 @@ def refuse_singular(instant: Instant) -> None:
     model = instant.model
     dependent = len(model.row_names) - round(model.system.rank)
     lost = instant.rank < round(model.system.rank)
-    if lost or assembly.within(model, instant.q, dependent):
+    if lost or ordinary_positions.within(model, instant.q, dependent):
         found = position(model, instant.q, instant.t)
         kind = found.kind if found.kind != SMOOTH else 'rank lost'
         raise InputError(

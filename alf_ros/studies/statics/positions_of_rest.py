@@ -13,7 +13,7 @@ from alf_ros import effects, kernel
 from alf_ros.arrays import Floats
 from alf_ros.effects import contract
 from alf_ros.errors import AssemblyError, InputError
-from alf_ros.model import assembly
+from alf_ros.model import assembly, ordinary_positions
 from alf_ros.model.branch_words import moving
 from alf_ros.model.compile import Model
 from alf_ros.model.prescribed import prescribe
@@ -258,7 +258,7 @@ def _singular(simulation: Simulation, landing: Landing) -> str:
     if model.n > DENSE or landing.left > _NEAR_SINGULAR * landing.scale:
         return ''
     dependent = len(model.row_names) - round(model.system.rank)
-    if not assembly.within(model, q, dependent):
+    if not ordinary_positions.within(model, q, dependent):
         return ''
     with np.errstate(all='ignore'):
         found = position(model, assembly.close(model, {}, q, least=0.0), landing.instant.t)

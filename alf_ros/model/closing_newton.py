@@ -1,0 +1,68 @@
+"""Newton's iteration that closes a mechanism: q moves along M to where Φ = 0."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from alf_ros.arrays import Floats, Unit
+from alf_ros.kernel import System, Work
+from alf_ros.kernel.constraints import add_transposed, violation
+from alf_ros.kernel.ldl import linearise
+from alf_ros.kernel.numba_ext.jit import compiled
+from alf_ros.kernel.triangular_solve import solve
+
+_MOST = 200  # iterations
+_SHORTEST = 1e-3  # part of a step from which down a shorter one is of no use
+
+
+@compiled
+def settle(
+    unit: Unit, system: System, work: Work, least: float, best: Floats, phi: Floats, gap: Floats
+) -> bool:
+    """Move work.q to where each row is closed to `least` (m), or as far as that goes; returns
+    False where A has no factor.
+
+    gap (rows,) is by how much each row stays open, m. best (blocks D,) is memory, in which work.q
+    stands on entry; and so is phi (rows,).
+    """
+    rows, n = system.rows, work.p.size
+    smallest, fraction = np.inf, 1.0
+    for _ in range(_MOST):
+        largest = opened(unit, system, work, phi, gap)
+        if gap.size == 0 or largest <= least:
+            break
+        if largest < smallest:
+            smallest, fraction = largest, 1.0
+            for i in range(best.size):
+                best[i] = work.q[i]
+        else:  # the full step overshot: take half of it from the best place so far
+            fraction *= 0.5
+            for i in range(best.size):
+                work.q[i] = best[i]
+            if fraction < _SHORTEST:
+                break
+            violation(unit, rows, work.q, phi)
+        if not linearise(unit, system, work, work.q):
+            return False
+        for r in range(phi.size):
+            phi[r] *= -rows.alpha[r]
+        for i in range(work.delta.size):
+            work.delta[i] = 0.0
+        add_transposed(unit, rows, work.g, work.g2, phi, work.delta)
+        solve(unit, system.pattern, work.diagonal, work.off, work.delta)
+        for i in range(n):
+            work.q[i] += fraction * work.delta[i]
+    opened(unit, system, work, phi, gap)
+    return True
+
+
+@compiled
+def opened(unit: Unit, system: System, work: Work, phi: Floats, gap: Floats) -> float:
+    """Φ, by how much each row is open, and the largest of that, m; not a number if one is none."""
+    rows, largest = system.rows, 0.0
+    violation(unit, rows, work.q, phi)
+    for r in range(gap.size):
+        gap[r] = abs(phi[r]) * rows.scale[r]
+        if gap[r] > largest or gap[r] != gap[r]:
+            largest = gap[r]
+    return largest

@@ -1,0 +1,177 @@
+"""Ordinary positions: how many rows depend on others there, and how far a position is from one."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from itertools import product
+
+import numpy as np
+
+from alf_ros import kernel
+from alf_ros.arrays import Floats
+from alf_ros.errors import AssemblyError
+from alf_ros.kernel import Work
+from alf_ros.mechanism.memory import remembered
+from alf_ros.model import assembly
+from alf_ros.model.compile import Model, allocate, hold
+from alf_ros.model.rank import distance, effective_rank
+
+_NEAR_BY = 4  # places that each search for an ordinary position examines
+_SOFT = 0.05  # σ below which a position may be beside a singular one
+_FIRMER = 20.0  # times the σ of an ordinary position near it
+
+
+def ordinary(model: Model, q: Floats, work: Work | None = None) -> tuple[int, Floats, float]:
+    """Ordinary values near q: the number of dependent rows, a position, and its distance σ.
+
+    `work`: memory for the rows of the model. q (blocks D, m) itself may be a singular position, so
+    that positions around it are examined too, and if rows depend on others there, places with
+    drives elsewhere.
+    """
+    random = _Directions(model.n)
+    places_only, names, _ = hold(model, [], velocities=False)
+    work = work or allocate(model, model.system, 0)
+    closing = work if places_only is model.system else allocate(model, places_only, 0)
+    best, places, closed = -1, [q], 0
+    for turn in range(12):
+        near, away = np.array(q), 0.05 * model.size if turn else 0.0
+        if turn >= _NEAR_BY and best == len(model.row_names):
+            break
+        if _NEAR_BY <= turn < 8:  # long chains may close nearer only
+            if closed:
+                continue
+            away = 0.05 * min(model.size, _shortest(model))
+        if turn >= 8:  # with drives where they begin there may be no other place
+            if not model.mechanism.prescribed:
+                break
+            _displace(model, near, 0.05 * random.generator.standard_normal())
+        near[: model.n] += away * random.next()
+        if turn:
+            try:
+                near = assembly.closed(model, places_only, names, closing, near)
+                closed += 1
+            except AssemblyError:
+                continue
+        rank = _rank(model, work, near)
+        if rank > best:
+            best, places = rank, []
+        if rank == best:
+            places.append(near)
+    # many rows may be lost together, as where all cranks of a row lie flat: they are found again
+    # where all points go the same way
+    away = min(model.size, _shortest(model))
+    ways = (0.3 * away, -0.3 * away, 0.05 * away, -0.05 * away)  # far ones tell soft modes
+    for axis, way in product(range(model.layout.dimension), ways):
+        if best == len(model.row_names):
+            break
+        near = np.array(q)
+        near[axis : model.n : model.layout.dimension] += way
+        try:
+            near = assembly.closed(model, places_only, names, closing, near)
+        except AssemblyError:
+            continue
+        rank = _rank(model, work, near)
+        if rank > best:
+            best, places = rank, [near]
+    rank = max(best, 0)
+    place, sigma = places[0], _softness(model, work, places[0], rank)
+    if sigma < _SOFT and np.array_equal(places[0], q):
+        for other in places[1:]:  # q is beside a singular position, or the mechanism is soft
+            found = _softness(model, work, other, rank)
+            if found > _FIRMER * sigma:
+                place, sigma = other, found
+    return len(model.row_names) - rank, place, sigma
+
+
+class _Directions:
+    """Random directions (n,), the same in every search, one after another."""
+
+    def __init__(self, n: int) -> None:
+        self._n, self._given = n, 0
+
+    def next(self) -> Floats:
+        """The next direction."""
+        if self._given == _NEAR_BY:
+            return self.generator.standard_normal(self._n)
+        self._given += 1
+        return _directions(self._n)[self._given - 1]
+
+    @cached_property
+    def generator(self) -> np.random.Generator:
+        """The generator, which has given the first directions."""
+        generator = np.random.default_rng(0)
+        generator.standard_normal(self._given * self._n)
+        return generator
+
+
+@remembered(64)
+def _directions(n: int) -> Floats:
+    """The first directions, which every search takes: to make a generator takes longer."""
+    return np.random.default_rng(0).standard_normal((_NEAR_BY, n))
+
+
+def _shortest(model: Model) -> float:
+    """The shortest distance that a row keeps, m."""
+    return float(np.sqrt(model.system.rows.length2.min(initial=np.inf)))
+
+
+def _displace(model: Model, q: Floats, by: float) -> None:
+    """Move prescribed blocks of q (blocks D, m) in place, by so many radians or parts of the size:
+    a mechanism that is driven into a singular position may have no other one there."""
+    layout = model.layout
+    places = q.reshape(-1, layout.dimension)
+    for item in model.mechanism.prescribed:
+        block = places[layout.of_prescribed[item.name]]
+        if item.is_direction:
+            x, y = block[:2]
+            block[:2] = np.cos(by) * x - np.sin(by) * y, np.sin(by) * x + np.cos(by) * y
+        else:
+            driven = [component is not None for component in item.components]
+            block[: len(driven)][driven] += by * model.size
+
+
+def _rank(model: Model, work: Work, q: Floats) -> int:
+    """The rank of Φ_q, -1 if A has no factor; with the penalty of the model, or with one that
+    resolves the soft modes of chains of thousands of bars."""
+    found, off = -1, 1.0
+    for penalty in (model.penalty, 1e10):
+        stiff = model if penalty == model.penalty else model.with_penalty(penalty)
+        if not kernel.linearise(model.unit, stiff.system, work, q):
+            break
+        rank = effective_rank(stiff, work)
+        away = abs(rank - np.rint(rank))  # not a number, for a penalty that overflows
+        if away < off:
+            found, off = round(rank), away
+        if off < 0.02:
+            break
+    return found
+
+
+def within(model: Model, q: Floats, dependent_rows: int, work: Work | None = None) -> bool:
+    """Whether q (blocks D, m) is a singular position, as near as stages are not trusted there.
+
+    `work`: memory for the rows of the model.
+    """
+    work = work or allocate(model, model.system, 0)
+    if not kernel.linearise(model.unit, model.system, work, q):
+        return False
+    missing = len(model.row_names) - dependent_rows - effective_rank(model, work)
+    sigma = distance(missing, model.penalty)
+    return bool(sigma < model.system.close * model.system.ordinary)
+
+
+def _softness(model: Model, work: Work, q: Floats, rank: int) -> float:
+    """The distance σ at an ordinary place, with the smallest penalty that resolves it.
+
+    With a large one the deficit of the rank would be below rounding.
+    """
+    if rank == 0:
+        return 1.0
+    for penalty in (1e4, 1e6, 1e8, 1e10):
+        soft = model.with_penalty(penalty)
+        if not kernel.linearise(model.unit, soft.system, work, q):
+            break
+        missing = rank - effective_rank(soft, work)
+        if 0.0 < missing < 0.5:
+            return float(distance(missing, penalty))
+    return 1e-5
