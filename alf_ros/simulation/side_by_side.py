@@ -140,8 +140,8 @@ class SideBySide:
 
     They have one step and method, and may differ in all else; those whose mechanisms have one
     pattern share registers. `no_place` says which simulations have none here. `lanes`: how many
-    numbers a register holds; by default the width of this processor. Raises InputError for a simulation
-    that has no place here.
+    numbers a register holds; by default the width of this processor. Raises InputError for a
+    simulation that has no place here.
     """
 
     def __init__(self, simulations: Sequence[Simulation], lanes: int | None = None) -> None:

@@ -69,7 +69,8 @@ initial: {velocities: {A: [-12.8, -2.4, 9.6]}}
 
 @njit
 def lay(unit, system, work, phase):
-    chart.choose_arcs(unit, system, work, phase, 1.0)
+    arcs = chart.choose_arcs(unit, system, work, phase, 1.0)
+    chart.begin_momenta(unit, system, work, phase, arcs)
 
 
 @njit

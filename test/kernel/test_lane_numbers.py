@@ -81,9 +81,11 @@ def masks(of: Two) -> int:
 
 
 def twos(a: Floats, b: Floats) -> list[Two]:
+    with np.errstate(invalid='ignore'):
+        factors = (a - b).tolist()
     return [
-        Two(np.array([x]), np.array([y]), float(x - y), np.zeros(20))
-        for x, y in zip(a, b, strict=True)
+        Two(np.array([x]), np.array([y]), factor, np.zeros(20))
+        for x, y, factor in zip(a, b, factors, strict=True)
     ]
 
 

@@ -39,7 +39,7 @@ MOST_SEED = 2**63 - 1
 
 # A chunk: seconds of work, of which a member costs about so much (measured: benchmark/ensemble.py)
 _WORK = 2.0
-_MEMBER, _SAMPLE, _STAGE, _BLOCK = 15e-3, 2e-4, 5e-7, 2.5e-7  # s; a stage, and each block in it
+_MEMBER, _SAMPLE, _STAGE, _BLOCK = 2e-3, 3e-5, 5e-7, 2.5e-7  # s; a stage, and each block in it
 _LEAST_CHUNKS, _MOST_CHUNK = 64, 4096
 _TRIED = 200  # steps of the scene, to learn how many stages they take
 
