@@ -277,9 +277,10 @@ def no_place(simulation: Simulation) -> str:
 
 
 def _pattern(simulation: Simulation) -> bytes:
-    """The common part of the members of a group: the whole numbers of the mechanism."""
-    parts: list[bytes] = []
-    system = simulation._stepper.system
+    """The common part of the members of a group: the whole numbers of the mechanism, and the
+    iterations of a solve."""
+    system, method = simulation._stepper.system, simulation._stepper.method
+    parts = [repr(int(method.iterations)).encode()]
     for struct in (system.mass, system.rows, system.pattern, system.arms, system.angles):
         for name, value in sorted(vars(struct).items()):
             if name.startswith('_'):

@@ -101,6 +101,20 @@ def test_different_mechanisms_share_a_call():
     check(made, alone)
 
 
+def test_members_with_other_settings_of_solves():
+    made = [
+        Simulation(load_scene('bricard'), step=4e-3, iterations=n, penalty=p, integrator='rk4')
+        for n, p in ((10, 1e7), (2, 1e7), (10, 1e9), (1, 1e7))
+    ]
+    alone = [copy.copy(each) for each in made]
+    together = SideBySide(made)
+    assert together.patterns == 3
+    together.step(30)
+    for each in alone:
+        each.step(30)
+    check(made, alone)
+
+
 @pytest.mark.parametrize('crank', [0.0, 3.0])
 def test_starts_in_singular_positions(crank):
     """Upright, with and without a speed, and beside members that start elsewhere."""
