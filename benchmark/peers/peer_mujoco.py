@@ -38,6 +38,11 @@ def _model(bodies: str, loops: list[tuple[str, str]], anchors: str) -> mujoco.Mj
 
 def slider_crank(case: dict[str, Any]) -> Any:
     """Coupler on a slide and a hinge at B; the crank hangs on it and is tied to the origin."""
+    return _runner(*slider_crank_model(case))
+
+
+def slider_crank_model(case: dict[str, Any]) -> tuple[Any, list[float], list[float], Any]:
+    """Its model, positions and speeds at the start, and the points A and B of positions."""
     model = _model(
         f'<body><joint type="slide" axis="1 0 0"/>{HINGE}{ROD}<body pos="1 0 0">{HINGE}{ROD}'
         '<site name="o" pos="1 0 0"/></body></body>',
@@ -52,7 +57,7 @@ def slider_crank(case: dict[str, Any]) -> Any:
         x, c = q[:, 0], q[:, 1]
         return np.stack([x + np.cos(c), np.sin(c), x, 0 * x], axis=1)
 
-    return _runner(model, start, speeds, points)
+    return model, start, speeds, points
 
 
 def four_bars(n: int, case: dict[str, Any]) -> Any:
