@@ -252,7 +252,7 @@ class SideBySide:
             for k, each in enumerate(self.simulations):
                 if k not in failed:
                     try:
-                        found[k].append(each.sample_at(t))
+                        found[k].append(each._sample_at(t))
                     except StepError as error:
                         failed[k] = error
         if index < last:

@@ -331,7 +331,7 @@ class Simulation:
             steps = math.floor(t / self.h + check.CLOSE) - self.step_index
             if steps > 0:
                 self.step(steps)
-            yield self.sample_at(t)
+            yield self._sample_at(t)
         if self.step_index < last:
             self.step(last - self.step_index)
 
@@ -541,7 +541,7 @@ class Simulation:
         present = self._present
         return self._sample(self.t, present.state(), self._stepper.beside(present))
 
-    def sample_at(self, t: float) -> Sample:
+    def _sample_at(self, t: float) -> Sample:
         """The motion at t (s), now or before the end of the next step. Raises StepError."""
         return self.sample() if t - self.t <= check.CLOSE * self.h else self._sample_between(t)
 

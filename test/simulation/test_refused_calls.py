@@ -380,6 +380,9 @@ STUDIES: dict[Callable[..., Any], dict[str, Any]] = {
     alf_ros.assemblies: dict.fromkeys(('mechanism', 'values', 'seed'), JUNK),
     alf_ros.atlas: dict.fromkeys(('mechanism', 'over', 'hold', 'output', 'bar', 'seed'), JUNK),
     alf_ros.ensemble: dict.fromkeys(('scene', 'vary', 'outputs', 'period', 'sampling'), JUNK),
+    alf_ros.Ensemble: dict.fromkeys(
+        ('scene', 'vary', 'seed', 'sampling', 'efforts', 'observations', 'steps'), JUNK
+    ),
     alf_ros.Closure: dict.fromkeys(('mechanism', 'active', 'noise'), JUNK),
     alf_ros.recorded: dict.fromkeys(('t', 'positions', 'velocities', 'inputs', 'name'), JUNK),
     alf_ros.identify: dict.fromkeys(
@@ -416,6 +419,7 @@ RIGHT: dict[Any, dict[str, Any]] = {
     alf_ros.equilibrium_path: {'over': 'gravity.acceleration.1', 'end': -9.0, 'most': 3},
     alf_ros.floquet: {'period': 0.1},
     alf_ros.ensemble: {'vary': {}, 'members': 1, 'duration': 0.01, 'workers': 0},
+    alf_ros.Ensemble: {'members': 2},
     alf_ros.Closure: {'active': ['crank_pin']},
     alf_ros.atlas: {'starts': 1},
     alf_ros.assemblies: {'starts': 1, 'values': {'crank_pin': 0.8}},

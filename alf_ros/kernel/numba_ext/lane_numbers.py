@@ -103,6 +103,15 @@ def lanes_among(kinds: Any) -> Any:
     return found[0] if found and fits else None
 
 
+def _typed(function: Any, typing: Any) -> None:
+    """Take a class of typing for a function, also for one of numpy, which may have no module."""
+
+    class Keyed(typing):
+        key = function
+
+    infer_global(function, types.Function(Keyed))
+
+
 # ------------------------------------------------------------------------------- arithmetic
 
 
@@ -118,7 +127,7 @@ def _operation(code: Callable[[Any, Any], Any], count: int, *functions: Any) -> 
         return code(builder, args)
 
     for function in functions:
-        infer_global(function)(_Operation)
+        _typed(function, _Operation)
         lower_builtin(function, *[LanesType] * count)(lower)
 
 
@@ -132,7 +141,7 @@ def _comparison(sign: str, function: Any) -> None:
         compare = builder.fcmp_unordered if sign == '!=' else builder.fcmp_ordered
         return builder.sext(compare(sign, *args), context.get_value_type(sig.return_type))
 
-    infer_global(function)(_Comparison)
+    _typed(function, _Comparison)
     lower_builtin(function, LanesType, LanesType)(lower)
 
 
@@ -195,7 +204,7 @@ def _lane_by_lane(function: Any) -> None:
             value = builder.insert_element(value, number, _index(m))
         return value
 
-    infer_global(function)(_LaneByLane)
+    _typed(function, _LaneByLane)
     lower_builtin(function, LanesType)(lower)
 
 
@@ -216,7 +225,7 @@ def _mask_operation(code: Callable[[Any, Any], Any], function: Any) -> None:
     def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         return code(builder, args)
 
-    infer_global(function)(_MaskOperation)
+    _typed(function, _MaskOperation)
     lower_builtin(function, MaskType, MaskType)(lower)
 
 

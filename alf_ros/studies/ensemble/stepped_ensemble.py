@@ -21,6 +21,7 @@ from alf_ros.simulation.simulation import Simulation
 from alf_ros.studies.ensemble.study_reading import study_of
 
 _AXES = 'xyz'
+_DIFFER = 'members differ in structure'
 
 
 class Ensemble:
@@ -52,8 +53,8 @@ class Ensemble:
     ) -> None:
         self.steps = check.whole(steps, 'steps', 1)
         loaded = scene if isinstance(scene, Scene) else load_scene(scene)
-        self._varied = bool(vary)
-        if vary:
+        self._varied = vary is not None
+        if vary is not None:
             given = study_of(loaded, vary, members=members, seed=seed, sampling=sampling)
             scenes = [given.scene_of(k) for k in range(given.members)]
             self._members = [Simulation(each, **settings) for each in scenes]
@@ -61,11 +62,13 @@ class Ensemble:
             count = check.whole(members, 'members', 1)
             first = Simulation(loaded, **settings)
             self._members = [first, *(copy.copy(first) for _ in range(count - 1))]
-        self.inputs = tuple(check.text(name, 'efforts') for name in efforts)
+        self.inputs = check.texts(efforts, 'efforts')
+        if len(set(self.inputs)) < len(self.inputs):
+            raise InputError('a joint is named twice', key='efforts', value=list(self.inputs))
         self.efforts = np.zeros((len(self._members), len(self.inputs)))
         self._together = SideBySide(self._members)
         if self._together.patterns > 1:
-            raise InputError('members differ in structure', key='vary', value=list(vary or ()))
+            raise InputError(_DIFFER, key='vary', value=list(vary or ()))
         self._failed: dict[int, str] = {}
         for each in self._members:
             for name in self.inputs:
@@ -78,7 +81,7 @@ class Ensemble:
             names = model.coordinate_names
             found = [f'joints.{name}.position' for name in names]
             observations = [*found, *(f'joints.{name}.velocity' for name in names)]
-        self.observations = tuple(check.text(name, 'observations') for name in observations)
+        self.observations = check.texts(observations, 'observations')
         self._observing = self._reading()
         self._bind()
 
@@ -88,6 +91,8 @@ class Ensemble:
         """(members, numbers) the numbers of the effects of all members in one array, into which
         inputs are written."""
         packed = [each._present.applied.assembled for each in self._members]
+        if len({forces.effects.params.size for forces in packed}) > 1:
+            raise InputError(_DIFFER, key='vary')
         params = np.array([forces.effects.params for forces in packed])
         for each, forces, own in zip(self._members, packed, params, strict=True):
             effects = replace(forces.effects, params=own)
