@@ -181,6 +181,8 @@ class VariedScene:
                 continue  # the scene is refused beside its last value
             if len(found) == _TWO:
                 break
+        if len(found) < _TWO:
+            raise InputError('the scene is refused on both sides', key=self.over, value=value)
         (more, ahead), (less, behind) = found
         force, gap, still = ((x - y) / (more - less) for x, y in zip(ahead, behind, strict=True))
         n = instant.model.n
