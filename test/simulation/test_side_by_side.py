@@ -75,9 +75,9 @@ def test_members_have_the_bits_of_their_single_runs(name):
         check(made, alone)
 
 
-@pytest.mark.parametrize('lanes', [2, 4])
+@pytest.mark.parametrize('lanes', [4, 8])
 @pytest.mark.parametrize('integrator', ['rk4', 'dop853'])
-def test_registers_of_any_width_and_every_explicit_integrator(lanes, integrator):
+def test_registers_of_other_widths_and_every_explicit_integrator(lanes, integrator):
     made = [
         member('change_point', {DOWN: '{-9-k/8}'}, k, step=1e-2, integrator=integrator)
         for k in range(2 * lanes + 1)
