@@ -57,6 +57,12 @@ class InputError(AlfError):
                 text += f'; known: {some}{" ..." if len(names) > 12 else ""}'
         super().__init__(printable(' '.join(text.split())))
 
+    def about(self, key: str | None) -> InputError:
+        """The same about a key of other input, which has no file with lines."""
+        return InputError(
+            self.message, key=key, value=self.value, expected=self.expected, choices=self.choices
+        )
+
 
 def printable(text: str) -> str:
     """The text for a terminal: what would move its cursor, colour it or turn its direction is

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import stat
+from collections.abc import Mapping
 from pathlib import Path
 
 from alf_ros.errors import InputError
@@ -36,6 +37,16 @@ def content(path: Path, most: int) -> bytes:
     if len(data) > most:
         raise InputError(f'larger than {most >> 20} MB', file=str(path))
     return data
+
+
+def written(folder: str | Path, texts: Mapping[str, str]) -> Path:
+    """Write files of these names into a folder, which is made; returns it. Raises InputError for
+    a text that is no path, OSError if it cannot be written."""
+    target = named(folder, 'folder')
+    target.mkdir(parents=True, exist_ok=True)
+    for name, text in texts.items():
+        (target / name).write_text(text, 'utf-8')
+    return target
 
 
 def _opened(path: str, flags: int) -> int:

@@ -100,6 +100,23 @@ def _step(beta: float, delta: Floats, x: Floats, n: np.uint64) -> tuple[float, f
     return abs(beta) * step, size
 
 
+@inner
+def along_direction(unit: Unit, system: System, work: Work) -> tuple[float, float]:
+    """δ = A⁻¹ Φ_qᵀ z and w = Φ_q δ, with the Φ_q of the factor; returns zᵀ w and zᵀ α⁻¹ z."""
+    rows, delta, z, w = system.rows, work.delta, work.z, work.w
+    zero(delta)
+    add_transposed(unit, rows, work.gf, work.g2f, z, delta)
+    for i in range(work.p.size, delta.size):  # fixed blocks do not move
+        delta[i] = 0.0
+    solve(unit, system.pattern, work.diagonal, work.off, delta)
+    times_jacobian(unit, rows, work.gf, work.g2f, delta, w)
+    zw, zz = 0.0, 0.0
+    for r in range(z.size):
+        zw += z[r] * w[r]
+        zz += z[r] * z[r] / rows.alpha[r]
+    return zw, zz
+
+
 @compiled
 def finish(
     unit: Unit, system: System, work: Work, x: Floats, tolerance: float, limits: ModeLimits
@@ -123,16 +140,7 @@ def finish(
         floor = max(limits.noise, NOISE * largest(x, n), NOTHING)
         if rho <= system.penalty * system.mean * floor * floor:
             return least
-        zero(delta)
-        add_transposed(unit, rows, work.gf, work.g2f, z, delta)
-        for i in range(n, delta.size):  # fixed blocks do not move
-            delta[i] = 0.0
-        solve(unit, system.pattern, work.diagonal, work.off, delta)
-        times_jacobian(unit, rows, work.gf, work.g2f, delta, w)
-        zw, zz = 0.0, 0.0
-        for r in range(m):
-            zw += z[r] * w[r]
-            zz += z[r] * z[r] / rows.alpha[r]
+        zw, zz = along_direction(unit, system, work)
         if not zw > ROUNDING * zz:
             return least
         sigma = np.sqrt(zw / (system.penalty * max(zz - zw, EPS * zz)))

@@ -67,8 +67,7 @@ def record(about: Mapping[str, Any], scene: Scene) -> dict[str, str]:
 def _of_effects(scene: Scene) -> dict[str, Any]:
     """Parts of a scene outside its text: `files`, the texts of effects that are files (by full
     name), and `effects`, the `origins` of the others."""
-    kinds = dict.fromkeys(effect.kind for effect in scene.effects)
-    files = {kind: user_file.source(kind) for kind in kinds if user_file.is_file_name(kind)}
+    files = user_file.sources(effect.kind for effect in scene.effects)
     return {'files': files, 'effects': origins(scene)}
 
 

@@ -51,13 +51,7 @@ def with_changes(scene: Scene, changes: Mapping[str, str], prefix: str = '--set 
         if error.file not in sources:
             raise
         # the text of a change is no file with lines and keys
-        raise InputError(
-            error.message,
-            key=error.file,
-            value=error.value,
-            expected=error.expected,
-            choices=error.choices,
-        ) from None
+        raise error.about(error.file) from None
     return dataclasses.replace(changed, file=scene.file)
 
 

@@ -150,7 +150,11 @@ class SideBySide:
         if self.lanes not in WIDTHS:
             raise InputError('not usable', key='lanes', value=lanes, expected='2, 4 or 8')
         patterns: dict[bytes, list[int]] = {}
+        if len({id(each) for each in self.simulations}) < len(self.simulations):
+            raise InputError('a simulation is given twice', key='simulations')
         for k, each in enumerate(self.simulations):
+            if not isinstance(each, Simulation):
+                raise InputError('not a simulation', key=f'simulations[{k}]', value=each)
             why = no_place(each)
             if why:
                 raise InputError(why, key=f'simulations[{k}]', value=each.solver.integrator)
@@ -239,6 +243,8 @@ class SideBySide:
         self, duration: float, at: Sequence[float]
     ) -> list[tuple[list[Sample], AlfError | None]]:
         """`Simulation.run` of each: its samples at the times `at` (s), and what ended it early."""
+        if not self.simulations:
+            return []
         first = self.simulations[0]
         h, index = first.h, first.step_index
         last = index + check.steps_of(duration, h, index)

@@ -242,6 +242,11 @@ def test_other_refusals():
     one, other = (Simulation(load_scene('slider_crank'), step=h) for h in (1e-3, 2e-3))
     with pytest.raises(InputError, match='one step'):
         SideBySide([one, other])
+    with pytest.raises(InputError, match='twice'):
+        SideBySide([one, one])
+    with pytest.raises(InputError, match='not a simulation'):
+        SideBySide([one, 'slider_crank'])  # type: ignore[list-item]
+    assert SideBySide([]).step(3) == {} and SideBySide([]).run(0.1, [0.0]) == []
     with pytest.raises(InputError, match='2, 4 or 8'):
         SideBySide([one], lanes=3)
     with pytest.raises(InputError, match='n: '):

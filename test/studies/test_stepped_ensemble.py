@@ -124,6 +124,7 @@ def test_a_member_that_fails_waits_until_it_is_reset():
     ('settings', 'said'),
     [
         ({'members': 0}, 'members'),
+        ({'members': 10**9}, 'members'),
         ({'members': 2, 'efforts': ['crank']}, "did you mean 'crank_pin'"),
         ({'members': 2, 'observations': ['points.B.z']}, 'points.B'),
         ({'members': 2, 'steps': 0}, 'steps'),
@@ -135,9 +136,12 @@ def test_refusals(settings, said):
         Ensemble('slider_crank', **settings)
 
 
-def test_inputs_of_another_shape_change_nothing():
+def test_inputs_of_another_shape_change_nothing() -> None:
     ensemble = Ensemble('slider_crank', 3, **CRANK)
-    for wrong in (np.zeros(3), np.zeros((3, 2)), [[0.0], [np.nan], [0.0]]):
+    for wrong in (np.zeros(3), np.zeros((3, 2)), [[0.0], [np.nan], [0.0]], 'x', [[0.0], []]):
         with pytest.raises(InputError):
             ensemble.step(wrong)
+    for which in (3, 'x', [True], 1.5, [[0.5]]):
+        with pytest.raises(InputError, match='which: '):
+            ensemble.reset(which)
     assert ensemble.t.tolist() == [0.0, 0.0, 0.0]

@@ -13,6 +13,7 @@ import re
 import shutil
 import sys
 import tempfile
+from collections.abc import Iterable
 from pathlib import Path
 from types import ModuleType
 
@@ -90,6 +91,11 @@ def full_name(name: str, folder: Path | None, code: bool = True) -> str:
 def source(name: str) -> str:
     """The text of the file of a full name, as it was run."""
     return _texts[digest(name)]
+
+
+def sources(kinds: Iterable[str]) -> dict[str, str]:
+    """The texts of the effects among these kinds that are files, by full name, in their order."""
+    return {kind: source(kind) for kind in dict.fromkeys(kinds) if is_file_name(kind)}
 
 
 def provide(name: str, text: str) -> None:

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from alf_ros.arrays import Floats, Unit
-from alf_ros.kernel.augmented_solve import DIRECTIONS, NOISE, ROUNDING
-from alf_ros.kernel.constraints import add_transposed, times_jacobian
+from alf_ros.kernel.augmented_solve import DIRECTIONS, NOISE, ROUNDING, along_direction
 from alf_ros.kernel.data import EPS, NOTHING, ModeLimits, System, Work
 from alf_ros.kernel.lanes.lane_solve import are_factored
 from alf_ros.kernel.ldl import linearise
@@ -16,7 +15,6 @@ from alf_ros.kernel.numba_ext.jit import inner
 from alf_ros.kernel.numba_ext.lane_numbers import anywhere, nowhere, pick, unless
 from alf_ros.kernel.numba_ext.vectors import copy, largest, zero
 from alf_ros.kernel.projection import CLOSED, FAINT, FURTHEST, ROUNDED, correct, opening
-from alf_ros.kernel.triangular_solve import solve
 
 Lanes = Any
 Mask = Any
@@ -103,16 +101,7 @@ def _finish(
         going = going & unless(rho <= system.penalty * system.mean * floor * floor)
         if nowhere(going):
             return
-        zero(delta)
-        add_transposed(unit, rows, work.gf, work.g2f, z, delta)
-        for i in range(n, delta.size):  # fixed blocks do not move
-            delta[i] = 0.0
-        solve(unit, system.pattern, work.diagonal, work.off, delta)
-        times_jacobian(unit, rows, work.gf, work.g2f, delta, w)
-        zw, zz = 0.0, 0.0
-        for r in range(m):
-            zw += z[r] * w[r]
-            zz += z[r] * z[r] / rows.alpha[r]
+        zw, zz = along_direction(unit, system, work)
         going = going & (zw > ROUNDING * zz)
         sigma = np.sqrt(zw / (system.penalty * max(zz - zw, EPS * zz)))
         beta = rho / zw

@@ -21,6 +21,7 @@ from alf_ros.simulation.simulation import Simulation
 from alf_ros.studies.ensemble.study_reading import study_of
 
 _AXES = 'xyz'
+MOST_MEMBERS = 1_000_000  # all of them are in memory; a study takes more
 _DIFFER = 'members differ in structure'
 
 
@@ -56,10 +57,11 @@ class Ensemble:
         self._varied = vary is not None
         if vary is not None:
             given = study_of(loaded, vary, members=members, seed=seed, sampling=sampling)
-            scenes = [given.scene_of(k) for k in range(given.members)]
+            count = check.whole(given.members, 'members', 1, MOST_MEMBERS)
+            scenes = [given.scene_of(k) for k in range(count)]
             self._members = [Simulation(each, **settings) for each in scenes]
         else:
-            count = check.whole(members, 'members', 1)
+            count = check.whole(members, 'members', 1, MOST_MEMBERS)
             first = Simulation(loaded, **settings)
             self._members = [first, *(copy.copy(first) for _ in range(count - 1))]
         self.inputs = check.texts(efforts, 'efforts')
@@ -167,7 +169,10 @@ class Ensemble:
         Raises InputError, and changes nothing, for inputs of another shape or that are not finite.
         """
         if inputs is not None:
-            given = np.asarray(inputs, dtype=float)
+            try:
+                given = np.asarray(inputs, dtype=float)
+            except (TypeError, ValueError):
+                raise InputError('no array of numbers', key='inputs', value=inputs) from None
             if given.shape != self.efforts.shape:
                 expected = f'shape {self.efforts.shape}'
                 raise InputError('not usable', key='inputs', value=given.shape, expected=expected)
@@ -201,7 +206,12 @@ class Ensemble:
         """Members back to their start, without efforts: all, or those that `which` selects, as an
         index of numpy does. Returns the observations."""
         chosen = np.arange(len(self._members))
-        for k in chosen if which is None else np.atleast_1d(chosen[which]):
+        if which is not None:
+            try:
+                chosen = np.atleast_1d(chosen[which]).ravel()
+            except (IndexError, TypeError, ValueError):
+                raise InputError('no such members', key='which', value=which) from None
+        for k in chosen:
             self._members[k].restore(self._begin[k])
             self._failed.pop(int(k), None)
             self.efforts[k] = 0.0

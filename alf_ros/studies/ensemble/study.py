@@ -5,8 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -16,27 +15,23 @@ from alf_ros.arrays import Floats, Integers
 from alf_ros.effects.contract import user_file
 from alf_ros.inspection.run import Run
 from alf_ros.scene import overrides
-from alf_ros.scene.references import WHOLE
-from alf_ros.scene.scene import Scene, scene_from_text
+from alf_ros.scene.scene import Scene
 from alf_ros.simulation import input_checks as check
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.studies.ensemble.distributions import Distribution
 from alf_ros.studies.ensemble.kept_outputs import SAME, KeptOutput, LabelledArray
 from alf_ros.studies.ensemble.sampling import Sampling, Varied
+from alf_ros.studies.sent_scene import SentScene
 
 
 @dataclass(frozen=True)
-class Study:
+class Study(SentScene):
     """All that the members depend on, and that a worker needs.
 
-    `text` is the scene's (`Scene.text`), `files` the texts of its effects that are files, by full
-    name. `duration` and `period` (s): how long a member runs, and how often it is looked at.
+    `duration` and `period` (s): how long a member runs, and how often it is looked at.
     `chunk`: how many members are one piece of work. Made by `made`.
     """
 
-    name: str
-    text: str
-    files: tuple[tuple[str, str], ...]
     vary: tuple[tuple[str, Varied], ...]
     members: int
     seed: int
@@ -45,20 +40,6 @@ class Study:
     period: float
     outputs: tuple[KeptOutput, ...]
     chunk: int
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {each.name: getattr(self, each.name) for each in fields(self)}
-
-    def __setstate__(self, state: Mapping[str, Any]) -> None:
-        vars(self).update(state)
-
-    @cached_property
-    def scene(self) -> Scene:
-        """The scene, with the numbers of its file."""
-        for name, text in self.files:
-            if not user_file.is_known(name):
-                user_file.provide(name, text)
-        return scene_from_text(self.text, self.name, references=WHOLE)
 
     @cached_property
     def samples(self) -> Sampling:

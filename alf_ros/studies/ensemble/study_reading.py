@@ -19,7 +19,6 @@ from pathlib import Path
 from typing import Any
 
 from alf_ros import paths
-from alf_ros.effects.contract import user_file
 from alf_ros.errors import InputError, StepError
 from alf_ros.inspection.run import Run
 from alf_ros.scene.scene import Scene, load_scene
@@ -80,12 +79,8 @@ def study_of(
         if output.times and output.times[-1] > duration:
             late = output.times[-1]
             raise InputError('after the end', key=output.label, value=late, expected='duration')
-    kinds = dict.fromkeys(effect.kind for effect in loaded.effects)
-    files = [(k, user_file.source(k)) for k in kinds if user_file.is_file_name(k)]
     study = Study(
-        name=loaded.name,
-        text=loaded.text,
-        files=tuple(files),
+        **Study.parts(loaded),
         vary=tuple(varied.items()),
         members=samples.members,
         seed=seed,

@@ -38,13 +38,7 @@ def _of_fit() -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        raise InputError(
-            error.message,
-            key=str(error.key).replace('tangents', 'fit'),
-            value=error.value,
-            expected=error.expected,
-            choices=error.choices,
-        ) from None
+        raise error.about(str(error.key).replace('tangents', 'fit')) from None
 
 
 def _begin(scene: Scene, name: str) -> float:

@@ -79,13 +79,7 @@ def design_numbers(scene: Scene, vary: Any) -> DesignNumbers:
         try:
             before.append(overrides.number(scene, name))
         except InputError as error:
-            raise InputError(
-                error.message,
-                key=key,
-                value=error.value,
-                expected=error.expected,
-                choices=error.choices,
-            ) from None
+            raise error.about(key) from None
         lower.append(low)
         upper.append(high)
     framed = _framed(scene)

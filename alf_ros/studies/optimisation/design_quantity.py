@@ -127,13 +127,7 @@ def _transmission(text: str, inner: str, key: str, sample: Sample) -> DesignQuan
     try:
         bar = bar_between(sample.model.mechanism, [name.strip() for name in inner.split(',')])
     except InputError as error:
-        raise InputError(
-            error.message,
-            key=key,
-            value=error.value,
-            expected=error.expected,
-            choices=error.choices,
-        ) from None
+        raise error.about(key) from None
 
     def read(sample: Sample) -> Floats:
         state = sample.state

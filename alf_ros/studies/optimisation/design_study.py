@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 from alf_ros.arrays import Floats
-from alf_ros.effects.contract import user_file
 from alf_ros.errors import AlfError, InputError, StoppedError
-from alf_ros.scene.references import WHOLE
-from alf_ros.scene.scene import Scene, scene_from_text
 from alf_ros.simulation.input_checks import by_name
 from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.simulation import Simulation
@@ -21,6 +18,7 @@ from alf_ros.studies.optimisation.design_numbers import design_numbers
 from alf_ros.studies.optimisation.designs import Design, Designs, Told
 from alf_ros.studies.optimisation.local_search import searched
 from alf_ros.studies.optimisation.optimum import StartedSearch
+from alf_ros.studies.sent_scene import SentScene
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,17 +31,14 @@ class SearchEnd:
 
 
 @dataclass(frozen=True, eq=False)
-class DesignStudy:
-    """`text` is the scene's, `files` the texts of its effects that are files, by full name.
+class DesignStudy(SentScene):
+    """The searches of an optimisation.
 
     vary, minimise, subject_to: as `optimise` has them. duration, period (s): of the motion, and
     between its samples; driven: whether drives decide on the motion; begins: the numbers (P,)
     with which each search begins; most: evaluations of one search.
     """
 
-    name: str
-    text: str
-    files: tuple[tuple[str, str], ...]
     vary: Mapping[str, Any]
     minimise: Any
     subject_to: Mapping[str, Any]
@@ -52,20 +47,6 @@ class DesignStudy:
     driven: bool
     begins: tuple[Floats, ...]
     most: int
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {each.name: getattr(self, each.name) for each in fields(self)}
-
-    def __setstate__(self, state: Mapping[str, Any]) -> None:
-        vars(self).update(state)
-
-    @cached_property
-    def scene(self) -> Scene:
-        """The scene, with the numbers of its file."""
-        for name, text in self.files:
-            if not user_file.is_known(name):
-                user_file.provide(name, text)
-        return scene_from_text(self.text, self.name, references=WHOLE)
 
     @cached_property
     def _sample(self) -> Sample:

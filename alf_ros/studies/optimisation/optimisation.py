@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from alf_ros.arrays import Floats
-from alf_ros.effects.contract import user_file
 from alf_ros.errors import AlfError, InputError, StoppedError
 from alf_ros.scene.scene import Scene, load_scene
 from alf_ros.simulation import input_checks as check
@@ -68,11 +67,8 @@ def optimise(
     length = _positive(duration, 'duration')
     driven = is_driven(simulation)
     count = check.whole(starts, 'starts', 1, 10_000)
-    kinds = dict.fromkeys(effect.kind for effect in loaded.effects)
     study = DesignStudy(
-        name=loaded.name,
-        text=loaded.text,
-        files=tuple((k, user_file.source(k)) for k in kinds if user_file.is_file_name(k)),
+        **DesignStudy.parts(loaded),
         vary=dict(vary),
         minimise=minimise,
         subject_to=check.by_name(subject_to, 'subject_to', '{max(norm(knee.force)): [~, 50]}'),

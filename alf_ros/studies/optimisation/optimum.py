@@ -118,8 +118,5 @@ class Optimum:
         which is made; returns it. Raises OSError."""
         from alf_ros.studies.optimisation.optimum_page import page
 
-        target = paths.named(folder, 'folder')
-        target.mkdir(parents=True, exist_ok=True)
-        (target / f'{self.scene.name}.yaml').write_text(self.optimised_scene.text, 'utf-8')
-        (target / 'report.html').write_text(page(self), 'utf-8')
-        return target
+        scene = f'{self.scene.name}.yaml'
+        return paths.written(folder, {scene: self.optimised_scene.text, 'report.html': page(self)})

@@ -99,13 +99,13 @@ class VariedScene:
             if first in _INPUTS or last == 'effort':
                 self._find_input(over)
             else:
-                raise _about_over(error) from None
+                raise error.about('over') from None
 
     def _find_input(self, over: str) -> None:
         try:
             (self._input,) = named_inputs(Loads(self._base), self._t, [over])
         except InputError as error:
-            raise _about_over(error) from None
+            raise error.about('over') from None
         self.over, self.unit, self.present = self._input.name, self._input.unit, 0.0
 
     def scene(self, value: float) -> Scene:
@@ -201,14 +201,3 @@ class VariedScene:
         kernel.violation(model.unit, model.system.rows, moved.q, gap)
         force = moved.Q[:n] - moved.J[:, :n].T @ lam
         return force, gap, there.still
-
-
-def _about_over(error: InputError) -> InputError:
-    """The same about the argument `over`."""
-    return InputError(
-        error.message,
-        key='over',
-        value=error.value,
-        expected=error.expected,
-        choices=error.choices,
-    )
