@@ -5,7 +5,13 @@ differences from the printed equations. `data` defines the data that pass betwee
 """
 
 from alf_ros.kernel.adaptive import advance_adaptively
-from alf_ros.kernel.applied_forces import add_friction, applied_forces, potential_energy
+from alf_ros.kernel.applied_forces import (
+    add_friction,
+    applied_forces,
+    chosen_forces,
+    force_change,
+    potential_energy,
+)
 from alf_ros.kernel.augmented_solve import accelerate, augmented, finish, restore_reactions
 from alf_ros.kernel.constraints import (
     add_transposed,
@@ -28,6 +34,7 @@ from alf_ros.kernel.data import (
     Cut,
     CutWork,
     Effects,
+    ForceDirection,
     Forces,
     Forms,
     HeldForces,
@@ -79,6 +86,7 @@ __all__ = [
     'Cut',
     'CutWork',
     'Effects',
+    'ForceDirection',
     'Forces',
     'Forms',
     'HeldForces',
@@ -112,10 +120,12 @@ __all__ = [
     'applied_forces',
     'augmented',
     'carried_over',
+    'chosen_forces',
     'convective',
     'counted_angles',
     'finish',
     'follow',
+    'force_change',
     'jacobian',
     'jacobian_rate',
     'joint_coordinates',

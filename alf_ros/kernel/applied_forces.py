@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from alf_ros.arrays import Floats
-from alf_ros.kernel.data import Effects
+from alf_ros.arrays import Floats, Integers
+from alf_ros.kernel.data import Effects, ForceDirection
 from alf_ros.kernel.numba_ext.calls import call, call_for_number
 from alf_ros.kernel.numba_ext.jit import compiled, expanded
 from alf_ros.kernel.numba_ext.vectors import zero
@@ -64,6 +64,50 @@ def applied_forces(
     zero(Q)
     for e in range(effects.force.size):
         add_one(effects, e, t, q, qd, near, Q)
+
+
+@compiled
+def chosen_forces(
+    effects: Effects,
+    chosen: Integers,
+    t: float,
+    q: Floats,
+    qd: Floats,
+    near: Floats,
+    Q: Floats,
+) -> None:
+    """Q(q, q̇, t) of some effects, by their numbers."""
+    zero(Q)
+    for n in range(chosen.size):
+        add_one(effects, chosen[n], t, q, qd, near, Q)
+
+
+@compiled
+def force_change(
+    effects: Effects, along: ForceDirection, t: float, q: Floats, qd: Floats, near: Floats
+) -> None:
+    """δQ of δq, δq̇ and δparams, exact to rounding, by the forces for dual numbers."""
+    zero(along.Q)
+    zero(along.dQ)
+    for e in range(effects.force.size):
+        if along.force[e] != 0:
+            call(
+                along.force[e],
+                t,
+                q,
+                along.dq,
+                qd,
+                along.dqd,
+                near,
+                effects.slots,
+                effects.slots_at[e],
+                effects.params,
+                effects.params_at[e],
+                along.dparams,
+                effects.params_at[e],
+                along.Q,
+                along.dQ,
+            )
 
 
 @compiled

@@ -141,6 +141,45 @@ def test_a_stop_that_carries_is_said_as_such() -> None:
     assert found.notes == ('joint_stop: a stop carries load here',)
 
 
+@pytest.mark.parametrize('stiffness', [1e3, 1e5, 1e7, 1e9, 1e11])
+@pytest.mark.parametrize('exponent', [1.0, 1.5, 2.0])
+def test_on_a_stiff_contact(stiffness: float, exponent: float) -> None:
+    """A mass on a bar lies on a floor, 1e-10 m to 0.1 m deep: k δᵖ = m g, and ω² = p k δᵖ⁻¹ x²."""
+    floor = {'on': 'P1', 'stiffness': stiffness, 'exponent': exponent, 'through': [0.0, -0.5]}
+    found = equilibrium(chain(1, {**GRAVITY, 'ground_contact': floor}))
+    depth = (9.81 / stiffness) ** (1.0 / exponent)
+    np.testing.assert_allclose(found.points['P1'][1], -0.5 - depth, atol=1e-14)
+    # the position, and with it the depth, is rounded to 1e-16 m
+    x2 = 1.0 - (0.5 + depth) ** 2
+    squared = exponent * stiffness * depth ** (exponent - 1.0) * x2
+    rounding = 1e-15 * (exponent - 1.0) / depth
+    assert found.stiffness[0] == pytest.approx(squared, rel=1e-12 + rounding)
+    assert found.stability == 'stable'
+
+
+@pytest.mark.parametrize('seed', range(8))
+def test_chains_fall_on_stiff_floors_and_stops(seed: int) -> None:
+    """The potential is a narrow and bent valley with kinks: the search ends at rest all the same.
+
+    No force is left but those of rows, and no floor or stop pulls."""
+    random = np.random.default_rng(seed)
+    masses, stiffness = int(random.integers(1, 7)), float(10.0 ** random.uniform(3.0, 10.0))
+    exponent = float(random.choice([1.0, 1.5, 2.0]))
+    floors, stops = [], []
+    for k in range(masses):
+        height = -float(random.uniform(0.1, 0.9)) * masses
+        each = {'stiffness': stiffness, 'exponent': exponent}
+        floors.append({'on': f'P{k + 1}', **each, 'through': [0.0, height]})
+        lower, upper = -random.uniform(0.1, 1.5), random.uniform(0.1, 1.5)
+        stops.append({'joint': f'j{k}', **each, 'lower': float(lower), 'upper': float(upper)})
+    effects = {**GRAVITY, 'ground_contact': floors, 'joint_stop': stops}
+    found = equilibrium(chain(masses, effects))
+    assert found.stability == 'stable'
+    assert found.residual <= 1e-8 * max(9.81, stiffness * 1e-9)
+    # the accelerations of the forward run from there
+    assert np.abs(found.sample.qdd).max() <= 10.0 * found.residual + 1e-9
+
+
 def test_a_singular_position_is_named() -> None:
     found = equilibrium(load_scene({'mechanism': 'slider_crank', 'effects': GRAVITY}))
     assert found.stability == 'undecided'

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from alf_ros import InputError, Simulation, equilibrium, linearise, load_scene
+from alf_ros import InputError, Simulation, equilibrium, linearise, load_scene, modes
 from alf_ros.arrays import Floats
 from alf_ros.model import assembly
 from support.statics_scenes import GRAVITY, KNOWN, chain, redundant_parallelogram, sprung
@@ -219,3 +219,33 @@ def test_control_is_asked_for_by_name() -> None:
         assert isinstance(space, control.StateSpace)
         np.testing.assert_array_equal(space.A, model.A)
         assert list(space.input_labels) == ['joints_j0_effort']
+
+
+@pytest.mark.parametrize('stiffness', [1e3, 1e6, 1e9])
+@pytest.mark.parametrize('exponent', [1.0, 1.5])
+def test_outputs_on_a_stiff_contact(stiffness: float, exponent: float) -> None:
+    """A mass at the end of a bar u lies on a floor: it presses with N = k δᵖ = m g, and the bar
+    carries (N - m g) u_y along u: its slope is -p k δᵖ⁻¹ δy u_y u. The depth δ is 1e-8 m or more.
+    """
+    floor = {'on': 'P1', 'stiffness': stiffness, 'exponent': exponent, 'through': [0.0, -0.5]}
+    rest = equilibrium(chain(1, {**GRAVITY, 'ground_contact': floor}))
+    model = linearise(rest, outputs=['j0.force'])
+    u = rest.points['P1']
+    depth = (9.81 / stiffness) ** (1.0 / exponent)
+    slope = exponent * stiffness * depth ** (exponent - 1.0) * model.directions[0][1] * u[1]
+    sign = np.sign(model.C[0, 0] * slope * u[0])
+    rounding = 1e-9 + 1e-15 / depth  # of the depth in the position
+    np.testing.assert_allclose(model.C[:, 0], sign * slope * u, rtol=100.0 * rounding)
+    shares = modes(rest).potential_shares
+    assert shares['ground_contact'][0] == pytest.approx(1.0, abs=1e-9)
+
+
+def test_an_output_in_a_kink_has_no_slope() -> None:
+    stop = {'joint': 'j0', 'lower': -np.pi / 2, 'stiffness': 1e4, 'exponent': 1.0}
+    model = linearise(
+        equilibrium(chain(1, {**GRAVITY, 'joint_stop': stop})),
+        outputs=['j0.position', 'j0.force.x'],
+    )
+    assert model.outputs[1].endswith('force.x') and np.isnan(model.C[1, 0])
+    assert np.isfinite(model.C[0]).all()
+    assert len(model.notes) == 1 and 'kink' in model.notes[0] and 'j0' in model.notes[0]

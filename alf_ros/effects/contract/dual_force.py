@@ -1,9 +1,9 @@
 """∂Q of an effect along a direction: its `force`, compiled for dual numbers.
 
 The function of the effect is the only source: its own statements are differentiated. An effect
-needs no second formula, so none can be wrong. An effect whose functions do
-not compile for dual numbers, as they call something that `dual_numbers` does not know, is refused
-by its name.
+needs no second formula, so none can be wrong. Tangents of a run refuse
+an effect whose functions do not compile for dual numbers, because they call something that
+`dual_numbers` does not know; statics takes differences for it.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
-from numba import cfunc, types
+from numba import types
 from numba.core.errors import NumbaError
 
 from alf_ros.arrays import Floats, Integers
 from alf_ros.kernel.numba_ext.dual_numbers import duals
-from alf_ros.kernel.numba_ext.jit import shared
+from alf_ros.kernel.numba_ext.jit import by_address, shared
 
 _numbers, _integers = types.CPointer(types.float64), types.CPointer(types.int64)
 DUAL_FORCE = types.void(types.float64, *(9 * [_numbers])[:5], _integers, *(4 * [_numbers]))
@@ -49,7 +49,7 @@ def dual_force(function: Callable[..., None]) -> Any:
         inside(t, duals(q, dq), duals(qd, dqd), near, slots, duals(params, dparams), duals(Q, dQ))
 
     try:
-        return cfunc(DUAL_FORCE, error_model='numpy')(both)
+        return by_address(DUAL_FORCE, of=function)(both)
     except NumbaError as error:
         raise TypeError(_told(str(error))) from None
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from alf_ros.kernel.data.forces import Bearings, Effects, Forces, Ledger
+from alf_ros.kernel.data.forces import Bearings, Effects, ForceDirection, Forces, Ledger
 from alf_ros.kernel.data.motion import Method, Modes, Phase, Watch
 from alf_ros.kernel.data.problem import EVERY_MODE, ModeLimits, Problem, Scales, Span, Until
 from alf_ros.kernel.data.readings import (
@@ -60,6 +60,7 @@ __all__ = [
     'Cut',
     'CutWork',
     'Effects',
+    'ForceDirection',
     'Forces',
     'Forms',
     'HeldForces',

@@ -28,6 +28,20 @@ class Effects(Struct):
 
 
 @dataclass(frozen=True, eq=False)
+class ForceDirection(Struct):
+    """A direction in which forces are differentiated, and their derivative."""
+
+    addresses = ('force',)
+
+    force: Addresses  # (effects,) address of force() for dual numbers; 0 leaves an effect out
+    dq: Floats  # (blocks D,) m
+    dqd: Floats  # (blocks D,) m/s
+    dparams: Floats  # as `Effects.params`
+    Q: Floats  # (blocks D,) N
+    dQ: Floats  # (blocks D,) N
+
+
+@dataclass(frozen=True, eq=False)
 class Bearings(Struct):
     """Data and workspace of friction that depends on reactions: the cut mechanism, where each body
     has blocks of its own, and the terms whose sum is the reaction of each loaded joint.

@@ -62,15 +62,20 @@ def shared(function: Callable[..., Any]) -> Any:
 expanded = njit(**_options, inline='always')
 
 
-def by_address(signature: Any) -> Callable[[Callable[..., Any]], Any]:
-    """A C function, which the kernel calls by its `address`. It is compiled only if needed."""
+def by_address(
+    signature: Any, of: Callable[..., Any] | None = None
+) -> Callable[[Callable[..., Any]], Any]:
+    """A C function, which the kernel calls by its `address`. It is compiled only if needed.
+
+    `of`: the function that a closure passes on; its machine code is kept as code of that one.
+    """
 
     def compile(function: Callable[..., Any]) -> Any:
         if PLAIN:
             return Function(signature, function)
         types = sigutils.normalize_signature(signature)
         made: Any = CFunc(function, types, locals={}, options={'error_model': 'numpy'})
-        made._cache = cache = Cache(function)
+        made._cache = cache = Cache(function if of is None else of)
         cache.guarded(made.compile)()
         return made
 

@@ -14,6 +14,7 @@ needs no potential, and for loads that have none it says whether the step goes t
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -22,12 +23,15 @@ from alf_ros.errors import AssemblyError
 from alf_ros.model.assembly import displaced
 from alf_ros.studies.statics.constrained_solve import ConstrainedSolve
 from alf_ros.studies.statics.instant import Instant, counted
+from alf_ros.studies.statics.sparse_rows import Sparse
 
-_STEPS = 250  # at most
+_STEPS = 2000  # at most: contacts and stops take many short ones
+_FARTHEST = 40.0  # of all steps together, in parts of a typical length: loads that turn a wheel
 _LONGEST = 0.15  # of a step, in parts of a typical length: angles turn by less than a quarter
 _AT_REST = 1e-14  # acceleration, of what the forces would give without rows, that is rounding
 _RESTS = 1e-9  # and that counts as rest if it falls no further
 _PATIENT = 4  # steps without progress
+_BACK = 25  # steps back into a valley, at most
 _LEAST = 1e-12  # μ, of the largest rate² of S
 _ROUNDED = 4.0 * float(np.finfo(float).eps)
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
@@ -35,8 +39,8 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(5)
 
 @dataclass(frozen=True, eq=False)
 class Landing:
-    """Where a descent ended: the instant, λ (rows,) in the kernel's order, the acceleration left
-    (m/s², the largest), that without rows, the number of steps, and whether it is at rest."""
+    """Where a search ended: the instant, λ (rows,) in the kernel's order, the acceleration left
+    (m/s², the largest), the acceleration of the same forces without rows, the number of steps."""
 
     instant: Instant
     lam: Floats
@@ -46,8 +50,40 @@ class Landing:
 
     @property
     def rests(self) -> bool:
-        """Whether nothing accelerates."""
-        return self.left <= _RESTS * self.scale
+        """Whether nothing accelerates, but for what rounding of the position makes."""
+        rounding = _ROUNDED * self.rate * self.instant.model.size
+        return self.left <= _RESTS * self.scale + rounding
+
+    @cached_property
+    def hessian(self) -> Sparse:
+        """(n, n) K + Σ λ_k H_k without its skew part, N/m."""
+        H = self.instant.K + self.instant.curvature(self.lam)
+        return 0.5 * (H + H.T)
+
+    @cached_property
+    def rate(self) -> float:
+        """A bound of ω² of the hessian, 1/s²."""
+        sums = np.asarray(np.abs(self.hessian).sum(axis=1)).ravel()
+        return float((sums / _masses(self.instant)).max(initial=0.0))
+
+
+def landed(instant: Instant, solve: ConstrainedSolve, steps: int) -> Landing:
+    """A landing at an instant. Raises AssemblyError as `pushed` does."""
+    pull, lam = pushed(instant, solve)
+    left = float(np.abs(pull).max(initial=0.0))
+    return Landing(instant, lam, left, free_rate(instant), steps)
+
+
+def free_rate(instant: Instant) -> float:
+    """The largest acceleration that the forces would give without rows, m/s²."""
+    return float(np.abs(instant.Q[: instant.model.n] / _masses(instant)).max(initial=0.0))
+
+
+def _masses(instant: Instant) -> Floats:
+    """(n,) kg; the mean of a point without mass."""
+    system, D = instant.model.system, instant.model.layout.dimension
+    masses = np.repeat(system.mass.diagonal, D)
+    return np.where(masses > 0.0, masses, system.mean)
 
 
 def pushed(instant: Instant, solve: ConstrainedSolve) -> tuple[Floats, Floats]:
@@ -56,14 +92,6 @@ def pushed(instant: Instant, solve: ConstrainedSolve) -> tuple[Floats, Floats]:
     if not solve.factorise(instant.M, J, instant.q):
         raise AssemblyError('a point that moves has neither mass nor constraint', key='points')
     return solve.solve(instant.Q[: instant.model.n], np.zeros(J.shape[0]))
-
-
-def free_rate(instant: Instant) -> float:
-    """The largest acceleration that the forces would give without rows, m/s²."""
-    model = instant.model
-    mass = np.repeat(model.system.mass.diagonal, model.layout.dimension)
-    mass = np.where(mass > 0.0, mass, model.system.mean)
-    return float(np.abs(instant.Q[: model.n] / mass).max(initial=0.0))
 
 
 def moved(instant: Instant, step: Floats) -> Instant:
@@ -79,58 +107,92 @@ def descended(instant: Instant) -> Landing:
     that moves has neither mass nor constraint."""
     model = instant.model
     solve = ConstrainedSolve(model, instant.loads.tangents.cliques)
-    mu, best, idle, scale = 0.0, None, 0, 0.0
+    mu, best, idle, far = 0.0, None, 0, 0.0
     for steps in range(_STEPS):
-        pull, lam = pushed(instant, solve)
-        scale = max(scale, free_rate(instant))
-        landing = Landing(instant, lam, float(np.abs(pull).max(initial=0.0)), scale, steps)
+        landing = landed(instant, solve, steps)
         idle = 0 if best is None or landing.left < 0.5 * best.left else idle + 1
         if best is None or landing.left <= best.left:
             best = landing
-        if landing.left <= _AT_REST * scale or (idle > _PATIENT and best.rests):
+        if landing.left <= _AT_REST * landing.scale or (idle > _PATIENT and best.rests):
             break
         following = _step(landing, solve, mu)
         if following is None:
             break
+        far += float(np.abs(following[0].q - instant.q).max(initial=0.0))
         instant, mu = following
+        if far > _FARTHEST * instant.loads.tangents.length:
+            break
     assert best is not None
-    return replace(best, scale=scale)
+    return best
+
+
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    """A step that was tried, and where it ends. work: that of the forces, J. foretold: by the
+    model of second order, J. rounding: of both, J."""
+
+    end: Instant
+    work: float
+    foretold: float
+    rounding: float
+
+    def keeps(self, part: float) -> bool:
+        """Whether the work is this part of what was foretold."""
+        return self.work >= part * self.foretold - self.rounding
 
 
 def _step(landing: Landing, solve: ConstrainedSolve, mu: float) -> tuple[Instant, float] | None:
     """The next instant and its μ, 1/s²; None if no step helps."""
-    instant, lam, model = landing.instant, landing.lam, landing.instant.model
-    J, n = instant.J[:, : model.n].tocsr(), model.n
-    H = instant.K + instant.curvature(lam)
-    H = 0.5 * (H + H.T)
-    mass = np.repeat(model.system.mass.diagonal, model.layout.dimension)
-    mass = np.where(mass > 0.0, mass, model.system.mean)
-    rate = float((np.asarray(np.abs(H).sum(axis=1)).ravel() / mass).max(initial=0.0))
-    rate = max(rate, landing.left / model.size)
-    longest = _LONGEST * instant.loads.tangents.length
+    instant, H = landing.instant, landing.hessian
+    rate = max(landing.rate, landing.left / instant.model.size)
     mu = max(mu, _LEAST * rate)
-    nothing = np.zeros(J.shape[0])
     for _ in range(80):
-        good = solve.factorise((H + mu * instant.M).tocsr(), J, instant.q)
-        if good:
-            dq, _ = solve.solve(instant.Q[:n], nothing)
-            good = float(np.abs(dq).max(initial=0.0)) <= longest
-        if not good:
-            mu = max(4.0 * mu, 1e-6 * rate)
-            continue
-        try:
-            following = moved(instant, dq)
-        except AssemblyError:
-            mu = max(4.0 * mu, 1e-6 * rate)
-            continue
-        change = following.q - instant.q
-        foretold = float(instant.Q[:n] @ dq - 0.5 * dq @ (H @ dq))
-        work, rounding = _work(instant, change)
-        if work < 0.1 * foretold - rounding:
-            mu = max(4.0 * mu, 1e-6 * rate)
-            continue
-        return following, (0.25 * mu if work > 0.7 * foretold - rounding else mu)
+        trial = _tried(instant, H, solve, mu)
+        if trial is not None and trial.keeps(0.7):
+            return trial.end, 0.25 * mu
+        if trial is not None:
+            back = _back_in_the_valley(trial, solve, mu)
+            if back is not None:
+                return back, 0.5 * mu
+            if trial.keeps(0.1):
+                return trial.end, mu
+        mu = max(4.0 * mu, 1e-6 * rate)
     return None
+
+
+def _back_in_the_valley(trial: _Trial, solve: ConstrainedSolve, mu: float) -> Instant | None:
+    """The instant after more steps, if these make the work enough that the first step lacks.
+
+    Stiff contacts make a narrow and curved valley of V. A long step along the valley leaves it,
+    and the next ones lead back to its floor (the watchdog technique: Chamberlain, Powell,
+    Lemarechal & Pedersen 1982).
+    """
+    work, instant = trial.work, trial.end
+    for _ in range(_BACK):
+        following = _tried(instant, landed(instant, solve, 0).hessian, solve, mu)
+        if following is None or not following.work > 0.0:
+            return None
+        work, instant = work + following.work, following.end
+        if work >= 0.7 * trial.foretold:
+            return instant
+    return None
+
+
+def _tried(instant: Instant, H: Sparse, solve: ConstrainedSolve, mu: float) -> _Trial | None:
+    """The step with μ; None if the matrix is not positive or the step leads too far."""
+    n = instant.model.n
+    J = instant.J[:, :n].tocsr()
+    if not solve.factorise((H + mu * instant.M).tocsr(), J, instant.q):
+        return None
+    dq, _ = solve.solve(instant.Q[:n], np.zeros(J.shape[0]))
+    if not float(np.abs(dq).max(initial=0.0)) <= _LONGEST * instant.loads.tangents.length:
+        return None
+    try:
+        end = moved(instant, dq)
+    except AssemblyError:
+        return None
+    work, rounding = _work(instant, end.q - instant.q)
+    return _Trial(end, work, float(instant.Q[:n] @ dq - 0.5 * dq @ (H @ dq)), rounding)
 
 
 def _work(instant: Instant, change: Floats) -> tuple[float, float]:

@@ -1,9 +1,7 @@
-"""K = -∂Q/∂q and C = -∂Q/∂q̇ of all that acts, as sparse matrices, to about 1e-12.
+"""K = -∂Q/∂q and C = -∂Q/∂q̇ of all that acts, as sparse matrices.
 
-Differences of eighth order, with four lengths of the step. Of each entry the estimate counts
-that differs least from the next finer one: a long step where the law is smooth, a short one beside
-a kink. Columns that share no row are displaced together, so that the number of evaluations does
-not grow with the mechanism: Curtis, Powell & Reid, IMA J. Appl. Math. 13 (1974) 117.
+Columns that share no row are displaced together, so that the number of evaluations does not grow
+with the mechanism: Curtis, Powell & Reid, IMA J. Appl. Math. 13 (1974) 117.
 
 The `tangent` of an effect is for a step that stays stable, and leaves negative parts out. Only the
 blocks that it says an effect binds are read here.
@@ -21,15 +19,10 @@ from alf_ros.arrays import Floats, Integers
 from alf_ros.effects.contract import Effect, affine_force
 from alf_ros.errors import InputError
 from alf_ros.model.compile import Model
+from alf_ros.studies.statics.force_change import RATES, STEPS, ForceChange
 from alf_ros.studies.statics.sparse_rows import Sparse, of_blocks
 
-_WEIGHTS = (4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0)  # of the eighth order
-_STEPS = (1e-2, 1e-3, 1e-4, 1e-5)  # of a typical length
-_RATES = (1e-1, 1e-3, 1e-5, 1e-7)  # of a typical length a second: friction turns in 1e-3 m/s
 _WIDEST = 1500  # coordinates, up to which an effect may bind all blocks
-_ROUNDED = 4.0 * float(np.finfo(float).eps)
-
-Force = Callable[[Floats, Floats], Floats]  # q, q̇ -> Q, all (blocks D,)
 
 
 class ForceTangents:
@@ -48,43 +41,29 @@ class ForceTangents:
         lengths = np.sqrt(model.system.rows.length2)
         self.length = float(np.median(lengths)) if lengths.size else model.size
 
-    def stiffness(self, force: Force, q: Floats, qd: Floats) -> Sparse:
-        """K (n, n), N/m, at q, q̇ (blocks D, m, m/s)."""
-        return self._differences(lambda d: force(q + d, qd), [s * self.length for s in _STEPS])
+    def stiffness(self, change: ForceChange) -> Sparse:
+        """K (n, n), N/m."""
+        steps = [step * self.length for step in STEPS]
+        return self._columns(lambda along: change.of(along, np.zeros_like(along), steps))
 
-    def damping(self, force: Force, q: Floats, qd: Floats) -> Sparse:
+    def damping(self, change: ForceChange) -> Sparse:
         """C (n, n), N s/m."""
-        return self._differences(lambda d: force(q, qd + d), [s * self.length for s in _RATES])
+        steps = [step * self.length for step in RATES]
+        return self._columns(lambda along: change.of(np.zeros_like(along), along, steps))
 
-    def _differences(self, force: Callable[[Floats], Floats], steps: Sequence[float]) -> Sparse:
-        """-∂Q of a displacement d."""
+    def _columns(self, change: Callable[[Floats], Floats]) -> Sparse:
+        """-∂Q of displacements."""
         model, D = self._model, self._model.layout.dimension
         values = np.zeros((self._row.size, D, D))
         turn_of_pair = self._turn[self._column]
         for turn in range(int(self._turn.max(initial=-1)) + 1):
             pairs = np.flatnonzero(turn_of_pair == turn)
             blocks = np.flatnonzero(self._turn == turn)
-            row = self._row[pairs]
             for axis in range(D):
                 along = np.zeros(model.q.size)
                 along[blocks * D + axis] = 1.0
-                found = [_slope(force, along, h) for h in steps]
-                slopes = np.array([each.reshape(-1, D)[row] for each, _ in found])
-                rounding = np.array([noise for _, noise in found])
-                errors = np.abs(np.diff(slopes, axis=0)) + rounding[:-1, None, None]
-                best = np.argmin(errors, axis=0)[None]
-                values[pairs, :, axis] = -np.take_along_axis(slopes[:-1], best, 0)[0]
+                values[pairs, :, axis] = -change(along).reshape(-1, D)[self._row[pairs]]
         return of_blocks(self._row, self._column, values, (model.n, model.n))
-
-
-def _slope(force: Callable[[Floats], Floats], along: Floats, h: float) -> tuple[Floats, float]:
-    """∂Q along a direction with a step h, and what rounding leaves of it."""
-    slope, largest = np.zeros(along.size), 0.0
-    for k, weight in enumerate(_WEIGHTS, 1):
-        ahead, behind = force(k * h * along), force(-k * h * along)
-        slope += (weight / h) * (ahead - behind)
-        largest = max(largest, float(np.abs(ahead).max(initial=0.0)))
-    return slope, _ROUNDED * largest / h
 
 
 def _cliques(model: Model, effects: Sequence[Effect]) -> list[tuple[int, ...]]:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from alf_ros import kernel
-from alf_ros.arrays import Floats, Integers
+from alf_ros.arrays import Addresses, Floats, Integers
 from alf_ros.effects import held as packed_input
 from alf_ros.effects.contract import EFFORT, EFFORT_OVER_TIME, WRENCH, Effect
 from alf_ros.errors import InputError
@@ -26,7 +26,8 @@ from alf_ros.model.joints import type_of
 from alf_ros.simulation.applied import Applied, Inputs
 from alf_ros.simulation.reactions import ReactionsOf
 from alf_ros.simulation.simulation import Simulation
-from alf_ros.studies.statics.force_tangents import Force, ForceTangents
+from alf_ros.studies.statics.force_change import Force, ForceChange, dual_forces
+from alf_ros.studies.statics.force_tangents import ForceTangents
 from alf_ros.studies.statics.sparse_rows import Sparse, curvature, jacobian, mass_matrix, turning
 
 Chosen = NDArray[np.bool_]  # rows
@@ -58,6 +59,11 @@ class Loads:
     def tangents(self) -> ForceTangents:
         """Of all that acts."""
         return ForceTangents(self.model, [*self.effects, *self._held])
+
+    @cached_property
+    def duals(self) -> Addresses:
+        """(effects,) the addresses of the forces for dual numbers."""
+        return dual_forces(self.applied.kinds)
 
     @property
     def _held(self) -> list[Effect]:
@@ -132,6 +138,15 @@ class Instant:
         effects, t, near = self.loads.applied.assembled.effects, self.t, self.near
         return lambda q, qd: forces(effects, t, q, qd, near, self.rubbing)
 
+    def change(self, label: str | None = None) -> ForceChange:
+        """How the forces of all that acts change, or those of one effect of the scene."""
+        applied, at = self.loads.applied, (self.t, self.q, self.qd, self.near)
+        if label is None:
+            return ForceChange(applied.assembled.effects, self.loads.duals, *at, self.rubbing)
+        part = applied.each[label].effects
+        kind = next(each.kind for each in self.loads.effects if each.label == label)
+        return ForceChange(part, dual_forces(part.force.size * [kind]), *at, np.zeros(0))
+
     @cached_property
     def Q(self) -> Floats:
         """(blocks D,) N."""
@@ -150,12 +165,12 @@ class Instant:
     @cached_property
     def K(self) -> Sparse:
         """(n, n) -∂Q/∂q, N/m."""
-        return self.loads.tangents.stiffness(self.force, self.q, self.qd)
+        return self.loads.tangents.stiffness(self.change())
 
     @cached_property
     def C(self) -> Sparse:
         """(n, n) -∂Q/∂q̇, N s/m."""
-        return self.loads.tangents.damping(self.force, self.q, self.qd)
+        return self.loads.tangents.damping(self.change())
 
     def curvature(self, lam: Floats) -> Sparse:
         """(n, n) ∂(Jᵀ λ)/∂q of λ (rows,): the stiffness that reactions give, N/m."""

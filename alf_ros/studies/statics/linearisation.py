@@ -14,8 +14,9 @@ The rows that are redundant agree on δJ q̇₀, and L does not depend on which 
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -32,13 +33,16 @@ from alf_ros.simulation.simulation import Simulation
 from alf_ros.simulation.state import State
 from alf_ros.studies.statics.constrained_solve import ConstrainedSolve
 from alf_ros.studies.statics.descent import moved
+from alf_ros.studies.statics.difference_slopes import slope_at_zero
 from alf_ros.studies.statics.instant import Instant, Loads, forces
 from alf_ros.studies.statics.linear_model import LinearModel
 from alf_ros.studies.statics.named_inputs import NamedInput, named_inputs
 from alf_ros.studies.statics.positions_of_rest import Equilibrium, equilibrium, in_order
 
-_AWAY = 3e-3  # of a typical length, and of it a second
-_WEIGHTS = (4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0)
+# of a typical length, and of it a second: stiff contacts are micrometres deep
+_AWAY = (3e-3, 3e-4, 3e-5, 3e-6, 3e-7, 3e-8, 3e-9, 3e-10, 3e-11)
+# of the largest slope of a row: from there on an error means that there is no slope
+_KINKED = 1e-2
 _ROUNDED = 1e-12  # of the largest in a row of C or D, that is rounding of the differences
 
 
@@ -71,7 +75,11 @@ def linearise(
     A, stiffness, damping, drift = _motion(instant, sample)
     charted = _Charted(instant, simulation, state)
     names, units = _outputs(sample, outputs)
-    notes = ('the loads of friction are held',) if rubbing.size else ()
+    C = charted.slopes(names)
+    notes = ['the loads of friction are held'] if rubbing.size else []
+    kinked = [name for name, row in zip(names, C, strict=True) if np.isnan(row).any()]
+    if kinked:
+        notes.append(f'in a kink, without a slope (NaN): {", ".join(kinked)}')
     B = np.zeros((len(A), len(named)))
     places = instant.position_directions.shape[1]
     for k, each in enumerate(named):
@@ -79,7 +87,7 @@ def linearise(
     return LinearModel(
         A=A,
         B=B,
-        C=charted.slopes(names, charted.away),
+        C=C,
         D=_direct(charted, simulation, state, t, names, named),
         stiffness=stiffness,
         damping=damping,
@@ -90,7 +98,7 @@ def linearise(
         input_units=tuple(each.unit for each in named),
         output_units=units,
         t=t,
-        notes=notes,
+        notes=tuple(notes),
     )
 
 
@@ -171,41 +179,39 @@ class _Charted:
 
     def __init__(self, instant: Instant, simulation: Simulation, state: State) -> None:
         self._instant, self._simulation, self._state = instant, simulation, state
-        length = _AWAY * instant.loads.tangents.length
         Y, Z = instant.position_directions, instant.velocity_directions
-        both = [*Y.T, *Z.T]
+        self._directions = [*Y.T, *Z.T]
         self._places = Y.shape[1]
-        self._sizes = [length / float(np.abs(each).max(initial=1e-300)) for each in both]
 
-    def away(self, k: int, steps: int) -> tuple[Sample, float]:
-        """The sample so many steps along state k, and the step."""
-        instant, size = self._instant, self._sizes[k]
+    def away(self, k: int, size: float) -> Sample:
+        """The sample at a distance along state k."""
+        instant = self._instant
         q, turns, qd = instant.q, instant.turns, np.array(instant.qd)
         n = instant.model.n
         if k < self._places:
-            there = moved(instant, steps * size * instant.position_directions[:, k])
+            there = moved(instant, size * self._directions[k])
             q, turns = there.q, there.turns
         else:
-            qd[:n] += steps * size * instant.velocity_directions[:, k - self._places]
+            qd[:n] += size * self._directions[k]
         if qd.any():
             qd = assembly.complete(instant.model, q, {}, instant.t, near=qd)
         state = replace(self._state, q=q, qd=qd, turns=turns)
-        return self._simulation._sample(instant.t, state, False), size
+        return self._simulation._sample(instant.t, state, False)
 
-    def slopes(
-        self, names: tuple[str, ...], away: Callable[[int, int], tuple[Sample, float]]
-    ) -> Floats:
-        """(names, states) slopes of quantities, by differences of eighth order."""
-        found = np.zeros((len(names), len(self._sizes)))
-        for k in range(len(self._sizes) if names else 0):
-            samples, size = [], 1.0
-            for steps in (*range(1, 5), *range(-1, -5, -1)):
-                sample, size = away(k, steps)
-                samples.append(sample)
-            values = _read(samples, names)
-            for n, weight in enumerate(_WEIGHTS):
-                found[:, k] += weight / size * (values[:, n] - values[:, n + 4])
-        return _rounded(found)
+    def slopes(self, names: tuple[str, ...]) -> Floats:
+        """(names, states) slopes of quantities; NaN where there is none, as in a kink."""
+        found = np.zeros((len(names), len(self._directions)))
+        errors = np.zeros_like(found)
+        length = self._instant.loads.tangents.length
+        for k, direction in enumerate(self._directions if names else ()):
+            largest = float(np.abs(direction).max(initial=1e-300))
+            steps = [step * length / largest for step in _AWAY]
+            found[:, k], errors[:, k] = slope_at_zero(partial(self._values, names, k), steps)
+        largest = np.abs(found).max(axis=1, initial=0.0, keepdims=True)
+        return np.asarray(np.where(errors <= _KINKED * largest, _rounded(found), np.nan))
+
+    def _values(self, names: tuple[str, ...], k: int, size: float) -> Floats:
+        return _read([self.away(k, size)], names)[:, 0]
 
 
 def _read(samples: Sequence[Sample], names: tuple[str, ...]) -> Floats:

@@ -11,7 +11,7 @@ import numpy as np
 
 from alf_ros.errors import AssemblyError
 from alf_ros.studies.statics.constrained_solve import ConstrainedSolve
-from alf_ros.studies.statics.descent import Landing, free_rate, moved, pushed
+from alf_ros.studies.statics.descent import Landing, landed, moved
 from alf_ros.studies.statics.instant import Instant
 from alf_ros.studies.statics.rest_stability import reduced_stiffness
 
@@ -26,11 +26,9 @@ def nearest_rest(instant: Instant) -> Landing:
     large for dense matrices, AssemblyError if something has neither mass nor constraint."""
     solve = ConstrainedSolve(instant.model, instant.loads.tangents.cliques)
     longest = _LONGEST * instant.loads.tangents.length
-    pull, lam = pushed(instant, solve)
-    scale = free_rate(instant)
-    best = Landing(instant, lam, float(np.abs(pull).max(initial=0.0)), scale, 0)
+    best = landed(instant, solve, 0)
     for steps in range(1, _STEPS):
-        if best.left <= _AT_REST * scale:
+        if best.left <= _AT_REST * best.scale:
             break
         here, Z = best.instant, best.instant.velocity_directions
         K, _ = reduced_stiffness(here, best.lam)
@@ -40,12 +38,9 @@ def nearest_rest(instant: Instant) -> Landing:
         better = None
         for _ in range(12):
             try:
-                there = moved(here, dq)
-                pull, lam = pushed(there, solve)
-                left = float(np.abs(pull).max(initial=0.0))
-                scale = max(scale, free_rate(there))
-                if left < best.left:
-                    better = Landing(there, lam, left, scale, steps)
+                there = landed(moved(here, dq), solve, steps)
+                if there.left < best.left:
+                    better = there
                     break
             except AssemblyError:
                 pass

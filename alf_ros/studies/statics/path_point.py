@@ -32,6 +32,7 @@ from alf_ros.studies.statics.varied_scene import LoadedMechanism, Slopes, Varied
 
 Truths = NDArray[np.bool_]
 _ZERO = 1e-11  # singular value, of the size of the terms, from which down it is rounding
+_PART = 1e-4  # of a length, that a position is moved by if its forces count as left
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,9 +119,9 @@ class PathPoint:
 
     @cached_property
     def scale(self) -> float:
-        """The acceleration that the forces give without rows, or the stiffness over a typical
-        length, m/s²."""
-        length = self.instant.loads.tangents.length
+        """The acceleration that the forces give without rows, or that the stiffness gives over a
+        small part of a typical length, m/s²."""
+        length = _PART * self.instant.loads.tangents.length
         return max(free_rate(self.instant), self._reduced[1] * length)
 
     @property

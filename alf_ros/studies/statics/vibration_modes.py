@@ -24,7 +24,8 @@ from alf_ros.simulation.input_checks import whole
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.studies.statics.constrained_solve import ConstrainedSolve
 from alf_ros.studies.statics.descent import pushed
-from alf_ros.studies.statics.instant import DENSE, Instant, Loads, forces
+from alf_ros.studies.statics.force_change import STEPS
+from alf_ros.studies.statics.instant import DENSE, Instant, Loads
 from alf_ros.studies.statics.lowest_modes import lowest
 from alf_ros.studies.statics.positions_of_rest import Equilibrium, equilibrium, in_order
 from alf_ros.studies.statics.rest_stability import reduced_stiffness, without_rounding
@@ -95,17 +96,12 @@ class VibrationModes:
     def _stored(self, label: str) -> Floats:
         """(k,) -xᵀ (∂Q_e/∂q) x of one effect, 1/s²."""
         instant, n = self.instant, self.instant.model.n
-        effects = instant.loads.applied.each[label].effects
-        nothing, stored = np.zeros(0), np.zeros(len(self.motions))
+        change, stored = instant.change(label), np.zeros(len(self.motions))
+        length, along = instant.loads.tangents.length, np.zeros_like(instant.q)
         for k, motion in enumerate(self.motions):
-            step = _AWAY * instant.loads.tangents.length / np.abs(motion).max()
-            away = np.zeros_like(instant.q)
-            for turn, weight in enumerate(_WEIGHTS, 1):
-                away[:n] = turn * step * motion
-                at = instant.qd, instant.near, nothing
-                ahead = forces(effects, instant.t, instant.q + away, *at)
-                behind = forces(effects, instant.t, instant.q - away, *at)
-                stored[k] -= weight / step * float(motion @ (ahead - behind)[:n])
+            along[:n] = motion
+            steps = [step * length / np.abs(motion).max() for step in STEPS]
+            stored[k] = -motion @ change.of(along, np.zeros_like(along), steps)[:n]
         return stored
 
 
