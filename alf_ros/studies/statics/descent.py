@@ -128,7 +128,7 @@ def descended(instant: Instant) -> Landing:
 
 @dataclass(frozen=True, eq=False)
 class _Trial:
-    """A step that was tried, and where it ends. work: that of the forces, J. foretold: by the
+    """A step that was tried, and where it ends. work: of the forces, J. foretold: by the
     model of second order, J. rounding: of both, J."""
 
     end: Instant
@@ -137,7 +137,7 @@ class _Trial:
     rounding: float
 
     def keeps(self, part: float) -> bool:
-        """Whether the work is this part of what was foretold."""
+        """Whether the work is this part of the foretold work."""
         return self.work >= part * self.foretold - self.rounding
 
 

@@ -139,7 +139,7 @@ class Instant:
         return lambda q, qd: forces(effects, t, q, qd, near, self.rubbing)
 
     def change(self, label: str | None = None) -> ForceChange:
-        """How the forces of all that acts change, or those of one effect of the scene."""
+        """How the forces of all that acts change, or the forces of one effect of the scene."""
         applied, at = self.loads.applied, (self.t, self.q, self.qd, self.near)
         if label is None:
             return ForceChange(applied.assembled.effects, self.loads.duals, *at, self.rubbing)
