@@ -161,7 +161,7 @@ def test_on_a_stiff_contact(stiffness: float, exponent: float) -> None:
 def test_chains_fall_on_stiff_floors_and_stops(seed: int) -> None:
     """The potential is a narrow and bent valley with kinks, but the search ends at rest.
 
-    What is left is rounding: the forward run does not accelerate from there."""
+    Only rounding is left: the forward run does not accelerate from there."""
     random = np.random.default_rng(seed)
     masses, stiffness = int(random.integers(1, 7)), float(10.0 ** random.uniform(3.0, 10.0))
     exponent = float(random.choice([1.0, 1.5, 2.0]))
