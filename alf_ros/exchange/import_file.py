@@ -10,6 +10,7 @@ from typing import Any
 from alf_ros import paths, resources
 from alf_ros.errors import InputError
 from alf_ros.exchange import (
+    gimbal_lock,
     inertia,
     massless_ends,
     mechanism_text,
@@ -53,6 +54,7 @@ def imported(source: str, **wishes: Any) -> str:
     asked = Wishes(**wishes)
     robot = _robot(paths.named(source), asked)
     massless_ends.left_out(robot)
+    gimbal_lock.checked(robot)
     if not robot.parts:
         raise InputError(f'no part of it can move{robot.still}', file=source)
     inertia.checked(robot, asked.repair_inertia)

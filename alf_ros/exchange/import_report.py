@@ -14,6 +14,7 @@ MOTION = {
     'inertia: there is none': 'all mass is at the centre of mass',
     'mass: there is none': 'a body without mass: a body that turns alone needs some',
     'joints of massless ends': 'they and their links do not move, because they carry no mass',
+    'joints near gimbal lock': 'links without mass turn fast there: small steps, or they stop it',
     'mass: default of SDF': 'a link without a mass has 1 kg and 1 kg m2 about every axis',
     'gravity (see --scene)': 'gravity is absent',
     'gravity off': 'these bodies have weight here',
