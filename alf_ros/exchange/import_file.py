@@ -16,12 +16,10 @@ from alf_ros.exchange import (
     mechanism_text,
     mjcf_import,
     sdf_import,
-    urdf_loops,
-    urdf_loops_file,
+    urdf_with_loops,
     xml_file,
 )
 from alf_ros.exchange.robot import Robot
-from alf_ros.exchange.urdf_import import UrdfReader
 from alf_ros.scene.scene import scene_from_text
 
 
@@ -83,9 +81,6 @@ def _robot(path: Path, asked: Wishes) -> Robot:
     if kind == 'sdf':
         return sdf_import.read(path, asked.positions)
     side = None if asked.loops is None else paths.named(asked.loops)
-    drawn = {} if side is None else urdf_loops_file.positions(side)
-    reader = UrdfReader(path, {**drawn, **asked.positions}, asked.floating, asked.arguments)
-    urdf_loops.close(reader)
-    if side is not None:
-        urdf_loops_file.close(side, reader)
-    return reader.robot
+    return urdf_with_loops.read(
+        path, side, asked.positions, floating=asked.floating, arguments=asked.arguments
+    )

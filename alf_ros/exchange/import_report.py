@@ -29,6 +29,7 @@ MOTION = {
     'limits without range': 'lower is not below upper: joints pass them',
     'limits, damping, friction, springs, armature': 'these joints have none',
     'mimic': 'these joints are free',
+    'mimic that loops imply': 'the loops move these joints',
     'phase of mimic': 'it stays as drawn, not as in the file',
     'equalities': 'not joint, connect or weld, or not active or not linear: they are ignored',
     'softness': 'constraints hold exactly',
@@ -50,6 +51,7 @@ _COUNTED = ('contact',)  # names give no information here
 READING = {
     'names, changed': '',
     'zero of joints': 'here it is as drawn',
+    'posture': "the loops of the file are open as drawn; Newton's method moved the joints",
     'warnings of MuJoCo': '',
     'elements': '',
     'gazebo': '',
