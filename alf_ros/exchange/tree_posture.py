@@ -99,7 +99,7 @@ class TreePosture:
     def gaps(self, x: Floats) -> tuple[Floats, Floats]:
         """By how much the loops are open (rows,), m, and the derivative (rows, joints)."""
         poses = self._poses(x)
-        values, slopes = [], []
+        values, slopes = list[Floats](), list[Floats]()
         for loop in self.loops:
             ends = [poses[end.link] @ end.frame for end in loop.ends]
             (turn0, slide0), (turn1, slide1) = (
@@ -115,8 +115,8 @@ class TreePosture:
                     values.append(self.size * (a - b))
                     slopes.append(self.size * (da - db).T)
                 else:  # a hinge has no direction
-                    values.append(self.size * np.cross(a, b))
-                    slopes.append(self.size * (np.cross(da, b) + np.cross(a, db)).T)
+                    values.append(np.asarray(self.size * np.cross(a, b), dtype=float))
+                    slopes.append(self.size * np.asarray(np.cross(da, b) + np.cross(a, db)).T)
         return np.concatenate(values), np.concatenate(slopes)
 
     def _poses(self, x: Floats) -> dict[str, FramePose]:

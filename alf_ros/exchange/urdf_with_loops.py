@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
+from alf_ros.errors import InputError
 from alf_ros.exchange import (
     closed_loop_file,
     loop_closures_file,
@@ -16,6 +17,19 @@ from alf_ros.exchange.robot import Robot
 from alf_ros.exchange.tree_posture import closed_positions
 from alf_ros.exchange.urdf_import import UrdfReader
 from alf_ros.scene.text import yaml_document
+
+
+def side_file(path: Path) -> Path | None:
+    """The file beside a URDF that closes its loops, in the format of others; None without one."""
+    for beside in (path.with_suffix('.yaml'), path.with_name('loop_closures.yaml')):
+        if beside.is_file():
+            try:
+                keys = set(yaml_document.read(beside).mapping())
+            except InputError:
+                continue
+            if keys & {'closed_loop', 'closures'}:
+                return beside
+    return None
 
 
 def read(

@@ -11,6 +11,7 @@ import pytest
 from alf_ros import InputError, Simulation
 from alf_ros.arrays import Floats
 from alf_ros.exchange.import_file import imported
+from alf_ros.exchange.urdf_with_loops import side_file
 from alf_ros.scene.scene import scene_from_text
 
 FIRST, SECOND, GROUND_BAR, ROD = 0.2, 0.2, 0.25, 0.3  # m
@@ -165,3 +166,14 @@ def test_wrong_side_files_are_refused(tmp_path: Path, line: str, message: str) -
     with pytest.raises(InputError) as caught:
         imported(urdf, loops=loops)
     assert message in str(caught.value)
+
+
+def test_the_file_beside_a_urdf_is_found(tmp_path: Path) -> None:
+    """By its name and keys; a file of another kind is not one."""
+    urdf, loops = (Path(path) for path in written(tmp_path, five_bar(), GEPETTO))
+    assert side_file(urdf) == loops
+    loops.write_text('[1, 2', 'utf-8')
+    assert side_file(urdf) is None
+    beside = tmp_path / 'loop_closures.yaml'
+    beside.write_text('closures: []\n', 'utf-8')
+    assert side_file(urdf) == beside
