@@ -33,7 +33,10 @@ COSTS = {
     'slider_crank': ('guide',),
     'four_bar': ('crank_pin',),
     'jansen_leg': ('crank_pin',),
+    'rack_and_pinion': ('axle',),
+    'planetary_gear': ('shaft',),
     'delta_robot': ('motor0', 'motor1', 'motor2'),
+    'screw_jack': ('bearing',),
     'stewart_platform': tuple(f'leg{n}' for n in range(6)),
 }
 REPETITIONS, CALLS = 20, 500

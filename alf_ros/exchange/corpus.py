@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from alf_ros.errors import AlfError
-from alf_ros.exchange import xml_file
+from alf_ros.exchange import urdf_with_loops, xml_file
 from alf_ros.exchange.import_file import imported
 from alf_ros.inspection.soundness import BAD, examine
 from alf_ros.scene.scene import Scene, scene_from_text
@@ -153,6 +153,8 @@ def _treated(
     yield Examined(name, LIMIT, 'importing')
     if xml_file.kind_of(Path(path)) != 'robot':  # which say themselves what floats
         wishes = wishes | {'floating': False}
+    elif wishes.get('loops') is None and (side := urdf_with_loops.side_file(Path(path))):
+        wishes = wishes | {'loops': str(side)}
     try:
         scene = scene_from_text(imported(path, **wishes))
     except AlfError as error:

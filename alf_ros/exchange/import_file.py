@@ -10,17 +10,16 @@ from typing import Any
 from alf_ros import paths, resources
 from alf_ros.errors import InputError
 from alf_ros.exchange import (
+    gimbal_lock,
     inertia,
     massless_ends,
     mechanism_text,
     mjcf_import,
     sdf_import,
-    urdf_loops,
-    urdf_loops_file,
+    urdf_with_loops,
     xml_file,
 )
 from alf_ros.exchange.robot import Robot
-from alf_ros.exchange.urdf_import import UrdfReader
 from alf_ros.scene.scene import scene_from_text
 
 
@@ -53,6 +52,7 @@ def imported(source: str, **wishes: Any) -> str:
     asked = Wishes(**wishes)
     robot = _robot(paths.named(source), asked)
     massless_ends.left_out(robot)
+    gimbal_lock.checked(robot)
     if not robot.parts:
         raise InputError(f'no part of it can move{robot.still}', file=source)
     inertia.checked(robot, asked.repair_inertia)
@@ -81,9 +81,6 @@ def _robot(path: Path, asked: Wishes) -> Robot:
     if kind == 'sdf':
         return sdf_import.read(path, asked.positions)
     side = None if asked.loops is None else paths.named(asked.loops)
-    drawn = {} if side is None else urdf_loops_file.positions(side)
-    reader = UrdfReader(path, {**drawn, **asked.positions}, asked.floating, asked.arguments)
-    urdf_loops.close(reader)
-    if side is not None:
-        urdf_loops_file.close(side, reader)
-    return reader.robot
+    return urdf_with_loops.read(
+        path, side, asked.positions, floating=asked.floating, arguments=asked.arguments
+    )

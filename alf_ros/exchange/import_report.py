@@ -14,6 +14,7 @@ MOTION = {
     'inertia: there is none': 'all mass is at the centre of mass',
     'mass: there is none': 'a body without mass: a body that turns alone needs some',
     'joints of massless ends': 'they and their links do not move, because they carry no mass',
+    'joints near gimbal lock': 'links without mass turn fast there: small steps, or they stop it',
     'mass: default of SDF': 'a link without a mass has 1 kg and 1 kg m2 about every axis',
     'gravity (see --scene)': 'gravity is absent',
     'gravity off': 'these bodies have weight here',
@@ -28,6 +29,7 @@ MOTION = {
     'limits without range': 'lower is not below upper: joints pass them',
     'limits, damping, friction, springs, armature': 'these joints have none',
     'mimic': 'these joints are free',
+    'mimic that loops imply': 'the loops move these joints',
     'phase of mimic': 'it stays as drawn, not as in the file',
     'equalities': 'not joint, connect or weld, or not active or not linear: they are ignored',
     'softness': 'constraints hold exactly',
@@ -49,6 +51,7 @@ _COUNTED = ('contact',)  # names give no information here
 READING = {
     'names, changed': '',
     'zero of joints': 'here it is as drawn',
+    'posture': "the loops of the file are open as drawn; Newton's method moved the joints",
     'warnings of MuJoCo': '',
     'elements': '',
     'gazebo': '',

@@ -6,7 +6,7 @@ urdf_parser_py, which ROS 2 brings, reads it.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
-from alf_ros.exchange import urdf_actuators, xml_file
+from alf_ros.exchange import urdf_actuators, urdf_joint_types, xml_file
 from alf_ros.exchange.robot import STILL, Connection, Coupled, FramePose, Robot, RobotPart
 from alf_ros.mechanism import GROUND
 
@@ -33,7 +33,9 @@ class UrdfReader:
     """The tree of a URDF, its links placed; `robot` is what it becomes.
 
     positions: of joints, rad or m, zero where absent. The root is fixed unless `floating`.
-    arguments: of a xacro. Raises InputError.
+    arguments: of a xacro. types: of joints that are of another type (`urdf_joint_types`).
+    follows: joints that follow from loops, so that their <mimic> does not count. Raises
+    InputError.
     """
 
     def __init__(
@@ -42,9 +44,13 @@ class UrdfReader:
         positions: Mapping[str, float],
         floating: bool,
         arguments: Mapping[str, str] | None = None,
+        types: Mapping[str, str] | None = None,
+        follows: Collection[str] = (),
     ) -> None:
         self.file = str(path)
-        self.xml, self.urdf = _parsed(path, arguments)
+        self.xml, self.urdf = _parsed(path, arguments, types or {})
+        self._balls = urdf_joint_types.balls(types or {})
+        self._follows = follows
         self.robot = Robot(self.urdf.name, self.file, _GRAVITY, _STILL)
         self.joints = {joint.name: joint for joint in self.urdf.joints}
         self.links = {link.name: link for link in self.urdf.links}
@@ -64,10 +70,18 @@ class UrdfReader:
         self.poses: dict[str, FramePose] = {}
         self.part_of: dict[str, str] = {}
         self._place(floating)
-        parts = {name: self._part(name, link) for name, link in self.links.items()}
+        inner = {self.joints[each].child for row in self._balls.values() for each in row[:-1]}
+        self.part_of = {name: part for name, part in self.part_of.items() if name not in inner}
+        parts = {
+            name: self._part(name, link) for name, link in self.links.items() if name not in inner
+        }
         self.part_of = self.robot.add_links(parts, self.part_of)
+        in_balls = {each for row in self._balls.values() for each in row}
         for joint in self.urdf.joints:
-            self._connect(joint)
+            if joint.name not in in_balls:
+                self._connect(joint)
+        for name, row in self._balls.items():
+            self._connect_ball(name, row)
         self._couple()
         limits = {
             name: joint.limit.effort or None if joint.limit is not None else None
@@ -97,6 +111,9 @@ class UrdfReader:
         for name, joint in self.joints.items():
             each = joint.mimic
             if each is None or joint.type not in _MOVES:
+                continue
+            if name in self._follows:
+                self.robot.leave('mimic that loops imply', name)
                 continue
             other = self.joints.get(each.joint)
             if other is None or each.joint == name:
@@ -135,6 +152,10 @@ class UrdfReader:
         other, factor, offset = self.mimics[name]
         return factor * self._mimicked(other, positions, (*waiting, name)) + offset
 
+    def mimicked(self, name: str, positions: Mapping[str, float]) -> float:
+        """Where a joint is (rad, m), from the positions of those that do not mimic."""
+        return self._mimicked(name, positions, ())
+
     def _couple(self) -> None:
         """A coupling for each joint that mimics one that moves; else it holds its place."""
         for name, (other, factor, _) in self.mimics.items():
@@ -168,16 +189,16 @@ class UrdfReader:
                 self.part_of[chain[-1]] = chain[-1] if moves else GROUND
             for link in reversed(chain[:-1]):
                 joint = above[link]
-                self.poses[link] = self.poses[joint.parent] @ self._pose(joint)
+                self.poses[link] = self.poses[joint.parent] @ self.pose_of(joint, self.positions)
                 fixed = joint.type == 'fixed'
                 self.part_of[link] = self.part_of[joint.parent] if fixed else link
 
-    def _pose(self, joint: Any) -> FramePose:
-        """Of the child's frame in the parent's."""
+    def pose_of(self, joint: Any, positions: Mapping[str, float]) -> FramePose:
+        """Of the child's frame in the parent's, at positions of joints (rad, m)."""
         pose = _pose(joint.origin)
         if joint.type not in _MOVES:  # what does not move may have any axis, zero as well
             return pose
-        x = self.positions.get(joint.name, 0.0)
+        x = positions.get(joint.name, 0.0)
         if joint.type == 'prismatic':
             return FramePose(pose.place(x * self.unit(joint.name, joint.axis)), pose.turn)
         turned = Rotation.from_rotvec(x * self.unit(joint.name, joint.axis)).as_matrix()
@@ -221,6 +242,12 @@ class UrdfReader:
             )
         )
 
+    def _connect_ball(self, name: str, row: tuple[str, ...]) -> None:
+        first, last = (self.joints[each] for each in (row[0], row[-1]))
+        parent, child = self.part_of[first.parent], self.part_of[last.child]
+        place = self.poses[last.child].origin
+        self.robot.connect(Connection(name, 'spherical', parent, child, place))
+
     def part(self, link: str, key: str) -> tuple[str, FramePose]:
         """The part that a link of a loop belongs to, and the link's pose."""
         if link in (GROUND, 'world') and link not in self.links:
@@ -253,7 +280,9 @@ class UrdfReader:
                 self.robot.leave('elements', f'{element.tag} {element.get("name", "")}'.strip())
 
 
-def _parsed(path: Path, arguments: Mapping[str, str] | None) -> tuple[ElementTree.Element, Any]:
+def _parsed(
+    path: Path, arguments: Mapping[str, str] | None, types: Mapping[str, str]
+) -> tuple[ElementTree.Element, Any]:
     """The XML, and what urdf_parser_py makes of it."""
     from urdf_parser_py import urdf
     from urdf_parser_py.xml_reflection import core
@@ -261,6 +290,7 @@ def _parsed(path: Path, arguments: Mapping[str, str] | None) -> tuple[ElementTre
     xml = xml_file.root_of(path, arguments)
     if xml.tag != 'robot':
         raise InputError('not a URDF', file=str(path), value=xml.tag, expected='<robot>')
+    xml = urdf_joint_types.changed(xml, types, str(path)) if types else xml
     plain = ElementTree.Element('robot', {'name': path.stem} | xml.attrib)
     for element in xml:  # what else there is may be as it likes
         if element.tag in ('link', 'joint'):

@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from alf_ros.arrays import Floats
 from alf_ros.exchange.robot import AXES, TYPES, Connection, FramePose
+from alf_ros.exchange.two_ended_loops import CLOSES, LoopEnd, TwoEndedLoop, rotation_to
 from alf_ros.exchange.urdf_import import UrdfReader
 
 _PARALLEL = 1e-9  # 1 - cosine: how far the axes of both sides may be drawn apart
@@ -30,7 +31,40 @@ def close(reader: UrdfReader) -> None:
             else:
                 reader.robot.leave('gazebo', f'{element.tag} of {about or "the robot"}')
     for element in reader.xml.findall('constraint'):
-        _constraint(reader, element)
+        if _kind_of(reader, element) not in CLOSES:
+            _constraint(reader, element)
+
+
+def two_ended(reader: UrdfReader) -> list[TwoEndedLoop]:
+    """The loops of <constraint> that may be open as drawn. Raises InputError."""
+    found = []
+    for element in reader.xml.findall('constraint'):
+        kind = _kind_of(reader, element)
+        if kind in CLOSES:
+            first, second = (_end(reader, element, side, kind) for side in ('parent', 'child'))
+            name = element.get('name', 'constraint')
+            found.append(TwoEndedLoop(name, kind, (first, second)))
+    return found
+
+
+def _end(reader: UrdfReader, element: ElementTree.Element, side: str, kind: str) -> LoopEnd:
+    name = element.get('name', 'constraint')
+    link = element.find(side)
+    body = '' if link is None else link.get('link', '')
+    reader.part(body, name)
+    origin, axis = element.find(f'{side}_origin'), element.find(f'{side}_axis')
+    at = {} if origin is None else origin.attrib
+    xyz, rpy = (_floats(reader, name, at.get(key), _NONE) for key in ('xyz', 'rpy'))
+    frame = _frame(xyz, rpy)
+    if kind == 'revolute':
+        given = None if axis is None else axis.get('xyz')
+        u = reader.unit(name, _floats(reader, name, given, (1.0, 0.0, 0.0)))
+        frame = FramePose(frame.origin, frame.turn @ rotation_to(u))
+    return LoopEnd(body, frame)
+
+
+def _kind_of(reader: UrdfReader, element: ElementTree.Element) -> str:
+    return _kind(reader, element.get('name', 'constraint'), element.get('type', ''))
 
 
 def _gazebo(reader: UrdfReader, element: ElementTree.Element) -> None:

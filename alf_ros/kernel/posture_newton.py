@@ -1,4 +1,4 @@
-"""Newton's method for postures: the rows of loops, of active joint coordinates and of couplings.
+"""Newton's method for postures: the rows of loops and of active joint coordinates, and sums.
 
 Newton's method moves q along M: δ = -A⁻¹ Φ_qᵀ α Φ, with the factor of A = M + Φ_qᵀ α Φ_q. In a
 mode of singular value s it does s² / (1 + s²) of the correction, where s² = penalty σ², so its
@@ -11,7 +11,7 @@ import numpy as np
 
 from alf_ros.arrays import Floats, Integers, Unit
 from alf_ros.kernel.augmented_solve import finish
-from alf_ros.kernel.constraints import add_transposed, violation
+from alf_ros.kernel.constraints import add_transposed, value_and_rate, violation
 from alf_ros.kernel.data import EPS, EVERY_MODE, System, Work
 from alf_ros.kernel.data.closing import Closing
 from alf_ros.kernel.joint_coordinates import counted_angles, joint_coordinates
@@ -27,6 +27,8 @@ from alf_ros.kernel.unwrapping import count_turns
 _ROUNDS = 40  # of Newton's method
 LEAP = 0.3  # of the size: longest correction, and longest way on which the motion is believed
 _CLOSED = 4.0  # rounding units of the size
+_CONTRACTS = 0.5  # of a correction, the next one with the same factor
+_TURNED = 2.0  # rounding units of the largest angle or length of a sum
 _NEARLY = 1e-13  # of the size: closed, where rounding ends the convergence
 _SLOW = 0.2  # of two gaps: a mode converges slowly
 _SHORTEST = 1.0 / 64.0  # of a correction
@@ -45,14 +47,14 @@ def put_values(closing: Closing, values: Floats) -> None:
 
 
 @inner
-def _correct(unit: Unit, system: System, work: Work, exactly: bool) -> None:
-    """target = -A⁻¹ Φ_qᵀ α Φ with Φ in r2; `exactly`: as Newton's method has it, also in modes
-    that are so soft that A holds them back."""
+def _correct(unit: Unit, system: System, work: Work, exactly: bool, x: Floats) -> None:
+    """x = -A⁻¹ Φ_qᵀ α Φ with Φ in r2; `exactly`: as Newton's method has it, also in modes that are
+    so soft that A holds them back."""
     if exactly:
         for r in range(work.r2.size):
             work.r2[r], work.y[r] = -work.r2[r], 0.0
-        zero(work.target)
-        finish(unit, system, work, work.target, 1e-3, EVERY_MODE)
+        zero(x)
+        finish(unit, system, work, x, 1e-3, EVERY_MODE)
         return
     for r in range(work.r2.size):
         work.r2[r] *= -system.rows.alpha[r]
@@ -60,7 +62,7 @@ def _correct(unit: Unit, system: System, work: Work, exactly: bool) -> None:
     add_transposed(unit, system.rows, work.gf, work.g2f, work.r2, work.delta)
     solve(unit, system.pattern, work.diagonal, work.off, work.delta)
     for a in range(work.p.size):
-        work.target[a] = work.delta[a]
+        x[a] = work.delta[a]
 
 
 @inner
@@ -85,41 +87,72 @@ def read(closing: Closing, q: Floats, turns: Integers) -> None:
 
 @inner
 def _opening(closing: Closing, system: System) -> float:
-    """`opening` at the q in `work`, with the couplings: they bind velocities, and here their sums
-    of joint coordinates, counted from the q in `before`."""
-    work, sums = closing.work, closing.sum_row
-    gap = opening(closing.unit, system.rows, work.q, work.r2)
-    if sums.size == 0:
+    """`opening` at the q in `work`, with the sums that rows of velocities keep constant: their
+    angles are counted from the q in `before`. The rounding of many turns is no opening."""
+    unit, work, sums, angles = closing.unit, closing.work, closing.sums, closing.angles
+    gap = opening(unit, system.rows, work.q, work.r2)
+    if sums.row.size == 0:
         return gap
     copy(closing.turned, closing.tried)
     count(closing, closing.before, closing.tried)
-    read(closing, work.q, closing.tried)
-    for n in each(0, sums.size):
-        slip, row = -closing.sum_value[n], sums[n]
-        for k in each(closing.sum_first[n], closing.sum_first[n + ONE]):
-            slip += closing.sum_factor[k] * closing.values[closing.sum_of[k]]
+    counted_angles(
+        unit,
+        closing.tight.angles,
+        work.q,
+        work.qd,
+        closing.tried,
+        angles,
+        closing.spins,
+        closing.near,
+    )
+    for n in each(0, sums.row.size):
+        slip, row, most = -sums.value[n], sums.row[n], 0.0
+        for k in each(sums.first[n], sums.first[n + ONE]):
+            place = np.uint64(sums.place[k])
+            if place < angles.size:
+                term = sums.factor[k] * angles[place]
+            else:
+                x, _ = value_and_rate(unit, sums.lengths, place - angles.size, work.q, work.qd)
+                term = sums.factor[k] * x
+            slip += term
+            most = max(most, abs(term))
         work.r2[row] = slip
-        gap = max(gap, abs(slip) * system.rows.scale[row])
+        gap = max(gap, (abs(slip) - _TURNED * EPS * most) * system.rows.scale[row])
     return gap
+
+
+@inner
+def _contracts(closing: Closing, system: System, fraction: float, exactly: bool) -> bool:
+    """Whether the next correction, with the factor of the last one, is less than half of it.
+
+    A thread or a gear that turns far in a small motion opens its body by the square of the angle,
+    which is more than the gap that Newton's method closes, though it converges.
+    """
+    work, n = closing.work, closing.work.p.size
+    if closing.sums.row.size == 0:
+        return False
+    _correct(closing.unit, system, work, exactly, work.shift)
+    _opening(closing, system)  # Φ, which the correction has overwritten
+    return largest(work.shift, n) < _CONTRACTS * fraction * largest(work.target, n)
 
 
 @inner
 def settle(closing: Closing, system: System, exactly: bool) -> bool:
     """Move q in `work` along M to where its rows are closed; returns whether they are.
 
-    A correction that opens the rows further is halved. `way`: the first correction; `exactly`: it
-    is Newton's in soft modes too.
+    A correction that opens the rows further is halved, unless the next one is small. `way`: the
+    first correction; `exactly`: it is Newton's in soft modes too.
     """
     unit, work, way, counts = closing.unit, closing.work, closing.way, closing.counts
     size, n = system.size, work.p.size
-    best, fraction, first = np.inf, 1.0, True
+    best, fraction, first, slow = np.inf, 1.0, True, exactly
     for _ in range(_ROUNDS):
         gap = _opening(closing, system)
         if gap <= _CLOSED * EPS * size:
             if first:
                 zero(way)
             return True
-        if gap < best:
+        if gap < best or _contracts(closing, system, fraction, slow):
             if gap > 0.25 * best and gap <= _NEARLY * size:
                 return True
             slow = exactly or gap > _SLOW * best
@@ -127,7 +160,7 @@ def settle(closing: Closing, system: System, exactly: bool) -> bool:
             copy(work.q, work.base)
             if not linearise(unit, system, work, work.q):
                 return False
-            _correct(unit, system, work, slow)
+            _correct(unit, system, work, slow, work.target)
             length = largest(work.target, n)
             if length > LEAP * size:
                 fraction = LEAP * size / length

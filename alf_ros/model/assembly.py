@@ -21,7 +21,7 @@ from alf_ros.mechanism import affine
 from alf_ros.model.closing_newton import opened, settle
 from alf_ros.model.compile import Model, allocate, hold
 from alf_ros.model.constraints.drives import is_aligned
-from alf_ros.model.constraints.meshing import Mesh, meshing, slips
+from alf_ros.model.constraints.meshing import Integral, integrals, slips
 from alf_ros.model.constraints.row import Row, linear
 from alf_ros.model.prescribed import prescribe
 
@@ -158,7 +158,7 @@ def _settle(model: Model, system: System, work: Work, least: float) -> Floats:
 class _Mesh:
     """The parts in mesh, and the system with their rows of velocities only."""
 
-    meshes: tuple[Mesh, ...]
+    integrals: tuple[Integral, ...]
     names: list[str]
     system: System
     rows: list[int]  # theirs, in the kernel's order
@@ -167,26 +167,26 @@ class _Mesh:
 def _mesh(model: Model, given: list[Row]) -> _Mesh | None:
     """The correction that keeps teeth in mesh while the given rows are unchanged; None without
     teeth."""
-    meshes = meshing(model.layout)
-    if not meshes:
+    found = integrals(model.layout, teeth=True)
+    if not found:
         return None
     system, names, _ = hold(model, [replace(row, c=0.0) for row in given], velocities=True)
-    own = [mesh.name for mesh in meshes]
+    own = [each.name for each in found]
     first = len(names) - system.rows.velocity
-    found = {name: first + n for n, name in enumerate(names[first:])}
-    rows = [found[name] for name in own]
+    place = {name: first + n for n, name in enumerate(names[first:])}
+    rows = [place[name] for name in own]
     alpha = system.rows.alpha.copy()
-    alpha[[n for n in found.values() if n not in rows]] = 0.0  # parts without teeth may slip
-    return _Mesh(meshes, own, replace(system, rows=replace(system.rows, alpha=alpha)), rows)
+    alpha[[n for n in place.values() if n not in rows]] = 0.0  # parts without teeth may slip
+    return _Mesh(found, own, replace(system, rows=replace(system.rows, alpha=alpha)), rows)
 
 
 def _in_mesh(model: Model, system: System, work: Work, mesh: _Mesh, before: Floats) -> Floats:
     """Move work.q to where no tooth has slipped since `before`, or as far as that goes; returns by
     how much each row stays open, m, then each joint with teeth."""
     moving = allocate(model, mesh.system, 1)
-    gap = _gaps(model, system, work)
+    gap, D = _gaps(model, system, work), model.layout.dimension
     for _ in range(20):
-        slip = slips(model.layout, mesh.meshes, before, work.q)
+        slip = slips(mesh.integrals, D, before, work.q)
         if np.abs(slip).max() <= 1e-13 * model.size:
             break
         moving.q[:] = work.q
@@ -197,7 +197,7 @@ def _in_mesh(model: Model, system: System, work: Work, mesh: _Mesh, before: Floa
         kernel.augmented(model.unit, mesh.system, moving, moving.p, x, _TO_ROUNDING)
         work.q[: model.n] += x[: model.n]
         gap = _settle(model, system, work, 1e-13)
-    slip = slips(model.layout, mesh.meshes, before, work.q)
+    slip = slips(mesh.integrals, D, before, work.q)
     return np.concatenate([gap, np.abs(slip)])
 
 

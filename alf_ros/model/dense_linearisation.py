@@ -14,7 +14,7 @@ import numpy as np
 from alf_ros import kernel
 from alf_ros.arrays import Floats
 from alf_ros.model.compile import Model
-from alf_ros.model.joints import type_of
+from alf_ros.model.constraints.meshing import has_integral
 
 DEPENDENT = 1e-7  # singular value, of the largest, from which down rows count as dependent
 MASSLESS = 1e-12  # mass of a direction, of the largest, from which down it counts as none
@@ -74,9 +74,7 @@ class Linearised:
         Gears, racks, wheels on a line, screws, couplings and the rotors of joints bind them too:
         their rows are of velocities, but can be integrated.
         """
-        rolls = {joint.name for joint in self.model.mechanism.joints if type_of(joint).integrable}
-        rolls |= {rotor.name for rotor in self.model.mechanism.rotors}
-        rolls |= {coupling.name for coupling in self.model.mechanism.couplings}
+        rolls = has_integral(self.model.mechanism)
         names = self.model.row_names
         first = len(names) - self.model.system.rows.velocity  # in the kernel's order
         places = self.model.row.tolist()

@@ -14,9 +14,11 @@ from alf_ros.kernel import Work
 from alf_ros.mechanism.memory import remembered
 from alf_ros.model import assembly
 from alf_ros.model.compile import Model, allocate, hold
+from alf_ros.model.constraints.meshing import integrals
 from alf_ros.model.rank import distance, effective_rank
 
 _NEAR_BY = 4  # places that each search for an ordinary position examines
+_APART = 1e-6  # of the size: positions that are not the same
 _SOFT = 0.05  # σ below which a position may be beside a singular one
 _FIRMER = 20.0  # times the σ of an ordinary position near it
 
@@ -32,7 +34,7 @@ def ordinary(model: Model, q: Floats, work: Work | None = None) -> tuple[int, Fl
     places_only, names, _ = hold(model, [], velocities=False)
     work = work or allocate(model, model.system, 0)
     closing = work if places_only is model.system else allocate(model, places_only, 0)
-    best, places, closed = -1, [q], 0
+    best, here, places, closed = -1, -1, [q], 0
     for turn in range(12):
         near, away = np.array(q), 0.05 * model.size if turn else 0.0
         if turn >= _NEAR_BY and best == len(model.row_names):
@@ -53,6 +55,7 @@ def ordinary(model: Model, q: Floats, work: Work | None = None) -> tuple[int, Fl
             except AssemblyError:
                 continue
         rank = _rank(model, work, near)
+        here = rank if turn == 0 else here
         if rank > best:
             best, places = rank, []
         if rank == best:
@@ -73,6 +76,8 @@ def ordinary(model: Model, q: Floats, work: Work | None = None) -> tuple[int, Fl
         rank = _rank(model, work, near)
         if rank > best:
             best, places = rank, [near]
+    if best > here:  # a loop of gears may depend on others only where they are in mesh
+        best, places = _in_mesh(model, work, q, random) or (best, places)
     rank = max(best, 0)
     place, sigma = places[0], _softness(model, work, places[0], rank)
     if sigma < _SOFT and np.array_equal(places[0], q):
@@ -81,6 +86,31 @@ def ordinary(model: Model, q: Floats, work: Work | None = None) -> tuple[int, Fl
             if found > _FIRMER * sigma:
                 place, sigma = other, found
     return len(model.row_names) - rank, place, sigma
+
+
+def _in_mesh(
+    model: Model, work: Work, q: Floats, random: _Directions
+) -> tuple[int, list[Floats]] | None:
+    """The largest rank at positions around q that keep gears, threads and couplings in mesh, and
+    where it was found; None without these, or if q has no positions around it."""
+    if not integrals(model.layout, teeth=True):
+        return None
+    away, found = 0.05 * min(model.size, _shortest(model)), list[tuple[int, Floats]]()
+    for turn in range(8):
+        there = np.array(q)
+        if turn >= 4 and model.mechanism.prescribed:
+            _displace(model, there, 0.05 * random.generator.standard_normal())
+        there[: model.n] += away * random.next()
+        try:
+            near = assembly.displaced(model, q, there - q)
+        except AssemblyError:
+            continue
+        if np.abs(near - q).max() > _APART * model.size:
+            found.append((_rank(model, work, near), near))
+    if not found:
+        return None
+    best = max(rank for rank, _ in found)
+    return best, [near for rank, near in found if rank == best]
 
 
 class _Directions:

@@ -21,7 +21,7 @@ from alf_ros.mechanism.natural_coordinates import TURN, Layout
 from alf_ros.mechanism.orientation import orientation, quaternion
 from alf_ros.model import assembly
 from alf_ros.model.compile import Model
-from alf_ros.model.constraints.meshing import meshing
+from alf_ros.model.constraints.meshing import integrals
 from alf_ros.model.singular_location import located
 from alf_ros.simulation.branch_velocities import on_branch as velocities_on
 from alf_ros.simulation.input_checks import numbers, text
@@ -217,7 +217,7 @@ class _Way:
         self._delta = _turn_between(self._now, whole, layout.turns(body.name))
         missing = last - _turned(self._delta) @ self._first
         self._u = np.linalg.solve(_mean_turn(self._delta), missing)
-        wheels = [mesh.advance for mesh in meshing(layout)]
+        wheels = [each.advance for each in integrals(layout, teeth=True)]
         away = float(np.linalg.norm(last - self._first))
         turned = float(np.linalg.norm(self._delta))
         self.steps = max(turned / _TURN, away / min([_MOVE * model.size, *wheels]))

@@ -189,12 +189,13 @@ def test_mistakes_of_a_loop_file(loops: str, message: str, tmp_path: Path) -> No
         imported(source, loops=saved(tmp_path, 'loops.yaml', loops))
 
 
-def test_an_open_loop_is_refused_and_can_be_closed_by_its_positions(tmp_path: Path) -> None:
+def test_an_open_loop_is_closed_around_the_positions_given(tmp_path: Path) -> None:
     source = robots.four_bar(robots.BY_CONSTRAINT)
     moved = source.replace(f'rpy="0 {-robots.four_bar_angles()[2]!r} 0"', 'rpy="0 0 0"')
     path = saved(tmp_path, 'it.urdf', moved)
-    with pytest.raises(InputError, match='wrist: its two ends are drawn 0.*m apart.*--set'):
-        imported(path)
+    assert 'posture' in imported(path)
+    with pytest.raises(InputError, match='wrist cannot be closed: 0.*m stay open.*--set'):
+        imported(path, positions={'crank_pin': 0.0, 'knee': 0.0, 'rocker_pin': 0.0})
     text = imported(path, positions={'rocker_pin': robots.four_bar_angles()[2]}, scene=True)
     check_four_bar(text)
     with pytest.raises(InputError, match="no such joint, got 'rocker'; did you mean 'rocker_pin'"):

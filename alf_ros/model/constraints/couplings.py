@@ -1,20 +1,18 @@
 """Linear couplings of joint coordinates: Σ a_n x_n stays what it is as drawn.
 
-No row of second order knows the angle itself, only its sine and cosine, so the row binds
-velocities, Σ a_n ẋ_n = 0, and can be integrated: what it holds drifts by the error of the
-integrator. A row is in m/s: where the first coordinate is an angle it is times the length of the
-drawing. Its force is an effort a_n λ on each coordinate.
+No row of second order knows the angle itself, only its sine and cosine. So the row binds
+velocities, Σ a_n ẋ_n = 0, and its integral drifts in a run by the error of the integrator. A row
+is in m/s: where the first coordinate is an angle it is times the length of the drawing. Its force
+is an effort a_n λ on each coordinate.
 """
 
 from __future__ import annotations
 
-import math
-
-from alf_ros.arrays import Floats
 from alf_ros.mechanism import Coordinate, Coupling
 from alf_ros.mechanism.natural_coordinates import Layout
 from alf_ros.model.constraints.joint_coordinates import angle_axes, length_row, rate
-from alf_ros.model.constraints.row import Row, motion, value
+from alf_ros.model.constraints.row import Row, motion
+from alf_ros.model.constraints.velocity_integral import IntegralTerm, angle_between
 
 
 def coupling_row(coupling: Coupling, layout: Layout) -> Row:
@@ -40,20 +38,13 @@ def advance(coupling: Coupling, layout: Layout) -> float:
     return layout.length * min(factors) / max(factors)
 
 
-def slip(coupling: Coupling, layout: Layout, before: Floats, after: Floats) -> float:
-    """m, by how much Σ a_n x_n has changed from q to q (blocks, D), by half a turn at most."""
-    coordinate = layout.mechanism.coordinate
-    change = sum(a * _change(coordinate[name], layout, before, after) for name, a in coupling.of)
-    return unit_of(coupling, layout) * change
+def integral(coupling: Coupling, layout: Layout) -> list[IntegralTerm]:
+    """Σ a_n x_n, m."""
+    coordinate, unit = layout.mechanism.coordinate, unit_of(coupling, layout)
+    return [_term(coordinate[name], a * unit, layout) for name, a in coupling.of]
 
 
-def _change(coordinate: Coordinate, layout: Layout, before: Floats, after: Floats) -> float:
-    """Of a coordinate, rad or m."""
+def _term(coordinate: Coordinate, factor: float, layout: Layout) -> IntegralTerm:
     if not coordinate.is_angle:
-        row = length_row(coordinate.joint, layout)
-        return value(row, after) - value(row, before)
-    X, Y, d = angle_axes(coordinate, layout)
-    first, last = (
-        math.atan2(Y.value(q) @ d.value(q), X.value(q) @ d.value(q)) for q in (before, after)
-    )
-    return math.remainder(last - first, 2.0 * math.pi)
+        return IntegralTerm(factor, (length_row(coordinate.joint, layout),))
+    return angle_between(factor, *angle_axes(coordinate, layout))

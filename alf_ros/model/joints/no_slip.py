@@ -43,7 +43,7 @@ PLANAR = JointType(
     listed=90,
     on_ground=True,
     is_round=True,
-    integrable=True,
+    integral=rolling.integral_on_a_line,
 )
 SPATIAL = JointType(
     keys=(AT, ON, RADIUS),

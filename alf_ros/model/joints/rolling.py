@@ -37,5 +37,5 @@ PLANAR = JointType(
     draw=_draw,
     listed=60,
     is_round=True,
-    integrable=True,
+    integral=rolling.integral_of_gears,
 )

@@ -6,17 +6,16 @@ thread: turning right-handed about the axis goes along it.
 
 A row of second order covers one turn only, so the last row binds velocities: ṡ - l θ̇ = 0 with ṡ =
 d/dt (z · gap) and θ̇ = u̇_x · u_y of the child minus the rate of the parent, u_x and u_y their
-axes across z. It can be integrated. The drift of s - l θ from zero is the error of the integrator.
+axes across z. Its integral is s - l θ, which drifts from zero by the error of the integrator.
 """
 
 import math
 
 import numpy as np
 
-from alf_ros.arrays import Floats
 from alf_ros.mechanism import GROUND, Joint
-from alf_ros.mechanism.natural_coordinates import Layout
-from alf_ros.model.constraints.row import Row, motion
+from alf_ros.model.constraints.row import Row, motion, product
+from alf_ros.model.constraints.velocity_integral import IntegralTerm, angle_between
 from alf_ros.model.joints.contract import (
     ANGLE,
     AT,
@@ -50,16 +49,10 @@ def _rows(frames: Frames) -> list[Row]:
     return [*frames.aside(), *frames.parallel(), motion(joint.name, *pairs)]
 
 
-def _slip(joint: Joint, layout: Layout, before: Floats, after: Floats) -> float:
-    frames = Frames(joint, layout)
-    x, y, z, own = *(frames.axis(0, n) for n in range(3)), frames.axis(1, 0)
-    places, angles = [], []
-    for q in (before, after):
-        d = own.value(q)
-        places.append(z.value(q) @ frames.gap.value(q))
-        angles.append(math.atan2(y.value(q) @ d, x.value(q) @ d))
-    turned = math.remainder(angles[1] - angles[0], 2.0 * math.pi)
-    return float(places[1] - places[0] - joint.value * turned)
+def _integral(frames: Frames) -> list[IntegralTerm]:
+    x, y, z = (frames.axis(0, n) for n in range(3))
+    turned = angle_between(-frames.joint.value, x, y, frames.axis(1, 0))
+    return [IntegralTerm(1.0, (product('', z, frames.gap),)), turned]
 
 
 def _draw(pen: Pen) -> None:
@@ -84,7 +77,7 @@ SPATIAL = JointType(
     draw=_draw,
     listed=145,
     freedoms=(ANGLE,),
-    integrable=True,
-    slip=_slip,
+    integral=_integral,
+    teeth=True,
     urdf=(UrdfJoint('', 'continuous', Z), UrdfJoint('_length', 'prismatic', Z, mimics=True)),
 )

@@ -13,13 +13,16 @@ import numpy as np
 from alf_ros import kernel, resources
 from alf_ros.arrays import Floats
 from alf_ros.errors import AssemblyError, InputError
-from alf_ros.mechanism import GROUND, Coordinate, Drive, Mechanism, natural_coordinates
+from alf_ros.kernel.data.closing import Integrals
+from alf_ros.mechanism import GROUND, Coordinate, Drive, Joint, Mechanism, natural_coordinates
+from alf_ros.mechanism.natural_coordinates import Layout
 from alf_ros.mechanism.time_function import signal
 from alf_ros.model import assembly, ordinary_positions
 from alf_ros.model.carried_positions import carried
 from alf_ros.model.compile import Model, allocate, compile_model
 from alf_ros.model.constraints.row import Row
 from alf_ros.model.constraints.rows import joint_rows
+from alf_ros.model.joints import type_of
 from alf_ros.model.penalty import fitted
 from alf_ros.scene.scene import Scene, load_scene
 from alf_ros.scene.text import yaml_document
@@ -27,6 +30,7 @@ from alf_ros.scene.text.scene_document import SceneDocument
 from alf_ros.simulation.instruments import Instruments
 from alf_ros.simulation.reactions import ReactionsOf
 from alf_ros.simulation.start import started
+from alf_ros.studies.closing.sums import with_sums
 
 Source = Scene | str | os.PathLike[str] | Mapping[str, Any]
 _MOVES = 1e-7  # of the fastest joint: rate of a joint that a free motion moves
@@ -37,7 +41,8 @@ class Actuated:
     """The model with a row for each active coordinate, in the position where it begins.
 
     q (blocks D, m): that position, closed. values: of all joint coordinates there, rad or m.
-    dependent_rows: rows that depend on others in ordinary positions.
+    dependent_rows: rows that depend on others in ordinary positions. sums: what rows of velocities
+    keep constant; the model counts their angles behind the angles of its bodies or joints.
     """
 
     name: str
@@ -47,6 +52,7 @@ class Actuated:
     q: Floats
     values: Floats
     dependent_rows: int
+    sums: Integrals
     instruments: Instruments
 
 
@@ -81,7 +87,7 @@ def actuated(scene: Scene, active: Sequence[str]) -> Actuated:
     """
     bare = replace(scene.mechanism, drives=(), rotors=())
     names = _checked(bare, active)
-    refuse_velocity_rows(bare)
+    _refuse_what_rolls(bare)
     free = started(
         replace(scene.at_rest(), mechanism=bare, effects=(), document=SceneDocument('')),
         scene.solver,
@@ -95,7 +101,7 @@ def actuated(scene: Scene, active: Sequence[str]) -> Actuated:
         model = compile_model(driven, free.model.penalty)
         q = assembly.close(model, {}, carried(free.model, free.q, model))
         dependent, _, sigma = ordinary_positions.ordinary(model, q)
-        model = fitted(model.accustomed(sigma, dependent), sigma)
+        model, sums = with_sums(fitted(model.accustomed(sigma, dependent), sigma), q)
     except AssemblyError as error:
         raise AssemblyError(error.message, file=scene.file, key=error.key) from None
     before = free.model.n - (len(free.model.row_names) - free.dependent_rows)
@@ -109,6 +115,7 @@ def actuated(scene: Scene, active: Sequence[str]) -> Actuated:
         q,
         values,
         dependent,
+        sums,
         Instruments(model, ReactionsOf(model)),
     )
 
@@ -130,14 +137,33 @@ def _checked(mechanism: Mechanism, active: Sequence[str]) -> tuple[str, ...]:
     return tuple(active)
 
 
+def _refuse_what_rolls(mechanism: Mechanism) -> None:
+    """Raise InputError for rows of velocities without an integral: they leave positions open."""
+    layout = natural_coordinates.cut(mechanism)
+    for joint in mechanism.joints:
+        _refuse_motion(joint)
+        if type_of(joint).integral is None and _binds_velocities(joint, layout):
+            text = f'a joint of type {joint.kind} binds velocities only (it is non-holonomic): '
+            text += 'its position depends on the path, not on the active joints'
+            raise InputError(text, key=f'joints.{joint.name}')
+
+
+def _refuse_motion(joint: Joint) -> None:
+    if joint.motion:
+        text = 'a joint that moves as a function of time does not follow from positions'
+        raise InputError(text, key=f'joints.{joint.name}')
+
+
+def _binds_velocities(joint: Joint, layout: Layout) -> bool:
+    return any(isinstance(row, Row) and row.velocity for row in joint_rows(joint, layout))
+
+
 def refuse_velocity_rows(mechanism: Mechanism) -> None:
     """Rows that bind velocities only leave positions open: what rolls, or meshes, is refused."""
     layout = natural_coordinates.cut(mechanism)
     for joint in mechanism.joints:
-        if joint.motion:
-            text = 'a joint that moves as a function of time does not follow from positions'
-            raise InputError(text, key=f'joints.{joint.name}')
-        if any(isinstance(row, Row) and row.velocity for row in joint_rows(joint, layout)):
+        _refuse_motion(joint)
+        if _binds_velocities(joint, layout):
             text = f'a joint of type {joint.kind} binds velocities: positions do not follow'
             raise InputError(text, key=f'joints.{joint.name}')
 

@@ -6,7 +6,6 @@ import math
 import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 
@@ -16,7 +15,6 @@ from alf_ros.kernel.data.closing import Closing
 from alf_ros.kernel.loop_closing import close_loops, close_table
 from alf_ros.kernel.posture_rates import linearise_posture, rate_matrix, rates_at
 from alf_ros.model.compile import allocate
-from alf_ros.model.constraints.couplings import unit_of
 from alf_ros.model.constraints.packing import indices
 from alf_ros.model.softest_modes import found
 from alf_ros.simulation.applied import NO_INPUTS
@@ -29,6 +27,8 @@ from alf_ros.studies.closing.branch_sign import BranchSign
 from alf_ros.studies.closing.posture import Posture, Ways
 
 _FURTHEST = 1e4  # rad, or of the size: an active coordinate in one call
+_TURNS = 1000  # of an active angle, in which the end of its travel is looked for
+_SAME = 1e-6  # of the size: positions that are the same
 _LONG = 4.0  # of the size: longest travel of a length that is looked for
 _NOTHING = 1e-30  # of a penalty: the row binds nothing
 _MOST_RATIO = 10.0  # of two times between calls, up to which the motion is believed
@@ -45,9 +45,9 @@ class Closure:
 
     Calls of `close` are a motion: the branch follows from its position, velocity and curvature.
     Drives of the mechanism are left out, effects do not count. Raises InputError for names that
-    are no joint coordinates, too many or too few of them, and a mechanism of which positions do
-    not follow from positions, as where wheels roll; AssemblyError if it cannot be closed. One
-    thread at a time may use a Closure and its postures, else BusyError.
+    are no joint coordinates, too many or too few of them, and non-holonomic joints, such as a ball
+    that rolls; AssemblyError if it cannot be closed. One thread at a time may use a Closure and
+    its postures, else BusyError.
     """
 
     def __init__(
@@ -123,7 +123,7 @@ class Closure:
             state,
             self._actuated.instruments,
             missed,
-            self._ways(state),
+            self._ways(state, closing.values[closing.active]),
         )
 
     @by_one_thread
@@ -199,12 +199,12 @@ class Closure:
                 )
         return np.array([float(given[name]) for name in self.active])
 
-    def _ways(self, state: State) -> Ways:
+    def _ways(self, state: State, at: Floats) -> Ways:
         return Ways(
             lambda: self._rates(state),
             lambda: self._distance(state),
             lambda: self._branch.at(state.q),
-            lambda joint: self._travel(state, joint),
+            lambda joint: self._travel(state, at, joint),
         )
 
     @by_one_thread
@@ -221,24 +221,31 @@ class Closure:
         return 1.0 if modes is None else float(modes.sigma[0])
 
     @by_one_thread
-    def _travel(self, state: State, joint: str) -> tuple[float, float]:
+    def _travel(self, state: State, at: Floats, joint: str) -> tuple[float, float]:
         if text(joint, 'joint') not in self.active:
             raise InputError('not an active joint', key='joint', value=joint, choices=self.active)
-        n, ends = self.active.index(joint), []
-        reader = self._reader
-        full = 2.0 * np.pi if reader.is_angle[n] else _LONG * self.model.size
-        for sign in (-1.0, 1.0):
-            self._read(state)
-            reader.counts[0] = 0  # no motion: it stays on this side of all dead points
-            close_loops(reader, 1.0)
-            reader.counts[0] = 0
-            reader.wanted[:] = reader.asked
-            reader.wanted[n] += sign * full
-            reached = close_loops(reader, 1.0)
-            ends.append(sign * math.inf if reached == 1.0 else float(reader.asked[n]))
-        if reader.is_angle[n] and math.inf in map(abs, ends):
+        n = self.active.index(joint)
+        low, high = (self._end(state, at, n, sign) for sign in (-1.0, 1.0))
+        if self._reader.is_angle[n] and not self._reader.sums.row.size and math.isinf(high - low):
             return -math.inf, math.inf
-        return ends[0], ends[1]
+        return low, high
+
+    def _end(self, state: State, at: Floats, n: int, sign: float) -> float:
+        """The end of the travel of an active joint in one direction, from its values `at`."""
+        reader, size = self._read(state), self.model.size
+        way = 2.0 * np.pi if reader.is_angle[n] else _LONG * size
+        # an angle that gears or threads count is in the same position after several turns only
+        turns = _TURNS if reader.is_angle[n] and reader.sums.row.size else 1
+        reader.asked[:] = at
+        for _ in range(turns):
+            reader.counts[0] = 0  # no motion: it stays on this side of all dead points
+            reader.wanted[:] = reader.asked
+            reader.wanted[n] += sign * way
+            if close_loops(reader, 1.0) < 1.0:
+                return float(reader.asked[n])
+            if np.abs(reader.q - state.q).max() <= _SAME * size:
+                break
+        return sign * math.inf
 
     def _read(self, state: State) -> Closing:
         reader = self._reader
@@ -268,15 +275,6 @@ def _closing(of: Actuated, noise: Floats) -> Closing:
         **dict.fromkeys(('angles', 'spins', 'near'), angles),
         **dict.fromkeys(('values', 'rates'), len(place)),
     }
-    sums = [
-        (name, factor * unit_of(coupling, layout))
-        for coupling in model.mechanism.couplings
-        for name, factor in coupling.of
-    ]
-    lengths = [len(coupling.of) for coupling in model.mechanism.couplings]
-    first = np.cumsum([0, *lengths])
-    terms = np.array([factor * of.values[place[name]] for name, factor in sums])
-    row = dict(zip(names, model.row.tolist(), strict=True))
     return Closing(
         unit=model.unit,
         tight=model.system,
@@ -289,11 +287,7 @@ def _closing(of: Actuated, noise: Floats) -> Closing:
         noise=noise,
         turns=np.zeros(angles, dtype=np.int64),
         tried=np.zeros(angles, dtype=np.int64),
-        sum_row=indices(row[coupling.name] for coupling in model.mechanism.couplings),
-        sum_first=indices(first),
-        sum_of=indices(place[name] for name, _ in sums),
-        sum_factor=np.array([factor for _, factor in sums], dtype=float),
-        sum_value=np.array([terms[a:b].sum() for a, b in pairwise(first)], dtype=float),
+        sums=of.sums,
         turned=np.zeros(angles, dtype=np.int64),
         other_turns=np.zeros(angles, dtype=np.int64),
         counts=np.zeros(3, dtype=np.int64),

@@ -101,6 +101,7 @@ class Posture(Kinematics):
         resting at their present values: the branch is followed to a dead point on either side.
 
         (-inf, inf) for an angle that goes round; inf for a length beyond four times the size of
-        the mechanism. Raises InputError for another name.
+        the mechanism, and where gears or threads count the angle, for an end beyond 1000 turns.
+        Raises InputError for another name.
         """
         return self._ways.travel(joint)

@@ -21,8 +21,8 @@ from alf_ros.effects.contract import EFFORT, EFFORT_OVER_TIME, WRENCH, Effect
 from alf_ros.errors import InputError
 from alf_ros.kernel import Effects
 from alf_ros.model.compile import Model
+from alf_ros.model.constraints.meshing import has_integral
 from alf_ros.model.dense_linearisation import DEPENDENT, MASSLESS
-from alf_ros.model.joints import type_of
 from alf_ros.simulation.applied import Applied, Inputs
 from alf_ros.simulation.reactions import ReactionsOf
 from alf_ros.simulation.simulation import Simulation
@@ -195,9 +195,7 @@ class Instant:
         model = self.model
         binds = np.zeros(model.system.rows.alpha.size, dtype=bool)
         first = binds.size - model.system.rows.velocity
-        rolls = {joint.name for joint in model.mechanism.joints if type_of(joint).integrable}
-        rolls |= {rotor.name for rotor in model.mechanism.rotors}
-        rolls |= {coupling.name for coupling in model.mechanism.couplings}
+        rolls = has_integral(model.mechanism)
         for name, place in zip(model.row_names, model.row.tolist(), strict=True):
             binds[place] = place < first or name in rolls
         return self.velocity_directions if binds.all() else self._free(binds)

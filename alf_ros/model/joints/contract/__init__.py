@@ -15,6 +15,7 @@ from alf_ros.arrays import Floats
 from alf_ros.mechanism import Freedom, Joint, Numbers
 from alf_ros.mechanism.natural_coordinates import Layout
 from alf_ros.model.constraints.row import Row
+from alf_ros.model.constraints.velocity_integral import IntegralTerm
 from alf_ros.model.joints.contract.frames import Frames
 from alf_ros.model.joints.contract.given import Given, Surface, at_a_point
 from alf_ros.model.joints.contract.pen import Pen
@@ -94,9 +95,9 @@ class JointType:
     holds_axis: it needs an orientation of its bodies.
     drawn_length: `value` is a length that a drawing may have slightly wrong.
     is_round: `value` and `of_parent` are radii about the origins of the frames.
-    integrable: it binds positions, though its rows bind velocities.
-    slip: m, by how much an integrable one has slipped from q to q (blocks, D), for it is held by
-      rows of velocities; half a turn at most lies between. `value` is then m/rad.
+    integral: of its row of velocities the sum that stays constant, m; so the joint binds positions
+      too. None if its rows bind positions anyway, or velocities only.
+    teeth: the sum also stays constant where a body is placed. `value` is then m/rad.
     block: where its auxiliary block with this suffix is at q (blocks, D).
     axes: the number of its axes in other formats; None if they have no such type. `other_names`:
       its other names in URDF and SDF.
@@ -117,8 +118,8 @@ class JointType:
     holds_axis: bool = True
     drawn_length: bool = False
     is_round: bool = False
-    integrable: bool = False
-    slip: Callable[[Joint, Layout, Floats, Floats], float] | None = None
+    integral: Callable[[Frames], list[IntegralTerm]] | None = None
+    teeth: bool = False
     block: Callable[[Joint, str, Layout, Floats], Floats] | None = None
     axes: int | None = None
     other_names: tuple[str, ...] = ()

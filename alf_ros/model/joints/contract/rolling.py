@@ -14,7 +14,9 @@ import numpy as np
 from alf_ros.mechanism import GROUND, Joint, affine
 from alf_ros.mechanism.affine import Form
 from alf_ros.mechanism.natural_coordinates import TURN, Layout
-from alf_ros.model.constraints.row import Row, motion
+from alf_ros.model.constraints.row import Row, motion, product
+from alf_ros.model.constraints.velocity_integral import IntegralTerm, planar_angle
+from alf_ros.model.joints.contract.frames import Frames
 
 Pair = tuple[Form, Form]
 
@@ -50,6 +52,19 @@ def of_gears(joint: Joint, layout: Layout) -> Row:
     return motion(joint.name, *pairs)
 
 
+def integral_on_a_line(frames: Frames) -> list[IntegralTerm]:
+    """x · gap + R (θ_child - θ_parent): `on_a_line`, with the centre at R from the line."""
+    joint = frames.joint
+    along = IntegralTerm(1.0, (product('', frames.axis(0, 0), frames.gap),))
+    return [along, *_turned(frames, joint.value, -joint.value)]
+
+
+def integral_of_gears(frames: Frames) -> list[IntegralTerm]:
+    """R θ_parent + r θ_child - (R + r) × the angle of the line of centres."""
+    R, r = frames.joint.of_parent, frames.joint.value
+    return [*_turned(frames, r, R), planar_angle(-(R + r), frames.gap)]
+
+
 def on_a_plane(joint: Joint, layout: Layout) -> Iterator[Row]:
     """t·(v + ω × r - v_plane) = 0 for t = x, y of the plane, r = -R z."""
     normal, radius = np.array(joint.frames[0].axes[2]), joint.value
@@ -82,3 +97,13 @@ def _spin(body: str, radius: float, layout: Layout) -> Pair:
     """radius × ω in the plane."""
     d = layout.direction(body, (1.0, 0.0))
     return d.times(radius * TURN), d
+
+
+def _turned(frames: Frames, child: float, parent: float) -> list[IntegralTerm]:
+    """These factors (m/rad) times the angles of both bodies in the plane."""
+    pairs = ((frames.joint.child, child), (frames.joint.parent, parent))
+    return [
+        planar_angle(factor, frames.layout.direction(body, (1.0, 0.0)))
+        for body, factor in pairs
+        if body != GROUND
+    ]

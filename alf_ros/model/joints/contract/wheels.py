@@ -6,9 +6,7 @@ import math
 
 import numpy as np
 
-from alf_ros.arrays import Floats
 from alf_ros.mechanism import GROUND, Joint
-from alf_ros.mechanism.natural_coordinates import Layout
 from alf_ros.model.joints.contract.given import Given, Surface
 
 _FITS = 1e-6  # of the radii: how well the drawing must fit them
@@ -67,19 +65,3 @@ def _check_turns(given: Given, key: str, body: str, n: int | None = None) -> Non
     found = given.body(body)
     if found is not None and len(found.points) < 2:
         raise given.error(key, f'body {body!r} has one point only, which cannot turn', n)
-
-
-# ------------------------------------------------------------------------------- between positions
-
-
-def turned(layout: Layout, body: str, before: Floats, after: Floats) -> float:
-    """rad, by how much a body in the plane has turned from q to q; half a turn at most."""
-    if body == GROUND:
-        return 0.0
-    d = layout.direction(body, (1.0, 0.0))
-    return angle_between(d.value(before), d.value(after))
-
-
-def angle_between(a: Floats, b: Floats) -> float:
-    """rad, from a to b in the plane."""
-    return float(np.arctan2(a[0] * b[1] - a[1] * b[0], a @ b))

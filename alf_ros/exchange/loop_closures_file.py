@@ -1,0 +1,44 @@
+"""The side file `loop_closures.yaml` of scikit-robot: hinges that close the loops of a URDF.
+
+    closures: [{link_a: name, link_b: name, point: [x, y, z], axis: [x, y, z]}, ...]
+    dependent: [joint, ...]
+    independent: [joint, ...]
+
+Points (m) and axes are in the frame of the root, with all joints at zero.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from alf_ros.exchange.robot import FramePose
+from alf_ros.exchange.two_ended_loops import LoopEnd, TwoEndedLoop, rotation_to
+from alf_ros.exchange.urdf_import import UrdfReader
+from alf_ros.scene.text import yaml_document
+
+KEYS = ('closures', 'dependent', 'independent')
+_KEYS = ('link_a', 'link_b', 'point', 'axis')
+
+
+def dependent(path: Path) -> list[str]:
+    """Joints that the loops move, which a <mimic> of the URDF only repeats. Raises InputError."""
+    fields = yaml_document.read(path).mapping(KEYS, ('closures',))
+    return (
+        [each.text() for each in fields['dependent'].sequence()] if 'dependent' in fields else []
+    )
+
+
+def loops(path: Path, zero: UrdfReader) -> list[TwoEndedLoop]:
+    """The loops; `zero` is the URDF with all joints at zero. Raises InputError."""
+    found = []
+    fields = yaml_document.read(path).mapping(KEYS, ('closures',))
+    for entry in fields['closures'].sequence():
+        closure = entry.mapping(_KEYS, _KEYS)
+        links = [closure[key].text(zero.links) for key in ('link_a', 'link_b')]
+        axis = zero.unit('axis', closure['axis'].vector(3, {}))
+        frame = FramePose(np.array(closure['point'].vector(3, {})), rotation_to(axis))
+        first, second = (LoopEnd(link, zero.poses[link].inverse @ frame) for link in links)
+        found.append(TwoEndedLoop(f'{links[0]}_{links[1]}', 'revolute', (first, second)))
+    return found

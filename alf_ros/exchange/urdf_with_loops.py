@@ -1,0 +1,77 @@
+"""A URDF and the file beside it that closes its loops, in any of three formats."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from alf_ros.errors import InputError
+from alf_ros.exchange import (
+    closed_loop_file,
+    loop_closures_file,
+    two_ended_loops,
+    urdf_loops,
+    urdf_loops_file,
+)
+from alf_ros.exchange.robot import Robot
+from alf_ros.exchange.tree_posture import closed_positions
+from alf_ros.exchange.urdf_import import UrdfReader
+from alf_ros.scene.text import yaml_document
+
+
+def side_file(path: Path) -> Path | None:
+    """The file beside a URDF that closes its loops, in the format of others; None without one."""
+    for beside in (path.with_suffix('.yaml'), path.with_name('loop_closures.yaml')):
+        if beside.is_file():
+            try:
+                keys = set(yaml_document.read(beside).mapping())
+            except InputError:
+                continue
+            if keys & {'closed_loop', 'closures'}:
+                return beside
+    return None
+
+
+def read(
+    path: Path,
+    side: Path | None,
+    positions: Mapping[str, float],
+    floating: bool,
+    arguments: Mapping[str, str],
+) -> Robot:
+    """The robot of a URDF, with its loops closed. side: the file beside it, if there is one.
+
+    positions: of joints (rad, m), which stay there. Raises InputError.
+    """
+    keys = set() if side is None else set(yaml_document.read(side).mapping())
+    of_gepetto, of_scikit = 'closed_loop' in keys, 'closures' in keys
+    own = side is not None and not of_gepetto and not of_scikit
+    drawn = {**(urdf_loops_file.positions(side) if side and own else {}), **positions}
+    types = closed_loop_file.joint_types(side) if side and of_gepetto else {}
+    follows = loop_closures_file.dependent(side) if side and of_scikit else []
+
+    def reader_at(positions: Mapping[str, float]) -> UrdfReader:
+        return UrdfReader(path, positions, floating, arguments, types, follows)
+
+    reader = reader_at(drawn)
+    loops = urdf_loops.two_ended(reader)
+    if side and own:
+        loops += urdf_loops_file.two_ended(side)
+    if side and of_gepetto:
+        loops += closed_loop_file.loops(side)
+    if side and of_scikit:
+        loops += loop_closures_file.loops(side, reader_at({}))
+    moved = closed_positions(reader, loops, list(drawn))
+    if moved:
+        told = reader.robot.left_out.names['posture']
+        reader = reader_at({**drawn, **moved})
+        for text in told:
+            reader.robot.leave('posture', text)
+    urdf_loops.close(reader)
+    if side and own:
+        urdf_loops_file.close(side, reader)
+    for loop in loops:
+        two_ended_loops.add(reader, loop)
+    if side and of_gepetto:
+        closed_loop_file.add_motors(side, reader)
+    return reader.robot

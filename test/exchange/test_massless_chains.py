@@ -1,0 +1,131 @@
+"""Two and three revolutes in a row through massless links, as URDF writes universal and ball
+joints: they move as these joints do, and take as many evaluations."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from alf_ros import InputError, Scene, Simulation
+from alf_ros.arrays import Floats
+from alf_ros.exchange import gimbal_lock, mechanism_text
+from alf_ros.exchange.robot import Connection, Robot, RobotPart
+from alf_ros.mechanism import GROUND
+from alf_ros.scene.scene import scene_from_text
+
+X, Y, Z = np.eye(3)
+Place = tuple[float, float, float] | Floats
+
+
+class RobotMaker:
+    """A robot with universal and ball joints; or, if `chains`, with rows of revolutes for them."""
+
+    def __init__(self, chains: bool) -> None:
+        self.chains = chains
+        self.robot = Robot('robot', 'test', (0.0, 0.0, -9.81))
+
+    def rod(self, name: str, start: Place, end: Place, mass: float, radius: float = 0.05) -> None:
+        a, b = np.array(start), np.array(end)
+        length = float(np.linalg.norm(b - a))
+        u = (b - a) / length
+        along, across = 0.5 * mass * radius**2, mass * (length**2 / 12.0 + radius**2 / 4.0)
+        inertia = across * (np.eye(3) - np.outer(u, u)) + along * np.outer(u, u)
+        self.robot.parts.append(RobotPart(name, a, mass, 0.5 * (a + b), inertia))
+
+    def join(
+        self, name: str, kind: str, parent: str, child: str, at: Place, *axes: Floats
+    ) -> None:
+        place = np.array(at)
+        if kind in ('revolute', 'prismatic') or not self.chains:
+            own = () if kind == 'spherical' else axes
+            self.robot.connect(Connection(name, kind, parent, child, place, own))
+            return
+        links = [f'{name}_link{n}' for n in range(len(axes) - 1)]
+        for link in links:
+            self.robot.parts.append(RobotPart(link, place, 0.0, place, np.zeros((3, 3))))
+        row = [parent, *links, child]
+        for n, axis in enumerate(axes):
+            self.robot.connect(
+                Connection(f'{name}_{n}', 'revolute', row[n], row[n + 1], place, (axis,))
+            )
+
+    def scene(self) -> Scene:
+        return scene_from_text(mechanism_text.text(self.robot, True, None, '0'))
+
+
+def pendulum(chains: bool) -> Scene:
+    """Two rods on balls."""
+    maker = RobotMaker(chains)
+    maker.rod('upper', (0, 0, 0), (0.4, 0.1, -0.3), 1.0)
+    maker.rod('lower', (0.4, 0.1, -0.3), (0.8, 0.3, -0.4), 1.0)
+    maker.join('hook', 'spherical', GROUND, 'upper', (0, 0, 0), X, Y, Z)
+    maker.join('knee', 'spherical', 'upper', 'lower', (0.4, 0.1, -0.3), X, Y, Z)
+    return maker.scene()
+
+
+def walker(chains: bool) -> Scene:
+    """A floating body in free fall, with balls at the hips and universal ankles."""
+    maker = RobotMaker(chains)
+    maker.rod('torso', (0, 0, 1.0), (0, 0, 1.5), 10.0, 0.2)
+    for side, y in (('left', 0.1), ('right', -0.1)):
+        hip, knee, ankle = (0, y, 1.0), (0.05, y, 0.55), (0, y, 0.1)
+        maker.rod(f'{side}_thigh', hip, knee, 3.0)
+        maker.rod(f'{side}_shin', knee, ankle, 2.0)
+        maker.rod(f'{side}_foot', ankle, (0.2, y, 0.05), 0.8)
+        maker.join(f'{side}_hip', 'spherical', 'torso', f'{side}_thigh', hip, Z, X, Y)
+        maker.join(f'{side}_knee', 'revolute', f'{side}_thigh', f'{side}_shin', knee, Y)
+        maker.join(f'{side}_ankle', 'universal', f'{side}_shin', f'{side}_foot', ankle, Y, X)
+    return maker.scene()
+
+
+def hexapod(chains: bool) -> Scene:
+    """Six legs, each universal at the ground, a slider, and a ball at the plate."""
+    maker = RobotMaker(chains)
+    maker.rod('plate', (0, 0, 0.6), (0.3, 0, 0.6), 5.0, 0.2)
+    for n in range(6):
+        third, side = 2.0 * np.pi * (n // 2) / 3.0, 1.0 if n % 2 else -1.0
+        low, high = third + 0.25 * side, third + 0.8 * side
+        foot = np.array([0.5 * np.cos(low), 0.5 * np.sin(low), 0.0])
+        head = np.array([0.3 * np.cos(high), 0.3 * np.sin(high), 0.6])
+        u = (head - foot) / np.linalg.norm(head - foot)
+        e = np.cross(u, Z) / np.linalg.norm(np.cross(u, Z))
+        middle, f = 0.5 * (foot + head), np.cross(u, e)
+        maker.rod(f'tube{n}', foot, middle, 0.5)
+        maker.rod(f'piston{n}', middle, head, 0.3)
+        maker.join(f'foot{n}', 'universal', GROUND, f'tube{n}', foot, e, f)
+        maker.join(f'leg{n}', 'prismatic', f'tube{n}', f'piston{n}', middle, u)
+        maker.join(f'head{n}', 'spherical', f'piston{n}', 'plate', head, e, f, u)
+    return maker.scene()
+
+
+@pytest.mark.parametrize(('model', 'seconds'), [(pendulum, 0.5), (walker, 0.5), (hexapod, 0.3)])
+def test_massless_chains_move_as_their_joints_with_as_many_evaluations(
+    model: type, seconds: float
+) -> None:
+    places, evaluations = [], []
+    for chains in (False, True):
+        simulation = Simulation(model(chains), integrator='rk4', step=1e-3)
+        simulation.step(round(1000 * seconds))
+        bodies = [n for n, b in enumerate(simulation.model.mechanism.bodies) if b.mass > 0.0]
+        places.append(simulation.sample().body_poses[bodies])
+        evaluations.append(simulation.evaluations)
+    np.testing.assert_allclose(places[1], places[0], atol=1e-9)
+    assert evaluations[1] <= 1.02 * evaluations[0]
+    assert evaluations[0] <= 1.05 * 4000 * seconds
+
+
+@pytest.mark.parametrize('angle', [0.0, 0.05, 0.5])
+def test_a_row_in_gimbal_lock_is_refused_and_near_it_listed(angle: float) -> None:
+    maker = RobotMaker(True)
+    maker.rod('rod', (0, 0, 0), (0.4, 0.1, -0.3), 1.0)
+    last = np.cos(angle) * X + np.sin(angle) * Z
+    maker.join('hook', 'spherical', GROUND, 'rod', (0, 0, 0), X, Y, last)
+    if angle == 0.0:
+        with pytest.raises(InputError) as caught:
+            gimbal_lock.checked(maker.robot)
+        assert 'hook_0, hook_1, hook_2 are parallel' in str(caught.value)
+        assert '--set hook_1=NUMBER' in str(caught.value)
+        return
+    gimbal_lock.checked(maker.robot)
+    listed = maker.robot.left_out.names.get('joints near gimbal lock', [])
+    assert listed == (['hook_0, hook_1, hook_2'] if angle == 0.05 else [])

@@ -1,0 +1,179 @@
+"""Loops of a URDF whose ends are apart as drawn: three formats of side files, and triangles."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from alf_ros import InputError, Simulation
+from alf_ros.arrays import Floats
+from alf_ros.exchange.import_file import imported
+from alf_ros.exchange.urdf_with_loops import side_file
+from alf_ros.scene.scene import scene_from_text
+
+FIRST, SECOND, GROUND_BAR, ROD = 0.2, 0.2, 0.25, 0.3  # m
+
+
+def link(name: str, length: float) -> str:
+    mass, J = 1.0, length**2 / 12.0
+    return (
+        f'<link name="{name}"><inertial><origin xyz="{length / 2} 0 0"/><mass value="{mass}"/>'
+        f'<inertia ixx="1e-3" iyy="{J + 1e-3}" izz="{J + 1e-3}" ixy="0" ixz="0" iyz="0"/>'
+        '</inertial></link>'
+    )
+
+
+def joint(name: str, parent: str, child: str, x: float, more: str = '', kind: str = '') -> str:
+    return (
+        f'<joint name="{name}" type="{kind or "continuous"}"><parent link="{parent}"/>'
+        f'<child link="{child}"/><origin xyz="{x} 0 0"/><axis xyz="0 0 1"/>{more}</joint>'
+    )
+
+
+def five_bar(elbow: str = '', mimic: str = '') -> str:
+    """Two arms on the ground, all along x as drawn; the tips of their rods are frames."""
+    kind = 'revolute' if elbow else 'continuous'
+    return (
+        '<robot name="five_bar"><link name="base"/>'
+        + link('a', FIRST)
+        + link('b', ROD)
+        + link('c', SECOND)
+        + link('d', ROD)
+        + '<link name="tip_b"/><link name="tip_d"/>'
+        + joint('mot1', 'base', 'a', 0.0)
+        + joint('e1', 'a', 'b', FIRST, elbow, kind)
+        + joint('mot2', 'base', 'c', GROUND_BAR)
+        + joint('e2', 'c', 'd', SECOND, mimic)
+        + joint('f1', 'b', 'tip_b', ROD, kind='fixed')
+        + joint('f2', 'd', 'tip_d', ROD, kind='fixed')
+        + '</robot>'
+    )
+
+
+def written(folder: Path, urdf: str, side: str) -> tuple[str, str]:
+    """The paths of a URDF and its side file."""
+    paths = folder / 'robot.urdf', folder / 'robot.yaml'
+    for path, text in zip(paths, (urdf, side), strict=True):
+        path.write_text(text, 'utf-8')
+    return str(paths[0]), str(paths[1])
+
+
+GEPETTO = "closed_loop: [['tip_b', 'tip_d']]\ntype: ['3d']\nname_mot: ['mot1', 'mot2']\n"
+OWN = 'loops: {tip: {type: revolute, between: [tip_b, tip_d], axis: [0, 0, 1]}}\n'
+ELBOW = '<limit lower="-3" upper="0" effort="1" velocity="1"/>'
+
+
+def tip(m1: float, m2: float) -> Floats:
+    """Where both rods meet, on the side on which the first elbow turns clockwise."""
+    A = FIRST * np.array([math.cos(m1), math.sin(m1)])
+    C = np.array([GROUND_BAR, 0.0]) + SECOND * np.array([math.cos(m2), math.sin(m2)])
+    half, between = 0.5 * (A + C), C - A
+    size = float(np.linalg.norm(between))
+    rise = math.sqrt(ROD**2 - 0.25 * size**2)
+    return np.asarray(half + rise / size * np.array([-between[1], between[0]]))
+
+
+@pytest.mark.parametrize('side', [GEPETTO, OWN], ids=['gepetto', 'own'])
+def test_newton_closes_a_five_bar_within_the_limits(tmp_path: Path, side: str) -> None:
+    """The motors stay where they are set; the elbows follow, the first one below zero."""
+    urdf, loops = written(tmp_path, five_bar(ELBOW), side)
+    text = imported(urdf, loops=loops, positions={'mot1': 1.9, 'mot2': 1.1})
+    assert 'posture' in text
+    scene = scene_from_text('mechanism:\n' + ''.join(f'  {line}\n' for line in text.split('\n')))
+    simulation = Simulation(scene)
+    sample = simulation.sample()
+    points = [name for name in sample.points if name.startswith('tip')]
+    np.testing.assert_allclose(sample.points[points[0]][:2], tip(1.9, 1.1), atol=1e-12)
+    assert sample.diagnostics.position_violation < 1e-12
+    assert simulation.model.n - sample.diagnostics.rank == 2
+
+
+def test_motors_of_the_side_file_are_imported(tmp_path: Path) -> None:
+    urdf, loops = written(tmp_path, five_bar(), GEPETTO)
+    scene = scene_from_text(imported(urdf, loops=loops, scene=True))
+    motors = [effect for effect in scene.effects if 'motor' in str(effect)]
+    assert len(motors) == 2
+
+
+def test_loops_that_do_not_reach_are_refused(tmp_path: Path) -> None:
+    urdf, loops = written(tmp_path, five_bar(), GEPETTO)
+    with pytest.raises(InputError) as caught:
+        imported(urdf, loops=loops, positions={'mot1': math.pi, 'mot2': 0.0, 'e1': 0.0})
+    assert 'tip_b_tip_d cannot be closed: 0.65 m stay open' in str(caught.value)
+    assert '--set JOINT=NUMBER' in str(caught.value)
+
+
+def test_hinges_of_scikit_robot_replace_mimics(tmp_path: Path) -> None:
+    """A parallelogram, closed at zero; its <mimic> says the same as the loop."""
+    side = (
+        'closures:\n'
+        '- {link_a: b, link_b: c, point: [0.2, 0.3, 0.0], axis: [0.0, 0.0, 1.0]}\n'
+        'dependent: [e1, mot2]\nindependent: [mot1]\n'
+    )
+    urdf = (
+        '<robot name="parallelogram"><link name="base"/>'
+        + link('a', 0.2)
+        + link('b', 0.3)
+        + link('c', 0.2)
+        + '<joint name="up" type="fixed"><parent link="base"/><child link="stand"/>'
+        + '<origin xyz="0 0.3 0" rpy="0 0 0"/></joint><link name="stand"/>'
+        + joint('mot1', 'base', 'a', 0.0)
+        + joint('e1', 'a', 'b', 0.2, '<mimic joint="mot1" multiplier="-1"/>')
+        + joint('mot2', 'stand', 'c', 0.0, '<mimic joint="mot1"/>')
+        + '</robot>'
+    )
+    paths = written(tmp_path, urdf, side)
+    text = imported(paths[0], loops=paths[1], positions={'mot1': 0.4})
+    assert 'mimic that loops imply' in text
+    assert 'couplings' not in text
+    scene = scene_from_text('mechanism:\n' + ''.join(f'  {line}\n' for line in text.split('\n')))
+    sample = Simulation(scene).sample()
+    place = sample.points[next(name for name in sample.points if name.startswith('b_c'))]
+    np.testing.assert_allclose(
+        place, [0.2 * math.cos(0.4), 0.3 + 0.2 * math.sin(0.4), 0.0], atol=1e-12
+    )
+
+
+@pytest.mark.parametrize('kind', ['SPHERICAL', 'UJOINT_XY', 'FIXED'])
+def test_joints_of_another_type(tmp_path: Path, kind: str) -> None:
+    """A rod on a ball or on a cross, or fixed to its arm; three hinges stay."""
+    side = f'closed_loop: []\njoint_name: [e1]\njoint_type: [{kind}]\n'
+    urdf, loops = written(tmp_path, five_bar(), side)
+    text = imported(urdf, loops=loops)
+    assert ('e1: {type: spherical' in text) == (kind == 'SPHERICAL')
+    assert ('e1_X' in text and 'e1_Y' in text) == (kind == 'UJOINT_XY')
+    freedoms = {'SPHERICAL': 3 + 3, 'UJOINT_XY': 3 + 2, 'FIXED': 3}[kind]
+    scene = scene_from_text('mechanism:\n' + ''.join(f'  {line}\n' for line in text.split('\n')))
+    simulation = Simulation(scene)
+    assert simulation.model.n - simulation.sample().diagnostics.rank == freedoms
+
+
+REFUSED = {
+    "type: ['5d']": "type[0]: unknown name, got '5d'",
+    'joint_name: [e1]': 'without joint_type',
+    'joint_name: [elbow]\njoint_type: [FIXED]': "no such joint, got 'elbow'",
+    'name_mot: [motor]': "unknown name, got 'motor'",
+}
+
+
+@pytest.mark.parametrize(('line', 'message'), REFUSED.items(), ids=list(REFUSED.values()))
+def test_wrong_side_files_are_refused(tmp_path: Path, line: str, message: str) -> None:
+    kept = [each for each in GEPETTO.splitlines() if each.split(':')[0] not in line]
+    urdf, loops = written(tmp_path, five_bar(), '\n'.join([*kept, line, '']))
+    with pytest.raises(InputError) as caught:
+        imported(urdf, loops=loops)
+    assert message in str(caught.value)
+
+
+def test_the_file_beside_a_urdf_is_found(tmp_path: Path) -> None:
+    """By its name and keys; a file of another kind is not one."""
+    urdf, loops = (Path(path) for path in written(tmp_path, five_bar(), GEPETTO))
+    assert side_file(urdf) == loops
+    loops.write_text('[1, 2', 'utf-8')
+    assert side_file(urdf) is None
+    beside = tmp_path / 'loop_closures.yaml'
+    beside.write_text('closures: []\n', 'utf-8')
+    assert side_file(urdf) == beside
