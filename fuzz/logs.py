@@ -17,6 +17,7 @@ from mcap_records import (
     METADATA,
     SCHEMA,
     Record,
+    behind,
     mapping,
     read_mapping,
     read_text,
@@ -73,10 +74,11 @@ class Harness:
                 self._order(parts, random)
             elif kind < 96:
                 self._chunk(parts, random)
-            else:
+            elif kind < 99:
                 record = random.choice(parts)
                 record.head['length'] = random.choice(INTEGERS) % 2**64
-        data = together(parts)
+        end = behind(self._logs[which])
+        data = together(parts, damaged(end, random) if kind == 99 else end)
         if random.randrange(12) == 0:
             data = damaged(data, random)
         return bytes([which]) + data

@@ -95,10 +95,20 @@ def inner_records(data: bytes) -> list[Record]:
     return found
 
 
-def together(parts: list[Record]) -> bytes:
-    """A whole file."""
+def behind(data: bytes) -> bytes:
+    """What comes behind the data section of a whole file: its index and its end."""
+    at = len(MAGIC)
+    while data[at] != DATA_END:
+        (length,) = struct.unpack_from('<Q', data, at + 1)
+        at += 9 + length
+    (length,) = struct.unpack_from('<Q', data, at + 1)
+    return data[at + 9 + length :]
+
+
+def together(parts: list[Record], end: bytes = b'') -> bytes:
+    """A whole file, with such an end, or one without an index."""
     footer = struct.pack('<BQQQI', FOOTER, 20, 0, 0, 0)
-    return MAGIC + b''.join(part.packed() for part in parts) + footer + MAGIC
+    return MAGIC + b''.join(part.packed() for part in parts) + (end or footer + MAGIC)
 
 
 def text(value: str | bytes) -> bytes:

@@ -77,13 +77,14 @@ def outputs(data: bytes) -> dict[str, list[bytes]]:
     topics: dict[int, str] = {}
     with contextlib.suppress(Exception):
         for part in records(data):
-            for record in part.inner if part.inner is not None else [part]:
+            inside = part.inner if part.inner is not None else [part]
+            for record in inside:
                 if record.code == CHANNEL:
                     name = read_text(record.content, 4)[0].decode()
                     topics[int.from_bytes(record.content[:2], 'little')] = name
-                elif record.code == MESSAGE:
-                    topic = topics.get(int.from_bytes(record.content[:2], 'little'), '')
-                    if topic.rpartition('/')[2] in _COMPARED:
-                        told = record.content[2:14] + record.content[22:]
-                        found.setdefault(topic, []).append(told)
+            for record in inside:
+                topic = topics.get(int.from_bytes(record.content[:2], 'little'), '')
+                if record.code == MESSAGE and topic.rpartition('/')[2] in _COMPARED:
+                    told = record.content[2:14] + record.content[22:]
+                    found.setdefault(topic, []).append(told)
     return found

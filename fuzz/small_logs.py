@@ -51,7 +51,7 @@ def _log(path: Path, scene: str, ledger: bool) -> bytes:
         if tick in PUSHED:
             force = [1.0 / tick] + [0.0] * (simulation.model.layout.dimension - 1)
             on = simulation.model.body_names[-1]
-            wrench = {'name': on, 'force': force, 'torque': 0.0, 'frame': 'world'}
+            wrench = {'name': on, 'torque': 0.0, 'force': force, 'frame': 'world'}
             simulation.apply_wrench(**wrench)
             run.note({'kind': 'wrench', 'cause': 'command', **wrench})
         simulation.step(setup.steps)

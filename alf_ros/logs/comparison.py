@@ -123,6 +123,7 @@ class _Comparison:
         self._seal, self._cause = '', ''
         self._numbers: dict[str, int] = {}
         self._missing: dict[str, int] = {}
+        self._forms: dict[tuple[str, tuple[str, ...]], bytes] = {}
         self._ends: dict[str, tuple[int, int]] = {}  # last stamp and largest gap of a topic, ns
         self._sample: Sample | None = None
         self._result = Result(versions=_other(log.versions, provenance.versions()))
@@ -179,6 +180,8 @@ class _Comparison:
             return
         entry = journal.entries(series)[row]
         told = journal.told(entry)
+        if series.form:
+            self._fault(f'input at {told}: it, or one beside it, is not written as a text is')
         if number > expected:
             self._fault(f'{number - expected} inputs are missing before {told}')
         if int(series.stamp[row]) != stamp_ns(entry['t'], self._log.ahead):
@@ -275,6 +278,8 @@ class _Comparison:
         if series.names != expected or series.columns.keys() != values.keys():
             self._fault(f'{series.topic}: has other contents than the scene at step {step}')
             return
+        if series.form != self._forms.setdefault((series.topic, names), series.form):
+            self._fault(f'{series.topic}: at step {step} not written as the messages before')
         for key, now in values.items():
             logged = series.columns[key][row]
             if logged.tobytes() != now.tobytes():
