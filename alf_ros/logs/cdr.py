@@ -57,8 +57,8 @@ Types = dict[str, tuple[_Field, ...]]
 class Read(NamedTuple):
     """A message as a dictionary, and where it is in its bytes.
 
-    `places` of its float64, in order; begin and end of its `parts`, which are all but the bytes for
-    alignment; the bytes `around` it: its header, and what comes behind it.
+    `places` of its float64, in order; begin and end of its `parts`: all but bytes for alignment;
+    the bytes `around` it: its header, and what comes behind it.
     """
 
     message: dict[str, Any]
