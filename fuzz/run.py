@@ -1,7 +1,8 @@
 """Try what nobody would write: `make fuzz ARGS="--minutes 60"`.
 
 Every harness gets the same share of the time. A finding is printed and kept as a file of
-test/data/fuzz, which a test tries again for ever; numbers go to benchmark/results/fuzz.csv.
+test/data/fuzz, which a test tries again for ever; numbers go to benchmark/results/fuzz.csv, where
+they take the place of those of the same harness.
 """
 
 from __future__ import annotations
@@ -31,13 +32,12 @@ def main() -> int:
     parser.add_argument('--harness', nargs='+', choices=HARNESSES, default=HARNESSES)
     parser.add_argument('--first', type=int, default=0, help='number of the first case')
     parser.add_argument('--guided', action='store_true', help='led by coverage; needs atheris')
-    parser.add_argument('--add', action='store_true', help='add to what the results have')
+    parser.add_argument('--add', action='store_true', help='add to the results of a harness')
     options = parser.parse_args()
     names = [name for name in options.harness if name in GUIDED or not options.guided]
     if options.guided and not available():
         parser.error('--guided: pip install -r fuzz/requirements.txt (Python 3.11 to 3.13, Linux)')
     share = 60.0 * options.minutes / max(1, len(names))
-    rows = {row['harness']: row for row in _stored()} if options.add else {}
     code = 0
     for name in names:
         if options.guided:
@@ -49,9 +49,10 @@ def main() -> int:
             print(f'  {each[0].kind} {where}: {len(each)}, such as {name} {each[0].number}')
             _keep(name, each[0])
         code |= bool(tally.found)
-        rows[tally.name] = _row(tally, rows.get(tally.name))
-    _store(list(rows.values()))
-    print(table(list(rows.values())))
+        rows = {row['harness']: row for row in _stored()}  # also of a campaign beside this one
+        rows[tally.name] = _row(tally, rows.get(tally.name) if options.add else None)
+        _store(list(rows.values()))
+    print(table(_stored()))
     return code
 
 
