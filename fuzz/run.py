@@ -43,7 +43,7 @@ def main() -> int:
         if options.guided:
             tally = guided(name, share)
         else:
-            tally = campaign(name, options.first, share, options.cases, _progress)
+            tally = campaign(name, options.first, share, options.cases, _Progress())
         print(file=sys.stderr)
         for where, each in sorted(_kinds(tally).items()):
             print(f'  {each[0].kind} {where}: {len(each)}, such as {name} {each[0].number}')
@@ -117,14 +117,23 @@ def table(rows: list[dict[str, str]]) -> str:
     return '\n'.join(f'| {" | ".join(line)} |' for line in lines)
 
 
-def _progress(tally: Tally) -> None:
-    print(
-        f'\r{tally.name}: {tally.cases} cases, {tally.ran} ran, {tally.refused} refused, '
-        f'{len(tally.found)} found, {tally.seconds:.0f} s',
-        end='',
-        file=sys.stderr,
-        flush=True,
-    )
+class _Progress:
+    """Says how far a campaign is, and each finding at once."""
+
+    def __init__(self) -> None:
+        self._said = 0
+
+    def __call__(self, tally: Tally) -> None:
+        for each in tally.found[self._said :]:
+            print(f'\n{tally.name} {each.number}: {each.kind} {each.where}', flush=True)
+        self._said = len(tally.found)
+        print(
+            f'\r{tally.name}: {tally.cases} cases, {tally.ran} ran, {tally.refused} refused, '
+            f'{len(tally.found)} found, {tally.seconds:.0f} s',
+            end='',
+            file=sys.stderr,
+            flush=True,
+        )
 
 
 if __name__ == '__main__':
