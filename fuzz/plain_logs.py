@@ -24,9 +24,9 @@ _COMPARED = (
 
 
 def plain(topic: str, message: bytes) -> bytes:
-    """A message of `outputs` with zeros in the bytes that only align its numbers, which say
-    nothing: as the serialiser of ROS writes what it has read. As it is if it cannot be read."""
-    from rclpy.serialization import deserialize_message, serialize_message
+    """A message of `outputs` without the bytes that only align its numbers, which say nothing: its
+    head, its size and its values. As it is if it cannot be read."""
+    from rclpy.serialization import deserialize_message
 
     from alf_ros.ros.messages.topics import TOPICS
 
@@ -38,7 +38,7 @@ def plain(topic: str, message: bytes) -> bytes:
         read = deserialize_message(message[12:], kind)
     except Exception:  # a class of its own in each ROS 2
         return message
-    return message[:12] + message[12:16] + bytes(serialize_message(read))[4:]
+    return message[:16] + f'{len(message)} {read!r}'.encode()
 
 
 def without_origin(log: dict[str, list[bytes]], other: dict[str, list[bytes]]) -> Any:
