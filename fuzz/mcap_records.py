@@ -71,7 +71,7 @@ def records(data: bytes) -> list[Record]:
 
 
 def _unpacked(chunk: bytes) -> bytes:
-    """What is in the content of a chunk."""
+    """The records in the content of a chunk, unpacked."""
     import zstandard
 
     size, crc, length = struct.unpack_from('<QII', chunk, 16)
@@ -96,7 +96,7 @@ def inner_records(data: bytes) -> list[Record]:
 
 
 def behind(data: bytes) -> bytes:
-    """What comes behind the data section of a whole file: its index and its end."""
+    """The bytes behind the data section of a whole file: its index and its end."""
     at = len(MAGIC)
     while data[at] != DATA_END:
         (length,) = struct.unpack_from('<Q', data, at + 1)

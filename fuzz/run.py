@@ -2,7 +2,7 @@
 
 Every harness gets the same share of the time. A finding is printed and kept as a file of
 test/data/fuzz, which a test tries again for ever; numbers go to benchmark/results/fuzz.csv, where
-they take the place of those of the same harness.
+they replace the earlier numbers of the same harness.
 """
 
 from __future__ import annotations

@@ -58,7 +58,7 @@ class Read(NamedTuple):
     """A message as a dictionary, and where it is in its bytes.
 
     `places` of its float64, in order; begin and end of its `parts`: all but bytes for alignment;
-    the bytes `around` it: its header, and what comes behind it.
+    the bytes `around` it: its header, and all bytes behind it.
     """
 
     message: dict[str, Any]

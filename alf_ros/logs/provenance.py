@@ -25,8 +25,8 @@ _PACKAGES = ('numpy', 'numba', 'llvmlite', 'scipy', 'rclpy')
 def versions() -> dict[str, str]:
     """Versions of this package, Python and the libraries, the processor and the platform.
 
-    They are read once in a process: what is imported stays, also if another version is installed
-    meanwhile; and a reset of the node need not wait 20 ms for them.
+    They are read once in a process: imported packages stay, also if another version is installed
+    later. A reset of the node thus does not wait 20 ms for them.
     """
     return dict(_versions())
 

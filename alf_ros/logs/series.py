@@ -31,7 +31,7 @@ class Series:
     'data' (N, 1), depending on the type; `messages` are dictionaries, for types that do not
     consist of numbers; `place` (N,) orders the messages of all topics of one piece; `form` is what
     all messages have in common, besides numbers and stamps: size, header, lengths, names. Of texts
-    and other types it is every header that is not CDR's plain one, and what is behind a message.
+    and other types it is every header that is not CDR's plain one, and all bytes behind a message.
     """
 
     topic: str

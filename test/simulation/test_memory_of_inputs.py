@@ -1,4 +1,4 @@
-"""Inputs with ever other numbers: what is computed of them is not remembered."""
+"""Inputs with ever other numbers: no result of them is remembered."""
 
 from __future__ import annotations
 
