@@ -51,8 +51,12 @@ def campaign(
     return tally
 
 
-def _batch(worker: _Worker, tally: Tally, first: int, end: int) -> int:
-    """Try some cases; returns how many were tried. One that ends its worker ends the batch."""
+def _batch(worker: _Worker, tally: Tally, first: int, end: int, again: bool = False) -> int:
+    """Try some cases; returns how many were tried. One that ends its worker ends the batch.
+
+    A case that hangs is tried `again` alone: it may have had to compile what no case before it
+    used, which a later process finds compiled.
+    """
     try:
         worker.connection.send((first, end))
         ends, found = worker.connection.recv()
@@ -61,14 +65,16 @@ def _batch(worker: _Worker, tally: Tally, first: int, end: int) -> int:
         tally.found += found
         return end - first
     except (EOFError, ConnectionError):
-        number = worker.progress.value
-        code = worker.ended()
-        kind = 'hang' if code in (-SIGPROF, -SIGALRM) else 'crash'
-        data = case(harness(tally.name), tally.name, number)
-        tally.found.append(Found(number, kind, f'ended with {code}', data))
+        number, code = worker.progress.value, worker.ended()
         worker.start()
         # those of the batch before it are tried again, for what they say
-        return (_batch(worker, tally, first, number) if number > first else 0) + 1
+        tried = _batch(worker, tally, first, number) if number > first else 0
+        kind = 'hang' if code in (-SIGPROF, -SIGALRM) else 'crash'
+        if kind == 'hang' and not again:
+            return tried + _batch(worker, tally, number, number + 1, again=True)
+        data = case(harness(tally.name), tally.name, number)
+        tally.found.append(Found(number, kind, f'ended with {code}', data))
+        return tried + 1
 
 
 class _Worker:

@@ -5,12 +5,10 @@ What reads logs must end in one line; and `verify` may call equal only what no c
 
 from __future__ import annotations
 
-import contextlib
 import json
 import shutil
 import struct
 from random import Random
-from typing import Any
 
 from mcap_records import (
     CHANNEL,
@@ -19,6 +17,7 @@ from mcap_records import (
     METADATA,
     SCHEMA,
     Record,
+    behind,
     mapping,
     read_mapping,
     read_text,
@@ -26,22 +25,11 @@ from mcap_records import (
     text,
     together,
 )
+from plain_logs import JOURNAL, outputs, plain, without_origin
 from spoiling import INTEGERS, TEXTS, altered, damaged, damaged_text, number, scratch, spoil
 
 SUFFIX = '.mcap'
 MOST_STEPS = 100_000
-JOURNAL = '/simulator/inputs'
-_OF_ORIGIN = ('versions', 'topics', 'seal')
-COMPARED = (
-    'state',
-    'joint_states',
-    'reactions',
-    'constraints',
-    'energy',
-    'work',
-    'drives',
-    'inputs',
-)
 
 
 class Harness:
@@ -49,32 +37,15 @@ class Harness:
     every = False  # use of a log, not one of them
 
     def __init__(self) -> None:
-        from alf_ros import load_scene
+        from small_logs import small_logs
+
         from alf_ros.logs import journal, load
         from alf_ros.logs.comparison import compare
-        from alf_ros.ros.recording.run_writer import LogRun
-        from alf_ros.simulation import setup as settings
 
         self._journal = journal
         self.folder = scratch('logs')
         self._path = self.folder / 'case_0.mcap'
-        self._logs = []
-        for scene, ledger in (('slider_crank', True), ('rolling_disk', False)):
-            setup = settings.made(load_scene(scene), {}, ledger=ledger)
-            run = LogRun(self.folder, setup)
-            simulation = setup.simulation
-            run.send()
-            for tick in range(1, 13):
-                if tick in (3, 6):
-                    wrench = {'name': simulation.model.body_names[-1], 'torque': 0.0}
-                    force = [1.0 / tick] + [0.0] * (simulation.model.layout.dimension - 1)
-                    wrench |= {'force': force, 'frame': 'world'}
-                    simulation.apply_wrench(**wrench)
-                    run.note({'kind': 'wrench', 'cause': 'command', **wrench})
-                simulation.step(setup.steps)
-                run.send()
-            run.close()
-            self._logs.append(run.recorder.path.read_bytes())
+        self._logs = small_logs(self.folder)
         self._whole = [outputs(data) for data in self._logs]
         for which, data in enumerate(self._logs):  # else nothing that is changed could be seen
             self._path.write_bytes(data)
@@ -103,10 +74,11 @@ class Harness:
                 self._order(parts, random)
             elif kind < 96:
                 self._chunk(parts, random)
-            else:
+            elif kind < 99:
                 record = random.choice(parts)
                 record.head['length'] = random.choice(INTEGERS) % 2**64
-        data = together(parts)
+        end = behind(self._logs[which])
+        data = together(parts, damaged(end, random) if kind == 99 else end)
         if random.randrange(12) == 0:
             data = damaged(data, random)
         return bytes([which]) + data
@@ -392,66 +364,3 @@ def is_long(log) -> bool:
     steps = [solver.get('step') for solver in solvers]
     least = min((h for h in steps if isinstance(h, float) and h > 0.0), default=1.0)
     return (log.survey.last - log.survey.first) * 1e-9 / least > MOST_STEPS
-
-
-def plain(topic: str, message: bytes) -> bytes:
-    """A message of `outputs` with zeros in the bytes that only align its numbers, which say
-    nothing: as the serialiser of ROS writes what it has read."""
-    from rclpy.serialization import deserialize_message, serialize_message
-
-    from alf_ros.ros.messages.topics import TOPICS
-
-    kinds = {each.name.rpartition('/')[2]: each.type for each in TOPICS}
-    kind = kinds.get(topic.rpartition('/')[2])
-    if kind is None:
-        return message
-    read = deserialize_message(message[12:], kind)
-    return message[:12] + message[12:16] + bytes(serialize_message(read))[4:]
-
-
-def without_origin(log: dict[str, list[bytes]], other: dict[str, list[bytes]]) -> Any:
-    """The messages of a log. If another log has other versions or topics, the entries of the
-    journal come without these, and without the seals that depend on them."""
-    entries, others = (
-        [entry_of(message) for message in each.get(JOURNAL, [])] for each in (log, other)
-    )
-    here, there = (
-        [[each.get(key) for key in ('versions', 'topics')] for each in some[:1]]
-        for some in (entries, others)
-    )
-    if here == there:
-        return log
-    kept = [
-        json.dumps({k: v for k, v in entry.items() if k not in _OF_ORIGIN}).encode()
-        for entry in entries
-    ]
-    return {**log, JOURNAL: kept}
-
-
-def entry_of(message: bytes) -> dict[str, Any]:
-    """An entry of the journal, of a message of `outputs`; empty if it is none."""
-    text = message[20:].rstrip(b'\0').decode('utf-8', 'replace')
-    try:
-        entry = json.loads(text)
-    except ValueError:
-        return {}
-    return entry if isinstance(entry, dict) else {}
-
-
-def outputs(data: bytes) -> dict[str, list[bytes]]:
-    """Messages by topic, of the topics that verify looks at: stamp, number and payload; as far as
-    the file can be read without any care."""
-    found: dict[str, list[bytes]] = {}
-    topics: dict[int, str] = {}
-    with contextlib.suppress(Exception):
-        for part in records(data):
-            for record in part.inner if part.inner is not None else [part]:
-                if record.code == CHANNEL:
-                    name = read_text(record.content, 4)[0].decode()
-                    topics[int.from_bytes(record.content[:2], 'little')] = name
-                elif record.code == MESSAGE:
-                    topic = topics.get(int.from_bytes(record.content[:2], 'little'), '')
-                    if topic.rpartition('/')[2] in COMPARED:
-                        told = record.content[2:14] + record.content[22:]
-                        found.setdefault(topic, []).append(told)
-    return found

@@ -56,42 +56,59 @@ class Record:
 
 
 def records(data: bytes) -> list[Record]:
-    """The records of a file, of its data section."""
-    import zstandard
+    """The records of the data section of a file, as far as they are whole.
 
-    found, at = [], len(MAGIC)
-    while at + 9 <= len(data):
-        code, length = struct.unpack_from('<BQ', data, at)
-        content = data[at + 9 : at + 9 + length]
-        at += 9 + length
-        if code == CHUNK:
-            (size,) = struct.unpack_from('<Q', content, 16)
-            (length,) = struct.unpack_from('<I', content, 28)
-            packed = content[32 + length + 8 :]
-            kind = content[32 : 32 + length]
-            inside = zstandard.ZstdDecompressor().decompress(packed, size) if kind else packed
-            found.append(Record(code, b'', inner_records(inside)))
-        else:
-            found.append(Record(code, content))
-        if code == DATA_END:
+    Raises ValueError for a chunk that is not what its checksum says, ZstdError, struct.error.
+    """
+    found = []
+    for record in inner_records(data[len(MAGIC) :]):
+        if record.code == CHUNK:
+            record = Record(record.code, b'', inner_records(_unpacked(record.content)))
+        found.append(record)
+        if record.code == DATA_END:
             break
     return found
 
 
+def _unpacked(chunk: bytes) -> bytes:
+    """The records in the content of a chunk, unpacked."""
+    import zstandard
+
+    size, crc, length = struct.unpack_from('<QII', chunk, 16)
+    packed, kind = chunk[32 + length + 8 :], chunk[32 : 32 + length]
+    inside = zstandard.ZstdDecompressor().decompress(packed, size) if kind else packed
+    if crc and zlib.crc32(inside) != crc:
+        raise ValueError('another checksum')
+    return inside
+
+
 def inner_records(data: bytes) -> list[Record]:
-    """The records of a chunk."""
+    """The whole records of a chunk."""
     found, at = [], 0
     while at + 9 <= len(data):
         code, length = struct.unpack_from('<BQ', data, at)
-        found.append(Record(code, data[at + 9 : at + 9 + length]))
+        content = data[at + 9 : at + 9 + length]
+        if len(content) < length:
+            break
+        found.append(Record(code, content))
         at += 9 + length
     return found
 
 
-def together(parts: list[Record]) -> bytes:
-    """A whole file."""
+def behind(data: bytes) -> bytes:
+    """The bytes behind the data section of a whole file: its index and its end."""
+    at = len(MAGIC)
+    while data[at] != DATA_END:
+        (length,) = struct.unpack_from('<Q', data, at + 1)
+        at += 9 + length
+    (length,) = struct.unpack_from('<Q', data, at + 1)
+    return data[at + 9 + length :]
+
+
+def together(parts: list[Record], end: bytes = b'') -> bytes:
+    """A whole file, with such an end, or one without an index."""
     footer = struct.pack('<BQQQI', FOOTER, 20, 0, 0, 0)
-    return MAGIC + b''.join(part.packed() for part in parts) + footer + MAGIC
+    return MAGIC + b''.join(part.packed() for part in parts) + (end or footer + MAGIC)
 
 
 def text(value: str | bytes) -> bytes:

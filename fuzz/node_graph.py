@@ -15,8 +15,9 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
-# A domain away from the default one, on this machine only. Warnings of refusals are not printed.
-os.environ.setdefault('ROS_DOMAIN_ID', '98')
+# A domain of this process, away from the default one and on this machine only, so that campaigns
+# beside each other do not meet. Warnings of refusals are not printed.
+os.environ.setdefault('ROS_DOMAIN_ID', str(1 + os.getpid() % 100))
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 
 import numpy as np

@@ -1,7 +1,8 @@
 """Try what nobody would write: `make fuzz ARGS="--minutes 60"`.
 
 Every harness gets the same share of the time. A finding is printed and kept as a file of
-test/data/fuzz, which a test tries again for ever; numbers go to benchmark/results/fuzz.csv.
+test/data/fuzz, which a test tries again for ever; numbers go to benchmark/results/fuzz.csv, where
+they replace the earlier numbers of the same harness.
 """
 
 from __future__ import annotations
@@ -31,27 +32,27 @@ def main() -> int:
     parser.add_argument('--harness', nargs='+', choices=HARNESSES, default=HARNESSES)
     parser.add_argument('--first', type=int, default=0, help='number of the first case')
     parser.add_argument('--guided', action='store_true', help='led by coverage; needs atheris')
-    parser.add_argument('--add', action='store_true', help='add to what the results have')
+    parser.add_argument('--add', action='store_true', help='add to the results of a harness')
     options = parser.parse_args()
     names = [name for name in options.harness if name in GUIDED or not options.guided]
     if options.guided and not available():
         parser.error('--guided: pip install -r fuzz/requirements.txt (Python 3.11 to 3.13, Linux)')
     share = 60.0 * options.minutes / max(1, len(names))
-    rows = {row['harness']: row for row in _stored()} if options.add else {}
     code = 0
     for name in names:
         if options.guided:
             tally = guided(name, share)
         else:
-            tally = campaign(name, options.first, share, options.cases, _progress)
+            tally = campaign(name, options.first, share, options.cases, _Progress())
         print(file=sys.stderr)
         for where, each in sorted(_kinds(tally).items()):
             print(f'  {each[0].kind} {where}: {len(each)}, such as {name} {each[0].number}')
             _keep(name, each[0])
         code |= bool(tally.found)
-        rows[tally.name] = _row(tally, rows.get(tally.name))
-    _store(list(rows.values()))
-    print(table(list(rows.values())))
+        rows = {row['harness']: row for row in _stored()}  # also of a campaign beside this one
+        rows[tally.name] = _row(tally, rows.get(tally.name) if options.add else None)
+        _store(list(rows.values()))
+    print(table(_stored()))
     return code
 
 
@@ -116,14 +117,23 @@ def table(rows: list[dict[str, str]]) -> str:
     return '\n'.join(f'| {" | ".join(line)} |' for line in lines)
 
 
-def _progress(tally: Tally) -> None:
-    print(
-        f'\r{tally.name}: {tally.cases} cases, {tally.ran} ran, {tally.refused} refused, '
-        f'{len(tally.found)} found, {tally.seconds:.0f} s',
-        end='',
-        file=sys.stderr,
-        flush=True,
-    )
+class _Progress:
+    """Says how far a campaign is, and each finding at once."""
+
+    def __init__(self) -> None:
+        self._said = 0
+
+    def __call__(self, tally: Tally) -> None:
+        for each in tally.found[self._said :]:
+            print(f'\n{tally.name} {each.number}: {each.kind} {each.where}', flush=True)
+        self._said = len(tally.found)
+        print(
+            f'\r{tally.name}: {tally.cases} cases, {tally.ran} ran, {tally.refused} refused, '
+            f'{len(tally.found)} found, {tally.seconds:.0f} s',
+            end='',
+            file=sys.stderr,
+            flush=True,
+        )
 
 
 if __name__ == '__main__':

@@ -77,7 +77,7 @@ def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
             )
         if p.force:
             turned = p.frame == 'body'
-            F = layout.direction(p.on, p.force) if turned else constant(p.force)
+            F = layout.vector(p.on, p.force) if turned else constant(p.force)
             Q.add_force(layout.placed(p.on, p.at), F)
         if np.any(torque):
             Q.add_torque(layout, p.on, torque, p.frame == 'body')

@@ -38,8 +38,8 @@ _FIELD = re.compile(
     r'(?P<type>[\w/]+)(<=\d+)?(?P<array>\[(?P<size>\d*|<=\d+)\])?\s+(?P<name>[a-z]\w*)\b(?!\s*=)'
 )
 _DEEPEST = 20  # types within types
-_BEGIN = b'\x00\x01\x00\x00'  # the header: CDR, little endian
-_HEADER = len(_BEGIN)
+BEGIN = b'\x00\x01\x00\x00'  # the header: CDR, little endian
+_HEADER = len(BEGIN)
 # The stamp of a std_msgs/Header, which is the first field where there is one.
 FIRST_STAMP = slice(_HEADER, _HEADER + STAMP.size)
 
@@ -52,6 +52,19 @@ class _Field(NamedTuple):
 
 
 Types = dict[str, tuple[_Field, ...]]
+
+
+class Read(NamedTuple):
+    """A message as a dictionary, and where it is in its bytes.
+
+    `places` of its float64, in order; begin and end of its `parts`: all but bytes for alignment;
+    the bytes `around` it: its header, and all bytes behind it.
+    """
+
+    message: dict[str, Any]
+    places: list[int]
+    parts: list[tuple[int, int]]
+    around: bytes
 
 
 class Decoder:
@@ -68,17 +81,19 @@ class Decoder:
 
     def read(self, data: bytes) -> dict[str, Any]:
         """The message as a dictionary of numbers, texts, lists and dictionaries."""
-        return self.read_with_places(data)[0]
+        return self.read_with_places(data).message
 
-    def read_with_places(self, data: bytes) -> tuple[dict[str, Any], list[int]]:
-        """The message, and where in `data` each of its float64 lies, in order."""
-        if len(data) < _HEADER or data[1] != 1:
+    def read_with_places(self, data: bytes) -> Read:
+        """The message, and where in `data` it is."""
+        if data[:2] != BEGIN[:2]:
             raise InputError('not little-endian CDR', value=self._root)
         reader = _Reader(data)
         try:
-            return self._message(self._root, reader), reader.places
+            message = self._message(self._root, reader)
         except (struct.error, UnicodeDecodeError):
             raise InputError('a message that is not of its type', value=self._root) from None
+        around = data[:_HEADER] + data[reader.parts[-1][1] :]
+        return Read(message, reader.places, reader.parts, around)
 
     def _message(self, name: str, reader: _Reader) -> dict[str, Any]:
         fields = self._types[name]
@@ -108,6 +123,7 @@ class _Reader:
         self._data, self._at = data, _HEADER
         self._left = _DEEPEST * len(data)
         self.places: list[int] = []
+        self.parts = [(0, _HEADER)]
 
     def expect(self, count: int) -> None:
         """So many values come: each has a byte at least, but for what holds nothing."""
@@ -121,6 +137,7 @@ class _Reader:
         (value,) = struct.unpack_from('<' + code, self._data, self._at)
         if code == 'd':
             self.places.append(self._at)
+        self.parts.append((self._at, self._at + size))
         self._at += size
         return value
 
@@ -129,6 +146,7 @@ class _Reader:
         raw = self._data[self._at : self._at + length]
         if len(raw) < length or raw[-1:] not in (b'\0', b''):  # a string ends with NUL
             raise struct.error
+        self.parts.append((self._at, self._at + length))
         self._at += length
         return raw[:-1].decode()
 
@@ -137,7 +155,7 @@ class Encoder:
     """A message as it grows, field by field in the order of its definition."""
 
     def __init__(self) -> None:
-        self.data = bytearray(_BEGIN)
+        self.data = bytearray(BEGIN)
 
     def align(self, size: int) -> int:
         """Pad to a multiple of `size` (bytes). Returns the place of the next value."""

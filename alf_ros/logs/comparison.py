@@ -123,6 +123,7 @@ class _Comparison:
         self._seal, self._cause = '', ''
         self._numbers: dict[str, int] = {}
         self._missing: dict[str, int] = {}
+        self._forms: dict[tuple[str, tuple[str, ...]], bytes] = {}
         self._ends: dict[str, tuple[int, int]] = {}  # last stamp and largest gap of a topic, ns
         self._sample: Sample | None = None
         self._result = Result(versions=_other(log.versions, provenance.versions()))
@@ -179,6 +180,8 @@ class _Comparison:
             return
         entry = journal.entries(series)[row]
         told = journal.told(entry)
+        if series.form:
+            self._fault(f'input at {told}: it, or one beside it, is not written as a text is')
         if number > expected:
             self._fault(f'{number - expected} inputs are missing before {told}')
         if int(series.stamp[row]) != stamp_ns(entry['t'], self._log.ahead):
@@ -214,7 +217,8 @@ class _Comparison:
         return topic in (*told, *self._readings, *own) or topic.endswith(_BESIDE)
 
     def _count_missing(self) -> None:
-        """Messages dropped while recording are reported; other missing messages are a fault."""
+        """Messages dropped while recording are reported; other missing messages are a fault, and
+        so is a closed log that states other counts than it has."""
         missing, dropped = sum(self._missing.values()), self._log.survey.dropped
         if missing > dropped:
             for topic, count in self._missing.items():
@@ -222,12 +226,25 @@ class _Comparison:
                     self._fault(f'{topic}: {count} messages are missing')
         elif missing:
             self._result.lost = f'{missing} messages were dropped when it was recorded'
-        if self._log.survey.damage or missing:
+        if self._log.survey.damage:
+            return
+        self._count_stated()
+        if missing:
             return
         last = max((stamp for stamp, _ in self._ends.values()), default=0)
         for topic, (stamp, gap) in self._ends.items():
             if gap and stamp + 1.5 * gap < last:
                 self._fault(f'{topic}: ends at {stamp} ns, and other topics continue')
+
+    def _count_stated(self) -> None:
+        counts, stated = self._log.survey.counts, self._log.survey.stated
+        if stated is None:
+            self._fault('its index does not state how many messages it has')
+            return
+        for topic in sorted({*counts, *stated}):
+            found, told = counts.get(topic, 0), stated.get(topic, 0)
+            if found != told:
+                self._fault(f'{topic}: {found} messages, and its index states {told}')
 
     def _fault(self, text: str) -> None:
         """The first of many."""
@@ -261,6 +278,8 @@ class _Comparison:
         if series.names != expected or series.columns.keys() != values.keys():
             self._fault(f'{series.topic}: has other contents than the scene at step {step}')
             return
+        if series.form != self._forms.setdefault((series.topic, names), series.form):
+            self._fault(f'{series.topic}: at step {step} not written as the messages before')
         for key, now in values.items():
             logged = series.columns[key][row]
             if logged.tobytes() != now.tobytes():

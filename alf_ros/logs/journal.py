@@ -112,9 +112,9 @@ _FIELDS: dict[str, dict[str, Callable[[object], bool]]] = {
 
 
 def fault(entry: dict[str, Any], seal: str) -> str:
-    """The fault of an entry behind the one with `seal`; '' without a fault, or in a journal
-    without seals."""
-    if SEAL not in entry or entry[SEAL] == _seal(entry, seal):
+    """The fault of an entry behind the one with `seal`, '' without a fault. An entry without a
+    seal has one."""
+    if entry.get(SEAL) == _seal(entry, seal):
         return ''
     return 'changed after it was written, or one before it is missing'
 

@@ -49,7 +49,8 @@ class Survey:
 
     `lost`: messages that are missing, by topic, of which `dropped` were never written; `damage`:
     the unreadable places, `passed_over` if later parts were read; `leap`: a stamp that cannot be
-    one of the run, '' if there is none. first and last stamp without such.
+    one of the run, '' if there is none. first and last stamp without such. `stated` are the counts
+    that the files state at their ends; None if a file does not.
     """
 
     counts: dict[str, int] = field(default_factory=dict)
@@ -62,6 +63,7 @@ class Survey:
     passed_over: str = ''
     leap: str = ''
     dropped: int = 0
+    stated: dict[str, int] | None = field(default_factory=dict)
 
 
 class Log:
@@ -235,6 +237,7 @@ class Log:
                 found.damage = f'{file}: {contents.damage}'
             if contents.passed_over:
                 found.passed_over = f'{file}: {contents.passed_over}'
+            found.stated = _sum(found.stated, contents.counts)
             said = contents.metadata.get('alf_ros_dropped', {}).get('messages', '')
             found.dropped = max(found.dropped, int(said) if said.isdecimal() else 0)
 
@@ -298,6 +301,13 @@ _READ_TO_SHOW = 100_000_000  # bytes
 # Solver steps between two messages, beyond which a stamp is damaged rather than far away: made
 # again they would take minutes at the least. A log has a message at every tick, or one a second.
 _MOST_STEPS = 10_000_000
+
+
+def _sum(one: dict[str, int] | None, other: dict[str, int] | None) -> dict[str, int] | None:
+    """Counts of two files together."""
+    if one is None or other is None:
+        return None
+    return {topic: one.get(topic, 0) + other.get(topic, 0) for topic in {*one, *other}}
 
 
 class _Stamps:

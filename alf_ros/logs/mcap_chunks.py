@@ -23,9 +23,11 @@ from alf_ros.kernel.numba_ext.jit import compiled
 
 MAGIC = b'\x89MCAP0\r\n'
 SCHEMA, CHANNEL, MESSAGE, CHUNK, METADATA, DATA_END = 0x03, 0x04, 0x05, 0x06, 0x0C, 0x0F
+FOOTER, STATISTICS = 0x02, 0x0B
 # Longest record, and largest chunk, that is accepted (bytes): larger ones mean a broken file.
 _LONGEST = 1 << 28
 _HEAD = 31  # bytes of a message record before its data
+_COUNTS = 46  # bytes of a Statistics record before its counts
 
 Bytes = NDArray[np.uint8]
 
@@ -45,13 +47,15 @@ class Channel:
 @dataclass
 class Contents:
     """Properties of a file, as far as it was read: `damage` is the first unreadable place, ''
-    without one; `passed_over` one with readable parts behind it."""
+    without one; `passed_over` one with readable parts behind it. `counts` are the messages of each
+    topic that the index at the end of the file states; None without a readable index."""
 
     channels: dict[int, Channel] = field(default_factory=dict)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     profile: str = ''
     damage: str = ''
     passed_over: str = ''
+    counts: dict[str, int] | None = None
 
 
 @dataclass(frozen=True)
@@ -99,9 +103,12 @@ def blocks(path: Path, contents: Contents, begin: int = 0) -> Iterator[Block]:
             try:
                 code, content = _record(stream, size - at)
                 if code == DATA_END:
+                    behind = stream.tell()
                     stream.seek(max(0, size - len(MAGIC)))
                     if stream.read() != MAGIC:
                         raise _Damaged('index cut off', ends=True)
+                    stream.seek(behind)
+                    contents.counts = _counts(stream, size, contents)
                     return
                 if code == CHUNK:
                     yield _block(_unpacked(content), contents, schemas, stream.tell())
@@ -155,6 +162,24 @@ def _read(stream: BinaryIO, left: int) -> tuple[int, bytes]:
     if len(content) < length:
         raise _Damaged('cut off', ends=True)
     return code, content
+
+
+def _counts(stream: BinaryIO, size: int, contents: Contents) -> dict[str, int] | None:
+    """Messages of each topic as the record Statistics, in the index from here on, states them."""
+    try:
+        code = DATA_END
+        while code != STATISTICS:
+            code, content = _record(stream, size - stream.tell())
+            if code == FOOTER:
+                return None
+        (length,) = struct.unpack_from('<I', content, _COUNTS - 4)
+        found: dict[str, int] = {}
+        for id_, count in struct.iter_unpack('<HQ', content[_COUNTS : _COUNTS + length]):
+            topic = contents.channels[id_].topic
+            found[topic] = found.get(topic, 0) + count
+    except (_Damaged, struct.error, KeyError):
+        return None
+    return found
 
 
 def _unpacked(content: bytes) -> bytes:

@@ -7,6 +7,7 @@ import platform
 import time
 from collections.abc import Mapping
 from dataclasses import asdict
+from functools import cache
 from importlib import metadata
 from typing import Any
 
@@ -22,7 +23,16 @@ _PACKAGES = ('numpy', 'numba', 'llvmlite', 'scipy', 'rclpy')
 
 
 def versions() -> dict[str, str]:
-    """Versions of this package, Python and the libraries, the processor and the platform."""
+    """Versions of this package, Python and the libraries, the processor and the platform.
+
+    They are read once in a process: imported packages stay, also if another version is installed
+    later. A reset of the node thus does not wait 20 ms for them.
+    """
+    return dict(_versions())
+
+
+@cache
+def _versions() -> dict[str, str]:
     found = {'alf_ros': version(), 'python': platform.python_version()}
     for package in _PACKAGES:
         try:

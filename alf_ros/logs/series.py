@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from alf_ros.arrays import Floats, Integers
 from alf_ros.errors import InputError
-from alf_ros.logs.cdr import FIRST_STAMP, Decoder
+from alf_ros.logs.cdr import BEGIN, FIRST_STAMP, Decoder
 from alf_ros.logs.mcap_chunks import Block, Bytes, Channel
 
 _JOINT_STATE = 'sensor_msgs/msg/JointState'
@@ -29,7 +29,9 @@ class Series:
     stamp (N,) ns, `told` (N,) ns in its header if it has one; `names` (k,) of the numbers;
     `columns`: 'position', 'velocity', 'effort' (N, k), 'wrench' (N, k, 6: force N, torque N m),
     'data' (N, 1), depending on the type; `messages` are dictionaries, for types that do not
-    consist of numbers; `place` (N,) orders the messages of all topics of one piece.
+    consist of numbers; `place` (N,) orders the messages of all topics of one piece; `form` is what
+    all messages have in common, besides numbers and stamps: size, header, lengths, names. Of texts
+    and other types it is every header that is not CDR's plain one, and all bytes behind a message.
     """
 
     topic: str
@@ -41,6 +43,7 @@ class Series:
     names: tuple[str, ...] = ()
     columns: dict[str, Floats] = field(default_factory=dict)
     messages: tuple[dict[str, Any], ...] = ()
+    form: bytes = b''
 
     def __len__(self) -> int:
         return len(self.stamp)
@@ -77,6 +80,7 @@ def joined(pieces: Sequence[Series]) -> Series:
         first.names,
         {key: np.concatenate([p.columns[key] for p in pieces]) for key in first.columns},
         tuple(message for piece in pieces for message in piece.messages),
+        first.form,
     )
 
 
@@ -84,7 +88,7 @@ class _Layout:
     """Where the numbers lie in messages like this one, and what else is in all of them."""
 
     def __init__(self, kind: str, decoder: Decoder, data: bytes) -> None:
-        message, places = decoder.read_with_places(data)
+        message, places, parts, _ = decoder.read_with_places(data)
         self.size = len(data)
         try:
             self.names, self.shapes = _shapes(kind, message)
@@ -98,13 +102,16 @@ class _Layout:
         if not fits:
             raise InputError('a message that is not of its type', value=kind)
         self.numbers = (np.array(places, np.int64)[:, None] + np.arange(8)).ravel()
-        fixed = np.ones(self.size, bool)
+        fixed = np.zeros(self.size, bool)
+        for begin, end in parts:
+            fixed[begin:end] = True
         fixed[self.numbers] = False
         self._has_header = kind != _NUMBER
         if self._has_header:
             fixed[FIRST_STAMP] = False
         self._fixed = np.flatnonzero(fixed)
         self._wanted = np.frombuffer(data, np.uint8)[self._fixed]
+        self.form = self.size.to_bytes(8, 'little') + self._wanted.tobytes()
 
     def fits(self, rows: Bytes) -> NDArray[np.bool_]:
         """Which of these messages (N, size) differ in numbers and stamp only."""
@@ -156,8 +163,9 @@ class ChannelReader:
     def series(self, block: Block, rows: Integers) -> Iterator[Series]:
         """These messages of a chunk, in series of equal names: nearly always one."""
         if self._channel.type not in NUMERIC:
-            messages = tuple(self._decoder.read(block.message(k)) for k in rows)
-            yield self._made(block, rows, messages=messages)
+            read = [self._decoder.read_with_places(block.message(k)) for k in rows]
+            form = b''.join(sorted({each.around for each in read} - {BEGIN}))
+            yield self._made(block, rows, messages=tuple(each.message for each in read), form=form)
             return
         while rows.size:
             layout = self._layout
@@ -171,7 +179,8 @@ class ChannelReader:
                 if count:
                     some = bytes_[:count]
                     columns, told = layout.columns(some), layout.told(some)
-                    yield self._made(block, rows[:count], layout.names, columns, told=told)
+                    names, form = layout.names, layout.form
+                    yield self._made(block, rows[:count], names, columns, told=told, form=form)
                     rows = rows[count:]
                     continue
             self._layout = _Layout(self._channel.type, self._decoder, block.message(rows[0]))
@@ -184,6 +193,7 @@ class ChannelReader:
         columns: dict[str, Floats] | None = None,
         messages: tuple[dict[str, Any], ...] = (),
         told: Integers | None = None,
+        form: bytes = b'',
     ) -> Series:
         return Series(
             self._channel.topic,
@@ -195,6 +205,7 @@ class ChannelReader:
             names,
             columns or {},
             messages,
+            form,
         )
 
 

@@ -116,6 +116,13 @@ class Layout:
             return affine.constant(local)
         return direction(self.shape(body), local).on(self.of_body[body])
 
+    def vector(self, body: str, local: Numbers) -> Form:
+        """A vector fixed in a body (or in the ground), from the body frame, that is an input, such
+        as a force. As `direction`, but nothing is remembered: every command has other numbers."""
+        if body == GROUND:
+            return affine.constant(local)
+        return vector(self.shape(body), local).on(self.of_body[body])
+
     def place(self, body: str, local: Numbers) -> Form:
         """A place fixed in a body (or in the ground), from the body frame (m)."""
         if body == GROUND:
@@ -143,9 +150,8 @@ class Layout:
         return len(self.shape(name).ends) >= (1 if self.dimension == 2 else 3)
 
 
-@remembered(1024)
-def direction(shape: Shape, local: Numbers) -> Form:
-    """A direction fixed in a body, from its frame, in the body's own blocks."""
+def vector(shape: Shape, local: Numbers) -> Form:
+    """A vector fixed in a body, from its frame, in the body's own blocks."""
     c, D = shape.inverse @ np.asarray(local, dtype=float), shape.inverse.shape[1]
     total = Form({}, np.zeros(D))
     for end, is_point, weight in zip(shape.ends, shape.is_point, c, strict=False):
@@ -154,6 +160,12 @@ def direction(shape: Shape, local: Numbers) -> Form:
             d = d - affine.of_block(0, D)
         total = total + d.times(weight * np.eye(2) + c[1] * TURN if D == 2 else weight)
     return total
+
+
+@remembered(1024)
+def direction(shape: Shape, local: Numbers) -> Form:
+    """A direction of the drawing: a `vector` that is asked for again and again."""
+    return vector(shape, local)
 
 
 @remembered(1024)

@@ -312,3 +312,39 @@ def test_the_index_of_a_long_log_needs_little_memory(tmp_path):
         reader = make_reader(stream)
         assert len(reader.get_summary().chunk_indexes) == 600
         assert len(list(reader.iter_messages(topics=['/3'], starting_at=1800))) == 300
+
+
+LOGS = """
+import random, shutil, sys
+from pathlib import Path
+from std_msgs.msg import String
+from alf_ros.ros.messages.topics import RELIABLE
+from alf_ros.ros.recording.recorder import Recorder
+
+def anonymous():
+    lines = Path('/proc/self/status').read_text().splitlines()
+    return next(int(line.split()[1]) for line in lines if line.startswith('RssAnon'))
+
+chance, folder = random.Random(1), Path(sys.argv[1])
+data = chance.randbytes(1 << 20)
+for log in range(31):
+    recorder, size = Recorder(folder, 'scene', {}, name=f'{log}'), chance.choice((100, 30_000))
+    for stamp in range(chance.randrange(1, 60)):
+        at = chance.randrange(1 << 19)
+        for topic in 'abc':
+            recorder.write(topic, String, RELIABLE, stamp, data[at : at + size])
+    recorder.close()
+    shutil.rmtree(recorder.folder)
+    if log in (0, 30):
+        print(anonymous())
+"""
+
+
+@pytest.mark.skipif(not Path('/proc/self/status').is_file(), reason='memory is read from /proc')
+def test_log_after_log_takes_no_more_memory(tmp_path):
+    """Memory of one chunk in use, a compressor and its buffers, whatever the sizes of chunks: with
+    fresh memory for each log it was 16 MB."""
+    command = [sys.executable, '-c', LOGS, str(tmp_path)]
+    said = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    first, last = map(int, said.split())
+    assert last - first < 10 << 10, said  # kB

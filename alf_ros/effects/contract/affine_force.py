@@ -35,9 +35,9 @@ class Affine:
         for n, (end, is_point) in enumerate(zip(shape.ends, shape.is_point, strict=True)):
             dual = shape.inverse[n]  # in the body frame: its product with a local place is c_n
             if layout.dimension == 2:
-                Q = layout.direction(body, tuple(torque[0] * TURN @ dual))
+                Q = layout.vector(body, tuple(torque[0] * TURN @ dual))
             elif turned:
-                Q = layout.direction(body, tuple(0.5 * np.cross(torque, dual)))
+                Q = layout.vector(body, tuple(0.5 * np.cross(torque, dual)))
             else:
                 cross = np.asarray(np.cross(torque, np.eye(3)).T, dtype=float)  # [τ]×
                 Q = layout.direction(body, tuple(dual)).times(0.5 * cross)

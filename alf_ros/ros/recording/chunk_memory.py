@@ -1,11 +1,15 @@
 """The chunk of an MCAP file that is being filled: its records, and the places of its messages.
 
 Its memory is used again for the next chunk, and the compressor keeps its own: fresh memory for
-each chunk would cost as much as compressing it. The format is defined at https://mcap.dev/spec.
+each chunk would cost as much as compressing it. A node that begins log after log must not grow.
+So the memory is pages of its own, which the system takes back at the end of a log, and the next
+log uses the same compressors. In the heap, blocks of ever other sizes would leave holes between
+other blocks. The format is defined at https://mcap.dev/spec.
 """
 
 from __future__ import annotations
 
+import mmap
 import struct
 import zlib
 from typing import Any
@@ -27,6 +31,18 @@ _RECORD_HEAD = 9  # bytes of code and length
 # their size.
 _LARGE = 1 << 20
 _SMALL_LEVEL, _LARGE_LEVEL = 3, -1
+_PIECE = 1 << 16  # bytes
+_spare: list[_Compressors] = []  # of logs that have ended
+
+
+class _Compressors:
+    """One for small chunks, one for large ones; None without the library."""
+
+    def __init__(self) -> None:
+        self.small, self.large = (
+            zstandard.ZstdCompressor(level=level) if zstandard else None
+            for level in (_SMALL_LEVEL, _LARGE_LEVEL)
+        )
 
 
 class ChunkMemory:
@@ -36,11 +52,8 @@ class ChunkMemory:
     num_messages = 0  # that the Writer is to write: it is left to `packed`
 
     def __init__(self, capacity: int) -> None:
-        self._memory = memoryview(bytearray(capacity))
-        self._compressors = [
-            zstandard.ZstdCompressor(level=level) if zstandard else None
-            for level in (_SMALL_LEVEL, _LARGE_LEVEL)
-        ]
+        self._memory = _pages(capacity)
+        self._compressors = _spare.pop() if _spare else _Compressors()
         self.reset()
 
     def reset(self) -> None:
@@ -51,7 +64,9 @@ class ChunkMemory:
 
     def release(self) -> None:
         """Give the memory back: there is no further chunk."""
-        self._memory, self._compressors = memoryview(bytearray()), [None, None]
+        self._memory = memoryview(bytearray())
+        _spare.append(self._compressors)
+        del self._compressors
         self.reset()
 
     @property
@@ -102,12 +117,12 @@ class ChunkMemory:
         return [head + struct.pack(f'<I{len(name)}sQ', len(name), name, size), *pieces]
 
     def _compressed(self, records: memoryview) -> list[bytes]:
-        compressor = self._compressors[self.count > _LARGE]
+        which = self._compressors
+        compressor = which.large if self.count > _LARGE else which.small
         if compressor is None:
             return [bytes(records)]
-        # in pieces: the whole would be made in memory for the worst case
-        stream = compressor.compressobj(size=len(records))
-        return [stream.compress(records), stream.flush()]
+        chunker = compressor.chunker(chunk_size=_PIECE)
+        return [*chunker.compress(records), *chunker.finish()]
 
     def indices(self) -> dict[int, bytes]:
         """The MessageIndex record of each channel."""
@@ -126,6 +141,11 @@ class ChunkMemory:
 
     def _reserve(self, size: int) -> None:
         if size > len(self._memory):
-            larger = memoryview(bytearray(max(size, 2 * len(self._memory))))
+            larger = _pages(max(size, 2 * len(self._memory)))
             larger[: self.count] = self._memory[: self.count]
             self._memory = larger
+
+
+def _pages(size: int) -> memoryview:
+    """Memory of so many bytes, all zero, outside the heap; it ends with its last view."""
+    return memoryview(mmap.mmap(-1, size, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS))
