@@ -417,7 +417,7 @@ RIGHT: dict[Any, dict[str, Any]] = {
     alf_ros.fastest: {'path': DRIVEN, 'limits': {'crank_pin': 9.0}, 'length': 0.1, 'pieces': 8},
     alf_ros.equilibria: {'starts': 1},
     alf_ros.equilibrium_path: {'over': 'gravity.acceleration.1', 'end': -9.0, 'most': 3},
-    alf_ros.floquet: {'period': 0.1},
+    alf_ros.floquet: {'period': 0.02},
     alf_ros.ensemble: {'vary': {}, 'members': 1, 'duration': 0.01, 'workers': 0},
     alf_ros.Ensemble: {'members': 2},
     alf_ros.Closure: {'active': ['crank_pin']},
@@ -435,7 +435,7 @@ RIGHT: dict[Any, dict[str, Any]] = {
 
 
 @pytest.mark.parametrize('study', STUDIES, ids=lambda study: study.__name__)
-@settings(max_examples=30, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=20, deadline=None, suppress_health_check=list(HealthCheck))
 @given(st.data())
 def test_a_study_is_made_or_refused_in_a_line(study: Any, data: st.DataObject) -> None:
     first = next(iter(STUDIES[study]))

@@ -22,6 +22,9 @@ STEPS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)  # of a typical length
 # of a typical length a second: friction turns in 1e-3 m/s
 RATES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
 
+_BENT = 1e-2  # part of a change of force; 1 in a kink, and next to nothing where the law is smooth
+_ROUNDED = 64.0 * float(np.finfo(float).eps)
+
 Force = Callable[[Floats, Floats], Floats]  # q, q̇ -> Q, all (blocks D,)
 
 
@@ -70,6 +73,21 @@ class ForceChange:
         if self._others.size or self._rubbing.size:
             found += slope_at_zero(self._along(self._rest, dq, dqd), steps)[0]
         return found
+
+    def has_kink(self, directions: Floats, length: float) -> bool:
+        """Whether the forces bend within a length (m) of here along one of the directions (k, n),
+        so that their derivative belongs to one side."""
+        _, q, _, _ = self._at
+        along, still = np.zeros_like(q), np.zeros_like(q)
+        for direction in directions:
+            along[: direction.size] = direction * (length / max(np.abs(direction).max(), 1e-300))
+            force = self._along(self._whole, along, still)
+            ahead, here, behind = force(1.0), force(0.0), force(-1.0)
+            bend = float(np.abs(ahead - 2.0 * here + behind).max(initial=0.0))
+            rounding = _ROUNDED * float(np.abs(here).max(initial=0.0))
+            if bend > _BENT * float(np.abs(ahead - behind).max(initial=0.0)) + rounding:
+                return True
+        return False
 
     def _exact(self, dq: Floats, dqd: Floats) -> Floats:
         t, q, qd, near = self._at

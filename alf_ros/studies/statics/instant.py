@@ -31,6 +31,7 @@ from alf_ros.studies.statics.force_tangents import ForceTangents
 from alf_ros.studies.statics.sparse_rows import Sparse, curvature, jacobian, mass_matrix, turning
 
 Chosen = NDArray[np.bool_]  # rows
+_IN_A_KINK = 1e-9  # of a typical length
 DENSE = 1200  # coordinates, up to which dense matrices are used
 
 
@@ -146,6 +147,12 @@ class Instant:
         part = applied.each[label].effects
         kind = next(each.kind for each in self.loads.effects if each.label == label)
         return ForceChange(part, dual_forces(part.force.size * [kind]), *at, np.zeros(0))
+
+    @property
+    def is_kinked(self) -> bool:
+        """Whether a force has a kink here, for free changes of position: K is of one side."""
+        length = _IN_A_KINK * self.loads.tangents.length
+        return self.change().has_kink(self.position_directions.T, length)
 
     @cached_property
     def Q(self) -> Floats:

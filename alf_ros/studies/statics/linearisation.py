@@ -77,6 +77,8 @@ def linearise(
     names, units = _outputs(sample, outputs)
     C = charted.slopes(names)
     notes = ['the loads of friction are held'] if rubbing.size else []
+    if instant.is_kinked:
+        notes.append('a force has a kink here: the model holds on one side of it')
     kinked = [name for name, row in zip(names, C, strict=True) if np.isnan(row).any()]
     if kinked:
         notes.append(f'in a kink, without a slope (NaN): {", ".join(kinked)}')

@@ -223,6 +223,8 @@ def found_at(simulation: Simulation, landing: Landing) -> Equilibrium:
     if not told.conservative:
         notes.append('the loads have no potential here: stability is that of the linear motion')
     notes += _held(instant)
+    if told.stiffness.size and instant.is_kinked:
+        notes.append('a force has a kink here: the stiffness is of one side of it')
     if model.mechanism.drives:
         notes.append(f'drives are frozen at t = {instant.t:g} s')
     if told.stiffness.size and model.system.rows.velocity:
