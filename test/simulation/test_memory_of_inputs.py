@@ -13,7 +13,7 @@ from alf_ros.mechanism.memory import ResultMemory
 
 def remembered() -> int:
     """Results that the process remembers."""
-    return sum(len(each._known) for each in gc.get_objects() if isinstance(each, ResultMemory))
+    return sum(len(each._known) for each in gc.get_objects() if type(each) is ResultMemory)
 
 
 @pytest.mark.parametrize('scene', ['slider_crank', 'delta_robot_controlled', 'stewart_platform'])
