@@ -37,7 +37,10 @@ def loops(path: Path, zero: UrdfReader) -> list[TwoEndedLoop]:
     for entry in fields['closures'].sequence():
         closure = entry.mapping(_KEYS, _KEYS)
         links = [closure[key].text(zero.links) for key in ('link_a', 'link_b')]
-        axis = zero.unit('axis', closure['axis'].vector(3, {}))
+        axis = np.array(closure['axis'].vector(3, {}))
+        if not axis.any():
+            raise closure['axis'].error('zero is no direction')
+        axis /= np.linalg.norm(axis)
         frame = FramePose(np.array(closure['point'].vector(3, {})), rotation_to(axis))
         first, second = (LoopEnd(link, zero.poses[link].inverse @ frame) for link in links)
         found.append(TwoEndedLoop(f'{links[0]}_{links[1]}', 'revolute', (first, second)))

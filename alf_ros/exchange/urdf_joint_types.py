@@ -22,7 +22,7 @@ def changed(root: ElementTree.Element, types: Mapping[str, str], file: str) -> E
     present = {element.get('name', '') for element in root.findall('joint')}
     for name in types:
         if name not in present:
-            message = 'no such joint'
+            message = 'the file beside it names a joint that it lacks'
             raise InputError(message, file=file, key='joint_name', value=name, choices=present)
     whole = ElementTree.Element(root.tag, root.attrib)
     for element in root:

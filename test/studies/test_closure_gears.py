@@ -165,28 +165,45 @@ def test_the_effort_map_with_gears_is_the_simulators() -> None:
     assert float(held) == pytest.approx(-float(posture.effort_map[0] @ tau), rel=1e-9)
 
 
-def crank_with_rack() -> dict[str, Any]:
-    """A slider-crank (0.3 m, 0.8 m); the slider is a rack that turns a pinion of 0.05 m."""
+def slider_crank(
+    points: dict[str, Any], bodies: dict[str, Any], joints: dict[str, Any]
+) -> dict[str, Any]:
+    """Crank and coupler (0.3 m, 0.8 m) at a crank angle of 0.7 rad, and what moves at B."""
     x, y = 0.3 * math.cos(0.7), 0.3 * math.sin(0.7)
-    slider = float(stroke(0.7))
     return mechanism(
         points={
             'O': {'at': [0, 0], 'fixed': True},
             'A': {'at': [x, y]},
-            'B': {'at': [slider, 0]},
+            'B': {'at': [float(stroke(0.7)), 0]},
+            **points,
+        },
+        bodies={
+            'crank': {'points': ['O', 'A'], **ROD},
+            'coupler': {'points': ['A', 'B'], **ROD},
+            **bodies,
+        },
+        joints={
+            'pin': {**REVOLUTE, 'between': ['ground', 'crank'], 'at': 'O'},
+            'knee': {**REVOLUTE, 'between': ['crank', 'coupler'], 'at': 'A'},
+            **joints,
+        },
+    )
+
+
+def crank_with_rack() -> dict[str, Any]:
+    """A slider-crank; the slider is a rack that turns a pinion of 0.05 m."""
+    slider = float(stroke(0.7))
+    return slider_crank(
+        points={
             'E': {'at': [slider + 0.4, 0]},
             'C': {'at': [1.0, 0.05], 'fixed': True},
             'S': {'at': [1.05, 0.05]},
         },
         bodies={
-            'crank': {'points': ['O', 'A'], **ROD},
-            'coupler': {'points': ['A', 'B'], **ROD},
             'bar': {'points': ['B', 'E'], **ROD},
             'pinion': {'points': ['C', 'S'], **WHEEL},
         },
         joints={
-            'pin': {**REVOLUTE, 'between': ['ground', 'crank'], 'at': 'O'},
-            'knee': {**REVOLUTE, 'between': ['crank', 'coupler'], 'at': 'A'},
             'wrist': {**REVOLUTE, 'between': ['coupler', 'bar'], 'at': 'B'},
             'guide': {
                 'type': 'prismatic',
@@ -302,28 +319,15 @@ def test_the_thread_of_a_screw_jack(active: str) -> None:
 
 
 def crank_with_wheel(kind: str) -> dict[str, Any]:
-    """A slider-crank (0.3 m, 0.8 m) with a wheel (0.1 m) for a slider, on a line; or a blade."""
+    """A slider-crank with a wheel (0.1 m) for a slider, on a line; or a blade."""
     keys: dict[str, dict[str, Any]] = {
         'no_slip': {'radius': 0.1, 'on': {'through': [0, -0.1], 'direction': [1, 0]}},
         'blade': {'axis': [1, 0]},
     }
-    x, y = 0.3 * math.cos(0.7), 0.3 * math.sin(0.7)
-    slider = float(stroke(0.7))
-    return mechanism(
-        points={
-            'O': {'at': [0, 0], 'fixed': True},
-            'A': {'at': [x, y]},
-            'B': {'at': [slider, 0]},
-            'S': {'at': [slider + 0.1, 0]},
-        },
-        bodies={
-            'crank': {'points': ['O', 'A'], **ROD},
-            'coupler': {'points': ['A', 'B'], **ROD},
-            'wheel': {'points': ['B', 'S'], **WHEEL},
-        },
+    return slider_crank(
+        points={'S': {'at': [float(stroke(0.7)) + 0.1, 0]}},
+        bodies={'wheel': {'points': ['B', 'S'], **WHEEL}},
         joints={
-            'pin': {**REVOLUTE, 'between': ['ground', 'crank'], 'at': 'O'},
-            'knee': {**REVOLUTE, 'between': ['crank', 'coupler'], 'at': 'A'},
             'axle': {**REVOLUTE, 'between': ['coupler', 'wheel'], 'at': 'B'},
             'rim': {'type': kind, 'between': ['ground', 'wheel'], 'at': 'B', **keys[kind]},
         },

@@ -141,6 +141,12 @@ def test_a_stop_that_carries_is_said_as_such() -> None:
     assert found.notes == ('joint_stop: a stop carries load here',)
 
 
+def test_a_long_chain_falls() -> None:
+    """Its end moves by more than its length."""
+    found = equilibrium(chain(100))
+    np.testing.assert_allclose(found.points['P100'], [0.0, -100.0], atol=1e-11)
+
+
 @pytest.mark.parametrize('stiffness', [1e3, 1e5, 1e7, 1e9, 1e11])
 @pytest.mark.parametrize('exponent', [1.0, 1.5, 2.0])
 def test_on_a_stiff_contact(stiffness: float, exponent: float) -> None:

@@ -26,7 +26,8 @@ from alf_ros.studies.statics.instant import Instant, counted
 from alf_ros.studies.statics.sparse_rows import Sparse
 
 _STEPS = 2000  # at most: contacts and stops take many short ones
-_FARTHEST = 40.0  # of all steps together, in parts of a typical length: loads that turn a wheel
+# of all steps together, in sizes of the mechanism: loads may turn a wheel for ever
+_FARTHEST = 20.0
 _LONGEST = 0.15  # of a step, in parts of a typical length: angles turn by less than a quarter
 _AT_REST = 1e-14  # acceleration, of what the forces would give without rows, that is rounding
 _RESTS = 1e-9  # and that counts as rest if it falls no further
@@ -120,7 +121,7 @@ def descended(instant: Instant) -> Landing:
             break
         far += float(np.abs(following[0].q - instant.q).max(initial=0.0))
         instant, mu = following
-        if far > _FARTHEST * instant.loads.tangents.length:
+        if far > _FARTHEST * model.size:
             break
     assert best is not None
     return best

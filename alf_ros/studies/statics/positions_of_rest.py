@@ -293,8 +293,8 @@ def _unrest(simulation: Simulation, landing: Landing) -> str:
     model, instant = simulation.model, landing.instant
     names = ', '.join(moving(model, instant.force(instant.q, instant.qd)[None])[:3])
     text = (
-        f'no position of rest: after {landing.steps} steps {landing.left:.3g} m/s^2 are left, '
-        f'with forces on {names}'
+        f'no position of rest is found: after {landing.steps} steps {landing.left:.3g} m/s^2 are '
+        f'left, with forces on {names}'
     )
     K = (instant.K + instant.curvature(landing.lam)).toarray() if model.n <= DENSE else None
     if K is not None:

@@ -32,8 +32,6 @@ from alf_ros.studies.statics.rest_stability import reduced_stiffness, without_ro
 from alf_ros.studies.statics.sparse_rows import mass_matrix
 
 REACTIONS = 'reactions'
-_AWAY = 3e-3  # of a typical length
-_WEIGHTS = (4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0)
 
 
 @dataclass(frozen=True, eq=False)
