@@ -154,7 +154,7 @@ def test_joints_of_another_type(tmp_path: Path, kind: str) -> None:
 REFUSED = {
     "type: ['5d']": "type[0]: unknown name, got '5d'",
     'joint_name: [e1]': 'without joint_type',
-    'joint_name: [elbow]\njoint_type: [FIXED]': "the file beside it names a joint that it lacks, got 'elbow'",
+    'joint_name: [elbow]\njoint_type: [FIXED]': "names a joint that it lacks, got 'elbow'",
     'name_mot: [motor]': "unknown name, got 'motor'",
 }
 
