@@ -38,6 +38,7 @@ from alf_ros.kernel.data import (
     Forces,
     Forms,
     HeldForces,
+    Integrals,
     JointCoordinates,
     Ledger,
     Mass,
@@ -68,6 +69,7 @@ from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.prescribed import prescribed_at
 from alf_ros.kernel.readout import read_out
 from alf_ros.kernel.singularity_monitor import follow, turning
+from alf_ros.kernel.slip import integral_values, slips
 from alf_ros.kernel.softest_modes import carried_over, softest
 from alf_ros.kernel.status import Status
 from alf_ros.kernel.triangular_solve import solve
@@ -90,6 +92,7 @@ __all__ = [
     'Forces',
     'Forms',
     'HeldForces',
+    'Integrals',
     'ReadOut',
     'JointCoordinates',
     'Ledger',
@@ -125,6 +128,7 @@ __all__ = [
     'counted_angles',
     'finish',
     'follow',
+    'integral_values',
     'force_change',
     'jacobian',
     'jacobian_rate',
@@ -138,6 +142,7 @@ __all__ = [
     'prescribed_at',
     'read_out',
     'restore_reactions',
+    'slips',
     'softest',
     'solve',
     'times_jacobian',

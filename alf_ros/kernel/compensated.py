@@ -18,14 +18,14 @@ from alf_ros.kernel.numba_ext.jit import ONE, inlined, inner
 
 
 @inlined
-def _product(a: float, b: float) -> tuple[float, float]:
+def exact_product(a: float, b: float) -> tuple[float, float]:
     """a b, and its rounding error."""
     p = a * b
     return p, fused(a, b, -p)
 
 
 @inlined
-def _sum(a: float, b: float) -> tuple[float, float]:
+def exact_sum(a: float, b: float) -> tuple[float, float]:
     """a + b, and its rounding error."""
     s = a + b
     z = s - a
@@ -41,9 +41,9 @@ def violation_twofold(unit: Unit, rows: Rows, q: Floats, phi: Floats) -> None:
         i, j = rows.i[r] * D, rows.j[r] * D
         high, low = -rows.length2[r], 0.0
         for a in range(D):
-            d, rest = _sum(q[i + a], -q[j + a])
-            square, less = _product(d, d)
-            high, lost = _sum(high, square)
+            d, rest = exact_sum(q[i + a], -q[j + a])
+            square, less = exact_product(d, d)
+            high, lost = exact_sum(high, square)
             low += lost + less + 2.0 * d * rest
         phi[r] = 0.5 * (high + low)
     for r in range(rows.c.size):
@@ -51,16 +51,16 @@ def violation_twofold(unit: Unit, rows: Rows, q: Floats, phi: Floats) -> None:
         for e in range(rows.first[r], rows.first[r + ONE]):
             i = rows.block[e] * D
             for a in range(D):
-                part, less = _product(rows.b[e * D + a], q[i + a])
-                high, lost = _sum(high, part)
+                part, less = exact_product(rows.b[e * D + a], q[i + a])
+                high, lost = exact_sum(high, part)
                 low += lost + less
             for n in range(rows.first_term[e], rows.first_term[e + ONE]):
                 j = rows.term_block[n] * D
                 for a in range(D):
                     for c in range(D):
-                        term, rest = _product(0.5 * rows.term[(n * D + a) * D + c], q[j + c])
-                        part, less = _product(q[i + a], term)
-                        high, lost = _sum(high, part)
+                        term, rest = exact_product(0.5 * rows.term[(n * D + a) * D + c], q[j + c])
+                        part, less = exact_product(q[i + a], term)
+                        high, lost = exact_sum(high, part)
                         low += lost + less + q[i + a] * rest
         phi[m1 + r] = high + low
     for r in range(m1 + rows.c.size, phi.size):

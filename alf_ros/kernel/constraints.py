@@ -44,7 +44,7 @@ def jacobian_rate(unit: Unit, rows: Rows, qd: Floats, g2d: Floats) -> None:
 
 @compiled
 def violation(unit: Unit, rows: Rows, q: Floats, phi: Floats) -> None:
-    """Φ(q); 0 for rows that bind velocities only."""
+    """Φ(q); 0 for rows of velocities, whose slip is in `slip`."""
     for r in each(0, rows.i.size):
         d = block(unit, q, rows.i[r]) - block(unit, q, rows.j[r])
         phi[r] = 0.5 * (dot(d, d) - rows.length2[r])
@@ -53,16 +53,22 @@ def violation(unit: Unit, rows: Rows, q: Floats, phi: Floats) -> None:
 
 @inner
 def forms(unit: Unit, rows: Rows, q: Floats, phi: Floats) -> None:
-    """Φ(q) of the quadratic rows, and 0 for those that bind velocities only."""
+    """Φ(q) of the quadratic rows, and 0 for rows of velocities."""
     m1 = rows.i.size
     for r in each(0, rows.c.size):
-        s = rows.c[r]
-        for e in each(rows.first[r], rows.first[r + ONE]):
-            g = block(unit, rows.b, e) + 0.5 * _terms(unit, rows, e, q)
-            s += dot(block(unit, q, rows.block[e]), g)
-        phi[m1 + r] = s
+        phi[m1 + r] = form(unit, rows, r, q)
     for r in range(m1 + rows.c.size, phi.size):
         phi[r] = 0.0
+
+
+@inlined
+def form(unit: Unit, rows: Rows, r: np.uint64, q: Floats) -> float:
+    """A quadratic form, number r of rows without distances."""
+    s = rows.c[r]
+    for e in each(rows.first[r], rows.first[r + ONE]):
+        g = block(unit, rows.b, e) + 0.5 * _terms(unit, rows, e, q)
+        s += dot(block(unit, q, rows.block[e]), g)
+    return s
 
 
 @inlined

@@ -153,9 +153,9 @@ def end_interpolated(
     apply(problem, t)  # an embedded error is relative to the forces
     if not linearise(unit, system, work, work.q):
         return NOT_CLOSED, count
-    opening_twofold(unit, system.rows, work.q, work.r2)
+    opening_twofold(unit, system, work)
     correct_at_last(unit, system, work)
-    gap = opening_twofold(unit, system.rows, work.q, work.r2)
+    gap = opening_twofold(unit, system, work)
     if not gap <= _CLOSED * system.size:
         _refuse(work, gap)
         return NOT_CLOSED, count

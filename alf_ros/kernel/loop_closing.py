@@ -25,7 +25,7 @@ from alf_ros.kernel.data import EPS, NOTHING
 from alf_ros.kernel.data.closing import Closing
 from alf_ros.kernel.numba_ext.jit import compiled, inner
 from alf_ros.kernel.numba_ext.vectors import copy, furthest, largest, zero
-from alf_ros.kernel.posture_newton import LEAP, count, put_values, read, settle
+from alf_ros.kernel.posture_newton import LEAP, begin_at, count, put_values, read, settle
 
 _TURN, _MOVE = 0.25, 0.1  # of an active angle (rad), and of a length (size), in a step on the line
 _PATIENCE = 1000  # fine steps: more are taken only where several directions are lost together
@@ -72,8 +72,8 @@ def _go_ahead(closing: Closing, exactly: bool) -> bool:
     for a in range(closing.ahead.size):
         work.q[a] = closing.ahead[a]
     put_values(closing, closing.wanted)
-    copy(closing.q, closing.before)
     copy(closing.turns, closing.turned)
+    begin_at(closing, closing.q)
     if not settle(closing, closing.tight, exactly):
         return False
     count(closing, closing.q, closing.turned)
@@ -88,8 +88,8 @@ def _onto_loops(closing: Closing) -> float:
     copy(closing.q, work.q)
     for a in range(closing.ahead.size):
         work.q[a] = closing.ahead[a]
-    copy(closing.q, closing.before)
     copy(closing.turns, closing.turned)
+    begin_at(closing, closing.q)
     if not settle(closing, closing.loose, False):
         return np.inf
     for a in range(closing.ahead.size):
@@ -134,7 +134,7 @@ def _go_along(closing: Closing) -> float:
         for k in range(closing.wanted.size):
             x = closing.asked[k] + to * (closing.wanted[k] - closing.asked[k])
             closing.here[k] = closing.wanted[k] if to == 1.0 else x
-        copy(work.q, closing.before)
+        begin_at(closing, work.q)
         put_values(closing, closing.here)
         good = settle(closing, closing.tight, h < widest)
         if good:

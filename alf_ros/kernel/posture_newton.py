@@ -11,16 +11,17 @@ import numpy as np
 
 from alf_ros.arrays import Floats, Integers, Unit
 from alf_ros.kernel.augmented_solve import finish
-from alf_ros.kernel.constraints import add_transposed, value_and_rate, violation
+from alf_ros.kernel.constraints import add_transposed, violation
 from alf_ros.kernel.data import EPS, EVERY_MODE, System, Work
 from alf_ros.kernel.data.closing import Closing
 from alf_ros.kernel.joint_coordinates import counted_angles, joint_coordinates
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.numba_ext.block import packed, put
-from alf_ros.kernel.numba_ext.jit import ONE, inner
+from alf_ros.kernel.numba_ext.jit import inner
 from alf_ros.kernel.numba_ext.plain_loops import each
 from alf_ros.kernel.numba_ext.vectors import copy, largest, zero
 from alf_ros.kernel.projection import opening
+from alf_ros.kernel.slip import begin_angles
 from alf_ros.kernel.triangular_solve import solve
 from alf_ros.kernel.unwrapping import count_turns
 
@@ -28,7 +29,6 @@ _ROUNDS = 40  # of Newton's method
 LEAP = 0.3  # of the size: longest correction, and longest way on which the motion is believed
 _CLOSED = 4.0  # rounding units of the size
 _CONTRACTS = 0.5  # of a correction, the next one with the same factor
-_TURNED = 2.0  # rounding units of the largest angle or length of a sum
 _NEARLY = 1e-13  # of the size: closed, where rounding ends the convergence
 _SLOW = 0.2  # of two gaps: a mode converges slowly
 _SHORTEST = 1.0 / 64.0  # of a correction
@@ -86,39 +86,11 @@ def read(closing: Closing, q: Floats, turns: Integers) -> None:
 
 
 @inner
-def _opening(closing: Closing, system: System) -> float:
-    """`opening` at the q in `work`, with the sums that rows of velocities keep constant: their
-    angles are counted from the q in `before`. The rounding of many turns is no opening."""
-    unit, work, sums, angles = closing.unit, closing.work, closing.sums, closing.angles
-    gap = opening(unit, system.rows, work.q, work.r2)
-    if sums.row.size == 0:
-        return gap
-    copy(closing.turned, closing.tried)
-    count(closing, closing.before, closing.tried)
-    counted_angles(
-        unit,
-        closing.tight.angles,
-        work.q,
-        work.qd,
-        closing.tried,
-        angles,
-        closing.spins,
-        closing.near,
-    )
-    for n in each(0, sums.row.size):
-        slip, row, most = -sums.value[n], sums.row[n], 0.0
-        for k in each(sums.first[n], sums.first[n + ONE]):
-            place = np.uint64(sums.place[k])
-            if place < angles.size:
-                term = sums.factor[k] * angles[place]
-            else:
-                x, _ = value_and_rate(unit, sums.lengths, place - angles.size, work.q, work.qd)
-                term = sums.factor[k] * x
-            slip += term
-            most = max(most, abs(term))
-        work.r2[row] = slip
-        gap = max(gap, (abs(slip) - _TURNED * EPS * most) * system.rows.scale[row])
-    return gap
+def begin_at(closing: Closing, q: Floats) -> None:
+    """Begin a step on the way at q, where angles have the turns in `turned`."""
+    copy(q, closing.before)
+    if closing.work.sums.size > 0:
+        begin_angles(closing.unit, closing.tight, q, closing.turned, closing.work.begun)
 
 
 @inner
@@ -129,10 +101,10 @@ def _contracts(closing: Closing, system: System, fraction: float, exactly: bool)
     which is more than the gap that Newton's method closes, though it converges.
     """
     work, n = closing.work, closing.work.p.size
-    if closing.sums.row.size == 0:
+    if work.sums.size == 0:
         return False
     _correct(closing.unit, system, work, exactly, work.shift)
-    _opening(closing, system)  # Φ, which the correction has overwritten
+    opening(closing.unit, system, work)  # Φ, which the correction has overwritten
     return largest(work.shift, n) < _CONTRACTS * fraction * largest(work.target, n)
 
 
@@ -147,7 +119,7 @@ def settle(closing: Closing, system: System, exactly: bool) -> bool:
     size, n = system.size, work.p.size
     best, fraction, first, slow = np.inf, 1.0, True, exactly
     for _ in range(_ROUNDS):
-        gap = _opening(closing, system)
+        gap = opening(unit, system, work)
         if gap <= _CLOSED * EPS * size:
             if first:
                 zero(way)

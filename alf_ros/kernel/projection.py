@@ -14,6 +14,7 @@ from alf_ros.kernel.numba_ext.block import add, block, dot, subtract
 from alf_ros.kernel.numba_ext.jit import expanded, inner
 from alf_ros.kernel.numba_ext.plain_loops import each
 from alf_ros.kernel.numba_ext.vectors import zero
+from alf_ros.kernel.slip import add_slips
 from alf_ros.kernel.status import NOT_CLOSED, NOT_POSITIVE, OK
 from alf_ros.kernel.triangular_solve import solve
 
@@ -25,29 +26,38 @@ FURTHEST = 0.1  # part of the distance to a singular position that a correction 
 
 
 @inner
-def opening(unit: Unit, rows: Rows, q: Floats, phi: Floats) -> float:
-    """Φ(q), and how far the widest row is open, m."""
+def opening_without_slips(unit: Unit, rows: Rows, q: Floats, phi: Floats) -> float:
+    """Φ(q), 0 of rows of velocities, and how far the widest row is open, m."""
     violation(unit, rows, q, phi)
     return _widest(rows, phi)
 
 
 @inner
-def opening_twofold(unit: Unit, rows: Rows, q: Floats, phi: Floats) -> float:
-    """`opening`, with Φ to twice the digits of q."""
-    violation_twofold(unit, rows, q, phi)
-    return _widest(rows, phi)
+def opening(unit: Unit, system: System, work: Work) -> float:
+    """Φ at the q in `work`, into r2; returns how far the widest row is open, m."""
+    gap = opening_without_slips(unit, system.rows, work.q, work.r2)
+    return max(gap, add_slips(unit, system, work, work.q, work.r2))
 
 
 @inner
-def _opening(unit: Unit, rows: Rows, q: Floats, phi: Floats, twofold: bool) -> float:
+def opening_twofold(unit: Unit, system: System, work: Work) -> float:
+    """`opening`, with Φ to twice the digits of q; a slip to its own."""
+    violation_twofold(unit, system.rows, work.q, work.r2)
+    gap = _widest(system.rows, work.r2)
+    return max(gap, add_slips(unit, system, work, work.q, work.r2))
+
+
+@inner
+def _opening(unit: Unit, system: System, work: Work, twofold: bool) -> float:
     """`opening`, or if `twofold` `opening_twofold`."""
     if not twofold:
-        return opening(unit, rows, q, phi)
-    return opening_twofold(unit, rows, q, phi)
+        return opening(unit, system, work)
+    return opening_twofold(unit, system, work)
 
 
 @inner
 def _widest(rows: Rows, phi: Floats) -> float:
+    """How far the widest row of Φ is open, m."""
     gap = 0.0
     for r in range(phi.size):
         gap = max(gap, abs(phi[r]) * rows.scale[r])
@@ -117,7 +127,7 @@ def project(unit: Unit, system: System, work: Work, exactly: bool) -> int:
     before = np.inf
     fresh, wanting = False, exactly
     for _ in range(50):
-        gap = _opening(unit, system.rows, work.q, work.r2, exactly)
+        gap = _opening(unit, system, work, exactly)
         closed = gap <= CLOSED * EPS * size
         if closed or (fresh and gap > 0.5 * before and gap <= 1e-10 * size):
             if not linearise(unit, system, work, work.q):
@@ -180,6 +190,7 @@ def begin_correction(unit: Unit, system: System, work: Work) -> None:
     if rows.movable.size == 0:
         return
     forms(unit, rows, work.q, phi)
+    add_slips(unit, system, work, work.q, phi)
     for r in each(0, rows.movable.size):
         s = phi[m1 + r]
         for e in each(rows.first[r], rows.movable[r]):
@@ -194,7 +205,7 @@ def _project_exactly(unit: Unit, system: System, work: Work) -> int:
     """Project `target` by Newton's method, with Φ to twice the digits; returns the result."""
     if not linearise(unit, system, work, work.q):
         return NOT_POSITIVE
-    gap = _opening(unit, system.rows, work.q, work.r2, True)
+    gap = _opening(unit, system, work, True)
     zero(work.delta)
     for a in range(work.p.size):
         work.delta[a] = work.target[a] - work.q[a]
@@ -206,7 +217,7 @@ def _project_exactly(unit: Unit, system: System, work: Work) -> int:
     before = np.inf
     for _ in range(6):
         correct_exactly(unit, system, work, gap, np.inf)
-        gap = _opening(unit, system.rows, work.q, work.r2, True)
+        gap = _opening(unit, system, work, True)
         if not linearise(unit, system, work, work.q):
             return NOT_POSITIVE
         if gap <= ROUNDED * EPS * system.size or gap > 0.5 * before:

@@ -21,6 +21,7 @@ from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.numba_ext.jit import ONE, THREE, TWO, ZERO, compiled, inner
 from alf_ros.kernel.numba_ext.plain_loops import each
 from alf_ros.kernel.numba_ext.vectors import copy, zero
+from alf_ros.kernel.slip import add_slips, begin_slips
 from alf_ros.kernel.softest_modes import softest
 
 # what is read; sums of these
@@ -94,6 +95,8 @@ def read_out(
         _write_reactions(problem, held, out, t)
     if wanted & CONSTRAINTS:
         violation(unit, rows, q, out.phi)
+        begin_slips(unit, system, work, phase)
+        add_slips(unit, system, work, q, out.phi)
         times_jacobian(unit, rows, work.g, work.g2, work.qd, out.rate)
         for n in each(0, out.row.size):
             r = out.row[n]
@@ -126,6 +129,9 @@ def _write_state(problem: Problem, phase: Phase, out: ReadOut) -> None:
         at += ONE
     for n in each(0, phase.loads.size):
         number[at] = phase.loads[n]
+        at += ONE
+    for n in each(0, phase.sums.size):
+        number[at] = phase.sums[n]
         at += ONE
     number[at] = phase.step[0]
 

@@ -14,6 +14,7 @@ from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.numba_ext.jit import compiled
 from alf_ros.kernel.numba_ext.vectors import copy, zero
 from alf_ros.kernel.prescribed import prescribe
+from alf_ros.kernel.slip import begin_slips
 from alf_ros.kernel.step import evaluate_first, scales_of
 
 # Forces are read here, and where all that moves is driven they are off by rounding over x⁴: the
@@ -32,6 +33,7 @@ def find_places(problem: Problem, phase: Phase, t: float) -> bool:
     copy(phase.q, work.q)
     copy(phase.qd, work.qd)
     prescribe(system, t, work.q, work.qd, work.qdd)
+    begin_slips(unit, system, work, phase)
     work.places[0] = np.inf  # until places are found
     if not linearise(unit, system, work, work.q):
         return False

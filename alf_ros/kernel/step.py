@@ -46,6 +46,7 @@ from alf_ros.kernel.numba_ext.lane_numbers import anywhere
 from alf_ros.kernel.numba_ext.vectors import copy, furthest, largest, zero
 from alf_ros.kernel.prescribed import prescribe
 from alf_ros.kernel.projection import project
+from alf_ros.kernel.slip import begin_slips
 from alf_ros.kernel.stage import stage
 from alf_ros.kernel.status import JAMMED, NOT_CLOSED, NOT_FINITE, OK
 from alf_ros.kernel.unwrapping import count_turns, nearby
@@ -247,9 +248,10 @@ def step(
 
 @inner
 def store_angles(unit: Unit, system: System, work: Work, phase: Phase) -> None:
-    """The angles of the phase into `work`."""
+    """The angles of the phase, and the sums that it keeps constant, into `work`."""
     violation(unit, system.angles, phase.q, work.angle_before)
     nearby(work.angle_before, phase.turns, work.near)
+    begin_slips(unit, system, work, phase)
 
 
 @inner
@@ -299,6 +301,7 @@ def accept(unit: Unit, system: System, work: Work, phase: Phase) -> None:
     nearby(work.angle, phase.turns, work.near)
     copy(work.q, phase.q)
     copy(work.qd, phase.qd)
+    begin_slips(unit, system, work, phase)
     phase.within[0] = float(work.aside[1])
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from alf_ros.arrays import Floats, Integers, Unit
 from alf_ros.errors import AssemblyError
 from alf_ros.gc_pause import paused
-from alf_ros.kernel import Chart, Rows, Soft, System, Work
+from alf_ros.kernel import Chart, Integrals, Rows, Soft, System, Work
 from alf_ros.kernel.data import EPS
 from alf_ros.kernel.step_error import JUDGED
 from alf_ros.mechanism import Coordinate, Mechanism, Point, Vector
@@ -24,6 +24,7 @@ from alf_ros.model.arm_tree import arms_of
 from alf_ros.model.constraints import auxiliary
 from alf_ros.model.constraints.couplings import coupling_row
 from alf_ros.model.constraints.drives import drive_rows
+from alf_ros.model.constraints.integrals import with_integrals
 from alf_ros.model.constraints.joint_coordinates import counted, length_row
 from alf_ros.model.constraints.packing import renumbered, rows_of, with_more
 from alf_ros.model.constraints.rotors import rotor_rows
@@ -169,11 +170,14 @@ def compile_model(mechanism: Mechanism, penalty: float) -> Model:
     place[: draft.movable] = elimination_order(mass, arrays)
     layout = draft.renumbered(place.tolist())
     mass, arrays = renumbered_mass(mass, place), renumbered(arrays, place, layout.movable)
+    velocities = [row_names[n] for n in kernel_order[arrays.i.size + arrays.c.size :]]
     if not mass.diagonal.sum() > 0.0:
         raise AssemblyError('nothing that moves has mass', key='bodies')
     q = drawn(layout)
-    measures = _of_geometry(_MEASURES, mechanism, lambda: _measures(layout), place.tobytes())
-    angles, lengths = measures
+    measures = _of_geometry(
+        _MEASURES, mechanism, lambda: _measures(layout, velocities), place.tobytes()
+    )
+    angles, lengths, integrals = measures
     system = made(
         System,
         mass=mass,
@@ -183,6 +187,7 @@ def compile_model(mechanism: Mechanism, penalty: float) -> Model:
         prescribed=prescribed(layout),
         arms=arms_of(layout),
         angles=angles,
+        integrals=integrals,
         size=layout.length,
         mean=float(mass.diagonal.mean()),
         penalty=penalty,
@@ -239,16 +244,23 @@ def _rows(draft: Layout) -> tuple[Rows, Integers, tuple[str, ...]]:
     return frozen(arrays), np.array(order, dtype=np.int64), tuple(row.name for row in rows)
 
 
-def _measures(layout: Layout) -> tuple[Rows, Rows]:
-    """The rows of the angles whose turns are counted, and of the coordinates that are lengths."""
+def _measures(layout: Layout, velocities: Sequence[str]) -> tuple[Rows, Rows, Integrals]:
+    """The rows of the angles whose turns are counted, and of the coordinates that are lengths; and
+    the integrals of the rows of velocities of these names."""
     each = layout.mechanism.coordinates
     lengths = [length_row(one.joint, layout) for one in each if not one.is_angle]
-    return frozen(counted(layout)), frozen(rows_of(lengths, layout)[0])
+    angles, sums = with_integrals(counted(layout), velocities, layout)
+    return frozen(angles), frozen(rows_of(lengths, layout)[0]), frozen(sums)
 
 
 @cache
 def _not_soft() -> Soft:
     return Soft.empty()
+
+
+@cache
+def _no_integrals() -> Integrals:
+    return Integrals.empty()
 
 
 def _draft(mechanism: Mechanism) -> Layout:
@@ -289,7 +301,8 @@ def hold(model: Model, extra: Sequence[Row], velocities: bool) -> tuple[System, 
     names[at:] = [row.name for row in extra] + (names[at:] if velocities else [])
     rows = with_more(own, rows_of(extra, model.layout)[0], velocities)
     pattern = pattern_of(model.layout, model.system.mass, rows)
-    system = changed(model.system, rows=rows, pattern=pattern)
+    kept = model.system.integrals if velocities else _no_integrals()
+    system = changed(model.system, rows=rows, pattern=pattern, integrals=kept)
     system = changed(system, rows=scaled_rows(system, model.q, model.layout, model.penalty))
     return system, names, slice(at, at + len(extra))
 
@@ -313,7 +326,7 @@ def allocate(model: Model, system: System, stages: int) -> Work:
         system.pattern.row.size,
         int((first[1:] - first[:-1]).max(initial=0)),
         (rows.i.size, rows.block.size, rows.alpha.size),
-        system.angles.c.size,
+        (system.angles.c.size, system.integrals.angle.size, system.integrals.row.size),
         stages,
     )
     return work.zeros(chart=chart.zeros())
@@ -327,12 +340,13 @@ def _workspaces(
     off: int,
     longest: int,
     of_rows: tuple[int, int, int],
-    angles: int,
+    measured: tuple[int, int, int],
     stages: int,
 ) -> tuple[StructMemory[Work], StructMemory[Chart]]:
     """The memory of a workspace. off: blocks of the factor below the diagonal, `longest` of them
-    in a column; of_rows: distances, entries and rows."""
-    bars, entries, m = of_rows
+    in a column; of_rows: distances, entries and rows; measured: x and y of angles, angles
+    of sums, sums."""
+    (bars, entries, m), (angles, turning, sums) = of_rows, measured
     sizes = {
         'pulse': 3,
         'caller': 4,
@@ -365,6 +379,9 @@ def _workspaces(
         'angle': angles,
         'angle_before': angles,
         'near': angles // 2,
+        'begun': turning,
+        'measured': 2 * turning,
+        'sums': sums,
     }
     for names, size in ((_OF_BLOCKS, whole), (_OF_MOVABLE, n), (_OF_ROWS, m)):
         sizes |= dict.fromkeys(names, size)

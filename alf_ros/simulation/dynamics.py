@@ -19,6 +19,7 @@ from alf_ros.model.softest_modes import found
 from alf_ros.scene.scene import Solver
 from alf_ros.simulation.applied import Applied, Part
 from alf_ros.simulation.instruments import Instruments, Lent, Workspace
+from alf_ros.simulation.integral_sums import sums_of
 from alf_ros.simulation.kept import kept
 from alf_ros.simulation.kinematics import Kinematics
 from alf_ros.simulation.named_values import NamedValues, read_only
@@ -118,7 +119,15 @@ class Dynamics(Kinematics):
         state = self._state
         problem = self._workspace.problem(self._applied.assembled, self._solver)
         works = np.array(list(state.works.values()))
-        phase = Phase(state.q, state.qd, state.turns, np.array([state.pace]), works, state.loads)
+        phase = Phase(
+            state.q,
+            state.qd,
+            state.turns,
+            np.array([state.pace]),
+            works,
+            state.loads,
+            sums=sums_of(self.model, state),
+        )
         model = replace(self.model, system=problem.system)
         return limits(model, problem.forces, problem.method, phase, self._near, self.t)
 

@@ -9,7 +9,7 @@ import numpy as np
 from alf_ros import kernel
 from alf_ros.arrays import Floats
 from alf_ros.mechanism.orientation import orientation
-from alf_ros.model.compile import Model
+from alf_ros.model.compile import Model, allocate
 from alf_ros.simulation.instruments import Instruments
 from alf_ros.simulation.kept import Keeper, kept
 from alf_ros.simulation.named_values import NamedValues, read_only
@@ -102,7 +102,7 @@ class Kinematics(Keeper):
         layout, q = self.model.layout, self._state.q.reshape(-1, self.model.layout.dimension)
         origins = q[[layout.of_body[name][0] for name in self.model.body_names]]
         if layout.dimension == 2:
-            return read_only(np.column_stack([origins, self._angles]))
+            return read_only(np.column_stack([origins, self._angles[: len(origins)]]))
         turns = [orientation(layout, name, q) for name in self.model.body_names]
         return read_only(np.column_stack([origins, np.array(turns).reshape(-1, 4)]))
 
@@ -133,7 +133,10 @@ class Kinematics(Keeper):
 
     @kept
     def phi(self) -> Floats:
-        """(rows,) Φ."""
-        model, phi = self.model, np.zeros(len(self.model.row_names))
-        kernel.violation(model.unit, model.system.rows, self._state.q, phi)
+        """(rows,) Φ; of gears, racks, threads, wheels on a line and couplings the slip, m."""
+        model, state, phi = self.model, self._state, np.zeros(len(self.model.row_names))
+        kernel.violation(model.unit, model.system.rows, state.q, phi)
+        if state.sums.size:
+            work = allocate(model, model.system, 0)
+            kernel.slips(model.unit, model.system, work, state.q, state.turns, state.sums, phi)
         return read_only(phi[model.row])

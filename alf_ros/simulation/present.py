@@ -12,6 +12,7 @@ from alf_ros.kernel import Phase
 from alf_ros.model.compile import Model
 from alf_ros.model.prescribed import prescribe
 from alf_ros.simulation.applied import Applied
+from alf_ros.simulation.integral_sums import sums_of
 from alf_ros.simulation.state import State
 
 
@@ -39,6 +40,7 @@ class Present:
         if state.inputs != applied.inputs:
             applied = applied.holding(state.inputs)
         within = np.array([math.nan if state.step else 0.0])
+        state = replace(state, sums=sums_of(model, state))
         phase = _phase(state, accounts, applied.load_count, within)
         # a state may come from a log, which holds what moves freely
         prescribe(model.system, state.step * h, phase.q, phase.qd, np.zeros_like(phase.q))
@@ -68,6 +70,7 @@ class Present:
             dict(zip(self.accounts, of.works.tolist(), strict=True)),
             of.loads.copy(),
             of.tangents.copy(),
+            of.sums.copy(),
         )
 
 
@@ -87,5 +90,6 @@ def _phase(state: State, accounts: tuple[str, ...], loads: int, within: Floats) 
         known.copy(),
         within.copy(),
         np.array([state.step]),
+        state.sums.copy(),
         state.tangents.copy(),
     )

@@ -76,9 +76,10 @@ def from_data(data: Any, like: State) -> State:
         name: _number_or_curve(x, f'effort on {name}')
         for name, x in _mapping(inputs.get('efforts')).items()
     }
-    # A state of an earlier version knows no targets, no works and no loads.
+    # A state of an earlier version knows no targets, no works, no loads and no sums.
     targets = {name: _target(x) for name, x in _mapping(inputs.get('targets', {})).items()}
     loads, works = fields.get('loads'), _mapping(fields.get('works', {}), 'works')
+    sums = fields.get('sums')
     return State(
         step=_whole(fields.get('step'), 'step'),
         q=_array(fields.get('q'), like.q, 'q'),
@@ -89,6 +90,7 @@ def from_data(data: Any, like: State) -> State:
         inputs=Inputs(wrenches, efforts, targets),
         works={name: _number(work, f'work of {name}') for name, work in works.items()},
         loads=_array(loads, like.loads, 'loads') if loads else np.zeros_like(like.loads),
+        sums=_array(sums, like.sums, 'sums') if sums else np.zeros(0),
     )
 
 
@@ -250,6 +252,7 @@ def _digest(scene: Scene) -> str:
 def _read(path: Path, like: State) -> dict[str, Any]:
     """The content of a file. Raises InputError if it is no JSON, or larger than a state can be."""
     numbers = 4 * like.q.size + like.turns.size + like.carried.size + like.loads.size
+    numbers += like.sums.size
     most = _ROOM + _DIGITS * numbers
     try:
         with open(path, 'rb') as stream:

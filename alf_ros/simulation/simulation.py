@@ -467,7 +467,7 @@ class Simulation:
         )
         carried = formulation.start(q, qd) if formulation else now.carried
         pace, loads = self._stepper.first_pace(qd), np.zeros_like(now.loads)
-        moved = replace(now, q=q, qd=qd, turns=turns, pace=pace, carried=carried, loads=loads)
+        moved = replace(now.moved(q, qd, turns), pace=pace, carried=carried, loads=loads)
         self._enter(moved, self._applied)
 
     # ----------------------------------------------------------------------------------- inputs

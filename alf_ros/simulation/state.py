@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -19,7 +19,8 @@ class State:
     an adaptive integrator, s; carried: the variables of a formulation other than alf2; works (J):
     of each account, if a ledger is kept; loads (N): the last reaction on which each effect with
     friction depends; zero if unknown; tangents (K 2 blocks D): the derivatives of q and q̇ by each
-    of K numbers of the scene, if they are followed.
+    of K numbers of the scene, if they are followed; sums (m): of angles and lengths, which gears,
+    racks, threads, wheels on a line and couplings keep constant; empty: what they are at q.
     """
 
     step: int
@@ -32,3 +33,8 @@ class State:
     works: Mapping[str, float] = field(default_factory=dict)
     loads: Floats = field(default_factory=lambda: np.zeros(0))
     tangents: Floats = field(default_factory=lambda: np.zeros(0))
+    sums: Floats = field(default_factory=lambda: np.zeros(0))
+
+    def moved(self, q: Floats, qd: Floats, turns: Integers) -> State:
+        """The same at another place (blocks D, m, m/s), where gears and the like now mesh."""
+        return replace(self, q=q, qd=qd, turns=turns, sums=np.zeros(0))

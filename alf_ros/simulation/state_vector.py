@@ -3,8 +3,8 @@
 In the order of the scene's file: the natural coordinates of movable points, vectors and auxiliary
 blocks (m; vectors in the length of the drawing, as the kernel has them) with their velocities;
 then, with zero rates, the turns of each counted angle, the pace (s), the variables of other
-formulations, the works of a ledger (J), the reactions on which friction depends (N), and the step
-index.
+formulations, the works of a ledger (J), the reactions on which friction depends (N), the sums that
+gears and the like keep constant (m), and the step index.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ def names(model: Model, state: State) -> tuple[str, ...]:
         *(f'carried[{k}]' for k in range(state.carried.size)),
         *(f'works[{name}]' for name in state.works),
         *(f'loads[{k}]' for k in range(state.loads.size)),
+        *(f'sums[{k}]' for k in range(state.sums.size)),
         'step',
     )
 
@@ -39,7 +40,7 @@ def values(model: Model, state: State) -> tuple[Floats, Floats]:
     """Numbers and rates, each as long as `names`."""
     D, n = model.layout.dimension, model.n
     works = list(state.works.values())
-    rest = state.turns, [state.pace], state.carried, works, state.loads, [state.step]
+    rest = state.turns, [state.pace], state.carried, works, state.loads, state.sums, [state.step]
     parts = [np.asarray(part, dtype=float) for part in rest]
     numbers, rates = np.zeros((2, n + sum(part.size for part in parts)))
     for blocks, to in ((state.q, numbers), (state.qd, rates)):
@@ -53,13 +54,14 @@ def values(model: Model, state: State) -> tuple[Floats, Floats]:
 def state(model: Model, like: State, numbers: Floats, rates: Floats, inputs: Inputs) -> State:
     """The state of these numbers and rates; `like` is one of the same simulation.
 
-    A log of an earlier version has no loads: they begin at zero. Raises ValueError if there are
-    not as many numbers as that simulation has.
+    A log of an earlier version has no loads, which begin at zero, or no sums. Raises ValueError
+    if there are not as many numbers as that simulation has.
     """
     n, turns, D = model.n, like.turns.size, model.layout.dimension
     carried, works = n + turns + 1, n + turns + 1 + like.carried.size
     loads = works + len(like.works)
-    if numbers.size not in (loads + 1, loads + like.loads.size + 1):
+    sums, end = loads + like.loads.size, numbers.size - 1
+    if end not in (loads, sums, sums + like.sums.size):
         raise ValueError(f'{numbers.size} numbers are no state of this mechanism')
     q, qd = like.q.copy(), like.qd.copy()
     q.reshape(-1, D)[model.coordinate_block] = numbers[:n].reshape(-1, D)
@@ -73,8 +75,7 @@ def state(model: Model, like: State, numbers: Floats, rates: Floats, inputs: Inp
         pace=float(numbers[n + turns]),
         carried=np.array(numbers[carried:works]),
         inputs=inputs,
-        loads=np.zeros_like(like.loads)
-        if numbers.size == loads + 1
-        else np.array(numbers[loads:-1]),
+        loads=np.zeros_like(like.loads) if end == loads else np.array(numbers[loads:sums]),
+        sums=np.array(numbers[sums:-1]),
         works=dict(zip(like.works, numbers[works:loads].tolist(), strict=True)),
     )

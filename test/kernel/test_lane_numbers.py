@@ -9,6 +9,7 @@ import pytest
 
 from alf_ros.arrays import Floats, Integers
 from alf_ros.kernel.numba_ext.block import add, block, cross, dot, packed, put, subtract
+from alf_ros.kernel.numba_ext.calls import fused
 from alf_ros.kernel.numba_ext.jit import ONE, TWO, compiled
 from alf_ros.kernel.numba_ext.lane_numbers import anywhere, everywhere, nowhere, pick, unless
 from alf_ros.kernel.numba_ext.lane_structs import LaneStruct
@@ -25,7 +26,7 @@ class Two(Struct):
     a: Floats  # (1,)
     b: Floats  # (1,)
     factor: float
-    out: Floats  # (20,)
+    out: Floats  # (23,)
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +58,7 @@ def each_operation(of: Two) -> None:
     out[17] = 2.0 * a + 3
     out[18] = of.factor * a
     out[19] = max(0.0, a)
+    out[20], out[21], out[22] = np.rint(a), np.arctan2(a, b), fused(a, b, of.factor)
 
 
 @compiled
@@ -84,7 +86,7 @@ def twos(a: Floats, b: Floats) -> list[Two]:
     with np.errstate(invalid='ignore'):
         factors = (a - b).tolist()
     return [
-        Two(np.array([x]), np.array([y]), factor, np.zeros(20))
+        Two(np.array([x]), np.array([y]), factor, np.zeros(23))
         for x, y, factor in zip(a, b, factors, strict=True)
     ]
 

@@ -6,23 +6,9 @@ from dataclasses import dataclass
 
 from alf_ros.arrays import Floats, Indices, Integers, Unit
 from alf_ros.kernel.data.readings import JointCoordinates
-from alf_ros.kernel.data.system import Rows, System
+from alf_ros.kernel.data.system import System
 from alf_ros.kernel.data.work import Work
 from alf_ros.kernel.numba_ext.structs import Struct
-
-
-@dataclass(frozen=True, eq=False)
-class Integrals(Struct):
-    """Sums of angles with turns and of lengths that rows of velocities keep constant."""
-
-    constant = True
-
-    row: Indices  # (sums,) row of velocities of each
-    first: Indices  # (sums + 1,) terms of a sum: first[n] .. first[n + 1]
-    place: Indices  # (terms,) among the angles that are counted, and behind them among the lengths
-    factor: Floats  # (terms,) m/rad, or of a length 1
-    value: Floats  # (sums,) m
-    lengths: Rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,11 +33,9 @@ class Closing(Struct):
     here: Floats  # (active,) values on the way
     turns: Integers  # (angles,) of the posture
     turned: Integers  # (angles,) on the way
-    tried: Integers  # (angles,) of a place that Newton's method tries
     other_turns: Integers  # (angles,) of the other candidate
     counts: Integers  # (3,) calls in the motion so far; corrections in the last call; which
     # candidate it took
-    sums: Integrals
     q: Floats  # (all blocks D,) the posture
     other: Floats  # (all blocks D,) a candidate
     before: Floats  # (all blocks D,) where a step on the way began

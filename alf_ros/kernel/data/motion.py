@@ -45,6 +45,8 @@ class Phase(Struct):
     within: Floats = field(default_factory=lambda: np.zeros(1))
     # (1,) the number of steps taken: it changes together with the state
     step: Integers = field(default_factory=lambda: np.zeros(1, dtype=np.int64))
+    # (integrals,) m, of the sums that rows of velocities keep constant
+    sums: Floats = field(default_factory=lambda: np.zeros(0))
     # (K, 2, all blocks D) derivatives of q and q̇ by each of K parameters, per unit of it
     tangents: Floats = field(default_factory=lambda: np.zeros(0))
 

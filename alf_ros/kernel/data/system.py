@@ -30,9 +30,10 @@ class Mass(Struct):
 class Rows(Struct):
     """Φ(q): distance rows ½(|q_i - q_j|² - L²), then quadratic ones Σ ½(g + b)·q + c.
 
-    Rows that bind velocities only follow, N(q, t) q̇ + B(q, t) = 0 (38): their entries form N, and
-    they have no Φ. In equations of velocities, N is appended to Φ_q. Entries of prescribed blocks
-    express the dependence on t: Φ_t and B are their part of Φ_q q̇ and N q̇.
+    Rows of velocities follow, N(q, t) q̇ + B(q, t) = 0 (38): their entries form N. Some have an
+    integral (`Integrals`), the others no Φ. In equations of velocities, N is appended to Φ_q.
+    Entries of prescribed blocks express the dependence on t: Φ_t and B are their part of Φ_q q̇ and
+    N q̇.
     """
 
     constant = True
@@ -56,6 +57,20 @@ class Rows(Struct):
     def velocity(self) -> int:
         """How many rows bind velocities only."""
         return int(self.alpha.size - self.i.size - self.c.size)
+
+
+@dataclass(frozen=True, eq=False)
+class Integrals(Struct):
+    """Sums of angles, with their turns, and of lengths that rows of velocities keep constant."""
+
+    constant = True
+
+    row: Indices  # (sums,) place of its row among the rows of velocities
+    angle: Indices  # (angles,) of those that are counted
+    first: Indices  # (sums + 1,) terms of a sum: first[n] .. first[n + 1]
+    place: Indices  # (terms,) among these angles, and behind them among the lengths
+    factor: Floats  # (terms,) m/rad, or of a length 1
+    lengths: Rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,6 +141,7 @@ class System(Struct):
     prescribed: Prescribed
     arms: Arms
     angles: Rows  # x, y of each angle whose turns are counted: it is atan2(y, x)
+    integrals: Integrals
     size: float  # m, largest extent of the drawing
     mean: float  # kg, of the diagonal of M
     penalty: float  # α without dimension

@@ -94,3 +94,6 @@ class Work(Struct):
     angle: Floats  # (angles, 2) x, y of each
     angle_before: Floats  # (angles, 2) where the step began
     near: Floats  # (angles,) rad, turns counted: where the step began, to a quarter turn
+    begun: Floats  # (angles of integrals,) rad, turns counted: where the step began
+    measured: Floats  # (angles of integrals, 2) remainder, rad, and turns, as measured last
+    sums: Floats  # (integrals,) m, their values

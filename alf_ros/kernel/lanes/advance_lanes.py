@@ -24,6 +24,7 @@ from alf_ros.kernel.numba_ext.jit import ZERO, compiled, inner
 from alf_ros.kernel.numba_ext.lane_numbers import anywhere, nowhere, pick, unless
 from alf_ros.kernel.numba_ext.lane_structs import lane, set_lane, struct_at
 from alf_ros.kernel.numba_ext.vectors import copy
+from alf_ros.kernel.slip import begin_slips
 from alf_ros.kernel.status import OK, STOPPED
 from alf_ros.kernel.step import store_angles
 from alf_ros.kernel.stopping import told_to_stop
@@ -159,6 +160,7 @@ def _accept(problem: Problem, phase: Phase, of: Problem, crew: LaneCrew, good: M
     count_turns(work.angle_before, work.angle, phase.turns)
     copy(work.angle, work.angle_before)
     nearby(work.angle, phase.turns, work.near)
+    begin_slips(unit, system, work, phase)
     for m in range(ZERO, np.uint64(crew.problem.size)):
         put_lane(work.near, struct_at(of, crew.problem[m]).work.near, angles, m)
 

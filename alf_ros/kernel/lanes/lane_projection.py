@@ -33,7 +33,7 @@ def project_lanes(unit: Unit, system: System, work: Work, good: Mask) -> Mask:
     going, slow, before = good, good & unless(good), pick(good, np.inf, np.inf)
     copy(work.q, work.base)
     for _ in range(_TRIES):
-        gap = opening(unit, system.rows, work.q, work.r2)
+        gap = opening(unit, system, work)
         closed = going & (gap <= CLOSED * EPS * size)
         late = going & unless(closed) & (gap > 0.1 * before)
         _keep(work, closed | late)
@@ -48,7 +48,7 @@ def project_lanes(unit: Unit, system: System, work: Work, good: Mask) -> Mask:
         return good
     before, going = pick(good, np.inf, np.inf), slow
     for _ in range(_TRIES):
-        gap = opening(unit, system.rows, work.q, work.r2)
+        gap = opening(unit, system, work)
         closed = gap <= CLOSED * EPS * size
         closed = closed | ((gap > 0.5 * before) & (gap <= 1e-10 * size))
         going = going & unless(closed)

@@ -81,6 +81,7 @@ def give_phase(phase: Phase, work: Work, to: Phase, of: Problem, m: np.uint64) -
     """State and judgement of lane m, to its member."""
     put_lane(phase.q, to.q, np.uint64(to.q.size), m)
     put_lane(phase.qd, to.qd, np.uint64(to.q.size), m)
+    put_lane(phase.sums, to.sums, np.uint64(to.sums.size), m)
     put_lane(phase.within, to.within, np.uint64(1), m)
     put_lane(work.judged, of.work.judged, np.uint64(work.judged.size), m)
     for i in range(ZERO, np.uint64(to.turns.size)):
@@ -92,6 +93,7 @@ def take_phase(phase: Phase, work: Work, of: Phase, member: Problem, m: np.uint6
     """The inverse of `give_phase`."""
     take_lane(of.q, phase.q, ZERO, np.uint64(of.q.size), m)
     take_lane(of.qd, phase.qd, ZERO, np.uint64(of.q.size), m)
+    take_lane(of.sums, phase.sums, ZERO, np.uint64(of.sums.size), m)
     take_lane(of.within, phase.within, ZERO, np.uint64(1), m)
     take_lane(member.work.judged, work.judged, ZERO, np.uint64(work.judged.size), m)
     for i in range(ZERO, np.uint64(of.turns.size)):

@@ -10,6 +10,7 @@ from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 
+from alf_ros.kernel.numba_ext.lane_numbers import lanes_among
 from alf_ros.kernel.numba_ext.plain import PlainVector, at, lowered
 from alf_ros.kernel.numba_ext.structs import VectorType
 
@@ -146,9 +147,14 @@ def _fused(a: float, b: float, c: float) -> Any:
 
 @lowered(_fused)
 def fused(typing: Any, a: Any, b: Any, c: Any) -> Any:
-    """a b + c, rounded once."""
+    """a b + c, rounded once; of numbers or lanes."""
 
     def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return builder.fma(*args)
+        kind = args[0].type
+        suffix = f'v{kind.count}f64' if isinstance(kind, ir.VectorType) else 'f64'
+        declared = ir.FunctionType(kind, [kind] * 3)
+        fma = cgutils.get_or_insert_function(builder.module, declared, f'llvm.fma.{suffix}')
+        return builder.call(fma, args)
 
-    return types.float64(a, b, c), code
+    kind = lanes_among((a, b, c)) or types.float64
+    return kind(kind, kind, kind), code

@@ -185,31 +185,36 @@ for _sign, _function in (
     _comparison(_sign, _function)
 
 
-def _lane_by_lane(function: Any) -> None:
-    """Take a function of one number for each lane."""
+def _lane_by_lane(function: Any, count: int = 1) -> None:
+    """Take a function of `count` numbers for each lane."""
 
     class _LaneByLane(AbstractTemplate):
         def generic(self, args: Any, kws: Any) -> Any:
-            kind = lanes_among(args) if len(args) == 1 else None
-            return signature(kind, kind) if kind else None
+            kind = lanes_among(args) if len(args) == count else None
+            return signature(kind, *[kind] * count) if kind else None
 
-    def single(x: float) -> float:
+    def of_one(x: float) -> float:
         return function(x)
 
+    def of_two(x: float, y: float) -> float:
+        return function(x, y)
+
     def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        value, one = args[0], signature(types.float64, types.float64)
+        value, one = args[0], signature(types.float64, *[types.float64] * count)
         for m in range(sig.return_type.W):
-            number = builder.extract_element(args[0], _index(m))
-            number = context.compile_internal(builder, single, one, [number])
+            numbers = [builder.extract_element(lanes, _index(m)) for lanes in args]
+            single = of_one if count == 1 else of_two
+            number = context.compile_internal(builder, single, one, numbers)
             value = builder.insert_element(value, number, _index(m))
         return value
 
     _typed(function, _LaneByLane)
-    lower_builtin(function, LanesType)(lower)
+    lower_builtin(function, *[LanesType] * count)(lower)
 
 
-for _function in (np.sin, np.cos, np.log):
+for _function in (np.sin, np.cos, np.log, np.rint):
     _lane_by_lane(_function)
+_lane_by_lane(np.arctan2, 2)
 
 
 # ------------------------------------------------------------------------------------ masks

@@ -1,8 +1,8 @@
 """Linear couplings of joint coordinates: Σ a_n x_n stays what it is as drawn.
 
 No row of second order knows the angle itself, only its sine and cosine. So the row binds
-velocities, Σ a_n ẋ_n = 0, and its integral drifts in a run by the error of the integrator. A row
-is in m/s: where the first coordinate is an angle it is times the length of the drawing. Its force
+velocities, Σ a_n ẋ_n = 0; the kernel keeps its integral at its value (`kernel/slip.py`). A row is
+in m/s: where the first coordinate is an angle it is times the length of the drawing. Its force
 is an effort a_n λ on each coordinate.
 """
 

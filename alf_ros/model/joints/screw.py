@@ -6,7 +6,7 @@ thread: turning right-handed about the axis goes along it.
 
 A row of second order covers one turn only, so the last row binds velocities: ṡ - l θ̇ = 0 with ṡ =
 d/dt (z · gap) and θ̇ = u̇_x · u_y of the child minus the rate of the parent, u_x and u_y their
-axes across z. Its integral is s - l θ, which drifts from zero by the error of the integrator.
+axes across z. Its integral is s - l θ, which the kernel keeps at its value.
 """
 
 import math

@@ -117,7 +117,7 @@ def _change(rerun: Rerun, changes: Mapping[str, str], changed: set[str]) -> Stat
             q, qd = assembly.brought_back(after.model, state.q, state.qd, after.t)
         except AssemblyError as error:
             raise InputError(f'from this instant, {error.message}', key='--set') from None
-        after.restore(dataclasses.replace(after.state, q=q, qd=qd))
+        after.restore(after.state.moved(q, qd, after.state.turns))
     rerun.scene, rerun.simulation = scene, after
     return after.state
 

@@ -12,7 +12,7 @@ from alf_ros.kernel.data import Forces, Method, Phase, System, Work
 from alf_ros.kernel.numba_ext.jit import ONE, expanded, inner
 from alf_ros.kernel.numba_ext.vectors import copy
 from alf_ros.kernel.prescribed import prescribe
-from alf_ros.kernel.projection import opening
+from alf_ros.kernel.projection import opening_without_slips
 from alf_ros.kernel.status import FOLDED, NOT_FINITE, OK, OPENED, STOPPED
 from alf_ros.kernel.step import accept, store_angles
 from alf_ros.kernel.stopping import told_to_stop
@@ -95,6 +95,6 @@ def _judged(unit: Unit, system: System, work: Work, storage: Storage, result: in
         check += storage.y[i]
     if not np.isfinite(check):
         return NOT_FINITE
-    if opening(unit, system.rows, work.q, storage.phi) > _TORN * system.size:
+    if opening_without_slips(unit, system.rows, work.q, storage.phi) > _TORN * system.size:
         return OPENED
     return result

@@ -25,7 +25,7 @@ from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.numba_ext.jit import compiled, inner
 from alf_ros.kernel.numba_ext.vectors import zero
 from alf_ros.kernel.prescribed import bias
-from alf_ros.kernel.projection import opening
+from alf_ros.kernel.projection import opening_without_slips
 from alf_ros.kernel.status import FOLDED, OK, SINGULAR
 from alf_ros.model.compile import Model
 from alf_ros.model.compile import allocate as workspace
@@ -121,7 +121,7 @@ def _close(unit: Unit, system: System, work: Work, storage: Storage) -> tuple[in
     for count in range(1, 21):
         if not _factorise(unit, system, work, storage):
             return SINGULAR, count
-        gap = opening(unit, system.rows, work.q, storage.phi)
+        gap = opening_without_slips(unit, system.rows, work.q, storage.phi)
         if gap <= _CLOSED * system.size or (gap > 0.5 * before and gap <= _ENOUGH * system.size):
             return OK, count
         before = gap

@@ -13,7 +13,6 @@ import numpy as np
 from alf_ros import kernel, resources
 from alf_ros.arrays import Floats
 from alf_ros.errors import AssemblyError, InputError
-from alf_ros.kernel.data.closing import Integrals
 from alf_ros.mechanism import GROUND, Coordinate, Drive, Joint, Mechanism, natural_coordinates
 from alf_ros.mechanism.natural_coordinates import Layout
 from alf_ros.mechanism.time_function import signal
@@ -30,7 +29,6 @@ from alf_ros.scene.text.scene_document import SceneDocument
 from alf_ros.simulation.instruments import Instruments
 from alf_ros.simulation.reactions import ReactionsOf
 from alf_ros.simulation.start import started
-from alf_ros.studies.closing.sums import with_sums
 
 Source = Scene | str | os.PathLike[str] | Mapping[str, Any]
 _MOVES = 1e-7  # of the fastest joint: rate of a joint that a free motion moves
@@ -41,8 +39,7 @@ class Actuated:
     """The model with a row for each active coordinate, in the position where it begins.
 
     q (blocks D, m): that position, closed. values: of all joint coordinates there, rad or m.
-    dependent_rows: rows that depend on others in ordinary positions. sums: what rows of velocities
-    keep constant; the model counts their angles behind the angles of its bodies or joints.
+    dependent_rows: rows that depend on others in ordinary positions.
     """
 
     name: str
@@ -52,7 +49,6 @@ class Actuated:
     q: Floats
     values: Floats
     dependent_rows: int
-    sums: Integrals
     instruments: Instruments
 
 
@@ -101,7 +97,7 @@ def actuated(scene: Scene, active: Sequence[str]) -> Actuated:
         model = compile_model(driven, free.model.penalty)
         q = assembly.close(model, {}, carried(free.model, free.q, model))
         dependent, _, sigma = ordinary_positions.ordinary(model, q)
-        model, sums = with_sums(fitted(model.accustomed(sigma, dependent), sigma), q)
+        model = fitted(model.accustomed(sigma, dependent), sigma)
     except AssemblyError as error:
         raise AssemblyError(error.message, file=scene.file, key=error.key) from None
     before = free.model.n - (len(free.model.row_names) - free.dependent_rows)
@@ -115,7 +111,6 @@ def actuated(scene: Scene, active: Sequence[str]) -> Actuated:
         q,
         values,
         dependent,
-        sums,
         Instruments(model, ReactionsOf(model)),
     )
 

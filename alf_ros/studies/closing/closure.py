@@ -11,6 +11,7 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError, StepError
+from alf_ros.kernel import integral_values
 from alf_ros.kernel.data.closing import Closing
 from alf_ros.kernel.loop_closing import close_loops, close_table
 from alf_ros.kernel.posture_rates import linearise_posture, rate_matrix, rates_at
@@ -226,7 +227,7 @@ class Closure:
             raise InputError('not an active joint', key='joint', value=joint, choices=self.active)
         n = self.active.index(joint)
         low, high = (self._end(state, at, n, sign) for sign in (-1.0, 1.0))
-        if self._reader.is_angle[n] and not self._reader.sums.row.size and math.isinf(high - low):
+        if self._reader.is_angle[n] and not self._reader.work.sums.size and math.isinf(high - low):
             return -math.inf, math.inf
         return low, high
 
@@ -235,7 +236,7 @@ class Closure:
         reader, size = self._read(state), self.model.size
         way = 2.0 * np.pi if reader.is_angle[n] else _LONG * size
         # an angle that gears or threads count is in the same position after several turns only
-        turns = _TURNS if reader.is_angle[n] and reader.sums.row.size else 1
+        turns = _TURNS if reader.is_angle[n] and reader.work.sums.size else 1
         reader.asked[:] = at
         for _ in range(turns):
             reader.counts[0] = 0  # no motion: it stays on this side of all dead points
@@ -275,19 +276,19 @@ def _closing(of: Actuated, noise: Floats) -> Closing:
         **dict.fromkeys(('angles', 'spins', 'near'), angles),
         **dict.fromkeys(('values', 'rates'), len(place)),
     }
+    work, still = allocate(model, model.system, 0), np.zeros(angles, dtype=np.int64)
+    integral_values(model.unit, model.system, work, of.q, still, work.sums)
     return Closing(
         unit=model.unit,
         tight=model.system,
         loose=loose,
-        work=allocate(model, model.system, 0),
+        work=work,
         joints=of.instruments.coordinates,
         active=indices(place[name] for name in of.active),
         block=indices(layout.of_prescribed[drive.name] for drive in model.mechanism.drives),
         is_angle=indices(coordinate[name].is_angle for name in of.active),
         noise=noise,
         turns=np.zeros(angles, dtype=np.int64),
-        tried=np.zeros(angles, dtype=np.int64),
-        sums=of.sums,
         turned=np.zeros(angles, dtype=np.int64),
         other_turns=np.zeros(angles, dtype=np.int64),
         counts=np.zeros(3, dtype=np.int64),

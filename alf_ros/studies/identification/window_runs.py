@@ -108,11 +108,8 @@ class WindowRuns:
         assert window.chart is not None
         start = window.chart.start(simulation.model, free)
         return replace(
-            simulation.state,
+            simulation.state.moved(start.q, start.qd, window.chart.turns),
             step=window.first,
-            q=start.q,
-            qd=start.qd,
-            turns=window.chart.turns,
             pace=self.h,
             inputs=NO_INPUTS,
             tangents=np.zeros_like(simulation.state.tangents),

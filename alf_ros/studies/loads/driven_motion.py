@@ -95,9 +95,5 @@ class Carrier:
 
     def state(self, motion: Motion, k: int) -> State:
         """Instant k of a motion."""
-        return replace(
-            self._to.state,
-            q=motion.q[k].copy(),
-            qd=motion.qd[k].copy(),
-            turns=motion.turns[k].copy(),
-        )
+        turns = motion.turns[k].copy()
+        return self._to.state.moved(motion.q[k].copy(), motion.qd[k].copy(), turns)

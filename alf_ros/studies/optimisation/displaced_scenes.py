@@ -73,7 +73,7 @@ class DisplacedScene:
         """The instant t (s) of this scene, with a state of the other one changed by dq and dqd
         (blocks D, m and m/s). Raises AlfError."""
         q, qd = self.placed(t, state.q + dq, state.qd + dqd)
-        own = replace(self._simulation.state, step=state.step, q=q, qd=qd, turns=state.turns)
+        own = replace(self._simulation.state, step=state.step).moved(q, qd, state.turns)
         return self._simulation._sample(t, own, False)
 
 

@@ -65,7 +65,7 @@ class DrivenDesign:
         found, state = [], self.simulation.state
         for each in self._moved.run(self._duration, at=times.tolist()):
             own = each.state
-            state = replace(state, step=own.step, q=own.q, qd=own.qd, turns=own.turns)
+            state = replace(state, step=own.step).moved(own.q, own.qd, own.turns)
             found.append(self.simulation._sample(each.t, state, False))
         return found
 

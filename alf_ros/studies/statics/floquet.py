@@ -169,6 +169,7 @@ def _begun(base: Simulation, instant: Instant, period: float) -> tuple[Simulatio
             q=state.q,
             qd=state.qd,
             turns=state.turns,
+            sums=state.sums,
             inputs=state.inputs,
             tangents=tangents.ravel(),
         )

@@ -197,7 +197,7 @@ class _Charted:
             qd[:n] += size * self._directions[k]
         if qd.any():
             qd = assembly.complete(instant.model, q, {}, instant.t, near=qd)
-        state = replace(self._state, q=q, qd=qd, turns=turns)
+        state = self._state.moved(q, qd, turns)
         return self._simulation._sample(instant.t, state, False)
 
     def slopes(self, names: tuple[str, ...]) -> Floats:

@@ -205,10 +205,7 @@ def found_at(simulation: Simulation, landing: Landing) -> Equilibrium:
     if not landing.rests and not singular:
         raise InputError(_unrest(simulation, landing), key='effects')
     state = replace(
-        simulation.state,
-        q=instant.q,
-        qd=np.zeros_like(instant.q),
-        turns=instant.turns,
+        simulation.state.moved(instant.q, np.zeros_like(instant.q), instant.turns),
         loads=np.zeros_like(simulation.state.loads),
         step=round(instant.t / simulation.h),
     )
