@@ -13,7 +13,6 @@ from docstrings import markdown, table
 from alf_ros.__main__ import summary
 from alf_ros.commands import COMMANDS
 
-
 _COLUMNS = 90
 _PART = re.compile(r'\[(?:[^\[\]]|\[[^\]]*\])*\]|\S+')  # an option in brackets, or a word
 
