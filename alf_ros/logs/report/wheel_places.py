@@ -26,7 +26,7 @@ class _Nothing:
 
 
 class _Posture:
-    """What a pen needs of a picture (`PenTarget`): the mechanism at q (blocks, D), m."""
+    """The mechanism at q (blocks, D), m, as a `PenTarget` without a picture."""
 
     size = 1.0
 
