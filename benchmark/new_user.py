@@ -6,8 +6,8 @@ Commands, files and programs are taken from README.md and doc/, in the order of 
 Without `--fresh` they run in a temporary folder, with the environment of this interpreter and an
 empty cache of compiled code. With `--fresh` they run in a new clone, where `make setup` first
 makes a new environment (needs a package index). Prints the seconds of each step, and its processor
-seconds, which other programs change less. Writes benchmark/results/new_user.csv. Reading and
-typing are not included.
+seconds, which other programs change less. Writes benchmark/results/new_user.csv, from which
+benchmark/tables.py makes the table of doc/new_user.md. Reading and typing are not included.
 """
 
 from __future__ import annotations

@@ -26,10 +26,14 @@ def main(argv: Sequence[str] | None = None) -> int:
         '--over',
         nargs='+',
         metavar='COORDINATE',
-        help='one or two: joint coordinates, or components of points (B.x)',
+        help='one or two inputs: joint coordinates, or components of points (B.x)',
     )
     parser.add_argument(
-        '--levels', type=int, default=25, metavar='N', help='of the second one (default: 25)'
+        '--levels',
+        type=int,
+        default=25,
+        metavar='N',
+        help='values of the second input (default: 25)',
     )
     parser.add_argument(
         '--hold',
@@ -38,12 +42,16 @@ def main(argv: Sequence[str] | None = None) -> int:
         metavar='COORDINATE=VALUE',
         help='other coordinates that stay at a value, rad or m',
     )
-    parser.add_argument('--output', metavar='COORDINATE', help='for the mechanical advantage')
+    parser.add_argument(
+        '--output',
+        metavar='COORDINATE',
+        help='output of the velocity ratio and the mechanical advantage',
+    )
     parser.add_argument(
         '--bar',
         nargs=2,
         metavar='POINT',
-        help='ends of a bar, the output end last, for the transmission angle',
+        help='ends of the bar of the transmission angle, the output end last',
     )
     parser.add_argument(
         '--starts',
@@ -52,10 +60,16 @@ def main(argv: Sequence[str] | None = None) -> int:
         help='random places in a row that must find nothing new (default: 200; over two '
         'coordinates 40)',
     )
-    parser.add_argument('--seed', type=int, default=0, help='of the random places (default: 0)')
+    parser.add_argument(
+        '--seed', type=int, default=0, help='seed of the random places (default: 0)'
+    )
     add_numbers(parser)
-    parser.add_argument('-o', '--html', metavar='FILE', help='write an interactive page')
-    parser.add_argument('--csv', metavar='FILE', help='write all positions as a table')
+    parser.add_argument(
+        '-o', '--html', metavar='FILE', help='write an interactive page to this file'
+    )
+    parser.add_argument(
+        '--csv', metavar='FILE', help='write all positions to this file, as a table'
+    )
     options = parser.parse_args(argv)
     found = atlas(
         load(options.scene, numbers(options.set)),

@@ -27,9 +27,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         description='Run a scene many times, each time with other numbers. The store keeps the '
         'finished members: after an interruption the same command continues.',
     )
-    parser.add_argument('study', metavar='STUDY.yaml', help='what varies and what is kept')
     parser.add_argument(
-        '--members', type=int, metavar='N', help='how many (default: as in the study)'
+        'study', metavar='STUDY.yaml', help='file of the study: what varies, and what is kept'
+    )
+    parser.add_argument(
+        '--members', type=int, metavar='N', help='number of members (default: as in the study)'
     )
     parser.add_argument(
         '--workers',
@@ -46,7 +48,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         '--store', metavar='FOLDER', help='zarr folder (default: STUDY.zarr in this folder)'
     )
     parser.add_argument(
-        '--log', type=int, metavar='K', help='only run member K again, into a log (MCAP)'
+        '--log',
+        type=int,
+        metavar='K',
+        help='run only member K again, and record it as a log (MCAP)',
     )
     parser.add_argument(
         '-o', '--output', default='logs', metavar='DIR', help='folder of that log (default: logs)'

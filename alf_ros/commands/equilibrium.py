@@ -30,18 +30,20 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument(
         '--nearest',
         action='store_true',
-        help='the nearest position of rest of any kind, in place of going down the potential',
+        help='find the nearest position of rest of any kind, also an unstable one',
     )
     parser.add_argument(
         '--starts',
         type=int,
         default=0,
         metavar='N',
-        help='search from N random positions too, and list all positions of rest found',
+        help='also search from N random positions, and list all positions of rest found',
     )
-    parser.add_argument('--seed', type=int, default=0, help='of the random positions (default: 0)')
+    parser.add_argument(
+        '--seed', type=int, default=0, help='seed of the random positions (default: 0)'
+    )
     add_numbers(parser)
-    parser.add_argument('--json', metavar='FILE', help='write all numbers to this file too')
+    parser.add_argument('--json', metavar='FILE', help='also write all numbers to this file')
     _add_path(parser)
     options = parser.parse_args(argv)
     scene = load(options.scene, numbers(options.set))
@@ -72,16 +74,17 @@ def _add_path(parser: Parser) -> None:
         dest='begin',
         type=float,
         metavar='VALUE',
-        help='value at which it begins (default: of the scene)',
+        help='value at which the path begins (default: the value in the scene)',
     )
     group.add_argument(
         '--back',
         type=float,
         metavar='VALUE',
-        help='value on the other side at which it ends (default: as far as --to)',
+        help='value at which the path ends on the other side of its start (default: as far from '
+        'the start as --to)',
     )
     group.add_argument(
-        '--branches', action='store_true', help='follow the paths through its branch points too'
+        '--branches', action='store_true', help='also follow the paths through branch points'
     )
     group.add_argument('--csv', metavar='FILE', help='write all points of the path to this file')
     group.add_argument(

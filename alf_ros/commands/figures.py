@@ -80,7 +80,7 @@ def _options(argv: Sequence[str] | None) -> argparse.Namespace:
     steps = SPACING / options.step if options.step > 1e-9 else 0.0
     if not abs(steps - round(steps)) < 1e-6 * steps:
         raise InputError(
-            'no whole number of steps', key='--step', value=options.step, expected='0.02 s / k'
+            'not a whole number of steps', key='--step', value=options.step, expected='0.02 s / k'
         )
     if not 1e-12 <= options.tolerance <= 0.1:
         raise InputError(

@@ -23,7 +23,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = Parser(
         prog='identify',
         description='Fit numbers of a scene to recordings of its machine, and say how well the '
-        'recordings tell them.',
+        'recordings determine them.',
     )
     parser.add_argument('scene', metavar='SCENE', help='name of a scene, or a file')
     parser.add_argument(
@@ -41,7 +41,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         help='numbers to fit: coupler.mass spring.stiffness',
     )
     parser.add_argument(
-        '--window', type=float, default=2.0, metavar='S', help='length of a window (default: 2)'
+        '--window', type=float, default=2.0, metavar='S', help='length of a window, s (default: 2)'
     )
     parser.add_argument(
         '--hold-out',
@@ -50,27 +50,37 @@ def main(argv: Sequence[str] | None = None) -> int:
         metavar='PART',
         help='part of the windows that is kept away from the fit (default: 0)',
     )
-    _pairs(parser, '--bounds', 'NAME=LEAST:LARGEST', 'bounds of numbers')
-    _pairs(parser, '--prior', 'NAME=MEAN:DEVIATION', 'what is known of numbers before')
-    _pairs(parser, '--noise', 'CHANNEL=DEVIATION', 'noise that is known (knee, knee.velocity)')
+    _pairs(parser, '--bounds', 'NAME=LEAST:LARGEST', 'least and largest values')
+    _pairs(
+        parser,
+        '--prior',
+        'NAME=MEAN:DEVIATION',
+        'means and deviations that are known before the fit',
+    )
+    _pairs(parser, '--noise', 'CHANNEL=DEVIATION', 'known noise of channels (knee, knee.velocity)')
     parser.add_argument(
         '--loss',
         default='linear',
         choices=robust_loss.NAMES,
-        help='of large residuals (default: linear)',
+        help='loss function of the residuals (default: linear)',
     )
     parser.add_argument(
-        '--delay', action='store_true', help='fit the delay of measurements behind inputs, too'
+        '--delay',
+        action='store_true',
+        help='also fit the delay of the measurements behind the inputs',
     )
-    _pairs(parser, '--map', 'RECORDED=NAME', 'recorded joints or topics in names of the scene')
+    _pairs(parser, '--map', 'RECORDED=NAME', 'names in the scene of recorded joints or topics')
     parser.add_argument(
-        '--joints', default='joint_states', metavar='TOPIC', help='measured joint states'
+        '--joints',
+        default='joint_states',
+        metavar='TOPIC',
+        help='topic of measured joint states (default: joint_states)',
     )
     parser.add_argument(
         '--commands',
         default='joint_commands',
         metavar='TOPIC',
-        help='joint states whose efforts act (default: joint_commands)',
+        help='topic of joint states whose efforts act (default: joint_commands)',
     )
     parser.add_argument(
         '-o',

@@ -27,28 +27,29 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     parser.add_argument('scene', help='a scene or a mechanism: a name, or the path of a file')
     parser.add_argument(
-        '--at', type=float, metavar='T', help='about this instant of the motion, simulated s'
+        '--at', type=float, metavar='T', help='linearise about this instant of the motion, s'
     )
     parser.add_argument(
         '--inputs',
         nargs='+',
         default=[],
         metavar='NAME',
-        help='crank_pin.effort, wrenches.coupler.force.x, targets.crank_pin.position, ...',
+        help='inputs of the model: crank_pin.effort, wrenches.coupler.force.x, '
+        'targets.crank_pin.position, ...',
     )
     parser.add_argument(
         '--outputs',
         nargs='+',
         metavar='NAME',
-        help='quantities: crank_pin.position, points.B.x, knee.force, ... (default: the positions '
-        'of all joints)',
+        help='outputs of the model: crank_pin.position, points.B.x, knee.force, ... (default: the '
+        'positions of all joints)',
     )
     parser.add_argument(
         '--period',
         type=float,
         metavar='T',
-        help='about the periodic motion from the start or from --at, with this period (s): its '
-        'Floquet multipliers, in place of the model',
+        help='compute the Floquet multipliers of the periodic motion with this period (s) that '
+        'begins at the start or at --at, in place of the model',
     )
     add_numbers(parser)
     parser.add_argument(

@@ -33,20 +33,24 @@ def main(argv: Sequence[str] | None = None) -> int:
         '--actuators',
         nargs='+',
         metavar='NAME',
-        help='joints, or wrenches.C.force.z, ... (default: the driven joints)',
+        help='actuators: joints, or wrenches.C.force.z, ... (default: the driven joints)',
     )
     parser.add_argument(
-        '--duration', type=float, required=True, metavar='S', help='of the motion, s'
+        '--duration', type=float, required=True, metavar='S', help='duration of the motion, s'
     )
     parser.add_argument(
-        '--rate', type=float, default=100.0, metavar='HZ', help='instants per s (default: 100)'
+        '--rate',
+        type=float,
+        default=100.0,
+        metavar='HZ',
+        help='instants per second (default: 100)',
     )
     parser.add_argument(
         '--weights',
         nargs='+',
         default=[],
         metavar='NAME=NUMBER',
-        help='of efforts, if actuators are more than freedoms (default: 1)',
+        help='weights of efforts, if there are more actuators than freedoms (default: 1)',
     )
     parser.add_argument(
         '--without', nargs='+', default=[], metavar='EFFECT', help='effects that do not act'
@@ -56,14 +60,16 @@ def main(argv: Sequence[str] | None = None) -> int:
         nargs='+',
         default=[],
         metavar='NAME=MOST',
-        help='the fastest run under these limits of efforts (N, N m): NAME=MOST or '
+        help='find the fastest run under these limits of efforts (N, N m): NAME=MOST or '
         'NAME=LEAST:MOST; the t of the drives is then the parameter of the path',
     )
     parser.add_argument(
-        '--pieces', type=int, default=1000, metavar='N', help='of the path (default: 1000)'
+        '--pieces', type=int, default=1000, metavar='N', help='pieces of the path (default: 1000)'
     )
     add_numbers(parser)
-    parser.add_argument('--csv', metavar='FILE', help='write efforts and reactions over time')
+    parser.add_argument(
+        '--csv', metavar='FILE', help='write efforts and reactions over time to this file'
+    )
     options = parser.parse_args(argv)
     scene = load(options.scene, numbers(options.set))
     duration = number(options.duration, '--duration', 0.0)

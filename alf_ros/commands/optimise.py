@@ -21,9 +21,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         description='Find numbers of a scene that minimise a number of its motion, with exact '
         'gradients. The result is a scene and a report.',
     )
-    parser.add_argument('study', metavar='STUDY.yaml', help='what varies and what is minimised')
     parser.add_argument(
-        '--starts', type=int, metavar='N', help='how many searches (default: as in the study)'
+        'study', metavar='STUDY.yaml', help='file of the study: what varies, and what is minimised'
+    )
+    parser.add_argument(
+        '--starts', type=int, metavar='N', help='number of searches (default: as in the study)'
     )
     parser.add_argument(
         '--workers',

@@ -74,8 +74,9 @@ class JointPen:
         angle = np.linspace(0.0, 2.0 * np.pi, 91)[:, None]
         self.line(at + radius * np.hstack([np.cos(angle), np.sin(angle)]), '-.')
 
-    def wheel(self, axle: Floats | None, leans: bool = False) -> None:
-        R, x, up = self.joint.value, self.axes[0], self.axes[-1]
+    def across(self, axle: Floats | None, leans: bool) -> tuple[Floats, Floats]:
+        """Two unit vectors (D,) across the axle of a wheel: where it rolls, and upwards."""
+        x, up = self.axes[0], self.axes[-1]
         y = up
         if axle is not None:  # it rolls across its axle
             across = np.asarray(np.cross(axle, up), dtype=float)
@@ -83,6 +84,10 @@ class JointPen:
             x = across / size if size > 1e-6 else x
             if leans:
                 y = np.asarray(np.cross(x, axle), dtype=float)
+        return x, y
+
+    def wheel(self, axle: Floats | None, leans: bool = False) -> None:
+        R, up, (x, y) = self.joint.value, self.axes[-1], self.across(axle, leans)
         angle = np.linspace(0.0, 2.0 * np.pi, 61)[:, None]
         self.line(self.at + R * (np.cos(angle) * x + np.sin(angle) * y), width=1.5)
         self.rail(self.at - R * y, x, up, 1.5 * R)

@@ -35,7 +35,7 @@ def bearings(
     cut = reactions()
     if has_bearings(cut.model):
         raise InputError(
-            'friction that depends on a reaction does not know the stiffness of bearings',
+            'friction that depends on a reaction does not support the stiffness of bearings',
             key='effects',
             expected='a given load, or joints without stiffness',
         )

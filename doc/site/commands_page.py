@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import re
 from typing import Any, NoReturn
 from unittest.mock import patch
 
@@ -11,6 +12,9 @@ from docstrings import markdown, table
 
 from alf_ros.__main__ import summary
 from alf_ros.commands import COMMANDS
+
+_COLUMNS = 90
+_PART = re.compile(r'\[(?:[^\[\]]|\[[^\]]*\])*\]|\S+')  # an option in brackets, or a word
 
 
 class _ParserMadeError(Exception):
@@ -49,7 +53,7 @@ def page() -> str:
         parts += [
             f'## {name}',
             markdown(found.description or summary(COMMANDS[name])),
-            f'```text\npython -m alf_ros {name}{_arguments(usage)}\n```',
+            f'```text\n{_folded(f"python -m alf_ros {name}{_arguments(usage)}")}\n```',
             table(('argument', 'meaning'), [_row(found, each) for each in found._actions]),
         ]
     return '\n\n'.join(parts) + '\n'
@@ -59,6 +63,16 @@ def _arguments(usage: str) -> str:
     """The part of a usage line after the name of the program."""
     at = min((usage.find(mark) for mark in (' [', ' -') if mark in usage), default=len(usage))
     return usage[at:]
+
+
+def _folded(usage: str) -> str:
+    """The usage in lines that fit the page; an option in brackets stays whole."""
+    lines = ['']
+    for part in _PART.findall(usage):
+        if lines[-1] and len(lines[-1]) + len(part) >= _COLUMNS:
+            lines.append('   ')
+        lines[-1] = f'{lines[-1]} {part}' if lines[-1] else part
+    return '\n'.join(lines)
 
 
 def _row(found: argparse.ArgumentParser, action: argparse.Action) -> tuple[str, str]:

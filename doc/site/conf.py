@@ -16,6 +16,7 @@ root_doc = 'index'
 
 # Code and links of the pages as GitHub reads them
 highlight_language = 'text'
+smartquotes_action = 'qe'  # no dashes: help texts name options, as --limits
 myst_enable_extensions = ['colon_fence']
 myst_heading_anchors = 4
 suppress_warnings = ['myst.header']  # levels of headings are those of the pages

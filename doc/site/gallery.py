@@ -27,7 +27,8 @@ from alf_ros.simulation import setup
 
 _ON_CARDS = ('bodies', 'joints', 'freedoms')
 _DURATION, _RATE = 4.0, 50.0  # s that a moving picture shows, Hz
-_SHOWN = {'stewart_platform': (0.6, 0.2)}  # others: s, and s per second; it soon flies away
+# s, s per second, and Hz, where _DURATION would show too little: soon both have left their place
+_SHOWN = {'stewart_platform': (0.6, 0.2, 100.0), 'rack_and_pinion': (0.5, 0.125, 200.0)}
 
 
 @dataclass(frozen=True)
@@ -123,7 +124,9 @@ def _picture(each: Exhibit, kept: Path, target: Path) -> None:
 
 def _film(each: Exhibit, kept: Path, target: Path) -> str | None:
     """The name of the moving picture; None if nothing would be seen to move."""
-    key = _key(each, 'alf_ros/logs/report/animation.py', 'doc/site/gallery.py')
+    parts = ('animation', 'drawn_motion', 'wheel_places')
+    sources = [f'alf_ros/logs/report/{part}.py' for part in parts]
+    key = _key(each, *sources, 'doc/site/gallery.py')
     path = kept / f'{each.file.stem}_{key}.webp'
     if not path.exists():
         _write_film(each, path)
@@ -136,18 +139,18 @@ def _film(each: Exhibit, kept: Path, target: Path) -> str | None:
 
 def _write_film(each: Exhibit, path: Path) -> None:
     """Record a log, and draw it as `analyze --animation` does; an empty file if nothing moves."""
-    duration, speed = _SHOWN.get(each.file.stem, (_DURATION, 1.0))
+    duration, speed, rate = _SHOWN.get(each.file.stem, (_DURATION, 1.0, _RATE))
     with tempfile.TemporaryDirectory() as folder:
-        made = setup.made(each.scene, {}, _RATE)
+        made = setup.made(each.scene, {}, rate)
         run = LogRun(Path(folder), made)
         run.send()
-        for _ in range(round(duration * _RATE)):
+        for _ in range(round(duration * rate)):
             made.simulation.step(made.steps)
             run.send()
         run.close()
         film = animation.film(account(load(run.recorder.path)), each.scene.name)
     moved = float(np.nanmax(np.ptp(film.places, axis=0)))
-    if film.motion.links and moved > 0.01 * each.found.model.size:
+    if (film.motion.links or film.motion.wheels) and moved > 0.01 * each.found.model.size:
         part = path.with_name('part.webp')
         animation.write(part, [film], speed)
         part.rename(path)

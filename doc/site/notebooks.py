@@ -1,4 +1,4 @@
-"""Notebooks of the pages whose code runs by itself: the page's text, its code, its output.
+"""Notebooks of tutorials: jupytext makes them from the pages, with text, code and output.
 
 A page says what to save and which command to run; a notebook does it in Python. What a cell prints
 is stored with it, as the page shows it.
@@ -11,42 +11,63 @@ import shlex
 from pathlib import Path
 from typing import Any
 
+import jupytext
 import nbformat
 from nbformat import v4
 from sources import ROOT
 
-# Of tutorial.md most needs a second terminal.
-PAGES = ('first_mechanism', 'runs')
+# All blocks of these pages run one after another. Of tutorial.md most needs a second terminal.
+PAGES = (
+    'first_mechanism',
+    'from_urdf',
+    'ros2_control',
+    'singular_position',
+    'fit_friction',
+    'thousand_runs',
+    'runs',
+)
 _BLOCK = re.compile(r'^```(\w+)\n(.*?)^```\n', re.DOTALL | re.MULTILINE)
-_SAVE = re.compile(r'Save this as `([\w.]+)`')
+_SAVE = re.compile(r'Save this as `([\w.]+)`[^`]*\Z')
 _IMAGE = re.compile(r'!\[[^\]]*\]\([^)]*\)\n?')
 _LINK = re.compile(r'\[([^\]]+)\]\([^)]*\)')
+_PRINTED = re.compile(r'```text\n(.*?)^```\s*', re.DOTALL | re.MULTILINE)
+_KERNEL = {'name': 'python3', 'language': 'python', 'display_name': 'Python 3'}
 
 
 def notebook(page: str) -> str:
     """The text of the notebook (.ipynb) of a page of doc/."""
-    cells: list[dict[str, Any]] = []
-    text, end, saved = (ROOT / 'doc' / f'{page}.md').read_text('utf-8'), 0, ''
+    text, end, parts = (ROOT / 'doc' / f'{page}.md').read_text('utf-8'), 0, []
     for block in _BLOCK.finditer(text):
-        before, (kind, code) = text[end : block.start()], block.groups()
+        before = text[end : block.start()]
+        parts += [_plain(before), _runnable(before, block)]
         end = block.end()
-        saved = (_SAVE.findall(before) or [''])[-1]
-        printed = kind == 'text' and not before.strip() and cells and cells[-1]['code']
-        _add_text(cells, before)
-        if printed:
-            cells[-1]['output'] = code
-        elif kind == 'python':
-            cells.append({'code': code})
-        elif kind == 'yaml' and saved:
-            cells.append({'code': _saving(saved, code)})
-        elif kind == 'sh' and code.startswith('python -m alf_ros '):
-            cells.append({'code': _command(code)})
-        else:
-            _add_text(cells, block[0])
-    _add_text(cells, text[end:])
-    made = _made(cells)
+    made = jupytext.reads(''.join([*parts, _plain(text[end:])]), fmt='md')
+    made.cells = _with_outputs(made.cells)
+    made.metadata = {'kernelspec': _KERNEL}
+    for n, cell in enumerate(made.cells):  # so that a page gives one text
+        cell.id = f'cell-{n}'
     nbformat.validate(made)
     return str(nbformat.writes(made)) + '\n'
+
+
+def _plain(text: str) -> str:
+    """Text of a page. A notebook travels alone: pictures and links stay behind."""
+    return _LINK.sub(r'\1', _IMAGE.sub('', text))
+
+
+def _runnable(before: str, block: re.Match[str]) -> str:
+    """A block of a page as Markdown of jupytext, in which blocks of Python become cells."""
+    kind, code = block.groups()
+    name = _SAVE.search(before)
+    if kind in ('yaml', 'xml') and name:
+        code = _saving(name[1], code)
+    elif kind == 'sh' and code.startswith('python -m alf_ros '):
+        code = _command(code)
+    elif kind == 'sh' and code.startswith('make run '):
+        code = _node(code)
+    else:
+        return block[0]
+    return f'```python\n{code}```\n'
 
 
 def _saving(name: str, text: str) -> str:
@@ -60,29 +81,30 @@ def _command(line: str) -> str:
     return f'from alf_ros.__main__ import main\n\nmain({arguments!r});\n'
 
 
-def _add_text(cells: list[dict[str, Any]], text: str) -> None:
-    """Join adjacent texts in a cell. A notebook travels alone: pictures and links stay behind."""
-    text = _LINK.sub(r'\1', _IMAGE.sub('', text)).strip()
-    if not text:
-        return
-    if cells and not cells[-1]['code']:
-        cells[-1]['text'] += f'\n\n{text}'
-    else:
-        cells.append({'code': '', 'text': text})
+def _node(line: str) -> str:
+    """`make run` of a clone, as a process beside the notebook. It ends after its duration."""
+    given = dict(part.split('=') for part in shlex.split(line)[2:])
+    command = f"'simulator', '--scene', {given['SCENE']!r}, '--duration', {given['DURATION']!r}"
+    return (
+        'import subprocess\nimport sys\n\n'
+        "screen = open('node.txt', 'w')\n"
+        'node_process = subprocess.Popen(\n'
+        f"    [sys.executable, '-m', 'alf_ros', {command}],\n"
+        '    stdout=screen,\n    stderr=screen,\n)\n'
+    )
 
 
-def _made(cells: list[dict[str, Any]]) -> Any:
-    """As a notebook. Numbers of cells are their names, so that a page gives one text."""
-    made = []
-    for n, cell in enumerate(cells):
-        if not cell['code']:
-            made.append(v4.new_markdown_cell(cell['text'], id=f'cell-{n}'))
-            continue
-        printed = cell.get('output')
-        outputs = [v4.new_output('stream', text=printed)] if printed else []
-        made.append(v4.new_code_cell(cell['code'].strip(), outputs=outputs, id=f'cell-{n}'))
-    kernel = {'name': 'python3', 'language': 'python', 'display_name': 'Python 3'}
-    return v4.new_notebook(cells=made, metadata={'kernelspec': kernel})
+def _with_outputs(cells: list[Any]) -> list[Any]:
+    """The cells, in which text that follows code immediately is the output of this code."""
+    kept: list[Any] = []
+    for cell in cells:
+        printed = _PRINTED.match(cell.source)
+        if printed and kept and kept[-1].cell_type == 'code':
+            kept[-1].outputs = [v4.new_output('stream', text=printed[1])]
+            cell.source = cell.source[printed.end() :]
+        if cell.source:
+            kept.append(cell)
+    return kept
 
 
 def write(target: Path) -> None:

@@ -16,7 +16,6 @@ from alf_ros import effects, resources
 from alf_ros.commands import COMMANDS
 from alf_ros.model import joints
 from support.paths import ROOT
-from support.reader import environment
 
 SITE = ROOT / 'doc' / 'site'
 
@@ -99,35 +98,12 @@ def test_every_scene_is_in_the_gallery(site: Path) -> None:
     assert expected in ' '.join(numbers.split())
 
 
-# A notebook's cells as they would run there one after another; no kernel is needed for that.
-RUN = """
-import contextlib, io, json, sys
-
-namespace = {'__name__': '__main__'}
-for cell in json.load(open(sys.argv[1], encoding='utf-8'))['cells']:
-    if cell['cell_type'] == 'code':
-        with contextlib.redirect_stdout(io.StringIO()) as printed:
-            exec(''.join(cell['source']), namespace)
-        shown = ''.join(line for output in cell['outputs'] for line in output['text'])
-        assert printed.getvalue() == shown, (printed.getvalue(), shown)
-        print('cell')
-"""
-
-
-@pytest.mark.parametrize(('page', 'cells'), [('first_mechanism', 3), ('runs', 2)])
-def test_a_notebook_prints_what_is_stored_in_it(
-    site: Path, tmp_path: Path, page: str, cells: int
-) -> None:
-    (notebook,) = site.rglob(f'{page}.ipynb')
-    assert f'{page}.ipynb' in (site / f'{page}.html').read_text('utf-8')
-    done = subprocess.run(
-        [sys.executable, '-c', RUN, str(notebook)],
-        capture_output=True,
-        text=True,
-        cwd=tmp_path,
-        env=environment() | {'MPLBACKEND': 'Agg', 'OPENBLAS_NUM_THREADS': '1'},
-    )
-    assert (done.stdout, done.stderr) == ('cell\n' * cells, '')
+def test_notebooks_are_linked_from_their_pages(site: Path) -> None:
+    """test_notebooks.py runs them."""
+    notebooks = sorted(path.stem for path in site.rglob('*.ipynb'))
+    assert len(notebooks) > 5
+    for page in notebooks:
+        assert f'{page}.ipynb' in (site / f'{page}.html').read_text('utf-8')
 
 
 def test_a_link_that_leads_nowhere_is_found(tmp_path: Path) -> None:

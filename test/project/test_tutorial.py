@@ -246,6 +246,7 @@ def test_everything_named_exists():
     commands = [text.strip() for kind, text in BLOCKS if kind == 'sh']
     assert commands == ['make run', 'make view', 'make run SCENE=ellipse.yaml DURATION=2']
     assert len(README.splitlines()) <= 150
+    assert (ROOT / 'doc/pictures/passing.gif').stat().st_size < 3e6  # README.md loads it
 
 
 def test_every_command_is_in_the_tutorial():

@@ -113,7 +113,7 @@ def test_a_port_that_is_taken_is_one_line(server):
     done = view('--port', str(server.server_port))
     assert done.returncode == 2
     (line,) = done.stderr.splitlines()
-    assert line.startswith('alf_ros view: --port: cannot be had')
+    assert line.startswith('alf_ros view: --port: cannot be opened')
 
 
 def test_a_port_that_is_none_is_one_line():

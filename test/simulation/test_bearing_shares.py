@@ -233,7 +233,7 @@ def test_friction_on_reactions_is_refused() -> None:
     friction = {'joint_friction': {'joint': 'h0', 'dynamic': 0.1, 'radius': 0.01}}
     bearings = [{'translation': 1e8}] * 3
     scene = load_scene({'mechanism': door(bearings), 'effects': {**GRAVITY, **friction}})
-    with pytest.raises(InputError, match='does not know the stiffness of bearings'):
+    with pytest.raises(InputError, match='does not support the stiffness of bearings'):
         Simulation(scene, step=1e-3, integrator='rk4').step()
 
 

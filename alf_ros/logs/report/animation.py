@@ -24,6 +24,7 @@ FORMATS = ('.gif', '.webp', '.mp4')
 FPS = 25.0  # pictures per second
 MOST_PICTURES = 5000
 _TRAIL = 0.6  # s of wall clock that the path of a joint stays visible
+_MARK = 0.7  # of the radius: where the mark of a wheel begins
 _RED_FOR = 0.12  # s of wall clock before and after a pass in which bars are red
 _WIDTH, _TALLEST = 9.0, 4.5  # inches, of the whole picture and of a panel
 _DPI = 90
@@ -118,11 +119,23 @@ def write(
 
 def _box(films: Sequence[Film]) -> tuple[Floats, Floats]:
     """The corners (2,) m of what the films need, with a margin."""
-    places = np.concatenate([each.places.reshape(-1, 2) for each in films])
+    rims = [_rims(each.places, each.motion.wheels, 8) for each in films]
+    shown = [*(each.places for each in films), *rims]
+    places = np.concatenate([each.reshape(-1, 2) for each in shown])
     places = places[np.isfinite(places).all(axis=1)]
     low, high = places.min(axis=0), places.max(axis=0)
     margin = 0.06 * max(high - low) or 1.0
     return low - margin, high + margin
+
+
+def _rims(places: Floats, wheels: list[int], parts: int) -> Floats:
+    """(…, wheels, parts + 2, 2): the rim of each wheel, closed, and before it a place inside, for
+    a mark that shows how the wheel turns. places: (…, points, 2)."""
+    of = places[..., np.array(wheels, dtype=int), :].reshape(*places.shape[:-2], -1, 3, 1, 2)
+    centre, a, b = of[..., 0, :, :], of[..., 1, :, :], of[..., 2, :, :]
+    angle = np.linspace(0.0, 2.0 * np.pi, parts + 1)[:, None]
+    rim = centre + np.cos(angle) * (a - centre) + np.sin(angle) * (b - centre)
+    return np.concatenate([centre + _MARK * (a - centre), rim], axis=-2)
 
 
 class Screen:
@@ -180,9 +193,10 @@ class _Panel:
         grounded = [n for n in (*ends, *self._pins) if still[n]]
         places = shown.places[0, grounded]
         axes.plot(*places.T, linestyle='none', marker='^', markersize=11, color=INK, zorder=1)
+        self._wheels = LineCollection([], colors=BAR, linewidths=1.5, zorder=2)
         self._trails = LineCollection([], colors=FAINT, linewidths=0.9, alpha=0.6, zorder=2)
         self._bars = LineCollection([], linewidths=4.0, capstyle='round', zorder=3)
-        for lines in (self._trails, self._bars):
+        for lines in (self._wheels, self._trails, self._bars):
             axes.add_collection(lines, autolim=False)
         style = {'linestyle': 'none', 'marker': 'o', 'markersize': 6, 'markeredgecolor': INK}
         (self._joints,) = axes.plot([], [], markerfacecolor='white', zorder=4, **style)
@@ -197,6 +211,7 @@ class _Panel:
         self._bars.set_segments(list(places[self._links]))
         near = np.abs(shown.passes - t).min(initial=np.inf) <= _RED_FOR * speed
         self._bars.set_color(RED if near else BAR)
+        self._wheels.set_segments(list(_rims(places, shown.motion.wheels, 72)))
         trail = shown.places[since : k + 1, self._moving]
         self._trails.set_segments(list(trail.swapaxes(0, 1)) if len(trail) > 1 else [])
         self._joints.set_data(*places[self._pins].T)

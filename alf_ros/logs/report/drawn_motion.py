@@ -18,6 +18,7 @@ from alf_ros.logs.log import Log
 from alf_ros.logs.report.decimation import Instants, Trace
 from alf_ros.logs.report.gather import MOST_ROWS, Gathered
 from alf_ros.logs.report.singularity_distance import distances, passes
+from alf_ros.logs.report.wheel_places import wheel_places
 from alf_ros.scene.references import WHOLE
 from alf_ros.scene.scene import KEYS, REQUIRED, Solver, scene_from_text
 from alf_ros.scene.text import yaml_document
@@ -40,16 +41,18 @@ MOST_FRAMES = 40_000
 class DrawnMotion:
     """Of k frames.
 
-    t (k,) s; places (k, points, 3) m; `links` and `pins`: numbers of points, two for each line,
-    one for each joint; `scale` m/N of arrows. `forces` of the reactions: (t (k,), numbers of
-    points, (k, n, 3) N). `applied` (k, m, 6): place and force of each wrench held, NaN where none
-    is. `distance`: σ of all states gathered; `passes` (t, σ there, whether through): None if not
-    every state of the log was. `angles`: the joint coordinates that are angles.
+    t (k,) s; places (k, points, 3) m; `links`, `pins` and `wheels`: numbers of points, two for
+    each line, one for each joint, three for each wheel (`wheel_places`); `scale` m/N of arrows.
+    `forces` of the reactions: (t (k,), numbers of points, (k, n, 3) N). `applied` (k, m, 6): place
+    and force of each wrench held, NaN where none is. `distance`: σ of all states gathered;
+    `passes` (t, σ there, whether through): None if not every state of the log was. `angles`: the
+    joint coordinates that are angles.
     """
 
     spatial: bool
     links: list[int]
     pins: list[int]
+    wheels: list[int]
     scale: float
     stride: int
     t: Floats
@@ -104,6 +107,7 @@ def motion(
         spatial=drawn.dimension == 3,
         links=[points.index(end) for body in drawn.bodies for end in segments(body)],
         pins=pins,
+        wheels=list(range(len(points), film.places[0].shape[0])),
         scale=standard_scale(drawn),
         stride=stride * every,
         t=t[::every],
@@ -130,6 +134,8 @@ class _Film:
         self._simulation = simulation
         self._orders = deque(found.orders.held)
         self._start = simulation.state
+        model = simulation.model
+        self._wheels = wheel_places(model.mechanism, model.layout, self._start.q)
         self.places: list[Floats] = []
         self._held: list[Floats] = []
 
@@ -143,7 +149,8 @@ class _Film:
         simulation.restore(replace(simulation.state, step=step, q=q))
         sample = simulation.sample()
         points = np.array([sample.points[name] for name in model.point_names])
-        self.places.append(in_space(points))
+        wheels = [form.value(q.reshape(-1, D)) for form in self._wheels]
+        self.places.append(in_space(np.vstack([points, *wheels])))
         held = np.hstack(held_forces(sample)) if sample.inputs.wrenches else np.zeros((0, 6))
         self._held.append(held)
 

@@ -169,6 +169,7 @@ def _motion(motion: DrawnMotion, first: float) -> Json:
         'spatial': motion.spatial,
         'links': motion.links,
         'pins': motion.pins,
+        'wheels': motion.wheels,
         'scale': motion.scale,
         'moving': moving,
         'still': still.ravel().tolist(),

@@ -118,7 +118,10 @@ class Server(ThreadingHTTPServer):
             super().__init__((HOST, port), _Request)
         except OSError as error:
             raise InputError(
-                f'cannot be had: {error.strerror}', key='--port', value=port, expected='a free one'
+                f'cannot be opened: {error.strerror}',
+                key='--port',
+                value=port,
+                expected='a free one',
             ) from None
         self.url = f'http://localhost:{self.server_port}/'
         threading.Thread(target=self.serve_forever, name='page', daemon=True).start()

@@ -88,14 +88,17 @@ class Distribution:
             law = LAWS[self.law]
             if set(given) != set(law.numbers):
                 raise InputError(
-                    'other numbers', key=self.law, value=sorted(given), expected=str(law.numbers)
+                    'wrong parameters',
+                    key=self.law,
+                    value=sorted(given),
+                    expected=str(law.numbers),
                 )
             if not law.fits(*(given[name] for name in law.numbers)):
                 raise InputError(
-                    'numbers that cannot be', key=self.law, value=given, expected=law.expected
+                    'impossible parameters', key=self.law, value=given, expected=law.expected
                 )
         elif not math.isfinite(self.at(0.5)):
-            raise InputError('numbers that cannot be', key=self.law, value=given)
+            raise InputError('impossible parameters', key=self.law, value=given)
 
     @cached_property
     def _quantile(self) -> Callable[[float], float]:
@@ -163,7 +166,7 @@ def distribution(data: Any, key: str) -> Distribution:
                 names = LAWS[law].numbers if law in LAWS else ()
                 if len(names) != len(numbers):
                     expected = f'{names}' if names else '{name: number} of scipy.stats'
-                    raise InputError('other numbers', key=law, value=numbers, expected=expected)
+                    raise InputError('wrong parameters', key=law, value=numbers, expected=expected)
                 numbers = dict(zip(names, numbers, strict=True))
             if isinstance(numbers, Mapping):
                 return Distribution(str(law), tuple(numbers.items()))

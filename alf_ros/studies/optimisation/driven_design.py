@@ -108,7 +108,7 @@ class DrivenDesign:
         U, s, Vt = np.linalg.svd(jacobian, full_matrices=False)
         if s.size < model.n or s[model.n - 1] <= _SINGULAR * s[0]:
             raise InputError(
-                f'singular at t = {sample.t:.6g} s: the drives do not decide there',
+                f'singular at t = {sample.t:.6g} s: the drives do not determine the motion there',
                 key='drives',
             )
         inverse = Vt.T @ (U / s).T

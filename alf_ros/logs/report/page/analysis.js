@@ -117,6 +117,7 @@ function drawStage() {
     const color = motion.number ? colorOf(`log ${letter(motion.number)}`) : colors.link;
     const places = motion.places(view.t);
     if ($('trails').checked) stage.drawTrails(trail(motion), color);
+    stage.drawWheels(motion.pick(places, motion.wheels), color);
     stage.drawLinks(motion.pick(places, motion.links), motion.pick(places, motion.pins), color);
     if ($('reactions').checked) stage.drawArrows(motion.reactions(places, view.t), colors.reaction, factor);
     stage.drawArrows(motion.applied(view.t), colors.applied, factor);
@@ -124,7 +125,7 @@ function drawStage() {
 }
 
 function trail(motion) {
-  const found = [], points = [...motion.moving.keys()];
+  const found = [], points = [...motion.moving.keys()].filter((point) => !motion.wheels.includes(point));
   for (let n = 0; n <= 120; n++) {
     const t = view.t - TRAIL * (1 - n / 120);
     if (t >= data.logs[motion.number].first) found.push(motion.pick(motion.places(t), points));

@@ -166,6 +166,24 @@ class Stage {
     pen.globalAlpha = 1;
   }
 
+  // Of each wheel its centre and two places on its rim, a right angle apart; a mark shows it turn.
+  drawWheels(list, color = colors.link) {
+    const {pen} = this, places = triples(list);
+    pen.strokeStyle = color;
+    pen.lineWidth = 1.5;
+    for (let n = 0; n + 2 < places.length; n += 3) {
+      const [centre, a, b] = places.slice(n, n + 3);
+      pen.beginPath();
+      pen.moveTo(...this.project(...centre.map((x, i) => x + 0.7 * (a[i] - x))).slice(0, 2));
+      for (let k = 0; k <= 72; k++) {
+        const [c, s] = [Math.cos(k * Math.PI / 36), Math.sin(k * Math.PI / 36)];
+        const at = centre.map((x, i) => x + c * (a[i] - x) + s * (b[i] - x));
+        pen.lineTo(...this.project(...at).slice(0, 2));
+      }
+      pen.stroke();
+    }
+  }
+
   // Ends of lines in turn, and joints. What is farther away first, and a little paler.
   drawLinks(links, joints, color = colors.link) {
     const {pen, spatial, size} = this;
