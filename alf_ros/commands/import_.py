@@ -65,6 +65,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         action='store_true',
         help='replace each impossible inertia by the nearest possible one',
     )
+    parser.add_argument(
+        '--balls',
+        action='store_true',
+        help='one ball for each row of three revolutes through links without mass',
+    )
     parser.add_argument('--key', metavar='NAME', help='keyframe of an MJCF for the start')
     parser.add_argument(
         '--argument',
@@ -86,6 +91,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         'floating': options.floating,
         'positions': numbers(options.set),
         'repair_inertia': options.repair_inertia,
+        'balls': options.balls,
         'key': options.key,
         'arguments': _arguments(options.argument),
     }

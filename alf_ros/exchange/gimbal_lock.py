@@ -17,8 +17,8 @@ _LOCKED, _NEAR = 1e-4, 0.1  # sine between the axes
 
 
 def checked(robot: Robot) -> None:
-    """Note rows of joints near that position. Raises InputError for rows in it."""
-    for row in _rows(robot):
+    """Note rows of joints, and those near that position. Raises InputError for rows in it."""
+    for row in rows(robot):
         sine = float(np.linalg.norm(np.cross(row[0].axes[0], row[2].axes[0])))
         names = ', '.join(each.name for each in row)
         if sine < _LOCKED:
@@ -26,13 +26,13 @@ def checked(robot: Robot) -> None:
                 row[1].name,
                 f'the first and the last axis of {names} are parallel, and the links between have '
                 'no mass: how they move is not determined',
-                expected=f'another position: --set {row[1].name}=NUMBER; or links with mass',
+                expected=f'a ball in their place: --balls; or --set {row[1].name}=NUMBER',
             )
-        if sine < _NEAR:
-            robot.leave('joints near gimbal lock', names)
+        near = sine < _NEAR
+        robot.leave('joints near gimbal lock' if near else 'rows of joints for balls', names)
 
 
-def _rows(robot: Robot) -> Iterator[tuple[Connection, Connection, Connection]]:
+def rows(robot: Robot) -> Iterator[tuple[Connection, Connection, Connection]]:
     """Three revolutes at one place, held by two links that have no mass and no other joint."""
     at: dict[str, list[Connection]] = {}
     for each in robot.connections:

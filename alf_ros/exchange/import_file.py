@@ -10,6 +10,7 @@ from typing import Any
 from alf_ros import paths, resources
 from alf_ros.errors import InputError
 from alf_ros.exchange import (
+    ball_rows,
     gimbal_lock,
     inertia,
     massless_ends,
@@ -29,8 +30,9 @@ class Wishes:
 
     loops: path of a side file that closes loops of a URDF. scene: effects as well. stops:
     stiffness of a stop at each limit of a joint. floating: the root link of a URDF is free.
-    positions: of joints as drawn, rad or m. repair_inertia: change impossible inertias. key: the
-    keyframe of an MJCF that it begins at. arguments: of a xacro.
+    positions: of joints as drawn, rad or m. repair_inertia: change impossible inertias. balls: one
+    ball for three revolutes through links without mass. key: the keyframe of an MJCF that it
+    begins at. arguments: of a xacro.
     """
 
     loops: str | None = None
@@ -39,6 +41,7 @@ class Wishes:
     floating: bool = False
     positions: Mapping[str, float] = field(default_factory=dict)
     repair_inertia: bool = False
+    balls: bool = False
     key: str | None = None
     arguments: Mapping[str, str] = field(default_factory=dict)
 
@@ -52,6 +55,8 @@ def imported(source: str, **wishes: Any) -> str:
     asked = Wishes(**wishes)
     robot = _robot(paths.named(source), asked)
     massless_ends.left_out(robot)
+    if asked.balls:
+        ball_rows.joined(robot, asked.stops is not None)
     gimbal_lock.checked(robot)
     if not robot.parts:
         raise InputError(f'no part of it can move{robot.still}', file=source)

@@ -3,13 +3,18 @@ joints: they move as these joints do, and take as many evaluations."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
 
 from alf_ros import InputError, Scene, Simulation
 from alf_ros.arrays import Floats
-from alf_ros.exchange import gimbal_lock, mechanism_text
-from alf_ros.exchange.robot import Connection, Robot, RobotPart
+from alf_ros.exchange import ball_rows, gimbal_lock, mechanism_text
+from alf_ros.exchange.robot import Actuator, Connection, Robot, RobotPart
 from alf_ros.mechanism import GROUND
 from alf_ros.scene.scene import scene_from_text
 
@@ -124,8 +129,56 @@ def test_a_row_in_gimbal_lock_is_refused_and_near_it_listed(angle: float) -> Non
         with pytest.raises(InputError) as caught:
             gimbal_lock.checked(maker.robot)
         assert 'hook_0, hook_1, hook_2 are parallel' in str(caught.value)
-        assert '--set hook_1=NUMBER' in str(caught.value)
+        assert 'expected a ball in their place: --balls; or --set hook_1=NUMBER' in str(
+            caught.value
+        )
         return
     gimbal_lock.checked(maker.robot)
     listed = maker.robot.left_out.names.get('joints near gimbal lock', [])
     assert listed == (['hook_0, hook_1, hook_2'] if angle == 0.05 else [])
+    others = maker.robot.left_out.names.get('rows of joints for balls', [])
+    assert others == (['hook_0, hook_1, hook_2'] if angle == 0.5 else [])
+
+
+def test_a_ball_in_place_of_a_row_swings_through_gimbal_lock() -> None:
+    """A rod falls from the horizontal: the second joint of the row passes 90°."""
+    maker = RobotMaker(True)
+    maker.rod('rod', (0, 0, 0), (0.4, 0, 0), 1.0)
+    maker.join('hook', 'spherical', GROUND, 'rod', (0, 0, 0), X, Y, Z)
+    ball_rows.joined(maker.robot, stops=True)
+    assert [(each.name, each.kind) for each in maker.robot.connections] == [
+        ('hook_0', 'spherical')
+    ]
+    assert [part.name for part in maker.robot.parts] == ['rod']
+    assert maker.robot.left_out.names == {'angles of balls': ['hook_0, hook_1, hook_2']}
+    simulation = Simulation(maker.scene(), integrator='dop853', step=5e-3)
+    lever, inertia = 0.2, 0.05**2 / 4.0 + 0.4**2 / 3.0
+
+    def rates(_: float, y: Floats) -> list[float]:
+        return [y[1], 9.81 * lever * np.cos(y[0]) / inertia]
+
+    wanted = solve_ivp(rates, (0, 2), [0, 0], 'DOP853', rtol=1e-12, atol=1e-12, dense_output=True)
+    row = simulation.model.body_names.index('rod')
+    first = Rotation.from_quat(simulation.sample().body_poses[row, 3:])
+    for sample in simulation.run(2.0, every=40):
+        turn = Rotation.from_quat(sample.body_poses[row, 3:]) * first.inv()
+        fallen = wanted.sol(sample.t)[0]
+        along = [np.cos(fallen), 0.0, -np.sin(fallen)]
+        np.testing.assert_allclose(turn.apply([1.0, 0.0, 0.0]), along, atol=1e-8)
+
+
+@pytest.mark.parametrize('acts', ['damping', 'friction', 'armature', 'limits', 'actuator'])
+def test_a_row_stays_if_something_acts_on_it(acts: str) -> None:
+    maker = RobotMaker(True)
+    maker.rod('rod', (0, 0, 0), (0.4, 0, 0), 1.0)
+    maker.join('hook', 'spherical', GROUND, 'rod', (0, 0, 0), X, Y, Z)
+    robot = maker.robot
+    if acts == 'actuator':
+        robot.actuators.append(Actuator('motor', 'hook_1'))
+    else:
+        value: Any = (-1.0, 1.0) if acts == 'limits' else 0.1
+        robot.connections[1] = replace(robot.connections[1], **{acts: value})
+    ball_rows.joined(robot, stops=True)
+    assert len(robot.connections) == 3
+    ball_rows.joined(robot, stops=False)
+    assert len(robot.connections) == (1 if acts == 'limits' else 3)

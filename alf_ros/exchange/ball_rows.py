@@ -1,0 +1,47 @@
+"""Three revolutes in a row through links without mass, joined into the ball that they stand for.
+
+Such a row cannot turn in every way: where its first and third axis align (gimbal lock) it loses a
+direction, and near that its links turn faster than a step follows. A ball does neither. Its three
+angles are no joint coordinates.
+"""
+
+from __future__ import annotations
+
+from alf_ros.exchange.gimbal_lock import rows
+from alf_ros.exchange.robot import Connection, Robot
+
+
+def joined(robot: Robot, stops: bool) -> None:
+    """Put a ball in place of each such row, of the name of its first joint.
+
+    A row stays if something acts on its angles: damping, friction, springs, a rotor, an actuator,
+    a coupling, or limits that have `stops`.
+    """
+    used = {each.joint for each in robot.actuators}
+    used |= {name for each in robot.couplings for name in each.of}
+    for row in list(rows(robot)):
+        if any(each.name in used or _acts(each, stops) for each in row):
+            continue
+        first, middle, last = row
+        parent, child = _end(first, middle), _end(last, middle)
+        inner = {middle.parent, middle.child}
+        ball = Connection(first.name, 'spherical', parent, child, middle.place)
+        robot.parts = [part for part in robot.parts if part.name not in inner]
+        robot.connections = [
+            ball if each is first else each
+            for each in robot.connections
+            if each is not middle and each is not last
+        ]
+        robot.leave('angles of balls', ', '.join(each.name for each in row))
+
+
+def _acts(joint: Connection, stops: bool) -> bool:
+    """Whether forces or a rotor act on the angle of a joint."""
+    stopped = stops and joint.limits is not None
+    return stopped or any((joint.damping, joint.stiffness, joint.friction, joint.armature))
+
+
+def _end(joint: Connection, middle: Connection) -> str:
+    """The side of a joint that is not between the joints of the row."""
+    between = {middle.parent, middle.child}
+    return joint.parent if joint.parent not in between else joint.child
