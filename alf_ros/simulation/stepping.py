@@ -21,6 +21,7 @@ from alf_ros.model.effect_directions import softened
 from alf_ros.model.singular_branches import Branch
 from alf_ros.model.tableaux import TABLEAUX, first_pace
 from alf_ros.scene.scene import Solver
+from alf_ros.simulation import locked_rows
 from alf_ros.simulation.applied import NO_INPUTS, Applied
 from alf_ros.simulation.drive_failures import beyond_reach
 from alf_ros.simulation.formulations import Formulation
@@ -214,9 +215,10 @@ class Stepper:
             reason += f', at t = {present.applied.assembled.bearings.ended[0]:.9g} s'
         if status == Status.NOT_CLOSED:
             told, phase = float(self.work.crossing[1]), present.phase
-            missed = self.missed.explained(told, phase.q, phase.qd)
-            if missed is not None:
-                reason, remedy = reason + missed[0], missed[1]
+            cause = locked_rows.explained(self._model, phase.q)
+            cause = cause or self.missed.explained(told, phase.q, phase.qd)
+            if cause is not None:
+                reason, remedy = reason + cause[0], cause[1]
         if status == Status.TOO_LONG:
             longest = self.resolution.adequate
             remedy = f'take a smaller step, {longest:g} s or less, or an adaptive integrator'

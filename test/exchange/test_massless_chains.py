@@ -11,7 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from alf_ros import InputError, Scene, Simulation
+from alf_ros import InputError, Scene, Simulation, StepError
 from alf_ros.arrays import Floats
 from alf_ros.exchange import ball_rows, gimbal_lock, mechanism_text
 from alf_ros.exchange.robot import Actuator, Connection, Robot, RobotPart
@@ -182,3 +182,15 @@ def test_a_row_stays_if_something_acts_on_it(acts: str) -> None:
     assert len(robot.connections) == 3
     ball_rows.joined(robot, stops=False)
     assert len(robot.connections) == (1 if acts == 'limits' else 3)
+
+
+def test_a_step_that_fails_beside_gimbal_lock_says_so() -> None:
+    maker = RobotMaker(True)
+    maker.rod('rod', (0, 0, 0), (0.4, 1e-4, 0), 1.0)
+    maker.join('hook', 'spherical', GROUND, 'rod', (0, 0, 0), X, Y, Z)
+    simulation = Simulation(maker.scene(), integrator='rk4', step=5e-3)
+    with pytest.raises(StepError) as caught:
+        simulation.step(400)
+    assert 'hook_0, hook_1, hook_2 are ' in str(caught.value)
+    assert 'degrees from gimbal lock' in str(caught.value)
+    assert 'import --balls' in str(caught.value)

@@ -1,0 +1,54 @@
+"""Three revolutes in a row through links without mass, near gimbal lock: why a step failed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from alf_ros.arrays import Floats
+from alf_ros.mechanism import Joint
+from alf_ros.model.compile import Model
+
+_NEAR = 0.3  # sine between the first and the last axis
+
+
+def explained(model: Model, q: Floats) -> tuple[str, str] | None:
+    """The end of a message and the remedy, if a row is near gimbal lock at q (blocks D, m)."""
+    places, nearest = q.reshape(-1, model.layout.dimension), (_NEAR, '')
+    for first, middle, last in _rows(model):
+        axes = [
+            model.layout.direction(each.parent, each.frames[0].axes[2]).value(places)
+            for each in (first, last)
+        ]
+        one, other = (axis / np.linalg.norm(axis) for axis in axes)
+        sine = float(np.linalg.norm(np.cross(one, other)))
+        nearest = min(nearest, (sine, f'{first.name}, {middle.name}, {last.name}'))
+    sine, names = nearest
+    if not names:
+        return None
+    return (
+        f': {names} are {np.degrees(np.arcsin(sine)):.2g} degrees from gimbal lock, and the links '
+        'between have no mass',
+        'put a ball in place of such a row (import --balls)',
+    )
+
+
+def _rows(model: Model) -> Iterator[tuple[Joint, Joint, Joint]]:
+    """Three revolutes that two bodies hold, which have no mass and no other joint."""
+    at: dict[str, list[Joint]] = {}
+    for joint in model.mechanism.joints:
+        for side in (joint.parent, joint.child):
+            at.setdefault(side, []).append(joint)
+    held = {
+        body.name
+        for body in model.mechanism.bodies
+        if not body.mass and [each.kind for each in at.get(body.name, [])] == ['revolute'] * 2
+    }
+    for middle in model.mechanism.joints:
+        if {middle.parent, middle.child} <= held:
+            first, last = (
+                next(each for each in at[side] if each is not middle)
+                for side in (middle.parent, middle.child)
+            )
+            yield first, middle, last
