@@ -73,7 +73,11 @@ def test_a_member_that_there_is_not(study, tmp_path, capsys, options, said):
             'durations: 0.2',
             "study.yaml:7: durations: unknown key, got 'durations'",
         ),
-        ('normal: [1.0, 0.05]', 'normal: [1.0]', 'study.yaml:3: vary.coupler.mass: normal: other'),
+        (
+            'normal: [1.0, 0.05]',
+            'normal: [1.0]',
+            'study.yaml:3: vary.coupler.mass: normal: wrong parameters',
+        ),
         ('coupler.mass', 'couple.mass', 'study.yaml'),
         (
             'outputs: [energy]',
