@@ -90,7 +90,7 @@ class _Kind:
 
 
 @dataclass(frozen=True)
-class Asked:
+class AskedFunctions:
     """The functions of effects that a method asks for, besides those that all of them need:
     `tangents` of an implicit one, `sides` of an adaptive explicit one."""
 
@@ -98,7 +98,7 @@ class Asked:
     sides: bool = False
 
 
-_NOTHING = Asked()
+_NOTHING = AskedFunctions()
 
 
 class _Held:
@@ -121,7 +121,7 @@ class _Scene:
         model: Model,
         effects: Sequence[Effect],
         reactions: Callable[[], Reactions],
-        asked: Asked,
+        asked: AskedFunctions,
     ) -> None:
         self.effects = tuple(effects)
         self._model, self.reactions, self._asked = model, reactions, asked
@@ -198,7 +198,7 @@ class Applied:
         inputs: Inputs,
         reactions: Callable[[], Reactions],
         weights: Floats | None = None,
-        asked: Asked = _NOTHING,
+        asked: AskedFunctions = _NOTHING,
         before: Applied | None = None,
     ) -> None:
         """`before`, of the same effects: what it packed and still holds is used again. `weights`
@@ -336,7 +336,7 @@ def _once(
     packed: list[tuple[Layout, list[_Kind]]],
     effects: Sequence[Effect],
     layout: Layout,
-    asked: Asked = _NOTHING,
+    asked: AskedFunctions = _NOTHING,
 ) -> list[_Kind]:
     """The kinds of effects on a layout, kept in `packed`: two layouts, or three, ever ask."""
     for known, kinds in packed:
@@ -346,7 +346,9 @@ def _once(
     return packed[-1][1]
 
 
-def _kinds(effects: Sequence[Effect], layout: Layout, asked: Asked = _NOTHING) -> list[_Kind]:
+def _kinds(
+    effects: Sequence[Effect], layout: Layout, asked: AskedFunctions = _NOTHING
+) -> list[_Kind]:
     """Raises InputError if an effect does not fit the mechanism."""
     by_kind: dict[str, list[Effect]] = {}
     for effect in effects:

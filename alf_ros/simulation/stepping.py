@@ -21,7 +21,7 @@ from alf_ros.model.effect_directions import softened
 from alf_ros.model.singular_branches import Branch
 from alf_ros.model.tableaux import TABLEAUX, first_pace
 from alf_ros.scene.scene import Solver
-from alf_ros.simulation.applied import NO_INPUTS, Applied, Asked
+from alf_ros.simulation.applied import NO_INPUTS, Applied, AskedFunctions
 from alf_ros.simulation.drive_failures import beyond_reach
 from alf_ros.simulation.formulations import Formulation
 from alf_ros.simulation.instruments import Instruments
@@ -66,7 +66,7 @@ class Stepper:
             NO_INPUTS,
             self.instruments.reactions,
             method.b if ledger else None,
-            Asked(tableau.implicit, method.embedded.size > 0 and not tableau.implicit),
+            AskedFunctions(tableau.implicit, method.embedded.size > 0 and not tableau.implicit),
         )
         if following is not None:
             following.check(self.applied)

@@ -1,4 +1,4 @@
-"""What is ordinary, of a start beside a singular position: the distance of positions elsewhere."""
+"""The σ of ordinary positions, found from a start beside a singular one."""
 
 from __future__ import annotations
 
