@@ -22,6 +22,7 @@ _NEAR_BY = 4  # places that each search for an ordinary position examines
 _APART = 1e-6  # of the size: positions that are not the same
 _SOFT = 0.2  # σ below which a position may be beside a singular one
 _FIRMER = 4.0  # times this σ, that of an ordinary position somewhat further away
+_RISING = 1.5  # times this σ, that of positions nearby: a soft mechanism is soft everywhere
 _FURTHER = 0.2  # of the size, or rad of a drive: how far away
 _MOST = 600  # coordinates of a mechanism for which positions further away are examined
 
@@ -85,8 +86,12 @@ def ordinary(model: Model, q: Floats, work: Work | None = None) -> tuple[int, Fl
     rank = max(best, 0)
     place, sigma = places[0], _softness(model, work, places[0], rank)
     if sigma < _SOFT:  # this is beside a singular position, or the mechanism is soft
-        others = places[1:] + _further(model, work, q, rank, close)
+        others = places[1:]
         values = [_softness(model, work, other, rank) for other in others]
+        if model.mechanism.prescribed or max(values, default=0.0) > _RISING * sigma:
+            more = _further(model, work, q, rank, close)
+            others += more
+            values += [_softness(model, work, other, rank) for other in more]
         if values and max(values) > _FIRMER * sigma:
             sigma = max(values)
             place = others[values.index(sigma)]
@@ -97,8 +102,8 @@ def _further(
     model: Model, work: Work, q: Floats, rank: int, close: Callable[[Floats], Floats]
 ) -> list[Floats]:
     """Positions of the same rank further away from q, with drives elsewhere: beside a singular
-    position all positions nearby are soft. None for large mechanisms, whose long chains are soft
-    everywhere, and with gears, which would not be in mesh."""
+    position all positions nearby are soft. None for large mechanisms, and with gears, which would
+    not be in mesh."""
     if model.n > _MOST or integrals(model.layout, teeth=True):
         return []
     random, found = np.random.default_rng(1), list[Floats]()
