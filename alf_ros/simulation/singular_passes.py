@@ -262,8 +262,8 @@ class Watcher:
         return passes
 
     def _across(self, a: ModesAt, b: ModesAt) -> list[Pass]:
-        """From or to places without a sign. The sign is that of places beside them, within the
-        step: the mechanism may turn back in it, and pass twice."""
+        """From or to places without a sign. Places beside them, within the step, have one: the
+        mechanism may turn back in the step, and pass twice."""
         beside = _TOGETHER * (b.t - a.t)
         start = a if a.sigma >= NIL else self._with_sign(a, a.t + beside)
         end = b if b.sigma >= NIL else self._with_sign(a, b.t - beside)
