@@ -1,11 +1,13 @@
 """The cost of one stage evaluation: N four-bars, RK4 at 0.1 ms, everything of a step included.
 
-    .venv/bin/python benchmark/stage_cost.py [--runs 5] [--against ANOTHER_CHECKOUT]
+    .venv/bin/python benchmark/stage_cost.py [--runs 5] [--against ANOTHER_CHECKOUT | --judged]
 
 With --against: the ratio of the cost here to the cost in another checkout of this repository, in
-turns, so that a machine that others use too slows both. Else prints µs per stage for N = 2 to
-100,000 and writes benchmark/results/stage_cost.csv: the median of so many processes, which load
-their code from numba's cache and compile nothing, and in each the fastest of several repetitions.
+turns, so that a machine that others use too slows both. With --judged: likewise the part that the
+judgement of the length of steps costs, against the same steps without it. Else prints µs per stage
+for N = 2 to 100,000 and writes benchmark/results/stage_cost.csv: the median of so many processes,
+which load their code from numba's cache and compile nothing, and in each the fastest of several
+repetitions.
 """
 
 from __future__ import annotations
@@ -17,10 +19,13 @@ import statistics
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
+
+import numpy as np  # noqa: E402
 
 from alf_ros import Simulation, load_scene  # noqa: E402
 from alf_ros.logs.provenance import about  # noqa: E402
@@ -91,6 +96,25 @@ def against(other: str, bars: int, turns: int = 150) -> tuple[float, float]:
     return statistics.median(here), statistics.median(ratios)
 
 
+def judged(bars: int, turns: int = 300) -> tuple[float, float]:
+    """µs a stage, and the median ratio to the time of the same steps without a judgement."""
+    scene = load_scene('n_four_bar', parameters={'N': bars})
+    plain, other = (Simulation(scene, step=1e-4, integrator='rk4') for _ in range(2))
+    stepper = other._stepper  # a method without an estimate is not judged
+    stepper.method = replace(stepper.method, estimate=np.zeros(0))
+    stepper._problems.clear()
+    spent: dict[bool, list[float]] = {True: [], False: []}
+    for turn in range(turns + 1):
+        for simulation in (plain, other) if turn % 2 else (other, plain):
+            before, started = simulation.evaluations, time.perf_counter()
+            simulation.step(max(3, 20_000 // bars))
+            took = (time.perf_counter() - started) / (simulation.evaluations - before)
+            if turn:  # the first waits for compiling
+                spent[simulation is plain].append(took)
+    ratios = [a / b for a, b in zip(spent[True], spent[False], strict=True)]
+    return 1e6 * statistics.median(spent[True]), statistics.median(ratios)
+
+
 def in_its_own_process(bars: int) -> float:
     """The same in a new one."""
     command = [sys.executable, __file__, '--one', str(bars)]
@@ -101,10 +125,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition('\n')[0])
     parser.add_argument('--runs', type=int, default=5)
     parser.add_argument('--against', metavar='CHECKOUT')
+    parser.add_argument('--judged', action='store_true')
     parser.add_argument('--one', type=int, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.one:
         print(cost(options.one))
+        return
+    if options.judged:
+        for bars in FOUR_BARS[:-2]:
+            spent, ratio = judged(bars)
+            part = 100.0 * (1.0 - 1.0 / ratio)
+            print(f'N = {bars:6}: {spent:9.3f} µs a stage, judging {part:.1f} % of it', flush=True)
         return
     if options.against:
         if not (Path(options.against) / 'alf_ros/__init__.py').is_file():  # it would be this one

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 from alf_ros.arrays import Floats, Integers
 from alf_ros.effects import contract
-from alf_ros.effects.contract.piecewise import Points, interpolate, law, slope
+from alf_ros.effects.contract.piecewise import Points, interpolate, law, side_of, slope
 from alf_ros.effects.contract.scalars import Measures, numbers_of, place, push, scalar
 from alf_ros.mechanism.natural_coordinates import Layout
 
@@ -73,6 +73,15 @@ def force(
     for n in range(slots[1]):
         _, speed = scalar(q, qd, near, slots, params, n)
         push(q, slots, params, n, -interpolate(params, numbers_of(slots, n), speed), Q)
+
+
+@contract.side
+def side(t: float, q: Floats, qd: Floats, near: Floats, slots: Integers, params: Floats) -> float:
+    total = 0.0
+    for n in range(slots[1]):
+        _, speed = scalar(q, qd, near, slots, params, n)
+        total += (n + 1.0) * side_of(params, numbers_of(slots, n), speed)
+    return total
 
 
 @contract.tangent

@@ -195,6 +195,20 @@ def force(
                 push_component(q, slots, params, n, D * (k + 1) + a, F * arm, Q)
 
 
+@contract.side
+def side(t: float, q: Floats, qd: Floats, near: Floats, slots: Integers, params: Floats) -> float:
+    total = 0.0
+    for n in range(slots[1]):
+        at, depth, sinking = numbers_of(slots, n), 0.0, 0.0
+        for a in range(slots[0]):
+            r, v = component(q, qd, slots, params, n, a)
+            depth -= params[at + 8 + a] * r
+            sinking -= params[at + 8 + a] * v
+        if depth + params[at + 5] + params[at + 7] > 0.0 and params[at + 2] * sinking > -1.0:
+            total += n + 1.0
+    return total
+
+
 @contract.potential
 def potential(t: float, q: Floats, near: Floats, slots: Integers, params: Floats) -> float:
     energy = 0.0

@@ -88,6 +88,19 @@ def force(
             push(q, slots, params, n, -k * (x - upper) ** p * max(0.0, 1.0 + c * xd), Q)
 
 
+@contract.side
+def side(t: float, q: Floats, qd: Floats, near: Floats, slots: Integers, params: Floats) -> float:
+    total = 0.0
+    for n in range(slots[1]):
+        at = numbers_of(slots, n)
+        x, xd = scalar(q, qd, near, slots, params, n)
+        if x < params[at] and params[at + 4] * xd < 1.0:
+            total += n + 1.0
+        elif x > params[at + 1] and -params[at + 4] * xd < 1.0:
+            total -= n + 1.0
+    return total
+
+
 @contract.potential
 def potential(t: float, q: Floats, near: Floats, slots: Integers, params: Floats) -> float:
     energy = 0.0

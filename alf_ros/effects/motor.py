@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 
 from alf_ros.arrays import Floats, Integers
 from alf_ros.effects import contract
-from alf_ros.effects.contract.piecewise import Points, interpolate, signal, slope
+from alf_ros.effects.contract.piecewise import Points, interpolate, side_of, signal, slope
 from alf_ros.effects.contract.scalars import Measures, numbers_of, push, scalar, shared
 from alf_ros.mechanism.natural_coordinates import Layout
 
@@ -154,6 +154,27 @@ def force(
             speed = xd * params[at + 3]
             effort = min(max(effort, -limit * (1.0 + speed)), limit * (1.0 - speed))
         push(q, slots, params, n, effort, Q)
+
+
+@contract.side
+def side(t: float, q: Floats, qd: Floats, near: Floats, slots: Integers, params: Floats) -> float:
+    total = 0.0
+    for n in range(slots[1]):
+        at = numbers_of(slots, n)
+        e = at + 7
+        place = 2.0 * side_of(params, e, t)
+        place += 3.0 * side_of(params, e + int(params[at + 5]), t)
+        place += 5.0 * side_of(params, e + int(params[at + 6]), t)
+        limit = params[at + 2]
+        if limit < math.inf:
+            effort, xd = _wanted(t, q, qd, near, slots, params, n)
+            speed = xd * params[at + 3]
+            if effort < -limit * (1.0 + speed):
+                place += 7.0
+            elif effort > limit * (1.0 - speed):
+                place -= 7.0
+        total += (n + 1.0) * place
+    return total
 
 
 @contract.tangent

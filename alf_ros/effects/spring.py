@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 from alf_ros.arrays import Floats, Integers
 from alf_ros.effects import contract
-from alf_ros.effects.contract.piecewise import Points, integral, interpolate, law, slope
+from alf_ros.effects.contract.piecewise import Points, integral, interpolate, law, side_of, slope
 from alf_ros.effects.contract.scalars import (
     Measures,
     numbers_of,
@@ -90,6 +90,16 @@ def force(
         at = numbers_of(slots, n)
         length, _ = scalar(q, qd, near, slots, params, n)
         push(q, slots, params, n, -interpolate(params, at + 1, length - params[at]), Q)
+
+
+@contract.side
+def side(t: float, q: Floats, qd: Floats, near: Floats, slots: Integers, params: Floats) -> float:
+    total = 0.0
+    for n in range(slots[1]):
+        at = numbers_of(slots, n)
+        length, _ = scalar(q, qd, near, slots, params, n)
+        total += (n + 1.0) * side_of(params, at + 1, length - params[at])
+    return total
 
 
 @contract.potential

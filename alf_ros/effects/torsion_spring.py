@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 from alf_ros.arrays import Floats, Integers
 from alf_ros.effects import contract
-from alf_ros.effects.contract.piecewise import Points, integral, interpolate, law, slope
+from alf_ros.effects.contract.piecewise import Points, integral, interpolate, law, side_of, slope
 from alf_ros.effects.contract.scalars import Measures, numbers_of, push, scalar
 from alf_ros.mechanism.natural_coordinates import Layout
 
@@ -76,6 +76,16 @@ def force(
         x, xd = scalar(q, qd, near, slots, params, n)
         effort = interpolate(params, at + 2, x - params[at]) + params[at + 1] * xd
         push(q, slots, params, n, -effort, Q)
+
+
+@contract.side
+def side(t: float, q: Floats, qd: Floats, near: Floats, slots: Integers, params: Floats) -> float:
+    total = 0.0
+    for n in range(slots[1]):
+        at = numbers_of(slots, n)
+        x, _ = scalar(q, qd, near, slots, params, n)
+        total += (n + 1.0) * side_of(params, at + 2, x - params[at])
+    return total
 
 
 @contract.potential

@@ -14,7 +14,7 @@ import numpy as np
 
 from alf_ros.arrays import Floats, Integers
 from alf_ros.effects import contract
-from alf_ros.effects.contract.piecewise import Points, interpolate, pieces
+from alf_ros.effects.contract.piecewise import Points, interpolate, pieces, side_of
 from alf_ros.effects.contract.scalars import (
     Measures,
     component,
@@ -165,3 +165,16 @@ def force(
                 cross = _vector(q, slots, params, n, at, 3, b, t) * uc
                 cross -= _vector(q, slots, params, n, at, 3, c, t) * ub
                 push_component(q, slots, params, n, first + a, 0.5 * cross, Q)
+
+
+@contract.side
+def side(t: float, q: Floats, qd: Floats, near: Floats, slots: Integers, params: Floats) -> float:
+    total = 0.0
+    for n in range(slots[1]):
+        at = numbers_of(slots, n)
+        columns = 1
+        if params[at + 1] >= 0.0:
+            columns = slots[0] + int(params[at + 2])
+        for k in range(columns):
+            total += (n + 1.0) * (k + 2.0) * side_of(params, at + 4 + k * int(params[at + 3]), t)
+    return total

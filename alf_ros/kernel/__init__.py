@@ -11,6 +11,7 @@ from alf_ros.kernel.applied_forces import (
     chosen_forces,
     force_change,
     potential_energy,
+    sides,
 )
 from alf_ros.kernel.augmented_solve import accelerate, augmented, finish, restore_reactions
 from alf_ros.kernel.constraints import (
@@ -142,6 +143,7 @@ __all__ = [
     'prescribed_at',
     'read_out',
     'restore_reactions',
+    'sides',
     'slips',
     'softest',
     'solve',

@@ -52,6 +52,7 @@ _FLAT = 1e-14  # … far from singular positions, over the ordinary σ …
 _MOST_ROUNDED = 1e-10  # … and at most; ten times more if it stays
 _DECAY = 2.5  # an error of order h⁴ that falls by less than this power of h belongs to a kink
 _LEAP = 100.0  # times: an error that exceeds the previous one by so much, likewise
+_ACROSS = 0.1  # part of the coarse error that counts where a kink is known to be in the step
 _TURN = 1.5  # rad that an arm may turn in a step, so that turns can be counted
 _MARGIN = 4.0  # as rounding is different in every step
 ENDED = 1e-6  # part of the step of the grid up to which the end of a balance is found
@@ -184,6 +185,9 @@ def advance_adaptively(
             parts = max(1.0, np.ceil(0.999999 * left / longest))  # no crumb at the grid point
             dt = left / parts
             to = end if parts == 1.0 else t + done + dt
+            if not begun:
+                work.sides[0] = np.nan
+            work.sides[1] = 0.0
             result, count = step(problem, phase, t + done, to, dt, sigma, begun)
             most = max(most, count)
             if told_to_stop(work):
@@ -194,6 +198,8 @@ def advance_adaptively(
                 fine, coarse = _errors(unit, system, method, work, phase, dt, share)
             if fine < np.inf:
                 error = _joined(fine, coarse)
+                if work.sides[1] > 0.0:
+                    error = max(fine, _ACROSS * coarse)
                 if coarse > expected * (dt / longer) ** (_DECAY if tries > 0 else 4.0):
                     error = max(fine, coarse)
                 part = error / floor

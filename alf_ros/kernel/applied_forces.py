@@ -67,6 +67,26 @@ def applied_forces(
 
 
 @compiled
+def sides(effects: Effects, t: float, q: Floats, qd: Floats, near: Floats) -> float:
+    """A number that differs between the two sides of a kink of the forces."""
+    total = 0.0
+    for e in range(effects.side.size):
+        if effects.side[e] != 0:
+            total += (e + 1.0) * call_for_number(
+                effects.side[e],
+                t,
+                q,
+                qd,
+                near,
+                effects.slots,
+                effects.slots_at[e],
+                effects.params,
+                effects.params_at[e],
+            )
+    return total
+
+
+@compiled
 def chosen_forces(
     effects: Effects,
     chosen: Integers,

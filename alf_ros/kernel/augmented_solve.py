@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Floats, Unit
-from alf_ros.kernel.applied_forces import applied_forces
+from alf_ros.kernel.applied_forces import applied_forces, sides
 from alf_ros.kernel.augmented_residuals import (
     begin_accelerations,
     begin_velocities,
@@ -200,9 +200,15 @@ def solved(
 @inner
 def apply(problem: Problem, t: float) -> None:
     """Q at q, q̇ in `work`, but for friction that depends on reactions; of an implicit method with
-    (M̂ - M) k."""
-    system, work = problem.system, problem.work
-    applied_forces(problem.forces.effects, t, work.q, work.qd, work.near, work.Q)
+    (M̂ - M) k. Notes in `work.sides` whether a kink is between here and the start of the step."""
+    system, work, effects = problem.system, problem.work, problem.forces.effects
+    applied_forces(effects, t, work.q, work.qd, work.near, work.Q)
+    if effects.side.size > 0:
+        here = sides(effects, t, work.q, work.qd, work.near)
+        if np.isnan(work.sides[0]):
+            work.sides[0] = here
+        if here != work.sides[0]:
+            work.sides[1] = 1.0
     if system.soft.weight.size > 0:
         add_soft_times(problem.unit, system.soft, 1.0, system.soft.k, work.Q)
 

@@ -129,6 +129,7 @@ def end_step(
         copy(work.base, work.q)
         result = project(unit, system, work, True)
         if result == OK:
+            work.aside[1] = lost(unit, system, work)  # as a restored state finds it
             most, _sigma = velocities(problem, True)  # (33)
     else:
         moved = furthest(work.q, work.base, work.p.size)

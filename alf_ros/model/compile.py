@@ -376,6 +376,7 @@ def _workspaces(
         'place_x': 8,
         'nearest': 1,
         'crossing': 3,
+        'sides': 2,
         'angle': angles,
         'angle_before': angles,
         'near': angles // 2,

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from functools import cached_property
+from collections.abc import Callable
+from functools import cached_property, partial
 from itertools import product
 
 import numpy as np
@@ -19,8 +20,11 @@ from alf_ros.model.rank import distance, effective_rank
 
 _NEAR_BY = 4  # places that each search for an ordinary position examines
 _APART = 1e-6  # of the size: positions that are not the same
-_SOFT = 0.05  # σ below which a position may be beside a singular one
-_FIRMER = 20.0  # times the σ of an ordinary position near it
+_SOFT = 0.2  # σ below which a position may be beside a singular one
+_FIRMER = 4.0  # times this σ, that of an ordinary position somewhat further away
+_RISING = 1.5  # times this σ, that of positions nearby: a soft mechanism is soft everywhere
+_FURTHER = 0.2  # of the size, or rad of a drive: how far away
+_MOST = 600  # coordinates of a mechanism for which positions further away are examined
 
 
 def ordinary(model: Model, q: Floats, work: Work | None = None) -> tuple[int, Floats, float]:
@@ -34,6 +38,7 @@ def ordinary(model: Model, q: Floats, work: Work | None = None) -> tuple[int, Fl
     places_only, names, _ = hold(model, [], velocities=False)
     work = work or allocate(model, model.system, 0)
     closing = work if places_only is model.system else allocate(model, places_only, 0)
+    close = partial(assembly.closed, model, places_only, names, closing)
     best, here, places, closed = -1, -1, [q], 0
     for turn in range(12):
         near, away = np.array(q), 0.05 * model.size if turn else 0.0
@@ -50,7 +55,7 @@ def ordinary(model: Model, q: Floats, work: Work | None = None) -> tuple[int, Fl
         near[: model.n] += away * random.next()
         if turn:
             try:
-                near = assembly.closed(model, places_only, names, closing, near)
+                near = close(near)
                 closed += 1
             except AssemblyError:
                 continue
@@ -70,7 +75,7 @@ def ordinary(model: Model, q: Floats, work: Work | None = None) -> tuple[int, Fl
         near = np.array(q)
         near[axis : model.n : model.layout.dimension] += way
         try:
-            near = assembly.closed(model, places_only, names, closing, near)
+            near = close(near)
         except AssemblyError:
             continue
         rank = _rank(model, work, near)
@@ -80,12 +85,40 @@ def ordinary(model: Model, q: Floats, work: Work | None = None) -> tuple[int, Fl
         best, places = _in_mesh(model, work, q, random) or (best, places)
     rank = max(best, 0)
     place, sigma = places[0], _softness(model, work, places[0], rank)
-    if sigma < _SOFT and np.array_equal(places[0], q):
-        for other in places[1:]:  # q is beside a singular position, or the mechanism is soft
-            found = _softness(model, work, other, rank)
-            if found > _FIRMER * sigma:
-                place, sigma = other, found
+    if sigma < _SOFT:  # this is beside a singular position, or the mechanism is soft
+        others = places[1:]
+        values = [_softness(model, work, other, rank) for other in others]
+        if model.mechanism.prescribed or max(values, default=0.0) > _RISING * sigma:
+            more = _further(model, work, q, rank, close)
+            others += more
+            values += [_softness(model, work, other, rank) for other in more]
+        if values and max(values) > _FIRMER * sigma:
+            sigma = max(values)
+            place = others[values.index(sigma)]
     return len(model.row_names) - rank, place, sigma
+
+
+def _further(
+    model: Model, work: Work, q: Floats, rank: int, close: Callable[[Floats], Floats]
+) -> list[Floats]:
+    """Positions of the same rank further away from q, with drives elsewhere: beside a singular
+    position all positions nearby are soft. None for large mechanisms, and with gears, which would
+    not be in mesh."""
+    if model.n > _MOST or integrals(model.layout, teeth=True):
+        return []
+    random, found = np.random.default_rng(1), list[Floats]()
+    for _ in range(_NEAR_BY):
+        near = np.array(q)
+        if model.mechanism.prescribed:
+            _displace(model, near, _FURTHER * random.standard_normal())
+        near[: model.n] += _FURTHER * model.size * random.standard_normal(model.n)
+        try:
+            near = close(near)
+        except AssemblyError:
+            continue
+        if _rank(model, work, near) == rank:
+            found.append(near)
+    return found
 
 
 def _in_mesh(

@@ -84,8 +84,21 @@ class _Kind:
     potential: int
     friction: int
     tangent: int
+    side: int
     packed: Packed
     rubbing: Sequence[Effect]
+
+
+@dataclass(frozen=True)
+class AskedFunctions:
+    """The functions of effects that a method asks for, besides those that all of them need:
+    `tangents` of an implicit one, `sides` of an adaptive explicit one."""
+
+    tangents: bool = False
+    sides: bool = False
+
+
+_NOTHING = AskedFunctions()
 
 
 class _Held:
@@ -108,15 +121,15 @@ class _Scene:
         model: Model,
         effects: Sequence[Effect],
         reactions: Callable[[], Reactions],
-        tangents: bool,
+        asked: AskedFunctions,
     ) -> None:
         self.effects = tuple(effects)
-        self._model, self.reactions, self._tangents = model, reactions, tangents
+        self._model, self.reactions, self._asked = model, reactions, asked
         self._kinds: list[tuple[Layout, list[_Kind]]] = []
         self._on_axes: OnAxes | None = None
 
     def kinds(self, layout: Layout) -> list[_Kind]:
-        return _once(self._kinds, self.effects, layout, self._tangents)
+        return _once(self._kinds, self.effects, layout, self._asked)
 
     @property
     def directions(self) -> list[Direction]:
@@ -185,23 +198,23 @@ class Applied:
         inputs: Inputs,
         reactions: Callable[[], Reactions],
         weights: Floats | None = None,
-        tangents: bool = False,
+        asked: AskedFunctions = _NOTHING,
         before: Applied | None = None,
     ) -> None:
         """`before`, of the same effects: what it packed and still holds is used again. `weights`
-        (stages,) of the method: a ledger is kept. `tangents`: for an implicit method.
+        (stages,) of the method: a ledger is kept.
 
         Raises InputError if an effect does not fit the mechanism.
         """
         self.inputs = inputs
         self._model, self._given, self._reactions = model, effects, reactions
-        self._weights, self._tangents = weights, tangents
+        self._weights, self._asked = weights, asked
         self._scene: _Scene
         if before is not None and before.inputs.targets == inputs.targets:
             self._scene = before._scene
         else:
             aimed = [_aimed(each, inputs.targets) for each in effects]
-            self._scene = _Scene(model, aimed, reactions, tangents)
+            self._scene = _Scene(model, aimed, reactions, asked)
         self._elsewhere: tuple[Layout, Effects] | None = None
         known = before._held if before is not None else {}
         wanted = {('wrench', name): wrench for name, wrench in inputs.wrenches.items()}
@@ -213,13 +226,13 @@ class Applied:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """State without the addresses of compiled code, which belong to this process."""
-        given = self._given, self.inputs, self._reactions, self._weights, self._tangents
+        given = self._given, self.inputs, self._reactions, self._weights, self._asked
         return Applied, (self._model, *given)
 
     def holding(self, inputs: Inputs) -> Applied:
         """The same effects with other inputs."""
         return Applied(
-            self._model, self._given, inputs, self._reactions, self._weights, self._tangents, self
+            self._model, self._given, inputs, self._reactions, self._weights, self._asked, self
         )
 
     @property
@@ -303,12 +316,14 @@ def _listed(kinds: Sequence[_Kind]) -> Effects:
     """As the kernel wants them."""
     slots = [kind.packed.slots for kind in kinds]
     params = [kind.packed.params for kind in kinds]
+    sides = [kind.side for kind in kinds]
     loads = np.cumsum([0, *(len(kind.rubbing) for kind in kinds)], dtype=np.uint64)
     return Effects(
         force=np.array([kind.force for kind in kinds], dtype=np.uint64),
         potential=np.array([kind.potential for kind in kinds], dtype=np.uint64),
         friction=np.array([kind.friction for kind in kinds], dtype=np.uint64),
         tangent=np.array([kind.tangent for kind in kinds], dtype=np.uint64),
+        side=np.array(sides if any(sides) else [], dtype=np.uint64),
         slots=np.concatenate([np.zeros(0, dtype=np.int64), *slots]),
         params=np.concatenate([np.zeros(0), *params]),
         slots_at=_starts(slots),
@@ -321,17 +336,19 @@ def _once(
     packed: list[tuple[Layout, list[_Kind]]],
     effects: Sequence[Effect],
     layout: Layout,
-    tangents: bool = False,
+    asked: AskedFunctions = _NOTHING,
 ) -> list[_Kind]:
     """The kinds of effects on a layout, kept in `packed`: two layouts, or three, ever ask."""
     for known, kinds in packed:
         if known is layout:
             return kinds
-    packed.append((layout, _kinds(effects, layout, tangents)))
+    packed.append((layout, _kinds(effects, layout, asked)))
     return packed[-1][1]
 
 
-def _kinds(effects: Sequence[Effect], layout: Layout, tangents: bool = False) -> list[_Kind]:
+def _kinds(
+    effects: Sequence[Effect], layout: Layout, asked: AskedFunctions = _NOTHING
+) -> list[_Kind]:
     """Raises InputError if an effect does not fit the mechanism."""
     by_kind: dict[str, list[Effect]] = {}
     for effect in effects:
@@ -348,9 +365,10 @@ def _kinds(effects: Sequence[Effect], layout: Layout, tangents: bool = False) ->
         rubs = any(_loaded(effect) is not None for effect in instances)
         friction = module.friction.address if rubs else 0
         rubbing = instances if rubs else ()
-        tangent = module.tangent.address if tangents and hasattr(module, 'tangent') else 0
+        tangent = module.tangent.address if asked.tangents and hasattr(module, 'tangent') else 0
+        side = module.side.address if asked.sides and hasattr(module, 'side') else 0
         kinds.append(
-            _Kind(kind, module.force.address, potential, friction, tangent, packed, rubbing)
+            _Kind(kind, module.force.address, potential, friction, tangent, side, packed, rubbing)
         )
     return kinds
 

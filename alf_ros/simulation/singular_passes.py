@@ -174,8 +174,8 @@ class Watcher:
         """Forget all passes: the simulation continues from another state."""
         self.passes.clear()
         self._known = False
-        # the last position whose σ has a sign, if later ones have none
-        self._open: ModesAt | None = None
+        # the last step whose end has a σ without sign: where it began, and a place before its end
+        self._open: tuple[ModesAt, ModesAt] | None = None
         self._nil: float | None = None  # s, when σ was least since then
 
     @property
@@ -250,36 +250,53 @@ class Watcher:
             return []
         if b.sigma < NIL or a.sigma < NIL:
             return self._across(a, b)
+        return self._between(a, b, a, b)
+
+    def _between(self, a: ModesAt, b: ModesAt, start: ModesAt, end: ModesAt) -> list[Pass]:
+        """The passes between two places, of the step from a to b."""
         last, passes = -np.inf, []
-        for t in self._search(a, b, _HALVED, _CUT):
+        for t in self._search(start, end, _HALVED, _CUT):
             if t - last > _TOGETHER * self._h:
                 passes.append(self._found(t, a, b))
             last = t
         return passes
 
     def _across(self, a: ModesAt, b: ModesAt) -> list[Pass]:
-        """From or to places without a sign: those before and behind them are compared."""
-        if b.sigma < NIL:
-            if a.sigma >= NIL:
-                self._open, self._nil = a, b.t
+        """From or to places without a sign. Places beside them, within the step, have one: the
+        mechanism may turn back in the step, and pass twice."""
+        beside = _TOGETHER * (b.t - a.t)
+        start = a if a.sigma >= NIL else self._with_sign(a, a.t + beside)
+        end = b if b.sigma >= NIL else self._with_sign(a, b.t - beside)
+        if a.sigma < NIL and b.sigma < NIL and (start is None or end is None):  # it stays there
             return []
+        start, end = start or b, end or a  # too slow to have a sign soon
         passes = []
-        if self._open is not None and self._nil is not None:
-            told = ModeComparison(self._model, self._work, self._open, b, moving=False)
-            if told.changes_sign:
-                passes = [self._found(self._nil, self._open, b)]
-        self._open = self._nil = None
+        if a.sigma < NIL and self._open is not None and self._nil is not None:
+            before, near = self._open
+            if ModeComparison(self._model, self._work, near, start, moving=False).changes_sign:
+                passes = [self._found(self._nil, before, b)]
+        if start.t < end.t:
+            passes += self._between(a, b, start, end)
+        self._open, self._nil = ((a, end), b.t) if b.sigma < NIL else (None, None)
         return passes
 
-    def _search(self, a: ModesAt, b: ModesAt, halved: int, cut: int) -> list[float]:
-        """When modes vanish between two places, s."""
+    def _with_sign(self, a: ModesAt, t: float) -> ModesAt | None:
+        """`_aside`, if σ has a sign there."""
+        found = self._aside(a, t)
+        return None if found is None or found.sigma < NIL else found
+
+    def _search(
+        self, a: ModesAt, b: ModesAt, halved: int, cut: int, slow: bool = False
+    ) -> list[float]:
+        """When modes vanish between two places, s. `slow`: the last cut, where σ as a linear
+        function vanishes, left more than half."""
         told = ModeComparison(self._model, self._work, a, b, moving=True)
         if told.is_clear:
             return []
         fine = b.t - a.t <= _FINE * self._h
         if fine or (told.passes and cut == 0) or (not told.passes and halved == 0):
             return [told.t] if told.changes_sign else []
-        t = told.t if told.passes else 0.5 * (a.t + b.t)
+        t = told.t if told.passes and not slow else 0.5 * (a.t + b.t)
         edge = 0.1 * _FINE * self._h
         middle = self._aside(a, min(max(t, a.t + edge), b.t - edge))
         if middle is not None and middle.sigma < NIL:
@@ -289,7 +306,12 @@ class Watcher:
         if middle is None or middle.sigma < NIL:
             return [told.t] if told.changes_sign else []
         halved -= not told.passes
-        return self._search(a, middle, halved, cut - 1) + self._search(middle, b, halved, cut - 1)
+        whole = b.t - a.t
+        return [
+            t
+            for c, d in ((a, middle), (middle, b))
+            for t in self._search(c, d, halved, cut - 1, told.passes and d.t - c.t > 0.5 * whole)
+        ]
 
     def _aside(self, a: ModesAt, t: float) -> ModesAt | None:
         """Where a step from a leads until t (s); None if it fails."""

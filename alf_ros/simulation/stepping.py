@@ -22,7 +22,7 @@ from alf_ros.model.singular_branches import Branch
 from alf_ros.model.tableaux import TABLEAUX, first_pace
 from alf_ros.scene.scene import Solver
 from alf_ros.simulation import locked_rows
-from alf_ros.simulation.applied import NO_INPUTS, Applied
+from alf_ros.simulation.applied import NO_INPUTS, Applied, AskedFunctions
 from alf_ros.simulation.drive_failures import beyond_reach
 from alf_ros.simulation.formulations import Formulation
 from alf_ros.simulation.instruments import Instruments
@@ -67,7 +67,7 @@ class Stepper:
             NO_INPUTS,
             self.instruments.reactions,
             method.b if ledger else None,
-            tangents=tableau.implicit,
+            AskedFunctions(tableau.implicit, method.embedded.size > 0 and not tableau.implicit),
         )
         if following is not None:
             following.check(self.applied)

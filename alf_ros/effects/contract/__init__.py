@@ -22,6 +22,9 @@
     joint coordinate that `loaded` names; where it says None, zero. The kernel finds the loads and
     reactions that agree.
 
+`side(t, q, qd, near, slots, params)` (optional)
+    compiled by `@side`, for an adaptive explicit method: a number that differs between the two
+    sides of each kink of the force. A step with a kink inside is then known.
 `tangent(t, q, qd, near, loads, slots, params, n, stiff, G)` (optional)
     compiled by `@tangent`, for an implicit method that asks: how the effect yields in direction
     n, one of `Packed.directions`. Of an effort F on a scalar x: writes -∂F/∂x and -∂F/∂ẋ into
@@ -80,6 +83,9 @@ TANGENT = types.void(
     _numbers,
 )  # t, q, qd, near, loads, slots, params, n, stiff, G
 POTENTIAL = types.float64(types.float64, _numbers, _numbers, _integers, _numbers)
+SIDE = types.float64(
+    types.float64, _numbers, _numbers, _numbers, _integers, _numbers
+)  # t, q, qd, near, slots, params
 
 
 @dataclass(frozen=True)
@@ -144,15 +150,15 @@ WRENCH, EFFORT, EFFORT_OVER_TIME = 'wrench', 'effort', 'effort over time'
 FRICTION_HOLDS, STOP, CONTACT = 'friction', 'a stop', 'a contact'
 
 
-class Tangent:
-    """A `tangent`, compiled when somebody asks for its address."""
+class OnDemand:
+    """A function of an effect, compiled when somebody asks for its address."""
 
-    def __init__(self, function: Callable[..., None]) -> None:
-        self.function = function
+    def __init__(self, signature: Any, function: Callable[..., Any]) -> None:
+        self.signature, self.function = signature, function
 
     @cached_property
     def _compiled(self) -> Any:
-        return by_address(TANGENT)(self.function)
+        return by_address(self.signature)(self.function)
 
     @property
     def address(self) -> int:
@@ -160,9 +166,14 @@ class Tangent:
         return int(self._compiled.address)
 
 
-def tangent(function: Callable[..., None]) -> Tangent:
+def tangent(function: Callable[..., None]) -> OnDemand:
     """Compile `tangent(t, q, qd, near, loads, slots, params, n, stiff, G)` when asked for it."""
-    return Tangent(function)
+    return OnDemand(TANGENT, function)
+
+
+def side(function: Callable[..., float]) -> OnDemand:
+    """Compile `side(t, q, qd, near, slots, params)` when asked for it."""
+    return OnDemand(SIDE, function)
 
 
 def not_negative(parameters: Any, *names: str) -> None:

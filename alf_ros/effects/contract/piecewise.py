@@ -17,6 +17,7 @@ from alf_ros.effects.contract.scalars import shared
 from alf_ros.effects.contract.trajectory import Curve
 
 Points = Sequence[Sequence[float]]
+_CURVED = -0.618  # no slope that tables have
 
 
 def pieces(points: Points, column: int = 1, cubic: bool = False, hold: bool = False) -> Floats:
@@ -101,6 +102,17 @@ def slope(params: Floats, at: int, x: float) -> float:
     d = x - params[p]
     upper = 3.0 * params[p + 4] + d * (4.0 * params[p + 5] + d * 5.0 * params[p + 6])
     return params[p + 2] + d * (2.0 * params[p + 3] + d * upper)
+
+
+@shared
+def side_of(params: Floats, at: int, x: float) -> float:
+    """A number that differs between the sides of a kink: the slope of a straight piece, one and
+    the same number for all pieces of a spline."""
+    p = _piece(params, at, x)
+    for i in range(3, 7):
+        if params[p + i] != 0.0:
+            return _CURVED
+    return params[p + 2]
 
 
 @shared

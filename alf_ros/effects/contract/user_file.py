@@ -180,6 +180,7 @@ def checked(module: ModuleType, file: str) -> ModuleType:
     for name, wanted in (('force', contract.FORCE), ('potential', contract.POTENTIAL)):
         if hasattr(module, name) and getattr(getattr(module, name), '_sig', None) != wanted:
             raise InputError(f'{name} is not compiled by @contract.{name}', file=file)
-    if not isinstance(getattr(module, 'tangent', None), (contract.Tangent, type(None))):
-        raise InputError('tangent is not compiled by @contract.tangent', file=file)
+    for name, wanted in (('tangent', contract.TANGENT), ('side', contract.SIDE)):
+        if hasattr(module, name) and getattr(getattr(module, name), 'signature', None) != wanted:
+            raise InputError(f'{name} is not compiled by @contract.{name}', file=file)
     return module

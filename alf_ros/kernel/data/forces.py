@@ -14,12 +14,13 @@ class Effects(Struct):
     """The effects of a scene: addresses of compiled functions and the packed data of each."""
 
     constant = True
-    addresses = ('force', 'potential', 'friction', 'tangent')
+    addresses = ('force', 'potential', 'friction', 'tangent', 'side')
 
     force: Addresses  # (effects,) address of force()
     potential: Addresses  # (effects,) address of potential(), 0 where there is none
     friction: Addresses  # (effects,) address of friction(), 0 where there is none
     tangent: Addresses  # (effects,) address of tangent(), 0 where there is none or none is needed
+    side: Addresses  # (effects,) address of side(), 0 where there is none; (0,) if none is needed
     slots: Integers  # (…,) all effects in a row
     params: Floats  # (…,)
     slots_at: Addresses  # (effects,) where an effect's slots begin

@@ -78,6 +78,8 @@ class Work(Struct):
     nearest: Floats  # (1,) x of the stage nearest to a singular position; inf: none is near
     crossing: Floats  # (3,) m, see `interpolated_stages`: most that was passed, and that is not;
     # and the longest way of a step that had a stage near a singular position
+    sides: Floats  # (2,) `applied_forces.sides` where the step began, NaN: not yet known; and 1 if
+    # it was another number at a stage, else 0
     place_step: Floats  # (1,) s between two support positions, for prescribed motions; 0 from rest
     place_shift: Floats  # (1,) from the stage to the middle of the support positions, in spacings
     place_weights: Floats  # (8,) of the support positions in the interpolation
