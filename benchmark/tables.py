@@ -36,10 +36,12 @@ DOCUMENTS = (
     'doc/reliability.md',
     'doc/new_user.md',
     'doc/closing_loops.md',
+    'doc/import.md',
 )
 SURVIVAL = (0.01 / 60, 0.01 / 5)  # s, steps of the sweep
 STIFF = 1e-4  # m
 LOST = 1e-2  # m: above it, it is another motion
+WHY = 100  # characters of a reason
 MECHANISMS = {
     'slider_crank': 'slider-crank',
     'double_four_bar': 'two four-bars',
@@ -333,6 +335,35 @@ def closure_passes() -> str:
     return markdown(about, head, [list(row.values()) for row in found])
 
 
+def robots() -> str:
+    """Robot files of others, imported and simulated: as they are, and with balls."""
+    about, plain = rows('robots.csv')
+    _, joined = rows('robots_balls.csv')
+    head = 'file | result | with `--balls` | freedoms | loops | evaluations a second | closure, m '
+    head += '| s per simulated s'
+    body = []
+    for one, other in zip(plain, joined, strict=True):
+        cells = [_told(one), other['result'] if one['result'] == other['result'] else _told(other)]
+        cells += [other[key] for key in ('freedoms', 'loops')]
+        cells += [_short(other[key]) for key in ('evaluations', 'closure', 'seconds')]
+        body.append([one['file'].removesuffix('/robot.urdf'), *cells])
+    counts = [sum(row['result'] == 'ok' for row in found) for found in (plain, joined)]
+    ran = [f'{count} of {len(plain)} ok' for count in counts]
+    return markdown(about, head, [*body, ['all', *ran, *[''] * 5]])
+
+
+def _told(row: dict[str, str]) -> str:
+    """A result, and the beginning of its reason."""
+    why = row['why'].replace('|', '/')
+    if len(why) > WHY:
+        why = why[:WHY].rsplit(' ', 1)[0] + ' …'
+    return f'{row["result"]}: {why}' if why else row['result']
+
+
+def _short(number: str) -> str:
+    return f'{float(number):.2g}' if number else ''
+
+
 def draw(path: Path) -> None:
     """Above the error of every step of the sweep, below what an error costs."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -394,6 +425,7 @@ TABLES = (
     ('soak', soak),
     ('closure', closure),
     ('closure_passes', closure_passes),
+    ('robots', robots),
 )
 
 

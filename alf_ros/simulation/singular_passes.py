@@ -34,6 +34,7 @@ _KEPT = 0.2  # part of σ that stays of a mode which is not about to vanish
 _TURN = 0.7  # rad that rows may turn between places that are compared
 _HALVED, _CUT = 10, 30  # parts in parts, while nothing is clear, and in all
 _FINE = 1e-6  # of a step: where two places so near differ in sign, that is when
+_BESIDE = 1e-3  # of a step: places beside one that has no sign
 _TOGETHER = 1e-2  # of a step: modes that vanish so soon after one another do so at one position
 _DIP = np.linspace(0.0, 1.0, 33)
 _TAKES_PART = 0.02  # share of a row in the dependency, from which on it is named
@@ -301,17 +302,28 @@ class Watcher:
         middle = self._aside(a, min(max(t, a.t + edge), b.t - edge))
         if middle is not None and middle.sigma < NIL:
             if told.passes:
-                return [middle.t]
+                return [self._vanishing(a, b, middle)]
             middle = self._aside(a, a.t + 0.37 * (b.t - a.t))
         if middle is None or middle.sigma < NIL:
             return [told.t] if told.changes_sign else []
         halved -= not told.passes
+        cut -= not slow
         whole = b.t - a.t
         return [
             t
             for c, d in ((a, middle), (middle, b))
-            for t in self._search(c, d, halved, cut - 1, told.passes and d.t - c.t > 0.5 * whole)
+            for t in self._search(c, d, halved, cut, told.passes and d.t - c.t > 0.5 * whole)
         ]
+
+    def _vanishing(self, a: ModesAt, b: ModesAt, middle: ModesAt) -> float:
+        """When a mode vanishes near a place without a sign, s: from places on both sides."""
+        away = _BESIDE * self._h
+        before = self._with_sign(a, max(middle.t - away, 0.5 * (a.t + middle.t)))
+        after = self._with_sign(a, min(middle.t + away, 0.5 * (b.t + middle.t)))
+        if before is None or after is None:
+            return middle.t
+        told = ModeComparison(self._model, self._work, before, after, moving=True)
+        return told.t if told.changes_sign else middle.t
 
     def _aside(self, a: ModesAt, t: float) -> ModesAt | None:
         """Where a step from a leads until t (s); None if it fails."""
