@@ -164,7 +164,7 @@ def test_raw_bytes_are_those_of_the_log(peer, log):
     with Replayed(peer, log) as replayed:
         replayed.play()
         assert replayed.wait() == 0
-        peer.until(lambda: len(raw) == 501, 'all')
+        peer.until(lambda: len(raw) == len(replayed.heard) == 501, 'all')
     assert [deserialize_message(data, JointState) for data in raw] == replayed.heard
 
 
