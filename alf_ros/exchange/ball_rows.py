@@ -19,9 +19,10 @@ def joined(robot: Robot, stops: bool) -> None:
     """
     used = {each.joint for each in robot.actuators}
     used |= {name for each in robot.couplings for name in each.of}
-    for row in list(rows(robot)):
+    for row in list(rows(robot)):  # of four revolutes two rows, of which one becomes a ball
         if any(each.name in used or _acts(each, stops) for each in row):
             continue
+        used |= {each.name for each in row}
         first, middle, last = row
         parent, child = _end(first, middle), _end(last, middle)
         inner = {middle.parent, middle.child}

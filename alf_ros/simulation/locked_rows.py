@@ -11,12 +11,21 @@ from alf_ros.mechanism import Joint
 from alf_ros.model.compile import Model
 
 _NEAR = 0.3  # sine between the first and the last axis
+_TOGETHER = 1e-9  # of the size: joints at one place
 
 
 def explained(model: Model, q: Floats) -> tuple[str, str] | None:
     """The end of a message and the remedy, if a row is near gimbal lock at q (blocks D, m)."""
-    places, nearest = q.reshape(-1, model.layout.dimension), (_NEAR, '')
+    if model.layout.dimension == 2:
+        return None
+    places, nearest = q.reshape(-1, 3), (_NEAR, '')
     for first, middle, last in _rows(model):
+        at = [
+            model.layout.place(each.parent, each.frames[0].origin).value(places)
+            for each in (first, middle, last)
+        ]
+        if np.ptp(at, axis=0).max() > _TOGETHER * model.size:
+            continue
         axes = [
             model.layout.direction(each.parent, each.frames[0].axes[2]).value(places)
             for each in (first, last)
@@ -35,7 +44,7 @@ def explained(model: Model, q: Floats) -> tuple[str, str] | None:
 
 
 def _rows(model: Model) -> Iterator[tuple[Joint, Joint, Joint]]:
-    """Three revolutes that two bodies hold, which have no mass and no other joint."""
+    """Three revolutes in a row that two bodies hold, which have no mass and no other joint."""
     at: dict[str, list[Joint]] = {}
     for joint in model.mechanism.joints:
         for side in (joint.parent, joint.child):

@@ -16,7 +16,9 @@ from alf_ros.arrays import Floats
 from alf_ros.exchange import ball_rows, gimbal_lock, mechanism_text
 from alf_ros.exchange.robot import Actuator, Connection, Robot, RobotPart
 from alf_ros.mechanism import GROUND
+from alf_ros.model.compile import compile_model
 from alf_ros.scene.scene import scene_from_text
+from alf_ros.simulation import locked_rows
 
 X, Y, Z = np.eye(3)
 Place = tuple[float, float, float] | Floats
@@ -194,3 +196,42 @@ def test_a_step_that_fails_beside_gimbal_lock_says_so() -> None:
     assert 'hook_0, hook_1, hook_2 are ' in str(caught.value)
     assert 'degrees from gimbal lock' in str(caught.value)
     assert 'import --balls' in str(caught.value)
+
+
+def test_of_four_revolutes_three_become_a_ball() -> None:
+    maker = RobotMaker(True)
+    maker.rod('rod', (0, 0, 0), (0.4, 0, 0), 1.0)
+    maker.join('hook', 'spherical', GROUND, 'rod', (0, 0, 0), X, Y, Z, X)
+    ball_rows.joined(maker.robot, stops=False)
+    kinds = {each.name: each.kind for each in maker.robot.connections}
+    assert kinds == {'hook_0': 'spherical', 'hook_3': 'revolute'}
+    assert [part.name for part in maker.robot.parts] == ['rod', 'hook_link2']
+
+
+IN_THE_PLANE = """
+mechanism:
+  alf: 1
+  space: planar
+  points: {O: {at: [0, 0], fixed: true}, A: {at: [0.3, 0]}, B: {at: [0.6, 0.1]}, C: {at: [1, 0]}}
+  bodies:
+    one: {points: [O, A], mass: 0}
+    two: {points: [A, B], mass: 0}
+    rod: {points: [B, C], mass: 1, inertia: rod}
+  joints:
+    first: {type: revolute, between: [ground, one], at: O}
+    second: {type: revolute, between: [one, two], at: A}
+    third: {type: revolute, between: [two, rod], at: B}
+"""
+
+
+def test_links_without_mass_between_joints_at_other_places_are_no_ball() -> None:
+    maker = RobotMaker(True)
+    maker.rod('one', (0, 0, 0), (0.3, 0, 0), 0.0)
+    maker.rod('two', (0.3, 0, 0), (0.6, 0, 0.1), 0.0)
+    maker.rod('rod', (0.6, 0, 0.1), (1, 0, 0), 1.0)
+    maker.join('first', 'revolute', GROUND, 'one', (0, 0, 0), Y)
+    maker.join('second', 'revolute', 'one', 'two', (0.3, 0, 0), Y)
+    maker.join('third', 'revolute', 'two', 'rod', (0.6, 0, 0.1), Y)
+    for scene in (maker.scene(), scene_from_text(IN_THE_PLANE)):
+        model = compile_model(scene.mechanism, 1e8)
+        assert locked_rows.explained(model, model.q) is None

@@ -10,66 +10,14 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from alf_ros import Simulation, load_scene
+from alf_ros import Simulation, StepError, load_scene
 from alf_ros.arrays import Floats
+from support.geared_five_bar import START, A, D, geared_five_bar, height
 
-A, B, D = 0.2, 0.35, 0.5  # m: cranks, rods, ground of the geared five-bar
-START = math.radians(70.0)
 G = 9.81
 REVOLUTE = {'type': 'revolute'}
 ROD = {'mass': 1, 'inertia': 'rod'}
 INTEGRATORS = [('rk4', 1e-3), ('dop853', 5e-3), ('dop853_adaptive', 0.01), ('esdirk43', 1e-3)]
-
-
-def five_bar(guided: bool) -> dict[str, Any]:
-    """Two cranks with equal gears that turn against each other, and two rods that meet in P.
-
-    The gears keep P on x = D/2; `guided`: a slider keeps it there too.
-    """
-    x, y = A * math.cos(START), A * math.sin(START)
-    joints: dict[str, Any] = {
-        'left': {**REVOLUTE, 'between': ['ground', 'one'], 'at': 'O'},
-        'right': {**REVOLUTE, 'between': ['ground', 'two'], 'at': 'C'},
-        'elbow': {**REVOLUTE, 'between': ['one', 'first_rod'], 'at': 'P1'},
-        'knee': {**REVOLUTE, 'between': ['two', 'second_rod'], 'at': 'P2'},
-        'mesh': {
-            'type': 'gear',
-            'between': ['one', 'two'],
-            'centres': ['O', 'C'],
-            'radii': [D / 2, D / 2],
-        },
-        'tip': {**REVOLUTE, 'between': ['first_rod', 'second_rod'], 'at': 'P'},
-    }
-    if guided:
-        joints['guide'] = {
-            'type': 'slider',
-            'between': ['ground', 'first_rod'],
-            'point': 'P',
-            'on': {'through': [D / 2, 0], 'direction': [0, 1]},
-        }
-    return {
-        'alf': 1,
-        'space': 'planar',
-        'points': {
-            'O': {'at': [0, 0], 'fixed': True},
-            'C': {'at': [D, 0], 'fixed': True},
-            'P1': {'at': [x, y]},
-            'P2': {'at': [D - x, y]},
-            'P': {'at': [D / 2, float(height(START))]},
-        },
-        'bodies': {
-            'one': {'points': ['O', 'P1'], **ROD},
-            'two': {'points': ['C', 'P2'], **ROD},
-            'first_rod': {'points': ['P1', 'P'], **ROD},
-            'second_rod': {'points': ['P2', 'P'], **ROD},
-        },
-        'joints': joints,
-    }
-
-
-def height(angle: Any) -> Any:
-    """y of P (m) at the angle of the left crank (rad)."""
-    return A * np.sin(angle) + np.sqrt(B**2 - (D / 2 - A * np.cos(angle)) ** 2)
 
 
 def inertia(angle: float) -> float:
@@ -106,7 +54,7 @@ def simulated(mechanism: dict[str, Any], g: float, integrator: str, step: float)
 @pytest.mark.parametrize(('integrator', 'step'), INTEGRATORS)
 def test_gears_that_repeat_what_a_guide_does(integrator: str, step: float) -> None:
     """The loop with gears and guide is redundant: with a phase that drifts it would jam."""
-    simulation = simulated(five_bar(True), G, integrator, step)
+    simulation = simulated(geared_five_bar(True), G, integrator, step)
     times = tuple((np.arange(1, 9) * 0.25).tolist())
     samples = simulation.run(2.0, at=times)
     for sample, angle in zip(samples, lifted(times), strict=True):
@@ -119,7 +67,7 @@ def test_gears_that_repeat_what_a_guide_does(integrator: str, step: float) -> No
 @pytest.mark.parametrize(('integrator', 'step'), INTEGRATORS)
 def test_they_pass_dead_points(integrator: str, step: float) -> None:
     """Under gravity P falls through the line of both rods."""
-    simulation = simulated(five_bar(True), -G, integrator, step)
+    simulation = simulated(geared_five_bar(True), -G, integrator, step)
     energy, lowest = simulation.sample().energy, 0.0
     for sample in simulation.run(5.0, every=max(1, round(0.05 / step))):
         assert sample.energy == pytest.approx(energy, abs=1e-5)
@@ -222,6 +170,25 @@ def test_the_phase_has_the_rounding_of_one_turn() -> None:
         assert abs(2.0 * left + 3.0 * right) < 1e-15 * max(abs(left), 10.0)
         assert abs(sample.phi[sample.model.row_names.index('mesh')]) < 1e-15
     assert left > 100.0 * 2.0 * math.pi
+
+
+@pytest.mark.parametrize('integrator', ['rk4', 'dop853', 'esdirk43'])
+@pytest.mark.parametrize('turned', [3.2, 3.6, 6.0, 40.0])
+def test_steps_of_more_than_half_a_turn_are_right_or_say_so(
+    integrator: str, turned: float
+) -> None:
+    """Turns cannot be counted then; after three and two whole turns the teeth meet again."""
+    scene = load_scene({'mechanism': pair((0.2, 0.3)), 'effects': {}})
+    simulation = Simulation(scene, integrator=integrator, step=turned / 60.0)
+    simulation.place('one', (0, 0, 0.0), (0, 0, 60.0))
+    energy = simulation.sample().energy
+    try:
+        simulation.step(50)
+    except StepError as error:
+        assert 'smaller step' in error.remedy
+    else:
+        right = simulation.sample().energy == pytest.approx(energy, rel=1e-9)
+        assert right or simulation.resolution.too_long
 
 
 def test_a_state_has_its_phase() -> None:

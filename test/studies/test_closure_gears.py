@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from alf_ros import Closure, InputError, Simulation, load_scene
+from support.geared_five_bar import START, A, B, D, geared_five_bar, height
 
 ROD = {'mass': 1, 'inertia': 'rod'}
 WHEEL = {'mass': 1, 'inertia': {'about_com': 0.02}, 'com': [0, 0]}
@@ -67,60 +68,6 @@ def test_gears_keep_their_phase_over_turns(
     assert posture.travel('left') == (-math.inf, math.inf)
 
 
-A, B, D = 0.2, 0.35, 0.5  # m: cranks, rods, ground of the geared five-bar
-
-
-def geared_five_bar(guided: bool) -> dict[str, Any]:
-    """Two cranks with equal gears that turn against each other, and two rods that meet in P.
-
-    P moves on the line x = D/2, because the mechanism is symmetric; `guided`: it is a slider.
-    """
-    start = math.radians(70.0)
-    x, y = A * math.cos(start), A * math.sin(start)
-    joints: dict[str, Any] = {
-        'left': {**REVOLUTE, 'between': ['ground', 'one'], 'at': 'O'},
-        'right': {**REVOLUTE, 'between': ['ground', 'two'], 'at': 'C'},
-        'elbow': {**REVOLUTE, 'between': ['one', 'first_rod'], 'at': 'P1'},
-        'knee': {**REVOLUTE, 'between': ['two', 'second_rod'], 'at': 'P2'},
-        'mesh': {
-            'type': 'gear',
-            'between': ['one', 'two'],
-            'centres': ['O', 'C'],
-            'radii': [D / 2, D / 2],
-        },
-        'tip': {**REVOLUTE, 'between': ['first_rod', 'second_rod'], 'at': 'P'},
-    }
-    if guided:
-        joints['guide'] = {
-            'type': 'slider',
-            'between': ['ground', 'first_rod'],
-            'point': 'P',
-            'on': {'through': [D / 2, 0], 'direction': [0, 1]},
-        }
-    return mechanism(
-        points={
-            'O': {'at': [0, 0], 'fixed': True},
-            'C': {'at': [D, 0], 'fixed': True},
-            'P1': {'at': [x, y]},
-            'P2': {'at': [D - x, y]},
-            'P': {'at': [D / 2, float(height(start))]},
-        },
-        bodies={
-            'one': {'points': ['O', 'P1'], **ROD},
-            'two': {'points': ['C', 'P2'], **ROD},
-            'first_rod': {'points': ['P1', 'P'], **ROD},
-            'second_rod': {'points': ['P2', 'P'], **ROD},
-        },
-        joints=joints,
-    )
-
-
-def height(angle: Any) -> Any:
-    """y of P (m) at the angle of the left crank (rad)."""
-    return A * np.sin(angle) + np.sqrt(B**2 - (D / 2 - A * np.cos(angle)) ** 2)
-
-
-START = math.radians(70.0)
 END = math.acos((D / 2 - B) / A)  # where both rods lie on the line between P1 and P2
 
 
