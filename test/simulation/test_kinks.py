@@ -11,6 +11,8 @@ from scipy.integrate import solve_ivp
 
 from alf_ros import Simulation, load_scene
 from alf_ros.arrays import Floats
+from alf_ros.kernel.adaptive import _ACROSS
+from alf_ros.model.tableaux import TABLEAUX
 from alf_ros.scene.scene import Scene
 from alf_ros.studies.exact import one_freedom
 
@@ -124,3 +126,16 @@ def bounced(theta: float, rate: float, stop: float, stiffness: float, exponent: 
             'initial': {'positions': points, 'velocities': speeds},
         }
     )
+
+
+@pytest.mark.parametrize('power', [0, 1, 2])
+def test_what_counts_across_a_kink_is_about_a_tenth_of_the_error(power: int) -> None:
+    """A force that jumps, bends or bends in its slope at any part τ of a step: its impulse."""
+    tableau = TABLEAUX['dop853_adaptive']
+    stages = tableau.b.size
+    embedded = np.reshape(tableau.embedded, (2, stages))
+    for tau in np.linspace(1e-3, 0.999, 997):
+        force = np.where(tableau.c > tau, (tableau.c - tau) ** power, 0.0)
+        exact = (1.0 - tau) ** (power + 1) / (power + 1)
+        fine, coarse = np.abs(embedded @ force)
+        assert abs(exact - tableau.b @ force) < 10.5 * max(fine, _ACROSS * coarse)
