@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from alf_ros.studies.closing.posture import Posture
     from alf_ros.studies.ensemble.ensemble import ensemble
     from alf_ros.studies.ensemble.stepped_ensemble import Ensemble
+    from alf_ros.studies.gradients.gradient import Gradient, gradient
     from alf_ros.studies.identification.identification import identify
     from alf_ros.studies.identification.identified import Identification
     from alf_ros.studies.identification.recording import Recording, recorded
@@ -58,6 +59,7 @@ __all__ = [
     'FastestRun',
     'EquilibriumPath',
     'FloquetModel',
+    'Gradient',
     'Identification',
     'InputError',
     'LinearModel',
@@ -82,6 +84,7 @@ __all__ = [
     'fastest',
     'equilibrium_path',
     'floquet',
+    'gradient',
     'identify',
     'linearise',
     'load_scene',
@@ -131,6 +134,8 @@ _HOME = {
     'modes': 'studies.statics.vibration_modes',
     'Ensemble': 'studies.ensemble.stepped_ensemble',
     'ensemble': 'studies.ensemble.ensemble',
+    'Gradient': 'studies.gradients.gradient',
+    'gradient': 'studies.gradients.gradient',
     'Identification': 'studies.identification.identified',
     'identify': 'studies.identification.identification',
     'Optimum': 'studies.optimisation.optimum',

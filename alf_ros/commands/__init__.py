@@ -17,6 +17,7 @@ COMMANDS = {
     'atlas': 'alf_ros.commands.atlas',
     'hard_cases': 'alf_ros.commands.hard_cases',
     'ensemble': 'alf_ros.commands.ensemble',
+    'gradient': 'alf_ros.commands.gradient',
     'identify': 'alf_ros.commands.identify',
     'optimise': 'alf_ros.commands.optimise',
     'work_precision': 'alf_ros.commands.work_precision',

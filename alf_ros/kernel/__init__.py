@@ -5,6 +5,7 @@ differences from the printed equations. `data` defines the data that pass betwee
 """
 
 from alf_ros.kernel.adaptive import advance_adaptively
+from alf_ros.kernel.adjoint_step import take_steps_back
 from alf_ros.kernel.applied_forces import (
     add_friction,
     applied_forces,
@@ -27,6 +28,7 @@ from alf_ros.kernel.data import (
     FREE,
     ORIGIN,
     SOLVED,
+    Adjoint,
     Arms,
     Axes,
     Bearings,
@@ -53,8 +55,10 @@ from alf_ros.kernel.data import (
     Rows,
     Soft,
     Span,
+    StepRecord,
     System,
     Tangents,
+    Tape,
     Until,
     Watch,
     Work,
@@ -81,6 +85,7 @@ __all__ = [
     'FREE',
     'ORIGIN',
     'SOLVED',
+    'Adjoint',
     'Arms',
     'Axes',
     'Bearings',
@@ -108,8 +113,10 @@ __all__ = [
     'Soft',
     'Span',
     'Status',
+    'StepRecord',
     'System',
     'Tangents',
+    'Tape',
     'Until',
     'Watch',
     'Work',
@@ -147,6 +154,7 @@ __all__ = [
     'slips',
     'softest',
     'solve',
+    'take_steps_back',
     'times_jacobian',
     'turning',
     'violation',

@@ -13,6 +13,7 @@ from alf_ros.kernel.data import (
     Phase,
     Problem,
     Span,
+    StepRecord,
     System,
     Tangents,
     Watch,
@@ -42,6 +43,7 @@ from alf_ros.kernel.step import (
     step,
 )
 from alf_ros.kernel.step_error import free_part
+from alf_ros.kernel.step_tape import record_step
 from alf_ros.kernel.stopping import told_to_stop
 from alf_ros.kernel.tangent_step import carry_tangents
 from alf_ros.kernel.work_ledger import ALL_FORCES, record_power
@@ -152,6 +154,7 @@ def advance_adaptively(
     span: Span,
     within: bool,
     tangents: Tangents | None = None,
+    record: StepRecord | None = None,
 ) -> tuple[int, int, int]:
     """Like `advance`, each h in as many steps as the tolerance of the method takes."""
     unit, system = problem.unit, problem.system
@@ -212,9 +215,12 @@ def advance_adaptively(
                 floor, factor = _MARGIN * error, 1.0
             if error <= floor:
                 if tangents is not None:
-                    result = carry_tangents(tangents, phase, work, t + done, to, dt, sigma)
+                    ended = work.q, work.qd, work.nearest[0]
+                    result = carry_tangents(tangents, phase, ended, t + done, to, dt, sigma)
                     if result != OK:
                         break
+                if record is not None:
+                    record_step(record, phase, work, t + done, to, dt, sigma)
                 record_power(problem, phase, t, method.b.size, dt, ALL_FORCES)
                 accept(unit, system, work, phase)
                 copy(problem.forces.bearings.force, phase.loads)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from alf_ros.kernel.data import Phase, Problem, Span, Tangents, Watch
+from alf_ros.kernel.data import Phase, Problem, Span, StepRecord, Tangents, Watch
 from alf_ros.kernel.numba_ext.jit import compiled
 from alf_ros.kernel.numba_ext.vectors import copy
 from alf_ros.kernel.singularity_monitor import may_have_passed
 from alf_ros.kernel.status import NOT_POSITIVE, OK, STOPPED
 from alf_ros.kernel.step import accept, least_sigma, linearise_first, step
 from alf_ros.kernel.step_error import judge
+from alf_ros.kernel.step_tape import record_step
 from alf_ros.kernel.stopping import told_to_stop
 from alf_ros.kernel.tangent_step import carry_tangents
 from alf_ros.kernel.work_ledger import ALL_FORCES, record_power
@@ -22,6 +23,7 @@ def advance(
     span: Span,
     within: bool,
     tangents: Tangents | None = None,
+    record: StepRecord | None = None,
 ) -> tuple[int, int, int]:
     """Take the steps of a span; returns (result, taken, most iterations).
 
@@ -29,7 +31,8 @@ def advance(
     after a step in which, according to `watch`, a singular position may have been passed.
     `within`: `phase` is a singular position, and no force acts along the direction of the lost
     row, so that solves do not show it. A step that is asked to stop is given up. `tangents`: the
-    derivatives by parameters that follow the steps; without them there is no code for it.
+    derivatives by parameters that follow the steps; `record`: where the steps are written down;
+    without them there is no code for it.
     """
     unit, system, work = problem.unit, problem.system, problem.work
     t0, first, steps, h = span
@@ -48,9 +51,12 @@ def advance(
         if result != OK:
             return result, taken, most
         if tangents is not None:
-            result = carry_tangents(tangents, phase, work, t, end, h, sigma)
+            ended = work.q, work.qd, work.nearest[0]
+            result = carry_tangents(tangents, phase, ended, t, end, h, sigma)
             if result != OK:
                 return result, taken, most
+        if record is not None:
+            record_step(record, phase, work, t, end, h, sigma)
         record_power(problem, phase, t, problem.method.b.size, h, ALL_FORCES)
         accept(unit, system, work, phase)
         phase.step[0] = first + taken + 1

@@ -67,6 +67,7 @@ class Status(IntEnum):
         'the derivatives by parameters (tangents) are not determined there',
         'the motion itself is: run it without tangents, or from another start',
     )
+    NO_ROOM = 11, 'a trace is longer than its room', 'give it more'
     # of the formulations besides alf2
     SINGULAR = 20, 'the equations are singular there', 'take the formulation alf2'
     OPENED = 21, 'the constraints have opened', _SMALLER
@@ -89,6 +90,7 @@ NOT_SETTLED = int(Status.NOT_SETTLED)
 TOO_LONG = int(Status.TOO_LONG)
 STOPPED = int(Status.STOPPED)
 UNFOLLOWED = int(Status.UNFOLLOWED)
+NO_ROOM = int(Status.NO_ROOM)
 SINGULAR = int(Status.SINGULAR)
 OPENED = int(Status.OPENED)
 FOLDED = int(Status.FOLDED)

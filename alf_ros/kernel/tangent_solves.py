@@ -16,15 +16,17 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Floats, Unit
-from alf_ros.kernel.augmented_solve import solved
+from alf_ros.kernel.augmented_solve import augmented, solved
 from alf_ros.kernel.constraints import add_transposed, jacobian_rate, times_jacobian
-from alf_ros.kernel.data import Problem, Rows, Tangents
+from alf_ros.kernel.data import Problem, Rows, Tangents, Until
 from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.numba_ext.block import add, block, dot, put, subtract, times
 from alf_ros.kernel.numba_ext.calls import call
 from alf_ros.kernel.numba_ext.jit import ONE, inner
 from alf_ros.kernel.numba_ext.plain_loops import each
 from alf_ros.kernel.numba_ext.vectors import zero
+
+ONE_ROUND = Until(np.int64(1), 0.0, 1.0)
 
 
 @inner
@@ -117,6 +119,10 @@ def accelerate_tangent(
     zero(work.y)
     zero(tangents.x)
     count, _sigma = solved(problem, f, tangents.x, exactly, False)  # (26)
+    if not exactly:
+        # the factor is of a position beside this one, and rows may be off by a little of what f
+        # does to the masses alone: the projection corrects a motion, but nothing a derivative
+        augmented(unit, system, work, f, tangents.x, ONE_ROUND, False)
     return count
 
 

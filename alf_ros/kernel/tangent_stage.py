@@ -29,6 +29,7 @@ from alf_ros.kernel.numba_ext.jit import inner
 from alf_ros.kernel.numba_ext.vectors import copy, largest, zero
 from alf_ros.kernel.prescribed import prescribe
 from alf_ros.kernel.stage import stage
+from alf_ros.kernel.step_tape import INTERPOLATED, PROJECTED
 from alf_ros.kernel.tangent_solves import (
     accelerate_tangent,
     add_force_change,
@@ -47,8 +48,9 @@ _TRIES = 8
 @inner
 def differentiate_beside(
     tangents: Tangents, phase: Phase, t: float, scales: Scales, clear: bool
-) -> int:
-    """δq̈ of all parameters at a stage beside a singular position; the iterations.
+) -> tuple[int, int]:
+    """δq̈ of all parameters at a stage beside a singular position; the iterations, and how they are
+    computed, see `step_tape`.
 
     The stage as the step adds it up stands in `base`, `along` and p of `work`; q and q̇ of the
     stage in `sum_q` and `sum_qd`. From rest, and where no support positions are found, a stage
@@ -58,14 +60,16 @@ def differentiate_beside(
     system, work = problem.system, problem.work
     if largest(phase.qd, work.p.size) > SLOW * scales.falling:
         if _find_places(problem, t, scales) > 0:
-            return _differentiate_places(tangents, t)
+            return _differentiate_places(tangents, t), INTERPOLATED
     if not clear:
-        return 0
+        return 0, PROJECTED
     prescribe(system, t, work.q, work.qd, work.qdd)
     copy(work.base, work.q)
     copy(work.base, work.target)
     count, _x, _clear = stage(problem, t, scales, True, True)
-    return differentiate(tangents, t, True) if count > 0 else count
+    if count > 0:
+        count = differentiate(tangents, t, True)
+    return count, PROJECTED
 
 
 @inner
@@ -149,7 +153,8 @@ def project_tangents(tangents: Tangents) -> int:
 
 
 @inner
-def _store_multipliers(tangents: Tangents) -> None:
+def store_multipliers(tangents: Tangents) -> None:
+    """-λ of the stage, from where it was solved for."""
     work = tangents.problem.work
     for r in range(work.y.size):
         tangents.lam[r] = -work.y[r]
@@ -163,7 +168,7 @@ def differentiate(tangents: Tangents, t: float, near: bool) -> int:
     """
     problem = tangents.problem
     work, whole, count = problem.work, tangents.dq.size, 1
-    _store_multipliers(tangents)
+    store_multipliers(tangents)
     if near:
         if not linearise(problem.unit, problem.system, work, work.q):
             return 0
@@ -216,7 +221,7 @@ def _differentiate_places(tangents: Tangents, t: float) -> int:
     for p in range(places):
         if evaluate_place(problem, t, p) <= 0:
             return 0
-        _store_multipliers(tangents)
+        store_multipliers(tangents)
         for k in range(tangents.count):
             if _project_begun(tangents, k) <= 0:
                 return 0

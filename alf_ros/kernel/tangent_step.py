@@ -38,7 +38,7 @@ from alf_ros.kernel.arc_coordinates import (
     unfold,
 )
 from alf_ros.kernel.augmented_solve import accelerate
-from alf_ros.kernel.data import ORIGIN, Phase, Problem, Tangents, Work
+from alf_ros.kernel.data import ORIGIN, Phase, Problem, Tangents, Tape
 from alf_ros.kernel.interpolated_stages import evaluate_interpolated
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.numba_ext.block import block, put
@@ -49,6 +49,7 @@ from alf_ros.kernel.prescribed import prescribe
 from alf_ros.kernel.stage import stage
 from alf_ros.kernel.status import OK, STOPPED, UNFOLLOWED
 from alf_ros.kernel.step import add_up, evaluate_first, lag_of_stage, scales_of, store_angles
+from alf_ros.kernel.step_tape import PROJECTED, REGULAR, store_axes, store_stage
 from alf_ros.kernel.stopping import told_to_stop
 from alf_ros.kernel.tangent_stage import (
     differentiate,
@@ -62,18 +63,20 @@ from alf_ros.kernel.tangent_stage import (
 def carry_tangents(
     tangents: Tangents,
     phase: Phase,
-    ended: Work,
+    ended: tuple[Floats, Floats, float],
     t: float,
     end: float,
     h: float,
     sigma: float,
+    tape: Tape | None = None,
 ) -> int:
-    """The tangents of `phase`, where a step of h (s) began at t, to its `end`, where it stands in
-    `ended`; `sigma` as of `step`.
+    """The tangents of `phase`, where a step of h (s) began at t, to its `end`.
 
-    Returns the result; if it is not OK the tangents are as before.
+    `ended`: q and q̇ there, and x of the nearest stage; `sigma` as of `step`; `tape`: its stages
+    are written there. Returns the result; if it is not OK the tangents are as before.
     """
-    near = ended.nearest[0] < np.inf
+    ended_q, ended_qd, nearest = ended
+    near = nearest < np.inf
     problem = tangents.problem
     unit, system, method, work = problem.unit, problem.system, problem.method, problem.work
     store_angles(unit, system, work, phase)
@@ -108,13 +111,18 @@ def carry_tangents(
         if count > 0:
             fold(unit, system, work, work.qd, work.qdd, s)
             _unfold_tangents(tangents, s, h)
+            kind = PROJECTED if near else REGULAR
+            if tape is not None:
+                store_axes(tape, work, s)
             if x == np.inf:
                 count = differentiate(tangents, ts, near)
             else:
                 copy(work.q, work.sum_q)
                 copy(work.qd, work.sum_qd)
                 _unfold_again(problem, phase, ts, s, h)
-                count = differentiate_beside(tangents, phase, ts, scales, clear)
+                count, kind = differentiate_beside(tangents, phase, ts, scales, clear)
+            if tape is not None:
+                store_stage(tape, tangents, s, kind)
         if told_to_stop(work):
             return STOPPED
         if count <= 0:
@@ -124,8 +132,11 @@ def carry_tangents(
     prescribe(system, end, work.q, work.qd, work.qdd)
     unfold(unit, system, work, phase)
     _unfold_tangents(tangents, stages, h)
-    copy(ended.q, work.q)
-    copy(ended.qd, work.qd)
+    if tape is not None:
+        store_axes(tape, work, stages)
+        tape.projected[0] = 1 if not near or x == np.inf else 0
+    copy(ended_q, work.q)
+    copy(ended_qd, work.qd)
     if not near or x == np.inf:  # the end is clear of singular positions
         if not linearise(unit, system, work, work.q):
             return UNFOLLOWED

@@ -20,6 +20,7 @@ from alf_ros.resources import version
 from alf_ros.scene.scene import Scene, Solver
 from alf_ros.simulation import input_checks as check
 from alf_ros.simulation.accuracy import Budget, pick
+from alf_ros.simulation.adjoint_following import AdjointFollowing
 from alf_ros.simulation.applied import NO_INPUTS, Applied, Inputs, Target
 from alf_ros.simulation.between import Between
 from alf_ros.simulation.formulations import Formulation
@@ -334,6 +335,11 @@ class Simulation:
             yield self._sample_at(t)
         if self.step_index < last:
             self.step(last - self.step_index)
+
+    @by_one_thread
+    def _write_down(self, adjoint: AdjointFollowing, n: int) -> None:
+        """n steps, written down. Raises StepError."""
+        adjoint.write_down(self._present, n)
 
     # ------------------------------------------------------------------------ singular positions
 

@@ -14,7 +14,7 @@ from alf_ros import kernel
 from alf_ros.arrays import Floats
 from alf_ros.effects.contract import Effect
 from alf_ros.errors import StepError
-from alf_ros.kernel import Forces, Problem, Span, Status, Tangents, Watch, Work
+from alf_ros.kernel import Forces, Problem, Span, Status, StepRecord, Tangents, Watch, Work
 from alf_ros.model import singular_start
 from alf_ros.model.compile import allocate
 from alf_ros.model.effect_directions import softened
@@ -131,6 +131,20 @@ class Stepper:
         if not counted:
             (work.evaluations[0], work.rounded[0]), self.iterations = counts, iterations
         return status
+
+    def advance_recorded(self, present: Present, n: int, record: StepRecord) -> Status:
+        """n steps from the present, written down in `record`; fewer if one fails."""
+        problem = self._problem(self.work, present.applied.assembled)
+        span, within = Span(0.0, present.step, n, self.h), self.begins_within(present)
+        within = within and present.step == 0
+        result, _, self.iterations = self._kernel(
+            problem, present.phase, None, span, within, None, record
+        )
+        return Status(result)
+
+    def problem_aside(self, present: Present) -> Problem:
+        """The problem of the steps from the present, with another workspace."""
+        return replace(self.problem_of(present), work=self._allocated())
 
     def _allocated(self) -> Work:
         """Another workspace, which is stopped together with the one of the run."""

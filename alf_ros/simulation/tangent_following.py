@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from alf_ros.arrays import Addresses, Floats, Integers
 from alf_ros.errors import InputError
 from alf_ros.kernel import Forces, Ledger, Problem, Tangents, Work
 from alf_ros.kernel.numba_ext.plain import PLAIN
+from alf_ros.model.compile import Model
 from alf_ros.model.tableaux import TABLEAUX
 from alf_ros.scene.scene import Scene, Solver
 from alf_ros.simulation.applied import Applied
@@ -108,34 +109,52 @@ class TangentFollowing:
 
     def tangents(self, applied: Applied, problem: Problem, work: Work) -> Tangents:
         """For the kernel: `problem` of the run, `work` for the stages of the tangents alone."""
+        changes: dict[str, Any] = {name: self.stacked(name) for name in (*_MASSES, *_ROWS)}
+        changes['mass_changes'] = _any(self.slopes, _MASSES)
+        changes['rows_change'] = np.array([n in self.lengths for n in self.names], dtype=np.int64)
+        each = [slopes.params(applied.inputs) for slopes in self.slopes]
+        changes['params'] = np.concatenate([np.zeros(0), *each])
         model, count = self._start.model, len(self.names)
-        D, n, whole = model.layout.dimension, model.n, model.q.size
-        rows, stages = problem.system.rows, problem.method.b.size
-        forces = Forces(problem.forces.effects, problem.forces.bearings, Ledger.empty())
-        of = {name: self.stacked(name) for name in (*_MASSES, *_ROWS)}
-        params = [each.params(applied.inputs) for each in self.slopes]
-        sizes = {
-            'start': 2 * count * n,
-            'rates': 2 * count * stages * n,
-            **dict.fromkeys(('q', 'qd', 'qdd', 'begun_q', 'begun_qd', 'pushed'), count * whole),
-            'good': 2 * count * whole,
-            'lam': rows.alpha.size,
-            **dict.fromkeys(('dq', 'dqd', 'x', 'f', 'Q'), whole),
-            'g': rows.i.size * D,
-            'g2': rows.block.size * D,
-            'g2v': rows.block.size * D,
-        }
-        return Tangents(
-            unit=model.unit,
-            problem=replace(problem, forces=forces, work=work),
-            count=np.uint64(count),
-            force=_dual_forces(applied),
-            mass_changes=_any(self.slopes, _MASSES),
-            rows_change=np.array([name in self.lengths for name in self.names], dtype=np.int64),
-            params=np.concatenate([np.zeros(0), *params]),
-            **of,
-            **{name: np.zeros(size) for name, size in sizes.items()},
-        )
+        return replace(tangents_of(model, problem, work, count, _dual_forces(applied)), **changes)
+
+
+def tangents_of(
+    model: Model, problem: Problem, work: Work, count: int, force: Addresses
+) -> Tangents:
+    """Tangents of `count` parameters that change nothing. force: of each effect, for dual
+    numbers."""
+    D, n, whole = model.layout.dimension, model.n, model.q.size
+    rows, mass, stages = problem.system.rows, problem.system.mass, problem.method.b.size
+    effects = problem.forces.effects
+    forces = Forces(effects, problem.forces.bearings, Ledger.empty())
+    sizes = {
+        'mass_diagonal': count * mass.diagonal.size,
+        'mass_k': count * mass.k.size,
+        'mass_w': count * mass.w.size,
+        'length2': count * rows.length2.size,
+        'b': count * rows.b.size,
+        'term': count * rows.term.size,
+        'c': count * rows.c.size,
+        'params': count * effects.params.size,
+        'start': 2 * count * n,
+        'rates': 2 * count * stages * n,
+        **dict.fromkeys(('q', 'qd', 'qdd', 'begun_q', 'begun_qd', 'pushed'), count * whole),
+        'good': 2 * count * whole,
+        'lam': rows.alpha.size,
+        **dict.fromkeys(('dq', 'dqd', 'x', 'f', 'Q'), whole),
+        'g': rows.i.size * D,
+        'g2': rows.block.size * D,
+        'g2v': rows.block.size * D,
+    }
+    return Tangents(
+        unit=model.unit,
+        problem=replace(problem, forces=forces, work=work),
+        count=np.uint64(count),
+        force=force,
+        mass_changes=np.zeros(count, dtype=np.int64),
+        rows_change=np.zeros(count, dtype=np.int64),
+        **{name: np.zeros(size) for name, size in sizes.items()},
+    )
 
 
 def _numbered(slopes: Slopes | None) -> ParameterSlopes | None:
@@ -197,6 +216,14 @@ def _dual_forces(applied: Applied) -> Addresses:
     # it teaches numba new types: only where somebody asks
     from alf_ros.effects.contract.dual_force import dual_force
 
+    return forces_for(applied, dual_force)
+
+
+def forces_for(applied: Applied, compiled: Callable[..., Any]) -> Addresses:
+    """(effects,) the address of each force as `compiled` makes it, in the order of the kernel.
+
+    Raises InputError for an effect without a derivative.
+    """
     effects = applied.assembled.effects
     found: list[int] = []
     for kind, friction in zip(applied.kinds, effects.friction.tolist(), strict=True):
@@ -207,7 +234,7 @@ def _dual_forces(applied: Applied) -> Addresses:
                 expected='a load that is given',
             )
         try:
-            found.append(dual_force(registry.load(kind).force._pyfunc).address)
+            found.append(compiled(registry.load(kind).force._pyfunc).address)
         except TypeError as error:
             raise InputError(f'no tangents: {error}', key=f'effects.{kind}') from None
     return np.array(found, dtype=np.uint64)

@@ -51,10 +51,10 @@ def dual_force(function: Callable[..., None]) -> Any:
     try:
         return by_address(DUAL_FORCE, of=function)(both)
     except NumbaError as error:
-        raise TypeError(_told(str(error))) from None
+        raise TypeError(without_derivative(str(error))) from None
 
 
-def _told(text: str) -> str:
+def without_derivative(text: str) -> str:
     """The line of a message of numba that says which function it is."""
     unknown = re.search(r"Unknown attribute '(\w+)'|>>> (\w+)\(", text)
     name = next(filter(None, unknown.groups()), None) if unknown else None

@@ -6,14 +6,15 @@ prescribed blocks, for which A has no columns, follow. Rows: distance rows betwe
 distance rows with a fixed end, quadratic rows.
 
 `system`: the mechanism. `forces`: the effects on it. `motion`: state, method and singular modes.
-`work`: the workspace. `tangents`: derivatives by parameters. `problem`: these bundled, and numbers
-that functions of the kernel pass on together. `readings`: data of samples.
+`work`: the workspace. `tangents`, `adjoint`: derivatives by parameters. `problem`: these bundled,
+and numbers that functions of the kernel pass on together. `readings`: data of samples.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from alf_ros.kernel.data.adjoint import Adjoint, StepRecord, Tape
 from alf_ros.kernel.data.forces import Bearings, Effects, ForceDirection, Forces, Ledger
 from alf_ros.kernel.data.motion import Method, Modes, Phase, Watch
 from alf_ros.kernel.data.problem import EVERY_MODE, ModeLimits, Problem, Scales, Span, Until
@@ -53,6 +54,7 @@ __all__ = [
     'NOTHING',
     'ORIGIN',
     'SOLVED',
+    'Adjoint',
     'Arms',
     'Axes',
     'Bearings',
@@ -81,7 +83,9 @@ __all__ = [
     'Scales',
     'Soft',
     'Span',
+    'StepRecord',
     'System',
+    'Tape',
     'Tangents',
     'Until',
     'Watch',

@@ -127,8 +127,26 @@ def _some_dual(*kinds: Any) -> bool:
     return DUAL in kinds and all(kind == DUAL or isinstance(kind, _REAL) for kind in kinds)
 
 
+# the rules, each with the functions it is taken for; traced numbers use them too
+RULES_OF_TWO: list[tuple[Any, tuple[Any, ...]]] = []
+RULES_OF_ONE: list[tuple[Any, tuple[Any, ...]]] = []
+COMPARED: list[tuple[Any, tuple[Any, ...]]] = []  # the result is a truth value, or x or y
+UNCHANGED: list[tuple[Any, tuple[Any, ...]]] = []  # a whole number, or x
+
+
 def _binary(rule: Callable[..., Any], *functions: Any) -> None:
     """Take `rule`(x, y), of two dual numbers, for these functions."""
+    RULES_OF_TWO.append((rule, functions))
+    _take_for_two(rule, functions)
+
+
+def _comparison(rule: Callable[..., Any], *functions: Any) -> None:
+    """The same of a rule that compares values."""
+    COMPARED.append((rule, functions))
+    _take_for_two(rule, functions)
+
+
+def _take_for_two(rule: Callable[..., Any], functions: tuple[Any, ...]) -> None:
 
     def matching(x: Any, y: Any) -> Any:
         if not _some_dual(x, y):
@@ -141,6 +159,17 @@ def _binary(rule: Callable[..., Any], *functions: Any) -> None:
 
 def _unary(rule: Callable[..., Any], *functions: Any) -> None:
     """Take `rule`(x), of a dual number, for these functions."""
+    RULES_OF_ONE.append((rule, functions))
+    _take_for_one(rule, functions)
+
+
+def _conversion(rule: Callable[..., Any], *functions: Any) -> None:
+    """The same of a rule that gives a whole number, or x."""
+    UNCHANGED.append((rule, functions))
+    _take_for_one(rule, functions)
+
+
+def _take_for_one(rule: Callable[..., Any], functions: tuple[Any, ...]) -> None:
 
     def matching(x: Any) -> Any:
         return (lambda x: rule(x)) if x == DUAL else None
@@ -228,7 +257,7 @@ _unary(_tanh, math.tanh, np.tanh)
 _unary(_exp, math.exp, np.exp)
 _unary(_tan, math.tan, np.tan)
 _unary(_rule(lambda x: dual(-x.value, -x.slope)), operator.neg)
-_unary(_rule(lambda x: x), operator.pos)
+_conversion(_rule(lambda x: x), operator.pos)
 _unary(_rule(lambda x: dual(math.sin(x.value), math.cos(x.value) * x.slope)), math.sin, np.sin)
 _unary(_rule(lambda x: dual(math.cos(x.value), -math.sin(x.value) * x.slope)), math.cos, np.cos)
 _unary(_rule(lambda x: dual(math.log(x.value), x.slope / x.value)), math.log, np.log)
@@ -237,10 +266,10 @@ _unary(
     math.atan,
     np.arctan,
 )
-_unary(_rule(lambda x: int(math.floor(x.value))), math.floor)
-_unary(_rule(lambda x: int(math.ceil(x.value))), math.ceil)
-_unary(_rule(lambda x: int(x.value)), int)
-_unary(_rule(lambda x: x), float)
+_conversion(_rule(lambda x: int(math.floor(x.value))), math.floor)
+_conversion(_rule(lambda x: int(math.ceil(x.value))), math.ceil)
+_conversion(_rule(lambda x: int(x.value)), int)
+_conversion(_rule(lambda x: x), float)
 
 
 @_rule
@@ -258,14 +287,14 @@ def _hypotenuse(x: Any, y: Any) -> Any:
 
 _binary(_angle, math.atan2, np.arctan2)
 _binary(_hypotenuse, math.hypot, np.hypot)
-_binary(_rule(lambda x, y: y if y.value > x.value else x), max, np.maximum)
-_binary(_rule(lambda x, y: y if y.value < x.value else x), min, np.minimum)
-_binary(_rule(lambda x, y: x.value < y.value), operator.lt)
-_binary(_rule(lambda x, y: x.value <= y.value), operator.le)
-_binary(_rule(lambda x, y: x.value > y.value), operator.gt)
-_binary(_rule(lambda x, y: x.value >= y.value), operator.ge)
-_binary(_rule(lambda x, y: x.value == y.value), operator.eq)
-_binary(_rule(lambda x, y: x.value != y.value), operator.ne)
+_comparison(_rule(lambda x, y: y if y.value > x.value else x), max, np.maximum)
+_comparison(_rule(lambda x, y: y if y.value < x.value else x), min, np.minimum)
+_comparison(_rule(lambda x, y: x.value < y.value), operator.lt)
+_comparison(_rule(lambda x, y: x.value <= y.value), operator.le)
+_comparison(_rule(lambda x, y: x.value > y.value), operator.gt)
+_comparison(_rule(lambda x, y: x.value >= y.value), operator.ge)
+_comparison(_rule(lambda x, y: x.value == y.value), operator.eq)
+_comparison(_rule(lambda x, y: x.value != y.value), operator.ne)
 
 
 @overload(operator.getitem, **_OPTIONS)

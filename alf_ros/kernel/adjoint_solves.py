@@ -1,0 +1,185 @@
+"""The solves of tangents (`tangent_solves`), transposed.
+
+A solve is symmetric: if (x, y) solves K (x, y) = (f, ρ), with K = [[M, Φ_qᵀ], [Φ_q, 0]], then a
+number J that changes by x̄ᵀ δx changes by uᵀ δf + wᵀ δρ, where K (u, w) = (x̄, 0). So each solve of
+the tangents is a solve of the adjoint with the same factor. What f and ρ are made of is taken back
+term by term: rows are quadratic, so that the derivative of Φ_q by q is constant.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from alf_ros.arrays import Floats
+from alf_ros.kernel.augmented_solve import solved
+from alf_ros.kernel.constraints import add_transposed, jacobian_rate
+from alf_ros.kernel.data import Adjoint
+from alf_ros.kernel.numba_ext.block import add, block, dot, put, subtract
+from alf_ros.kernel.numba_ext.jit import ONE, inner
+from alf_ros.kernel.numba_ext.plain_loops import each
+from alf_ros.kernel.numba_ext.vectors import zero
+
+
+@inner
+def _solve_back(adjoint: Adjoint, bar: Floats) -> int:
+    """u into `u` and w into y of `work`, for x̄ = `bar` (movable D,), at q in `work`; the
+    iterations."""
+    problem, u = adjoint.tangents.problem, adjoint.u
+    work, f = problem.work, adjoint.tangents.f
+    zero(f)
+    for a in range(work.p.size):
+        f[a] = bar[a]
+    zero(u)
+    zero(work.y)
+    zero(work.r2)
+    count, _sigma = solved(problem, f, u, True, False)
+    return count
+
+
+@inner
+def project_position_back(adjoint: Adjoint) -> int:
+    """∂J/∂δq behind `project_position`, in `q`, into that before it; the iterations."""
+    problem = adjoint.tangents.problem
+    unit, rows, work = problem.unit, problem.system.rows, problem.work
+    m1, positions = rows.i.size, rows.i.size + rows.c.size
+    count = _solve_back(adjoint, adjoint.q)
+    for r in range(positions, work.y.size):
+        work.y[r] = 0.0
+    for r in range(work.y.size):
+        work.y[r] = -work.y[r]
+    add_transposed(unit, rows, work.g, work.g2, work.y, adjoint.q)
+    for r in range(m1):
+        adjoint.length2[r] -= 0.5 * work.y[r]
+    for r in each(0, rows.c.size):
+        w = work.y[m1 + r]
+        adjoint.c[r] += w
+        for e in each(rows.first[r], rows.first[r + ONE]):
+            q = w * block(unit, work.q, rows.block[e])
+            add(adjoint.b, e, q)
+            put(adjoint.tangents.g2, e, 0.5 * q)
+            _take_entry_back(adjoint, e, adjoint.tangents.g2, work.q)
+    return count
+
+
+@inner
+def project_velocity_back(adjoint: Adjoint) -> int:
+    """∂J/∂δq̇ behind `project_velocity`, in `qd`, into that before it; adds to ∂J/∂δq in `q`."""
+    problem = adjoint.tangents.problem
+    unit, rows, work = problem.unit, problem.system.rows, problem.work
+    g, g2 = adjoint.tangents.g, adjoint.tangents.g2
+    count = _solve_back(adjoint, adjoint.qd)
+    for r in range(work.y.size):
+        work.y[r] = -work.y[r]
+    add_transposed(unit, rows, work.g, work.g2, work.y, adjoint.qd)
+    for r in each(0, rows.i.size):
+        d = block(unit, work.qd, rows.i[r]) - block(unit, work.qd, rows.j[r])
+        put(g, r, work.y[r] * d)
+    for r in each(0, rows.movable.size):
+        w = work.y[rows.i.size + r]
+        for e in each(rows.first[r], rows.first[r + ONE]):
+            put(g2, e, w * block(unit, work.qd, rows.block[e]))
+    _take_rows_back(adjoint)
+    return count
+
+
+@inner
+def accelerate_back(adjoint: Adjoint) -> int:
+    """∂J/∂δq̈, in `qdd`, into ∂J/∂δQ, in `u`; adds to ∂J/∂δq and ∂J/∂δq̇ in `q` and `qd`, but
+    without what comes from δQ. At q, q̇, q̈ in `work` and -λ in `lam`; the iterations."""
+    problem, tangents = adjoint.tangents.problem, adjoint.tangents
+    unit, rows, work = problem.unit, problem.system.rows, problem.work
+    u, g, g2 = adjoint.u, tangents.g, tangents.g2
+    count = _solve_back(adjoint, adjoint.qdd)
+    _take_mass_back(adjoint)
+    for r in each(0, rows.i.size):
+        i, j, w = rows.i[r], rows.j[r], work.y[r]
+        a = block(unit, work.qdd, i) - block(unit, work.qdd, j)
+        along = block(unit, u, i) - block(unit, u, j)
+        put(g, r, tangents.lam[r] * along - w * a)
+        v = (2.0 * w) * (block(unit, work.qd, i) - block(unit, work.qd, j))
+        subtract(adjoint.qd, i, v)
+        add(adjoint.qd, j, v)
+    if rows.movable.size > 0:
+        jacobian_rate(unit, rows, work.qd, work.g2d)
+    for r in each(0, rows.movable.size):
+        w, pull = work.y[rows.i.size + r], tangents.lam[rows.i.size + r]
+        for e in each(rows.first[r], rows.first[r + ONE]):
+            at = rows.block[e]
+            put(g2, e, pull * block(unit, u, at) - w * block(unit, work.qdd, at))
+            subtract(adjoint.qd, at, w * block(unit, work.g2d, e))
+            put(tangents.g2v, e, (-w) * block(unit, work.qd, at))
+            _take_rate_back(adjoint, e)
+    _take_rows_back(adjoint)
+    return count
+
+
+@inner
+def _take_rows_back(adjoint: Adjoint) -> None:
+    """∂J/∂δΦ_q, in `g` and `g2` of the tangents, into that of δq, b and T."""
+    problem, tangents = adjoint.tangents.problem, adjoint.tangents
+    unit, rows, work = problem.unit, problem.system.rows, problem.work
+    for r in each(0, rows.i.size):
+        d = block(unit, tangents.g, r)
+        add(adjoint.q, rows.i[r], d)
+        subtract(adjoint.q, rows.j[r], d)
+    for e in each(0, rows.block.size):
+        add(adjoint.b, e, block(unit, tangents.g2, e))
+        _take_terms_back(adjoint, e, tangents.g2, work.q, adjoint.q)
+
+
+@inner
+def _take_entry_back(adjoint: Adjoint, e: np.uint64, g: Floats, v: Floats) -> None:
+    """∂J/∂(T v) of entry e, in g, into that of T."""
+    problem = adjoint.tangents.problem
+    rows, D = problem.system.rows, np.uint64(len(problem.unit))
+    for s in each(rows.first_term[e], rows.first_term[e + ONE]):
+        at = rows.term_block[s] * D
+        for a in range(D):
+            for c in range(D):
+                adjoint.term[(s * D + a) * D + c] += g[e * D + a] * v[at + c]
+
+
+@inner
+def _take_terms_back(adjoint: Adjoint, e: np.uint64, g: Floats, v: Floats, bar: Floats) -> None:
+    """∂J/∂(T v) of entry e, in g, into that of T, and of v, in `bar`."""
+    problem = adjoint.tangents.problem
+    rows, D = problem.system.rows, np.uint64(len(problem.unit))
+    _take_entry_back(adjoint, e, g, v)
+    for s in each(rows.first_term[e], rows.first_term[e + ONE]):
+        at = rows.term_block[s] * D
+        for a in range(D):
+            for c in range(D):
+                bar[at + c] += rows.term[(s * D + a) * D + c] * g[e * D + a]
+
+
+@inner
+def _take_rate_back(adjoint: Adjoint, e: np.uint64) -> None:
+    """∂J/∂(T q̇) of entry e, in `g2v` of the tangents, into that of T and of δq̇."""
+    work = adjoint.tangents.problem.work
+    _take_terms_back(adjoint, e, adjoint.tangents.g2v, work.qd, adjoint.qd)
+
+
+@inner
+def _take_mass_back(adjoint: Adjoint) -> None:
+    """∂J/∂δM, of f = -δM q̈."""
+    problem, u = adjoint.tangents.problem, adjoint.u
+    unit, mass, qdd = problem.unit, problem.system.mass, problem.work.qdd
+    D = np.uint64(len(unit))
+    for i in each(0, mass.diagonal.size):
+        adjoint.mass_diagonal[i] -= dot(block(unit, u, i), block(unit, qdd, i))
+    for n in each(0, mass.i.size):
+        i, j = mass.i[n], mass.j[n]
+        adjoint.mass_k[n] -= dot(block(unit, u, i), block(unit, qdd, j))
+        adjoint.mass_k[n] -= dot(block(unit, u, j), block(unit, qdd, i))
+    for n in each(0, mass.skew.size):
+        i, j = mass.i[mass.skew[n]] * D, mass.j[mass.skew[n]] * D
+        across = u[i] * qdd[j + ONE] - u[i + ONE] * qdd[j]
+        adjoint.mass_w[n] += across - u[j] * qdd[i + ONE] + u[j + ONE] * qdd[i]
+
+
+@inner
+def restore_position(adjoint: Adjoint, q: Floats, qd: Floats, first: np.uint64) -> None:
+    """q and q̇ (all blocks D) of a vector of many, from number `first` on, into `work`."""
+    work = adjoint.tangents.problem.work
+    for a in range(work.q.size):
+        work.q[a], work.qd[a] = q[first + a], qd[first + a]

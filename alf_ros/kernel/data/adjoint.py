@@ -1,0 +1,91 @@
+"""The adjoint of a run: its steps, kept to be taken back, and what a number of its motion changes
+by with each array of the problem."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from alf_ros.arrays import Addresses, Floats, Integers, Unit
+from alf_ros.kernel.data.motion import Phase
+from alf_ros.kernel.data.tangents import Tangents
+from alf_ros.kernel.numba_ext.structs import Struct
+
+
+@dataclass(frozen=True, eq=False)
+class StepRecord(Struct):
+    """Accepted steps, each with the states where it began and ended; room for C of them."""
+
+    count: Integers  # (1,) steps taken, also those that there was no room for
+    q: Floats  # (C, all blocks D) where the step began
+    qd: Floats  # (C, all blocks D)
+    turns: Integers  # (C, angles)
+    sums: Floats  # (C, integrals)
+    span: Floats  # (C, 5) s: begin, end, length; σ as of `step`; x of the nearest stage
+    ended_q: Floats  # (C, all blocks D)
+    ended_qd: Floats  # (C, all blocks D)
+
+
+@dataclass(frozen=True, eq=False)
+class Tape(Struct):
+    """The stages of one step, as tangents are carried through them."""
+
+    kind: Integers  # (stages,) how its tangents are computed, see `tangent_step`
+    q: Floats  # (stages, all blocks D)
+    qd: Floats  # (stages, all blocks D)
+    qdd: Floats  # (stages, all blocks D)
+    lam: Floats  # (stages, rows) -λ
+    sin: Floats  # (stages + 1, movable) of κa; the last of the end
+    cos: Floats  # (stages + 1, movable)
+    places: Floats  # (stages, 8, 2, movable D) of `Work`, as are the following
+    place_weights: Floats  # (stages, 8)
+    place_step: Floats  # (stages,)
+    place_shift: Floats  # (stages,)
+    sum_q: Floats  # (stages, movable D)
+    sum_qd: Floats  # (stages, movable D)
+    given: Floats  # (stages, all blocks D)
+    projected: Integers  # (1,) whether the end of the step is projected
+
+
+@dataclass(frozen=True, eq=False)
+class Adjoint(Struct):
+    """Derivatives of a number J of a motion: by the state, and by the arrays of the problem.
+
+    Fields with the names of arrays of the problem are ∂J/∂ that array, summed up over the steps.
+    """
+
+    addresses = ('force',)
+
+    unit: Unit
+    tangents: Tangents  # of no parameter: problem and workspace
+    phase: Phase  # where a step began
+    record: StepRecord
+    tape: Tape
+    force: Addresses  # (effects,) of the forces for traced numbers
+    bar_q: Floats  # (all blocks D,) ∂J/∂q of the state; of fixed blocks the sum over all stages
+    bar_qd: Floats  # (all blocks D,) ∂J/∂q̇
+    mass_diagonal: Floats  # (movable,) of `Mass`
+    mass_k: Floats  # (pairs,)
+    mass_w: Floats  # (skew pairs,)
+    length2: Floats  # (distance rows,) of `Rows`
+    b: Floats  # (entries D,)
+    term: Floats  # (terms D D,)
+    c: Floats  # (quadratic rows,)
+    # ∂J/∂ of the numbers of a trace: q and q̇ of the stage, `Effects.params` summed up over all
+    # stages, and the operations
+    of_trace: Floats
+    words: Integers  # of the trace, see `traced_numbers`
+    slopes: Floats  # (2 operations,)
+    made: Integers  # (all blocks D,) the numbers of what made each of Q
+    start: Floats  # (2, movable D) of δq and δq̇ where the step begins, in the axes of the arcs
+    rates: Floats  # (stages, 2, movable D) of their rates in the stages
+    q: Floats  # (all blocks D,) of δq of the stage
+    qd: Floats  # (all blocks D,) of δq̇
+    qdd: Floats  # (all blocks D,) of δq̈
+    whole_q: Floats  # (all blocks D,) of an interpolated stage
+    whole_qd: Floats  # (all blocks D,)
+    whole_qdd: Floats  # (all blocks D,)
+    begun_q: Floats  # (all blocks D,) of δq and δq̇ before it is interpolated
+    begun_qd: Floats  # (all blocks D,)
+    pushed: Floats  # (all blocks D,) of δQ of that stage
+    u: Floats  # (all blocks D,) of the forces of a solve
+    x: Floats  # (all blocks D,)

@@ -1,0 +1,219 @@
+"""The adjoint of a run: steps that are written down, and taken back from the last to the first."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from alf_ros import kernel
+from alf_ros.arrays import Addresses, Floats, Integers
+from alf_ros.effects.contract.traced_force import traced_force
+from alf_ros.errors import AlfError, StepError
+from alf_ros.kernel import Adjoint, Problem, Status, StepRecord, Tape
+from alf_ros.kernel.step_tape import SPAN
+from alf_ros.model.compile import Model
+from alf_ros.simulation.applied import Applied
+from alf_ros.simulation.present import Present
+from alf_ros.simulation.stepping import Stepper
+from alf_ros.simulation.tangent_following import forces_for, tangents_of
+
+SUMS = ('mass_diagonal', 'mass_k', 'mass_w', 'length2', 'b', 'term', 'c')
+_ROOM = 4096  # operations of a trace, at first
+
+
+class NoRoom(AlfError):
+    """The steps are more, or a trace is longer, than there was room for; there is more now."""
+
+
+class TakenBack(NamedTuple):
+    """What a number J of a motion changes by, in the units of J over those of the array.
+
+    q, qd (all blocks D,): by the state where the steps began; of fixed blocks the sum over the
+    steps. arrays: by arrays of the problem, as `ParameterSlopes.arrays` names them. params: by the
+    numbers of the effects.
+    """
+
+    q: Floats
+    qd: Floats
+    arrays: Mapping[str, Floats]
+    params: Floats
+
+
+class Begun(NamedTuple):
+    """Where a step began."""
+
+    q: Floats
+    qd: Floats
+    turns: Integers
+    sums: Floats
+
+
+class AdjointFollowing:
+    """Takes steps of a stepper, and takes them back. The steps stay as they are, bit for bit.
+
+    Raises InputError for an effect without a derivative.
+    """
+
+    def __init__(self, stepper: Stepper, model: Model) -> None:
+        self._stepper, self._model = stepper, model
+        self._steps, self._operations = 0, _ROOM
+        self._record = self._empty_record()
+        self._adjoint: Adjoint | None = None
+        self._forces: tuple[Applied, Addresses] | None = None
+        self._force_of(stepper.applied)
+
+    @property
+    def bytes_of_step(self) -> int:
+        """Memory that one step takes."""
+        return sum(x.nbytes for x in _arrays_of(_record(self._model, 1)))
+
+    def provide(self, steps: int) -> None:
+        """Room for so many steps."""
+        if steps > self._steps:
+            self._steps = steps
+            self._record = self._empty_record()
+
+    def _empty_record(self) -> StepRecord:
+        return _record(self._model, self._steps)
+
+    def write_down(self, present: Present, n: int) -> None:
+        """Take n steps of the grid. Raises StepError, and NoRoom if an adaptive method took more
+        steps than there was room for: the present is behind them then."""
+        self._record.count[0] = 0
+        status = self._stepper.advance_recorded(present, n, self._record)
+        if status != Status.OK:
+            raise self._stepper.error(status, present)
+        if int(self._record.count[0]) > self._steps:
+            self.provide(2 * int(self._record.count[0]))
+            raise NoRoom('more steps than there was room for')
+        force = self._force_of(present.applied)
+        self._adjoint = self._made(self._stepper.problem_aside(present), force)
+        self._taken = int(self._record.count[0])
+
+    def ends(self) -> Floats:
+        """(steps,) s: the ends of the steps that are written down."""
+        return self._record.span[: self._taken * SPAN].reshape(-1, SPAN)[:, 1]
+
+    def begun(self, k: int) -> Begun:
+        """Where written step k began."""
+        of, model = self._record, self._model
+        sizes = {
+            'q': model.q.size,
+            'qd': model.q.size,
+            'turns': model.system.angles.c.size // 2,
+            'sums': model.system.integrals.row.size,
+        }
+        return Begun(*(getattr(of, name)[k * n : (k + 1) * n].copy() for name, n in sizes.items()))
+
+    def begin(self, q: Floats, qd: Floats) -> None:
+        """∂J/∂q and ∂J/∂q̇ (all blocks D,) behind the last step."""
+        assert self._adjoint is not None
+        self._adjoint.bar_q[:], self._adjoint.bar_qd[:] = q, qd
+
+    def add(self, q: Floats, qd: Floats) -> None:
+        """Add to ∂J/∂q and ∂J/∂q̇ where the steps have been taken back to."""
+        assert self._adjoint is not None
+        for bar, more in ((self._adjoint.bar_q, q), (self._adjoint.bar_qd, qd)):
+            bar += more
+
+    def take_back(self, to: int) -> None:
+        """Take back the written steps down to number `to`. Raises StepError, and NoRoom if a trace
+        was longer than its room: all must begin again then."""
+        assert self._adjoint is not None
+        if to >= self._taken:
+            return
+        status = Status(kernel.take_steps_back(self._adjoint, self._taken - 1, to))
+        if status == Status.NO_ROOM:
+            self._operations *= 4
+            raise NoRoom(status.reason)
+        if status == Status.STOPPED:
+            self._stepper.listener.answer()
+        if status != Status.OK:
+            raise StepError(status.reason, status.remedy, float(self.ends()[-1]))
+        self._taken = to
+
+    def taken_back(self) -> TakenBack:
+        """The derivatives, once all steps are taken back."""
+        of = self._adjoint
+        assert of is not None
+        whole, size = self._model.q.size, of.tangents.problem.forces.effects.params.size
+        params = of.of_trace[2 * whole : 2 * whole + size].copy()
+        return TakenBack(of.bar_q, of.bar_qd, {name: getattr(of, name) for name in SUMS}, params)
+
+    def _force_of(self, applied: Applied) -> Addresses:
+        """Of the effects, to which held inputs belong."""
+        if self._forces is None or self._forces[0] is not applied:
+            self._forces = applied, forces_for(applied, traced_force)
+        return self._forces[1]
+
+    def _made(self, problem: Problem, force: Addresses) -> Adjoint:
+        model, work = self._model, problem.work
+        system, stages = problem.system, problem.method.b.size
+        n, whole, blocks = model.n, model.q.size, work.chart.sin.size
+        leaves, room = 2 * whole + problem.forces.effects.params.size, self._operations
+        words = np.zeros(3 + 2 * room, dtype=np.int64)
+        words[1:3] = room, leaves
+        angles = system.angles.c.size // 2
+        sizes = {
+            **{name: getattr(system.mass, name.removeprefix('mass_')).size for name in SUMS[:3]},
+            **{name: getattr(system.rows, name).size for name in SUMS[3:]},
+            'of_trace': leaves + room,
+            'slopes': 2 * room,
+            'start': 2 * n,
+            'rates': 2 * stages * n,
+            **dict.fromkeys(_WHOLE, whole),
+        }
+        tape = {
+            **dict.fromkeys(('q', 'qd', 'qdd', 'given'), stages * whole),
+            'lam': stages * system.rows.alpha.size,
+            **dict.fromkeys(('sin', 'cos'), (stages + 1) * blocks),
+            'places': stages * work.places.size,
+            'place_weights': stages * work.place_weights.size,
+            **dict.fromkeys(('place_step', 'place_shift'), stages),
+            **dict.fromkeys(('sum_q', 'sum_qd'), stages * n),
+        }
+        return Adjoint(
+            unit=model.unit,
+            tangents=tangents_of(model, problem, work, 0, np.zeros_like(force)),
+            phase=kernel.Phase(
+                np.zeros(whole),
+                np.zeros(whole),
+                np.zeros(angles, dtype=np.int64),
+                np.zeros(1),
+                np.zeros(0),
+                sums=np.zeros(system.integrals.row.size),
+            ),
+            record=self._record,
+            tape=Tape(
+                kind=np.zeros(stages, dtype=np.int64),
+                projected=np.zeros(1, dtype=np.int64),
+                **{name: np.zeros(size) for name, size in tape.items()},
+            ),
+            force=force,
+            words=words,
+            made=np.zeros(whole, dtype=np.int64),
+            **{name: np.zeros(size) for name, size in sizes.items()},
+        )
+
+
+_WHOLE = (
+    *('bar_q', 'bar_qd', 'q', 'qd', 'qdd', 'whole_q', 'whole_qd', 'whole_qdd'),
+    *('begun_q', 'begun_qd', 'pushed', 'u', 'x'),
+)
+
+
+def _record(model: Model, steps: int) -> StepRecord:
+    system, whole = model.system, model.q.size
+    return StepRecord(
+        count=np.zeros(1, dtype=np.int64),
+        turns=np.zeros(steps * (system.angles.c.size // 2), dtype=np.int64),
+        sums=np.zeros(steps * system.integrals.row.size),
+        span=np.zeros(steps * SPAN),
+        **{name: np.zeros(steps * whole) for name in ('q', 'qd', 'ended_q', 'ended_qd')},
+    )
+
+
+def _arrays_of(record: StepRecord) -> list[Floats]:
+    return [x for x in vars(record).values() if isinstance(x, np.ndarray)]

@@ -1,0 +1,154 @@
+"""The gradient of a number of a run: one run and one pass back, for any number of parameters."""
+
+from __future__ import annotations
+
+import copy
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from alf_ros.errors import InputError
+from alf_ros.logs.log import Log, load
+from alf_ros.logs.rerun import Rerun
+from alf_ros.simulation import input_checks as check
+from alf_ros.simulation.simulation import Simulation
+from alf_ros.simulation.tangent_following import checked_names
+from alf_ros.studies.gradients.observed_number import ObservedNumber, observed_number
+from alf_ros.studies.gradients.taped_run import TapedRun
+from alf_ros.studies.optimisation.folds import FOLDS, Folded
+
+_CALL = re.compile(r'(\w+)\((.+)\)')
+
+
+@dataclass(frozen=True)
+class Gradient:
+    """`of`: the number, with its `value` and unit; `t`: the instant (s) that it belongs to, if it
+    is one. `by`: its derivatives by numbers of the scene, per unit of each."""
+
+    of: str
+    value: float
+    unit: str
+    t: float | None
+    by: Mapping[str, float]
+
+
+class _Stretch(NamedTuple):
+    """Steps with the same inputs: what is to be done before them, and how many they are."""
+
+    begin: Callable[[], None]
+    steps: int
+
+
+def gradient(
+    source: str | Path | Log | Simulation,
+    of: str,
+    by: Sequence[str],
+    duration: float | None = None,
+    every: int | None = None,
+    trust: bool = False,
+) -> Gradient:
+    """The derivatives of a number of a run by numbers of its scene, exact to rounding.
+
+    source: a log, or a simulation, which stays as it is; a copy of it runs for `duration` (s) with
+    the inputs held. of: `final(B.x)`, `mean(knee.position)`, `max(norm(velocities.B))`, …: one of
+    max, min, final, mean, integral and rms of a place or velocity of a point or of a joint
+    coordinate or its rate. by: names as of `fork --set`. every: steps from one sample to the next
+    (default: a tick of the log, or one step). trust: run the effect code that a log contains.
+
+    Raises InputError for what has no derivative, by its name, and StepError.
+    """
+    if isinstance(source, Simulation):
+        simulation, tick = copy.copy(source), 1
+        steps = _steps_of(simulation, duration)
+        stretches: Iterator[_Stretch] = iter([_Stretch(lambda: None, steps)])
+    else:
+        if duration is not None:
+            raise InputError('a log has its own duration', key='duration', value=duration)
+        log = source if isinstance(source, Log) else load(source)
+        rerun = Rerun(log, trust)
+        simulation, tick = rerun.simulation, rerun.steps_per_tick
+        stretches = _stretches(log, rerun)
+    return _gradient(simulation, stretches, of, by, check.whole(every or tick, 'every', 1))
+
+
+def _steps_of(simulation: Simulation, duration: float | None) -> int:
+    if duration is None:
+        raise InputError('how long is the run?', key='duration', expected='seconds')
+    steps = check.steps_of(duration, simulation.h, simulation.step_index)
+    if steps < 1:
+        raise InputError('not one step', key='duration', value=duration)
+    return steps
+
+
+def _stretches(log: Log, rerun: Rerun) -> Iterator[_Stretch]:
+    """The stretches of a log. Raises InputError if its settings change on the way."""
+    if not log.inputs:
+        raise InputError('the log has no journal: its inputs are not known', file=str(log.path))
+    last, at = rerun.step_of(log.survey.last), rerun.simulation.step_index
+    waiting: list[Callable[[], None]] = []
+
+    def act() -> None:
+        for each in waiting:
+            each()
+        waiting.clear()
+
+    for entry in log.inputs:
+        if entry['kind'] == 'start':
+            continue
+        if entry['kind'] == 'settings' and (entry['effects'] or entry['solver']):
+            raise InputError('no gradient: settings change on the way', file=str(log.path))
+        step = rerun.step_before(entry)
+        if step >= last:
+            break
+        if step > at:
+            yield _Stretch(act, step - at)
+            at = step
+        waiting.append(lambda entry=entry: rerun.act(entry))  # type: ignore[misc]
+    yield _Stretch(act, last - at)
+
+
+def _gradient(
+    simulation: Simulation,
+    stretches: Iterator[_Stretch],
+    of: str,
+    by: Sequence[str],
+    every: int,
+) -> Gradient:
+    names = checked_names(by)
+    fold, number = _objective(of, simulation)
+    run = TapedRun(simulation, names)
+    first = simulation.step_index
+    values = {first: number.value(simulation.sample())}
+    for stretch in stretches:
+        stretch.begin()
+        for leg in run.go_on(stretch.steps):
+            begin = first + every * ((leg.state.step - first) // every + 1)
+            wanted = range(begin, leg.end + 1, every)
+            for sample, step in zip(run.samples(wanted), wanted, strict=True):
+                values[step] = number.value(sample)
+    at = np.array(list(values))
+    found = fold(at * simulation.h, np.array(list(values.values())))
+    if not math.isfinite(found.value):
+        raise InputError('it has no value on the way', key='of', value=of)
+    weights = {
+        int(step): weight
+        for step, weight in zip(at.tolist(), found.weights.tolist(), strict=True)
+        if weight != 0.0
+    }
+    slopes = run.derivatives(number, weights) if weights else np.zeros(len(names))
+    return Gradient(
+        of, found.value, number.unit, found.t, dict(zip(names, slopes.tolist(), strict=True))
+    )
+
+
+def _objective(of: str, simulation: Simulation) -> tuple[Callable[..., Folded], ObservedNumber]:
+    called = _CALL.fullmatch(of.strip()) if isinstance(of, str) else None
+    if called is None or called[1] not in FOLDS:
+        choices = ', '.join(f'{name}(…)' for name in FOLDS)
+        raise InputError('not a number of a run', key='of', value=of, expected=choices)
+    return FOLDS[called[1]], observed_number(called[2], 'of', simulation.sample())

@@ -1,0 +1,198 @@
+"""A run that is taken back: legs with the same inputs, short enough to be kept in memory.
+
+The first pass notes the states where legs begin. A leg is run again, written down, when its turn
+comes; the last one is still there. So memory is that of one leg and of a state for each other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from alf_ros.arrays import Floats
+from alf_ros.errors import InputError
+from alf_ros.simulation.adjoint_following import AdjointFollowing, NoRoom, TakenBack
+from alf_ros.simulation.sample import Sample
+from alf_ros.simulation.simulation import Simulation
+from alf_ros.simulation.state import State
+from alf_ros.simulation.tangent_following import TangentFollowing
+from alf_ros.studies.gradients.observed_number import Bars, ObservedNumber
+
+_MEMORY = 256e6  # bytes for the steps of a leg
+_INNER = 16  # steps of an adaptive method for one of the grid, at first
+
+
+class Leg(NamedTuple):
+    """Steps of the grid from a state, with its inputs."""
+
+    state: State
+    steps: int
+
+    @property
+    def end(self) -> int:
+        """The step where it ends."""
+        return self.state.step + self.steps
+
+
+class TapedRun:
+    """The run of a simulation from its present on, which it moves.
+
+    Raises InputError for names that the motion has no derivative by.
+    """
+
+    def __init__(
+        self, simulation: Simulation, names: Sequence[str], memory: float = _MEMORY
+    ) -> None:
+        self._simulation = simulation
+        start, solver = simulation._start, simulation.solver
+        self.following = TangentFollowing(names, simulation.scene, solver, start)
+        self._check_begin()
+        self._adjoint = AdjointFollowing(simulation._stepper, simulation.model)
+        per_step = _INNER if solver.method.embedded.size else 1
+        self._longest = max(1, int(memory / (self._adjoint.bytes_of_step * per_step)))
+        self._per_step = per_step
+        self._legs: list[Leg] = []
+
+    def _check_begin(self) -> None:
+        """A run from another state than the scene's does not change with where the scene begins,
+        and not in a consistent way with lengths."""
+        simulation, (own, here) = self._simulation, self._begins()
+        self._from_start = here.step == 0 and all(
+            map(np.array_equal, (own.q, own.qd), (here.q, here.qd))
+        )
+        if self._from_start:
+            return
+        for name, slopes in zip(self.following.names, self.following.slopes, strict=True):
+            if name in self.following.lengths or slopes.arrays['qd'].any():
+                raise InputError(
+                    'no gradient: the run does not begin where its scene begins',
+                    key=name,
+                    value=f't = {simulation.t:g} s',
+                )
+
+    def _begins(self) -> tuple[State, State]:
+        return self._simulation._initial, self._simulation.state
+
+    def go_on(self, steps: int) -> Iterator[Leg]:
+        """Steps of the grid, with the inputs held now, leg by leg. Raises StepError."""
+        while steps > 0:
+            n = min(steps, self._longest)
+            self._legs.append(Leg(self._simulation.state, n))
+            self._write_down(self._legs[-1])
+            steps -= n
+            yield self._legs[-1]
+
+    def _write_down(self, leg: Leg) -> None:
+        self._adjoint.provide(leg.steps * self._per_step)
+        while True:
+            try:
+                self._simulation._write_down(self._adjoint, leg.steps)
+                return
+            except NoRoom:
+                self._simulation.restore(leg.state)
+
+    def samples(self, steps: Sequence[int]) -> Iterator[Sample]:
+        """Samples at these steps of the last leg, in order."""
+        leg = self._legs[-1]
+        for step in steps:
+            yield self._sample(leg, step)
+
+    def _sample(self, leg: Leg, step: int) -> Sample:
+        state = self._simulation.state
+        if step != leg.end:
+            n = self._adjoint.begun(self._written(leg, step))
+            state = replace(leg.state, step=step, q=n.q, qd=n.qd, turns=n.turns, sums=n.sums)
+        return self._simulation._sample(step * self._simulation.h, state, None)
+
+    def _written(self, leg: Leg, step: int) -> int:
+        """How many of the written steps lie before a step of the grid."""
+        if step == leg.state.step:
+            return 0
+        ends = self._adjoint.ends()
+        return int(np.searchsorted(ends, step * self._simulation.h)) + 1
+
+    # ----------------------------------------------------------------------------------- back
+
+    def derivatives(self, number: ObservedNumber, weights: Mapping[int, float]) -> Floats:
+        """(names,) the derivatives of the sum of `weights` times the number at their steps, by the
+        numbers of the scene. Raises StepError, and InputError by a name without a derivative."""
+        self._check_unfolding(max(weights))
+        model, found = self._simulation.model, np.zeros(len(self.following.names))
+        bars = Bars.of(model)
+        for leg in reversed(self._legs):
+            if leg is not self._legs[-1]:
+                self._repeat(leg)
+            back = self._leg_back(leg, number, weights, bars)
+            bars.q[:], bars.qd[:] = back.q, back.qd
+            found += self._by_arrays(back.arrays)
+            for k, slopes in enumerate(self.following.slopes):
+                by = slopes.params(leg.state.inputs)
+                found[k] += by[by != 0.0] @ back.params[by != 0.0]
+        found += self._by_arrays(bars.arrays)
+        if self._from_start:
+            found += self._by_arrays({'q': bars.q, 'qd': bars.qd})
+        return found
+
+    def _by_arrays(self, bars: Mapping[str, Floats]) -> Floats:
+        """(names,) of ∂J/∂ arrays."""
+        return np.array(
+            [
+                sum(slopes.arrays[name].ravel() @ bar.ravel() for name, bar in bars.items())
+                for slopes in self.following.slopes
+            ]
+        )
+
+    def _repeat(self, leg: Leg) -> None:
+        self._simulation.restore(leg.state)
+        self._write_down(leg)
+
+    def _leg_back(
+        self, leg: Leg, number: ObservedNumber, weights: Mapping[int, float], bars: Bars
+    ) -> TakenBack:
+        """A leg, taken back from `bars` where it ends; what does not come through the state is
+        added to these."""
+        begins = leg is self._legs[0]
+        steps = sorted(
+            (
+                n
+                for n in weights
+                if leg.state.step < n <= leg.end or begins and n == leg.state.step
+            ),
+            reverse=True,
+        )
+        while True:
+            own = Bars.of(self._simulation.model)
+            self._adjoint.begin(bars.q, bars.qd)
+            try:
+                for step in steps:
+                    self._adjoint.take_back(self._written(leg, step))
+                    own.q[:], own.qd[:] = 0.0, 0.0
+                    number.add(self._sample(leg, step), weights[step], own)
+                    self._adjoint.add(own.q, own.qd)
+                self._adjoint.take_back(0)
+            except NoRoom:
+                self._repeat(leg)
+                continue
+            for name, array in own.arrays.items():
+                bars.arrays[name] += array
+            return self._adjoint.taken_back()
+
+    def _check_unfolding(self, last: int) -> None:
+        """Refuse lengths that unfold a singular position passed before a step."""
+        following, simulation = self.following, self._simulation
+        if not following.lengths:
+            return
+        watched = Simulation(simulation.scene, **asdict(simulation.solver), watch=True)
+        for leg in self._legs:
+            steps = min(leg.steps, last - leg.state.step)
+            if steps <= 0:
+                return
+            watched.restore(leg.state)
+            watched.step(steps)
+            for passed in watched.passes:
+                for name in following.unfolded_by(passed):
+                    told = f'it unfolds the singular position passed at t = {passed.t:.6g} s'
+                    raise InputError(f'no gradient: {told}', key=name)

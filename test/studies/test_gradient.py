@@ -1,0 +1,275 @@
+"""Gradients: against tangents of the same run, which they equal to rounding, against the exact
+equation of one freedom, and against differences of runs."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from alf_ros import Simulation, gradient, load_scene
+from alf_ros.commands.gradient import main
+from alf_ros.errors import InputError
+from alf_ros.scene import overrides
+from alf_ros.scene.scene import Scene
+from alf_ros.simulation.adjoint_following import AdjointFollowing
+from alf_ros.studies.exact.exact_tangents import double_four_bar, slider_crank
+from alf_ros.studies.gradients.observed_number import observed_number
+from alf_ros.studies.gradients.taped_run import TapedRun
+from support.log_files import make
+from support.paths import ROOT
+from support.tangent_robot import NUMBERS, ROBOT
+
+FIXED: dict[str, Any] = {'step': 1e-2 / 7.0}
+ADAPTIVE: dict[str, Any] = {'step': 0.1, 'integrator': 'dop853_adaptive', 'tolerance': 1e-8}
+SCENES = sorted(path.stem for path in (ROOT / 'config' / 'scenes').glob('*.yaml'))
+
+
+@pytest.fixture(scope='module')
+def robot(tmp_path_factory: pytest.TempPathFactory) -> Scene:
+    path = Path(tmp_path_factory.mktemp('robot')) / 'robot.yaml'
+    path.write_text(ROBOT, 'utf-8')
+    return load_scene(path)
+
+
+def dot_products(
+    scene: Scene, names: Sequence[str], steps: int, **settings: Any
+) -> tuple[Any, Any, Any]:
+    """For random ȳ at the end of a run: ȳᵀ δx by the tangents, by the adjoint, and the size of
+    the sum."""
+    followed = Simulation(scene, tangents=names, **settings)
+    followed.step(steps)
+    state = followed.state
+    tangents = state.tangents.reshape(len(names), 2, state.q.size)
+    simulation = Simulation(scene, **settings)
+    run = TapedRun(simulation, names)
+    list(run.go_on(steps))
+    assert simulation.state.q.tobytes() == state.q.tobytes()
+    assert simulation.state.qd.tobytes() == state.qd.tobytes()
+    bars = np.zeros((2, state.q.size))
+    bars[:, : simulation.model.n] = np.random.default_rng(1).normal(size=(2, simulation.model.n))
+
+    class AnySum:
+        def add(self, sample: Any, weight: float, to: Any) -> None:
+            to.q[:] += weight * bars[0]
+            to.qd[:] += weight * bars[1]
+
+    run._check_unfolding = lambda last: None  # type: ignore[method-assign]
+    found = run.derivatives(AnySum(), {steps: 1.0})  # type: ignore[arg-type]
+    size = np.abs(tangents).reshape(len(names), -1) @ np.abs(bars).ravel()
+    return np.einsum('kha,ha->k', tangents, bars), found, size
+
+
+@pytest.mark.parametrize('settings', [FIXED, ADAPTIVE], ids=['fixed', 'adaptive'])
+@pytest.mark.parametrize('solution', [slider_crank, double_four_bar])
+def test_equals_the_tangents_through_singular_passes(
+    solution: Any, settings: dict[str, Any]
+) -> None:
+    exact = solution(2.0)
+    steps = round(2.0 / settings['step'])
+    scene = load_scene(exact.scene)
+    expected, found, size = dot_products(scene, exact.names, steps, **settings)
+    # stages beside a pass are interpolated: rounding leaves 1e-10 of a derivative there
+    assert (np.abs(found - expected) <= 1e-9 * size).all()
+
+
+def test_equals_the_tangents_for_all_kinds_of_numbers(robot: Scene) -> None:
+    expected, found, size = dot_products(robot, NUMBERS, 200)
+    for name, one, other, scale in zip(NUMBERS, found, expected, size, strict=True):
+        assert abs(one - other) <= 1e-13 * scale, name
+
+
+def is_number(scene: Scene, name: str) -> bool:
+    try:
+        return np.isfinite(overrides.number(scene, name))
+    except InputError:
+        return False
+
+
+@pytest.mark.parametrize('name', SCENES)
+def test_equals_the_tangents_in_every_scene(name: str) -> None:
+    """All rows, spaces and effects of the library; by masses, where there are parameters."""
+    scene = load_scene(name)
+    names = [f'{body.name}.mass' for body in scene.mechanism.bodies]
+    names = [name for name in (*names, 'gravity.acceleration.1') if is_number(scene, name)][:3]
+    try:
+        expected, found, size = dot_products(scene, names, 40)
+    except InputError as error:
+        assert 'no tangent' in str(error) or 'tangents follow' in str(error)
+        return
+    # some derivatives are zero, as that of a pendulum by its mass: then terms cancel
+    assert (np.abs(found - expected) <= 1e-11 * size.max(initial=0.0) + 1e-14).all()
+
+
+def test_exact_over_ten_seconds() -> None:
+    """B of the slider-crank after 10 s and eleven passes."""
+    exact = slider_crank(10.0)
+    simulation = Simulation(load_scene(exact.scene), **ADAPTIVE)
+    sample = simulation.sample()
+    found = gradient(simulation, 'final(points.B.x)', exact.names, duration=10.0, every=100)
+    at = int(sample.model.point_block[sample.model.point_names.index('B')])
+    tangents = Simulation(load_scene(exact.scene), tangents=exact.names, **ADAPTIVE)
+    tangents.step(100)
+    for name, dq in zip(exact.names, exact.dq, strict=True):
+        own = tangents.sample().tangents[name].points['B'][0]
+        assert found.by[name] == pytest.approx(own, rel=1e-8)
+        assert abs(found.by[name] - own) <= 1e-7 * np.abs(dq).max(), at
+    assert simulation.step_index == 0
+
+
+# ------------------------------------------------------------------------ numbers of a run
+
+OBSERVED = (
+    'final(points.B.x)',
+    'final(velocities.B.y)',
+    'mean(knee.position)',
+    'rms(knee.velocity)',
+    'integral(abs(foot.velocity))',
+    'max(norm(velocities.B))',
+    'min(points.A.y)',
+)
+
+
+CHANGED = ('m', 'a', 'pull.stiffness', 'initial.velocities.A.0')
+
+
+@pytest.mark.parametrize('n', range(len(OBSERVED)))
+def test_numbers_of_a_run(robot: Scene, n: int) -> None:
+    """Against differences of sixth order of runs with other numbers."""
+    of, names = OBSERVED[n], (CHANGED[n % 4], CHANGED[(n + 1) % 4])
+    weights = (3.0 / 4.0, -3.0 / 20.0, 1.0 / 60.0)
+    found = gradient(Simulation(robot), of, names, duration=0.2, every=1)
+
+    def value(name: str, change: float) -> float:
+        text = repr(overrides.number(robot, name) + change)
+        other = Simulation(overrides.with_changes(robot, {name: text}))
+        return gradient(other, of, ['rub.viscous'], duration=0.2).value
+
+    for name in names:
+        size = 1e-3 * overrides.number(robot, name)
+        slopes = [
+            w / size * (value(name, k * size) - value(name, -k * size))
+            for k, w in enumerate(weights, 1)
+        ]
+        assert found.by[name] == pytest.approx(sum(slopes), rel=2e-7, abs=1e-10), name
+
+
+def test_in_legs(robot: Scene) -> None:
+    """A run in many legs, of which one at a time is in memory, has the same derivatives."""
+    whole = TapedRun(Simulation(robot), CHANGED)
+    pieces = TapedRun(Simulation(robot), CHANGED, memory=1.0)
+    found = []
+    for run, count in ((whole, 1), (pieces, 60)):
+        assert len(list(run.go_on(60))) == count
+        sample = run._simulation.sample()
+        number = observed_number('points.B.x', 'of', sample)
+        found.append(run.derivatives(number, {60: 1.0, 31: 0.5, 0: 2.0}))
+    np.testing.assert_allclose(found[1], found[0], rtol=1e-11)
+
+
+def test_traces_and_records_grow(robot: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Too little room is found, and the leg repeated."""
+    names, settings = NUMBERS[:3], {**ADAPTIVE, 'step': 0.05}
+    expected = gradient(Simulation(robot, **settings), OBSERVED[0], names, duration=0.2)
+    monkeypatch.setattr('alf_ros.simulation.adjoint_following._ROOM', 8)
+    monkeypatch.setattr('alf_ros.studies.gradients.taped_run._INNER', 1)
+    assert gradient(Simulation(robot, **settings), OBSERVED[0], names, duration=0.2) == expected
+
+
+def test_inputs_that_are_held(robot: Scene) -> None:
+    """From a state on the way, with a wrench and an effort held."""
+    simulation = Simulation(robot, tangents=['m', 'pull.stiffness'])
+    simulation.apply_wrench('rocker', force=[1.0, 2.0], torque=0.3)
+    simulation.apply_effort('wrist', 0.4)
+    plain = Simulation(robot)
+    plain.restore(Simulation(robot).state)
+    plain.apply_wrench('rocker', force=[1.0, 2.0], torque=0.3)
+    plain.apply_effort('wrist', 0.4)
+    found = gradient(plain, 'final(points.B.x)', ['m', 'pull.stiffness'], duration=0.1)
+    simulation.step(100)
+    for name, slope in found.by.items():
+        expected = simulation.sample().tangents[name].points['B'][0]
+        assert slope == pytest.approx(expected, rel=1e-12)
+
+
+# ------------------------------------------------------------------------------------- logs
+
+
+def test_of_a_log(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A recorded run that is pushed on the way has the derivatives of the tangents."""
+    names, file = ['m', 'L'], tmp_path / 'gradient.json'
+    log, recorded = make(tmp_path / 'log', 'slider_crank', ticks=30, push_at=10)
+    steps = recorded.step_index // 30
+    simulation = Simulation(load_scene('slider_crank'), tangents=names)
+    simulation.step(9 * steps)
+    body = simulation.model.body_names[-1]
+    simulation.apply_wrench(body, force=[1.0 / 3.0, 0.0])
+    simulation.step(21 * steps)
+    assert simulation.state.q.tobytes() == recorded.state.q.tobytes()
+    sample = simulation.sample()
+    of = ['--of', 'final(points.B.x)', '--by', *names]
+    assert main([str(log), *of, '--json', str(file)]) == 0
+    printed = capsys.readouterr().out
+    told = json.loads(file.read_text('utf-8'))
+    for name in names:
+        assert told['by'][name] == pytest.approx(sample.tangents[name].points['B'][0], rel=1e-11)
+        assert f'{told["by"][name]:.9g}' in printed
+    assert told['value'] == sample.points['B'][0]
+    assert told['t'] == pytest.approx(simulation.t)
+
+
+# --------------------------------------------------------------------------------- refusals
+
+
+def refused(source: Any, of: Any, by: Any, **settings: Any) -> str:
+    with pytest.raises(InputError) as caught:
+        gradient(source, of, by, **settings)
+    text = str(caught.value)
+    assert '\n' not in text
+    return text
+
+
+def test_what_is_refused(robot: Scene) -> None:
+    simulation = Simulation(robot)
+    for of, told in (
+        ('points.B.x', 'not a number of a run'),
+        ('final(B.z)', 'no such quantity'),
+        ('final(points.B)', 'norm(points.B)'),
+        ('final(energy)', 'no such quantity'),
+        (3, 'not a number of a run'),
+    ):
+        assert told in refused(simulation, of, ['m'], duration=0.1)
+    assert 'how long' in refused(simulation, OBSERVED[0], ['m'])
+    assert 'no list of names' in refused(simulation, OBSERVED[0], 'm', duration=0.1)
+    simulation.step(10)
+    for name in ('a', 'initial.velocities.A.0'):
+        told = refused(simulation, OBSERVED[0], [name], duration=0.1)
+        assert 'does not begin where its scene begins' in told
+
+
+def test_a_length_that_unfolds_a_position_is_refused_behind_it() -> None:
+    name, of = 'mechanism.points.A.at.0', 'final(points.B.x)'
+    simulation = Simulation(load_scene('slider_crank'))
+    assert np.isfinite(gradient(simulation, of, [name], duration=0.3).by[name])
+    assert 'unfolds the singular position' in refused(simulation, of, [name], duration=0.5)
+
+
+def test_friction_under_reactions_is_refused() -> None:
+    scene = overrides.with_changes(
+        load_scene('slider_crank'), {'effects.joint_friction': '{joint: knee, dynamic: 0.1}'}
+    )
+    assert 'joint_friction' in refused(Simulation(scene), 'final(points.B.x)', ['m'], duration=0.1)
+
+
+def test_the_steps_keep_their_bits(robot: Scene) -> None:
+    simulation = Simulation(robot, **ADAPTIVE)
+    follower = AdjointFollowing(simulation._stepper, simulation.model)
+    follower.provide(1000)
+    simulation._write_down(follower, 5)
+    other = Simulation(robot, **ADAPTIVE)
+    other.step(5)
+    assert simulation.state.q.tobytes() == other.state.q.tobytes()
