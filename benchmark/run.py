@@ -4,8 +4,8 @@
 
 Accuracy and cost (work_precision.csv), stiff scenes (stiff.csv), a stage of N four-bars
 (stage_cost.csv), order n (order_n.csv), from a file to the first step (first_step.csv), a large
-mechanism in real time (large_node.csv), the path of messages (message_path.csv), other engines
-(peers.csv), then the tables made of them.
+mechanism in real time (large_node.csv), the path of messages (message_path.csv), what the node
+waits for (waits.csv), other engines (peers.csv), then the tables made of them.
 For each curve the median ratio of costs, now over before, is printed: above 1 it is slower.
 Without `--no-peers` the other engines are installed first, in an environment of their own.
 """
@@ -80,7 +80,8 @@ def main() -> None:
         warm = [*measure, '--duration', '0.1', '--folder', folder]
         subprocess.run(warm, cwd=HERE.parent, check=True)
     commands = {'work_precision.csv': [*measure, '--folder', str(RESULTS)]}
-    for name in ('stiff', 'stage_cost', 'order_n', 'first_step', 'large_node', 'message_path'):
+    names = 'stiff stage_cost order_n first_step large_node message_path waits'.split()
+    for name in names:
         commands[f'{name}.csv'] = [sys.executable, str(HERE / f'{name}.py')]
     if not options.no_peers:
         commands['peers.csv'] = [sys.executable, str(HERE / 'peers' / 'compare.py')]

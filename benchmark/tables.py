@@ -290,6 +290,16 @@ def message_path() -> str:
     return markdown(about, head, body)
 
 
+def waits() -> str:
+    """How long the thread of the node that steps runs, is ready, and sleeps."""
+    about, found = rows('waits.csv')
+    head = (
+        'readers | log | ticks/s | received/s | runs, % | ready, no processor, % | sleeps, % '
+        '| node, % of a core | other processes, % | idle, %'
+    )
+    return markdown(about, head, [list(row.values()) for row in found])
+
+
 def fuzz() -> str:
     """The outcomes of the cases of each campaign, and of all cases."""
     about, found = rows('fuzz.csv')
@@ -418,6 +428,7 @@ TABLES = (
     ('large_node', large_node),
     ('readings', readings),
     ('message_path', message_path),
+    ('waits', waits),
     ('peers', peers),
     ('engines', engines),
     ('fuzz', fuzz),

@@ -41,6 +41,9 @@ _LOGS = tempfile.TemporaryDirectory(prefix='alf_ros-test-')
 os.environ['ROS_DOMAIN_ID'] = str(_DOMAIN)
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 os.environ['ROS_LOG_DIR'] = _LOGS.name
+# Before anything imports numpy. Threads of BLAS wait by spinning. Matrices here are small: beside
+# other workers such threads multiply their time.
+os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 # A shell's `&`, or nohup, has these ignored, and children inherit that, but no handler.
 for _number in (signal.SIGINT, signal.SIGHUP):
     if signal.getsignal(_number) == signal.SIG_IGN:
@@ -54,6 +57,39 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     process of an ensemble is killed (test/studies/test_ensemble_kills.py)."""
     parser.addoption('--mutants', type=int, default=300, metavar='N')
     parser.addoption('--kills', type=int, default=1, metavar='N')
+
+
+# Long files, also those that would begin late: a file that begins last should be short.
+_FIRST = (
+    'effects/test_effect_contract.py',
+    'kernel/test_cache_attacks.py',
+    'project/test_install.py',
+    'simulation/test_side_by_side.py',
+    'project/test_new_user.py',
+    'studies/test_stepped_ensemble.py',
+    'ros/test_soak.py',
+    'studies/test_equilibrium_path.py',
+    'studies/test_ensemble_kills.py',
+    'studies/test_optimise.py',
+    'ros/test_view.py',
+)
+# Tests of these folders start processes and wait for them; others compute.
+_WAITING = ('commands', 'project', 'ros')
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mix files that wait with files that compute, so that workers share the processor evenly.
+
+    Workers take the files in this order (`--no-loadscope-reorder`).
+    """
+    folder = Path(__file__).parent
+    files = list(dict.fromkeys(item.path for item in items))
+    kinds: tuple[list[Path], list[Path]] = [], []
+    for path in files:
+        kinds[path.parent.name in _WAITING].append(path)
+    place = {path: (n + 0.5) / len(kind) for kind in kinds for n, path in enumerate(kind)}
+    place |= {folder / name: n - len(_FIRST) for n, name in enumerate(_FIRST)}
+    items.sort(key=lambda item: place[item.path])
 
 
 @pytest.fixture

@@ -35,8 +35,21 @@ def total(n):
 
 def note(x):
     return twice(x) + 1.0
+
+@inner
+def half(x):
+    return 0.5 * x
+
+@compiled
+def up(x):
+    return twice(half(x))
+
+@compiled
+def down(x):
+    return half(twice(x))
 """
-# waits for a line, so that all begin at once; says what it computed and how much it compiled
+# Waits for a line, so that all begin at once. Every other process begins at the other end. Prints
+# what it computed and how much it compiled.
 SCRIPT = """
 import ctypes, json, os, sys
 import sums
@@ -49,13 +62,18 @@ print(flush=True)
 sys.stdin.readline()
 if 'read-only' in sys.argv and os.geteuid() == 0:  # from now on permissions bind root too
     ctypes.CDLL(None).capset((ctypes.c_uint32 * 2)(0x20080522, 0), (ctypes.c_uint32 * 6)())
+calls = [lambda: sums.total(4), lambda: sums.total(4.5 > 3), lambda: sums.up(1.0) - sums.down(1.0)]
 with event.install_recorder('numba:compile') as recorder:
-    values = sums.total(4), sums.total(4.5 > 3)
+    if int(sys.argv[-1]) % 2:
+        values = [call() for call in calls[::-1]][::-1]
+    else:
+        values = [call() for call in calls]
     noted = sums.by_address(types.float64(types.float64))(sums.note)
 starts = [e for _, e in recorder.buffer if e.is_start]
 print(json.dumps([values, noted.ctypes(3.0), len(starts)]))
 """
-COMPILED = 5  # total of int64 and of bool, twice of what their ranges count, and of float64
+# total of int64 and of bool, twice of what their ranges count, and of float64; half, up and down
+COMPILED = 8
 FILES = COMPILED + 2  # with note, and the lock
 
 
@@ -80,7 +98,7 @@ def run(folder, *arguments, processes=4):
     env['PYTHONDONTWRITEBYTECODE'] = '1'  # Python's cache knows the time of a file to the second
     started = [
         subprocess.Popen(
-            [sys.executable, 'main.py', *arguments],
+            [sys.executable, 'main.py', *arguments, str(n)],
             cwd=folder,
             env=env,
             stdin=subprocess.PIPE,
@@ -88,7 +106,7 @@ def run(folder, *arguments, processes=4):
             stderr=subprocess.PIPE,
             text=True,
         )
-        for _ in range(processes)
+        for n in range(processes)
     ]
     for process in started:
         process.stdout.readline()
@@ -113,17 +131,17 @@ def folders(folder):
 
 def test_four_processes_compile_each_function_once(folder):
     """On an empty cache folder, then on a full one, then on one that an edit made stale."""
-    assert run(folder) == ([12.0, 0.0], 7.0, COMPILED)
+    assert run(folder) == ([12.0, 0.0, 0.0], 7.0, COMPILED)
     ((name, files),) = folders(folder).items()
     assert name.startswith('sums-') and len(files) == FILES and 'lock' in files
-    assert run(folder) == ([12.0, 0.0], 7.0, 0)
+    assert run(folder) == ([12.0, 0.0, 0.0], 7.0, 0)
     assert folders(folder) == {name: files}
 
     helper = folder / 'helper.py'
     before = helper.stat()
     helper.write_text('FACTOR = 3.0\n')  # as many bytes, at the same time
     os.utime(helper, ns=(before.st_atime_ns, before.st_mtime_ns))
-    assert run(folder) == ([18.0, 0.0], 10.0, COMPILED)
+    assert run(folder) == ([18.0, 0.0, 0.0], 10.0, COMPILED)
     assert len(folders(folder)) == 2 and folders(folder)[name] == files
 
 
@@ -137,7 +155,7 @@ def test_a_folder_that_cannot_be_written_is_read(folder):
         path.chmod(0o555)
     try:
         # a C function is no event of numba's, but what it calls is there
-        assert run(folder, 'read-only') == ([12.0, 0.0], 7.0, 0)
+        assert run(folder, 'read-only') == ([12.0, 0.0, 0.0], 7.0, 0)
     finally:
         for path in (place.parent.parent, place.parent, place, place / 'lock'):
             path.chmod(0o755)
@@ -146,24 +164,24 @@ def test_a_folder_that_cannot_be_written_is_read(folder):
 
 def test_without_any_folder_each_process_compiles_for_itself(folder):
     (folder / 'cache').write_text('a file where the folder should be')
-    assert run(folder, processes=2) == ([12.0, 0.0], 7.0, 2 * COMPILED)
+    assert run(folder, processes=2) == ([12.0, 0.0, 0.0], 7.0, 2 * COMPILED)
 
 
 def test_what_is_edited_after_its_import_is_not_saved(folder):
-    assert run(folder, 'edit', processes=1) == ([12.0, 0.0], 7.0, COMPILED)
+    assert run(folder, 'edit', processes=1) == ([12.0, 0.0, 0.0], 7.0, COMPILED)
     ((_, files),) = folders(folder).items()
     assert files == ['lock']
-    assert run(folder, processes=1) == ([42.0, 0.0], 22.0, COMPILED)
+    assert run(folder, processes=1) == ([42.0, 0.0, 0.0], 22.0, COMPILED)
 
 
 def free(lock):
-    """Whether nobody holds a lock."""
-    with open(lock) as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return False
-    return True
+    """Whether no process holds any lock in a file. Another one asks: none sees its own."""
+    script = (
+        'import fcntl, sys; fcntl.lockf(open(sys.argv[1], "r+"), fcntl.LOCK_EX | fcntl.LOCK_NB)'
+    )
+    asked = subprocess.run([sys.executable, '-c', script, lock], capture_output=True, text=True)
+    assert not asked.returncode or 'BlockingIOError' in asked.stderr, asked.stderr
+    return not asked.returncode
 
 
 @pytest.fixture
@@ -193,6 +211,17 @@ def test_a_compilation_that_fails_frees_the_folder(root):
     (lock,) = root.glob('*/lock')
     assert free(lock)
     assert jit.compiled(two_more)(1) == 3  # and another one locks it again, with what it calls
+    assert free(lock)
+
+
+def test_a_lock_lasts_until_the_function_is_compiled_that_took_it(root):
+    jit.compiled(two_more)(1)
+    (folder,) = cache_folder.Folder._known.values()
+    (lock,) = root.glob('*/lock')
+    with folder.locked('caller'):
+        with folder.locked('called'), folder.locked('caller'):
+            assert not free(lock)
+        assert not free(lock)
     assert free(lock)
 
 

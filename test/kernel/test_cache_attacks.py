@@ -35,21 +35,21 @@ def write(factor):  # as many bytes, at the same time
     Path('law.py').write_text(LAW.replace('FACTOR', str(factor)))
     os.utime('law.py', (1, 1))
 
-def compute(answer):
+def compute(answer, function):
     import law
     with event.install_recorder('numba:compile') as recorder:
-        value = law.total(4)
+        value = getattr(law, function)(4)
     compiled = sum(one.is_start for _, one in recorder.buffer)
     os.write(answer, json.dumps([value, compiled]).encode())
 
-def start(before=None):
+def start(before=None, function='total'):
     answer, given = os.pipe()
     child = os.fork()
     if not child:
         os.close(answer)
         if before:
             before()
-        compute(given)
+        compute(given, function)
         os._exit(0)
     os.close(given)
     return child, answer
@@ -62,8 +62,8 @@ def end(child, answer, options=0):
         return signal.Signals(os.WTERMSIG(status)).name
     return json.loads(os.read(answer, 999))
 
-def run(before=None):
-    return end(*start(before))
+def run(before=None, function='total'):
+    return end(*start(before, function))
 
 def at(name, do, nth=1):
     'Calls a function before the nth file of code is opened, or gets its name.'
@@ -101,6 +101,10 @@ def total(n):
     for i in range(n):
         s += twice(i)
     return s
+
+@compiled
+def other(x):
+    return x - FACTOR
 '''
 """
 OVERLOADS = 2  # of total and of twice
@@ -196,6 +200,23 @@ def test_nobody_waits_for_ever_for_a_stopped_process(tmp_path: Path) -> None:
     assert stopped == 'SIGSTOP'
     assert waiter == [12, OVERLOADS] and reader == [12, 0]
     assert holder == [12, OVERLOADS] and last == [12, 0]
+
+
+BESIDE = """
+write(2)
+holder = start(at('open', stop))
+found = [end(*holder, os.WUNTRACED)]
+cache_folder.PATIENCE = 1e9
+found.append(run(lambda: signal.alarm(60), 'other'))  # ends it if it waits
+os.kill(holder[0], signal.SIGCONT)
+print(json.dumps([*found, end(*holder), run(), run(function='other')]))
+"""
+
+
+def test_functions_are_compiled_side_by_side(tmp_path: Path) -> None:
+    """A process stops while it compiles `total`; another one compiles `other`."""
+    found = processes(tmp_path, BESIDE)
+    assert found == ['SIGSTOP', [2, 1], [12, OVERLOADS], [12, 0], [2, 0]]
 
 
 DAMAGED = """

@@ -14,10 +14,12 @@ nothing in it can be old.
 - A file holds one overload. Its name has the digest of the types of the arguments. It is written
   under another name, then renamed: a reader thus reads all of it. Its content has a digest too: a
   damaged file is compiled again, never run.
-- One process compiles at a time: on a miss it locks the folder, looks again, compiles and saves. A
-  hit takes no lock. Folders are locked in the order of imports, which has no circle. If the other
-  process has saved nothing for `PATIENCE` seconds, because it is stopped or hangs, the waiting
-  process compiles and saves too: both save the same (`cache_folder`).
+- One process compiles an overload: on a miss it locks the name of the file, looks again, compiles
+  and saves. Other processes compile other overloads at the same time. A hit takes no lock. Locks
+  are taken along calls: first of a function, then of the functions that it calls. Calls have no
+  circle, so no two processes wait for each other. If no process has saved anything for `PATIENCE`
+  seconds, because the owner of the lock is stopped or hangs, the waiting process compiles and
+  saves too: both save the same (`cache_folder`).
 - The folder lies below NUMBA_CACHE_DIR if that is set; else in `__pycache__` of the package; else,
   where that cannot be written, in the cache folder of the user. A folder that cannot be written is
   read nevertheless. If no folder can be written, each process compiles for itself.
@@ -68,7 +70,7 @@ class Cache(_Cache):
         self._turns: list[contextlib.ExitStack] = []
 
     def guarded(self, compile: Callable[..., Any]) -> Callable[..., Any]:
-        """`compile`, in which a miss locks the folder until it ends, however it ends."""
+        """`compile`, in which a miss locks the overload until it ends, however it ends."""
 
         @functools.wraps(compile)
         def wrapper(*args: Any) -> Any:
@@ -94,7 +96,7 @@ class Cache(_Cache):
         return f'{self._name}-{key[:16]}', key
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """The code for a signature, or None: then the folder is locked, and nobody has it."""
+        """The code for a signature, or None: then the overload is locked, and nobody has it."""
         target_context.refresh()
         data = self._read(sig, target_context)
         if data is None:
@@ -111,7 +113,7 @@ class Cache(_Cache):
         name = self._key(sig)
         data = self._folder.read(*name)
         if data is None and self._turns:
-            self._turns[-1].enter_context(self._folder.locked())
+            self._turns[-1].enter_context(self._folder.locked(name[0]))
             data = self._folder.read(*name)
         return data
 

@@ -1,9 +1,10 @@
-"""Folders of machine code: one for each digest, read without a lock, filled under one."""
+"""Folders of machine code, one for each digest: read without a lock, written with one a file."""
 
 from __future__ import annotations
 
 import contextlib
 import fcntl
+import glob
 import hashlib
 import os
 import pickle
@@ -75,7 +76,8 @@ class Folder:
         self._kept: dict[Path, int] = {}  # open, with a shared lock, as long as the process runs
         self._depth = 0
         self._open: Path | None = None  # the place that may be written
-        self._lock: int | None = None  # its lock, if this process has it
+        self._lock: int | None = None  # its file of locks: a byte for each name
+        self._held: set[str] = set()  # names that this process has locked
         self._patient = True
         for place in self._places:
             self._keep(place)
@@ -110,59 +112,72 @@ class Folder:
         return None
 
     @contextlib.contextmanager
-    def locked(self) -> Iterator[None]:
-        """Exclude other processes from compiling for this folder, unless they run out of patience.
+    def locked(self, name: str) -> Iterator[None]:
+        """Exclude other processes from compiling the function of a file, unless they run out of
+        patience.
 
-        This one may lock it again.
+        name: of the file. This process may lock it again, and other names inside.
         """
-        handle = None
-        if self._depth == 0:
-            self._open, handle = self._locked_place()
+        mine = False
         self._depth += 1
         try:
+            mine = name not in self._held and self._enter(name)
             yield
         finally:
             self._depth -= 1
-            if handle is not None:
-                self._open = self._lock = None
-                os.close(handle)
+            if mine:
+                self._held.discard(name)
+                if self._lock is not None:
+                    fcntl.lockf(self._lock, fcntl.LOCK_UN, 1, _place_in_lock(name))
+            if self._depth == 0:
+                self._leave()
 
-    def _locked_place(self) -> tuple[Path | None, int | None]:
+    def _enter(self, name: str) -> bool:
+        """Lock a name; False if another process has it and shows no progress."""
+        if self._lock is not None:
+            with contextlib.suppress(OSError):
+                return self._take(name)
+            return False
         for place in self._places:
-            handle = None
             try:
                 new = not place.exists()
                 place.mkdir(parents=True, exist_ok=True)
-                handle = os.open(place / 'lock', os.O_RDWR | os.O_CREAT, 0o666)
-                mine = self._take(handle)
+                self._lock = os.open(place / 'lock', os.O_RDWR | os.O_CREAT, 0o666)
+                self._open = place
+                mine = self._take(name)
             except OSError:
-                if handle is not None:
-                    os.close(handle)
+                self._leave()
                 continue
             if place not in self._kept:
                 self._keep(place)
             if new:
                 _remove_older(place)
-            if mine:
-                self._lock = handle
-                _remove_unfinished(place)
-            return place, handle
-        return None, None
+            return mine
+        return False
 
-    def _take(self, handle: int) -> bool:
-        """Lock; False if the owner of the lock has saved nothing for long: it is stopped, or
-        hangs.
+    def _leave(self) -> None:
+        """Close the file of locks: whatever this process has locked in it is free then."""
+        handle, self._lock, self._open = self._lock, None, None
+        self._held.clear()
+        if handle is not None:
+            os.close(handle)
+
+    def _take(self, name: str) -> bool:
+        """Lock a name; False if nobody has saved anything for long: its owner is stopped or hangs.
 
         Writing is safe nevertheless: files are replaced as wholes, by equal ones.
         """
+        assert self._lock is not None and self._open is not None
         saved, since = None, 0.0
         while True:
             with contextlib.suppress(BlockingIOError):
-                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                os.utime(handle)
+                fcntl.lockf(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, _place_in_lock(name))
+                os.utime(self._lock)
                 self._patient = True
+                self._held.add(name)
+                _remove_unfinished(self._open, name)
                 return True
-            last, now = os.stat(handle).st_mtime_ns, time.monotonic()
+            last, now = os.stat(self._lock).st_mtime_ns, time.monotonic()
             if last != saved:
                 saved, since = last, now
             if now - since >= PATIENCE or not self._patient:
@@ -174,15 +189,20 @@ class Folder:
         """Save, where that is possible and this process is in `locked`."""
         if self._open is None:
             return
-        other = self._open / f'{uuid.uuid4().hex}.new'
+        other = self._open / f'{name}.{uuid.uuid4().hex}.new'
         try:
             other.write_bytes(_head(key, data) + data)
             other.replace(self._open / name)
-            if self._lock is not None:
+            if name in self._held and self._lock is not None:
                 os.utime(self._lock)  # shows progress to waiting processes
         except OSError:
             with contextlib.suppress(OSError):
                 other.unlink()
+
+
+def _place_in_lock(name: str) -> int:
+    """The byte of the file of locks that stands for a name. The file need not be that long."""
+    return int(digest_of(name.encode())[:15], 16)
 
 
 def _head(key: str, data: bytes) -> bytes:
@@ -193,9 +213,9 @@ def _head(key: str, data: bytes) -> bytes:
 _HEAD = len(_head(digest_of(b''), b''))
 
 
-def _remove_unfinished(place: Path) -> None:
-    """Remove what processes that were killed while they saved have left."""
-    for path in place.glob('*.new'):
+def _remove_unfinished(place: Path, name: str) -> None:
+    """Remove what processes that were killed while they saved this have left."""
+    for path in place.glob(f'{glob.escape(name)}.*.new'):
         with contextlib.suppress(OSError):
             path.unlink()
 
