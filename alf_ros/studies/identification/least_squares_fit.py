@@ -20,6 +20,7 @@ from scipy.optimize import least_squares
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import AlfError, StoppedError
+from alf_ros.studies.identification.identifiability import beside
 from alf_ros.studies.identification.robust_loss import rooted
 from alf_ros.studies.identification.window import Window
 from alf_ros.studies.identification.window_runs import Misfit, WindowRuns
@@ -157,6 +158,11 @@ class LeastSquaresFit:
         delay = float(shared[-1]) if self._runs.delay else 0.0
         simulation = self._runs.simulation(shared[: len(self._runs.names)], directions)
         return self._runs.misfit(simulation, window, free, delay)
+
+    def information(self, window: Window, free: Floats, shared: Floats) -> tuple[Floats, Floats]:
+        """B⊥ (N, P) of a window, and its residuals (N,) in units of the noise. Raises AlfError."""
+        r, J = self.scaled(self.misfit(window, free, shared))
+        return beside(J[:, self.numbers :], J[:, : self.numbers]), r
 
     def scaled(self, misfit: Misfit) -> tuple[Floats, Floats]:
         """Residuals and jacobian in units of the noise."""

@@ -128,7 +128,7 @@ class WindowRuns:
             first[: len(start.dq), 0], first[: len(start.dqd), 1] = start.dq, start.dqd
             begun = replace(begun, tangents=first.ravel())
         simulation.restore(begun)
-        states = list(_passed(simulation, window, steps))
+        states = passed(simulation, window, steps)
         if following is not None:
             tangents = simulation.sample().tangents
             for name in following.lengths:
@@ -198,8 +198,8 @@ def _settled(solver: Solver) -> dict[str, Any]:
     return {'step': step, 'integrator': solver.integrator, 'tolerance': solver.tolerance}
 
 
-def _passed(simulation: Simulation, window: Window, steps: Integers) -> list[State]:
-    """The states at `steps`, with the inputs of the window."""
+def passed(simulation: Simulation, window: Window, steps: Integers) -> list[State]:
+    """The states at `steps` (N,) of a run on to them, with the inputs of the window."""
     inputs, states = list(window.inputs), []
     for step in steps.tolist():
         while inputs and inputs[0][0] < step:
