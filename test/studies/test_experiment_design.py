@@ -59,7 +59,7 @@ def swung() -> Identification:
 
 def test_a_known_load_tells_the_mass() -> None:
     """By hand: the recording knows b = c / m l², the loaded motion a = c / (m + M) l². The
-    information of a is that of a fit of c alone; both together give the covariance of m and c."""
+    information of a comes from a fit of c alone; both together give the covariance of m and c."""
     found = swung()
     assert np.isinf(found.deviations).all()
     design = found.design({'again': pendulum(), 'loaded': pendulum(LOAD)}, duration=2.0)
@@ -133,7 +133,7 @@ def _coasted() -> Machine:
 
 
 def test_a_motion_that_fails_is_named() -> None:
-    """The others are judged all the same."""
+    """The others are judged."""
     found = swung()
     short = Recording('short', (), ())
     design = found.design({'short': short, 'again': pendulum()}, duration=2.0)

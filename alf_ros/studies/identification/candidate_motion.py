@@ -42,7 +42,7 @@ def candidates(
 ) -> list[CandidateMotion]:
     """The candidates of `Identification.design`; `scene`: the one that was fitted.
 
-    Raises InputError for what is none, for two with one name, and for changes of fitted numbers.
+    Raises InputError if one cannot be read, for two with one name, and for changes of fitted numbers.
     """
     if isinstance(given, (str, Path, Scene, Recording)):
         given = [given]

@@ -44,8 +44,8 @@ class DesignRuns:
     margin: float
 
     def motion(self, candidate: CandidateMotion, duration: float | None) -> FurtherMotion:
-        """What a candidate would tell; `duration` (s): None for that of its plan, or of the
-        longest recording. Raises InputError for a scene without the numbers or the joints."""
+        """The information of a candidate; `duration` (s): None for the duration of its plan, or of
+        the longest recording. Raises InputError for a scene without the numbers or the joints."""
         channels, noise = self._channels()
         names, delay = self.runs.names, self.runs.delay
         try:

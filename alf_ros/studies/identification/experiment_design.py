@@ -1,6 +1,6 @@
 """Experiment design: which further motion tells most about the numbers of an identification.
 
-The information of a motion, B⊥ᵀ B⊥, adds to that of the recordings. Motions are ordered by their
+The information of a motion, B⊥ᵀ B⊥, adds to the information of the recordings. Motions are ordered by their
 least certain combination (E-optimal); the volume of the confidence ellipsoid (D-optimal) is the
 second answer. Both are relative: each number counts in parts of its size.
 """
@@ -141,8 +141,8 @@ def untold(one: Combination) -> str:
 
 
 def _least(of: Knowledge) -> tuple[float, ...]:
-    """What E-optimality compares: the least certain combination; if it is not seen at all or the
-    same, the next one."""
+    """For E-optimality: the deviation of the least certain combination; if two motions agree in
+    it, or do not see it at all, the next one decides."""
     return tuple(of.relative.tolist())
 
 

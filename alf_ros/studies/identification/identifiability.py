@@ -53,7 +53,7 @@ class Knowledge:
     has an infinite variance. correlations (P, P): with such a combination their limit, ±1 within
     it. singular (P,): σ, descending; combinations: of each σ.
 
-    root (P, P): rootᵀ root is the information, B⊥ᵀ B⊥ and that of the priors. sizes (P,) of the
+    root (P, P): rootᵀ root is the information, B⊥ᵀ B⊥ with the priors. sizes (P,) of the
     numbers; spread: the factor of the variance that the loss brings.
     """
 

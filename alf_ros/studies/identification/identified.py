@@ -123,9 +123,9 @@ class Identification:
         A candidate is a scene (name, file, text as a mapping, Scene), which has the same numbers;
         a recording (folder, file, Recording), of which the inputs act on the fitted scene, from
         its first measured positions, if there are any; 'NAME=VALUE', the fitted scene with
-        another value; or 'SCENE,NAME=VALUE' and 'RECORDING,NAME=VALUE'. duration (s) of all
-        motions: if None, that of the recording, or of the longest recording of the fit. topics:
-        names of recorded joints and topics. report: called with a line of text.
+        another value; or 'SCENE,NAME=VALUE' and 'RECORDING,NAME=VALUE'. duration (s): of all
+        motions; None for the duration of each recording, or of the longest one of the fit.
+        topics: names of recorded joints and topics. report: called with a line of text.
 
         Raises InputError for candidates that cannot be read, and scenes without the numbers or
         the measured joints.
