@@ -42,7 +42,7 @@ def candidates(
 ) -> list[CandidateMotion]:
     """The candidates of `Identification.design`; `scene`: the one that was fitted.
 
-    Raises InputError if one cannot be read, for two with one name, and for changes of fitted numbers.
+    Raises InputError for unreadable ones, two with one name, and changes of fitted numbers.
     """
     if isinstance(given, (str, Path, Scene, Recording)):
         given = [given]

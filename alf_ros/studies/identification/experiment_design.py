@@ -1,8 +1,8 @@
 """Experiment design: which further motion tells most about the numbers of an identification.
 
-The information of a motion, B⊥ᵀ B⊥, adds to the information of the recordings. Motions are ordered by their
-least certain combination (E-optimal); the volume of the confidence ellipsoid (D-optimal) is the
-second answer. Both are relative: each number counts in parts of its size.
+The information of a motion, B⊥ᵀ B⊥, adds to the information of the recordings. Motions are ordered
+by their least certain combination (E-optimal); the volume of the confidence ellipsoid (D-optimal)
+is the second answer. Both are relative: each number counts in parts of its size.
 """
 
 from __future__ import annotations

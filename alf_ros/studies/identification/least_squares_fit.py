@@ -127,7 +127,7 @@ class LeastSquaresFit:
             return self.rooted(window, x, self.plain(window, x, shared))[0]
 
         def slopes(x: Floats) -> Floats:
-            return self.rooted(window, x, self.misfit(window, x, shared))[1][:, self.numbers :]
+            return self.rooted(window, x, self._alone(window, x, shared))[1]
 
         if not free.size:
             return free
@@ -150,14 +150,24 @@ class LeastSquaresFit:
         most = max(w.chart.free.size for w in self._windows if w.chart is not None)
         return self._misfit(window, free, shared, most)
 
+    def _alone(self, window: Window, free: Floats, shared: Floats) -> Misfit:
+        """The same with its jacobian by the start alone."""
+        delay, values = self._split(shared)
+        simulation = self._runs.simulation(values, free.size, alone=True)
+        return self._runs.misfit(simulation, window, free, delay)
+
     def plain(self, window: Window, free: Floats, shared: Floats) -> Misfit:
         """The same without its jacobian."""
         return self._misfit(window, free, shared, 0)
 
     def _misfit(self, window: Window, free: Floats, shared: Floats, directions: int) -> Misfit:
+        delay, values = self._split(shared)
+        return self._runs.misfit_at(values, window, free, delay, directions)
+
+    def _split(self, shared: Floats) -> tuple[float, Floats]:
+        """The delay, and the numbers of the scene."""
         delay = float(shared[-1]) if self._runs.delay else 0.0
-        simulation = self._runs.simulation(shared[: len(self._runs.names)], directions)
-        return self._runs.misfit(simulation, window, free, delay)
+        return delay, shared[: len(self._runs.names)]
 
     def information(self, window: Window, free: Floats, shared: Floats) -> tuple[Floats, Floats]:
         """B⊥ (N, P) of a window, and its residuals (N,) in units of the noise. Raises AlfError."""
@@ -176,7 +186,8 @@ class LeastSquaresFit:
         assert window.chart is not None
         weak = 1.0 / (UNSEEN * self._size)
         held = np.zeros((free.size, J.shape[1]))
-        held[:, self.numbers :] = weak * np.eye(free.size) if J.size else 0.0
+        if J.size:
+            held[:, J.shape[1] - free.size :] = weak * np.eye(free.size)
         return (
             np.concatenate([value, weak * (free - window.chart.free)]),
             np.vstack([J * slope[:, None], held]),
