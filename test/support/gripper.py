@@ -56,9 +56,7 @@ GRIPPER: dict[str, Any] = {
     },
     'effects': {
         'gravity': {'acceleration': [0, -9.81]},
-        'spring': {
-            'return': {'between': ['T0', 'T1'], 'stiffness': 150.0, 'free_length': 0.055}
-        },
+        'spring': {'return': {'between': ['T0', 'T1'], 'stiffness': 150.0, 'free_length': 0.055}},
         'damper': {'oil': {'between': ['T0', 'T1'], 'damping': 2.0}},
         'joint_friction': {'seal': {'joint': 'drive', 'viscous': 1.0}},
     },

@@ -90,22 +90,27 @@ class LeastSquaresFit:
 
         Raises AlfError if the runs cannot begin with the given numbers.
         """
-        problem = _Problem(self, self._windows, shared, [each.size for each in free])
+        sizes = [each.size for each in free]
+        problem = _Problem(self, self._windows, shared, sizes, tolerance)
         tried = _Tried(problem.values, problem.rows, told)
         P, x = self.numbers, np.concatenate([shared.begin, *free])
         lower, upper = np.full(x.size, -np.inf), np.full(x.size, np.inf)
         lower[:P], upper[:P] = shared.lower, shared.upper
-        done = least_squares(
-            tried,
-            x,
-            problem.slopes,
-            (lower, upper),
-            x_scale='jac',
-            ftol=tolerance,
-            xtol=FINE,
-            gtol=None,
-            max_nfev=_MOST,
-        )
+        try:
+            done = least_squares(
+                tried,
+                x,
+                problem.slopes,
+                (lower, upper),
+                x_scale='jac',
+                ftol=tolerance,
+                xtol=FINE,
+                gtol=None,
+                max_nfev=_MOST,
+            )
+        except _AtMinimum as found:
+            self.evaluations += tried.count
+            return Solution(found.x[:P], tuple(problem.starts(found.x)), _ENDS[2], True)
         self.evaluations += tried.count
         reason = _ENDS[done.status]
         if tried.failure is not None and done.status <= 0:
@@ -194,13 +199,31 @@ class LeastSquaresFit:
         )
 
 
+class _AtMinimum(Exception):
+    """Ends a fit at x: no step would change the sum of squares."""
+
+    def __init__(self, x: Floats) -> None:
+        super().__init__()
+        self.x = x
+
+
 class _Problem:
-    """All windows, for scipy: x are the shared numbers and the starts, one after another."""
+    """All windows, for scipy: x are the shared numbers and the starts, one after another.
+
+    scipy ends with a step that has changed nothing, so with a run of all windows and a jacobian
+    too many. The jacobian before tells how much its best step would change.
+    """
 
     def __init__(
-        self, fit: LeastSquaresFit, windows: Sequence[Window], shared: Shared, sizes: Sequence[int]
+        self,
+        fit: LeastSquaresFit,
+        windows: Sequence[Window],
+        shared: Shared,
+        sizes: Sequence[int],
+        tolerance: float,
     ) -> None:
         self._fit, self._windows, self._shared = fit, windows, shared
+        self._tolerance = tolerance
         self._P = fit.numbers
         self._edges = self._P + np.cumsum([0, *sizes])
         self._first = np.cumsum([0, *(1 + self._P + size for size in sizes)])  # row of a window
@@ -220,16 +243,28 @@ class _Problem:
         return found
 
     def slopes(self, x: Floats) -> Floats:
-        """Of the values."""
-        P, found = self._P, np.zeros((self.rows, x.size))
+        """Of the values. Raises _AtMinimum."""
+        P, found, value = self._P, np.zeros((self.rows, x.size)), np.zeros(self.rows)
         each = zip(self._first, self._edges, self._windows, self.starts(x), strict=False)
         for at, column, window, own in each:
             misfit = self._fit.misfit(window, own, x[:P])
             R = compressed(*self._fit.rooted(window, own, misfit))
             found[at : at + len(R), :P] = R[:, 1 : 1 + P]
             found[at : at + len(R), column : column + own.size] = R[:, 1 + P :]
+            value[at] = R[0, 0]
         found[self._first[-1] :, :P] = np.diag(self._shared.weight)
+        value[self._first[-1] :] = (x[:P] - self._shared.mean) * self._shared.weight
+        if best_gain(value, found) <= self._tolerance * 0.5 * float(value @ value):
+            raise _AtMinimum(x)
         return found
+
+
+def best_gain(value: Floats, J: Floats) -> float:
+    """By how much a step without limits makes ½ |value + J step|² smaller."""
+    norm = np.linalg.norm(J, axis=0)
+    scaled = J / np.where(norm > 0.0, norm, 1.0)
+    step = np.linalg.lstsq(scaled, -value, rcond=None)[0]
+    return 0.5 * float(np.sum((scaled @ step) ** 2))
 
 
 def compressed(value: Floats, J: Floats) -> Floats:
