@@ -37,6 +37,7 @@ DOCUMENTS = (
     'doc/new_user.md',
     'doc/closing_loops.md',
     'doc/import.md',
+    'doc/identification.md',
 )
 SURVIVAL = (0.01 / 60, 0.01 / 5)  # s, steps of the sweep
 STIFF = 1e-4  # m
@@ -362,6 +363,20 @@ def robots() -> str:
     return markdown(about, head, [*body, ['all', *ran, *[''] * 5]])
 
 
+def identification() -> str:
+    """Bias and coverage of refits of known machines."""
+    about, found = rows('identification.csv')
+    head = 'recording | refits | number | bias, deviations | coverage of 95 % '
+    head += '| expected in 19 of 20 campaigns | processor time of a fit, s'
+    body = []
+    for row in found:
+        bias = f'{row["bias"]} ± {row["bias_deviation"]}' if row['bias'] else 'not determined'
+        coverage = row['coverage'] or f'named in {row["named"]}'
+        cells = [row[key] for key in ('case', 'refits', 'number')]
+        body.append([*cells, bias, coverage, row['coverage_expected'], row['cpu_s']])
+    return markdown(about, head, body)
+
+
 def _told(row: dict[str, str]) -> str:
     """A result, and the beginning of its reason."""
     why = row['why'].replace('|', '/')
@@ -437,6 +452,7 @@ TABLES = (
     ('closure', closure),
     ('closure_passes', closure_passes),
     ('robots', robots),
+    ('identification', identification),
 )
 
 

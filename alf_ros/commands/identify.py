@@ -83,6 +83,21 @@ def main(argv: Sequence[str] | None = None) -> int:
         help='topic of joint states whose efforts act (default: joint_commands)',
     )
     parser.add_argument(
+        '--design',
+        metavar='CANDIDATE',
+        nargs='+',
+        action='extend',
+        default=[],
+        help='compare further motions: which would tell most? A scene, a recording whose inputs '
+        'act, NAME=VALUE in the fitted scene, or SCENE,NAME=VALUE',
+    )
+    parser.add_argument(
+        '--design-duration',
+        type=float,
+        metavar='S',
+        help='length of the further motions, s (default: of the recording)',
+    )
+    parser.add_argument(
         '-o',
         '--output',
         default='identified',
@@ -106,11 +121,19 @@ def main(argv: Sequence[str] | None = None) -> int:
             topics=topics,
             report=bar.note,
         )
+        design = None
+        if options.design:
+            design = found.design(
+                options.design, duration=options.design_duration, topics=topics, report=bar.note
+            )
     print(found)
+    if design is not None:
+        print(f'\n{design}\n')
     folder = paths.named(options.output, '--output')
     with writing('--output', folder):
-        found.save(folder)
-    print(f'{folder}: {found.scene.name}.yaml, report.html{_log(found, folder)}')
+        found.save(folder, design)
+    files = f'{found.scene.name}.yaml, report.html' + (', design.json' if design else '')
+    print(f'{folder}: {files}{_log(found, folder)}')
     return 0 if found.settled else 1
 
 

@@ -12,7 +12,7 @@ exactly.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -58,6 +58,7 @@ class Neighbour:
 
     start: Start
     scene: Scene
+    _counts: dict[tuple[str, ...], int] = field(default_factory=dict, repr=False)
 
     def arrays(self) -> tuple[Floats, ...]:
         """In the order of `ARRAYS`."""
@@ -105,6 +106,17 @@ class Neighbour:
     def effects(self, inputs: Inputs) -> Effects:
         """Its effects, with inputs held."""
         return self._applied.holding(inputs).assembled.effects
+
+    def count(self, inputs: Inputs) -> int:
+        """How many numbers the data of its effects has. Steady efforts of any size have the same
+        count, so that it is known without packing them again."""
+        steady = all(isinstance(x, float) for x in inputs.efforts.values())
+        if inputs.wrenches or inputs.targets or not steady:
+            return self.effects(inputs).params.size
+        key = tuple(inputs.efforts)
+        if key not in self._counts:
+            self._counts[key] = self.effects(inputs).params.size
+        return self._counts[key]
 
 
 class ParameterSlopes:

@@ -36,7 +36,7 @@ class StateDirection:
 
     def params(self, inputs: Inputs = NO_INPUTS) -> Floats:
         """Zero, as many as the data of the effects with inputs held has numbers."""
-        return np.zeros_like(self._here.effects(inputs).params)
+        return np.zeros(self._here.count(inputs))
 
     def opening(self, model: Model, q: Floats) -> Floats:
         """(rows,) zero: no row changes."""

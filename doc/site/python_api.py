@@ -28,6 +28,8 @@ _WITH: dict[str, tuple[str, ...]] = {
         'alf_ros.studies.identification.residual_tests.Whiteness',
         'alf_ros.studies.identification.identifiability.Knowledge',
         'alf_ros.studies.identification.identifiability.Combination',
+        'alf_ros.studies.identification.experiment_design.ExperimentDesign',
+        'alf_ros.studies.identification.experiment_design.FurtherMotion',
     ),
     'Optimised designs': (
         'alf_ros.studies.optimisation.optimum.StartedSearch',

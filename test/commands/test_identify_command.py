@@ -44,6 +44,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ([*FIT, '--map', 'pin=crank_pin'], 'map: nothing of this name in the recording'),
         ([*FIT, '--loss', 'hubr'], "invalid choice: 'hubr'"),
         ([*FIT, '--hold-out', '0.5'], 'no windows to keep away, or none to fit'),
+        ([*FIT, '--design', 'gravit.acceleration.1=-5'], "did you mean 'gravity'?"),
+        ([*FIT, '--design', 'pendulum', '--design-duration', '0'], 'design duration: out of'),
         ([], 'required: --fit'),
     ],
 )

@@ -26,6 +26,7 @@ tables = loaded('tables')
 MARKS = {
     'doc/reliability.md': ('<!-- fuzz -->', '| commands |'),
     'doc/closing_loops.md': ('<!-- closure -->', '| stewart_platform |'),
+    'doc/identification.md': ('<!-- identification -->', '| gripper |'),
     'doc/import.md': ('<!-- robots -->', '| talos_like |'),
     'doc/new_user.md': ('<!-- new_user -->', '| a moving mechanism |'),
 }

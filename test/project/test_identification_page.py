@@ -12,7 +12,7 @@ import numpy as np
 from support.foreign_bags import joints, written
 from support.paths import ROOT
 from support.reader import programs, shown_by
-from support.recordings import Machine
+from support.recordings import Machine, pushes
 
 TEXT = (ROOT / 'doc' / 'identification.md').read_text('utf-8')
 PROGRAMS = programs(TEXT)
@@ -21,8 +21,8 @@ COMMANDS = re.findall(
 )
 
 
-def test_a_command_prints_what_the_page_says(tmp_path: Path) -> None:
-    """Of a bag of the machine of the page; the log that it writes is one that `verify` repeats."""
+def test_the_commands_print_what_the_page_says(tmp_path: Path) -> None:
+    """Of a bag of the machine of the page; `verify` repeats the log of the fitted run."""
     press = re.search(r'^def press.*?\n\n\n', PROGRAMS[0][0], re.M | re.S)
     assert press is not None
     known: dict[str, Any] = {}
@@ -38,10 +38,16 @@ def test_a_command_prints_what_the_page_says(tmp_path: Path) -> None:
             for t, x in zip(motion.t, noisy, strict=True)
         ],
     )
-    ((command, shown),) = COMMANDS
-    told, errors = shown_by(shlex.split(command), tmp_path)
-    assert re.sub(r'press_\w+', 'press_…', told) == shown
-    assert all(line.startswith('identify ') for line in errors.splitlines())  # of progress
+    planned = [
+        joints('/joint_commands', round(each.t * 1e9), ['crank_pin'], effort=[each.said['effort']])
+        for each in pushes('crank_pin', 4.0, 4.0)
+    ]
+    written(tmp_path / 'pushes', planned)
+    for command, shown in reversed(COMMANDS):
+        told, errors = shown_by(shlex.split(command), tmp_path)
+        assert re.sub(r'press_\w+', 'press_…', told) == shown
+        assert all(line.startswith('identify ') for line in errors.splitlines())  # of progress
+    assert (tmp_path / 'further' / 'design.json').exists()
     (log,) = (tmp_path / 'identified').glob('press_*Z')
     told, _ = shown_by(['-m', 'alf_ros', 'verify', str(log)], tmp_path)
     assert 'EQUAL' in told
@@ -51,4 +57,4 @@ def test_a_command_prints_what_the_page_says(tmp_path: Path) -> None:
 
 def test_all_blocks_are_tried() -> None:
     assert [name for _, name, _ in PROGRAMS] == re.findall(r'^# (\w+\.py)$', TEXT, re.M)
-    assert len(COMMANDS) == TEXT.count('```bash') == 1
+    assert len(COMMANDS) == TEXT.count('```bash') == 2

@@ -6,14 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy import stats
+from scipy import optimize, stats
 
 from alf_ros import Simulation, load_scene
 from alf_ros.arrays import Floats
 from alf_ros.scene import overrides
 from alf_ros.studies.identification.identifiability import beside, known
 from alf_ros.studies.identification.joint_readings import JointReadings, StateArrays
-from alf_ros.studies.identification.least_squares_fit import compressed
+from alf_ros.studies.identification.least_squares_fit import best_gain, compressed
 from alf_ros.studies.identification.posture_track import PostureTrack
 from alf_ros.studies.identification.residual_tests import whiteness
 from alf_ros.studies.identification.robust_loss import NAMES, rooted, spread
@@ -120,6 +120,27 @@ def test_derivatives_are_those_of_differences(name: str, names: list[str], size:
         assert np.abs(J[:, k] - expected).max() <= least * np.abs(expected).max(), k
 
 
+def test_a_window_is_not_run_twice_at_the_same_numbers() -> None:
+    """With its jacobian it serves without, too; other numbers, starts and delays are others."""
+    scene = load_scene('slider_crank')
+    machine = Machine(scene, ('crank_pin', 'guide'), 0.3)
+    channels = machine.recording(velocities=True).channels
+    runs = WindowRuns(scene, ['coupler.mass'], channels, delay=True)
+    (window,) = tracked(runs, machine, 0.3, margin=0.02)
+    assert window.chart is not None
+    values, free = np.array([1.0]), window.chart.free
+    count = free.size
+    plain = runs.misfit_at(values, window, free, 0.0, 0)
+    whole = runs.misfit_at(values, window, free, 0.0, count)
+    assert whole is not plain and np.array_equal(whole.residuals, plain.residuals)
+    assert runs.misfit_at(values, window, free, 0.0, 0) is whole
+    for other in ((values, 1.01 * free, 0.0), (1.1 * values, free, 0.0), (values, free, 1e-3)):
+        found = runs.misfit_at(other[0], window, other[1], other[2], 0)
+        assert not np.array_equal(found.residuals, plain.residuals)
+    alone = runs.misfit(runs.simulation(values, count, alone=True), window, free, 0.0).jacobian
+    assert np.allclose(alone, whole.jacobian[:, 2:], rtol=1e-12, atol=1e-14)
+
+
 def test_the_track_finds_the_start() -> None:
     """From exact measurements: the first residuals come from the smoothing alone."""
     scene = load_scene('slider_crank')
@@ -140,6 +161,15 @@ def test_a_window_in_few_rows_is_the_same_problem() -> None:
         assert np.allclose(R[:, 0], np.linalg.norm(value) * np.eye(6)[0], atol=1e-14)
         assert np.allclose(R[:, 1:].T @ R[:, 0], J.T @ value)
         assert np.allclose(R[:, 1:].T @ R[:, 1:], J.T @ J)
+
+
+def test_the_gain_of_the_best_step() -> None:
+    """By a fit of scipy, also with columns of very different size, and one of zeros."""
+    rng = np.random.default_rng(7)
+    value, J = rng.normal(size=40), rng.normal(size=(40, 5)) * [1e6, 1.0, 1e-6, 1.0, 0.0]
+    done = optimize.least_squares(lambda x: value + J @ x, np.zeros(5), x_scale='jac')
+    expected = 0.5 * value @ value - done.cost
+    assert best_gain(value, J) == pytest.approx(expected, rel=1e-6)
 
 
 @pytest.mark.parametrize('name', NAMES)

@@ -51,17 +51,46 @@ class Combination:
 class Knowledge:
     """covariance (P, P) of the shared numbers; a number in a combination that is not seen at all
     has an infinite variance. correlations (P, P): with such a combination their limit, ±1 within
-    it. singular (P,): σ, descending; combinations: of each σ."""
+    it. singular (P,): σ, descending; combinations: of each σ.
+
+    root (P, P): rootᵀ root is the information, B⊥ᵀ B⊥ with the priors. sizes (P,) of the
+    numbers; spread: the factor of the variance that the loss brings.
+    """
 
     covariance: Floats
     correlations: Floats
     singular: Floats
     combinations: tuple[Combination, ...]
+    root: Floats
+    sizes: Floats
+    spread: float
 
     @property
     def deviations(self) -> Floats:
         """Standard deviations (P,)."""
         return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def relative(self) -> Floats:
+        """(P,) how well the combinations are known, the least known one first."""
+        return np.array([each.deviation for each in reversed(self.combinations)])
+
+    @property
+    def untold(self) -> int:
+        """How many combinations are not seen at all."""
+        return int(np.isinf(self.relative).sum())
+
+    @property
+    def volume(self) -> float:
+        """The geometric mean of the deviations of the combinations that are seen; its P-th power
+        is the volume of the confidence ellipsoid but for a constant. NaN if none is seen."""
+        seen = self.relative[self.untold :]
+        return float(np.exp(np.log(seen).mean())) if seen.size else float('nan')
+
+    def with_more(self, parts: Sequence[Floats]) -> Knowledge:
+        """With further measurements: B⊥ of their windows (N, P), of the same numbers."""
+        names = list(self.combinations[0].parts)
+        return known(names, parts, self.sizes, self.root, self.spread)
 
 
 def beside(A: Floats, B: Floats) -> Floats:
@@ -81,8 +110,8 @@ def known(
     P = len(names)
     whole = np.vstack([*parts, extra])
     norm = np.linalg.norm(whole, axis=0)
-    R = np.linalg.qr(np.vstack([whole * sizes, np.zeros((P, P))]), mode='r')
-    _, s, Vt = np.linalg.svd(R)
+    root: Floats = np.linalg.qr(np.vstack([whole, np.zeros((P, P))]))[1]
+    _, s, Vt = np.linalg.svd(root * sizes)
     least = _UNSEEN * s.max(initial=0.0)
     factor = np.sqrt(spread)
     seen = s > least
@@ -98,4 +127,5 @@ def known(
     unseen = (np.abs(Vt[~seen]) > np.sqrt(_UNSEEN)).any(axis=0) | (norm == 0.0)
     covariance[unseen] = covariance[:, unseen] = 0.0
     covariance[unseen, unseen] = np.inf
-    return Knowledge(covariance, limit / np.outer(spreads, spreads), s, combinations)
+    correlations = limit / np.outer(spreads, spreads)
+    return Knowledge(covariance, correlations, s, combinations, root, sizes, spread)

@@ -196,13 +196,13 @@ class _Work:
     def _known(
         self, fit: LeastSquaresFit, shared: Shared, solution: Solution, names: Sequence[str]
     ) -> identifiability.Knowledge:
-        P, parts, scaled = self._runs.numbers, [], []
-        for window, own in zip(self._fitted, solution.free, strict=True):
-            r, J = fit.scaled(fit.misfit(window, own, solution.shared))
-            parts.append(identifiability.beside(J[:, P:], J[:, :P]))
-            scaled.append(r)
+        each = [
+            fit.information(window, own, solution.shared)
+            for window, own in zip(self._fitted, solution.free, strict=True)
+        ]
+        parts = [part for part, _ in each]
         prior = np.diag(1.0 / shared.deviation)
-        spread = robust_loss.spread(self._loss, np.concatenate(scaled))
+        spread = robust_loss.spread(self._loss, np.concatenate([r for _, r in each]))
         size = np.maximum(shared.size, np.abs(solution.shared))
         return identifiability.known(names, parts, size, prior, spread)
 

@@ -14,6 +14,7 @@ import numpy as np
 from alf_ros import html_table
 from alf_ros.errors import printable
 from alf_ros.studies.ensemble import report_look, svg_charts
+from alf_ros.studies.identification.experiment_design import ExperimentDesign, untold
 from alf_ros.studies.identification.identified import ChannelFit, Identification, rounded
 
 _MOST_CHANNELS = 40
@@ -23,10 +24,16 @@ _WHITE = (
     'at least what was found. Below 0.01 the residuals are not white: the model or the noise '
     'differs from what the intervals assume, and they are too narrow.'
 )
+_FURTHER = (
+    'What the recordings and one further motion would tell together, with the estimates as the '
+    'true numbers. Least certain: the deviation of the least certain combination, by which the '
+    'motions are ordered. Volume: the geometric mean of the deviations of all combinations, which '
+    'measures the confidence ellipsoid.'
+)
 
 
-def page(found: Identification) -> str:
-    """The text of the file."""
+def page(found: Identification, design: ExperimentDesign | None = None) -> str:
+    """The text of the file; `design`: of further motions."""
     title = html.escape(f'Identification of {found.scene.name}')
     parts = [
         '<!doctype html><html lang="en"><head><meta charset="utf-8">',
@@ -37,6 +44,7 @@ def page(found: Identification) -> str:
         '<h2>Numbers</h2>',
         _numbers(found),
         *_knowledge(found),
+        *(_design(design) if design is not None else ()),
         *_fit(found),
     ]
     for channel in found.channels[:_MOST_CHANNELS]:
@@ -94,6 +102,22 @@ def _knowledge(found: Identification) -> Iterator[str]:
             for k, (name, row) in enumerate(zip(found.names, found.correlations, strict=True))
         ]
         yield _table(head, cells)
+
+
+def _design(design: ExperimentDesign) -> Iterator[str]:
+    yield '<h2>Further motions</h2>'
+    yield f'<p>{_FURTHER}</p>'
+    head = ('further motion', 'duration, s', 'least certain', 'volume', 'rank by volume')
+    yield _table(head, [*design.rows()])
+    yield '<h2>Deviations after a further motion</h2>'
+    yield _table(('number', *design.columns), [*design.deviations()])
+    left = [(each.name, untold(one)) for each in design.able for one in each.undetermined]
+    left += [
+        (each.name, f'cannot be used: {each.failure}') for each in design.motions if each.failure
+    ]
+    if left:
+        yield '<h2>What remains</h2>'
+        yield _table(('further motion', ''), left)
 
 
 def _undetermined(deviation: float) -> str:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -11,9 +12,15 @@ import numpy as np
 from alf_ros import html_table, paths
 from alf_ros.arrays import Floats
 from alf_ros.scene.scene import Scene
+from alf_ros.studies.identification.candidate_motion import Candidate
+from alf_ros.studies.identification.candidate_motion import candidates as read_candidates
+from alf_ros.studies.identification.design_runs import DesignRuns, checked_duration
+from alf_ros.studies.identification.experiment_design import ExperimentDesign, ordered, untold
 from alf_ros.studies.identification.identifiability import Combination, Knowledge
 from alf_ros.studies.identification.recording import Recording
+from alf_ros.studies.identification.recording_reader import Topics
 from alf_ros.studies.identification.residual_tests import Whiteness
+from alf_ros.studies.identification.shared_numbers import LONGEST_DELAY
 from alf_ros.studies.identification.window import Window
 from alf_ros.studies.identification.window_runs import WindowRuns
 
@@ -103,6 +110,45 @@ class Identification:
         """The value of a number."""
         return float(self.values[self.names.index(name)])
 
+    def design(
+        self,
+        candidates: Sequence[Candidate] | Mapping[str, Candidate],
+        *,
+        duration: float | None = None,
+        topics: Topics | None = None,
+        report: Callable[[str], None] | None = None,
+    ) -> ExperimentDesign:
+        """Which of the candidates, as a further motion of the machine, tells most.
+
+        A candidate is a scene (name, file, text as a mapping, Scene), which has the same numbers;
+        a recording (folder, file, Recording), of which the inputs act on the fitted scene, from
+        its first measured positions, if there are any; 'NAME=VALUE', the fitted scene with
+        another value; or 'SCENE,NAME=VALUE' and 'RECORDING,NAME=VALUE'. duration (s): of all
+        motions; None for the duration of each recording, or of the longest one of the fit.
+        topics: names of recorded joints and topics. report: called with a line of text.
+
+        Raises InputError for candidates that cannot be read, and scenes without the numbers or
+        the measured joints.
+        """
+        span = checked_duration(duration)
+        motions = read_candidates(candidates, self.fitted_scene, self.names, topics)
+        steps = np.median([window.last - window.first for window in self.windows])
+        runs = DesignRuns(
+            self.runs,
+            self.recordings,
+            np.array([each.noise for each in self.channels]),
+            self.values,
+            self.knowledge,
+            float(steps) * self.runs.h,
+            LONGEST_DELAY if self.runs.delay else 0.0,
+        )
+        found = []
+        for each in motions:
+            if report is not None:
+                report(f'candidate {each.name}')
+            found.append(runs.motion(each, span))
+        return ordered(self.names, self.knowledge, found)
+
     def lines(self) -> Iterator[str]:
         """The result as a terminal shows it."""
         width = max(map(len, self.names))
@@ -116,8 +162,7 @@ class Identification:
             bound = ', at its bound' if name in self.at_bounds else ''
             yield f'{name:{width}}  {shown} {shown_with}{bound}'
         for each in self.undetermined:
-            how = 'at all' if np.isinf(each.deviation) else f'to better than {each.deviation:.0%}'
-            yield f'not determined {how}: {each.text}'
+            yield untold(each)
         for channel in self.channels:
             unit = channel.unit + ('/s' if channel.kind == 'velocity' else '')
             held = f', {channel.held_out:.3g} kept away' if self.kept_away else ''
@@ -141,13 +186,17 @@ class Identification:
         head = ('number', 'value', 'standard deviation')
         return html_table.heading('Identification') + html_table.table(head, rows, len(self.names))
 
-    def save(self, folder: str | Path) -> Path:
+    def save(self, folder: str | Path, design: ExperimentDesign | None = None) -> Path:
         """Write `<scene>.yaml`, the scene with the new numbers, and `report.html` into a folder,
-        which is made; returns it. Raises OSError."""
+        which is made; returns it. A design is in the report, and in `design.json`. Raises
+        OSError."""
         from alf_ros.studies.identification.identification_page import page
 
         scene = f'{self.scene.name}.yaml'
-        return paths.written(folder, {scene: self.fitted_scene.text, 'report.html': page(self)})
+        texts = {scene: self.fitted_scene.text, 'report.html': page(self, design)}
+        if design is not None:
+            texts['design.json'] = json.dumps(design.as_data(), indent=1, allow_nan=False) + '\n'
+        return paths.written(folder, texts)
 
 
 def rounded(value: float, deviation: float) -> str:

@@ -20,6 +20,7 @@ from scipy.optimize import least_squares
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import AlfError, StoppedError
+from alf_ros.studies.identification.identifiability import beside
 from alf_ros.studies.identification.robust_loss import rooted
 from alf_ros.studies.identification.window import Window
 from alf_ros.studies.identification.window_runs import Misfit, WindowRuns
@@ -89,22 +90,27 @@ class LeastSquaresFit:
 
         Raises AlfError if the runs cannot begin with the given numbers.
         """
-        problem = _Problem(self, self._windows, shared, [each.size for each in free])
+        sizes = [each.size for each in free]
+        problem = _Problem(self, self._windows, shared, sizes, tolerance)
         tried = _Tried(problem.values, problem.rows, told)
         P, x = self.numbers, np.concatenate([shared.begin, *free])
         lower, upper = np.full(x.size, -np.inf), np.full(x.size, np.inf)
         lower[:P], upper[:P] = shared.lower, shared.upper
-        done = least_squares(
-            tried,
-            x,
-            problem.slopes,
-            (lower, upper),
-            x_scale='jac',
-            ftol=tolerance,
-            xtol=FINE,
-            gtol=None,
-            max_nfev=_MOST,
-        )
+        try:
+            done = least_squares(
+                tried,
+                x,
+                problem.slopes,
+                (lower, upper),
+                x_scale='jac',
+                ftol=tolerance,
+                xtol=FINE,
+                gtol=None,
+                max_nfev=_MOST,
+            )
+        except _AtMinimum as found:
+            self.evaluations += tried.count
+            return Solution(found.x[:P], tuple(problem.starts(found.x)), _ENDS[2], True)
         self.evaluations += tried.count
         reason = _ENDS[done.status]
         if tried.failure is not None and done.status <= 0:
@@ -126,7 +132,7 @@ class LeastSquaresFit:
             return self.rooted(window, x, self.plain(window, x, shared))[0]
 
         def slopes(x: Floats) -> Floats:
-            return self.rooted(window, x, self.misfit(window, x, shared))[1][:, self.numbers :]
+            return self.rooted(window, x, self._alone(window, x, shared))[1]
 
         if not free.size:
             return free
@@ -149,14 +155,29 @@ class LeastSquaresFit:
         most = max(w.chart.free.size for w in self._windows if w.chart is not None)
         return self._misfit(window, free, shared, most)
 
+    def _alone(self, window: Window, free: Floats, shared: Floats) -> Misfit:
+        """The same with its jacobian by the start alone."""
+        delay, values = self._split(shared)
+        simulation = self._runs.simulation(values, free.size, alone=True)
+        return self._runs.misfit(simulation, window, free, delay)
+
     def plain(self, window: Window, free: Floats, shared: Floats) -> Misfit:
         """The same without its jacobian."""
         return self._misfit(window, free, shared, 0)
 
     def _misfit(self, window: Window, free: Floats, shared: Floats, directions: int) -> Misfit:
+        delay, values = self._split(shared)
+        return self._runs.misfit_at(values, window, free, delay, directions)
+
+    def _split(self, shared: Floats) -> tuple[float, Floats]:
+        """The delay, and the numbers of the scene."""
         delay = float(shared[-1]) if self._runs.delay else 0.0
-        simulation = self._runs.simulation(shared[: len(self._runs.names)], directions)
-        return self._runs.misfit(simulation, window, free, delay)
+        return delay, shared[: len(self._runs.names)]
+
+    def information(self, window: Window, free: Floats, shared: Floats) -> tuple[Floats, Floats]:
+        """B⊥ (N, P) of a window, and its residuals (N,) in units of the noise. Raises AlfError."""
+        r, J = self.scaled(self.misfit(window, free, shared))
+        return beside(J[:, self.numbers :], J[:, : self.numbers]), r
 
     def scaled(self, misfit: Misfit) -> tuple[Floats, Floats]:
         """Residuals and jacobian in units of the noise."""
@@ -170,20 +191,39 @@ class LeastSquaresFit:
         assert window.chart is not None
         weak = 1.0 / (UNSEEN * self._size)
         held = np.zeros((free.size, J.shape[1]))
-        held[:, self.numbers :] = weak * np.eye(free.size) if J.size else 0.0
+        if J.size:
+            held[:, J.shape[1] - free.size :] = weak * np.eye(free.size)
         return (
             np.concatenate([value, weak * (free - window.chart.free)]),
             np.vstack([J * slope[:, None], held]),
         )
 
 
+class _AtMinimum(Exception):
+    """Ends a fit at x: no step would change the sum of squares."""
+
+    def __init__(self, x: Floats) -> None:
+        super().__init__()
+        self.x = x
+
+
 class _Problem:
-    """All windows, for scipy: x are the shared numbers and the starts, one after another."""
+    """All windows, for scipy: x are the shared numbers and the starts, one after another.
+
+    scipy ends with a step that has changed nothing, so with a run of all windows and a jacobian
+    too many. The jacobian before tells how much its best step would change.
+    """
 
     def __init__(
-        self, fit: LeastSquaresFit, windows: Sequence[Window], shared: Shared, sizes: Sequence[int]
+        self,
+        fit: LeastSquaresFit,
+        windows: Sequence[Window],
+        shared: Shared,
+        sizes: Sequence[int],
+        tolerance: float,
     ) -> None:
         self._fit, self._windows, self._shared = fit, windows, shared
+        self._tolerance = tolerance
         self._P = fit.numbers
         self._edges = self._P + np.cumsum([0, *sizes])
         self._first = np.cumsum([0, *(1 + self._P + size for size in sizes)])  # row of a window
@@ -203,16 +243,28 @@ class _Problem:
         return found
 
     def slopes(self, x: Floats) -> Floats:
-        """Of the values."""
-        P, found = self._P, np.zeros((self.rows, x.size))
+        """Of the values. Raises _AtMinimum."""
+        P, found, value = self._P, np.zeros((self.rows, x.size)), np.zeros(self.rows)
         each = zip(self._first, self._edges, self._windows, self.starts(x), strict=False)
         for at, column, window, own in each:
             misfit = self._fit.misfit(window, own, x[:P])
             R = compressed(*self._fit.rooted(window, own, misfit))
             found[at : at + len(R), :P] = R[:, 1 : 1 + P]
             found[at : at + len(R), column : column + own.size] = R[:, 1 + P :]
+            value[at] = R[0, 0]
         found[self._first[-1] :, :P] = np.diag(self._shared.weight)
+        value[self._first[-1] :] = (x[:P] - self._shared.mean) * self._shared.weight
+        if best_gain(value, found) <= self._tolerance * 0.5 * float(value @ value):
+            raise _AtMinimum(x)
         return found
+
+
+def best_gain(value: Floats, J: Floats) -> float:
+    """By how much a step without limits makes ½ |value + J step|² smaller."""
+    norm = np.linalg.norm(J, axis=0)
+    scaled = J / np.where(norm > 0.0, norm, 1.0)
+    step = np.linalg.lstsq(scaled, -value, rcond=None)[0]
+    return 0.5 * float(np.sum((scaled @ step) ** 2))
 
 
 def compressed(value: Floats, J: Floats) -> Floats:

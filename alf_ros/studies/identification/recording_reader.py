@@ -55,13 +55,16 @@ class Topics:
         return self.renamed.get(recorded, recorded)
 
 
-def read_recording(path: str | Path, scene: Scene, topics: Topics | None = None) -> Recording:
-    """The recording in a folder or file, in the names of a scene.
+def read_recording(
+    path: str | Path, scene: Scene, topics: Topics | None = None, plan: bool = False
+) -> Recording:
+    """The recording in a folder or file, in the names of a scene. `plan`: inputs are enough;
+    without measured positions times begin with the first input.
 
     Raises InputError: for no recording, one without positions of joints of the scene, commands of
     joints that the scene lacks, and names in `renamed` that nothing has.
     """
-    return _Reader(paths.named(path), Simulation(scene), topics or Topics()).recording()
+    return _Reader(paths.named(path), Simulation(scene), topics or Topics()).recording(plan)
 
 
 class _Reader:
@@ -76,7 +79,7 @@ class _Reader:
         self._all: dict[str, str] = {}  # topic -> type
         self._damage = ''
 
-    def recording(self) -> Recording:
+    def recording(self, plan: bool) -> Recording:
         own = self._own_log()
         if own is not None:
             self._held_before(own)
@@ -89,9 +92,10 @@ class _Reader:
                 self._commanded(series)
             elif own is None and series.type == _WRENCH:
                 self._pushed(series)
-        self._check()
-        begin = min(int(pieces[0][0][0]) for pieces in self._joints.values())
-        origin = begin if own is None else own.ahead
+        self._check(plan)
+        begins = [int(pieces[0][0][0]) for pieces in self._joints.values()]
+        begins = begins or [stamp for stamp, _ in self._commands]
+        origin = min(begins) if own is None else own.ahead
         channels = tuple(
             _channel(joint, kind, pieces, origin) for (joint, kind), pieces in self._joints.items()
         )
@@ -249,9 +253,9 @@ class _Reader:
 
     # ----------------------------------------------------------------------------------- checks
 
-    def _check(self) -> None:
+    def _check(self, plan: bool) -> None:
         for name in self._topics.renamed:
-            if name not in self._seen:
+            if name not in self._seen and not plan:
                 names = [*self._unused, *(joint for joint, _ in self._joints)]
                 raise InputError(
                     'nothing of this name in the recording',
@@ -260,7 +264,8 @@ class _Reader:
                     value=name,
                     choices=names or sorted(self._all),
                 )
-        if not any(kind == 'position' for _, kind in self._joints):
+        enough = plan and (self._commands or self._inputs)
+        if not enough and not any(kind == 'position' for _, kind in self._joints):
             topics = [topic for topic, kind in self._all.items() if kind == _JOINTS]
             if self._unused:
                 raise InputError(

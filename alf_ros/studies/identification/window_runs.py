@@ -19,6 +19,8 @@ from alf_ros.scene.scene import Scene, Solver
 from alf_ros.simulation.applied import NO_INPUTS
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.simulation.state import State
+from alf_ros.simulation.state_direction import is_direction
+from alf_ros.simulation.tangent_following import Slopes
 from alf_ros.studies.identification.joint_readings import JointMotion, JointReadings, StateArrays
 from alf_ros.studies.identification.posture_track import wrapped
 from alf_ros.studies.identification.recording import MeasuredChannel
@@ -31,8 +33,8 @@ _LONGEST = 5e-3  # s, between two steps of an adaptive method
 class Misfit:
     """Of a window: by how much each measurement is more than the run says.
 
-    residuals (N,), rad or m, per s; jacobian (N, P + delay + free numbers), empty if nobody asked;
-    channel (N,): the number of the channel of each.
+    residuals (N,), rad or m, per s; jacobian (N, P + delay + free numbers), of the free numbers
+    alone or empty if nobody asked for more; channel (N,): the number of the channel of each.
     """
 
     residuals: Floats
@@ -64,7 +66,8 @@ class WindowRuns:
                     value=each.joint,
                     choices=self._joints,
                 )
-        self._known: dict[int, tuple[tuple[float, ...], Simulation]] = {}
+        self._known: dict[tuple[int, bool], tuple[tuple[float, ...], Simulation]] = {}
+        self._found: dict[tuple[int, int, bool], tuple[Any, Misfit]] = {}  # the last of a window
 
     @property
     def numbers(self) -> int:
@@ -76,60 +79,87 @@ class WindowRuns:
         changes = {n: repr(float(x)) for n, x in zip(self.names, values, strict=True)}
         return overrides.with_changes(self.scene, changes, prefix='fit ')
 
-    def simulation(self, values: Floats, directions: int = 0) -> Simulation:
+    def simulation(self, values: Floats, directions: int = 0, alone: bool = False) -> Simulation:
         """The scene with values of `names`; `directions`: how many free numbers of a start are
-        followed beside the names, 0 for a run without tangents. Raises AlfError."""
-        key = tuple(float(x) for x in values)
-        if directions not in self._known or self._known[directions][0] != key:
+        followed beside the names, 0 for a run without tangents; `alone`: without the names.
+        Raises AlfError."""
+        key, kind = tuple(float(x) for x in values), (directions, alone)
+        if kind not in self._known or self._known[kind][0] != key:
             tangents = [f'state.{k}' for k in range(directions)]
-            if directions:
+            if directions and not alone:
                 tangents = [*self.names, *tangents]
-            last = self._known[directions][1] if directions in self._known else None
+            last = self._known[kind][1] if kind in self._known else None
             made = Simulation(self.at(values), **self._settings, tangents=tangents, like=last)
             _check_drives(made)
-            self._known[directions] = key, made
-        return self._known[directions][1]
+            self._known[kind] = key, made
+        return self._known[kind][1]
+
+    def misfit_at(
+        self, values: Floats, window: Window, free: Floats, delay: float, directions: int
+    ) -> Misfit:
+        """Of the scene with values of `names`; the last one of a window is kept, as a fit asks
+        for some again, with other noise. `directions`: 0 for no jacobian. Raises AlfError."""
+        at = (*values.tolist(), delay, *free.tolist())
+        for differentiated in (True, False) if not directions else (True,):
+            known = self._found.get((window.recording, window.first, differentiated))
+            if known is not None and known[0] == at:
+                return known[1]
+        found = self.misfit(self.simulation(values, directions), window, free, delay)
+        self._found[window.recording, window.first, directions > 0] = at, found
+        return found
 
     def misfit(self, simulation: Simulation, window: Window, free: Floats, delay: float) -> Misfit:
         """Of a window with a start; its jacobian, if the simulation has tangents. Raises AlfError
         where the run fails, or cannot be differentiated."""
-        steps = grid(window, delay, self.h)
+        steps, following = grid(window, delay, self.h), simulation.following
         motion = self._motion(simulation, window, free, steps)
-        found = [self._part(window, part, steps, motion, delay) for part in window.measured]
+        numbers = 0 if following is None else len(_of_numbers(following.slopes))
+        found = [
+            self._part(window, part, steps, motion, delay, numbers) for part in window.measured
+        ]
         count = [each.values.size for each in window.measured]
+        columns = free.size + (self.numbers if numbers else 0)
         return Misfit(
             np.concatenate([residuals for residuals, _ in found]),
-            np.concatenate([jacobian for _, jacobian in found])[:, : self.numbers + free.size],
+            np.concatenate([jacobian for _, jacobian in found])[:, :columns],
             np.repeat([each.channel for each in window.measured], count),
         )
 
     def state(self, simulation: Simulation, window: Window, free: Floats) -> State:
         """The state in which a window begins, nothing held."""
+        return self._begun(simulation, window, free, None)
+
+    def _begun(
+        self,
+        simulation: Simulation,
+        window: Window,
+        free: Floats,
+        numbers: Sequence[Slopes] | None,
+    ) -> State:
+        """The same with the derivatives of the start by the numbers, and by the free ones."""
         assert window.chart is not None
-        start = window.chart.start(simulation.model, free)
+        start = window.chart.start(simulation.model, free, numbers)
+        state = simulation.state
+        first = np.zeros_like(state.tangents).reshape(-1, 2, start.q.size)
+        first[: len(start.dq), 0], first[: len(start.dqd), 1] = start.dq, start.dqd
         return replace(
-            simulation.state.moved(start.q, start.qd, window.chart.turns),
+            state.moved(start.q, start.qd, window.chart.turns),
             step=window.first,
             pace=self.h,
             inputs=NO_INPUTS,
-            tangents=np.zeros_like(simulation.state.tangents),
+            tangents=first.ravel(),
         )
 
     def _motion(
         self, simulation: Simulation, window: Window, free: Floats, steps: Integers
     ) -> JointMotion:
-        following, chart = simulation.following, window.chart
-        assert chart is not None
+        following = simulation.following
         slopes = following.slopes if following is not None else []
-        begun = self.state(simulation, window, free)
-        if following is not None:
-            start = chart.start(simulation.model, free, slopes[: len(self.names)])
-            first = np.zeros((len(slopes), 2, begun.q.size))
-            first[: len(start.dq), 0], first[: len(start.dqd), 1] = start.dq, start.dqd
-            begun = replace(begun, tangents=first.ravel())
+        numbers = None if following is None else _of_numbers(slopes)
+        begun = self._begun(simulation, window, free, numbers)
         simulation.restore(begun)
-        states = list(_passed(simulation, window, steps))
-        if following is not None:
+        states = passed(simulation, window, steps)
+        if following is not None and following.lengths:
             tangents = simulation.sample().tangents
             for name in following.lengths:
                 if name in self.names:
@@ -154,8 +184,9 @@ class WindowRuns:
         steps: Integers,
         motion: JointMotion,
         delay: float,
+        numbers: int,
     ) -> tuple[Floats, Floats]:
-        """Residuals (N,) and their derivatives."""
+        """Residuals (N,) and their derivatives, by so many numbers of the scene first."""
         channel = self.channels[part.channel]
         joint = self._joints.index(channel.joint)
         first = below(window, part, delay, self.h)
@@ -168,11 +199,15 @@ class WindowRuns:
         if order == 0 and self.reference.model.coordinates[joint].is_angle:
             residuals = wrapped(residuals)
         slopes = -_mixed(weights[order], k, motion.dx[:, joint], motion.dv[:, joint])
-        if slopes.shape[1]:
-            late = [each[order + 1][:, None]] if self.delay else []
-            P = len(self.names)
-            slopes = np.hstack([slopes[:, :P], *late, slopes[:, P:]])
+        if self.delay and numbers:
+            late = each[order + 1][:, None]
+            slopes = np.hstack([slopes[:, :numbers], late, slopes[:, numbers:]])
         return residuals, slopes
+
+
+def _of_numbers(slopes: Sequence[Slopes]) -> list[Slopes]:
+    """Of numbers of the scene, not of directions of the state."""
+    return [each for each in slopes if not is_direction(each.name)]
 
 
 def _check_drives(simulation: Simulation) -> None:
@@ -198,8 +233,8 @@ def _settled(solver: Solver) -> dict[str, Any]:
     return {'step': step, 'integrator': solver.integrator, 'tolerance': solver.tolerance}
 
 
-def _passed(simulation: Simulation, window: Window, steps: Integers) -> list[State]:
-    """The states at `steps`, with the inputs of the window."""
+def passed(simulation: Simulation, window: Window, steps: Integers) -> list[State]:
+    """The states at `steps` (N,) of a run on to them, with the inputs of the window."""
     inputs, states = list(window.inputs), []
     for step in steps.tolist():
         while inputs and inputs[0][0] < step:

@@ -104,9 +104,12 @@ class StartChart:
         self.positions, self.velocities = Y.shape[1], Z.shape[1]
         self.free = np.concatenate([np.zeros(self.positions), self._going @ qd[:n]])
 
-    def start(self, model: Model, free: Floats, slopes: Sequence[Slopes] = ()) -> WindowStart:
+    def start(
+        self, model: Model, free: Floats, slopes: Sequence[Slopes] | None = None
+    ) -> WindowStart:
         """The state of the free numbers (s, ν) in a model; `slopes`: of the numbers θ of its
-        derivatives, s and ν behind them. Raises AssemblyError where there is no such state."""
+        derivatives, s and ν behind them; None for no derivatives. Raises AssemblyError where
+        there is no such state."""
         rows, n = DenseRows(model, self.t), model.n
         s, nu = free[: self.positions], free[self.positions :]
         q, rates = rows.placed(self.q)
@@ -133,12 +136,12 @@ class StartChart:
         rows: DenseRows,
         q: Floats,
         qd: Floats,
-        slopes: Sequence[Slopes],
+        slopes: Sequence[Slopes] | None,
         A: Floats,
         inverse: Floats,
     ) -> tuple[Floats, Floats]:
         """By each number, then by s and ν: dq and dqd (K, blocks D)."""
-        if not slopes:
+        if slopes is None:
             return np.zeros((0, q.size)), np.zeros((0, q.size))
         n, P, g, f = rows.model.n, len(slopes), self.positions, self.velocities
         dq, dqd = np.zeros((P + g + f, q.size)), np.zeros((P + g + f, q.size))
