@@ -34,7 +34,7 @@ _MARGIN = 2.0  # between the stability limit and the step, and of the error
 _STAGES = 12  # of an explicit step
 _DURATION, _SPACING = 50, 10  # instants that are compared, and steps between two
 _DEPTH = 0.01  # rad or m, by which the motion presses a stop
-_PART = 0.25  # of the work of a trial for an `accuracy`
+_PART = 0.1  # of the work of a trial for an `accuracy`
 _EXAMINED = 1500  # coordinates of mechanisms whose stiffness is computed, with dense matrices
 
 
@@ -78,7 +78,8 @@ def section(scene: Scene, accuracy: float = ACCURACY) -> str:
         simulation = Simulation(scene, step=STEP)
         stiff = _stiff(simulation)
     except AlfError as error:
-        return Choice(EXPLICIT, _TOLERANCES[EXPLICIT][0], Trial(failed=str(error))).section()
+        failed = str(error).removeprefix(f'{scene.file}: ')
+        return Choice(EXPLICIT, _TOLERANCES[EXPLICIT][0], Trial(failed=failed)).section()
     if stiff:
         return _tried(simulation, IMPLICIT, accuracy).section(stiff)
     explicit = _tried(simulation, EXPLICIT, accuracy)
