@@ -11,6 +11,7 @@ from alf_ros import paths, resources
 from alf_ros.errors import InputError
 from alf_ros.exchange import (
     ball_rows,
+    fitting_solver,
     gimbal_lock,
     inertia,
     massless_ends,
@@ -65,11 +66,11 @@ def imported(source: str, **wishes: Any) -> str:
     text = mechanism_text.text(robot, scene, asked.stops, resources.version())
     whole = text if scene else 'mechanism:\n' + ''.join(f'  {line}\n' for line in text.split('\n'))
     try:
-        scene_from_text(whole)
+        loaded = scene_from_text(whole)
     except InputError as error:
         message = f'the imported mechanism cannot be used: {error.key or ""}: {error.message}'
         raise InputError(message, file=source, value=error.value) from None
-    return text
+    return text + fitting_solver.section(loaded) if scene else text
 
 
 def _robot(path: Path, asked: Wishes) -> Robot:

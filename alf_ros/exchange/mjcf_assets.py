@@ -18,8 +18,8 @@ def compiled_without(mujoco: Any, path: Path) -> tuple[Any, list[str]]:
     spec = mujoco.MjSpec.from_file(str(path))
     folder = path.parent
     meshes, pictures = (folder / (each or '') for each in (spec.meshdir, spec.texturedir))
-    gone = {mesh.name for mesh in spec.meshes if _missing(mesh.file, meshes)}
-    fields = {field.name for field in spec.hfields if _missing(field.file, meshes)}
+    gone = {_name(mesh) for mesh in spec.meshes if _missing(mesh.file, meshes)}
+    fields = {_name(field) for field in spec.hfields if _missing(field.file, meshes)}
     lighter = []
     for geom in list(spec.geoms):
         if geom.meshname in gone or geom.hfieldname in fields:
@@ -28,10 +28,10 @@ def compiled_without(mujoco: Any, path: Path) -> tuple[Any, list[str]]:
                 lighter.append(body.name or 'a body without name')
             spec.delete(geom)
     for mesh in list(spec.meshes):
-        if mesh.name in gone:
+        if _name(mesh) in gone:
             spec.delete(mesh)
     for field in list(spec.hfields):
-        if field.name in fields:
+        if _name(field) in fields:
             spec.delete(field)
     for skin in list(spec.skins):
         if _missing(skin.file, meshes):
@@ -45,12 +45,17 @@ def _without_pictures(spec: Any, folder: Path) -> None:
     for texture in list(spec.textures):
         files = [texture.file, *texture.cubefiles]
         if any(_missing(file, folder) for file in files):
-            gone.add(texture.name)
+            gone.add(_name(texture))
             spec.delete(texture)
     for material in spec.materials:
         kept = ['' if name in gone else name for name in material.textures]
         if kept != list(material.textures):
             material.textures = kept
+
+
+def _name(asset: Any) -> str:
+    """How geoms and materials call it: by the name of its file if it has none."""
+    return asset.name or Path(asset.file).stem
 
 
 def _missing(file: str, folder: Path) -> bool:

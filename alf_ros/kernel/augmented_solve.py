@@ -64,7 +64,9 @@ def augmented(
     s / (1 + s²) < 1 of |α^½ r2| in the norm of M. Like x, r2 is measured by its largest number.
     The iteration ends when r2, and the rounding of the last δ, are below `until.tolerance` of x,
     or of what f would do to the masses alone. A round leaves a part 1 / (1 + s²) of r2 in a mode:
-    if the ratio of two rounds exceeds `until.patience`, the iteration ends too.
+    if the ratio of two rounds exceeds `until.patience`, the iteration ends too. In the second
+    round a large ratio is no sign of such a mode yet: an error e of the first δ, by rounding,
+    comes back as -e and is gone in the third. It shows where λ is about zero: in free fall.
     Returns the rounds, and the largest ratio of two of them that mattered.
     """
     n, iterations, tolerance = work.p.size, until.iterations, until.tolerance
@@ -82,7 +84,9 @@ def augmented(
             if EPS * system.penalty * step <= tolerance * size:
                 return count, slowest
         elif count > 1:
-            slowest = max(slowest, min(1.0, left / before))
+            ratio = min(1.0, left / before)
+            if ratio <= until.patience or count != 2 or iterations == 2:
+                slowest = max(slowest, ratio)
             if slowest > until.patience:
                 return count, slowest
         before = left

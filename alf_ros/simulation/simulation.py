@@ -114,7 +114,7 @@ class Simulation:
             self._start = replace(self._start, unexamined=told)
             self._use(solver)
         if to_pick:
-            self.accuracy = pick(solver, self._trial)
+            self.accuracy = pick(solver, self.with_solver)
             self._use(self.accuracy.solver)
         if names:
             known = like.following if like is not None else None
@@ -141,8 +141,8 @@ class Simulation:
         self._initial = replace(self._initial, pace=pace, tangents=start)
         self._enter(self._initial, self._stepper.applied)
 
-    def _trial(self, solver: Solver) -> Simulation:
-        """The same simulation with other settings, to try them."""
+    def with_solver(self, solver: Solver) -> Simulation:
+        """The same scene from its start with other settings of alf2, not assembled again."""
         other = copy.copy(self)
         other._use(solver)
         return other

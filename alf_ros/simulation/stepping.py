@@ -21,9 +21,10 @@ from alf_ros.model.effect_directions import softened
 from alf_ros.model.singular_branches import Branch
 from alf_ros.model.tableaux import TABLEAUX, first_pace
 from alf_ros.scene.scene import Solver
-from alf_ros.simulation import locked_rows
+from alf_ros.simulation import locked_rows, stiff_failures
 from alf_ros.simulation.applied import NO_INPUTS, Applied, AskedFunctions
 from alf_ros.simulation.drive_failures import beyond_reach
+from alf_ros.simulation.dynamics import Dynamics
 from alf_ros.simulation.formulations import Formulation
 from alf_ros.simulation.instruments import Instruments
 from alf_ros.simulation.listening import Listener
@@ -53,7 +54,7 @@ class Stepper:
         formulation: Formulation | None = None,
         following: TangentFollowing | None = None,
     ) -> None:
-        self.h = solver.step
+        self.h, self._solver = solver.step, solver
         self.method = method = solver.method
         self.iterations = 0  # most in one solve of the last call
         self._start, self._model = start, start.model
@@ -224,6 +225,10 @@ class Stepper:
             found = self.formulation.failure(status)
         if found is not None:
             return StepError(*found, t)
+        if self.formulation is None:
+            found = self._too_stiff(status, present)
+        if found is not None:
+            return StepError(*found, t)
         reason, remedy = status.reason, status.remedy
         if status == Status.JAMMED:
             reason += f', at t = {present.applied.assembled.bearings.ended[0]:.9g} s'
@@ -237,6 +242,20 @@ class Stepper:
             longest = self.resolution.adequate
             remedy = f'take a smaller step, {longest:g} s or less, or an adaptive integrator'
         return StepError(reason, remedy, t)
+
+    def _too_stiff(self, status: Status, present: Present) -> tuple[str, str] | None:
+        """Reason and remedy, if an effect is too stiff for the step from the present."""
+        sample = Dynamics(
+            self._model,
+            present.applied,
+            self._solver,
+            present.step * self.h,
+            present.state(),
+            self._start.dependent_rows,
+            self.beside(present),
+            self.instruments,
+        )
+        return stiff_failures.explained(status, sample, self._solver.integrator, self.h)
 
     # ------------------------------------------------------------------------------------ counts
 

@@ -41,14 +41,15 @@ class Mode:
         return _radius(integrator, self.value) / self.rate if self.rate > 0.0 else math.inf
 
 
-def stiffest(samples: Iterable[Dynamics]) -> tuple[dict[str, Mode], Mode]:
+def stiffest(samples: Iterable[Dynamics], at_rest: bool = True) -> tuple[dict[str, Mode], Mode]:
     """Of each effect of the scene alone, and of all of them together: over all instants, as the
-    mechanism moves and as it would stand there, where dry friction is steepest."""
+    mechanism moves and, if `at_rest`, as it would stand there, where dry friction is steepest."""
     alone: dict[str, Mode] = {}
     whole = Mode(0.0)
     for sample in samples:
         at = _Instant(sample)
-        for qd in (sample.state.qd, np.zeros_like(sample.state.qd)):
+        moving = sample.state.qd
+        for qd in (moving, np.zeros_like(moving)) if at_rest else (moving,):
             total = np.zeros((2, at.free.shape[1], at.free.shape[1]))
             for label, part in sample._applied.each.items():
                 matrices = at.matrices(part, qd)

@@ -45,7 +45,9 @@ def augmented_lanes(
         ended = closed & (EPS * system.penalty * step <= tolerance * size)
         if count > 1:
             slow = unless(closed) & going
-            slowest = pick(slow, max(slowest, min(1.0, left / before)), slowest)
+            ratio = min(1.0, left / before)
+            counts = slow if count != 2 or iterations == 2 else slow & (ratio <= until.patience)
+            slowest = pick(counts, max(slowest, ratio), slowest)
             ended = ended | (slow & (slowest > until.patience))
         ended = ended & going
         rounds = pick(ended, count, rounds)
