@@ -39,14 +39,14 @@ _EXAMINED = 1500  # coordinates of mechanisms whose stiffness is computed, with 
 
 
 @dataclass(frozen=True, eq=False)
-class Trial:
+class TrialRun:
     """A run: places (instants, blocks, 3) in m, evaluations in a step, and why it ended early."""
 
     places: Floats = field(default_factory=lambda: np.zeros((0, 0, 3)))
     evaluations: float = math.inf
     failed: str = ''
 
-    def is_better_than(self, other: Trial) -> bool:
+    def is_better_than(self, other: TrialRun) -> bool:
         """Whether this run, an implicit one, came further or took less time than an explicit."""
         mine, its = len(self.places), len(other.places)
         return mine > its or (mine == its and DEAR * self.evaluations < other.evaluations)
@@ -58,7 +58,7 @@ class Choice:
 
     integrator: str
     tolerance: float
-    trial: Trial
+    trial: TrialRun
     error: str = ''
 
     def section(self, reason: str = '') -> str:
@@ -79,7 +79,7 @@ def section(scene: Scene, accuracy: float = ACCURACY) -> str:
         stiff = _stiff(simulation)
     except AlfError as error:
         failed = str(error).removeprefix(f'{scene.file}: ')
-        return Choice(EXPLICIT, _TOLERANCES[EXPLICIT][0], Trial(failed=failed)).section()
+        return Choice(EXPLICIT, _TOLERANCES[EXPLICIT][0], TrialRun(failed=failed)).section()
     if stiff:
         return _tried(simulation, IMPLICIT, accuracy).section(stiff)
     explicit = _tried(simulation, EXPLICIT, accuracy)
@@ -144,12 +144,11 @@ def _tried(simulation: Simulation, integrator: str, accuracy: float) -> Choice:
     return Choice(integrator, tolerance, trial, line)
 
 
-def _run(simulation: Simulation, integrator: str, tolerance: float) -> Trial:
+def _run(simulation: Simulation, integrator: str, tolerance: float) -> TrialRun:
     places: list[Floats] = []
     failed, evaluations = '', math.inf
-    solver = replace(simulation.solver, integrator=integrator, tolerance=tolerance)
     try:
-        run = simulation.with_solver(solver)
+        run = simulation.with_solver(integrator, tolerance)
         most = _PART * WORK / (OVERHEAD + run.model.n)
         while len(places) < _DURATION and run.evaluations <= most:
             run.step(_SPACING)
@@ -157,4 +156,4 @@ def _run(simulation: Simulation, integrator: str, tolerance: float) -> Trial:
             evaluations = run.evaluations / run.step_index
     except StepError as error:
         failed = str(error)
-    return Trial(np.array(places), evaluations, failed)
+    return TrialRun(np.array(places), evaluations, failed)

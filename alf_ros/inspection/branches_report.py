@@ -121,7 +121,9 @@ def branches(at: Scene | Simulation) -> Branches:
     distance = singular_start.distance(model, q, dependent)
     text = f'not in a singular position: its distance σ is {distance:.3g}'
     if dependent:
-        names = [*dict.fromkeys(name for each in _by_row(model, here.lost) for name in each)]
+        # in the order of the file: which of the null vectors is first is a matter of rounding
+        named = {name for each in _by_row(model, here.lost) for name in each}
+        names = [name for name in dict.fromkeys(model.row_names) if name in named]
         shown = ', '.join(names[:_NAMES]) + ('' if len(names) <= _NAMES else ' ...')
         count = len(here.lost)
         rows = '1 row depends' if count == 1 else f'{count} rows depend'

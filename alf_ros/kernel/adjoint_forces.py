@@ -17,7 +17,7 @@ def take_forces_back(
     adjoint: Adjoint, t: float, by_force: Floats, by_q: Floats, by_qd: Floats
 ) -> int:
     """Add (∂Q/∂q)ᵀ and (∂Q/∂q̇)ᵀ of ∂J/∂Q (movable D,) at q, q̇ in `work` to `by_q` and `by_qd`, and
-    what belongs to the numbers of the effects to `of_trace`. 0 if the trace has no room."""
+    what belongs to the numbers of the effects to `of_trace`. 0 if the trace is full."""
     tangents = adjoint.tangents
     problem = tangents.problem
     work, effects = problem.work, problem.forces.effects

@@ -85,7 +85,7 @@ def project_velocity_back(adjoint: Adjoint) -> int:
 @inner
 def accelerate_back(adjoint: Adjoint) -> int:
     """∂J/∂δq̈, in `qdd`, into ∂J/∂δQ, in `u`; adds to ∂J/∂δq and ∂J/∂δq̇ in `q` and `qd`, but
-    without what comes from δQ. At q, q̇, q̈ in `work` and -λ in `lam`; the iterations."""
+    without the part of δQ. At q, q̇, q̈ in `work` and -λ in `lam`; the iterations."""
     problem, tangents = adjoint.tangents.problem, adjoint.tangents
     unit, rows, work = problem.unit, problem.system.rows, problem.work
     u, g, g2 = adjoint.u, tangents.g, tangents.g2
@@ -115,7 +115,7 @@ def accelerate_back(adjoint: Adjoint) -> int:
 
 @inner
 def _take_rows_back(adjoint: Adjoint) -> None:
-    """∂J/∂δΦ_q, in `g` and `g2` of the tangents, into that of δq, b and T."""
+    """∂J/∂δΦ_q, in `g` and `g2` of the tangents, into ∂J/∂δq, b̄ and ∂J/∂T."""
     problem, tangents = adjoint.tangents.problem, adjoint.tangents
     unit, rows, work = problem.unit, problem.system.rows, problem.work
     for r in each(0, rows.i.size):
@@ -129,7 +129,7 @@ def _take_rows_back(adjoint: Adjoint) -> None:
 
 @inner
 def _take_entry_back(adjoint: Adjoint, e: np.uint64, g: Floats, v: Floats) -> None:
-    """∂J/∂(T v) of entry e, in g, into that of T."""
+    """∂J/∂(T v) of entry e, in g, into ∂J/∂T."""
     problem = adjoint.tangents.problem
     rows, D = problem.system.rows, np.uint64(len(problem.unit))
     for s in each(rows.first_term[e], rows.first_term[e + ONE]):
@@ -141,7 +141,7 @@ def _take_entry_back(adjoint: Adjoint, e: np.uint64, g: Floats, v: Floats) -> No
 
 @inner
 def _take_terms_back(adjoint: Adjoint, e: np.uint64, g: Floats, v: Floats, bar: Floats) -> None:
-    """∂J/∂(T v) of entry e, in g, into that of T, and of v, in `bar`."""
+    """∂J/∂(T v) of entry e, in g, into ∂J/∂T, and into ∂J/∂v, in `bar`."""
     problem = adjoint.tangents.problem
     rows, D = problem.system.rows, np.uint64(len(problem.unit))
     _take_entry_back(adjoint, e, g, v)
@@ -154,7 +154,7 @@ def _take_terms_back(adjoint: Adjoint, e: np.uint64, g: Floats, v: Floats, bar: 
 
 @inner
 def _take_rate_back(adjoint: Adjoint, e: np.uint64) -> None:
-    """∂J/∂(T q̇) of entry e, in `g2v` of the tangents, into that of T and of δq̇."""
+    """∂J/∂(T q̇) of entry e, in `g2v` of the tangents, into ∂J/∂T and ∂J/∂δq̇."""
     work = adjoint.tangents.problem.work
     _take_terms_back(adjoint, e, adjoint.tangents.g2v, work.qd, adjoint.qd)
 

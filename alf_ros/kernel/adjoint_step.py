@@ -3,7 +3,7 @@ transposed.
 
 Each step is taken again, and its stages are written on a tape. Then the tape is read backwards:
 ∂J/∂(δq, δq̇) where the step ended becomes that where it began, and what J changes by with each
-array of the problem is added up. So the derivatives are those of the tangents, to rounding, for
+array of the problem is added up. So the derivatives equal the tangents, to rounding, for
 any number of parameters at the cost of one.
 """
 
@@ -103,8 +103,8 @@ def _take_step_back(adjoint: Adjoint, k: np.uint64) -> int:
 
 @inner
 def _add_up_back(adjoint: Adjoint, s: np.uint64, h: float) -> None:
-    """∂J/∂(δq, δq̇) of stage s as the step adds them up, or of its end, into that of its begin and
-    of the rates of the stages before."""
+    """∂J/∂(δq, δq̇) of stage s as the step adds them up, or of its end, into the ones of its begin
+    and of the rates of the stages before."""
     problem, rates, start = adjoint.tangents.problem, adjoint.rates, adjoint.start
     method, work = problem.method, problem.work
     n, whole, stages = work.p.size, work.q.size, method.b.size
@@ -150,7 +150,8 @@ def _fold_back(adjoint: Adjoint, s: np.uint64) -> None:
 
 @inner
 def _turn_back(adjoint: Adjoint, s: np.uint64, at: np.uint64) -> None:
-    """Of the turning of the axes: ∂J/∂ the rates from number `at` on, into that of what turns."""
+    """Of the turning of the axes: ∂J/∂ the rates from number `at` on, into ∂J/∂ the arrows that
+    turn."""
     problem, rates, x = adjoint.tangents.problem, adjoint.rates, adjoint.x
     unit, arms, work = problem.unit, problem.system.arms, problem.work
     n, D = work.p.size, np.uint64(len(unit))

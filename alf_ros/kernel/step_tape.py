@@ -18,7 +18,7 @@ def record_step(
     record: StepRecord, phase: Phase, work: Work, t: float, end: float, h: float, sigma: float
 ) -> None:
     """Write down an accepted step of h (s) that began at `phase`, at t, and ended in `work`. Steps
-    that there is no room for are counted."""
+    that do not fit are counted."""
     k, whole = np.uint64(record.count[0]), work.q.size
     record.count[0] += 1
     if (k + ONE) * whole > record.q.size:

@@ -24,11 +24,11 @@ _ROOM = 4096  # operations of a trace, at first
 
 
 class NoRoom(AlfError):
-    """The steps are more, or a trace is longer, than there was room for; there is more now."""
+    """The steps were more, or a trace longer, than the memory set aside; it is larger now."""
 
 
 class TakenBack(NamedTuple):
-    """What a number J of a motion changes by, in the units of J over those of the array.
+    """∂J/∂ the arrays of a motion, for a number J; in the units of J over the units of the array.
 
     q, qd (all blocks D,): by the state where the steps began; of fixed blocks the sum over the
     steps. arrays: by arrays of the problem, as `ParameterSlopes.arrays` names them. params: by the
@@ -70,7 +70,7 @@ class AdjointFollowing:
         return sum(x.nbytes for x in _arrays_of(_record(self._model, 1)))
 
     def provide(self, steps: int) -> None:
-        """Room for so many steps."""
+        """Memory for so many steps."""
         if steps > self._steps:
             self._steps = steps
             self._record = self._empty_record()
@@ -80,7 +80,7 @@ class AdjointFollowing:
 
     def write_down(self, present: Present, n: int) -> None:
         """Take n steps of the grid. Raises StepError, and NoRoom if an adaptive method took more
-        steps than there was room for: the present is behind them then."""
+        steps than fit: the present is behind them then."""
         self._record.count[0] = 0
         status = self._stepper.advance_recorded(present, n, self._record)
         if status != Status.OK:
@@ -120,7 +120,7 @@ class AdjointFollowing:
 
     def take_back(self, to: int) -> None:
         """Take back the written steps down to number `to`. Raises StepError, and NoRoom if a trace
-        was longer than its room: all must begin again then."""
+        was longer than its memory: all must begin again then."""
         assert self._adjoint is not None
         if to >= self._taken:
             return

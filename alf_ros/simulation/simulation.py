@@ -17,7 +17,7 @@ from alf_ros.errors import AssemblyError, InputError
 from alf_ros.kernel import Phase, Status, Watch
 from alf_ros.model.singular_branches import Branch, Position
 from alf_ros.resources import version
-from alf_ros.scene.scene import Scene, Solver
+from alf_ros.scene.scene import Scene, Solver, joined
 from alf_ros.simulation import input_checks as check
 from alf_ros.simulation.accuracy import Budget, pick
 from alf_ros.simulation.adjoint_following import AdjointFollowing
@@ -114,7 +114,7 @@ class Simulation:
             self._start = replace(self._start, unexamined=told)
             self._use(solver)
         if to_pick:
-            self.accuracy = pick(solver, self.with_solver)
+            self.accuracy = pick(solver, self._with)
             self._use(self.accuracy.solver)
         if names:
             known = like.following if like is not None else None
@@ -141,8 +141,18 @@ class Simulation:
         self._initial = replace(self._initial, pace=pace, tangents=start)
         self._enter(self._initial, self._stepper.applied)
 
-    def with_solver(self, solver: Solver) -> Simulation:
-        """The same scene from its start with other settings of alf2, not assembled again."""
+    def with_solver(
+        self, integrator: str | None = None, tolerance: float | None = None
+    ) -> Simulation:
+        """The same scene from its start, solved otherwise by alf2; it is not assembled again.
+
+        integrator, tolerance: as of `Simulation`; None keeps the present one. Raises InputError.
+        """
+        given = {'integrator': integrator, 'tolerance': tolerance}
+        changes = {k: v for k, v in given.items() if v is not None}
+        return self._with(Solver(**joined(vars(self.solver), changes)))
+
+    def _with(self, solver: Solver) -> Simulation:
         other = copy.copy(self)
         other._use(solver)
         return other

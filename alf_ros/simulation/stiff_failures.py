@@ -1,7 +1,7 @@
 """Steps that fail because an effect is too stiff for them: which effect, and the step that does.
 
 Beyond the stability limit of an explicit method the motion grows from stage to stage, until the
-loops are torn apart or the numbers overflow. What fails then is not what is wrong.
+loops are torn apart or the numbers overflow. The constraints that fail then are not the fault.
 """
 
 from __future__ import annotations

@@ -153,7 +153,7 @@ def test_permanent_redundancy() -> None:
         branches(load_scene('double_wishbone'))
     said = str(error.value)
     assert said.endswith(
-        '2 rows depend on others everywhere, among them upper_length, lower_length'
+        '2 rows depend on others everywhere, among them lower_length, upper_length'
     )
     # at a crossing it is told apart
     found = examine(load_scene('scissor_lift')).singular[0]

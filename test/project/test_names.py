@@ -32,6 +32,7 @@ SAME = {
     'ensemble': {'commands/ensemble.py', 'studies/ensemble/ensemble.py'},
     'export': {'commands/export.py', 'exchange/export.py'},
     'figures': {'commands/figures.py', 'studies/paper/figures.py'},
+    'gradient': {'commands/gradient.py', 'studies/gradients/gradient.py'},
     'fork': {'commands/fork.py', 'ros/recording/fork.py'},
     'recover': {'commands/recover.py', 'ros/recording/recover.py'},
     'progress': {'commands/progress.py', 'logs/progress.py'},

@@ -46,6 +46,7 @@ TAKEN: dict[str, dict[str, Any]] = {
     'run': {'duration': 0.004, 'every': 2, 'at': None},
     'restore': {'state': None},  # its own one
     'reset': {},
+    'with_solver': {'integrator': 'esdirk43_adaptive', 'tolerance': 1e-6},
     'place': {'body': 'crank', 'pose': None, 'twist': [0.0, 0.0, 1.0], 'branch': None},
     'apply_wrench': {
         'name': 'coupler',
@@ -81,6 +82,11 @@ REFUSED: dict[tuple[str, str], list[tuple[Any, str]]] = {
         (np.zeros((2, 2)), 'finite'),
     ],
     ('restore', 'state'): [(None, 'not a state'), ({}, 'not a state'), (1, 'not a state')],
+    ('with_solver', 'integrator'): [
+        ('rk5', "did you mean 'rk4'"),
+        *((x, 'unknown integrator') for x in ('', 4, [1])),
+    ],
+    ('with_solver', 'tolerance'): [(x, 'expected') for x in (NAN, INF, -1.0, '1', True)],
     ('place', 'body'): [('crnk', "did you mean 'crank'"), (None, 'not a name'), (3, 'not a name')],
     ('place', 'pose'): [
         ([0.0, 0.0], '3 finite numbers'),
@@ -385,6 +391,7 @@ STUDIES: dict[Callable[..., Any], dict[str, Any]] = {
     ),
     alf_ros.Closure: dict.fromkeys(('mechanism', 'active', 'noise'), JUNK),
     alf_ros.recorded: dict.fromkeys(('t', 'positions', 'velocities', 'inputs', 'name'), JUNK),
+    alf_ros.gradient: dict.fromkeys(('source', 'of', 'by', 'duration', 'every'), JUNK),
     alf_ros.identify: dict.fromkeys(
         (
             'scene',
@@ -424,6 +431,7 @@ RIGHT: dict[Any, dict[str, Any]] = {
     alf_ros.atlas: {'starts': 1},
     alf_ros.assemblies: {'starts': 1, 'values': {'crank_pin': 0.8}},
     alf_ros.recorded: SHORT,
+    alf_ros.gradient: {'of': 'final(B.x)', 'by': ['m'], 'duration': 0.01},
     alf_ros.identify: {'recordings': alf_ros.recorded(**SHORT), 'fit': ['m']},
     alf_ros.optimise: {
         'vary': {'m': [0.5, 2.0]},
@@ -474,7 +482,7 @@ def test_everything_public_is_told_of_here() -> None:
     """Every public name is in the lists here: a new name needs a test of its refusals."""
     called: list[Callable[..., Any]] = [load_scene, Simulation, alf_ros.record, *STUDIES]
     made_by_calls = [alf_ros.Run, alf_ros.Sample, alf_ros.Scene, State]
-    made_by_calls += [alf_ros.LoadHistory, alf_ros.FastestRun]
+    made_by_calls += [alf_ros.Gradient, alf_ros.LoadHistory, alf_ros.FastestRun]
     made_by_calls += [alf_ros.Branches, alf_ros.Atlas, alf_ros.Assemblies]
     made_by_calls += [alf_ros.Equilibrium, alf_ros.EquilibriumPath]
     made_by_calls += [alf_ros.FloquetModel, alf_ros.LinearModel, alf_ros.VibrationModes]

@@ -172,7 +172,7 @@ def test_in_legs(robot: Scene) -> None:
 
 
 def test_traces_and_records_grow(robot: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Too little room is found, and the leg repeated."""
+    """Too little memory is noticed, and the leg repeated."""
     names, settings = NUMBERS[:3], {**ADAPTIVE, 'step': 0.05}
     expected = gradient(Simulation(robot, **settings), OBSERVED[0], names, duration=0.2)
     monkeypatch.setattr('alf_ros.simulation.adjoint_following._ROOM', 8)

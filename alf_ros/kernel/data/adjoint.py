@@ -13,9 +13,9 @@ from alf_ros.kernel.numba_ext.structs import Struct
 
 @dataclass(frozen=True, eq=False)
 class StepRecord(Struct):
-    """Accepted steps, each with the states where it began and ended; room for C of them."""
+    """Accepted steps, each with the states where it began and ended; at most C of them."""
 
-    count: Integers  # (1,) steps taken, also those that there was no room for
+    count: Integers  # (1,) steps taken, also those that did not fit
     q: Floats  # (C, all blocks D) where the step began
     qd: Floats  # (C, all blocks D)
     turns: Integers  # (C, angles)

@@ -4,7 +4,7 @@ A function of numbers that is compiled for traced numbers returns its values, an
 its operations down: on which numbers it was done, and its derivatives by these. Read backwards,
 this trace gives the derivatives of a weighted sum of all results by all arguments at once: reverse
 differentiation, exact to rounding (Griewank & Walther, Evaluating Derivatives, 2008, ch. 3). The
-derivative of each operation is that of dual numbers (`dual_numbers`), so both agree.
+operations are differentiated as with dual numbers (`dual_numbers`), so both agree.
 
 The arguments have the first numbers of a trace, operations follow (`traced_words`). `arguments`
 makes a vector of arguments, `sums` a vector of results.
@@ -154,8 +154,8 @@ def _rule(function: Callable[..., Any]) -> Any:
 
 @_rule
 def _written(value: Any, x: Any, by_x: Any, y: Any, by_y: Any) -> Any:
-    """The value, as the next operation of the trace, on x and y; beyond its room operations are
-    counted only."""
+    """The value, as the next operation of the trace, on x and y; when it is full, operations are
+    only counted."""
     if x.number < 0 and y.number < 0:
         return _as_traced(value)
     words, slopes = (x.words, x.slopes) if x.number >= 0 else (y.words, y.slopes)

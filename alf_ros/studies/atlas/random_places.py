@@ -1,8 +1,9 @@
 """Random places from which the loops of a mechanism are closed, to find all of its assemblies.
 
-Three kinds take turns: noise on the drawing, which finds assemblies near it; a known position with
-one or two points mirrored, at a line through two others or a plane through three, or along an
-axis, which flips a part over; and a known position with one body turned about a joint.
+Three kinds take turns: noise on the drawing or on a known position; a known position with one or
+two points mirrored, or all points of a body or of the mechanism, at a line through two others or a
+plane through three, or along an axis, which flips a part over; and, twice as often, a known
+position with one body turned about a joint.
 """
 
 from __future__ import annotations
@@ -15,7 +16,9 @@ from alf_ros.arrays import Floats
 from alf_ros.mechanism import GROUND
 from alf_ros.model.compile import Model
 
-_AMPLITUDES = (0.1, 0.3, 1.0)  # of the size: noise, in turn
+_NOISE, _FLIP, _TURN = range(3)
+_TURNS = (_NOISE, _FLIP, _TURN, _TURN)  # kinds of places, in turn
+_AMPLITUDES = (0.1, 0.3, 1.0)  # of the size: noise
 
 
 class RandomPlaces:
@@ -27,17 +30,21 @@ class RandomPlaces:
         layout = model.layout
         self._movable = [b for b in layout.of_point.values() if b < layout.movable]
         self._all = [*layout.of_point.values()]
+        # what is mirrored as one: all points that move, first, and those of each body
+        self._parts = [self._movable, *map(self._points, layout.of_body)]
 
     def place(self, n: int, known: Sequence[Floats]) -> Floats:
         """The n-th place (blocks D, m); `known`: positions found so far."""
-        kind = n % 3 if known and self._movable else 0
-        q = self._drawn if kind == 0 else known[int(self._random.integers(len(known)))]
+        random = self._random
+        kind = _TURNS[n % len(_TURNS)] if known and self._movable else _NOISE
+        of_drawing = not known or (kind == _NOISE and random.integers(2))
+        q = self._drawn if of_drawing else known[int(random.integers(len(known)))]
         found = np.array(q)
         places = found.reshape(-1, self._model.layout.dimension)
-        if kind == 0:
-            away = _AMPLITUDES[(n // 3) % len(_AMPLITUDES)] * self._model.size
-            found[: self._model.n] += away * self._random.standard_normal(self._model.n)
-        elif kind == 1:
+        if kind == _NOISE:
+            away = random.choice(_AMPLITUDES) * self._model.size
+            found[: self._model.n] += away * random.standard_normal(self._model.n)
+        elif kind == _FLIP:
             self._flip(places)
         else:
             self._turn(places)
@@ -45,19 +52,35 @@ class RandomPlaces:
         found[self._model.n :] = self._drawn[self._model.n :]
         return found
 
+    def _points(self, body: str) -> list[int]:
+        """Blocks of the points of a body that move."""
+        return [b for b in self._model.layout.of_body[body] if b in self._movable]
+
     def _flip(self, places: Floats) -> None:
-        """Mirror one or two points."""
-        random, D = self._random, self._model.layout.dimension
-        count = min(len(self._movable), int(random.integers(1, 3)))
+        """Mirror one or two points, the points of a body, or all that move, at once."""
+        random = self._random
+        count = int(random.integers(1, 4))
+        if count > 2:
+            part = 0 if random.integers(2) else random.integers(len(self._parts))
+            self._mirror(places, self._parts[part])
+            return
+        count = min(len(self._movable), count)
         for block in random.choice(self._movable, size=count, replace=False):
-            others = np.array([places[random.choice(self._all)] for _ in range(D)])
-            at = others[0]
-            normal = np.eye(D)[random.integers(D)]
-            if random.integers(3):  # through as many other points as there are dimensions
-                normal = np.linalg.svd(others[1:] - at)[2][-1]
-            size = float(normal @ normal)
-            if size > 0.0:
-                places[block] -= 2.0 * (normal @ (places[block] - at)) / size * normal
+            self._mirror(places, [block])
+
+    def _mirror(self, places: Floats, blocks: Sequence[int]) -> None:
+        """Mirror points at a line or plane through others, or along an axis."""
+        random, D = self._random, self._model.layout.dimension
+        among = [block for block in self._all if block not in blocks] or self._all
+        others = np.array([places[random.choice(among)] for _ in range(D)])
+        at = others[0]
+        normal = np.eye(D)[random.integers(D)]
+        if random.integers(3):  # through as many other points as there are dimensions
+            normal = np.linalg.svd(others[1:] - at)[2][-1]
+        size = float(normal @ normal)
+        if size > 0.0:
+            moved = places[blocks]
+            places[blocks] = moved - 2.0 / size * np.outer((moved - at) @ normal, normal)
 
     def _turn(self, places: Floats) -> None:
         """Turn a body about a joint: in space about the axis of the joint, or any."""

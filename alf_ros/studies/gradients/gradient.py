@@ -38,7 +38,7 @@ class Gradient:
 
 
 class _Stretch(NamedTuple):
-    """Steps with the same inputs: what is to be done before them, and how many they are."""
+    """Steps with the same inputs: the preparation before them, and their number."""
 
     begin: Callable[[], None]
     steps: int
@@ -60,7 +60,7 @@ def gradient(
     coordinate or its rate. by: names as of `fork --set`. every: steps from one sample to the next
     (default: a tick of the log, or one step). trust: run the effect code that a log contains.
 
-    Raises InputError for what has no derivative, by its name, and StepError.
+    Raises InputError for a number without a derivative, by its name, and StepError.
     """
     if isinstance(source, Simulation):
         simulation, tick = copy.copy(source), 1

@@ -190,7 +190,7 @@ def _add_forms(
     by_rate: Floats,
     to: Bars,
 ) -> None:
-    """∂J/∂ the values of forms and ∂J/∂ their rates, into that of the state and of the arrays of
+    """∂J/∂ the values of forms and ∂J/∂ their rates, into ∂J/∂ the state and ∂J/∂ the arrays of
     the forms."""
     unit, D = model.unit, model.layout.dimension
     g, g2, g2d = np.zeros(0), np.zeros(rows.b.size), np.zeros(rows.b.size)

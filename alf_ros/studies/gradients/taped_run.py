@@ -1,7 +1,7 @@
 """A run that is taken back: legs with the same inputs, short enough to be kept in memory.
 
 The first pass notes the states where legs begin. A leg is run again, written down, when its turn
-comes; the last one is still there. So memory is that of one leg and of a state for each other.
+comes; the last one is still there. So one leg is in memory, and a state for each other one.
 """
 
 from __future__ import annotations

@@ -158,7 +158,7 @@ class Identification:
             shown, first, last = (rounded(x, deviation) for x in (value, low, high))
             shown_with = f'± {deviation:.2g}, 95 %: {first} to {last}'
             if not np.isfinite(deviation):
-                shown_with = 'not determined by this recording'
+                shown, shown_with = f'{value:.2g}', 'not determined by this recording'
             bound = ', at its bound' if name in self.at_bounds else ''
             yield f'{name:{width}}  {shown} {shown_with}{bound}'
         for each in self.undetermined:
