@@ -38,11 +38,11 @@ class Combination:
 
     @property
     def text(self) -> str:
-        """The numbers that take part, the largest part first."""
+        """The numbers that take part, the largest shown part first; equal ones in their order."""
         largest = max(map(abs, self.parts.values()))
         least = largest * (_PART if self.determined else _SMALL)
         some = [(n, x) for n, x in self.parts.items() if abs(x) >= least]
-        some.sort(key=lambda each: -abs(each[1]))
+        some.sort(key=lambda each: -round(abs(each[1]), 2))
         sign = 1.0 if some[0][1] > 0.0 else -1.0
         return ' '.join(f'{sign * x:+.2f} {n}' for n, x in some).removeprefix('+')
 
