@@ -169,6 +169,10 @@ def test_in_legs(robot: Scene) -> None:
         number = observed_number('points.B.x', 'of', sample)
         found.append(run.derivatives(number, {60: 1.0, 31: 0.5, 0: 2.0}))
     np.testing.assert_allclose(found[1], found[0], rtol=1e-11)
+    pieces.restart()
+    list(pieces.go_on(60))
+    again = pieces.derivatives(number, {60: 1.0, 31: 0.5, 0: 2.0})
+    np.testing.assert_array_equal(again, found[1])
 
 
 def test_traces_and_records_grow(robot: Scene, monkeypatch: pytest.MonkeyPatch) -> None:

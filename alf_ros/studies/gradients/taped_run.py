@@ -76,6 +76,12 @@ class TapedRun:
     def _begins(self) -> tuple[State, State]:
         return self._simulation._initial, self._simulation.state
 
+    def restart(self) -> None:
+        """Back to where the run began, without legs. The slopes of the scene stay."""
+        if self._legs:
+            self._simulation.restore(self._legs[0].state)
+            self._legs.clear()
+
     def go_on(self, steps: int) -> Iterator[Leg]:
         """Steps of the grid, with the inputs held now, leg by leg. Raises StepError."""
         while steps > 0:
