@@ -23,8 +23,10 @@ again by its owner.
 from __future__ import annotations
 
 import operator
+from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass, fields
+from functools import partial
 from typing import Any, ClassVar, TypeVar, get_args, get_type_hints
 
 import numpy as np
@@ -103,6 +105,7 @@ class Struct:
     _address: ClassVar[int]
     _types: ClassVar[dict[tuple[type[Struct], int], StructType]] = {}
     _evaluated: ClassVar[dict[type[Struct], dict[str, Any]]] = {}
+    _nothing: ClassVar[dict[type[Struct], tuple[Callable[[], Any], ...]]] = {}
 
     def __post_init__(self) -> None:
         kind = self._numba_type(len(getattr(self, 'unit', ())))
@@ -164,15 +167,9 @@ class Struct:
     @classmethod
     def empty(cls: type[S]) -> S:
         """One without any data; numbers are zero."""
-        values: list[Any] = []
-        for hint in cls._hints().values():
-            if hint in _SCALARS:
-                values.append(hint(0))
-            elif isinstance(hint, type) and issubclass(hint, Struct):
-                values.append(hint.empty())
-            else:
-                values.append(np.zeros(0, dtype=get_args(get_args(hint)[1])[0]))
-        return cls(*values)
+        if cls not in Struct._nothing:
+            Struct._nothing[cls] = tuple(map(_nothing_of, cls._hints().values()))
+        return cls(*(make() for make in Struct._nothing[cls]))
 
     @classmethod
     def _hints(cls) -> dict[str, Any]:
@@ -205,6 +202,15 @@ class Struct:
             name = f'{cls.__qualname__}{D or ""}@{module}'
             Struct._types[cls, D] = StructType(name, tuple(parts))
         return Struct._types[cls, D]
+
+
+def _nothing_of(hint: Any) -> Callable[[], Any]:
+    """Makes the empty value of a field; to look into its type costs more than to make it."""
+    if hint in _SCALARS:
+        return partial(hint, 0)
+    if isinstance(hint, type) and issubclass(hint, Struct):
+        return hint.empty
+    return partial(np.zeros, 0, get_args(get_args(hint)[1])[0])
 
 
 def _word_of(value: Struct | np.uint64 | float) -> int:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from alf_ros.arrays import Floats
+from alf_ros.arrays import Floats, Integers
 from alf_ros.errors import InputError, StepError
 from alf_ros.kernel import integral_values
 from alf_ros.kernel.data.closing import Closing
@@ -19,18 +19,23 @@ from alf_ros.model.compile import allocate
 from alf_ros.model.constraints.packing import indices
 from alf_ros.model.softest_modes import found
 from alf_ros.simulation.applied import NO_INPUTS
-from alf_ros.simulation.input_checks import is_number, text
+from alf_ros.simulation.input_checks import is_number, text, truth
 from alf_ros.simulation.named_values import read_only
 from alf_ros.simulation.one_thread import by_one_thread
 from alf_ros.simulation.state import State
 from alf_ros.studies.closing.actuated import Actuated, Source, actuated, scene_of
 from alf_ros.studies.closing.branch_sign import BranchSign
 from alf_ros.studies.closing.posture import Posture, Ways
+from alf_ros.studies.closing.stops import StoppedTravel, stops_of
+
+_Reached = tuple[Floats, Integers, Floats]  # q, turns, active values
 
 _FURTHEST = 1e4  # rad, or of the size: an active coordinate in one call
 _TURNS = 1000  # of an active angle, in which the end of its travel is looked for
 _SAME = 1e-6  # of the size: positions that are the same
 _LONG = 4.0  # of the size: longest travel of a length that is looked for
+_STEPS, _FEWEST = 256, 16  # places at which joints are compared with stops, in a turn and at least
+_SHORT = 1e-9  # of the way to a dead point, before which they are compared last
 _NOTHING = 1e-30  # of a penalty: the row binds nothing
 _MOST_RATIO = 10.0  # of two times between calls, up to which the motion is believed
 
@@ -58,9 +63,11 @@ class Closure:
         noise: float | Mapping[str, float] = 0.0,
     ) -> None:
         self._lock = threading.Lock()
-        self._actuated = actuated(scene_of(mechanism), active)
+        scene = scene_of(mechanism)
+        self._actuated = actuated(scene, active)
         self.active, self.model = self._actuated.active, self._actuated.model
         self.joint_names = self.model.coordinate_names
+        self._stops = stops_of(scene, self.joint_names)
         self._noise = self._numbers(
             noise if isinstance(noise, Mapping) else dict.fromkeys(self.active, noise),
             'noise',
@@ -205,7 +212,7 @@ class Closure:
             lambda: self._rates(state),
             lambda: self._distance(state),
             lambda: self._branch.at(state.q),
-            lambda joint: self._travel(state, at, joint),
+            lambda joint, stops: self._travel(state, at, joint, stops),
         )
 
     @by_one_thread
@@ -222,14 +229,49 @@ class Closure:
         return 1.0 if modes is None else float(modes.sigma[0])
 
     @by_one_thread
-    def _travel(self, state: State, at: Floats, joint: str) -> tuple[float, float]:
+    def _travel(self, state: State, at: Floats, joint: str, stops: bool) -> tuple[float, float]:
         if text(joint, 'joint') not in self.active:
             raise InputError('not an active joint', key='joint', value=joint, choices=self.active)
         n = self.active.index(joint)
         low, high = (self._end(state, at, n, sign) for sign in (-1.0, 1.0))
         if self._reader.is_angle[n] and not self._reader.work.sums.size and math.isinf(high - low):
-            return -math.inf, math.inf
+            low, high = -math.inf, math.inf
+        if truth(stops, 'stops') and self._stops:
+            low, high = (self._stopped(state, at, n, end) for end in (low, high))
         return low, high
+
+    def _stopped(self, state: State, at: Floats, n: int, end: float) -> float:
+        """The end of the travel of an active joint within the stops; `end`: of the loops alone."""
+        reader, size = self._read(state), self.model.size
+
+        def move(posture: _Reached, x: float) -> tuple[_Reached, Floats] | None:
+            reader.q[:], reader.turns[:], reader.asked[:] = posture
+            linearise_posture(reader)
+            reader.counts[0] = 0
+            reader.wanted[:] = at
+            reader.wanted[n] = x
+            if close_loops(reader, 1.0) < 1.0:
+                return None
+            here = reader.q.copy(), reader.turns.copy(), reader.asked.copy()
+            return here, reader.values.copy()
+
+        first = move((state.q.copy(), state.turns.copy(), at), float(at[n]))
+        if first is None or end == at[n]:
+            return end
+        way = 2.0 * np.pi if reader.is_angle[n] else _LONG * size
+        still = first[1][self._stops.which]
+
+        def steps() -> Iterator[float]:
+            length = min(abs(end - at[n]) * (1.0 - _SHORT), _TURNS * way)
+            count = max(_FEWEST, math.ceil(length / way * _STEPS))
+            for k in range(1, count + 1):
+                yield float(at[n] + math.copysign(length * k / count, end - at[n]))
+                turned = k % _STEPS == 0 and math.isinf(end)
+                if turned and np.abs(reader.values[self._stops.which] - still).max() <= _SAME:
+                    return  # the same again in each turn
+
+        found = StoppedTravel(self._stops, move).end(float(at[n]), *first, steps())
+        return end if found is None else found
 
     def _end(self, state: State, at: Floats, n: int, sign: float) -> float:
         """The end of the travel of an active joint in one direction, from its values `at`."""

@@ -21,7 +21,7 @@ class Ways:
     rates: Callable[[], Floats]
     distance: Callable[[], float]
     branch: Callable[[], int]
-    travel: Callable[[str], tuple[float, float]]
+    travel: Callable[[str, bool], tuple[float, float]]
 
 
 class Posture(Kinematics):
@@ -96,12 +96,15 @@ class Posture(Kinematics):
         at the start. It changes as the mechanism passes a dead point."""
         return self._ways.branch()
 
-    def travel(self, joint: str) -> tuple[float, float]:
+    def travel(self, joint: str, stops: bool = True) -> tuple[float, float]:
         """The interval (rad or m) of an active joint coordinate with the loops closed, the others
-        resting at their present values: the branch is followed to a dead point on either side.
+        resting at their present values: the branch is followed on either side to a dead point, or
+        to the place where a joint, active or passive, reaches a stop (`joint_stop`) of the scene.
+
+        stops: False for the loops alone. Where a joint is beyond a stop, there is no way on.
 
         (-inf, inf) for an angle that goes round; inf for a length beyond four times the size of
         the mechanism, and where gears or threads count the angle, for an end beyond 1000 turns.
         Raises InputError for another name.
         """
-        return self._ways.travel(joint)
+        return self._ways.travel(joint, stops)
