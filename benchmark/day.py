@@ -57,7 +57,7 @@ def bits(simulation: Simulation) -> bytes:
 
 
 class Day:
-    """The run, and what is found on the way."""
+    """The run, and its faults."""
 
     def __init__(self, seed: int) -> None:
         self._chance = random.Random(seed)

@@ -215,6 +215,13 @@ def soak() -> str:
     return markdown(about, 'quantity | value', body)
 
 
+def day() -> str:
+    """A day of motion at 1 kHz."""
+    about, found = rows('day.csv')
+    body = [[row['quantity'], f'{row["value"]} {row["unit"]}'.strip()] for row in found]
+    return markdown(about, 'quantity | value', body)
+
+
 def closure() -> str:
     """The cost of closing loops."""
     about, found = rows('closure.csv')
@@ -306,6 +313,7 @@ TABLES = (
     ('fuzz', fuzz),
     ('new_user', new_user),
     ('soak', soak),
+    ('day', day),
     ('closure', closure),
     ('closure_passes', closure_passes),
     ('robots', robots),

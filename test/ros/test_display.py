@@ -224,3 +224,22 @@ def test_a_body_in_space_is_shown_as_it_is():
     assert arrow[0] == pytest.approx(origin + turn.apply(body.com), abs=1e-9)
     force = turn.apply([3.0, 1.0, -2.0])
     assert arrow[1] - arrow[0] == pytest.approx(0.25 * force, abs=1e-9)
+
+
+def test_rims_of_wheels_touch_the_ground_and_turn():
+    """A coin of 12.9 mm: every end of a line of its rim at that distance, the lowest on the
+    ground; the mark turns with the body."""
+    marks = []
+    for steps in (0, 300):
+        simulation = moved('coin', steps)
+        *rim, inner, outer = places(drawn(simulation)['wheels'])
+        centre = (np.array(inner) - 0.7 * np.array(outer)) / 0.3
+        assert np.linalg.norm(rim - centre, axis=1) == pytest.approx(0.0129, rel=1e-9)
+        assert -1e-9 < min(place[2] for place in rim) < 1e-4
+        assert np.allclose(rim[1:-1:2], rim[2::2])  # each piece begins where the last one ended
+        pose = simulation.sample().body_poses[0]
+        x, y, z, w = pose[3:]
+        R = Rotation.from_quat([x, y, z, w]).as_matrix()
+        marks.append(R.T @ (outer - centre))
+    assert marks[0] == pytest.approx(marks[1], abs=1e-9)
+    assert 'wheels' not in drawn(moved(BENT, 1))

@@ -13,12 +13,12 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import AlfError, InputError
+from alf_ros.inspection.wheel_places import wheel_places
 from alf_ros.logs import progress
 from alf_ros.logs.log import Log
 from alf_ros.logs.report.decimation import Instants, Trace
 from alf_ros.logs.report.gather import MOST_ROWS, Gathered
 from alf_ros.logs.report.singularity_distance import distances, passes
-from alf_ros.logs.report.wheel_places import wheel_places
 from alf_ros.scene.references import WHOLE
 from alf_ros.scene.scene import KEYS, REQUIRED, Solver, scene_from_text
 from alf_ros.scene.text import yaml_document

@@ -184,6 +184,19 @@ class Stage {
     }
   }
 
+  // Ends of thin lines in turn.
+  drawLines(list, color = colors.link) {
+    const {pen} = this, ends = triples(list);
+    pen.strokeStyle = color;
+    pen.lineWidth = 1.5;
+    pen.beginPath();
+    for (let n = 0; n + 1 < ends.length; n += 2) {
+      pen.moveTo(...this.project(...ends[n]).slice(0, 2));
+      pen.lineTo(...this.project(...ends[n + 1]).slice(0, 2));
+    }
+    pen.stroke();
+  }
+
   // Ends of lines in turn, and joints. What is farther away first, and a little paler.
   drawLinks(links, joints, color = colors.link) {
     const {pen, spatial, size} = this;
