@@ -5,7 +5,7 @@
 A slider-crank with friction gets another random torque each second, and passes its singular
 position in each half turn. Each minute a copy makes the next second, and the simulation makes it
 twice, from its state restored: all to the bit. Each hour the simulation is pickled, and the run
-goes on with the new one. The ledger counts the work of everything that acts.
+continues with the new one. The ledger counts the work of everything that acts.
 
 Prints a line for each simulated hour, and at the end writes benchmark/results/day.csv: quantity,
 value, unit. Exit code 1 if bits differ or work is missing.
