@@ -431,7 +431,7 @@ RIGHT: dict[Any, dict[str, Any]] = {
     alf_ros.atlas: {'starts': 1},
     alf_ros.assemblies: {'starts': 1, 'values': {'crank_pin': 0.8}},
     alf_ros.recorded: SHORT,
-    alf_ros.gradient: {'of': 'final(B.x)', 'by': ['m'], 'duration': 0.01},
+    alf_ros.gradient: {'of': 'final(points.B.x)', 'by': ['m'], 'duration': 0.01},
     alf_ros.identify: {'recordings': alf_ros.recorded(**SHORT), 'fit': ['m']},
     alf_ros.optimise: {
         'vary': {'m': [0.5, 2.0]},

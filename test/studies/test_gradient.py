@@ -247,8 +247,12 @@ def test_what_is_refused(robot: Scene) -> None:
         (3, 'not a number of a run'),
     ):
         assert told in refused(simulation, of, ['m'], duration=0.1)
+    for source in (None, 3, [simulation]):
+        assert 'source: no run' in refused(source, OBSERVED[0], ['m'], duration=0.1)
     assert 'how long' in refused(simulation, OBSERVED[0], ['m'])
     assert 'no list of names' in refused(simulation, OBSERVED[0], 'm', duration=0.1)
+    made = gradient(robot, OBSERVED[0], ['m'], duration=0.01)
+    assert made == gradient(simulation, OBSERVED[0], ['m'], duration=0.01)
     simulation.step(10)
     for name in ('a', 'initial.velocities.A.0'):
         told = refused(simulation, OBSERVED[0], [name], duration=0.1)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
+import os
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -15,6 +16,7 @@ import numpy as np
 from alf_ros.errors import InputError
 from alf_ros.logs.log import Log, load
 from alf_ros.logs.rerun import Rerun
+from alf_ros.scene.scene import Scene
 from alf_ros.simulation import input_checks as check
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.simulation.tangent_following import checked_names
@@ -45,7 +47,7 @@ class _Stretch(NamedTuple):
 
 
 def gradient(
-    source: str | Path | Log | Simulation,
+    source: str | os.PathLike[str] | Log | Simulation | Scene,
     of: str,
     by: Sequence[str],
     duration: float | None = None,
@@ -54,22 +56,28 @@ def gradient(
 ) -> Gradient:
     """The derivatives of a number of a run by numbers of its scene, exact to rounding.
 
-    source: a log, or a simulation, which stays as it is; a copy of it runs for `duration` (s) with
-    the inputs held. of: `final(B.x)`, `mean(knee.position)`, `max(norm(velocities.B))`, …: one of
-    max, min, final, mean, integral and rms of a place or velocity of a point or of a joint
-    coordinate or its rate. by: names as of `fork --set`. every: steps from one sample to the next
-    (default: a tick of the log, or one step). trust: run the effect code that a log contains.
+    source: a log; or a scene or a simulation, which stays as it is: a copy of it runs for
+    `duration` (s) with the inputs held. of: `final(points.B.x)`, `mean(knee.position)`,
+    `max(norm(velocities.B))`, …: one of max, min, final, mean, integral and rms of a place or
+    velocity of a point or of a joint coordinate or its rate. by: names as of `fork --set`. every:
+    steps from one sample to the next (default: a tick of the log, or one step). trust: run the
+    effect code that a log contains.
 
     Raises InputError for a number without a derivative, by its name, and StepError.
     """
+    if isinstance(source, Scene):
+        source = Simulation(source)
     if isinstance(source, Simulation):
         simulation, tick = copy.copy(source), 1
         steps = _steps_of(simulation, duration)
         stretches: Iterator[_Stretch] = iter([_Stretch(lambda: None, steps)])
     else:
+        if not isinstance(source, (str, os.PathLike, Log)):
+            expected = 'a log, a Simulation or a Scene'
+            raise InputError('no run', key='source', value=source, expected=expected)
         if duration is not None:
             raise InputError('a log has its own duration', key='duration', value=duration)
-        log = source if isinstance(source, Log) else load(source)
+        log = source if isinstance(source, Log) else load(Path(source))
         rerun = Rerun(log, trust)
         simulation, tick = rerun.simulation, rerun.steps_per_tick
         stretches = _stretches(log, rerun)
