@@ -18,7 +18,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         '--of',
         required=True,
         metavar='NUMBER',
-        help="'final(points.B.x)', 'max(knee.velocity)', 'mean(norm(velocities.B))': max, min, final, "
+        help="'final(points.B.x)', 'max(knee.velocity)', 'mean(norm(velocities.B))': max, min, "
+        'final, '
         'mean, integral or rms of a place or velocity of a point, or of a joint',
     )
     parser.add_argument(
