@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from math import sqrt
+from math import inf, sqrt
 
 import numpy as np
 
@@ -103,7 +103,7 @@ def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
         height = float(normal @ (p.through or np.zeros(D)))
         law = [p.stiffness, p.exponent, p.damping, p.friction, p.slip, p.radius]
         measures.give([*law, len(arms), height, *normal])
-    return measures.packed(directions=D)
+    return measures.packed(directions=D, intervals=True)
 
 
 @shared
@@ -207,6 +207,28 @@ def side(t: float, q: Floats, qd: Floats, near: Floats, slots: Integers, params:
         if depth + params[at + 5] + params[at + 7] > 0.0 and params[at + 2] * sinking > -1.0:
             total += n + 1.0
     return total
+
+
+@contract.interval
+def interval(
+    t: float,
+    q: Floats,
+    qd: Floats,
+    near: Floats,
+    slots: Integers,
+    params: Floats,
+    n: int,
+    out: Floats,
+) -> None:
+    """The height above the plane."""
+    at = numbers_of(slots, n)
+    height, rising = -params[at + 5] - params[at + 7], 0.0
+    for a in range(slots[0]):
+        r, v = component(q, qd, slots, params, n, a)
+        height += params[at + 8 + a] * r
+        rising += params[at + 8 + a] * v
+    out[0], out[1] = height, rising
+    out[2], out[3] = (-inf, 0.0) if height < 0.0 else (0.0, inf)
 
 
 @contract.potential

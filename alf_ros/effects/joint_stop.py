@@ -59,7 +59,7 @@ def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
         upper = math.inf if p.upper is None else p.upper
         measures.add_coordinate(p.joint)
         measures.give([lower, upper, p.stiffness, p.exponent, p.damping])
-    return measures.packed()
+    return measures.packed(intervals=True)
 
 
 @contract.force
@@ -99,6 +99,27 @@ def side(t: float, q: Floats, qd: Floats, near: Floats, slots: Integers, params:
         elif x > params[at + 1] and -params[at + 4] * xd < 1.0:
             total -= n + 1.0
     return total
+
+
+@contract.interval
+def interval(
+    t: float,
+    q: Floats,
+    qd: Floats,
+    near: Floats,
+    slots: Integers,
+    params: Floats,
+    n: int,
+    out: Floats,
+) -> None:
+    at = numbers_of(slots, n)
+    lower, upper = params[at], params[at + 1]
+    out[0], out[1] = scalar(q, qd, near, slots, params, n)
+    out[2], out[3] = lower, upper
+    if out[0] < lower:
+        out[2], out[3] = -math.inf, lower
+    elif out[0] > upper:
+        out[2], out[3] = upper, math.inf
 
 
 @contract.potential

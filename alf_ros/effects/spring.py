@@ -11,7 +11,15 @@ from dataclasses import dataclass, field
 
 from alf_ros.arrays import Floats, Integers
 from alf_ros.effects import contract
-from alf_ros.effects.contract.piecewise import Points, integral, interpolate, law, side_of, slope
+from alf_ros.effects.contract.piecewise import (
+    Points,
+    integral,
+    interpolate,
+    interval_of,
+    law,
+    side_of,
+    slope,
+)
 from alf_ros.effects.contract.scalars import (
     Measures,
     numbers_of,
@@ -73,7 +81,8 @@ def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
         measures.add_distance(start, end)
         length = measures.drawn() if p.free_length is None else p.free_length
         measures.give([length, *law(p.stiffness, p.table)])
-    return measures.packed(directions=layout.dimension + 1)
+    tables = any(effect.parameters.table is not None for effect in effects)
+    return measures.packed(directions=layout.dimension + 1, intervals=tables)
 
 
 @contract.force
@@ -100,6 +109,23 @@ def side(t: float, q: Floats, qd: Floats, near: Floats, slots: Integers, params:
         length, _ = scalar(q, qd, near, slots, params, n)
         total += (n + 1.0) * side_of(params, at + 1, length - params[at])
     return total
+
+
+@contract.interval
+def interval(
+    t: float,
+    q: Floats,
+    qd: Floats,
+    near: Floats,
+    slots: Integers,
+    params: Floats,
+    n: int,
+    out: Floats,
+) -> None:
+    at = numbers_of(slots, n)
+    length, out[1] = scalar(q, qd, near, slots, params, n)
+    out[0] = length - params[at]
+    out[2], out[3] = interval_of(params, at + 1, out[0])
 
 
 @contract.potential

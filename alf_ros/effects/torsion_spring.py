@@ -11,7 +11,15 @@ from dataclasses import dataclass, field
 
 from alf_ros.arrays import Floats, Integers
 from alf_ros.effects import contract
-from alf_ros.effects.contract.piecewise import Points, integral, interpolate, law, side_of, slope
+from alf_ros.effects.contract.piecewise import (
+    Points,
+    integral,
+    interpolate,
+    interval_of,
+    law,
+    side_of,
+    slope,
+)
 from alf_ros.effects.contract.scalars import Measures, numbers_of, push, scalar
 from alf_ros.mechanism.natural_coordinates import Layout
 
@@ -58,7 +66,8 @@ def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
         measures.add_coordinate(p.joint)
         position = measures.drawn() if p.free_position is None else p.free_position
         measures.give([position, p.damping, *law(p.stiffness, p.table)])
-    return measures.packed()
+    tables = any(effect.parameters.table is not None for effect in effects)
+    return measures.packed(intervals=tables)
 
 
 @contract.force
@@ -86,6 +95,23 @@ def side(t: float, q: Floats, qd: Floats, near: Floats, slots: Integers, params:
         x, _ = scalar(q, qd, near, slots, params, n)
         total += (n + 1.0) * side_of(params, at + 2, x - params[at])
     return total
+
+
+@contract.interval
+def interval(
+    t: float,
+    q: Floats,
+    qd: Floats,
+    near: Floats,
+    slots: Integers,
+    params: Floats,
+    n: int,
+    out: Floats,
+) -> None:
+    at = numbers_of(slots, n)
+    x, out[1] = scalar(q, qd, near, slots, params, n)
+    out[0] = x - params[at]
+    out[2], out[3] = interval_of(params, at + 2, out[0])
 
 
 @contract.potential

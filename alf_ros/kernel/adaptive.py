@@ -19,6 +19,7 @@ from alf_ros.kernel.data import (
     Watch,
     Work,
 )
+from alf_ros.kernel.grazed_kinks import unresolved_kink
 from alf_ros.kernel.interpolated_stages import SPACING, linearise_aside
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.mass import add_mass_times
@@ -172,7 +173,7 @@ def advance_adaptively(
     sigma = 0.0 if within else least_sigma(phase)
     for taken in range(steps):
         t, end = t0 + (first + taken) * h, t0 + (first + taken + 1) * h
-        done = 0.0
+        done, goal = 0.0, 0.0  # goal: where a step has to end besides the grid point
         result, tried, refused = OK, 0, 0
         floor = 1.0  # what rounding leaves of the error, whatever the step
         expected = np.inf  # the most that the coarse error is without a kink, with `longer`
@@ -181,13 +182,14 @@ def advance_adaptively(
             if tried > MOST:
                 result = TOO_MANY
                 break
-            left = h - done
+            aim = goal if goal > done else h
+            left = aim - done
             longest = pace[0]
             if not begun:
                 longest = min(longest, _TURN / turning(unit, system.arms, phase))
             parts = max(1.0, np.ceil(0.999999 * left / longest))  # no crumb at the grid point
             dt = left / parts
-            to = end if parts == 1.0 else t + done + dt
+            to = end if parts == 1.0 and aim == h else t + done + dt
             if not begun:
                 work.sides[0] = np.nan
             work.sides[1] = 0.0
@@ -213,6 +215,11 @@ def advance_adaptively(
             likely = _likely_rounding(system, work) * (1.0 if tries < 2 else 10.0)
             if stays and error > floor and fine * share < likely:
                 floor, factor = _MARGIN * error, 1.0
+            if error <= floor and problem.forces.kinks.search.size > 0:
+                part = unresolved_kink(problem, phase, t + done, dt)
+                if part < 1.0:
+                    goal, begun = done + part * dt, True
+                    continue
             if error <= floor:
                 if tangents is not None:
                     ended = work.q, work.qd, work.nearest[0]
@@ -224,7 +231,7 @@ def advance_adaptively(
                 record_power(problem, phase, t, method.b.size, dt, ALL_FORCES)
                 accept(unit, system, work, phase)
                 copy(problem.forces.bearings.force, phase.loads)
-                done = h if parts == 1.0 else done + dt
+                done = aim if parts == 1.0 else done + dt
                 pace[0] = max(pace[0], factor * dt) if dt < pace[0] else factor * dt
                 work.rounded[0] += error > 1.0
                 begun, sigma, tries = False, least_sigma(phase), 0

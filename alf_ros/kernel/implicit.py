@@ -16,6 +16,7 @@ from alf_ros.arrays import Unit
 from alf_ros.kernel.adaptive import ENDED, MOST, REFUSED, embedded, relative
 from alf_ros.kernel.data import EPS, Method, Phase, Problem, Scales, Span, System, Watch, Work
 from alf_ros.kernel.effect_jacobians import add_soft_times, weigh
+from alf_ros.kernel.grazed_kinks import unresolved_kink
 from alf_ros.kernel.interpolated_stages import (
     DIRECTION_ONLY,
     evaluate_interpolated,
@@ -278,7 +279,7 @@ def advance_implicitly(
     store_angles(unit, system, work, phase)
     for taken in range(steps):
         t, end = t0 + (first + taken) * h, t0 + (first + taken + 1) * h
-        done, result, tried, unsettled, refused = 0.0, OK, 0, 0, 0
+        done, goal, result, tried, unsettled, refused = 0.0, 0.0, OK, 0, 0, 0
         tries, before, longer = 0, np.inf, h  # from here; error and length of the last
         length = pace[0] if adaptive else h
         while done < h:
@@ -286,10 +287,11 @@ def advance_implicitly(
             if tried > MOST:
                 result = TOO_MANY if 4 * unsettled < MOST else NOT_SETTLED
                 break
-            left = h - done
+            aim = goal if goal > done else h  # where a kink is met and left in a step, before h
+            left = aim - done
             parts = max(1.0, np.ceil(0.999999 * left / length))  # no crumb at the grid point
             dt = left / parts
-            to = end if parts == 1.0 else t + done + dt
+            to = end if parts == 1.0 and aim == h else t + done + dt
             result, count = _step(problem, phase, t + done, to, dt, here)
             most = max(most, count)
             if told_to_stop(work):
@@ -306,6 +308,11 @@ def advance_implicitly(
                 likely = _ROUNDING if work.nearest[0] < np.inf else _FLAT
                 good = error * _SHARE * method.tolerance < likely
                 work.rounded[0] += good
+            if good and problem.forces.kinks.search.size > 0:
+                part = unresolved_kink(problem, phase, t + done, dt)
+                if part < 1.0:
+                    goal = done + part * dt
+                    continue
             if good:
                 result = judge(unit, system, method, work, dt)
                 if result != OK:
@@ -313,7 +320,7 @@ def advance_implicitly(
                 record_power(problem, phase, t, method.b.size, dt, ALL_FORCES)
                 accept(unit, system, work, phase)
                 copy(problem.forces.bearings.force, phase.loads)
-                done = h if parts == 1.0 else done + dt
+                done = aim if parts == 1.0 else done + dt
                 length = max(length, factor * dt) if dt < length else factor * dt
                 here, tries = False, 0
             else:

@@ -20,6 +20,7 @@ from alf_ros.mechanism.natural_coordinates import Layout
 from alf_ros.model.compile import Model
 from alf_ros.model.effect_directions import Direction
 from alf_ros.simulation.joint_efforts import axes_of
+from alf_ros.simulation.kink_search import kinks
 from alf_ros.simulation.reaction_friction import bearings
 from alf_ros.simulation.reactions import Reactions
 from alf_ros.simulation.work_ledger import INPUTS, ledger
@@ -85,6 +86,7 @@ class _Kind:
     friction: int
     tangent: int
     side: int
+    interval: int
     packed: Packed
     rubbing: Sequence[Effect]
 
@@ -92,10 +94,12 @@ class _Kind:
 @dataclass(frozen=True)
 class AskedFunctions:
     """The functions of effects that a method asks for, besides those that all of them need:
-    `tangents` of an implicit one, `sides` of an adaptive explicit one."""
+    `tangents` of an implicit one, `sides` of an adaptive explicit one, `intervals` of every
+    adaptive one."""
 
     tangents: bool = False
     sides: bool = False
+    intervals: bool = False
 
 
 _NOTHING = AskedFunctions()
@@ -251,7 +255,9 @@ class Applied:
         rub = self._scene.bearings
         if rub.settle.size:
             rub = replace(rub, effects=self.on(self._reactions().cut))
-        return Forces(self._pack(self._model.layout), rub, self._ledger)
+        layout = self._model.layout
+        scalars = [(kind.interval, kind.packed.intervals) for kind in self._all(layout)]
+        return Forces(self._pack(layout), rub, self._ledger, kinks(self._model, scalars))
 
     @property
     def _ledger(self) -> Ledger:
@@ -367,9 +373,10 @@ def _kinds(
         rubbing = instances if rubs else ()
         tangent = module.tangent.address if asked.tangents and hasattr(module, 'tangent') else 0
         side = module.side.address if asked.sides and hasattr(module, 'side') else 0
-        kinds.append(
-            _Kind(kind, module.force.address, potential, friction, tangent, side, packed, rubbing)
-        )
+        within = asked.intervals and packed.intervals > 0
+        interval = module.interval.address if within else 0
+        addresses = module.force.address, potential, friction, tangent, side, interval
+        kinds.append(_Kind(kind, *addresses, packed, rubbing))
     return kinds
 
 

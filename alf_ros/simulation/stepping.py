@@ -59,7 +59,7 @@ class Stepper:
         self.iterations = 0  # most in one solve of the last call
         self._start, self._model = start, start.model
         self.missed = MissedPositions(start, leaps=not method.embedded.size)
-        tableau = TABLEAUX[solver.integrator]
+        tableau, adaptive = TABLEAUX[solver.integrator], method.embedded.size > 0
         self.instruments = Instruments(self._model, ReactionsOf(self._model))
         # with nothing held
         self.applied = Applied(
@@ -68,7 +68,7 @@ class Stepper:
             NO_INPUTS,
             self.instruments.reactions,
             method.b if ledger else None,
-            AskedFunctions(tableau.implicit, method.embedded.size > 0 and not tableau.implicit),
+            AskedFunctions(tableau.implicit, adaptive and not tableau.implicit, adaptive),
         )
         if following is not None:
             following.check(self.applied)
@@ -77,7 +77,7 @@ class Stepper:
         if tableau.implicit:
             self.system = softened(self.system, self._model.layout, self.applied.directions)
             self._kernel = kernel.advance_implicitly
-        elif method.embedded.size:
+        elif adaptive:
             self._kernel = kernel.advance_adaptively
         self.work = allocate(self._model, self.system, method.b.size)
         self.listener = Listener(self.work)

@@ -12,7 +12,7 @@ import numpy as np
 from alf_ros import effects as registry
 from alf_ros.arrays import Addresses, Floats, Integers
 from alf_ros.errors import InputError
-from alf_ros.kernel import Forces, Ledger, Problem, Tangents, Work
+from alf_ros.kernel import Forces, Kinks, Ledger, Problem, Tangents, Work
 from alf_ros.kernel.numba_ext.plain import PLAIN
 from alf_ros.model.compile import Model
 from alf_ros.model.tableaux import TABLEAUX
@@ -126,7 +126,7 @@ def tangents_of(
     D, n, whole = model.layout.dimension, model.n, model.q.size
     rows, mass, stages = problem.system.rows, problem.system.mass, problem.method.b.size
     effects = problem.forces.effects
-    forces = Forces(effects, problem.forces.bearings, Ledger.empty())
+    forces = Forces(effects, problem.forces.bearings, Ledger.empty(), Kinks.empty())
     sizes = {
         'mass_diagonal': count * mass.diagonal.size,
         'mass_k': count * mass.k.size,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ctypes
+import math
 from typing import Any
 
 import numpy as np
@@ -110,7 +112,68 @@ def test_a_straight_law_has_no_kink(kind: str, parameters: dict[str, Any]) -> No
     assert len({side(kind, parameters, *state) for state in states}) == 1
 
 
+def interval(kind: str, parameters: dict[str, Any], theta: float, rate: float) -> list[float]:
+    """x, ẋ and the ends of the interval, from its compiled function."""
+    points, speeds = (
+        dict(zip('AB', values.reshape(-1, 2).tolist(), strict=True))
+        for values in (CRANK.position(theta), rate * CRANK.tangent(theta))
+    )
+    simulation = simulated(kind, parameters, positions=points, velocities=speeds)
+    forces, state, out = simulation._applied.assembled, simulation.state, np.zeros(4)
+    given = state.q, state.qd, np.full(1, theta), forces.effects.slots, forces.effects.params
+    doubles, longs = ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_int64)
+    pointers = [
+        each.ctypes.data_as(longs if each.dtype == np.int64 else doubles) for each in given
+    ]
+    kinds = ctypes.c_double, *(type(each) for each in pointers), ctypes.c_int64, doubles
+    function = ctypes.CFUNCTYPE(None, *kinds)(int(forces.kinks.interval[0]))
+    function(0.0, *pointers, 0, out.ctypes.data_as(doubles))
+    return out.tolist()
+
+
+INF = math.inf
+STOP = {'joint': 'crank_pin', 'upper': 1.0, 'lower': -1.0, 'stiffness': 10}
+ROPE = {'joint': 'crank_pin', 'free_position': 0.5, 'table': [[0, 0], [0.1, 0], [0.3, 0], [1, 7]]}
+
+
+@pytest.mark.parametrize(
+    'kind, parameters, theta, wanted',
+    [
+        ('joint_stop', STOP, 0.3, (0.3, -1.0, 1.0)),
+        ('joint_stop', STOP, 1.25, (1.25, 1.0, INF)),
+        ('joint_stop', STOP, -1.25, (-1.25, -INF, -1.0)),
+        ('ground_contact', CASES[3][1], 0.6, (math.sin(0.6) - 0.5, 0.0, INF)),
+        ('ground_contact', CASES[3][1], 0.4, (math.sin(0.4) - 0.5, -INF, 0.0)),
+        ('torsion_spring', ROPE, 0.55, (0.05, -INF, 0.3)),
+        ('torsion_spring', ROPE, 0.75, (0.25, -INF, 0.3)),
+        ('torsion_spring', ROPE, 0.9, (0.4, 0.3, INF)),
+        ('torsion_spring', CASES[5][1], 1.1, (1.1, 0.8, 1.2)),
+    ],
+)
+def test_the_interval_without_a_kink(
+    kind: str, parameters: dict[str, Any], theta: float, wanted: tuple[float, float, float]
+) -> None:
+    e = 1e-5
+    x, rate, *ends = interval(kind, parameters, theta, 3.0)
+    assert (x, *ends) == pytest.approx(wanted)
+    over, under = (interval(kind, parameters, theta + each, 0.0)[0] for each in (e, -e))
+    assert rate == pytest.approx(3.0 * (over - under) / (2.0 * e), abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    'kind, parameters',
+    [
+        ('spring', {'between': ['A', 'ground'], 'at': [None, [2, 0]], 'stiffness': 7}),
+        ('torsion_spring', {'joint': 'crank_pin', 'stiffness': 7}),
+    ],
+)
+def test_nothing_is_searched_for_without_kinks(kind: str, parameters: dict[str, Any]) -> None:
+    assert simulated(kind, parameters)._applied.assembled.kinks.search.size == 0
+
+
 @pytest.mark.parametrize('integrator', ['rk4', 'dop853', 'esdirk43', 'esdirk43_adaptive'])
 def test_methods_that_do_not_ask_call_nothing(integrator: str) -> None:
     simulation = simulated(*CASES[0][:2], integrator)
-    assert simulation._applied.assembled.effects.side.size == 0
+    forces = simulation._applied.assembled
+    assert forces.effects.side.size == 0
+    assert forces.kinks.search.size == (integrator == 'esdirk43_adaptive')

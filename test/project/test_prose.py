@@ -162,7 +162,7 @@ def test_the_linter(text: str, expected: list[str]) -> None:
 # Classes that implement a protocol, whose methods have the docstrings.
 IMPLEMENTS = {'GivenJoint': 'Given', 'JointPen': 'Pen'}
 # What alf_ros/effects/contract/__init__.py says of every effect.
-OF_EFFECTS = {'Parameters', 'force', 'friction', 'potential', 'side', 'tangent'}
+OF_EFFECTS = {'Parameters', 'force', 'friction', 'interval', 'potential', 'side', 'tangent'}
 Definition = ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
 
 

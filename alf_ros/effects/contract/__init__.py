@@ -25,6 +25,11 @@
 `side(t, q, qd, near, slots, params)` (optional)
     compiled by `@side`, for an adaptive explicit method: a number that differs between the two
     sides of each kink of the force. A step with a kink inside is then known.
+`interval(t, q, qd, near, slots, params, n, out)` (optional)
+    compiled by `@interval`, for an adaptive method: where the kinks of a force that depends on
+    places are. Writes into `out` the n-th of `Packed.intervals` scalars x, its rate ẋ, and the
+    ends of the interval around x in which the force has no kink, infinite where there is none.
+    A step in which x leaves its interval and returns is then known, even if no stage sees it.
 `tangent(t, q, qd, near, loads, slots, params, n, stiff, G)` (optional)
     compiled by `@tangent`, for an implicit method that asks: how the effect yields in direction
     n, one of `Packed.directions`. Of an effort F on a scalar x: writes -∂F/∂x and -∂F/∂ẋ into
@@ -86,6 +91,9 @@ POTENTIAL = types.float64(types.float64, _numbers, _numbers, _integers, _numbers
 SIDE = types.float64(
     types.float64, _numbers, _numbers, _numbers, _integers, _numbers
 )  # t, q, qd, near, slots, params
+INTERVAL = types.void(
+    types.float64, _numbers, _numbers, _numbers, _integers, _numbers, types.int64, _numbers
+)  # t, q, qd, near, slots, params, n, out
 
 
 @dataclass(frozen=True)
@@ -123,12 +131,14 @@ class Effect:
 class Packed:
     """Data of the compiled functions of an effect: `slots` are indices, `params` numbers.
 
-    directions: the blocks that each direction of `tangent` moves.
+    directions: the blocks that each direction of `tangent` moves; intervals: how many scalars
+    `interval` knows.
     """
 
     slots: Integers
     params: Floats
     directions: tuple[tuple[int, ...], ...] = ()
+    intervals: int = 0
 
 
 def force(function: Callable[..., None]) -> Any:
@@ -174,6 +184,11 @@ def tangent(function: Callable[..., None]) -> OnDemand:
 def side(function: Callable[..., float]) -> OnDemand:
     """Compile `side(t, q, qd, near, slots, params)` when asked for it."""
     return OnDemand(SIDE, function)
+
+
+def interval(function: Callable[..., None]) -> OnDemand:
+    """Compile `interval(t, q, qd, near, slots, params, n, out)` when asked for it."""
+    return OnDemand(INTERVAL, function)
 
 
 def not_negative(parameters: Any, *names: str) -> None:

@@ -7,6 +7,7 @@ and ∫ is the integral of f from the first point to x₀.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -113,6 +114,29 @@ def side_of(params: Floats, at: int, x: float) -> float:
         if params[p + i] != 0.0:
             return _CURVED
     return params[p + 2]
+
+
+@shared
+def interval_of(params: Floats, at: int, x: float) -> tuple[float, float]:
+    """The ends of the interval around x in which the function has no kink, as `side_of` knows
+    kinks; infinite where there is none."""
+    p, here = _piece(params, at, x), side_of(params, at, x)
+    points = int(params[at])
+    piece = (p - at - 1 - points) // 8
+    low, high = piece, piece  # of the points that x is between, the one above
+    while low > 0 and side_of(params, at, _before(params, at, low)) == here:
+        low -= 1
+    while high < points and side_of(params, at, params[at + 1 + high]) == here:
+        high += 1
+    below = params[at + low] if low > 0 else -math.inf
+    return below, params[at + 1 + high] if high < points else math.inf
+
+
+@shared
+def _before(params: Floats, at: int, n: int) -> float:
+    """A place in the piece that ends where piece n begins."""
+    x = params[at + n]
+    return 0.5 * (params[at + n - 1] + x) if n > 1 else x - 1.0
 
 
 @shared

@@ -112,9 +112,9 @@ class Measures:
         """The numbers of the effect that go with the scalar added last."""
         self._numbers[-1] = np.array([float(number) for number in numbers])
 
-    def packed(self, directions: int = 1) -> Packed:
+    def packed(self, directions: int = 1, intervals: bool = False) -> Packed:
         """All of it, for the functions below; an effect yields in so many directions of each
-        scalar."""
+        scalar. `intervals`: whether it has kinks that `interval` knows."""
         at = _HEAD + _WORDS * len(self._words) + 2 * len(self._rows)
         table: list[int] = []
         slots: list[int] = []
@@ -142,7 +142,8 @@ class Measures:
         for (*_, first), end in zip(self._words, ends, strict=True):
             blocks = {block for row in self._rows[first:end] for block in row.blocks}
             moved += directions * [tuple(sorted(blocks))]
-        return Packed(whole, np.concatenate([*params, *self._numbers]), tuple(moved))
+        known = len(self._words) if intervals else 0
+        return Packed(whole, np.concatenate([*params, *self._numbers]), tuple(moved), known)
 
 
 def _value(row: Row, q: Floats) -> float:

@@ -180,7 +180,8 @@ def checked(module: ModuleType, file: str) -> ModuleType:
     for name, wanted in (('force', contract.FORCE), ('potential', contract.POTENTIAL)):
         if hasattr(module, name) and getattr(getattr(module, name), '_sig', None) != wanted:
             raise InputError(f'{name} is not compiled by @contract.{name}', file=file)
-    for name, wanted in (('tangent', contract.TANGENT), ('side', contract.SIDE)):
+    asked = ('tangent', contract.TANGENT), ('side', contract.SIDE), ('interval', contract.INTERVAL)
+    for name, wanted in asked:
         if hasattr(module, name) and getattr(getattr(module, name), 'signature', None) != wanted:
             raise InputError(f'{name} is not compiled by @contract.{name}', file=file)
     return module

@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.kernel.data.adjoint import Adjoint, StepRecord, Tape
-from alf_ros.kernel.data.forces import Bearings, Effects, ForceDirection, Forces, Ledger
+from alf_ros.kernel.data.forces import Bearings, Effects, ForceDirection, Forces, Kinks, Ledger
 from alf_ros.kernel.data.motion import Method, Modes, Phase, Watch
 from alf_ros.kernel.data.problem import EVERY_MODE, ModeLimits, Problem, Scales, Span, Until
 from alf_ros.kernel.data.readings import (
@@ -70,6 +70,7 @@ __all__ = [
     'ReadOut',
     'Integrals',
     'JointCoordinates',
+    'Kinks',
     'Ledger',
     'Mass',
     'Method',

@@ -115,11 +115,32 @@ class Ledger(Struct):
 
 
 @dataclass(frozen=True, eq=False)
+class Kinks(Struct):
+    """Data and workspace of the search for kinks that are met and left within a step, by the
+    scalars of effects that have `interval`."""
+
+    addresses = ('search', 'interval')
+
+    search: Addresses  # (1,) address of the function that searches, or (0,) without scalars
+    interval: Addresses  # (scalars,) address of interval()
+    effect: Indices  # (scalars,) number of the effect
+    number: Integers  # (scalars,) n of the scalar in this effect
+    path: Floats  # (scalars + 1, places, 4) x, ẋ and the ends of its interval along the step
+    doubt: Floats  # (scalars, 2) of x in the middle of the step, as interpolated; and workspace
+    q: Floats  # (all blocks D,) where the step ends
+    qd: Floats  # (all blocks D,)
+    xi: Floats  # (movable D,) ξ where the step ends, from its begin
+    xid: Floats  # (movable D,) ξ̇ there
+
+
+@dataclass(frozen=True, eq=False)
 class Forces(Struct):
-    """All forces: effects, reactions that their friction depends on, and the account of work."""
+    """All forces: effects, reactions that their friction depends on, the account of work, and the
+    search for kinks."""
 
     constant = common = True
 
     effects: Effects
     bearings: Bearings
     ledger: Ledger
+    kinks: Kinks

@@ -1,0 +1,264 @@
+"""Kinks of the forces that are met and left within one step, such as a stop that is only grazed.
+
+Stages may miss such a kink, and then neither they nor the embedded errors know of it. So the
+motion between the ends of a step is looked at, by the scalars x of effects that have `interval`.
+Each stays in its interval or leaves it. ξ is interpolated in the coordinates of the step, by
+
+    the polynomial of degree 5 through ξ, ξ̇ and ξ̈ at both ends,
+
+and x and ẋ are evaluated at a few places on it. Between two places x is a cubic. Where it turns in
+another interval than before and after, or so near to an end of its interval that the interpolation
+does not tell, the step has to end: at the turn x is as accurate as the motion. The step that ends
+there meets a kink at most once, which its stages see, and the step after it leaves it. The
+difference to the cubic through ξ and ξ̇ is the doubt about the interpolation.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numba import types
+
+from alf_ros.kernel.arc_coordinates import unfold
+from alf_ros.kernel.data import Phase, Problem
+from alf_ros.kernel.numba_ext.calls import call, call_for_number
+from alf_ros.kernel.numba_ext.jit import ONE, THREE, TWO, by_address, expanded, inner
+from alf_ros.kernel.numba_ext.vectors import copy, zero
+from alf_ros.kernel.prescribed import prescribe
+
+PARTS = 8  # of a step, between whose ends x is a cubic
+PLACES = PARTS + 1
+_ASIDE = np.uint64(2)  # part from either end at which the doubt is measured …
+_SCALE = 32.0 / 9.0  # … and 1 / (4 θ (1 - θ))² there, twice, as the doubt is an estimate
+_FAR = 2.0  # times what a scalar may move in a step
+_EDGE = 1e-6  # of a step: a turn so close to an end is the end
+_ROUNDED = 1e-13  # of the size, or rad: a kink that is passed by less is not
+
+
+@expanded
+def unresolved_kink(problem: Problem, phase: Phase, t: float, h: float) -> float:
+    """The part of the step of h (s) from `phase` at t (s), which ended in `work`, at which a step
+    has to end so that a kink is seen; 1 if the step may stay.
+
+    Needs q, q̇ of the end and the rates of the stages in `work`. Leaves q and q̇ there.
+    """
+    return call_for_number(problem.forces.kinks.search[0], problem, phase, t, h)
+
+
+def _search(problem: Problem, phase: Phase, t: float, h: float) -> float:
+    work, kinks = problem.work, problem.forces.kinks
+    copy(work.q, kinks.q)
+    copy(work.qd, kinks.qd)
+    _end_in_arcs(problem, h)
+    parts, found = np.uint64(PARTS), 1.0
+    _measure(problem, t + h, parts)
+    copy(phase.q, work.q)
+    copy(phase.qd, work.qd)
+    prescribe(problem.system, t, work.q, work.qd, work.qdd)
+    _measure(problem, t, np.uint64(0))
+    _place(problem, phase, t, h, 0.5, 1.0)
+    _measure(problem, t + 0.5 * h, parts // TWO)
+    if not _all_far(problem, h):
+        found = _searched(problem, phase, t, h)
+    copy(kinks.q, work.q)
+    copy(kinks.qd, work.qd)
+    return found
+
+
+@inner
+def _all_far(problem: Problem, h: float) -> bool:
+    """Whether each scalar is farther from the ends of its interval, where the step begins, in its
+    middle and where it ends, than it may move in the step."""
+    path, half = problem.forces.kinks.path, np.uint64(2 * PARTS)
+    for k in range(problem.forces.kinks.interval.size):
+        at = np.uint64(4 * PLACES) * k
+        x, middle, y = path[at], path[at + half], path[at + TWO * half]
+        moved = h * (abs(path[at + ONE]) + abs(path[at + TWO * half + ONE]))
+        moved += abs(middle - x) + abs(y - middle)
+        low, high = path[at + TWO], path[at + THREE]
+        room = min(min(x, min(middle, y)) - low, high - max(x, max(middle, y)))
+        if not room > _FAR * moved:
+            return False
+    return True
+
+
+@inner
+def _searched(problem: Problem, phase: Phase, t: float, h: float) -> float:
+    """The result of the search, where a scalar may come to an end of its interval."""
+    kinks, parts = problem.forces.kinks, np.uint64(PARTS)
+    for j in range(ONE, parts):
+        if j == _ASIDE or j == parts - _ASIDE:
+            _place(problem, phase, t, h, j / PARTS, 0.0)
+            _measure(problem, t + h * j / PARTS, j)
+            _remember(problem, j)
+        _place(problem, phase, t, h, j / PARTS, 1.0)
+        _measure(problem, t + h * j / PARTS, j)
+    _doubt(problem)
+    found = 1.0
+    for k in range(kinks.interval.size):
+        found = _turn(problem, phase, t, h, k, found)
+    return found
+
+
+@inner
+def _end_in_arcs(problem: Problem, h: float) -> None:
+    """ξ and ξ̇ where the step ends."""
+    method, work, kinks = problem.method, problem.work, problem.forces.kinks
+    n = work.p.size
+    zero(kinks.xi)
+    for i in range(n):
+        kinks.xid[i] = work.k[i]
+    for s in range(method.b.size):
+        weight = h * method.b[s]
+        if weight != 0.0:
+            first = THREE * s * n
+            for i in range(n):
+                kinks.xi[i] += weight * work.k[first + i]
+                kinks.xid[i] += weight * work.k[first + n + i]
+
+
+@inner
+def _place(problem: Problem, phase: Phase, t: float, h: float, part: float, fifth: float) -> None:
+    """q and q̇ at a part of the step, interpolated: with ξ̈ if `fifth` is 1, without if it is 0."""
+    work, kinks = problem.work, problem.forces.kinks
+    n, a = work.p.size, part
+    last = THREE * (problem.method.b.size - ONE) * n + n
+    b = 1.0 - a
+    bump = fifth * a * a * b * b  # what degree 5 adds, times what ends do not know of it
+    slope = fifth * 2.0 * a * b * (b - a) / h
+    for i in range(n):
+        p, v0, v1 = kinks.xi[i], h * work.k[i], h * kinks.xid[i]
+        c2, c3 = 3.0 * p - 2.0 * v0 - v1, v0 + v1 - 2.0 * p
+        d0 = 0.5 * h * h * work.k[n + i] - c2  # ½ (ξ̈ - that of the cubic) h², at both ends
+        d1 = 0.5 * h * h * work.k[last + i] - c2 - 3.0 * c3
+        work.q[i] = a * (v0 + a * (c2 + a * c3)) + bump * (b * d0 + a * d1)
+        work.qd[i] = (v0 + a * (2.0 * c2 + 3.0 * a * c3)) / h + slope * (b * d0 + a * d1)
+        work.qd[i] += bump * (d1 - d0) / h
+    prescribe(problem.system, t + a * h, work.q, work.qd, work.qdd)
+    unfold(problem.unit, problem.system, work, phase)
+
+
+@inner
+def _measure(problem: Problem, t: float, j: np.uint64) -> None:
+    """All scalars at q and q̇ in `work`, as place j of their paths."""
+    for k in range(problem.forces.kinks.interval.size):
+        _measure_one(problem, t, k, np.uint64(4) * (k * np.uint64(PLACES) + j))
+
+
+@inner
+def _measure_one(problem: Problem, t: float, k: np.uint64, at: np.uint64) -> None:
+    """Scalar k at q and q̇ in `work`: x, ẋ and its interval, into the path from `at`."""
+    work, effects, kinks = problem.work, problem.forces.effects, problem.forces.kinks
+    e = kinks.effect[k]
+    call(
+        kinks.interval[k],
+        t,
+        work.q,
+        work.qd,
+        work.near,
+        effects.slots,
+        effects.slots_at[e],
+        effects.params,
+        effects.params_at[e],
+        kinks.number[k],
+        kinks.path,
+        at,
+    )
+
+
+@inner
+def _remember(problem: Problem, j: np.uint64) -> None:
+    """x of the cubic at place j."""
+    kinks, first = problem.forces.kinks, j == _ASIDE
+    for k in range(kinks.interval.size):
+        x = kinks.path[np.uint64(4) * (k * np.uint64(PLACES) + j)]
+        kinks.doubt[TWO * k + (np.uint64(0) if first else ONE)] = x
+
+
+@inner
+def _doubt(problem: Problem) -> None:
+    """How far the two interpolations are apart in the middle of the step."""
+    kinks = problem.forces.kinks
+    for k in range(kinks.interval.size):
+        at = np.uint64(4) * (k * np.uint64(PLACES) + _ASIDE)
+        other = np.uint64(4) * (k * np.uint64(PLACES) + np.uint64(PARTS) - _ASIDE)
+        one = abs(kinks.path[at] - kinks.doubt[TWO * k])
+        two = abs(kinks.path[other] - kinks.doubt[TWO * k + ONE])
+        kinks.doubt[TWO * k] = _SCALE * max(one, two)
+
+
+@inner
+def _turn(problem: Problem, phase: Phase, t: float, h: float, k: np.uint64, found: float) -> float:
+    """The first part of the step before `found` at which scalar k turns unresolved, or `found`."""
+    path, first = problem.forces.kinks.path, np.uint64(4 * PLACES) * k
+    for j in range(np.uint64(PARTS)):
+        at = first + np.uint64(4) * j
+        x, v = path[at], path[at + ONE] * h / PARTS
+        y, w = path[at + np.uint64(4)], path[at + np.uint64(5)] * h / PARTS
+        c2, c3 = 3.0 * (y - x) - 2.0 * v - w, v + w - 2.0 * (y - x)
+        square = c2 * c2 - 3.0 * c3 * v
+        if not square > 0.0:
+            continue
+        q = -c2 - np.copysign(np.sqrt(square), c2)
+        for root in range(2):  # of v + 2 c₂ s + 3 c₃ s²
+            s = v / q if root == 0 else (q / (3.0 * c3) if c3 != 0.0 else -1.0)
+            part = (j + s) / PARTS
+            if not (0.0 <= s <= 1.0 and _EDGE < part < min(found, 1.0 - _EDGE)):
+                continue
+            turn = x + s * (v + s * (c2 + s * c3))
+            bend = c2 + 3.0 * c3 * s
+            if _is_unresolved(problem, phase, (t, h), k, j, (part, turn, bend)):
+                found = part
+    return found
+
+
+@inner
+def _is_unresolved(
+    problem: Problem,
+    phase: Phase,
+    step: tuple[float, float],
+    k: np.uint64,
+    j: np.uint64,
+    turning: tuple[float, float, float],
+) -> bool:
+    """Whether scalar k, which turns behind place j, meets and leaves a kink there, or might.
+
+    step: t and h; turning: the part of the step, x there, and the sign of ẍ.
+    """
+    (t, h), (part, turn, bend), kinks = step, turning, problem.forces.kinks
+    path, first = kinks.path, np.uint64(4 * PLACES) * k
+    low = np.uint64(2)
+    here, unsure = path[first + low], part * (1.0 - part)
+    unsure = 16.0 * kinks.doubt[TWO * k] * unsure * unsure
+    alike = True
+    for i in range(np.uint64(PLACES)):
+        alike = alike and path[first + np.uint64(4) * i + low] == here
+    rounded = _ROUNDED * max(1.0, problem.system.size)
+    if alike:
+        room = path[first + THREE] - turn if bend < 0.0 else turn - here
+        if room > 2.0 * unsure + rounded:
+            return False
+    last = np.uint64(4 * PLACES) * kinks.interval.size
+    _place(problem, phase, t, h, part, 1.0)
+    _measure_one(problem, t + part * h, k, last)
+    turn, here, there = path[last], path[last + low], path[last + THREE]
+    room, passed = (there - turn, turn - here) if bend < 0.0 else (turn - here, there - turn)
+    if rounded < room < unsure:
+        return True
+    before, after = False, False
+    for i in range(np.uint64(PLACES)):
+        other = path[first + np.uint64(4) * i + low] != here
+        if i <= j:
+            before = before or other
+        else:
+            after = after or other
+    return before and after and passed > rounded
+
+
+@cache
+def search(dimension: int) -> Any:
+    """The compiled function for 2 or 3 dimensions; its `address` is what `Kinks` holds."""
+    structs = Problem._numba_type(dimension), Phase._numba_type()
+    return by_address(types.float64(*structs, types.float64, types.float64))(_search)
