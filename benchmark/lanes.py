@@ -1,9 +1,10 @@
 """The cost of a member in lanes beside its single run: python benchmark/lanes.py [--members N]
 
 Of each mechanism: members that differ in gravity, from the same start, with rk4 and dop853 at
-fixed steps; the time of a step of a member in lanes and alone, their ratio, and the part of the
-steps that members took alone, beside singular positions. The fastest of several rounds of both,
-by turns, in one process. Then `Ensemble.step`. Writes benchmark/results/lanes.csv.
+fixed steps, and with dop853_adaptive, tolerance 1e-9, on grids of a short and of a long step; the
+time of a step of a member in lanes and alone, their ratio, and the part of the steps that members
+took alone, beside singular positions. The fastest of several rounds of both, by turns, in one
+process. Then `Ensemble.step`. Writes benchmark/results/lanes.csv.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import sys
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -35,6 +37,13 @@ MECHANISMS = {
     'delta_robot': ('delta_robot', {}),
     'stewart_platform': ('stewart_platform', {}),
 }
+SETTINGS = (
+    ('rk4', 2e-3),
+    ('dop853', 1e-2),
+    ('dop853_adaptive', 1e-2),
+    ('dop853_adaptive', 5e-2),
+)  # integrator, step (s)
+TOLERANCE = 1e-9  # of the adaptive one
 SPAN = 1.0  # s
 ROUNDS = 5
 COLUMNS = 'mechanism,integrator,step_s,lanes,lanes_us,alone_us,ratio,apart'.split(',')
@@ -55,7 +64,8 @@ def scenes_of(name: str, parameters: Mapping[str, float], members: int) -> list[
 
 def measured(scenes: Sequence[Scene], integrator: str, h: float) -> tuple[float, float, float]:
     """µs of a step of a member in lanes, and alone; and the part of the steps taken alone."""
-    members = [Simulation(scene, step=h, integrator=integrator) for scene in scenes]
+    settings: dict[str, Any] = {'tolerance': TOLERANCE} if integrator == 'dop853_adaptive' else {}
+    members = [Simulation(scene, step=h, integrator=integrator, **settings) for scene in scenes]
     together = SideBySide(members)
     starts, steps = [each.state for each in members], max(1, round(SPAN / h))
     times: tuple[list[float], list[float]] = [], []
@@ -96,15 +106,15 @@ def main() -> None:
     options = parser.parse_args()
     print(f'{width()} lanes')
     heads = 'lanes, us', 'alone, us'
-    print(f'{"":26}{"step, ms":>10}{heads[0]:>11}{heads[1]:>11}{"ratio":>7}{"apart":>7}')
+    print(f'{"":33}{"step, ms":>10}{heads[0]:>11}{heads[1]:>11}{"ratio":>7}{"apart":>7}')
     rows: list[list[object]] = []
     for label, (name, parameters) in MECHANISMS.items():
         scenes = scenes_of(name, parameters, options.members)
-        for integrator, h in (('rk4', 2e-3), ('dop853', 1e-2)):
+        for integrator, h in SETTINGS:
             lanes, alone, apart = measured(scenes, integrator, h)
             rows.append([label, integrator, h, width(), lanes, alone, lanes / alone, apart])
             print(
-                f'{label:18}{integrator:>8}{1e3 * h:10g}{lanes:11.3f}{alone:11.3f}'
+                f'{label:18}{integrator:>15}{1e3 * h:10g}{lanes:11.3f}{alone:11.3f}'
                 f'{lanes / alone:7.3f}{apart:7.3f}',
                 flush=True,
             )

@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Unit
-from alf_ros.kernel.arc_coordinates import straighten, straighten_momenta, turning
+from alf_ros.kernel.arc_coordinates import turning
 from alf_ros.kernel.data import (
-    EPS,
-    NOTHING,
     Method,
     Phase,
     Problem,
@@ -20,11 +18,10 @@ from alf_ros.kernel.data import (
     Work,
 )
 from alf_ros.kernel.grazed_kinks import unresolved_kink
-from alf_ros.kernel.interpolated_stages import SPACING, linearise_aside
+from alf_ros.kernel.interpolated_stages import linearise_aside
 from alf_ros.kernel.ldl import linearise
-from alf_ros.kernel.mass import add_mass_times
-from alf_ros.kernel.numba_ext.jit import ONE, THREE, TWO, ZERO, compiled, inner
-from alf_ros.kernel.numba_ext.vectors import copy, largest, zero
+from alf_ros.kernel.numba_ext.jit import compiled, inner
+from alf_ros.kernel.numba_ext.vectors import copy
 from alf_ros.kernel.singularity_monitor import may_have_passed
 from alf_ros.kernel.status import (
     COLLAPSED,
@@ -44,46 +41,29 @@ from alf_ros.kernel.step import (
     step,
 )
 from alf_ros.kernel.step_error import free_part
+from alf_ros.kernel.step_length import (
+    LEAP,
+    MOST,
+    SHARE,
+    SHORTEST,
+    TURN,
+    Last,
+    displacement_error,
+    judged,
+    likely_rounding,
+    momentum_error,
+    next_pace,
+    parts_of,
+    relative,
+    usual_speed,
+)
 from alf_ros.kernel.step_tape import record_step
 from alf_ros.kernel.stopping import told_to_stop
 from alf_ros.kernel.tangent_step import carry_tangents
 from alf_ros.kernel.work_ledger import ALL_FORCES, record_power
 
-_SHARE = 0.05  # of the tolerance for one step: errors add up along a motion
-_ROUNDED = EPS  # over x²: relative error of a step that may be rounding …
-_FLAT = 1e-14  # … far from singular positions, over the ordinary σ …
-_MOST_ROUNDED = 1e-10  # … and at most; ten times more if it stays
-_DECAY = 2.5  # an error of order h⁴ that falls by less than this power of h belongs to a kink
-_LEAP = 100.0  # times: an error that exceeds the previous one by so much, likewise
-_ACROSS = 0.1  # part of the coarse error that counts where a kink is known to be in the step
-_TURN = 1.5  # rad that an arm may turn in a step, so that turns can be counted
-_MARGIN = 4.0  # as rounding is different in every step
 ENDED = 1e-6  # part of the step of the grid up to which the end of a balance is found
 REFUSED = 40  # attempts, where lengths miss a singular position: shorter steps do not help then
-MOST = 20_000  # steps between two grid points: more is stiff, and would look like a hang
-
-
-@inner
-def embedded(method: Method, work: Work, rate: np.uint64, which: int, h: float) -> None:
-    """sum = the embedded error `which` of the variable with rate number `rate` in `work.k`."""
-    out, stages = work.sum, method.b.size
-    n = out.size
-    zero(out)
-    for s in range(stages):
-        weight = h * method.embedded[which * stages + s]
-        if weight != 0.0:
-            first = (THREE * s + rate) * n
-            for i in range(n):
-                out[i] += weight * work.k[first + i]
-
-
-@inner
-def relative(system: System, displacement: float, velocity: float, speed: float) -> float:
-    """The larger of an error (m) relative to the size and one (m/s) relative to the speed."""
-    worst = displacement / system.size
-    if velocity > worst * speed:  # nothing is, at rest where nothing pulls
-        worst = velocity / speed
-    return worst
 
 
 @inner
@@ -91,19 +71,9 @@ def _error_norm(
     unit: Unit, system: System, method: Method, work: Work, which: int, h: float, speed: float
 ) -> float:
     """Embedded error `which` of the step of h that ended in `work`."""
-    embedded(method, work, ZERO, which, h)
-    straighten(unit, system.arms, work.chart, work.sum)
-    zero(work.p)
-    add_mass_times(unit, system.mass, 1.0, work.sum, work.p)
+    displacement_error(unit, system, method, work, which, h)
     displacement = free_part(unit, system, work)
-    if work.chart.arcs[0] > 0:
-        embedded(method, work, TWO, which, h)
-        copy(work.sum, work.p)
-        straighten_momenta(unit, system.arms, work.chart, work.p)
-    else:
-        embedded(method, work, ONE, which, h)
-        zero(work.p)
-        add_mass_times(unit, system.mass, 1.0, work.sum, work.p)
+    momentum_error(unit, system, method, work, which, h)
     return relative(system, displacement, free_part(unit, system, work), speed)
 
 
@@ -119,9 +89,7 @@ def _errors(
 ) -> tuple[float, float]:
     """Both relative errors of the step of h that ended in `work`, of order h⁶ and h⁴, in parts of
     `share`."""
-    n = work.p.size
-    pull = largest(work.Q, n) / system.mean
-    speed = max(largest(phase.qd, n), largest(work.qd, n), np.sqrt(system.size * pull))
+    speed = usual_speed(system, work, phase)
     if work.aside[0]:
         linearise_aside(unit, system, work)
     fine = _error_norm(unit, system, method, work, 0, h, speed) / share
@@ -131,20 +99,6 @@ def _errors(
     if np.isfinite(fine) and np.isfinite(coarse):
         return fine, coarse
     return np.inf, np.inf
-
-
-@inner
-def _joined(fine: float, coarse: float) -> float:
-    """Both errors as Hairer, Nørsett & Wanner (1993), II.10, join them for DOP853: of order h⁸, if
-    the motion is smooth."""
-    return fine * fine / np.sqrt(fine * fine + 0.01 * coarse * coarse) if fine > NOTHING else 0.0
-
-
-@inner
-def _likely_rounding(system: System, work: Work) -> float:
-    """Relative error of the step that ended in `work`, up to which it may be rounding."""
-    x = max(work.nearest[0], SPACING * system.close)  # nearer ones are interpolated from there
-    return min(_MOST_ROUNDED, _FLAT / system.ordinary + _ROUNDED / (x * x))
 
 
 @compiled
@@ -161,7 +115,7 @@ def advance_adaptively(
     unit, system = problem.unit, problem.system
     method, work = problem.method, problem.work
     t0, first, steps, h = span
-    pace, share = phase.pace, _SHARE * method.tolerance
+    pace, share = phase.pace, SHARE * method.tolerance
     good_pace = pace[0]
     save_grid_point(problem, phase)
     if tangents is not None:
@@ -186,8 +140,8 @@ def advance_adaptively(
             left = aim - done
             longest = pace[0]
             if not begun:
-                longest = min(longest, _TURN / turning(unit, system.arms, phase))
-            parts = max(1.0, np.ceil(0.999999 * left / longest))  # no crumb at the grid point
+                longest = min(longest, TURN / turning(unit, system.arms, phase))
+            parts = parts_of(left, longest)
             dt = left / parts
             to = end if parts == 1.0 and aim == h else t + done + dt
             if not begun:
@@ -202,19 +156,9 @@ def advance_adaptively(
             if result == OK:
                 fine, coarse = _errors(unit, system, method, work, phase, dt, share)
             if fine < np.inf:
-                error = _joined(fine, coarse)
-                if work.sides[1] > 0.0:
-                    error = max(fine, _ACROSS * coarse)
-                if coarse > expected * (dt / longer) ** (_DECAY if tries > 0 else 4.0):
-                    error = max(fine, coarse)
-                part = error / floor
-                factor = min(5.0, max(0.2, 0.8 * part ** (-1.0 / 8.0))) if part > 0.0 else 5.0
-            # the error of a method falls as h⁸, rounding as h: then a shorter step is no
-            # better
-            stays = tries > 0 and fine > before * (dt / longer) ** 1.5
-            likely = _likely_rounding(system, work) * (1.0 if tries < 2 else 10.0)
-            if stays and error > floor and fine * share < likely:
-                floor, factor = _MARGIN * error, 1.0
+                likely, across = likely_rounding(system, work.nearest[0]), work.sides[1] > 0.0
+                last = Last(expected, before, float(tries), dt / longer)
+                error, factor, floor = judged(fine, coarse, share, likely, across, floor, last)
             if error <= floor and problem.forces.kinks.search.size > 0:
                 part = unresolved_kink(problem, phase, t + done, dt)
                 if part < 1.0:
@@ -232,10 +176,10 @@ def advance_adaptively(
                 accept(unit, system, work, phase)
                 copy(problem.forces.bearings.force, phase.loads)
                 done = aim if parts == 1.0 else done + dt
-                pace[0] = max(pace[0], factor * dt) if dt < pace[0] else factor * dt
+                pace[0] = next_pace(pace[0], dt, factor)
                 work.rounded[0] += error > 1.0
                 begun, sigma, tries = False, least_sigma(phase), 0
-                expected, longer = _LEAP * max(coarse, 1.0), dt
+                expected, longer = LEAP * max(coarse, 1.0), dt
             else:
                 before, longer, expected = fine, dt, coarse
                 begun = result == OK
@@ -244,7 +188,7 @@ def advance_adaptively(
                 refused += result == NOT_CLOSED and work.crossing[1] > 0.0
                 if refused > REFUSED:
                     break
-                if pace[0] < (ENDED if result == JAMMED else 1e-9) * h:
+                if pace[0] < (ENDED if result == JAMMED else SHORTEST) * h:
                     result = result if result != OK else COLLAPSED
                     break
                 if not begun:

@@ -62,8 +62,7 @@ def turning(unit: Unit, arms: Arms, phase: Phase) -> float:
             continue
         d, v = relative(unit, arms, i, phase.q), relative(unit, arms, i, phase.qd)
         dd, dv, vv = dot(d, d), dot(d, v), dot(v, v)
-        if dd > 0.0:
-            fastest = max(fastest, (dd * vv - dv * dv) / (dd * dd))
+        fastest = max(fastest, (dd * vv - dv * dv) / pick(dd > 0.0, dd * dd, 1.0))
     return np.sqrt(fastest)
 
 
@@ -350,8 +349,9 @@ def straighten(unit: Unit, arms: Arms, chart: Chart, u: Floats) -> None:
 def straighten_momenta(unit: Unit, arms: Arms, chart: Chart, u: Floats) -> None:
     """A small difference u of w (movable D,), likewise, as one of p."""
     for i in each(0, arms.about.size):
-        if chart.curvature[i] != 0.0:
-            w = block(unit, u, i)
-            w = packed(unit, w[0] / chart.rho[i], w[1], _third(unit, w))
-            put(u, i, composed(unit, chart, i, w))
+        turns = chart.curvature[i] != 0.0
+        if anywhere(turns):
+            small = block(unit, u, i)
+            w = packed(unit, small[0] / chart.rho[i], small[1], _third(unit, small))
+            put(u, i, pick(turns, composed(unit, chart, i, w), small))
     scatter(unit, arms, chart, u)

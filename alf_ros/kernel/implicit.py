@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Unit
-from alf_ros.kernel.adaptive import ENDED, MOST, REFUSED, embedded, relative
+from alf_ros.kernel.adaptive import ENDED, REFUSED
 from alf_ros.kernel.data import EPS, Method, Phase, Problem, Scales, Span, System, Watch, Work
 from alf_ros.kernel.effect_jacobians import add_soft_times, weigh
 from alf_ros.kernel.grazed_kinks import unresolved_kink
@@ -52,6 +52,7 @@ from alf_ros.kernel.step import (
     store_angles,
 )
 from alf_ros.kernel.step_error import free_part, judge
+from alf_ros.kernel.step_length import MOST, embedded, relative
 from alf_ros.kernel.stopping import told_to_stop
 from alf_ros.kernel.work_ledger import ALL_FORCES, record_power
 

@@ -13,6 +13,7 @@ from alf_ros.arrays import Floats, Unit
 from alf_ros.kernel.data import Pattern
 from alf_ros.kernel.numba_ext.block import Block, block, packed, put
 from alf_ros.kernel.numba_ext.jit import ONE, TWO, ZERO, compiled, inlined
+from alf_ros.kernel.numba_ext.lane_numbers import anywhere
 from alf_ros.kernel.numba_ext.plain_loops import each
 
 ThreeRows = tuple[Block, Block, Block]  # of a matrix D D; in the plane the second row twice
@@ -103,7 +104,7 @@ def _weighed(
     the plane plus such of a quarter turn; most are zero."""
     D = np.uint64(len(unit))
     m, w = times * masses[e * D * D], times * masses[e * D * D + ONE]
-    if m != 0.0 or w != 0.0:
+    if anywhere((m != 0.0) | (w != 0.0)):
         total += m * Z[0][ZERO]
         if D == TWO:
             total += w * Z[0][ONE]

@@ -160,9 +160,9 @@ def add_up(method: Method, work: Work, s: np.uint64, h: float) -> None:
     used = THREE * n if arcs else TWO * n
     zero(total)
     for m in range(s):
-        weight = h * (method.a[s * stages + m] if s < stages else method.b[m])
-        if weight != 0.0:
-            first = m * THREE * n
+        part = method.a[s * stages + m] if s < stages else method.b[m]
+        if part != 0.0:
+            weight, first = h * part, m * THREE * n
             for i in range(used):
                 total[i] += weight * work.k[first + i]
     for i in range(n):

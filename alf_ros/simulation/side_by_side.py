@@ -21,6 +21,7 @@ from alf_ros.errors import AlfError, BusyError, InputError, StepError
 from alf_ros.kernel import Status
 from alf_ros.kernel.data.lane_crew import LaneCrew, LaneGroups, LaneProgress
 from alf_ros.kernel.lanes.advance_lanes import advance_lanes
+from alf_ros.kernel.lanes.advance_lanes_adaptively import advance_lanes_adaptively
 from alf_ros.kernel.lanes.single_member import functions_of_members
 from alf_ros.kernel.numba_ext.lane_structs import LaneStruct
 from alf_ros.kernel.numba_ext.plain import PLAIN
@@ -53,8 +54,9 @@ class _Group:
         problems = [each._stepper.problem_of(each._present) for each in self._all]
         phases = [each._present.phase for each in self._all]
         self.problem, self.phase = LaneStruct(problems), LaneStruct(phases)
-        self.progress = LaneStruct([LaneProgress(*np.zeros((4, 1))) for _ in self._all])
-        steps, forces, drives = functions_of_members(len(problems[0].unit))
+        self.progress = LaneStruct([LaneProgress(*np.zeros((5, 1))) for _ in self._all])
+        self._is_adaptive = is_adaptive(members[0])
+        steps, forces, drives = functions_of_members(len(problems[0].unit), self._is_adaptive)
         self.crew = LaneCrew(
             _addresses(problems),
             _addresses(phases),
@@ -127,11 +129,10 @@ class _Group:
         """Let the members count the steps since the last time; `cost` (s) of a step."""
         for m, each in enumerate(self.members):
             stepper, taken = each._stepper, int(self._taken[m])
-            stepper.work.evaluations[0] += each.stages * taken
+            if not self._is_adaptive:  # whose stages the kernel counts
+                stepper.work.evaluations[0] += each.stages * taken
             if self._index[m] > self._begun[m]:
                 stepper.iterations, each._step_cost = int(self._most[m]), cost
-            if taken:
-                stepper.work.aside[:] = 0
         self._taken[:] = 0.0
 
 
@@ -211,7 +212,10 @@ class SideBySide:
             for places, group in groups:
                 group.begin(n, [k not in without for k in places])
             first = groups[0][1]
-            stopped = advance_lanes(
+            kernel = advance_lanes
+            if is_adaptive(first.members[0]):
+                kernel = advance_lanes_adaptively
+            stopped = kernel(
                 first.problem,
                 first.phase,
                 first.progress,
@@ -271,22 +275,30 @@ def no_place(simulation: Simulation) -> str:
     stepper = simulation._stepper
     if PLAIN:
         return 'code that is not compiled has no lanes'
-    if simulation.yields or stepper.method.embedded.size or stepper.is_implicit:
-        return 'only explicit integrators of fixed steps have lanes'
+    if simulation.yields or stepper.is_implicit:
+        return 'only explicit integrators have lanes'
     if stepper.formulation is not None:
         return 'only alf2 has lanes'
     if simulation._watcher is not None or simulation.following is not None:
         return 'a watched run, or one with tangents, has no lanes'
     if simulation.ledger or stepper.applied.load_count:
         return 'works, and friction that depends on reactions, have no lanes'
+    if is_adaptive(simulation) and stepper.applied.assembled.kinks.search.size:
+        return 'adaptive steps that look for contacts within them have no lanes'
     return ''
 
 
+def is_adaptive(simulation: Simulation) -> bool:
+    """Whether the lengths of its steps depend on their errors."""
+    return simulation._stepper.method.embedded.size > 0
+
+
 def _pattern(simulation: Simulation) -> bytes:
-    """The common part of the members of a group: the whole numbers of the mechanism, and the
-    iterations of a solve."""
+    """The common part of the members of a group: the whole numbers of the mechanism, the
+    iterations of a solve, and the tolerance of an adaptive method."""
     system, method = simulation._stepper.system, simulation._stepper.method
-    parts = [repr(int(method.iterations)).encode()]
+    tolerance = float(method.tolerance) if is_adaptive(simulation) else 0.0
+    parts = [repr((int(method.iterations), tolerance)).encode()]
     for struct in (system.mass, system.rows, system.pattern, system.arms, system.angles):
         for name, value in sorted(vars(struct).items()):
             if name.startswith('_'):

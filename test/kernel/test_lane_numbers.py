@@ -26,7 +26,7 @@ class Two(Struct):
     a: Floats  # (1,)
     b: Floats  # (1,)
     factor: float
-    out: Floats  # (23,)
+    out: Floats  # (26,)
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +59,7 @@ def each_operation(of: Two) -> None:
     out[18] = of.factor * a
     out[19] = max(0.0, a)
     out[20], out[21], out[22] = np.rint(a), np.arctan2(a, b), fused(a, b, of.factor)
+    out[23], out[24], out[25] = np.ceil(a), a**b, abs(a) ** -0.125
 
 
 @compiled
@@ -86,7 +87,7 @@ def twos(a: Floats, b: Floats) -> list[Two]:
     with np.errstate(invalid='ignore'):
         factors = (a - b).tolist()
     return [
-        Two(np.array([x]), np.array([y]), factor, np.zeros(23))
+        Two(np.array([x]), np.array([y]), factor, np.zeros(26))
         for x, y, factor in zip(a, b, factors, strict=True)
     ]
 

@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 
 from alf_ros import Simulation, load_scene
 from alf_ros.arrays import Floats
-from alf_ros.kernel.adaptive import _ACROSS
+from alf_ros.kernel.step_length import ACROSS
 from alf_ros.model.tableaux import TABLEAUX
 from alf_ros.scene.scene import Scene
 from alf_ros.studies.exact import one_freedom
@@ -295,4 +295,4 @@ def test_what_counts_across_a_kink_is_about_a_tenth_of_the_error(power: int) -> 
         force = np.where(tableau.c > tau, (tableau.c - tau) ** power, 0.0)
         exact = (1.0 - tau) ** (power + 1) / (power + 1)
         fine, coarse = np.abs(embedded @ force)
-        assert abs(exact - tableau.b @ force) < 10.5 * max(fine, _ACROSS * coarse)
+        assert abs(exact - tableau.b @ force) < 10.5 * max(fine, ACROSS * coarse)

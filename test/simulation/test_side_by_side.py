@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import signal
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -12,9 +11,9 @@ import pytest
 
 from alf_ros import BusyError, InputError, Simulation, StepError, load_scene
 from alf_ros.kernel.numba_ext.plain import PLAIN
-from alf_ros.scene.overrides import with_changes
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation.side_by_side import SideBySide, no_place
+from support.side_by_side_members import check, member
 from support.singular_starts import GRAVITY, scene
 
 pytestmark = pytest.mark.skipif(PLAIN, reason='code that is not compiled has no lanes')
@@ -36,32 +35,6 @@ LIBRARY: dict[str, tuple[dict[str, Any], float, int]] = {
 }
 
 
-def member(name: str | Scene, changes: Mapping[str, Any], k: int, **settings: Any) -> Simulation:
-    of = load_scene(name) if isinstance(name, str) else name
-    texts = {key: str(eval(f'f{text!r}', {'k': k})) for key, text in changes.items()}
-    return Simulation(with_changes(of, texts), **settings)
-
-
-def told(simulation: Simulation) -> tuple[Any, ...]:
-    """All that a step leaves behind."""
-    state, resolution = simulation.state, simulation.resolution
-    return (
-        simulation.step_index,
-        state.q.tobytes(),
-        state.qd.tobytes(),
-        state.turns.tolist(),
-        simulation.evaluations,
-        repr(simulation.step_error),
-        repr(resolution),
-        simulation.sample().energy,
-    )
-
-
-def check(members: list[Simulation], alone: list[Simulation]) -> None:
-    for one, other in zip(members, alone, strict=True):
-        assert told(one) == told(other)
-
-
 @pytest.mark.parametrize('name', LIBRARY)
 def test_members_have_the_bits_of_their_single_runs(name):
     changes, h, steps = LIBRARY[name]
@@ -77,7 +50,7 @@ def test_members_have_the_bits_of_their_single_runs(name):
 
 @pytest.mark.parametrize('lanes', [4, 8])
 @pytest.mark.parametrize('integrator', ['rk4', 'dop853'])
-def test_registers_of_other_widths_and_every_explicit_integrator(lanes, integrator):
+def test_registers_of_other_widths_and_every_integrator_of_fixed_steps(lanes, integrator):
     made = [
         member('change_point', {DOWN: '{-9-k/8}'}, k, step=1e-2, integrator=integrator)
         for k in range(2 * lanes + 1)
@@ -115,15 +88,16 @@ def test_members_with_other_settings_of_solves():
     check(made, alone)
 
 
+@pytest.mark.parametrize('integrator', ['rk4', 'dop853_adaptive'])
 @pytest.mark.parametrize('crank', [0.0, 3.0])
-def test_starts_in_singular_positions(crank):
+def test_starts_in_singular_positions(crank, integrator):
     """Upright, with and without a speed, and beside members that start elsewhere."""
     starts: list[Scene] = [
         scene(effects=GRAVITY, A=[-crank, 0.0], B=[-2.0 * crank, 0.0]),
         load_scene('slider_crank'),
         scene(effects=GRAVITY, A=[-2.0 * crank, 0.0], B=[-4.0 * crank, 0.0]),
     ]
-    made = [Simulation(each, step=5e-3, integrator='rk4') for each in starts]
+    made = [Simulation(each, step=5e-3, integrator=integrator) for each in starts]
     alone = [copy.copy(each) for each in made]
     SideBySide(made).step(60)
     for each in alone:
@@ -131,7 +105,8 @@ def test_starts_in_singular_positions(crank):
     check(made, alone)
 
 
-def test_a_member_that_fails_does_not_touch_the_others():
+@pytest.mark.parametrize('integrator', ['rk4', 'dop853_adaptive'])
+def test_a_member_that_fails_does_not_touch_the_others(integrator):
     """A drive that asks for a place beyond reach ends its own run, with the error of its run."""
 
     def driven(reach: float) -> Simulation:
@@ -139,7 +114,7 @@ def test_a_member_that_fails_does_not_touch_the_others():
         return Simulation(
             scene(positions={'A': [0.6, 0.8], 'B': [1.2, 0]}, drives=drives, effects={}),
             step=1e-2,
-            integrator='rk4',
+            integrator=integrator,
         )
 
     made = [driven(reach) for reach in (0.1, 5.0, 0.2)]
@@ -154,8 +129,9 @@ def test_a_member_that_fails_does_not_touch_the_others():
     check(made, alone)
 
 
-def test_between_two_calls_a_member_is_a_simulation():
-    made = [member('slider_crank', {'m': '{1+k/9}'}, k, integrator='rk4') for k in range(3)]
+@pytest.mark.parametrize('integrator', ['rk4', 'dop853_adaptive'])
+def test_between_two_calls_a_member_is_a_simulation(integrator):
+    made = [member('slider_crank', {'m': '{1+k/9}'}, k, integrator=integrator) for k in range(3)]
     alone = [copy.copy(each) for each in made]
     together = SideBySide(made)
     together.step(40)
@@ -172,8 +148,9 @@ def test_between_two_calls_a_member_is_a_simulation():
     check(made, alone)
 
 
-def test_samples_of_a_run():
-    made = [member('slider_crank', {'m': '{1+k/9}'}, k, integrator='rk4') for k in range(2)]
+@pytest.mark.parametrize('integrator', ['rk4', 'dop853_adaptive'])
+def test_samples_of_a_run(integrator):
+    made = [member('slider_crank', {'m': '{1+k/9}'}, k, integrator=integrator) for k in range(2)]
     alone = [copy.copy(each) for each in made]
     times = [0.0, 0.01, 0.0234567, 0.05]
     for (samples, error), each in zip(SideBySide(made).run(0.06, times), alone, strict=True):
@@ -187,8 +164,9 @@ class _Ring(Exception):
     pass
 
 
-def test_an_interrupted_call_leaves_whole_steps():
-    made = [member('slider_crank', {'m': '{1+k/9}'}, k, integrator='rk4') for k in range(3)]
+@pytest.mark.parametrize('integrator', ['rk4', 'dop853_adaptive'])
+def test_an_interrupted_call_leaves_whole_steps(integrator):
+    made = [member('slider_crank', {'m': '{1+k/9}'}, k, integrator=integrator) for k in range(3)]
     alone = [copy.copy(each) for each in made]
     together = SideBySide(made)
     together.step(1)
@@ -224,7 +202,6 @@ def test_one_thread_at_a_time():
 @pytest.mark.parametrize(
     ('settings', 'said'),
     [
-        ({'integrator': 'dop853_adaptive'}, 'fixed steps'),
         ({'integrator': 'esdirk43'}, 'explicit'),
         ({'formulation': 'alf1'}, 'alf2'),
         ({'watch': True}, 'watched'),
@@ -253,9 +230,10 @@ def test_other_refusals():
         SideBySide([one]).step(-1)
 
 
-def test_turns_are_counted_for_each_member():
+@pytest.mark.parametrize('integrator', ['rk4', 'dop853_adaptive'])
+def test_turns_are_counted_for_each_member(integrator):
     made = [
-        member('pendulum', {DOWN: '{-0.01-k/1e3}'}, k, step=1e-2, integrator='rk4')
+        member('pendulum', {DOWN: '{-0.01-k/1e3}'}, k, step=1e-2, integrator=integrator)
         for k in range(4)
     ]
     for k, each in enumerate(made):

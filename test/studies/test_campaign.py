@@ -8,7 +8,7 @@ import statistics
 import numpy as np
 import pytest
 
-from alf_ros.kernel import adaptive
+from alf_ros.kernel import step_length
 from alf_ros.studies.exact import cost, one_freedom
 from alf_ros.studies.exact.cost import Cost, evaluations_for
 from alf_ros.studies.exact.starting_states import TIMES, starting_states
@@ -94,7 +94,7 @@ def test_the_one_freedom_alone_follows_its_tolerance(name: str) -> None:
 
 
 def test_the_share_of_a_step_is_that_of_the_kernel() -> None:
-    assert cost.SHARE == adaptive._SHARE
+    assert cost.SHARE == step_length.SHARE
 
 
 def test_evaluations_for_an_error_lie_between_those_measured() -> None:

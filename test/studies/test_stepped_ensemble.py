@@ -128,7 +128,7 @@ def test_a_member_that_fails_waits_until_it_is_reset():
         ({'members': 2, 'efforts': ['crank']}, "did you mean 'crank_pin'"),
         ({'members': 2, 'observations': ['points.B.z']}, 'points.B'),
         ({'members': 2, 'steps': 0}, 'steps'),
-        ({'members': 2, 'integrator': 'dop853_adaptive'}, 'fixed steps'),
+        ({'members': 2, 'integrator': 'esdirk43'}, 'explicit'),
     ],
 )
 def test_refusals(settings, said):

@@ -16,13 +16,13 @@ class LaneCrew(Struct):
 
     problem: Addresses  # (W,) of its Problem
     phase: Addresses  # (W,) of its Phase
-    alone: Addresses  # (1,) of the function that takes steps of one member
+    alone: Addresses  # (1,) of the function that takes a step of one member
     forces: Addresses  # (1,) of the function that puts Q of one member into its work
     drives: Addresses  # (1,) of the function that places its prescribed blocks
     steady: Integers  # (1,) 1 if Q depends neither on time nor on the motion
     result: Integers  # (W,) of the steps of each
     apart: Integers  # (W,) steps that each took alone
-    told: Floats  # (3,) result of steps alone, how many they were, most iterations
+    told: Floats  # (3,) of a step alone: result, 1 if it was taken, most iterations
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +33,7 @@ class LaneProgress(Struct):
     target: Floats  # (1,) number of steps at which it is done
     t: Floats  # (1,) s, of the stage
     most: Floats  # (1,) most iterations in one solve
+    across: Floats  # (1,) 1 if a kink of the forces is in its step, of an adaptive method
 
 
 @dataclass(frozen=True, eq=False)

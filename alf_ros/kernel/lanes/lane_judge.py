@@ -1,4 +1,5 @@
-"""The errors of the steps of a group: `step_error.judge` for lanes."""
+"""The errors of the steps of a group: `step_error.judge` for lanes, and the embedded errors of
+an adaptive method."""
 
 from __future__ import annotations
 
@@ -8,7 +9,7 @@ import numpy as np
 
 from alf_ros.arrays import Unit
 from alf_ros.kernel.arc_coordinates import straighten
-from alf_ros.kernel.data import NOTHING, Method, System, Until, Work
+from alf_ros.kernel.data import NOTHING, Method, Phase, System, Until, Work
 from alf_ros.kernel.effect_jacobians import add_soft_times
 from alf_ros.kernel.lanes.lane_solve import augmented_lanes
 from alf_ros.kernel.mass import add_mass_times
@@ -22,6 +23,12 @@ from alf_ros.kernel.step_error import (
     embedded_errors,
     lost_lately,
     remember,
+)
+from alf_ros.kernel.step_length import (
+    displacement_error,
+    momentum_error,
+    relative,
+    usual_speed,
 )
 
 Lanes = Any
@@ -48,7 +55,7 @@ def judge_lanes(
         zero(work.p)
         add_mass_times(unit, system.mass, 1.0, work.sum, work.p)
         add_soft_times(unit, system.soft, 1.0, work.sum, work.p)
-        moved = pick(told, moved * (_free_part(unit, system, work, told) / high), moved)
+        moved = pick(told, moved * (lane_free_part(unit, system, work, told) / high), moved)
     moved = pick(matters & unless(moved < 1.0), 1.0, moved)
     good = good & unless(lost_lately(work.judged, moved) > 1.0)
     remember(work.judged, moved, sharp & (moved > FINEST), good)
@@ -56,7 +63,43 @@ def judge_lanes(
 
 
 @inner
-def _free_part(unit: Unit, system: System, work: Work, where: Mask) -> Lanes:
+def lane_errors(
+    unit: Unit,
+    system: System,
+    method: Method,
+    work: Work,
+    phase: Phase,
+    h: Lanes,
+    share: float,
+    good: Mask,
+) -> tuple[Lanes, Lanes]:
+    """Both relative errors of steps of h (s) of an adaptive method that ended in `work`, of order
+    h⁶ and h⁴, in parts of `share`."""
+    speed = usual_speed(system, work, phase)
+    fine = _norm(unit, system, method, work, 0, h, speed, good) / share
+    return fine, _norm(unit, system, method, work, 1, h, speed, good) / share
+
+
+@inner
+def _norm(
+    unit: Unit,
+    system: System,
+    method: Method,
+    work: Work,
+    which: int,
+    h: Lanes,
+    speed: Lanes,
+    good: Mask,
+) -> Lanes:
+    """Embedded error `which`."""
+    displacement_error(unit, system, method, work, which, h)
+    displacement = lane_free_part(unit, system, work, good)
+    momentum_error(unit, system, method, work, which, h)
+    return relative(system, displacement, lane_free_part(unit, system, work, good), speed)
+
+
+@inner
+def lane_free_part(unit: Unit, system: System, work: Work, where: Mask) -> Lanes:
     """`step_error.free_part`."""
     zero(work.r2)
     zero(work.y)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 from alf_ros.kernel.arc_coordinates import (
     begin_momenta,
@@ -23,15 +23,23 @@ from alf_ros.kernel.lanes.lane_solve import (
 )
 from alf_ros.kernel.lanes.single_member import lane_drives, lane_forces
 from alf_ros.kernel.ldl import assemble, linearise, solve_on
-from alf_ros.kernel.lost_rank import fallen, note_det
+from alf_ros.kernel.lost_rank import fallen, note_det, rank_lost
 from alf_ros.kernel.numba_ext.jit import ONE, ZERO, inner
-from alf_ros.kernel.numba_ext.lane_numbers import nowhere, unless
+from alf_ros.kernel.numba_ext.lane_numbers import anywhere, nowhere, pick, unless
 from alf_ros.kernel.numba_ext.vectors import copy
 from alf_ros.kernel.projection import begin_correction
 from alf_ros.kernel.step import add_up, lag_of_stage
 
 Lanes = Any
 Mask = Any
+
+
+class LaneSpan(NamedTuple):
+    """A step of h (s) from `begin` to `end` (s), of each lane."""
+
+    begin: Lanes
+    end: Lanes
+    h: Lanes
 
 
 @inner
@@ -50,19 +58,73 @@ def lane_step(
     Leaves the new q, q̇ in `work`, with Φ_q and factor. Returns the lanes that have made it, and
     the most iterations of each. The others are as they were.
     """
-    unit, system, method, work = problem.unit, problem.system, problem.method, problem.work
-    stages, index, t = method.b.size, progress.index[0], progress.t
-    begin = index * h
-    t[0] = begin
+    work, index = problem.work, progress.index[0]
+    progress.t[0] = index * h
     copy(phase.qd, work.qd)
     lane_drives(problem, of, crew, progress)
     lane_forces(problem, of, crew, progress)
     most, good = lane_accelerations(problem, live)  # (26)
     path_curvature(problem, good)
+    span = LaneSpan(index * h, (index + 1.0) * h, h)
+    good, rounds = stages_of(problem, phase, of, crew, progress, span, good, None)
+    good = judge_lanes(problem.unit, problem.system, problem.method, work, h, good)
+    return good, max(most, rounds)
+
+
+@inner
+def lane_step_again(
+    problem: Problem,
+    phase: Phase,
+    of: Problem,
+    crew: LaneCrew,
+    progress: LaneProgress,
+    span: LaneSpan,
+    live: Mask,
+    begun: Mask,
+) -> tuple[Mask, Lanes]:
+    """`lane_step` over a span of each lane, not judged. Where `begun` holds the last step was too
+    long: its first stage is kept, and Φ_q and factor need not belong to `phase`."""
+    work = problem.work
+    progress.t[0] = span.begin
+    copy(phase.q, work.q)
+    copy(phase.qd, work.qd)
+    lane_drives(problem, of, crew, progress)
+    most, good, fresh = pick(begun, 1.0, 1.0), live, live & unless(begun)
+    if not nowhere(fresh):
+        lane_forces(problem, of, crew, progress)
+        for i in range(work.curve.size):
+            work.curve[i] = work.bend[i]
+        rounds, factored = lane_accelerations(problem, fresh)  # (26)
+        path_curvature(problem, factored)
+        for i in range(work.curve.size):
+            work.bend[i] = pick(begun, work.curve[i], work.bend[i])
+        most, good = pick(begun, most, rounds), factored | (live & begun)
+    good, rounds = stages_of(problem, phase, of, crew, progress, span, good, begun)
+    return good, max(most, rounds)
+
+
+@inner
+def stages_of(
+    problem: Problem,
+    phase: Phase,
+    of: Problem,
+    crew: LaneCrew,
+    progress: LaneProgress,
+    span: LaneSpan,
+    good: Mask,
+    begun: Mask | None,
+) -> tuple[Mask, Lanes]:
+    """The stages and the end of a step, from q̈ where it begins and the curvature of the path.
+
+    `begun`: where the first stage is kept in `chart.first`; None without code for it.
+    """
+    unit, system, method, work = problem.unit, problem.system, problem.method, problem.work
+    stages, t, h, chart = method.b.size, progress.t, span.h, problem.work.chart
+    most = pick(good, 1.0, 1.0)
     begin_momenta(unit, system, work, phase, choose_arcs(unit, system, work, phase, h))
     for s in range(ZERO, stages + ONE):
         add_up(method, work, s, h)
-        t[0] = begin + method.c[s] * h if s < stages else (index + 1.0) * h
+        t[0] = span.begin + method.c[s] * h if s < stages else span.end
         lane_drives(problem, of, crew, progress)
         unfold(unit, system, work, phase)  # (30)
         if s == stages or nowhere(good):
@@ -72,11 +134,17 @@ def lane_step(
             shift_along_path(unit, system.arms, work, h * h * lag_of_stage(method, s))
             rounds, good = _stage(problem, of, crew, progress, good)
             most = max(most, rounds)
+        elif begun is not None:  # known when it is compiled
+            for i in range(chart.first.size):
+                chart.first[i] = pick(begun, chart.first[i], work.qdd[i])
+                work.qdd[i] = chart.first[i]
+                work.qd[i] = pick(begun, phase.qd[i], work.qd[i])
+            for i in range(chart.w.size):
+                chart.w[i] = pick(begun, chart.momentum[i], chart.w[i])
         fold(unit, system, work, work.qd, work.qdd, s)  # (35)
     if nowhere(good):
         return good, most
     rounds, good = _end(problem, good)
-    good = judge_lanes(unit, system, method, work, h, good)
     return good, max(most, rounds)
 
 
@@ -107,7 +175,10 @@ def _end(problem: Problem, good: Mask) -> tuple[Lanes, Mask]:
     good = project_lanes(unit, system, work, good)
     linearise(unit, system, work, work.q)
     note_det(unit, work)
-    good = good & are_factored(unit, work) & unless(fallen(work))
+    good = good & are_factored(unit, work)
+    fell = good & fallen(work)
+    if anywhere(fell):
+        good = good & unless(fell & rank_lost(unit, system, work))
     rounds, good = lane_velocities(problem, good)  # (33)
     check = 0.0
     for i in range(work.p.size):

@@ -13,6 +13,7 @@ import numpy as np
 from numba import types
 
 from alf_ros.arrays import Floats
+from alf_ros.kernel.adaptive import advance_adaptively
 from alf_ros.kernel.augmented_solve import apply
 from alf_ros.kernel.data import Phase, Problem, Span, Work
 from alf_ros.kernel.data.lane_crew import LaneCrew, LaneProgress
@@ -83,6 +84,7 @@ def give_phase(phase: Phase, work: Work, to: Phase, of: Problem, m: np.uint64) -
     put_lane(phase.qd, to.qd, np.uint64(to.q.size), m)
     put_lane(phase.sums, to.sums, np.uint64(to.sums.size), m)
     put_lane(phase.within, to.within, np.uint64(1), m)
+    put_lane(phase.pace, to.pace, np.uint64(1), m)
     put_lane(work.judged, of.work.judged, np.uint64(work.judged.size), m)
     for i in range(ZERO, np.uint64(to.turns.size)):
         to.turns[i] = np.int64(lane(phase.turns, i, m))
@@ -95,6 +97,7 @@ def take_phase(phase: Phase, work: Work, of: Phase, member: Problem, m: np.uint6
     take_lane(of.qd, phase.qd, ZERO, np.uint64(of.q.size), m)
     take_lane(of.sums, phase.sums, ZERO, np.uint64(of.sums.size), m)
     take_lane(of.within, phase.within, ZERO, np.uint64(1), m)
+    take_lane(of.pace, phase.pace, ZERO, np.uint64(1), m)
     take_lane(member.work.judged, work.judged, ZERO, np.uint64(work.judged.size), m)
     for i in range(ZERO, np.uint64(of.turns.size)):
         set_lane(phase.turns, i, m, float(of.turns[i]))
@@ -109,16 +112,24 @@ def _prescribe(problem: Problem, t: float) -> None:
     prescribe(problem.system, t, work.q, work.qd, work.qdd)
 
 
-def _advance(problem: Problem, phase: Phase, h: float, steps: int, told: Floats) -> None:
-    span = Span(0.0, phase.step[0], steps, h)
+def _advance(problem: Problem, phase: Phase, h: float, told: Floats) -> None:
+    span = Span(0.0, phase.step[0], 1, h)
     result, taken, most = advance(problem, phase, None, span, False)
     told[0], told[1], told[2] = float(result), float(taken), float(most)
 
 
+def _advance_adaptively(problem: Problem, phase: Phase, h: float, told: Floats) -> None:
+    span = Span(0.0, phase.step[0], 1, h)
+    result, taken, most = advance_adaptively(problem, phase, None, span, False)
+    told[0], told[1], told[2] = float(result), float(taken), float(most)
+
+
 @cache
-def functions_of_members(dimension: int) -> tuple[Any, Any, Any]:
-    """Compiled for 2 or 3 dimensions: steps of a member alone, its forces, its drives."""
+def functions_of_members(dimension: int, adaptive: bool) -> tuple[Any, Any, Any]:
+    """Compiled for 2 or 3 dimensions: a step of a member alone, with a fixed length or `adaptive`;
+    its forces, its drives."""
     problem, phase = Problem._numba_type(dimension), Phase._numba_type()
     now = types.void(problem, types.float64)
-    steps = types.void(problem, phase, types.float64, types.int64, types.CPointer(types.float64))
-    return by_address(steps)(_advance), by_address(now)(_apply), by_address(now)(_prescribe)
+    step = types.void(problem, phase, types.float64, types.CPointer(types.float64))
+    alone = _advance_adaptively if adaptive else _advance
+    return by_address(step)(alone), by_address(now)(_apply), by_address(now)(_prescribe)

@@ -336,7 +336,10 @@ def _coordinate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
     if not kind.in_lanes:
         return builder.extract_element(*args)
     if isinstance(args[1], ir.Constant):
-        return builder.extract_value(args[0], args[1].constant)
+        a = int(args[1].constant)
+        if a >= kind.D:  # in code for space, which the plane does not reach
+            return ir.Constant(args[0].type.element, ir.Undefined)
+        return builder.extract_value(args[0], a)
     stored = cgutils.alloca_once_value(builder, args[0])
     return builder.load(builder.gep(stored, [_index(0), args[1]]))
 

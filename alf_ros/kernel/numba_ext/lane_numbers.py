@@ -171,6 +171,7 @@ _operation(lambda builder, args: builder.fdiv(*args), 2, operator.truediv, opera
 _operation(lambda builder, args: builder.fneg(*args), 1, operator.neg)
 _operation(_vector_function('llvm.fabs'), 1, builtins.abs, math.fabs)
 _operation(_vector_function('llvm.sqrt'), 1, np.sqrt, math.sqrt)
+_operation(_vector_function('llvm.ceil'), 1, np.ceil)
 _operation(_larger, 2, builtins.max)
 _operation(_smaller, 2, builtins.min)
 
@@ -215,6 +216,7 @@ def _lane_by_lane(function: Any, count: int = 1) -> None:
 for _function in (np.sin, np.cos, np.log, np.rint):
     _lane_by_lane(_function)
 _lane_by_lane(np.arctan2, 2)
+_lane_by_lane(operator.pow, 2)
 
 
 # ------------------------------------------------------------------------------------ masks

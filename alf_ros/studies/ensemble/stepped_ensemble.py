@@ -33,7 +33,7 @@ class Ensemble:
     the numbers that `step` returns: 'joints.crank.position', 'joints.crank.velocity' (rad, m,
     turns counted), 'points.tip.x', 'velocities.tip.x' (m, world frame); by default positions and
     velocities of all joint coordinates. steps: of the solver in a step of the ensemble. settings:
-    keywords of `Simulation`, as `step` (s) and `integrator`, an explicit one of fixed steps.
+    keywords of `Simulation`, as `step` (s) and `integrator`, an explicit one.
 
     A member has the bits of a Simulation alone; efforts may be rounded differently. Raises
     InputError for what cannot be used, AssemblyError if a member cannot be assembled.
