@@ -109,8 +109,9 @@ def test_kinks_of_forces(speed):
 
 def test_stops_have_no_lanes():
     """Their members look along each step for contacts within it."""
-    effects = {'effects.joint_stop': '{joint: crank_pin, upper: 1.1, stiffness: 1e4}'}
-    made = [adaptive('slider_crank', effects, k) for k in range(2)]
+    stop = {'joint': 'crank_pin', 'upper': 1.1, 'stiffness': 1e4}
+    stopped = load_scene({'mechanism': 'slider_crank', 'effects': {'joint_stop': stop}})
+    made = [adaptive(stopped, {}, k) for k in range(2)]
     assert 'look for contacts' in no_place(made[0])
     with pytest.raises(InputError, match='look for contacts'):
         SideBySide(made)
