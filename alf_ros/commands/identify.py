@@ -14,6 +14,8 @@ from alf_ros.errors import InputError
 from alf_ros.scene.scene import load_scene
 from alf_ros.scene.text.expression import ExpressionError, evaluate
 from alf_ros.studies.identification import robust_loss
+from alf_ros.studies.identification.candidate_motion import candidates
+from alf_ros.studies.identification.design_runs import checked_duration
 from alf_ros.studies.identification.identification import identify
 from alf_ros.studies.identification.recording_reader import Topics
 
@@ -106,9 +108,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     options = parser.parse_args(argv)
     topics = Topics(options.joints, options.commands, dict(_split(options.map, '--map')))
+    scene = load_scene(options.scene)
+    if options.design:  # faults of candidates are told before the fit
+        checked_duration(options.design_duration)
+        candidates(options.design, scene, options.fit, topics)
     with ProgressBar('identify') as bar:
         found = identify(
-            load_scene(options.scene),
+            scene,
             options.recordings,
             options.fit,
             window=options.window,
