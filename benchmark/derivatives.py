@@ -146,7 +146,6 @@ def cost(scene: Scene, names: tuple[str, ...], of: str, steps: int) -> tuple[flo
     """s of a run alone; over it a run with tangents, and a run and its way back; s of reading."""
     alone, followed = Simulation(scene), Simulation(scene, tangents=names)
     reading = seconds(lambda: Simulation(scene, tangents=names)) / len(names)
-    number = observed_number(of, 'of', alone.sample())
 
     def back() -> None:
         run.restart()
@@ -155,6 +154,7 @@ def cost(scene: Scene, names: tuple[str, ...], of: str, steps: int) -> tuple[flo
         run.derivatives(number, {steps: 1.0})
 
     run = TapedRun(Simulation(scene), names)
+    number = observed_number(of, 'of', alone.sample(), run.displaced)
     found = []
     for turn in range(8):
         for each in (alone, followed):

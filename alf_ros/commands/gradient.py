@@ -18,9 +18,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         '--of',
         required=True,
         metavar='NUMBER',
-        help="'final(points.B.x)', 'max(knee.velocity)', 'mean(norm(velocities.B))': max, min, "
-        'final, '
-        'mean, integral or rms of a place or velocity of a point, or of a joint',
+        help="'final(points.B.x)', 'max(norm(knee.force))', 'mean(energy)': max, min, final, "
+        'mean, integral or rms of a quantity, as of record',
     )
     parser.add_argument(
         '--by',

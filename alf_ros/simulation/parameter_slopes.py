@@ -31,7 +31,8 @@ from alf_ros.simulation.reactions import ReactionsOf
 from alf_ros.simulation.start import Start, started
 
 _WEIGHTS = (4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0)  # of the eighth order
-_LONGEST, _SHORTER, _MOST = 2.5e-3, 0.7, 12  # steps that are tried, in parts of the number or of 1
+LONGEST = 2.5e-3  # step of a difference, in parts of the number or of 1
+_SHORTER, _MOST = 0.7, 12  # shorter ones that are tried
 _TWO = 2  # of them are used
 _FEW = (-2, 2, 4)  # steps at which arrays show whether they are quadratic
 _QUADRATIC = 1e-14  # of the largest number, by which a quadratic array may be off there
@@ -161,7 +162,7 @@ class ParameterSlopes:
         before = self._before
         if before is None or any(before.arrays[name].any() for name in _SHAPES):
             return None
-        step = _LONGEST * (abs(self.value) or 1.0)
+        step = LONGEST * (abs(self.value) or 1.0)
         try:
             beside = [self._neighbour(change) for change in (-step, step)]
         except InputError:
@@ -180,7 +181,7 @@ class ParameterSlopes:
     def _few(self) -> tuple[float, list[Neighbour]] | None:
         """Half of the distance of the outer two, and the scenes there and at twice as much, if
         they have the form of this one."""
-        step = _LONGEST * (abs(self.value) or 1.0)
+        step = LONGEST * (abs(self.value) or 1.0)
         try:
             beside = [self._neighbour(k * step) for k in _FEW]
         except InputError:
@@ -218,7 +219,7 @@ class ParameterSlopes:
         entry more: then other lengths are taken.
         """
         here, found = Neighbour(self._start, self._scene).structure, {}
-        step = _LONGEST * (abs(self.value) or 1.0)
+        step = LONGEST * (abs(self.value) or 1.0)
         for _ in range(_MOST):
             beside = [self._neighbour(k * step) for k in _offsets()]
             if all(all(map(np.array_equal, each.structure, here)) for each in beside):

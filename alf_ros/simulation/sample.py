@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -99,11 +100,17 @@ class Sample(Dynamics):
                 key='tangents',
                 expected="Simulation(…, tangents=['coupler.mass', …])",
             )
-        names, slopes = self._followed.following.names, self._followed.slopes
+        followed = self._followed
+        names, slopes = followed.following.names, followed.slopes
         return NamedValues(
             names,
             lambda k: MotionTangent(
-                self.model, self._state, k, slopes(names[k]), self._instruments
+                self.model,
+                self._state,
+                k,
+                slopes(names[k]),
+                partial(followed.quantity, self, k),
+                self._instruments,
             ),
         )
 

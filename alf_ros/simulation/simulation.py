@@ -23,10 +23,12 @@ from alf_ros.simulation.accuracy import Budget, pick
 from alf_ros.simulation.adjoint_following import AdjointFollowing
 from alf_ros.simulation.applied import NO_INPUTS, Applied, Inputs, Target
 from alf_ros.simulation.between import Between
+from alf_ros.simulation.displaced_scenes import Middle
 from alf_ros.simulation.formulations import Formulation
 from alf_ros.simulation.one_thread import by_one_thread
 from alf_ros.simulation.placement import placed
 from alf_ros.simulation.present import Present
+from alf_ros.simulation.quantity_tangents import QuantityTangents
 from alf_ros.simulation.resolution import Resolution
 from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.singular_passes import Pass, Watcher
@@ -129,6 +131,9 @@ class Simulation:
         self._stepper = Stepper(
             self._start, solver, self.scene.effects, self.ledger, formulation, self._following
         )
+        following = self._following
+        middle = Middle(self.scene, self.model, solver, type(self))
+        self._quantity_tangents = QuantityTangents(following, middle) if following else None
         self._watcher = None
         self._between = Between(self._stepper)
         self._step_cost = math.nan
@@ -581,7 +586,8 @@ class Simulation:
         if not whole:
             told = 'of a length it is known at whole steps, where singular positions are found'
             refused = {**dict.fromkeys(following.lengths, told), **refused}
-        return Followed(following, refused)
+        assert self._quantity_tangents is not None
+        return Followed(following, refused, self._quantity_tangents.of)
 
     def _sample(self, t: float, state: State, beside: bool | None, whole: bool = True) -> Sample:
         """`beside`: whether the step that ended there was interpolated beside a singular position;

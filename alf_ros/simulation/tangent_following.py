@@ -242,10 +242,12 @@ def forces_for(applied: Applied, compiled: Callable[..., Any]) -> Addresses:
 
 class Followed(NamedTuple):
     """The tangents of a run as a sample has them. `refused`: the tangents that do not exist there,
-    by name, each with its reason."""
+    by name, each with its reason; quantity: the derivative, in a sample, of a named quantity by
+    parameter k."""
 
     following: TangentFollowing
     refused: Mapping[str, str]
+    quantity: Callable[[Any, int, str], float | Floats]
 
     def slopes(self, name: str) -> Slopes:
         """Of a parameter. Raises InputError for one without a derivative there."""

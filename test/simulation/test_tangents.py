@@ -232,6 +232,69 @@ def test_copies_and_states_continue_bit_for_bit(robot: Scene) -> None:
     )
 
 
+def test_the_energy_keeps_its_derivative() -> None:
+    """The total energy stays, also behind singular positions: so does its derivative."""
+    names = ['coupler.mass', 'gravity.acceleration.1', 'initial.velocities.B.0', 'L']
+    simulation = Simulation(load_scene('slider_crank'), step=1e-3, tangents=names)
+    first = {name: simulation.sample().tangents[name].of('energy') for name in names}
+    simulation.step(700)
+    sample = simulation.sample()
+    for name in names:
+        assert sample.tangents[name].of('energy') == pytest.approx(first[name], rel=1e-8)
+        kinetic = sample.tangents[name].of('kinetic_energy')
+        assert abs(float(kinetic) - float(first[name])) > 0.1
+
+
+def test_reactions_by_a_mass() -> None:
+    """A pendulum of any mass moves alike, and its bearing force is in proportion."""
+    simulation = Simulation(load_scene('pendulum'), tangents=['bar.mass'])
+    simulation.step(100)
+    sample = simulation.sample()
+    (joint,) = sample.reactions
+    expected = sample.reactions[joint].force / float(simulation.scene.mechanism.bodies[0].mass)
+    found = sample.tangents['bar.mass'].of(f'{joint}.force')
+    np.testing.assert_allclose(found, expected, rtol=1e-10)
+    copied = pickle.loads(pickle.dumps(sample))
+    np.testing.assert_array_equal(copied.tangents['bar.mass'].of(f'{joint}.force'), found)
+
+
+@pytest.mark.parametrize('name', ['m', 'a', 'pull.stiffness', 'initial.velocities.A.0'])
+def test_quantities_under_inputs(robot: Scene, name: str) -> None:
+    """Reactions and efforts, against differences of sixth order of runs with other numbers."""
+
+    def run(scene: Scene, **settings: Any) -> Sample:
+        simulation = Simulation(scene, **settings)
+        simulation.apply_wrench('rocker', force=[1.0, 2.0], torque=0.3)
+        simulation.apply_effort('wrist', 0.4)
+        simulation.step(100)
+        return simulation.sample()
+
+    tangent = run(robot, tangents=[name]).tangents[name]
+    value, weights = overrides.number(robot, name), (3.0 / 4.0, -3.0 / 20.0, 1.0 / 60.0)
+    size, slopes = 1e-3 * value, np.zeros(3)
+    for k, w in enumerate(weights, 1):
+        for sign in (1.0, -1.0):
+            changed = {name: repr(value + sign * k * size)}
+            beside = run(overrides.with_changes(robot, changed))
+            reading = [*beside.reactions['knee'].force, beside.joints['pin'].effort]
+            slopes += sign * w / size * np.array(reading)
+    found = np.append(tangent.of('knee.force'), tangent.of('pin.effort'))
+    np.testing.assert_allclose(found, slopes, rtol=1e-6, atol=1e-8)
+
+
+def test_quantities_without_a_derivative(robot: Scene) -> None:
+    simulation = Simulation(robot, tangents=['m'], ledger=True)
+    tangent = simulation.sample().tangents['m']
+    refused: list[tuple[Any, str]] = [
+        ('works.drag.air', 'has no derivative'),
+        ('nee.force', 'no such quantity'),
+        (3, 'no name'),
+    ]
+    for quantity, told in refused:
+        with pytest.raises(InputError, match=told):
+            tangent.of(quantity)
+
+
 def test_instants_between_steps(robot: Scene) -> None:
     sim = Simulation(robot, tangents=['m'], step=2e-3)
     (between,) = (s for s in sim.run(0.1, at=[0.0505]))

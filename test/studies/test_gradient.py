@@ -131,6 +131,10 @@ OBSERVED = (
     'integral(abs(foot.velocity))',
     'max(norm(velocities.B))',
     'min(points.A.y)',
+    'max(norm(reactions.knee.force))',
+    'final(energy)',
+    'min(joints.pin.effort)',
+    'final(reactions.foot.force.x)',
 )
 
 
@@ -158,6 +162,37 @@ def test_numbers_of_a_run(robot: Scene, n: int) -> None:
         assert found.by[name] == pytest.approx(sum(slopes), rel=2e-7, abs=1e-10), name
 
 
+@pytest.mark.parametrize(
+    ('name', 'quantity'),
+    [
+        ('delta_robot', 'reactions.motor0.force.x'),
+        ('rolling_disk', 'reactions.rim.force.z'),
+        ('screw_jack', 'energy'),
+        ('stewart_platform', 'kinetic_energy'),
+        ('bricard', 'powers.gravity'),
+        ('wheeled_robot', 'energy'),
+    ],
+)
+def test_quantities_equal_their_tangents(name: str, quantity: str) -> None:
+    """In space, with wheels, screws, drives and redundant rows: a sample differentiates along the
+    tangents of its state, a gradient along the free directions."""
+    scene, names = load_scene(name), ['gravity.acceleration.1', 'gravity.acceleration.2']
+    names = [name for name in names if is_number(scene, name)]
+    followed = Simulation(scene, tangents=names)
+    followed.step(20)
+    found = gradient(Simulation(scene), f'final({quantity})', names, duration=followed.t)
+    sample = followed.sample()
+    expected = np.array([sample.tangents[each].of(quantity) for each in names])
+    size = max(np.abs(expected).max(), 1e-3 * abs(found.value))
+    assert np.abs(np.array(list(found.by.values())) - expected).max() <= 1e-9 * size
+
+
+def test_a_share_of_redundant_joints_has_no_gradient() -> None:
+    simulation = Simulation(load_scene('bricard'))
+    with pytest.raises(InputError, match='one of many that balance'):
+        gradient(simulation, 'final(reactions.j0.force.x)', ['gravity.acceleration.1'], 0.01)
+
+
 def test_in_legs(robot: Scene) -> None:
     """A run in many legs, of which one at a time is in memory, has the same derivatives."""
     whole = TapedRun(Simulation(robot), CHANGED)
@@ -166,7 +201,7 @@ def test_in_legs(robot: Scene) -> None:
     for run, count in ((whole, 1), (pieces, 60)):
         assert len(list(run.go_on(60))) == count
         sample = run._simulation.sample()
-        number = observed_number('points.B.x', 'of', sample)
+        number = observed_number('points.B.x', 'of', sample, run.displaced)
         found.append(run.derivatives(number, {60: 1.0, 31: 0.5, 0: 2.0}))
     np.testing.assert_allclose(found[1], found[0], rtol=1e-11)
     pieces.restart()
@@ -243,7 +278,7 @@ def test_what_is_refused(robot: Scene) -> None:
         ('points.B.x', 'not a number of a run'),
         ('final(B.z)', 'no such quantity'),
         ('final(points.B)', 'norm(points.B)'),
-        ('final(energy)', 'no such quantity'),
+        ('final(diagnostics.distance)', 'has no derivative'),
         (3, 'not a number of a run'),
     ):
         assert told in refused(simulation, of, ['m'], duration=0.1)

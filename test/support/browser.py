@@ -15,7 +15,7 @@ from typing import Any
 CHROMIUM = next(
     filter(None, map(shutil.which, ('chromium', 'chromium-browser', 'google-chrome'))), None
 )
-LIMIT = 20.0
+LIMIT = 60.0
 
 
 class Browser:

@@ -32,7 +32,7 @@ Messages = dict[str, list[tuple[int, Any]]]
 # A cold cache makes the node compile for most of a minute; everything after that is quick.
 START_LIMIT = 180.0
 # Only what fails waits that long.
-LIMIT = 30.0
+LIMIT = 120.0
 
 
 class SimulatorProcess:

@@ -18,6 +18,8 @@ from alf_ros.logs.log import Log, load
 from alf_ros.logs.rerun import Rerun
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation import input_checks as check
+from alf_ros.simulation.displaced_scenes import DisplacedScenes
+from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.simulation.tangent_following import checked_names
 from alf_ros.studies.gradients.observed_number import ObservedNumber, observed_number
@@ -58,8 +60,8 @@ def gradient(
 
     source: a log; or a scene or a simulation, which stays as it is: a copy of it runs for
     `duration` (s) with the inputs held. of: `final(points.B.x)`, `mean(knee.position)`,
-    `max(norm(velocities.B))`, …: one of max, min, final, mean, integral and rms of a place or
-    velocity of a point or of a joint coordinate or its rate. by: names as of `fork --set`. every:
+    `max(norm(reactions.knee.force))`, …: one of max, min, final, mean, integral and rms of a
+    quantity, by its name as of `record`. by: names as of `fork --set`. every:
     steps from one sample to the next (default: a tick of the log, or one step). trust: run the
     effect code that a log contains.
 
@@ -128,8 +130,8 @@ def _gradient(
     every: int,
 ) -> Gradient:
     names = checked_names(by)
-    fold, number = _objective(of, simulation)
     run = TapedRun(simulation, names)
+    fold, number = _objective(of, simulation.sample(), run.displaced)
     first = simulation.step_index
     values = {first: number.value(simulation.sample())}
     for stretch in stretches:
@@ -154,9 +156,11 @@ def _gradient(
     )
 
 
-def _objective(of: str, simulation: Simulation) -> tuple[Callable[..., Folded], ObservedNumber]:
+def _objective(
+    of: str, sample: Sample, beside: DisplacedScenes
+) -> tuple[Callable[..., Folded], ObservedNumber]:
     called = _CALL.fullmatch(of.strip()) if isinstance(of, str) else None
     if called is None or called[1] not in FOLDS:
         choices = ', '.join(f'{name}(…)' for name in FOLDS)
         raise InputError('not a number of a run', key='of', value=of, expected=choices)
-    return FOLDS[called[1]], observed_number(called[2], 'of', simulation.sample())
+    return FOLDS[called[1]], observed_number(called[2], 'of', sample, beside)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -13,50 +13,32 @@ from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.kernel import Rows
 from alf_ros.model.compile import Model
-from alf_ros.simulation.quantities import Group, full_name, groups
+from alf_ros.simulation.displaced_scenes import DisplacedScenes
+from alf_ros.simulation.named_quantity import NamedQuantity, named_quantity
 from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.state import State
+from alf_ros.studies.gradients.bars import Bars
+from alf_ros.studies.gradients.free_directions import AlongFreeDirections
 from alf_ros.studies.optimisation.design_quantity import CALL
 
-_KINDS = ('points.', 'velocities.', 'joints.')
 
+class Derivatives(Protocol):
+    """Of the components of a quantity."""
 
-@dataclass(frozen=True, eq=False)
-class Bars:
-    """∂J/∂q and ∂J/∂q̇ (all blocks D,) of a state, and ∂J/∂ the arrays that joint coordinates
-    depend on, by the names of `ParameterSlopes.arrays`."""
-
-    q: Floats
-    qd: Floats
-    arrays: dict[str, Floats] = field(default_factory=dict)
-
-    @classmethod
-    def of(cls, model: Model) -> Bars:
-        """All zero."""
-        rows = {'angle': model.system.angles, 'length': model.lengths}
-        arrays = {
-            f'{name}_{part}': np.zeros_like(getattr(of, part))
-            for name, of in rows.items()
-            for part in ('b', 'c', 'term')
-        }
-        return cls(np.zeros_like(model.q), np.zeros_like(model.q), arrays)
-
-
-class _Component(Protocol):
-    def add(self, state: State, weight: float, to: Bars) -> None:
-        """Add `weight` times the derivatives at a state."""
+    def add(self, sample: Sample, weights: Floats, to: Bars) -> None:
+        """Add (components,) weights times the derivatives at a sample."""
 
 
 @dataclass(frozen=True, eq=False)
 class ObservedNumber:
-    """`text` as it was given, its unit, and its components, of which the magnitude is taken if it
-    `is_size`."""
+    """`text` as it was given, its unit, and how its components are read and differentiated; of
+    these the magnitude is taken if it `is_size`."""
 
     text: str
     unit: str
     is_size: bool
     _read: Callable[[Sample], Floats]
-    _components: Sequence[_Component]
+    _derivatives: Derivatives
 
     def value(self, sample: Sample) -> float:
         """Its value in a sample."""
@@ -76,61 +58,60 @@ class ObservedNumber:
                 where = f'zero at t = {sample.t:.6g} s'
                 raise InputError(f'no gradient of a magnitude that is {where}', value=self.text)
             along = here / size
-        for component, part in zip(self._components, along.tolist(), strict=True):
-            component.add(sample.state, weight * part, to)
+        self._derivatives.add(sample, weight * along, to)
 
 
-def observed_number(given: object, key: str, sample: Sample) -> ObservedNumber:
-    """The number of a text: a place or velocity of a point, a joint coordinate or its rate,
-    `norm(…)` of a vector or `abs(…)` of a number. Raises InputError, which says `key`."""
+def observed_number(
+    given: object, key: str, sample: Sample, beside: DisplacedScenes
+) -> ObservedNumber:
+    """The number of a text: a quantity as of `record`, `norm(…)` of a vector or `abs(…)` of a
+    number. `beside`: the scenes around this one. Raises InputError, which says `key`."""
     text = given.strip() if isinstance(given, str) else ''
     called = CALL.fullmatch(text)
     if called and called[1] not in ('norm', 'abs'):
         raise InputError('no such function', key=key, value=called[1], choices=('norm', 'abs'))
     inner = called[2].strip() if called else text
-    known: dict[str, tuple[Group, int, int | None]] = {}
-    for group in groups(sample):
-        for row, name in enumerate(group.names):
-            if name.startswith(_KINDS) and not name.endswith('.effort'):
-                known[name] = group, row, None
-                for c, axis in enumerate(group.components):
-                    known[f'{name}.{axis}'] = group, row, c
-    full = full_name(inner, tuple(known), key)
-    group, row, component = known[full]
-    if called is None and group.components and component is None:
+    quantity = named_quantity(inner, key, sample).checked(key)
+    if called is None and quantity.is_vector:
         raise InputError(
             'not a single number', key=key, value=inner, expected=f'norm({inner}) or {inner}.x'
         )
+    if len(quantity.units) > 1:
+        raise InputError('components of several units have no norm', key=key, value=inner)
+    derivatives = _derivatives(quantity, sample, beside)
+    unit, is_size = quantity.units[0], called is not None
+    return ObservedNumber(text, unit, is_size, quantity.read, derivatives)
 
-    def read(sample: Sample) -> Floats:
-        found = np.asarray(group.read(sample)[row], dtype=float)
-        return np.atleast_1d(found if component is None else found[component])
 
-    axes = range(len(group.components)) if component is None else (component,)
-    kind, _, rest = full.partition('.')
-    model = sample.model
-    parts: list[_Component]
-    if kind == 'joints':
-        name, _, what = rest.rpartition('.')
-        parts = [_JointPart(model, sample, model.coordinate_names.index(name), what == 'velocity')]
-    else:
-        name = group.names[row].partition('.')[2]
+def _derivatives(quantity: NamedQuantity, sample: Sample, beside: DisplacedScenes) -> Derivatives:
+    """By formulas for places and joint coordinates; by differences along the free directions for
+    all other quantities."""
+    model, kind = sample.model, quantity.name.partition('.')[0]
+    name = quantity.group.names[quantity.row].partition('.')[2]
+    axes = range(len(quantity.group.components) or 1)
+    if quantity.component is not None:
+        axes = range(quantity.component, quantity.component + 1)
+    if kind in ('points', 'velocities'):
         block = int(model.point_block[model.point_names.index(name)])
         D = model.layout.dimension
-        parts = [_PointPart(block * D + axis, kind == 'velocities') for axis in axes]
-    return ObservedNumber(text, group.units[0], called is not None, read, parts)
+        return _Point([block * D + axis for axis in axes], kind == 'velocities')
+    if kind == 'joints' and not name.endswith('.effort'):
+        joint, _, what = name.rpartition('.')
+        place = model.coordinate_names.index(joint)
+        return _Joint(model, sample, place, what == 'velocity')
+    return AlongFreeDirections(quantity, beside)
 
 
 @dataclass(frozen=True, eq=False)
-class _PointPart:
-    at: int
+class _Point:
+    at: Sequence[int]
     is_rate: bool
 
-    def add(self, state: State, weight: float, to: Bars) -> None:
-        (to.qd if self.is_rate else to.q)[self.at] += weight
+    def add(self, sample: Sample, weights: Floats, to: Bars) -> None:
+        (to.qd if self.is_rate else to.q)[self.at] += weights
 
 
-class _JointPart:
+class _Joint:
     """A joint coordinate: atan2(y, x) of two quadratic forms, or a form; minus another one."""
 
     def __init__(self, model: Model, sample: Sample, n: int, is_rate: bool) -> None:
@@ -140,8 +121,8 @@ class _JointPart:
         if joints.less[n] >= 0:
             self._parts.append((int(joints.less[n]), -1.0))
 
-    def add(self, state: State, weight: float, to: Bars) -> None:
-        model = self._model
+    def add(self, sample: Sample, weights: Floats, to: Bars) -> None:
+        model, state, weight = self._model, sample.state, float(weights[0])
         angles = model.system.angles.c.size // 2
         for which, sign in self._parts:
             if which < angles:

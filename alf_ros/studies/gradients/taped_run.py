@@ -15,11 +15,14 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.simulation.adjoint_following import AdjointFollowing, NoRoom, TakenBack
+from alf_ros.simulation.displaced_scenes import Middle
+from alf_ros.simulation.quantity_tangents import QuantityTangents
 from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.simulation.state import State
 from alf_ros.simulation.tangent_following import TangentFollowing
-from alf_ros.studies.gradients.observed_number import Bars, ObservedNumber
+from alf_ros.studies.gradients.bars import Bars
+from alf_ros.studies.gradients.observed_number import ObservedNumber
 
 _MEMORY = 256e6  # bytes for the steps of a leg
 _INNER = 16  # steps of an adaptive method for one of the grid, at first
@@ -49,6 +52,7 @@ class TapedRun:
         self._simulation = simulation
         start, solver = simulation._start, simulation.solver
         self.following = TangentFollowing(names, simulation.scene, solver, start)
+        self.displaced = QuantityTangents(self.following, Middle.of(simulation)).displaced
         self._check_begin()
         self._adjoint = AdjointFollowing(simulation._stepper, simulation.model)
         per_step = _INNER if solver.method.embedded.size else 1
@@ -127,7 +131,7 @@ class TapedRun:
         numbers of the scene. Raises StepError, and InputError by a name without a derivative."""
         self._check_unfolding(max(weights))
         model, found = self._simulation.model, np.zeros(len(self.following.names))
-        bars = Bars.of(model)
+        bars = Bars.of(model, len(self.following.names))
         for leg in reversed(self._legs):
             if leg is not self._legs[-1]:
                 self._repeat(leg)
@@ -137,7 +141,7 @@ class TapedRun:
             for k, slopes in enumerate(self.following.slopes):
                 by = slopes.params(leg.state.inputs)
                 found[k] += by[by != 0.0] @ back.params[by != 0.0]
-        found += self._by_arrays(bars.arrays)
+        found += bars.numbers + self._by_arrays(bars.arrays)
         if self._from_start:
             found += self._by_arrays({'q': bars.q, 'qd': bars.qd})
         return found
@@ -170,7 +174,7 @@ class TapedRun:
             reverse=True,
         )
         while True:
-            own = Bars.of(self._simulation.model)
+            own = Bars.of(self._simulation.model, len(self.following.names))
             self._adjoint.begin(bars.q, bars.qd)
             try:
                 for step in steps:
@@ -184,6 +188,7 @@ class TapedRun:
                 continue
             for name, array in own.arrays.items():
                 bars.arrays[name] += array
+            bars.numbers[:] += own.numbers
             return self._adjoint.taken_back()
 
     def _check_unfolding(self, last: int) -> None:

@@ -12,7 +12,9 @@ from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.scene import overrides
 from alf_ros.scene.scene import Scene
+from alf_ros.simulation.displaced_scenes import DisplacedScenes, Middle
 from alf_ros.simulation.input_checks import numbers
+from alf_ros.simulation.simulation import Simulation
 
 # steps of differences: of the number, which counts as this part of its range at least
 _STEP, _LEAST = 2.5e-3, 0.1
@@ -51,9 +53,17 @@ class DesignNumbers:
         changes = {n: repr(float(x)) for n, x in zip(self.names, values, strict=True)}
         return overrides.with_changes(scene, changes, prefix='vary.')
 
-    def steps(self, values: Floats) -> Floats:
-        """(P,) steps of differences around values."""
-        return _STEP * np.minimum(self.width, np.maximum(np.abs(values), _LEAST * self.width))
+
+def displaced(numbers: DesignNumbers, values: Floats, simulation: Simulation) -> DisplacedScenes:
+    """The scenes around values (P,) of the numbers, of which there is a simulation."""
+    steps = _STEP * np.minimum(numbers.width, np.maximum(np.abs(values), _LEAST * numbers.width))
+
+    def changed(k: int, value: float) -> Scene:
+        other = values.copy()
+        other[k] = value
+        return numbers.framed_at(other)
+
+    return DisplacedScenes(numbers.names, values, steps, changed, Middle.of(simulation))
 
 
 def design_numbers(scene: Scene, vary: Any) -> DesignNumbers:

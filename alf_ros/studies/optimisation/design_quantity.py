@@ -16,28 +16,27 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError, StepError
-from alf_ros.simulation.quantities import Group, full_name, groups
+from alf_ros.simulation.named_quantity import NamedQuantity, named_quantity, slope_along
 from alf_ros.simulation.sample import Sample
 from alf_ros.studies.atlas.transmission import bar_between
-from alf_ros.studies.optimisation.differences import OFFSETS, slope
-from alf_ros.studies.optimisation.displaced_scenes import DisplacedScene
 from alf_ros.studies.optimisation.instants import DesignMotion
 
 CALL = re.compile(r'(\w+)\((.+)\)')
 _SIZES = ('norm', 'abs')
-_WITHOUT = ('works.', 'diagnostics.')  # kinds of quantities without a derivative
 
 
 @dataclass(frozen=True, eq=False)
 class DesignQuantity:
     """`text` as it was given, its unit, and how it is read: the components (components,), of which
-    the magnitude is taken if it `is_size`. turns: whether they are angles, which count turns."""
+    the magnitude is taken if it `is_size`. turns: whether they are angles, which count turns.
+    named: the quantity, if it has a name."""
 
     text: str
     unit: str
     read: Callable[[Sample], Floats]
     is_size: bool
     turns: bool
+    named: NamedQuantity | None
 
     def values(self, samples: Sequence[Sample]) -> Floats:
         """(N,) of samples. Raises StepError where it is not defined, as in a singular position."""
@@ -60,24 +59,16 @@ class DesignQuantity:
 
     def _slopes(self, motion: DesignMotion, n: int, size: float) -> Floats:
         sample, (dq, dqd) = motion.samples[n], motion.tangent(n)
+        if self.named is not None:
+            self.named.check_unique(sample)
         here = self.read(sample)
         along = here / np.linalg.norm(here) if self.is_size and here.any() else np.ones(here.size)
-        found, displaced = np.zeros(len(dq)), motion.displaced
-        for k, scenes in enumerate(displaced.of):
-            step, name = float(displaced.steps[k]), displaced.names[k]
-            each = [
-                self._displaced(scene, sample, offset * step * dq[k], offset * step * dqd[k])
-                for offset, scene in zip(OFFSETS, scenes, strict=True)
+        return np.array(
+            [
+                along @ slope_along(self.read, self.turns, sample, *each, self.text, size)
+                for each in zip(motion.displaced.all, dq, dqd, strict=True)
             ]
-            change = np.array(each) - here
-            if self.turns:
-                change -= 2.0 * np.pi * np.round(change / (2.0 * np.pi))
-            what = f'{self.text} at t = {sample.t:.6g} s'
-            found[k] = along @ slope(change, step, name, what, size)
-        return found
-
-    def _displaced(self, scene: DisplacedScene, sample: Sample, dq: Floats, dqd: Floats) -> Floats:
-        return self.read(scene.sample(sample.t, sample.state, dq, dqd))
+        )
 
 
 def design_quantity(given: Any, key: str, sample: Sample) -> DesignQuantity:
@@ -94,33 +85,17 @@ def design_quantity(given: Any, key: str, sample: Sample) -> DesignQuantity:
             choices = (*_SIZES, 'transmission')
             raise InputError('no such function', key=key, value=called[1], choices=choices)
         inner = called[2].strip()
-    known: dict[str, tuple[Group, int, int | None]] = {}
-    for group in groups(sample):
-        for n, name in enumerate(group.names):
-            known[name] = group, n, None
-            for c, axis in enumerate(group.components):
-                known[f'{name}.{axis}'] = group, n, c
-    full = full_name(inner, tuple(known), key)
-    group, row, component = known[full]
-    if full.startswith(_WITHOUT):
-        raise InputError('this quantity has no derivative', key=key, value=inner)
-    if called is None and group.components and component is None:
+    quantity = named_quantity(inner, key, sample).checked(key)
+    if called is None and quantity.is_vector:
         raise InputError(
             'not a single number', key=key, value=inner, expected=f'norm({inner}) or {inner}.x'
         )
-    if component is None:
-        units = set(group.units)
-    else:
-        units = {group.units[component]}
-    if len(units) > 1:
+    if len(quantity.units) > 1:
         raise InputError('components of several units have no norm', key=key, value=inner)
-    unit = units.pop()
-
-    def read(sample: Sample) -> Floats:
-        found = np.asarray(group.read(sample)[row], dtype=float)
-        return np.atleast_1d(found if component is None else found[component])
-
-    return DesignQuantity(text, unit, read, called is not None, unit == 'rad')
+    is_size = called is not None
+    return DesignQuantity(
+        text, quantity.units[0], quantity.read, is_size, quantity.turns, quantity
+    )
 
 
 def _transmission(text: str, inner: str, key: str, sample: Sample) -> DesignQuantity:
@@ -133,4 +108,4 @@ def _transmission(text: str, inner: str, key: str, sample: Sample) -> DesignQuan
         state = sample.state
         return np.array([bar.angle(sample.model, state.q, state.qd)])
 
-    return DesignQuantity(text, 'rad', read, False, False)
+    return DesignQuantity(text, 'rad', read, False, False, None)

@@ -20,11 +20,11 @@ from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.model.dense_linearisation import Linearised
 from alf_ros.scene.text.scene_document import SceneDocument
+from alf_ros.simulation.differences import OFFSETS, slope
+from alf_ros.simulation.displaced_scenes import DisplacedScenes
 from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.simulation import Simulation
-from alf_ros.studies.optimisation.design_numbers import DesignNumbers
-from alf_ros.studies.optimisation.differences import OFFSETS, slope
-from alf_ros.studies.optimisation.displaced_scenes import DisplacedScene, DisplacedScenes
+from alf_ros.studies.optimisation.design_numbers import DesignNumbers, displaced
 from alf_ros.studies.optimisation.instants import PointTrack, path
 
 _SINGULAR = 1e-6  # singular value, of the largest, from which down the drives do not decide
@@ -74,7 +74,7 @@ class DrivenDesign:
         """The scenes beside it."""
         if self.simulation.adjustment is not None:
             raise InputError('no derivative: redundant lengths are adjusted, so none is free')
-        return DisplacedScenes(self._numbers, self._values, self.simulation)
+        return displaced(self._numbers, self._values, self.simulation)
 
     def tangent(self, n: int) -> tuple[Floats, Floats]:
         """δq, δq̇ (P, blocks D) of sample n. Raises InputError where they do not exist."""
@@ -114,9 +114,8 @@ class DrivenDesign:
         inverse = Vt.T @ (U / s).T
         found = np.zeros((len(self._values), state.q.size))
         size = float(np.abs(state.q).max()) ** 2
-        for k, (scenes, step) in enumerate(self._each):
+        for k, (name, step, scenes) in enumerate(self.displaced.all):
             placed = [each.placed(sample.t, state.q, state.qd)[0] for each in scenes]
-            name = self.displaced.names[k]
             opened = [each.violation(q) for each, q in zip(scenes, placed, strict=True)]
             given = self._scaled(slope(np.array(opened), step, name, 'a length', size))
             found[k] = slope(np.array(placed), step, name, 'a place')
@@ -133,22 +132,17 @@ class DrivenDesign:
         dq, inverse = self._positions(sample)
         dqd = np.zeros_like(dq)
         size = float(np.abs(state.q).max() * np.abs(state.qd).max())
-        for k, (scenes, step) in enumerate(self._each):
+        for k, (name, step, scenes) in enumerate(self.displaced.all):
             rates, speeds = [], []
             for offset, each in zip(OFFSETS, scenes, strict=True):
                 q = state.q + offset * step * dq[k]
                 q, qd = each.placed(sample.t, q, state.qd)
                 rates.append(each.rate(q, qd))
                 speeds.append(qd)
-            name = self.displaced.names[k]
             dqd[k] = slope(np.array(speeds), step, name, 'a drive')
             given = self._scaled(slope(np.array(rates), step, name, 'a velocity', size))
             dqd[k, :n] = -inverse @ given
         return dq, dqd
-
-    @property
-    def _each(self) -> list[tuple[Sequence[DisplacedScene], float]]:
-        return list(zip(self.displaced.of, self.displaced.steps.tolist(), strict=True))
 
     def _scaled(self, of_rows: Floats) -> Floats:
         """(rows,) of the kernel -> in the order and scale of `Linearised`."""

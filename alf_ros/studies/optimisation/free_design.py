@@ -8,10 +8,10 @@ from functools import cached_property
 import numpy as np
 
 from alf_ros.arrays import Floats
+from alf_ros.simulation.displaced_scenes import DisplacedScenes
 from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.simulation import Simulation
-from alf_ros.studies.optimisation.design_numbers import DesignNumbers
-from alf_ros.studies.optimisation.displaced_scenes import DisplacedScenes
+from alf_ros.studies.optimisation.design_numbers import DesignNumbers, displaced
 from alf_ros.studies.optimisation.instants import PointTrack, path
 from alf_ros.studies.optimisation.near_samples import near
 
@@ -44,7 +44,7 @@ class FreeDesign:
     @cached_property
     def displaced(self) -> DisplacedScenes:
         """The scenes beside it."""
-        return DisplacedScenes(self._numbers, self._values, self.simulation)
+        return displaced(self._numbers, self._values, self.simulation)
 
     def tangent(self, n: int) -> tuple[Floats, Floats]:
         """δq, δq̇ (P, blocks D) of sample n."""

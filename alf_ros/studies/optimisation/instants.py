@@ -9,9 +9,9 @@ from typing import Protocol
 import numpy as np
 
 from alf_ros.arrays import Floats
+from alf_ros.simulation.displaced_scenes import DisplacedScenes
 from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.simulation import Simulation
-from alf_ros.studies.optimisation.displaced_scenes import DisplacedScenes
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,112 @@
+"""One quantity of samples by its name, and its derivative along a change of scene and state."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from alf_ros.arrays import Floats
+from alf_ros.errors import InputError
+from alf_ros.simulation.differences import OFFSETS, slope
+from alf_ros.simulation.displaced_scenes import Displaced
+from alf_ros.simulation.quantities import Group, full_name, groups
+from alf_ros.simulation.sample import Sample
+
+_WITHOUT = ('works.', 'diagnostics.')  # kinds of quantities without a derivative
+
+
+@dataclass(frozen=True, eq=False)
+class NamedQuantity:
+    """`name` as a path in `Sample`; row and component (None: all) where its group has it."""
+
+    name: str
+    group: Group
+    row: int
+    component: int | None
+
+    @property
+    def is_vector(self) -> bool:
+        """Whether it has several components."""
+        return bool(self.group.components) and self.component is None
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """The units that its components have, each once."""
+        units = self.group.units
+        return tuple(dict.fromkeys(units)) if self.component is None else (units[self.component],)
+
+    def read(self, sample: Sample) -> Floats:
+        """(components,) in a sample."""
+        found = np.asarray(self.group.read(sample)[self.row], dtype=float)
+        return np.atleast_1d(found if self.component is None else found[self.component])
+
+    @property
+    def turns(self) -> bool:
+        """Whether it is an angle, which counts turns."""
+        return self.units == ('rad',)
+
+    def check_unique(self, sample: Sample) -> None:
+        """Raises InputError if it is one of many that balance, as a share of redundant joints."""
+        kind, _, name = self.group.names[self.row].partition('.')
+        if kind != 'reactions':
+            return
+        joint, _, part = name.rpartition('.')
+        open_ = getattr(sample.reactions[joint], f'open_{part}')
+        if np.any(open_ if self.component is None else open_[self.component]):
+            told = f'is one of many that balance at t = {sample.t:.6g} s'
+            raise InputError(
+                f'no derivative: with redundant constraints it {told}', value=self.name
+            )
+
+    def checked(self, key: str) -> NamedQuantity:
+        """Itself. Raises InputError, which says `key`, if it has no derivative."""
+        if self.name.startswith(_WITHOUT):
+            raise InputError('this quantity has no derivative', key=key, value=self.name)
+        return self
+
+
+def named_quantity(name: str, key: str, sample: Sample) -> NamedQuantity:
+    """The quantity of a name, or of an end of it, as `record` takes them; `sample`: of the same
+    scene. Raises InputError, which says `key`."""
+    known: dict[str, tuple[Group, int, int | None]] = {}
+    for group in groups(sample):
+        for row, each in enumerate(group.names):
+            known[each] = group, row, None
+            for c, axis in enumerate(group.components):
+                known[f'{each}.{axis}'] = group, row, c
+    full = full_name(name, tuple(known), key)
+    return NamedQuantity(full, *known[full])
+
+
+def slope_along(
+    read: Callable[[Sample], Floats],
+    turns: bool,
+    sample: Sample,
+    around: Displaced,
+    dq: Floats,
+    dqd: Floats,
+    what: str,
+    size: float = 0.0,
+) -> Floats:
+    """(components,) the derivative of a reading where a number changes, and per unit of it the
+    state by dq and dqd (blocks D, m and m/s).
+
+    turns: it reads angles. what: the reading in words; size: of other terms that it sums. Raises
+    InputError where the reading is not smooth.
+    """
+    here = read(sample)
+    displaced = [
+        read(
+            scene.sample(
+                sample.t, sample.state, offset * around.step * dq, offset * around.step * dqd
+            )
+        )
+        for offset, scene in zip(OFFSETS, around.scenes, strict=True)
+    ]
+    change = np.array(displaced) - here
+    if turns:
+        change -= 2.0 * np.pi * np.round(change / (2.0 * np.pi))
+    size = float(np.abs(here).max(initial=size))
+    return slope(change, around.step, around.name, f'{what} at t = {sample.t:.6g} s', size)

@@ -1,0 +1,48 @@
+"""Derivatives of named quantities of samples, along the tangents of their states."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+
+from alf_ros.arrays import Floats
+from alf_ros.errors import InputError
+from alf_ros.scene import overrides
+from alf_ros.scene.scene import Scene
+from alf_ros.simulation.displaced_scenes import DisplacedScenes, Middle
+from alf_ros.simulation.named_quantity import named_quantity, slope_along
+from alf_ros.simulation.named_values import read_only
+from alf_ros.simulation.parameter_slopes import LONGEST
+from alf_ros.simulation.sample import Sample
+from alf_ros.simulation.state_direction import is_direction
+from alf_ros.simulation.tangent_following import TangentFollowing
+
+
+class QuantityTangents:
+    """Of the parameters that a run follows; `displaced`: the scenes around its scene."""
+
+    def __init__(self, following: TangentFollowing, middle: Middle) -> None:
+        values = np.array([each.value for each in following.slopes])
+        steps = LONGEST * np.where(values == 0.0, 1.0, np.abs(values))
+        changed = partial(_changed, following.names, middle.scene)
+        self.displaced = DisplacedScenes(following.names, values, steps, changed, middle)
+
+    def of(self, sample: Sample, k: int, name: str) -> float | Floats:
+        """Of a quantity by parameter k: a number, or (components,). Raises InputError."""
+        if not isinstance(name, str):
+            raise InputError('no name', key='quantity', value=name, expected='energy')
+        found = named_quantity(name, 'quantity', sample).checked('quantity')
+        found.check_unique(sample)
+        dq, dqd = sample.state.tangents.reshape(-1, 2, sample.state.q.size)[k]
+        around = self.displaced.moving(k, sample.state, dq, dqd)
+        slope = slope_along(found.read, found.turns, sample, around, dq, dqd, found.name)
+        return read_only(slope) if found.is_vector else float(slope[0])
+
+
+def _changed(names: Sequence[str], scene: Scene, k: int, value: float) -> Scene:
+    """The scene with another value of number k; a direction of the state leaves it as it is."""
+    if is_direction(names[k]):
+        return scene
+    return overrides.with_changes(scene, {names[k]: repr(value)})
