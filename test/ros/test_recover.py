@@ -1,6 +1,6 @@
 """Killed at any instant, cut anywhere: at most a second is missing, and nothing is wrong.
 
-Eight kills; two hundred with ALF_ROS_LONG=1 make test ARGS=test/ros/test_recover.py.
+Four kills; two hundred with ALF_ROS_LONG=1 make test ARGS=test/ros/test_recover.py.
 """
 
 import os
@@ -24,7 +24,7 @@ from alf_ros.logs.comparison import compare
 from support.log_files import make, read_by_others, rewritten
 from support.ros_node import Peer, SimulatorProcess, wrench
 
-KILLS = 200 if os.environ.get('ALF_ROS_LONG') else 8
+KILLS = 200 if os.environ.get('ALF_ROS_LONG') else 4
 LONGEST = 3.0  # s of a run that is killed
 MOST_LOST = 1.0  # s
 

@@ -19,10 +19,9 @@ from alf_ros.scene import overrides
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation.sample import Sample
 from alf_ros.studies.exact.exact_tangents import ExactTangents, double_four_bar, slider_crank
-from support.paths import ROOT
+from support.some_scenes import SOME_SCENES
 from support.tangent_robot import NUMBERS, ROBOT
 
-SCENES = sorted(path.stem for path in (ROOT / 'config' / 'scenes').glob('*.yaml'))
 FIXED = {'step': 1e-2 / 7.0}
 ADAPTIVE = {'step': 0.1, 'integrator': 'dop853_adaptive', 'tolerance': 1e-8}
 
@@ -87,7 +86,7 @@ def accelerated(sample: Sample) -> np.ndarray[Any, Any]:
     return np.array([sample.state.qd, sample._accelerated[0].qdd])
 
 
-@pytest.mark.parametrize('name', SCENES)
+@pytest.mark.parametrize('name', SOME_SCENES)
 def test_derivative_by_the_start_of_time(name: str) -> None:
     """Started later by δ, a motion is later by δ: its derivative is q̇, q̈. All rows, spaces and
     effects of the library take part."""

@@ -21,12 +21,11 @@ from alf_ros.studies.exact.exact_tangents import double_four_bar, slider_crank
 from alf_ros.studies.gradients.observed_number import observed_number
 from alf_ros.studies.gradients.taped_run import TapedRun
 from support.log_files import make
-from support.paths import ROOT
+from support.some_scenes import SOME_SCENES
 from support.tangent_robot import NUMBERS, ROBOT
 
 FIXED: dict[str, Any] = {'step': 1e-2 / 7.0}
 ADAPTIVE: dict[str, Any] = {'step': 0.1, 'integrator': 'dop853_adaptive', 'tolerance': 1e-8}
-SCENES = sorted(path.stem for path in (ROOT / 'config' / 'scenes').glob('*.yaml'))
 
 
 @pytest.fixture(scope='module')
@@ -90,7 +89,7 @@ def is_number(scene: Scene, name: str) -> bool:
         return False
 
 
-@pytest.mark.parametrize('name', SCENES)
+@pytest.mark.parametrize('name', SOME_SCENES)
 def test_equals_the_tangents_in_every_scene(name: str) -> None:
     """All rows, spaces and effects of the library; by masses, where there are parameters."""
     scene = load_scene(name)
