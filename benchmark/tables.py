@@ -33,6 +33,7 @@ DOCUMENTS = (
     'doc/import.md',
     'doc/identification.md',
     'doc/derivatives.md',
+    'doc/method.md',
 )
 STIFF = 1e-4  # m
 WHY = 100  # characters of a reason
@@ -286,6 +287,12 @@ def derivative_errors() -> str:
     return markdown(about, head, [list(row.values()) for row in found])
 
 
+def coarse_steps() -> str:
+    """Fixed steps that are too long, and whether that is reported."""
+    about, found = rows('coarse_steps.csv')
+    return markdown(about, ' | '.join(found[0]), [list(row.values()) for row in found])
+
+
 def _told(row: dict[str, str]) -> str:
     """A result, and the beginning of its reason."""
     why = row['why'].replace('|', '/')
@@ -320,6 +327,7 @@ TABLES = (
     ('identification', identification),
     ('derivatives', derivatives),
     ('derivative_errors', derivative_errors),
+    ('coarse_steps', coarse_steps),
 )
 
 

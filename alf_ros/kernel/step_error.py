@@ -47,10 +47,12 @@ WORST_STEPS = 7
 JUDGED = 8  # numbers in all
 
 LEVEL = 1e-3  # of the size: sum of errors of 1000 steps from which on steps are too long
+FEWEST = 100.0  # steps: a sum of fewer is compared with LEVEL as if it were of so many
 MOST_UNRESOLVED = 200.0  # steps of 1000, likewise
+_WINDOW = 1000.0  # steps, of which a sum is
 _MEMORY, _SHORT_MEMORY = 1e-3, 1e-2  # part of a sum that each step forgets
 _PIECE = np.uint64(256)  # coordinates at a time
-TELLS = 1e-6  # of the size: errors below add up to less than LEVEL
+TELLS = 1e-6  # of the size: errors below never reach LEVEL
 FINEST = 1e-10  # of the size: errors below may be rounding
 
 
@@ -147,7 +149,8 @@ def remember(judged: Floats, moved: float, unresolved: bool, counts: bool) -> No
     recent = judged[RECENT] + (moved - _MEMORY * judged[RECENT])
     rough = judged[UNRESOLVED] + (pick(unresolved, 1.0, 0.0) - _MEMORY * judged[UNRESOLVED])
     steps = judged[STEPS] + (1.0 - _MEMORY * judged[STEPS])
-    level = max(recent * (1.0 / LEVEL), rough * (1.0 / MOST_UNRESOLVED))
+    each = recent / max(steps, FEWEST)
+    level = max(each * (_WINDOW / LEVEL), rough * (1.0 / MOST_UNRESOLVED))
     worse = counts & (level > judged[WORST])
     judged[LOST] = pick(counts, lost_lately(judged, moved), judged[LOST])
     judged[RECENT] = pick(counts, recent, judged[RECENT])

@@ -91,13 +91,17 @@ def _esdirk43() -> Tableau:
 
 _ESDIRK43 = _esdirk43()
 
+# Scales the difference of orders 3 and 4: on ẍ = -ω² x it is 0.3 to 0.15 of the error for ω h of
+# 1 to 2.
+_COARSE = 3.0
+
 
 TABLEAUX = {
     'rk4': _rk4(),
     'dop853': _DOP853,
     'dop853_adaptive': _DOP853._replace(embedded=_PAIR, estimate=np.zeros(0)),
     'esdirk43': _ESDIRK43._replace(
-        embedded=np.zeros(0), estimate=np.vstack([_ESDIRK43.embedded, np.zeros((1, 6))])
+        embedded=np.zeros(0), estimate=np.vstack([_COARSE * _ESDIRK43.embedded, np.zeros((1, 6))])
     ),
     'esdirk43_adaptive': _ESDIRK43,
 }

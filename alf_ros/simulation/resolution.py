@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from alf_ros.arrays import Floats
 from alf_ros.kernel.step_error import (
+    FEWEST,
     LEVEL,
     MOST_UNRESOLVED,
     WORST,
@@ -59,9 +60,9 @@ class Resolution:
         if not self.too_long:
             return self.step if self.error >= 0.0 else math.nan
         found = min(stable, self.step) if self.chatters else self.step
-        if self.error > LEVEL:  # h^4 at the least, where steps are far too long
-            part = _AIM * LEVEL / self.error * self.steps / _WINDOW
-            found = min(found, self.step * part**0.25)
+        allowed = LEVEL * max(self.steps, FEWEST) / _WINDOW
+        if self.error > allowed:  # h^4 at the least, where steps are far too long
+            found = min(found, self.step * (_AIM * allowed / self.error) ** 0.25)
         return nice(found)
 
     def trouble(self, adequate: float) -> str:

@@ -286,7 +286,8 @@ class Simulation:
         """Estimated errors of the steps, displacements in parts of the size of the mechanism:
         their largest sum over about 1000 steps since the start or the last restored state.
 
-        Above 0.001 the steps are too long, see `resolution`. NaN where nothing is measured.
+        With more than 1e-6 a step, of 100 steps at least, they are too long, see `resolution`.
+        NaN where nothing is measured.
         """
         return self._stepper.step_error
 

@@ -33,6 +33,7 @@ MARKS = {
     'doc/closing_loops.md': ('<!-- closure -->', '| stewart_platform |'),
     'doc/identification.md': ('<!-- identification -->', '| gripper |'),
     'doc/import.md': ('<!-- robots -->', '| talos_like |'),
+    'doc/method.md': ('<!-- coarse_steps -->', '| esdirk43 |'),
     'doc/new_user.md': ('<!-- new_user -->', '| a moving mechanism |'),
 }
 
