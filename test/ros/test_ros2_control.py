@@ -29,7 +29,13 @@ from support.ros_node import Diagnostics, SimulatorProcess, journal, read_log
 FOLDER = ROOT / 'config/ros2_control'
 MECHANISMS = sorted(resources.library('ros2_control'))
 # moved alone: the last motor, to here, rad or m
-GOALS = {'delta_robot': 0.2, 'slider_crank': 0.9, 'excavator': 0.2, 'two_finger_gripper': 0.1}
+GOALS = {
+    'delta_robot': 0.2,
+    'excavator': 0.2,
+    'four_axis_delta': 0.2,
+    'slider_crank': 0.9,
+    'two_finger_gripper': 0.1,
+}
 NAN = math.nan
 P, V, PV, NO = (True, False), (False, True), (True, True), (False, False)
 

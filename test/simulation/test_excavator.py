@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 from alf_ros import Simulation, load_scene
 from alf_ros.arrays import Floats
-from support.lagrange import Array, Reduced, distance, meet, turned
+from support.lagrange import Array, Reduced, distance, meet, planar, turned
 
 CYLINDERS = ('boom_cylinder', 'stick_cylinder', 'bucket_cylinder')
 FOOT, BASE = np.zeros(2), np.array([0.55, -0.65])  # O and C
@@ -51,7 +51,7 @@ def drawn() -> Floats:
 
 
 def reduced() -> Reduced:
-    return Reduced(load_scene('excavator').mechanism.bodies, places)
+    return planar(load_scene('excavator').mechanism.bodies, places)
 
 
 def test_a_cycle_closes_by_the_law_of_cosines() -> None:

@@ -37,6 +37,7 @@ FREEDOMS = {
     'wheeled_robot': 2,
     'double_pendulum': 2,
     'excavator': 3,
+    'four_axis_delta': 4,
     'two_finger_gripper': 3,
     'chaplygin_sleigh': 2,
     'coin': 3,

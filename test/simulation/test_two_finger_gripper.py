@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from alf_ros import Scene, Simulation, equilibrium, load_scene
 from alf_ros.arrays import Floats
 from alf_ros.mechanism import Body
-from support.lagrange import Array, Reduced, distance, meet, turned
+from support.lagrange import Array, Reduced, distance, meet, planar, turned
 
 # angles of driver1, inner0 and inner1: the worm turns driver0 the other way
 DRIVER, INNER = np.array([0.0305, 0.055]), np.array([0.0125, 0.062])  # D and I of the right finger
@@ -52,7 +52,7 @@ def places(q: Array) -> dict[str, Array]:
 def reduced(*more: Body) -> Reduced:
     """With the weight of the scene, towards the tips."""
     bodies = load_scene('two_finger_gripper').mechanism.bodies
-    return Reduced([*bodies, *more], places, gravity=-9.81)
+    return planar([*bodies, *more], places, gravity=-9.81)
 
 
 def coordinates(joints: Any) -> Floats:

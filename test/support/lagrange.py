@@ -1,13 +1,13 @@
 """Lagrange's equations of few coordinates, from places in closed form: a reference without solver.
 
-A planar body with its centre of mass at c and the unit vector e along its x axis has the kinetic
-energy ½ m ċ² + ½ J ė². All c and e are x(q), with a constant mass matrix W, so that
+All masses are at coordinates x(q) with a constant, diagonal mass matrix W and constant weights w.
+In the plane, x holds the centre of mass c of each body and the unit vector e along its x axis, as
+its kinetic energy is ½ m ċ² + ½ J ė². Then
 
-    Xᵀ W ẍ = Q + Xᵀ W g,   X = ∂x/∂q.
+    Xᵀ (W ẍ - w) = Q,   X = ∂x/∂q.
 
 X is made by complex steps. ẍ, the second derivative of x along the motion, is made from values on
-two rays of the complex plane. Only masses and their places in the body frames are read from the
-mechanism; the test closes the loops, by the law of cosines.
+two rays of the complex plane. The tests close the loops, by the law of cosines.
 """
 
 from __future__ import annotations
@@ -44,24 +44,13 @@ def meet(a: Array, ra: Any, b: Array, rb: Any) -> Array:
 
 
 class Reduced:
-    """The bodies of a planar mechanism on `places`: coordinates (k,) to points by name (2,)."""
+    """Masses (n,), kg or kg m², at x(q) (n,) under weights (n,), N or N m."""
 
-    def __init__(self, bodies: Sequence[Body], places: Places, gravity: float = 9.81) -> None:
-        self.bodies, self.places, self.gravity = bodies, places, gravity
-        self.mass = np.array([[b.mass, b.mass, b.inertia, b.inertia] for b in bodies]).ravel()
-
-    def x(self, q: Array) -> Array:
-        """(4 bodies,) centre of mass, m, and unit vector of each."""
-        at = self.places(q)
-        rows = []
-        for body in self.bodies:
-            first, second = (at[name] for name in body.points[:2])
-            e = (second - first) / distance(first, second)
-            rows.append([*(first + body.com[0] * e + body.com[1] * turned(e)), *e])
-        return np.array(rows).ravel()
+    def __init__(self, x: Callable[[Array], Array], mass: Floats, weight: Floats) -> None:
+        self.x, self.mass, self.weight = x, mass, weight
 
     def jacobian(self, q: Floats) -> Floats:
-        """X (4 bodies, k)."""
+        """X (n, k)."""
         steps = 1e-30j * np.eye(len(q))
         return np.array([self.x(q + step).imag * 1e30 for step in steps]).T
 
@@ -74,11 +63,30 @@ class Reduced:
 
         there, back = on_the_way(_RAY * _FAR), on_the_way(-_RAY * _FAR)
         acceleration = (there + back).imag / _FAR**2
-        acceleration[1::4] += self.gravity
-        return self.jacobian(q).T @ (self.mass * acceleration)
+        return self.jacobian(q).T @ (self.mass * acceleration - self.weight)
 
     def acceleration(self, q: Floats, qd: Floats, Q: Floats) -> Floats:
         """(k,) q̈ under the generalised forces Q besides the weight."""
         X = self.jacobian(q)
         left = Q - self.efforts(q, qd, np.zeros(len(q)))
         return np.asarray(np.linalg.solve(X.T @ (self.mass[:, None] * X), left), dtype=float)
+
+
+def planar(bodies: Sequence[Body], places: Places, gravity: float = 9.81) -> Reduced:
+    """Bodies of the plane on `places`: coordinates (k,) to points by name (2,), m.
+
+    Their masses and centres of mass in the body frames are read; gravity (m/s²) acts along -y.
+    """
+
+    def x(q: Array) -> Array:
+        at = places(q)
+        rows = []
+        for body in bodies:
+            first, second = (at[name] for name in body.points[:2])
+            e = (second - first) / distance(first, second)
+            rows.append([*(first + body.com[0] * e + body.com[1] * turned(e)), *e])
+        return np.array(rows).ravel()
+
+    mass = np.array([[b.mass, b.mass, b.inertia, b.inertia] for b in bodies])
+    weight = np.array([[0.0, -gravity * b.mass, 0.0, 0.0] for b in bodies])
+    return Reduced(x, mass.ravel(), weight.ravel())
