@@ -34,6 +34,7 @@ GOALS = {
     'excavator': 0.2,
     'four_axis_delta': 0.2,
     'slider_crank': 0.9,
+    'spring_leg': -1.6,
     'two_finger_gripper': 0.1,
 }
 NAN = math.nan

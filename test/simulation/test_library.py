@@ -43,6 +43,7 @@ FREEDOMS = {
     'coin': 3,
     'governor': 2,
     'rolling_disk': 2,
+    'spring_leg': 6,
     'stewart_platform': 6,
     'wiper': 0,  # driven
 }
