@@ -30,6 +30,7 @@ _DURATION, _RATE = 4.0, 50.0  # s that a moving picture shows, Hz
 # s, s per second, and Hz, where _DURATION would show too little, or a pause at the end: a platform
 # and a rack soon leave their place, an excavator takes longer for a cycle
 _SHOWN = {
+    'actuator_leg': (2.2, 0.5, 50.0),
     'excavator': (9.0, 2.0, 25.0),
     'four_axis_delta': (1.8, 0.5, 50.0),
     'rack_and_pinion': (0.5, 0.125, 200.0),

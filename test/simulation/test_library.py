@@ -31,6 +31,7 @@ REDUNDANT = {
     'scissor_lift': 18,
 }
 FREEDOMS = {
+    'actuator_leg': 5,
     'delta_robot': 3,
     'delta_robot_controlled': 3,
     'differential_drive_cart': 2,
