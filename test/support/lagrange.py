@@ -56,20 +56,23 @@ class Reduced:
 
     def efforts(self, q: Floats, qd: Floats, qdd: Floats) -> Floats:
         """(k,) generalised forces besides the weight that this motion needs."""
+        return self.jacobian(q).T @ self._forces(q, qd, qdd)
+
+    def acceleration(self, q: Floats, qd: Floats, Q: Floats) -> Floats:
+        """(k,) q̈ under the generalised forces Q besides the weight."""
+        X = self.jacobian(q)
+        left = Q - X.T @ self._forces(q, qd, np.zeros(len(q)))
+        return np.asarray(np.linalg.solve(X.T @ (self.mass[:, None] * X), left), dtype=float)
+
+    def _forces(self, q: Floats, qd: Floats, qdd: Floats) -> Floats:
+        """W ẍ - w (n,) of this motion."""
         q, qd, qdd = (np.asarray(each, dtype=float) for each in (q, qd, qdd))
 
         def on_the_way(s: complex) -> Array:
             return self.x(q + s * qd + 0.5 * s * s * qdd)
 
         there, back = on_the_way(_RAY * _FAR), on_the_way(-_RAY * _FAR)
-        acceleration = (there + back).imag / _FAR**2
-        return self.jacobian(q).T @ (self.mass * acceleration - self.weight)
-
-    def acceleration(self, q: Floats, qd: Floats, Q: Floats) -> Floats:
-        """(k,) q̈ under the generalised forces Q besides the weight."""
-        X = self.jacobian(q)
-        left = Q - self.efforts(q, qd, np.zeros(len(q)))
-        return np.asarray(np.linalg.solve(X.T @ (self.mass[:, None] * X), left), dtype=float)
+        return np.asarray(self.mass * (there + back).imag / _FAR**2 - self.weight, dtype=float)
 
 
 def planar(bodies: Sequence[Body], places: Places, gravity: float = 9.81) -> Reduced:
