@@ -2,7 +2,8 @@
 
 `ros2 launch alf_ros ros2_control.launch.py mechanism:=delta_robot` takes the arguments of
 simulate.launch.py. It needs controller_manager, joint_trajectory_controller and
-topic_based_ros2_control, which package.xml does not ask for.
+topic_based_ros2_control, which package.xml does not ask for. A mechanism with an `.xml` and a
+`.yaml` in config/ros2_control can be launched.
 """
 
 from pathlib import Path
@@ -16,15 +17,21 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
-from alf_ros import load_scene
+from alf_ros import load_scene, resources
 from alf_ros.exchange.urdf_export import urdf
 
-MECHANISMS = ('delta_robot', 'slider_crank')
+MECHANISMS = sorted(resources.library('ros2_control'))
+
+
+def scene_of(mechanism):
+    """Return the name of its scene with motors: <mechanism>_controlled, or the mechanism's own."""
+    controlled = f'{mechanism}_controlled'
+    return controlled if controlled in resources.library('scenes') else mechanism
 
 
 def description(mechanism, folder):
     """Return the URDF of the scene of a mechanism, with its `<ros2_control>` block."""
-    robot = ElementTree.fromstring(urdf(load_scene(f'{mechanism}_controlled').mechanism))
+    robot = ElementTree.fromstring(urdf(load_scene(scene_of(mechanism)).mechanism))
     robot.append(ElementTree.parse(Path(folder) / f'{mechanism}.xml').getroot())
     return ElementTree.tostring(robot, encoding='unicode')
 
@@ -36,7 +43,7 @@ def nodes(context):
     share = FindPackageShare('alf_ros').perform(context)
     folder = f'{share}/config/ros2_control'
     file = PathJoinSubstitution([share, 'launch', 'simulate.launch.py'])
-    scene = {'scene': f'{mechanism}_controlled'}
+    scene = {'scene': scene_of(mechanism)}
     simulate = IncludeLaunchDescription(
         PythonLaunchDescriptionSource(file), launch_arguments=scene.items()
     )
@@ -67,7 +74,7 @@ def generate_launch_description():
                 'mechanism',
                 default_value='delta_robot',
                 choices=MECHANISMS,
-                description='whose scene, <mechanism>_controlled, and controllers',
+                description='whose scene with motors, and controllers',
             ),
             DeclareLaunchArgument('namespace', default_value='', description='of all its nodes'),
             OpaqueFunction(function=nodes),

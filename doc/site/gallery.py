@@ -27,8 +27,16 @@ from alf_ros.simulation import setup
 
 _ON_CARDS = ('bodies', 'joints', 'freedoms')
 _DURATION, _RATE = 4.0, 50.0  # s that a moving picture shows, Hz
-# s, s per second, and Hz, where _DURATION would show too little: soon both have left their place
-_SHOWN = {'stewart_platform': (0.6, 0.2, 100.0), 'rack_and_pinion': (0.5, 0.125, 200.0)}
+# s, s per second, and Hz, where _DURATION would show too little, or a pause at the end: a platform
+# and a rack soon leave their place, an excavator takes longer for a cycle
+_SHOWN = {
+    'actuator_leg': (2.2, 0.5, 50.0),
+    'excavator': (9.0, 2.0, 25.0),
+    'four_axis_delta': (1.8, 0.5, 50.0),
+    'rack_and_pinion': (0.5, 0.125, 200.0),
+    'spring_leg': (2.5, 0.5, 50.0),
+    'stewart_platform': (0.6, 0.2, 100.0),
+}
 
 
 @dataclass(frozen=True)
@@ -124,8 +132,8 @@ def _picture(each: Exhibit, kept: Path, target: Path) -> None:
 
 def _film(each: Exhibit, kept: Path, target: Path) -> str | None:
     """The name of the moving picture; None if nothing would be seen to move."""
-    parts = ('animation', 'drawn_motion', 'wheel_places')
-    sources = [f'alf_ros/logs/report/{part}.py' for part in parts]
+    parts = ('logs/report/animation', 'logs/report/drawn_motion', 'inspection/wheel_places')
+    sources = [f'alf_ros/{part}.py' for part in parts]
     key = _key(each, *sources, 'doc/site/gallery.py')
     path = kept / f'{each.file.stem}_{key}.webp'
     if not path.exists():

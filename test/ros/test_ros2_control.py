@@ -2,7 +2,6 @@
 
 import math
 import struct
-from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
@@ -15,9 +14,10 @@ from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
+from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from alf_ros import load_scene
+from alf_ros import load_scene, resources
 from alf_ros.logs import load
 from alf_ros.logs.cdr import STAMP, Encoder
 from alf_ros.logs.comparison import compare
@@ -27,9 +27,25 @@ from support.paths import ROOT
 from support.ros_node import Diagnostics, SimulatorProcess, journal, read_log
 
 FOLDER = ROOT / 'config/ros2_control'
-MECHANISMS = ('delta_robot', 'slider_crank')
+MECHANISMS = sorted(resources.library('ros2_control'))
+# moved alone: the last motor, to here, rad or m
+GOALS = {
+    'actuator_leg': 0.03,
+    'delta_robot': 0.2,
+    'excavator': 0.2,
+    'four_axis_delta': 0.2,
+    'slider_crank': 0.9,
+    'spring_leg': -1.6,
+    'two_finger_gripper': 0.1,
+}
 NAN = math.nan
 P, V, PV, NO = (True, False), (False, True), (True, True), (False, False)
+
+
+def scene_of(mechanism):
+    """Its scene with motors, as launch/ros2_control.launch.py chooses it."""
+    controlled = f'{mechanism}_controlled'
+    return controlled if controlled in resources.library('scenes') else mechanism
 
 
 # ------------------------------------------------------------------ which joints values belong to
@@ -116,6 +132,7 @@ class Plugin:
             for joint in block.findall('joint')
             for each in joint.findall('state_interface')
         ]
+        self.motors = [name for name, interfaces in self.joints.items() if interfaces]
 
     def values(self, commands):
         """Values by field; `commands` of joints to positions."""
@@ -160,14 +177,14 @@ def test_the_bytes_are_those_of_the_middleware(mechanism):
 
 @pytest.mark.parametrize('mechanism', MECHANISMS)
 def test_the_block_and_the_controllers_fit_the_scene(mechanism, tmp_path):
-    plugin, scene = Plugin(mechanism), load_scene(f'{mechanism}_controlled')
+    plugin, scene = Plugin(mechanism), load_scene(scene_of(mechanism))
     for name, interfaces in plugin.joints.items():
         if interfaces:
             assert interfaces == ['position'] and follows(scene.effects, name)[0]
     file = FOLDER / f'{mechanism}.yaml'
     controller = yaml.safe_load(file.read_text())['/**/joint_trajectory_controller']
     joints = controller['ros__parameters']['joints']
-    assert joints == [name for name, interfaces in plugin.joints.items() if interfaces]
+    assert joints == plugin.motors
     # read by the node that reads it, in a namespace too
     context = rclpy.Context()
     arguments = ['--ros-args', '--params-file', str(file), '-r', '__ns:=/left']
@@ -184,34 +201,45 @@ def test_the_block_and_the_controllers_fit_the_scene(mechanism, tmp_path):
     assert all(found[f'constraints.{joint}.goal'] > 0.0 for joint in joints)
 
 
-@pytest.mark.parametrize('mechanism', MECHANISMS)
-def test_the_plugin_moves_the_motors(tmp_path, peer, mechanism):
-    plugin = Plugin(mechanism)
-    motors = [name for name, interfaces in plugin.joints.items() if interfaces]
-    moved, goal = motors[-1], 0.9 if mechanism == 'slider_crank' else 0.2
-    heard, found = peer.listen(plugin.topics['joint_states_topic'], JointState), Diagnostics(peer)
-    options = ['--scene', f'{mechanism}_controlled']
-    with SimulatorProcess(tmp_path, *options).wait_running() as node:
-        commands = peer.talk(plugin.topics['joint_commands_topic'], JointState)
-        peer.until(lambda: heard and found.heard, 'the node')
-
-        def value(name, field='position'):
-            return getattr(heard[-1], field)[list(heard[-1].name).index(name)]
-
-        assert all(math.isfinite(value(*state)) for state in plugin.states)
-        # controllers are not active yet
-        commands.publish(plugin.data({}, 1))
-        peer.until(lambda: found.value('commands', 'accepted') == '1', 'nothing commanded')
-        assert found.value('commands', 'held') == '0'
-        stood = {name: value(name) for name in motors}
-        commands.publish(plugin.data({moved: goal}, 2))
-        peer.until(lambda: abs(value(moved) - goal) < 0.02, 'the position')
-        assert found.value('commands', 'last_trouble') == ''
+def test_the_plugin_moves_the_motors_of_each_mechanism(tmp_path, peer):
+    """One node, which loads one scene after the other."""
+    heard, found = peer.listen('joint_states', JointState), Diagnostics(peer)
+    with SimulatorProcess(tmp_path, '--scene', scene_of(MECHANISMS[0])).wait_running() as node:
+        commands = peer.talk('joint_commands', JointState)
+        for mechanism in MECHANISMS:
+            if mechanism != MECHANISMS[0]:
+                scene = Parameter('scene', value=scene_of(mechanism)).to_parameter_msg()
+                asked = peer.call(SetParameters, '/simulator/set_parameters', parameters=[scene])
+                assert asked.results[0].successful, asked.results[0].reason
+                assert peer.call(SetBool, '/simulator/pause', data=False).success
+            moved_by_plugin(Plugin(mechanism), GOALS[mechanism], peer, commands, heard, found)
         assert node.stop() == 0, node.output
-    log = read_log(node.logs[0])
-    (entry,) = journal(log)[1:]
-    assert (entry['kind'], entry['name'], entry['position']) == ('target', moved, goal)
-    assert set(stood) == set(motors) and compare(load(node.logs[0])).equal
+    assert len(node.logs) == len(MECHANISMS)
+    for mechanism, log in zip(MECHANISMS, node.logs, strict=True):
+        (entry,) = journal(read_log(log))[1:]
+        moved = Plugin(mechanism).motors[-1]
+        goal = ('target', moved, GOALS[mechanism])
+        assert (entry['kind'], entry['name'], entry['position']) == goal
+        assert compare(load(log)).equal
+
+
+def moved_by_plugin(plugin, goal, peer, commands, heard, found):
+    """First no controller is active, then one commands the last motor."""
+    assert set(plugin.topics.values()) >= {'joint_states', 'joint_commands'}
+
+    def value(name, field='position'):
+        return getattr(heard[-1], field)[list(heard[-1].name).index(name)]
+
+    peer.until(lambda: set(plugin.joints) <= set(heard[-1].name), 'the states of its joints')
+    assert all(math.isfinite(value(*state)) for state in plugin.states)
+    before = peer.until(lambda: found.value('commands', 'accepted'), 'diagnostics')
+    commands.publish(plugin.data({}, 1))
+    peer.until(lambda: found.value('commands', 'accepted') != before, 'nothing commanded')
+    assert found.value('commands', 'held') == '0'
+    moved = plugin.motors[-1]
+    commands.publish(plugin.data({moved: goal}, 2))
+    peer.until(lambda: abs(value(moved) - goal) < 0.02, 'the position')
+    assert found.value('commands', 'last_trouble') == ''
 
 
 # -------------------------------------------------------------------------------------- tolerances
@@ -273,8 +301,10 @@ def at(pieces, t):
     return sum(c[k] * (t - begin) ** k for k in range(len(c)))
 
 
-def test_the_launch_file_names_what_is_there():
-    text = (ROOT / 'launch/ros2_control.launch.py').read_text()
+def test_the_launch_file_finds_both_files_and_the_scene():
+    blocks = {path.stem for path in FOLDER.glob('*.xml')}
+    assert blocks == set(MECHANISMS) == set(GOALS)
+    assert "'delta_robot'" in (ROOT / 'launch/ros2_control.launch.py').read_text()  # its default
     for mechanism in MECHANISMS:
-        assert f"'{mechanism}'" in text
-        assert Path(FOLDER / f'{mechanism}.xml').is_file()
+        block = ElementTree.parse(FOLDER / f'{mechanism}.xml').getroot()
+        assert block.get('name') == mechanism == load_scene(scene_of(mechanism)).mechanism.name
