@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +34,34 @@ class ShapePlaces:
         imaginary = w * v + c * u + np.cross(u, v)
         real = w * c - np.sum(u * v, axis=1, keepdims=True)
         return np.hstack([world[:, :3] + self.at + 2.0 * across, imaginary, real])
+
+    @cached_property
+    def outlined(self) -> list[int]:
+        """Numbers of the shapes that line drawings show: all but meshes, which are not read."""
+        return [n for n, shape in enumerate(self.shapes) if shape.kind != 'mesh']
+
+    def drawn(self, frames: Floats) -> Floats:
+        """(4 m, 3) m: of each shape `outlined` its middle and the ends of its three half axes."""
+        if not self.outlined:
+            return np.zeros((0, 3))
+        halves = np.array([half_axes(self.shapes[n]) for n in self.outlined])
+        return half_axis_ends(self.poses(frames)[self.outlined], halves)
+
+
+def half_axes(shape: VisualShape) -> tuple[float, float, float]:
+    """Half of the extent of a box, a cylinder or a sphere along its x, y and z (m)."""
+    if shape.kind == 'box':
+        x, y, z = shape.size
+        return 0.5 * x, 0.5 * y, 0.5 * z
+    radius = shape.size[0]
+    return radius, radius, 0.5 * shape.size[1] if shape.kind == 'cylinder' else radius
+
+
+def half_axis_ends(poses: Floats, halves: Floats) -> Floats:
+    """(4 n, 3) m: middles and the ends of half axes of `halves` (n, 3) m; poses (n, 7)."""
+    turns = Rotation.from_quat(poses[:, 3:]).as_matrix()
+    ends = poses[:, None, :3] + halves[:, :, None] * turns.transpose(0, 2, 1)
+    return np.concatenate([poses[:, None, :3], ends], axis=1).reshape(-1, 3)
 
 
 def shape_places(mechanism: Mechanism) -> ShapePlaces | None:
