@@ -121,7 +121,7 @@ function drawStage() {
     if ($('trails').checked) stage.drawTrails(trail(motion), color);
     stage.drawShapes(motion.pick(places, motion.shapePoints), motion.shapes, color);
     stage.drawWheels(motion.pick(places, motion.wheels), color);
-    stage.drawLinks(motion.pick(places, motion.links), motion.pick(places, motion.pins), color);
+    stage.drawLinks(motion.pick(places, motion.links), motion.pick(places, motion.pins), color, motion.shapes.length > 0);
     if ($('reactions').checked) stage.drawArrows(motion.reactions(places, view.t), colors.reaction, factor);
     stage.drawArrows(motion.applied(view.t), colors.applied, factor);
   }

@@ -256,8 +256,9 @@ class Stage {
     pen.stroke();
   }
 
-  // Ends of lines in turn, and joints. What is farther away first, and a little paler.
-  drawLinks(links, joints, color = colors.link) {
+  // Ends of lines in turn, and joints. What is farther away first, and a little paler. Lines are
+  // thin where shapes show the bodies.
+  drawLinks(links, joints, color = colors.link, thin = false) {
     const {pen, spatial, size} = this;
     const ends = triples(links).map((place) => this.project(...place));
     const parts = [];
@@ -274,10 +275,10 @@ class Stage {
     pen.fillStyle = colors.joint;
     for (const {depth, line, at} of parts) {
       pen.globalAlpha = spatial ? 0.78 + 0.22 * Math.tanh(4 * depth / size) : 1;
-      pen.lineWidth = at ? 2.5 : 6;
+      pen.lineWidth = at ? 2.5 : thin ? 2 : 6;
       pen.beginPath();
       if (at) {
-        pen.arc(at[0], at[1], 5.5, 0, 2 * Math.PI);
+        pen.arc(at[0], at[1], thin ? 3.5 : 5.5, 0, 2 * Math.PI);
         pen.fill();
       } else {
         pen.moveTo(line[0][0], line[0][1]);

@@ -251,7 +251,7 @@ function drawStage() {
   stage.countMeshes(picture.meshes);
   stage.drawShapes(picture.shape_points, picture.shapes ?? []);
   stage.drawLines(picture.wheels);
-  stage.drawLinks(picture.links, picture.joints);
+  stage.drawLinks(picture.links, picture.joints, colors.link, picture.shapes?.length > 0);
   if ($('reactions').checked) stage.drawArrows(picture.reactions, colors.reaction, factor);
   stage.drawArrows(picture.applied, colors.applied, factor);
 }
