@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 from rclpy.serialization import deserialize_message
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
@@ -17,6 +18,8 @@ from alf_ros.arrays import Floats
 from alf_ros.commands.analyze import main
 from alf_ros.inspection.shape_places import shape_places
 from alf_ros.logs import load
+from alf_ros.logs.report import animation
+from alf_ros.logs.report.shape_outlines import outlines
 from alf_ros.logs.report.summary import account
 from alf_ros.ros.messages.markers import markers
 from alf_ros.ros.messages.shape_markers import shape_outline
@@ -145,6 +148,28 @@ def test_a_log_is_drawn_with_the_shapes_of_its_scene(log: Path) -> None:
     assert np.ptp(centre, axis=0).max() > 0.1
 
 
+def test_outlines_of_the_moving_picture(log: Path, tmp_path: Path) -> None:
+    """They enclose the shapes as seen, and the picture has their colours."""
+    found = account(load(log))
+    film, motion = animation.film(found, ''), found.motion
+    assert motion is not None
+    places = film.places[-1][motion.shape_points]
+    whole = motion.places[-1][motion.shape_points].reshape(-1, 4, 3)
+    for shape, ends, polygon in zip(
+        motion.shapes, whole, outlines(motion.shapes, places), strict=True
+    ):
+        seen = animation.projected(surface(shape.kind, ends), spatial=True)
+        assert area(polygon) == pytest.approx(ConvexHull(seen).volume, rel=0.02)
+        assert polygon.min(axis=0) == pytest.approx(seen.min(axis=0), abs=1e-3)
+        assert polygon.max(axis=0) == pytest.approx(seen.max(axis=0), abs=1e-3)
+    path = tmp_path / 'film.gif'
+    assert main([str(log), '-o', str(tmp_path / 'page.html'), '--animation', str(path)]) == 0
+    with Image.open(path) as picture:
+        pixels = np.asarray(picture.convert('RGB')).astype(int)
+    pale_red = (pixels[..., 0] > 240) & (np.ptp(pixels, axis=2) > 40)
+    assert pale_red.sum() > 100
+
+
 @needs_chromium
 @pytest.mark.parametrize('width', [1280, 390])
 def test_outlines_of_the_page_enclose_what_is_seen(log: Path, tmp_path: Path, width: int) -> None:
@@ -177,7 +202,8 @@ def test_the_live_view_draws_shapes(tmp_path: Path) -> None:
     with SimulatorProcess(tmp_path / 'run', *options).wait_running() as node:
         with ViewProcess() as view, Browser(view.url, tmp_path / 'profile') as page:
             page.until('picture?.shapes?.length === 4 && picture.meshes === 1', START_LIMIT)
-            first = page.run('picture.shape_points.slice(12, 24).join()')
-            page.until(f"picture.shape_points.slice(12, 24).join() !== '{first}'")
+            places = 'picture?.shape_points?.slice(12, 24).join()'
+            first = page.until(places)
+            page.until(f"({places} ?? '{first}') !== '{first}'")
             assert page.complaints == []
         assert node.stop() == 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from pathlib import Path
 
 import jsonschema
@@ -14,7 +15,9 @@ from scipy.spatial.transform import Rotation
 from alf_ros import Simulation, load_scene
 from alf_ros import __main__ as program
 from alf_ros.errors import InputError
+from alf_ros.exchange.urdf_export import urdf
 from alf_ros.inspection.missing_meshes import missing_meshes
+from alf_ros.inspection.soundness import examine
 from alf_ros.mechanism import VisualShape
 from alf_ros.mechanism.visual_shapes import roll_pitch_yaw
 from alf_ros.scene import json_schema
@@ -117,6 +120,29 @@ def test_what_computes_motions_does_not_know_shapes() -> None:
         for path in (ROOT / 'alf_ros' / package).rglob('*.py'):
             text = path.read_text('utf-8')
             assert 'visual_shapes' not in text and '.shapes' not in text, path
+
+
+def test_no_mesh_is_opened(file: Path) -> None:
+    """Not even one that exists: a log may name any file."""
+    mesh = file.parent / 'meshes/link2.stl'
+    mesh.parent.mkdir()
+    mesh.touch()
+    opened: list[str] = []
+    hearing = [True]
+
+    def hook(event: str, arguments: tuple[object, ...]) -> None:
+        if hearing and event == 'open':
+            opened.append(str(arguments[0]))
+
+    sys.addaudithook(hook)
+    try:
+        scene = load_scene({'mechanism': str(file)})
+        examine(scene_from_text(scene.text))
+        urdf(scene.mechanism)
+        Simulation(scene).step(2)
+    finally:
+        hearing.clear()
+    assert str(file) in opened and not [path for path in opened if 'meshes' in path]
 
 
 def test_files_that_are_not_there_are_told(
