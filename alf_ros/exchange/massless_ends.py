@@ -1,7 +1,8 @@
 """Links without mass at the ends of a robot: frames of tools and cameras on joints that move.
 
 Nothing hangs from them and nothing holds them, so that how they move is not determined and moves
-nothing else. They are left out with their joints, and so is what hung from them alone.
+nothing else. They are left out with their joints, and so is what hung from them alone. The parts
+that they hang from get their shapes.
 """
 
 from __future__ import annotations
@@ -18,6 +19,9 @@ def left_out(robot: Robot) -> None:
             return
         parts = {part for part, _ in ends}
         joints = {joint for _, joint in ends}
+        sides = {each.name: (each.parent, each.child) for each in robot.connections}
+        above = {part: next(x for x in sides[joint] if x != part) for part, joint in ends}
+        robot.shapes = [(above.get(part, part), shape) for part, shape in robot.shapes]
         for name in sorted(joints):
             robot.leave('joints of massless ends', name)
         robot.parts = [part for part in robot.parts if part.name not in parts]

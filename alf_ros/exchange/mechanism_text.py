@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 
 from alf_ros.arrays import Floats
-from alf_ros.exchange.robot import Connection, Robot, RobotPart
+from alf_ros.exchange.robot import Connection, FramePose, Robot, RobotPart
+from alf_ros.exchange.visuals import moved, shape_fields
 from alf_ros.mechanism import GROUND
 from alf_ros.model import joints
 from alf_ros.scene.mechanism_file.bodies import frame_axes
@@ -148,6 +149,7 @@ def text(robot: Robot, scene: bool, stops: float | None, version: str) -> str:
         },
         'joints': found,
     }
+    _add_shapes(robot, mechanism, bodies, points, carried)
     if robot.couplings:
         mechanism['couplings'] = {
             names.take(each.name): {'joints': {joints[name]: a for name, a in each.of.items()}}
@@ -169,14 +171,38 @@ def _body(part: RobotPart, points: _Points, carried: list[str]) -> dict[str, Any
     fields: dict[str, Any] = {'points': carried, 'mass': part.mass}
     if part.mass == 0.0:
         return fields
-    first, *others = (points.at[name] for name in carried)
-    axes = frame_axes(np.array([place - first for place in others]).reshape(-1, 3))
+    first, axes = _frame(points, carried)
     J = axes @ part.inertia @ axes.T
     size = float(np.abs(J).max())
     moments = [J[0, 0], J[1, 1], J[2, 2], J[0, 1], J[0, 2], J[1, 2]]
     fields['inertia'] = {'about_com': _numbers(np.array(moments), size)}
     fields['com'] = _numbers(axes @ (part.com - first), points.size)
     return fields
+
+
+def _frame(points: _Points, carried: list[str]) -> tuple[Floats, Floats]:
+    """The frame that the loader gives a body: origin (3,), axes (3, 3) in rows."""
+    first, *others = (points.at[name] for name in carried)
+    return first, frame_axes(np.array([place - first for place in others]).reshape(-1, 3))
+
+
+def _add_shapes(
+    robot: Robot,
+    mechanism: dict[str, Any],
+    bodies: dict[str, str],
+    points: _Points,
+    carried: dict[str, list[str]],
+) -> None:
+    """Write the shapes of the ground and of bodies, in their frames."""
+    for part, shape in robot.shapes:
+        if part == GROUND:
+            mechanism.setdefault('shapes', []).append(shape_fields(shape))
+        elif part in carried:
+            first, axes = _frame(points, carried[part])
+            found = moved(shape, FramePose(first, axes.T).inverse)
+            mechanism['bodies'][bodies[part]].setdefault('shapes', []).append(shape_fields(found))
+        else:
+            robot.leave('shapes', part)
 
 
 def _numbers(values: Floats, size: float) -> list[float]:

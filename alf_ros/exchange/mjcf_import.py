@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from alf_ros.errors import InputError
-from alf_ros.exchange import mjcf_actuators, mjcf_assets
+from alf_ros.exchange import mjcf_actuators, mjcf_assets, mjcf_geoms
 from alf_ros.exchange.robot import Connection, Coupled, FramePose, Robot, RobotPart, lumped
 from alf_ros.mechanism import GROUND
 from alf_ros.scene.text.yaml_document import LARGEST
@@ -106,6 +106,7 @@ class _Reader:
             self._close(equality)
         names = self._names('actuator', model.nu)
         mjcf_actuators.add(self.robot, mujoco, self.data, names, self.joints)
+        mjcf_geoms.add(self.robot, mujoco, self.data, Path(file), self.held)
         self._leave()
 
     def _names(self, kind: str, count: int) -> list[str]:
@@ -299,7 +300,6 @@ class _Reader:
         model, leave = self.model, self.robot.leave
         for geom in range(model.ngeom):
             body = self.bodies[model.geom_bodyid[geom]]
-            leave('shapes', body)
             if model.geom_contype[geom] or model.geom_conaffinity[geom]:
                 leave('contact', body)
         for kind, count in (

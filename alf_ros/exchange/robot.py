@@ -14,7 +14,7 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.exchange.import_report import LeftOut
-from alf_ros.mechanism import GROUND
+from alf_ros.mechanism import GROUND, VisualShape
 from alf_ros.model import joints
 
 _OPEN = 1e-6  # of the robot's size: how far the two ends of a loop may be apart as drawn
@@ -115,7 +115,8 @@ class Coupled:
 class Robot:
     """Parts and connections; `left_out` says, by kind, what of the source is not among them.
 
-    still: what to do if nothing can move.
+    still: what to do if nothing can move. shapes: with their poses in the world, each after the
+    part, or the ground, that it shows.
     """
 
     name: str
@@ -126,6 +127,7 @@ class Robot:
     connections: list[Connection] = field(default_factory=list)
     actuators: list[Actuator] = field(default_factory=list)
     couplings: list[Coupled] = field(default_factory=list)
+    shapes: list[tuple[str, VisualShape]] = field(default_factory=list)
     left_out: LeftOut = field(default_factory=LeftOut)
 
     def leave(self, kind: str, name: str) -> None:

@@ -7,7 +7,6 @@ Specification: sdformat.org, versions 1.4 to 1.12; what a file does not say has 
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,7 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
-from alf_ros.exchange import xml_file
+from alf_ros.exchange import sdf_resources, sdf_visuals, xml_file
 from alf_ros.exchange.robot import AXES, TYPES, Connection, Coupled, Robot, RobotPart
 from alf_ros.exchange.sdf_frames import MODEL, WORLD, SdfFrames, numbers, pose_of
 from alf_ros.mechanism import GROUND
@@ -58,6 +57,7 @@ class _Reader:
         self.links: dict[str, RobotPart] = {}
         self.still: set[str] = set()  # links of static models
         self.joints: list[tuple[str, ElementTree.Element]] = []
+        self.visuals: list[tuple[str, str, ElementTree.Element]] = []  # scope, link
         if not models:
             raise self.robot.error('model', 'there is none', expected='<model> or <world>')
         for other in root.findall('world')[1:]:
@@ -97,7 +97,7 @@ class _Reader:
     def _included(self, element: ElementTree.Element) -> ElementTree.Element | None:
         """The model of another file, with the name and the pose that this one gives it."""
         uri = (element.findtext('uri') or '').strip()
-        path = _found(uri, self.path.parent)
+        path = sdf_resources.model_file(uri, self.path.parent)
         model = None if path is None else xml_file.root_of(path).find('model')
         if model is None or element.get('merge') == 'true':
             self.robot.leave('includes', uri)
@@ -151,9 +151,9 @@ class _Reader:
             self.still.add(name)
         if element.findtext('gravity') is not None and not _is(element.findtext('gravity')):
             self.robot.leave('gravity off', self._short(name))
+        self.visuals += [(scope, name, each) for each in element.findall('visual')]
         for tag, kind in (
             ('collision', 'contact'),
-            ('visual', 'shapes'),
             ('sensor', 'sensors'),
             ('light', 'lights'),
         ):
@@ -255,6 +255,9 @@ class _Reader:
                 above[child] = parent
         roots = {name: GROUND if root(name) == WORLD else root(name) for name in links}
         part_of = self.robot.add_links(links, roots) | {WORLD: GROUND}
+        for scope, link, visual in self.visuals:
+            frame = self.frames.pose(self._visual_frame(scope, link, visual))
+            sdf_visuals.add(self.robot, visual, self.path.parent, part_of[link], frame)
         for scope, each in self.joints:
             kind = each.get('type', '')
             if kind == 'fixed':
@@ -268,6 +271,10 @@ class _Reader:
                 self.robot.leave('elements', f'joint {each.get("name")} of a fixed part')
             else:
                 self.robot.connect(self._connection(scope, each, parent, child))
+
+    def _visual_frame(self, scope: str, link: str, visual: ElementTree.Element) -> str:
+        to = self._relative(visual)
+        return self.frames.find(to, scope) if to else link
 
     def _placed(self, name: str, part: RobotPart) -> RobotPart:
         pose = self.frames.pose(name)
@@ -384,7 +391,6 @@ class _Reader:
         return np.asarray(turned, dtype=float)
 
 
-_FILES = ('.sdf', '.world', '.xml')
 _ENDS = (('lower', -1e16), ('upper', 1e16))
 
 
@@ -401,19 +407,3 @@ def _first_link(element: ElementTree.Element) -> str:
 
 def _is(text: str | None) -> bool:
     return (text or '').strip().lower() in ('1', 'true')
-
-
-def _found(uri: str, folder: Path) -> Path | None:
-    """The file that a URI of an <include> means: beside this one, in a folder above it, or where
-    GZ_SIM_RESOURCE_PATH and SDF_PATH say; None if there is none."""
-    name = uri.partition('://')[2] if '://' in uri else uri
-    places = [folder, *folder.resolve().parents]
-    for variable in ('GZ_SIM_RESOURCE_PATH', 'SDF_PATH'):
-        places += [Path(each) for each in os.environ.get(variable, '').split(':') if each]
-    for place in places:
-        at = place / name
-        if name and at.is_dir():
-            at = next(iter(sorted(at.glob('*.sdf'))), at)
-        if name and at.is_file() and at.suffix in _FILES:
-            return at
-    return None

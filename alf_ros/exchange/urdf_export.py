@@ -4,7 +4,8 @@ A link per body, with the body's frame, and for each joint of the tree a `contin
 `prismatic` one of the same name (of several freedoms: the names of its coordinates, with links
 between), so that `joint_states` move it. A slider is a `prismatic` joint with a link of its own
 (`<joint>_slide`), for what slides on it may turn as well. URDF knows no loops: the joints that
-close them are left out, as are bodies that no joint known to URDF holds.
+close them are left out, as are bodies that no joint known to URDF holds. A link has the shapes of
+its body, or bars between its points if there are none.
 """
 
 from __future__ import annotations
@@ -16,7 +17,9 @@ from xml.etree import ElementTree
 import numpy as np
 
 from alf_ros.arrays import Floats
+from alf_ros.exchange import urdf_visuals
 from alf_ros.mechanism import GROUND, Body, Joint, Mechanism
+from alf_ros.mechanism.visual_shapes import roll_pitch_yaw
 from alf_ros.model.joints import type_of
 from alf_ros.model.joints.contract import UrdfJoint
 from alf_ros.simulation.display_geometry import in_space, size
@@ -42,7 +45,8 @@ def urdf(
     if left_out and free is None:
         text = f' held by no joint that URDF knows: {", ".join(left_out)} '
         robot.append(ElementTree.Comment(text))
-    ElementTree.SubElement(robot, 'link', name=WORLD)
+    world = ElementTree.SubElement(robot, 'link', name=WORLD)
+    world.extend(urdf_visuals.elements(mechanism.shapes))
     bodies = {body.name: body for body in mechanism.bodies}
     radius = _RADIUS * size(mechanism)
     for joint, parent, child in tree:
@@ -147,16 +151,6 @@ def _numbers(values: Iterable[float]) -> str:
     return ' '.join(repr(float(value) + 0.0) for value in values)
 
 
-def _angles(R: Floats) -> Floats:
-    """Roll, pitch, yaw (rad) of a rotation matrix; where roll and yaw are one, it is all roll."""
-    level = math.hypot(R[0, 0], R[1, 0])
-    pitch = math.atan2(-R[2, 0], level)
-    if level < 1e-9:
-        return np.array([math.atan2(-R[1, 2], R[1, 1]), pitch, 0.0])
-    roll, yaw = math.atan2(R[2, 1], R[2, 2]), math.atan2(R[1, 0], R[0, 0])
-    return np.array([roll, pitch, yaw])
-
-
 def _add_joint(
     robot: ElementTree.Element,
     name: str,
@@ -170,7 +164,9 @@ def _add_joint(
     joint = ElementTree.SubElement(robot, 'joint', name=name, type=kind)
     ElementTree.SubElement(joint, 'parent', link=parent)
     ElementTree.SubElement(joint, 'child', link=child)
-    ElementTree.SubElement(joint, 'origin', xyz=_numbers(place), rpy=_numbers(_angles(axes)))
+    ElementTree.SubElement(
+        joint, 'origin', xyz=_numbers(place), rpy=_numbers(roll_pitch_yaw(axes))
+    )
     if axis is not None:
         ElementTree.SubElement(joint, 'axis', xyz=_numbers(axis))
     if kind == 'prismatic':  # required by the format; the simulation has no such limits
@@ -194,6 +190,9 @@ def _add_link(robot: ElementTree.Element, body: Body, prefix: str, radius: float
             for a, b in map(tuple, _PAIRS)
         }
         ElementTree.SubElement(inertial, 'inertia', moments)
+    if body.shapes:
+        link.extend(urdf_visuals.elements(body.shapes))
+        return
     places = in_space(np.array(body.local))
     closing = places[:1] if len(places) > 2 else places[:0]
     for one, other in zip(places, [*places[1:], *closing], strict=False):

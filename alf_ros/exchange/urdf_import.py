@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
-from alf_ros.exchange import urdf_actuators, urdf_joint_types, xml_file
+from alf_ros.exchange import urdf_actuators, urdf_joint_types, urdf_visuals, xml_file
 from alf_ros.exchange.robot import STILL, Connection, Coupled, FramePose, Robot, RobotPart
 from alf_ros.mechanism import GROUND
 
@@ -89,6 +89,7 @@ class UrdfReader:
             if joint.type in _MOVES
         }
         urdf_actuators.add(self.robot, self.xml, limits)
+        urdf_visuals.add(self.robot, self.xml, path.parent, self.poses, self.part_of)
         self._leave()
 
     def error(self, key: str, message: str, **details: Any) -> InputError:
@@ -262,8 +263,6 @@ class UrdfReader:
         """Note the other contents of the file."""
         pushed = {actuator.joint for actuator in self.robot.actuators}
         for link in self.xml.findall('link'):
-            if link.find('visual') is not None or link.find('collision') is not None:
-                self.robot.leave('shapes', link.get('name', ''))
             if link.find('collision') is not None:
                 self.robot.leave('contact', link.get('name', ''))
         for joint in self.urdf.joints:

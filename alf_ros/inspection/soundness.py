@@ -19,6 +19,7 @@ from alf_ros import kernel
 from alf_ros.arrays import Floats
 from alf_ros.errors import AssemblyError
 from alf_ros.inspection.branches_report import Branches, reported
+from alf_ros.inspection.missing_meshes import missing_meshes
 from alf_ros.inspection.position_sweep import Sweep, sweep
 from alf_ros.model import assembly, ordinary_positions, singular_branches
 from alf_ros.model.compile import Model, allocate, compile_model
@@ -73,6 +74,12 @@ def examine(scene: Scene) -> Soundness:
 
     Raises AssemblyError if nothing moves or has mass, or if it is too large for dense matrices.
     """
+    found, missing = _mechanics(scene), missing_meshes(scene.mechanism)
+    told = Answer(NOTE, 'meshes', f'not drawn: {_list(missing)}')
+    return replace(found, answers=(*found.answers, told)) if missing else found
+
+
+def _mechanics(scene: Scene) -> Soundness:
     # what it could do is asked of it free, so that a walk can take the place of its drives
     model = compile_model(replace(scene.mechanism, drives=()), scene.solver.penalty)
     if model.n > LARGEST:

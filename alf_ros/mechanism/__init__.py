@@ -20,6 +20,7 @@ from alf_ros.mechanism.parts import (
     Rotor,
     Vector,
 )
+from alf_ros.mechanism.visual_shapes import VisualShape
 
 __all__ = [
     'GROUND',
@@ -37,4 +38,5 @@ __all__ = [
     'PrescribedBlock',
     'Rotor',
     'Vector',
+    'VisualShape',
 ]

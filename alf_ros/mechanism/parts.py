@@ -12,6 +12,7 @@ from functools import cached_property
 
 from alf_ros.mechanism.memory import exactly
 from alf_ros.mechanism.time_function import Signal, cosine, rate, sine
+from alf_ros.mechanism.visual_shapes import VisualShape
 
 GROUND = 'ground'
 
@@ -44,7 +45,7 @@ class Body:
     holds each point in that frame (m), `axes` each vector, `com` the centre of mass (m). `inertia`
     is about the centre of mass (kg m^2): in the plane a number, in space the rows of a 3x3 matrix.
     In space a body is carried by three independent directions (to points, or vectors), or is a
-    rod or a point, which have no orientation about themselves.
+    rod or a point, which have no orientation about themselves. `shapes` show it in viewers.
     """
 
     name: str
@@ -55,6 +56,7 @@ class Body:
     inertia: float | tuple[Numbers, ...]
     vectors: tuple[str, ...] = ()
     axes: tuple[Numbers, ...] = ()
+    shapes: tuple[VisualShape, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,7 +191,10 @@ class PrescribedBlock:
 
 @dataclass(frozen=True)
 class Mechanism:
-    """Points, vectors, bodies and joints in the order of the file. The graph is undirected."""
+    """Points, vectors, bodies and joints in the order of the file. The graph is undirected.
+
+    `shapes` show the ground in viewers, in the world frame.
+    """
 
     name: str
     points: tuple[Point, ...]
@@ -200,6 +205,7 @@ class Mechanism:
     drives: tuple[Drive, ...] = ()
     rotors: tuple[Rotor, ...] = ()
     couplings: tuple[Coupling, ...] = ()
+    shapes: tuple[VisualShape, ...] = ()
 
     @cached_property
     def body(self) -> dict[str, Body]:

@@ -18,7 +18,14 @@ from alf_ros.model import joints as joint_types
 from alf_ros.model.joints.contract import Key
 from alf_ros.scene import mechanism_file, scene, sensors_section
 from alf_ros.scene.diff_drive_section import DiffDrive
-from alf_ros.scene.mechanism_file import bearings, bodies, couplings, drives, joints
+from alf_ros.scene.mechanism_file import (
+    bearings,
+    bodies,
+    couplings,
+    drives,
+    joints,
+    shapes_section,
+)
 from alf_ros.scene.text.repetition import NAME, TITLE
 
 Schema = dict[str, Any]
@@ -29,6 +36,7 @@ _TEXT: Schema = {'type': ['string', 'number', 'boolean']}
 _NUMBER: Schema = {'$ref': '#/definitions/number'}
 _NAME: Schema = {'$ref': '#/definitions/name'}
 _NAME_OF: Schema = {'allOf': [_NAME]}
+_SHOWN: Schema = {'allOf': [{'$ref': '#/definitions/shapes'}]}
 _DEFINITIONS: Schema = {
     'number': {
         'description': 'a number, or an expression of parameters',
@@ -105,6 +113,30 @@ def _vector(D: int) -> Schema:
     return _list(_NUMBER, D)
 
 
+def _shapes() -> Schema:
+    """A list of shapes, each of one kind."""
+    forms = {'size': _list(_NUMBER, 3), 'scale': _any(_NUMBER, _list(_NUMBER, 3)), 'file': _TEXT}
+    pose: dict[str, tuple[str, Schema]] = {
+        'at': (
+            'its middle, of a mesh its origin (m); 2 numbers in the plane',
+            _list(_NUMBER, 2, 3),
+        ),
+        'rpy': ('roll, pitch, yaw about fixed x, y, z (rad)', _list(_NUMBER, 3)),
+        'color': ('red, green, blue, opacity if wanted; 0 to 1', _list(_NUMBER, 3, 4)),
+    }
+    placed = {key: {'description': pose[key][0], **pose[key][1]} for key in shapes_section.POSE}
+    cases = []
+    for kind, docs in shapes_section.KINDS.items():
+        fields = {
+            key: {'description': doc, 'allOf': [forms.get(key, _NUMBER)]}
+            for key, doc in docs.items()
+        }
+        shape = _mapping(fields, [key for key in docs if key != 'scale'])
+        cases.append(_mapping({kind: shape, **placed}, [kind]))
+    return _list(_any(*cases))
+
+
+_DEFINITIONS[shapes_section.KEY] = _shapes()
 _TABLE = _any(_list(_list(_NUMBER)), {'type': 'string'})
 
 # ------------------------------------------------------------------------------------- mechanism
@@ -128,6 +160,7 @@ _BODY: dict[str, tuple[str, Callable[[int], Schema]]] = {
     ),
     'com': ('centre of mass, body frame (m)', _vector),
     'length': ('distance of its two points (m); as drawn if absent', lambda D: _NUMBER),
+    shapes_section.KEY: ('what viewers show, body frame', lambda D: _SHOWN),
 }
 
 
@@ -266,6 +299,10 @@ def _mechanism() -> Schema:
         'joints': {'description': 'by name; no joint is the one that closes the loop'},
         'couplings': {'description': 'by name: joint coordinates whose sum stays as drawn'},
         'drives': {'description': 'by name: motions as functions of the time t'},
+        shapes_section.KEY: {
+            'description': 'what viewers show of the ground, world frame',
+            **_SHOWN,
+        },
     }
     whole = _mapping({key: about[key] for key in mechanism_file.KEYS}, mechanism_file.REQUIRED)
     is_spatial = {'properties': {'space': {'const': spatial}}, 'required': ['space']}

@@ -58,6 +58,9 @@ def scene_keys() -> str:
         _keys(
             in_space['bodies']['additionalProperties'], in_plane['bodies']['additionalProperties']
         ),
+        '### A shape',
+        'One of these, in `shapes` of a body or of the mechanism.',
+        *(_keys(case) for case in mechanism['definitions']['shapes']['items']['anyOf']),
         '### A joint',
         'The other keys follow from the `type`: [joints](joints.md).',
         '### A coupling',
@@ -95,7 +98,8 @@ def shape(about: Schema) -> str:
         return ', '.join(f'`{each}`' for each in about['enum'])
     if '$ref' in about:
         name = about['$ref'].rpartition('/')[2]
-        return {'for': 'ranges of indices', 'mechanism': 'mapping'}.get(name, name)
+        words = {'for': 'ranges of indices', 'mechanism': 'mapping', 'shapes': 'list of mappings'}
+        return words.get(name, name)
     if 'then' in about:
         return f'{shape(about["else"])} or {shape(about["then"])}'
     if 'allOf' in about:

@@ -27,7 +27,7 @@ mechanism:
   bodies:
     crank: {points: [O, A], mass: 1.0, inertia: rod}
     plate: {points: [A, B, C], mass: 2.0, inertia: {about_com: 0.1}, com: [half, 0]}
-    bob: {points: [C], mass: 0.5, inertia: point}
+    bob: {points: [C], mass: 0.5, inertia: point, shapes: [{sphere: {radius: 0.1}}]}
   joints:
     pin: {type: revolute, between: [ground, crank], at: O}
     knee: {type: revolute, between: [crank, plate], at: A}
@@ -250,6 +250,57 @@ MISTAKES = {
         'on: bob, torque: 1, force',
         'wrench',
         'no orient',
+    ),
+    'kind of shape': ('[{sphere', '[{spheer', 'bob', "got 'spheer'; did you mean 'sphere'"),
+    'no shape': (
+        '{sphere: {radius: 0.1}}',
+        '{at: [0, 0]}',
+        'bob',
+        'has one kind; expected one of',
+    ),
+    'two shapes': (
+        '{radius: 0.1}}',
+        '{radius: 0.1}, box: {size: [1, 1, 1]}}',
+        'bob',
+        r"shapes\[0\]: a shape has one kind, got 'box and sphere'",
+    ),
+    'flat shape': ('radius: 0.1', 'radius: 0', 'bob', 'sphere.radius: not a length, got .0.'),
+    'size of a shape': ('radius: 0.1', 'raduis: 1', 'bob', "got 'raduis'; did you mean 'radius'"),
+    'colour of a shape': (
+        'radius: 0.1}',
+        'radius: 0.1}, color: [0, 0, 7]',
+        'bob',
+        r'color\[2\]: not a part of a colour, got .7.; expected a number from 0 to 1',
+    ),
+    'no mesh': (
+        'sphere: {radius: 0.1}',
+        'mesh: {file: /dev/zero}',
+        'bob',
+        "not a file of a mesh, got '/dev/zero'; expected one that ends in .3ds",
+    ),
+    'mesh elsewhere': (
+        'sphere: {radius: 0.1}',
+        'mesh: {file: "http://a.b/c.stl"}',
+        'bob',
+        'not a file of a mesh.*expected a path, or package://',
+    ),
+    'mesh with NUL': (
+        'sphere: {radius: 0.1}',
+        'mesh: {file: "a\\0.stl"}',
+        'bob',
+        r"not a path, got 'a.x00.stl'",
+    ),
+    'mesh of nobody': (
+        'sphere: {radius: 0.1}',
+        'mesh: {file: "~no-such-user/a.stl"}',
+        'bob',
+        "not a path, got '~no-such-user",
+    ),
+    'mesh with escapes': (
+        'sphere: {radius: 0.1}',
+        'mesh: {file: "a\\e[2J.stl"}',
+        'bob',
+        r"not a file of a mesh, got 'a.x1b\[2J.stl'",
     ),
     'vector of an effect': ('[0, -9.81]', '[0, 0, -9.81]', 'gravity', 'expected a list of 2'),
     'point of initial': ('{B: [1.0', '{Bee: [1.0', 'velocities', "no such point, got 'Bee'"),

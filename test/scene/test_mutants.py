@@ -13,6 +13,7 @@ import multiprocessing
 import re
 from collections import Counter
 from collections.abc import Iterator
+from typing import Any
 
 import jsonschema
 import pytest
@@ -22,6 +23,7 @@ from alf_ros import effects
 from alf_ros.scene import json_schema
 from alf_ros.scene.scene import FORMULATIONS
 from alf_ros.scene.text import yaml_document
+from alf_ros.scene.text.expression import ExpressionError, evaluate
 from support.mutants import PLANE, SOURCES, SPACE, mutants
 from support.verdict import RAN, REFUSED, STOPPED, serve
 from support.yaml_core import data
@@ -79,6 +81,27 @@ def judge() -> Iterator[Judge]:
     one.close()
 
 
+def _read(document: Any) -> Any:
+    """The part of a document that the loader reads: entries that are repeated from a larger number
+    to a smaller one stand for nothing."""
+    if isinstance(document, list):
+        return [_read(item) for item in document]
+    if not isinstance(document, dict):
+        return document
+    return {key: _read(value) for key, value in document.items() if not _is_nothing(value)}
+
+
+def _is_nothing(value: Any) -> bool:
+    ranges = value.get('for') if isinstance(value, dict) else None
+    if not isinstance(ranges, dict):
+        return False
+    try:
+        bounds = [[evaluate(str(bound), {}) for bound in each] for each in ranges.values()]
+        return any(first > last for first, last in bounds)
+    except (TypeError, ValueError, ExpressionError):  # of parameters
+        return False
+
+
 def test_every_mutant_runs_or_ends_in_one_line(judge: Judge, request) -> None:
     count = request.config.getoption('--mutants')
 
@@ -95,7 +118,7 @@ def test_every_mutant_runs_or_ends_in_one_line(judge: Judge, request) -> None:
         outcome, details = judge(text)
         assert outcome in (RAN, REFUSED, STOPPED), f'{outcome}: {details}\n{text}'
         if outcome == RAN:  # what the loader accepts, an editor must not underline
-            jsonschema.validate(data(yaml_document.parse(text, None)), SCHEMA)
+            jsonschema.validate(_read(data(yaml_document.parse(text, None))), SCHEMA)
 
     campaign()
     print(dict(judge.found))

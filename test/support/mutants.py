@@ -33,7 +33,7 @@ mechanism:
   bodies:
     crank: {points: [O, A], mass: m, inertia: rod}
     plate: {points: [A, B, C], mass: m, inertia: {about_com: 0.1}, com: [L/2, 0]}
-    bob: {points: [C], mass: 0.5, inertia: point}
+    bob: {points: [C], mass: 0.5, inertia: point, shapes: [{sphere: {radius: L/9}, at: [0, 0]}]}
     bar: {points: [D1, D2], length: L, mass: m, inertia: rod}
     slab: {points: [D2], mass: m, inertia: point}
   joints:
@@ -42,6 +42,9 @@ mechanism:
     hook: {type: revolute, between: [plate, bob], at: C}
     rail: {type: prismatic, between: [ground, bar], at: D1, axis: [1, 0]}
     glue: {type: weld, between: [bar, slab], at: D2}
+  shapes:
+    - {box: {size: [L, 0.1, 0.2]}, rpy: [0, 0, pi/4], color: [0.1, 0.2, 0.3, 0.5]}
+    - {mesh: {file: parts/base.stl, scale: [1, 1, -1]}, at: [0, 0, -0.1]}
   drives:
     slide: {joint: rail, length: 0.5*t + 0.1*t**3}
     reach: {points: [O, C], length: {table: [[0, "hypot(L/2, 2*L)"], [1, 2*L]]}}

@@ -18,7 +18,9 @@ from alf_ros.errors import InputError
 from alf_ros.logs import progress
 from alf_ros.logs.report.drawn_motion import DrawnMotion
 from alf_ros.logs.report.gather import Label
+from alf_ros.logs.report.shape_outlines import outlines
 from alf_ros.logs.report.summary import Account
+from alf_ros.mechanism import VisualShape
 
 FORMATS = ('.gif', '.webp', '.mp4')
 FPS = 25.0  # pictures per second
@@ -64,7 +66,7 @@ def film(account: Account, title: str) -> Film:
         scene=account.scene,
         motion=motion,
         t=t,
-        places=_projected(places, motion.spatial),
+        places=projected(places, motion.spatial),
         energy=_energy(account, t),
         passes=passes,
     )
@@ -178,7 +180,7 @@ class _Panel:
     """One mechanism, drawn again and again with the same artists."""
 
     def __init__(self, axes: Any, shown: Film, low: Floats, high: Floats) -> None:
-        from matplotlib.collections import LineCollection
+        from matplotlib.collections import LineCollection, PolyCollection
 
         self._film, motion = shown, shown.motion
         self._links = np.array(motion.links, dtype=int).reshape(-1, 2)
@@ -193,10 +195,15 @@ class _Panel:
         grounded = [n for n in (*ends, *self._pins) if still[n]]
         places = shown.places[0, grounded]
         axes.plot(*places.T, linestyle='none', marker='^', markersize=11, color=INK, zorder=1)
+        self._shapes = PolyCollection([], linewidths=0.8, zorder=1)
+        self._shapes.set_facecolor([_rgba(shape, 0.25) for shape in motion.shapes])
+        self._shapes.set_edgecolor([_rgba(shape, 0.6) for shape in motion.shapes])
         self._wheels = LineCollection([], colors=BAR, linewidths=1.5, zorder=2)
         self._trails = LineCollection([], colors=FAINT, linewidths=0.9, alpha=0.6, zorder=2)
-        self._bars = LineCollection([], linewidths=4.0, capstyle='round', zorder=3)
-        for lines in (self._wheels, self._trails, self._bars):
+        self._bars = LineCollection(
+            [], linewidths=2.0 if motion.shapes else 4.0, capstyle='round', zorder=3
+        )
+        for lines in (self._shapes, self._wheels, self._trails, self._bars):
             axes.add_collection(lines, autolim=False)
         style = {'linestyle': 'none', 'marker': 'o', 'markersize': 6, 'markeredgecolor': INK}
         (self._joints,) = axes.plot([], [], markerfacecolor='white', zorder=4, **style)
@@ -211,6 +218,8 @@ class _Panel:
         self._bars.set_segments(list(places[self._links]))
         near = np.abs(shown.passes - t).min(initial=np.inf) <= _RED_FOR * speed
         self._bars.set_color(RED if near else BAR)
+        at = places[np.array(shown.motion.shape_points, dtype=int)]
+        self._shapes.set_verts(outlines(shown.motion.shapes, at))
         self._wheels.set_segments(list(_rims(places, shown.motion.wheels, 72)))
         trail = shown.places[since : k + 1, self._moving]
         self._trails.set_segments(list(trail.swapaxes(0, 1)) if len(trail) > 1 else [])
@@ -241,7 +250,7 @@ def _write_image(
     is_gif = path.suffix.lower() == '.gif'
     if is_gif:  # with one palette for all, a picture differs from the last only where bars moved
         palette = Image.new('P', (1, 1))
-        palette.putpalette(_palette())
+        palette.putpalette(_palette([shape for film in films for shape in film.motion.shapes]))
         frames = (each.quantize(palette=palette, dither=Image.Dither.NONE) for each in frames)
     options: dict[str, Any] = {'optimize': True} if is_gif else {'quality': 60, 'method': 4}
     next(frames).save(
@@ -254,12 +263,22 @@ def _write_image(
     )
 
 
-def _palette() -> list[int]:
-    """Every colour of the picture in 12 shades from white, as red, green, blue, red, …"""
+def _rgba(shape: VisualShape, part: float = 1.0) -> tuple[float, float, float, float]:
+    """The colour of a shape, with this part of its opacity."""
+    from matplotlib.colors import to_rgba
+
+    r, g, b, opacity = shape.color or to_rgba(BAR)
+    return r, g, b, part * opacity
+
+
+def _palette(shapes: Sequence[VisualShape]) -> list[int]:
+    """Colours of the picture in 12 shades from white, as red, green, blue, red, …; 256 at most."""
     from matplotlib.colors import to_rgb
 
     shades = np.linspace(0.0, 1.0, 12)[:, None]
-    colours = [1.0 - shades * (1.0 - np.array(to_rgb(each))) for each in (INK, FAINT, BAR, RED)]
+    base = [to_rgb(each) for each in (INK, FAINT, BAR, RED)]
+    given = dict.fromkeys([*base, *(_rgba(shape)[:3] for shape in shapes)])
+    colours = [1.0 - shades * (1.0 - np.array(each)) for each in list(given)[: 256 // 12]]
     numbers: list[int] = np.round(255.0 * np.concatenate(colours)).astype(int).ravel().tolist()
     return numbers
 
@@ -293,8 +312,8 @@ def _energy(account: Account, t: Floats) -> Floats:
     return trace.low[rows, 0]
 
 
-def _projected(places: Floats, spatial: bool) -> Floats:
-    """(k, n, 3) m -> (k, n, 2) m on the picture."""
+def projected(places: Floats, spatial: bool) -> Floats:
+    """(…, 3) m -> (…, 2) m on the picture."""
     if not spatial:
         return places[..., :2]
     right = np.array([-np.sin(_AZIMUTH), np.cos(_AZIMUTH), 0.0])

@@ -13,12 +13,14 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import AlfError, InputError
+from alf_ros.inspection.shape_places import shape_places
 from alf_ros.inspection.wheel_places import wheel_places
 from alf_ros.logs import progress
 from alf_ros.logs.log import Log
 from alf_ros.logs.report.decimation import Instants, Trace
 from alf_ros.logs.report.gather import MOST_ROWS, Gathered
 from alf_ros.logs.report.singularity_distance import distances, passes
+from alf_ros.mechanism import VisualShape
 from alf_ros.scene.references import WHOLE
 from alf_ros.scene.scene import KEYS, REQUIRED, Solver, scene_from_text
 from alf_ros.scene.text import yaml_document
@@ -27,6 +29,7 @@ from alf_ros.simulation import state_vector
 from alf_ros.simulation.display_geometry import (
     held_forces,
     in_space,
+    poses,
     reaction_points,
     segments,
     standard_scale,
@@ -42,7 +45,8 @@ class DrawnMotion:
     """Of k frames.
 
     t (k,) s; places (k, points, 3) m; `links`, `pins` and `wheels`: numbers of points, two for
-    each line, one for each joint, three for each wheel (`wheel_places`); `scale` m/N of arrows.
+    each line, one for each joint, three for each wheel (`wheel_places`), four for each of `shapes`
+    (`ShapePlaces.drawn`), `meshes` are not drawn; `scale` m/N of arrows.
     `forces` of the reactions: (t (k,), numbers of points, (k, n, 3) N). `applied` (k, m, 6): place
     and force of each wrench held, NaN where none is. `distance`: σ of all states gathered;
     `passes` (t, σ there, whether through): None if not every state of the log was. `angles`: the
@@ -53,6 +57,9 @@ class DrawnMotion:
     links: list[int]
     pins: list[int]
     wheels: list[int]
+    shapes: list[VisualShape]
+    shape_points: list[int]
+    meshes: int
     scale: float
     stride: int
     t: Floats
@@ -107,7 +114,10 @@ def motion(
         spatial=drawn.dimension == 3,
         links=[points.index(end) for body in drawn.bodies for end in segments(body)],
         pins=pins,
-        wheels=list(range(len(points), film.places[0].shape[0])),
+        wheels=list(range(len(points), len(points) + film.wheel_points)),
+        shapes=film.shapes,
+        shape_points=list(range(len(points) + film.wheel_points, len(film.places[0]))),
+        meshes=film.meshes,
         scale=standard_scale(drawn),
         stride=stride * every,
         t=t[::every],
@@ -136,6 +146,11 @@ class _Film:
         self._start = simulation.state
         model = simulation.model
         self._wheels = wheel_places(model.mechanism, model.layout, self._start.q)
+        self.wheel_points = len(self._wheels)
+        self._shown = shape_places(model.mechanism)
+        shown = self._shown
+        self.shapes = [shown.shapes[n] for n in shown.outlined] if shown is not None else []
+        self.meshes = len(shown.shapes) - len(self.shapes) if shown is not None else 0
         self.places: list[Floats] = []
         self._held: list[Floats] = []
 
@@ -150,7 +165,10 @@ class _Film:
         sample = simulation.sample()
         points = np.array([sample.points[name] for name in model.point_names])
         wheels = [form.value(q.reshape(-1, D)) for form in self._wheels]
-        self.places.append(in_space(np.vstack([points, *wheels])))
+        places = in_space(np.vstack([points, *wheels]))
+        if self._shown is not None:
+            places = np.vstack([places, self._shown.drawn(poses(sample))])
+        self.places.append(places)
         held = np.hstack(held_forces(sample)) if sample.inputs.wrenches else np.zeros((0, 6))
         self._held.append(held)
 

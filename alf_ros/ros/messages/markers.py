@@ -3,7 +3,8 @@
 Four markers, told apart by their namespace: `links` (lines between the points of each body),
 `joints` (balls), `reactions` (of parent on child) and `applied` (wrenches held), as arrows; and
 `wheels`, of a mechanism that has some: their rims, with a line that shows them turn. Each is one
-list of points, so that a large mechanism stays one message of few markers.
+list of points, so that a large mechanism stays one message of few markers. `shapes` has a marker
+for each shape of a body.
 """
 
 from __future__ import annotations
@@ -14,10 +15,12 @@ from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
 from alf_ros.arrays import Floats
+from alf_ros.inspection.shape_places import ShapePlaces, shape_places
 from alf_ros.inspection.wheel_places import wheel_places
 from alf_ros.logs.cdr import Template
 from alf_ros.mechanism.affine import Form
 from alf_ros.model.compile import Model
+from alf_ros.ros.messages.shape_markers import NUMBERS, shape_marker
 from alf_ros.ros.messages.templates import STAMP, WORLD, Write, template
 from alf_ros.simulation.display_geometry import (
     POINTS_PER_ARROW,
@@ -25,6 +28,7 @@ from alf_ros.simulation.display_geometry import (
     arrows,
     held_forces,
     in_space,
+    poses,
     reaction_points,
     segments,
     size,
@@ -66,6 +70,8 @@ def markers(model: Model, display: Display) -> Write:
     known = np.array([joint.name in acting for joint in mechanism.joints], dtype=bool)
     at = list(acting.values())
     rims = wheel_places(mechanism, model.layout, model.q)
+    shown = shape_places(mechanism)
+    posed = [NUMBERS] * len(shown.shapes) if shown else []
     templates: dict[int, Template] = {}  # by number of arrows of wrenches held
 
     def by_arrows(held: int) -> Template:
@@ -75,7 +81,8 @@ def markers(model: Model, display: Display) -> Write:
             if rims:
                 counts.append(len(rims) // 3 * len(_WHEEL))
             templates[held] = template(
-                lambda marks: _message(marks, counts, width), [3 * n for n in counts if n]
+                lambda marks: _message(marks, counts, width, shown),
+                [*(3 * n for n in counts if n), *posed],
             )
         return templates[held]
 
@@ -96,6 +103,9 @@ def markers(model: Model, display: Display) -> Write:
         for points in lists:
             if points.size:
                 next(blocks)[:] = points.ravel()
+        if shown is not None:
+            for block, pose in zip(blocks, shown.poses(poses(sample)), strict=True):
+                block[:] = pose
         return filled.bytes()
 
     return write
@@ -115,7 +125,9 @@ def _wheels(sample: Sample, rims: list[Form]) -> Floats:
     return in_space((_WHEEL @ at).reshape(-1, D))
 
 
-def _message(marks: list[float], counts: list[int], width: float) -> MarkerArray:
+def _message(
+    marks: list[float], counts: list[int], width: float, shown: ShapePlaces | None
+) -> MarkerArray:
     marks = list(marks)
     array = MarkerArray()
     for (name, color), count in zip(_COLORS.items(), counts, strict=False):
@@ -133,4 +145,6 @@ def _message(marks: list[float], counts: list[int], width: float) -> MarkerArray
             mark = marks.pop(0)
             marker.points = [Point(x=mark, y=mark, z=mark)] * count
         array.markers.append(marker)
+    for number, shape in enumerate(shown.shapes if shown is not None else ()):
+        array.markers.append(shape_marker(shape, number, marks[number]))
     return array

@@ -13,6 +13,7 @@ from std_msgs.msg import String
 
 from alf_ros.exchange.urdf_export import urdf
 from alf_ros.ros.messages.instant_messages import InstantMessages
+from alf_ros.ros.messages.shape_markers import nothing
 from alf_ros.ros.messages.topics import LATCHED, RELIABLE, TOPICS
 from alf_ros.ros.recording.recorder import Recorder
 from alf_ros.ros.simulator.output_costs import TopicCost
@@ -73,6 +74,8 @@ class Outputs:
         self._next_look = 0.0
         self._made: dict[tuple[str, ...], float] = {}  # s, by the topics that were due
         self._undescribed: Scene | None = None
+        self._prepared = 0  # scenes
+        self._outdated = False  # viewers may have markers of another scene
 
     @property
     def topics(self) -> dict[str, str]:
@@ -94,6 +97,7 @@ class Outputs:
         self._write = {name: write for name, write in writers.items() if write is not None}
         self._messages = InstantMessages(simulation, self._write)
         self._made.clear()  # costs of topics that this scene may not have
+        self._outdated, self._prepared = self._prepared > 0, self._prepared + 1
 
     def switched(self) -> dict[str, list[str]]:
         """Topics with content: `on` (recorded, or always published), waiting until they are
@@ -117,6 +121,9 @@ class Outputs:
         self._ticks = 0
         self.scene.send(serialize_message(String(data=scene.text)), ns)
         self._undescribed = scene
+        if self._outdated:
+            self.samples['~/markers'].send(serialize_message(nothing()), ns, record=False)
+            self._outdated = False
         self.look(ns)
 
     def look(self, ns: int) -> None:

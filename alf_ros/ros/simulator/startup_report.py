@@ -18,11 +18,13 @@ def lines(
     outputs: Mapping[str, Sequence[str]],
     sensors: Mapping[str, float],
 ) -> list[str]:
-    """Adjustments of the mechanism; effects on, each with its µs per step here and now, and off;
-    `sensors` with their µs per message; the ledger; outputs by `Outputs.switched`."""
+    """Adjustments of the mechanism; meshes that viewers will not find; effects on, each with its
+    µs per step here and now, and off; `sensors` with their µs per message; the ledger; outputs by
+    `Outputs.switched`."""
     # Imported late: loading the solver takes a good part of the start.
     from alf_ros import effects
     from alf_ros.inspection.effect_costs import call_costs
+    from alf_ros.inspection.missing_meshes import missing_meshes
 
     costs = [f'{label} {cost:.2g} µs' for label, cost in call_costs(simulation).items()]
     measured = [f'{label} {price:.2g} µs' for label, price in sensors.items()]
@@ -33,12 +35,14 @@ def lines(
     unexamined = simulation.resolution.unexamined
     missed = simulation.missed  # asked for now: later it would delay a step
     about = [f'lengths miss a singular position by about {missed:.1g} m'] if missed else []
+    missing = missing_meshes(simulation.scene.mechanism)
     jointless = [] if simulation.model.coordinate_names else [JOINTLESS]
     return [
         *adjusted,
         *about,
         *([f'start: {unexamined}'] if unexamined else []),
         *jointless,
+        *([f'meshes not drawn: {_listed(missing)}'] if missing else []),
         f'effects on, per step: {_listed(costs)}; ledger {"on" if simulation.ledger else "off"}',
         f'effects off: {_listed(absent)}',
         *([f'sensors, per message: {_listed(measured)}'] if sensors else []),

@@ -17,9 +17,10 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState, MultiDOFJointState
 from std_msgs.msg import Float64, String
-from visualization_msgs.msg import MarkerArray
+from visualization_msgs.msg import Marker, MarkerArray
 
 from alf_ros.resources import library
+from alf_ros.ros.messages.shape_markers import shape_outline
 from alf_ros.ros.messages.topics import BEST_EFFORT, LATCHED
 from alf_ros.ros.parameter_services import ParameterServices
 from alf_ros.ros.view.shown_scene import ShownScene
@@ -166,9 +167,16 @@ class ViewNode(Node):
         self._note(energy=message.data if math.isfinite(message.data) else None)
 
     def _on_markers(self, message: MarkerArray) -> None:
-        drawn: Json = {}
+        drawn: Json = {'shapes': [], 'shape_points': [], 'meshes': 0}
         for marker in message.markers:
             points = marker.points
+            if marker.ns == 'shapes':
+                drawn['meshes'] += marker.type == Marker.MESH_RESOURCE
+                outlined = shape_outline(marker)
+                if outlined is not None:
+                    drawn['shapes'].append(outlined[0])
+                    drawn['shape_points'] += _short(outlined[1].ravel().tolist())
+                continue
             if marker.ns in ('reactions', 'applied'):  # tail and tip: the page draws the rest
                 starts = range(0, len(points), POINTS_PER_ARROW)
                 points = [points[at + end] for at in starts for end in (0, 1)]

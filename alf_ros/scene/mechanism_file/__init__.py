@@ -17,12 +17,14 @@ from alf_ros.scene.mechanism_file.bodies import BodyReader
 from alf_ros.scene.mechanism_file.drives import DriveReader
 from alf_ros.scene.mechanism_file.joints import JointReader, unit
 from alf_ros.scene.mechanism_file.orientation_vectors import orient
+from alf_ros.scene.mechanism_file.shapes_section import KEY as SHAPES
+from alf_ros.scene.mechanism_file.shapes_section import ShapeReader
 from alf_ros.scene.mechanism_file.topology_check import check
 from alf_ros.scene.references import References
 from alf_ros.scene.text import repetition
 from alf_ros.scene.text.expression import reserved
 from alf_ros.scene.text.repetition import Item
-from alf_ros.scene.text.yaml_document import Entry
+from alf_ros.scene.text.yaml_document import Entry, replaced
 
 VERSION = 1
 KEYS = (
@@ -37,6 +39,7 @@ KEYS = (
     'joints',
     'couplings',
     'drives',
+    SHAPES,
 )
 REQUIRED = ('alf', 'points', 'bodies')
 SPACES = ('planar', 'spatial')
@@ -107,7 +110,8 @@ def read_mechanism(
     if 'vectors' in fields:
         for vector in _vectors(fields['vectors'], values, parts):
             parts.vectors[vector.name] = vector
-    bodies = BodyReader(parts.points, parts.vectors, dimension)
+    shapes = ShapeReader(dimension, references)
+    bodies = BodyReader(parts.points, parts.vectors, dimension, shapes)
     for item, body in bodies.read(fields['bodies'], values):
         parts.declare(item)
         parts.bodies[body.name] = body
@@ -131,7 +135,9 @@ def read_mechanism(
         tuple(joints),
         tuple(parts.vectors.values()),
         dimension,
+        shapes=shapes.read(fields[SHAPES], values) if SHAPES in fields else (),
     )
+    root = replaced(root, shapes.named)
     if 'couplings' in fields:
         for item, coupling in couplings.read(fields['couplings'], mechanism, values):
             parts.declare(item)

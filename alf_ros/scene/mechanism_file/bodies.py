@@ -12,11 +12,13 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.mechanism import Body, Numbers, Point, Vector
 from alf_ros.mechanism.memory import remembered
+from alf_ros.scene.mechanism_file.shapes_section import KEY as SHAPES
+from alf_ros.scene.mechanism_file.shapes_section import ShapeReader
 from alf_ros.scene.text import repetition
 from alf_ros.scene.text.repetition import Item
 from alf_ros.scene.text.yaml_document import Entry
 
-KEYS = ('points', 'mass', 'inertia', 'com', 'length')  # the first two are required
+KEYS = ('points', 'mass', 'inertia', 'com', 'length', SHAPES)  # the first two are required
 IN_SPACE = ('vectors',)
 INERTIAS = ('rod', 'point')  # besides `about_com`
 _COINCIDENT = 1e-12  # of their largest coordinate: closer points give no direction
@@ -51,9 +53,14 @@ class BodyReader:
     """Reads bodies on the points and vectors that exist. Raises InputError."""
 
     def __init__(
-        self, points: Mapping[str, Point], vectors: Mapping[str, Vector], dimension: int
+        self,
+        points: Mapping[str, Point],
+        vectors: Mapping[str, Vector],
+        dimension: int,
+        shapes: ShapeReader,
     ) -> None:
         self.points, self.vectors, self.dimension = points, vectors, dimension
+        self.shapes = shapes
         self.poses: dict[str, Pose] = {}
         self.alike: dict[tuple[Numbers, ...], tuple[Numbers, ...]] = {}  # kept once: many bodies
         self.size = max((abs(x) for point in points.values() for x in point.at), default=0.0)
@@ -75,7 +82,8 @@ class BodyReader:
         if mass < 0.0:
             raise item.fields['mass'].error('negative mass', expected='kg, zero or more')
         com, inertia = self.inertia(item, local, mass, bool(vectors))
-        return Body(item.name, points, local, mass, com, inertia, vectors, axes)
+        shown = self.shapes.read(item.fields[SHAPES], item.names) if SHAPES in item.fields else ()
+        return Body(item.name, points, local, mass, com, inertia, vectors, axes, shown)
 
     def references(
         self, item: Item, key: str, known: Mapping[str, Point] | Mapping[str, Vector]

@@ -4,7 +4,6 @@ skipped."""
 from __future__ import annotations
 
 import csv
-import dataclasses
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,7 +11,7 @@ from pathlib import Path
 from alf_ros import paths
 from alf_ros.errors import InputError
 from alf_ros.scene.references import References
-from alf_ros.scene.text.yaml_document import LARGEST, LARGEST_FILE, SMALLEST, Entry
+from alf_ros.scene.text.yaml_document import LARGEST, LARGEST_FILE, SMALLEST, Entry, replaced
 from alf_ros.scene.text.yaml_writer import entry as as_entry
 
 Table = tuple[tuple[float, ...], ...]
@@ -45,18 +44,7 @@ class Tables:
 
     def without_files(self, entry: Entry) -> Entry:
         """The entry, with tables from files written out."""
-        if not self._from_file:
-            return entry
-        value = entry.value
-        if id(entry) in self._from_file:
-            return self._from_file[id(entry)]
-        if isinstance(value, dict):
-            fields = {key: self.without_files(item) for key, item in value.items()}
-            return dataclasses.replace(entry, value=fields)
-        if isinstance(value, tuple):
-            items = tuple(self.without_files(item) for item in value)
-            return dataclasses.replace(entry, value=items)
-        return entry
+        return replaced(entry, self._from_file)
 
 
 def read(path: Path) -> Table:

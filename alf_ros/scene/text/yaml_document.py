@@ -6,6 +6,7 @@ always a number and `on` always a name. Tags are refused, and a key may occur on
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -158,6 +159,21 @@ class Entry:
     def vector(self, dimension: int, names: Mapping[str, float]) -> tuple[float, ...]:
         """`dimension` numbers."""
         return tuple(item.number(names) for item in self.sequence(dimension))
+
+
+def replaced(entry: Entry, by: Mapping[int, Entry]) -> Entry:
+    """The entry, with others in place of those entries in it whose identity is a key of `by`."""
+    if not by:
+        return entry
+    value = entry.value
+    if id(entry) in by:
+        return by[id(entry)]
+    if isinstance(value, dict):
+        fields = {key: replaced(item, by) for key, item in value.items()}
+        return dataclasses.replace(entry, value=fields)
+    if isinstance(value, tuple):
+        return dataclasses.replace(entry, value=tuple(replaced(item, by) for item in value))
+    return entry
 
 
 def read(path: Path) -> Entry:

@@ -28,6 +28,7 @@ class Motion {
   constructor(log, number) {
     const {motion} = log;
     Object.assign(this, motion, {number, D: motion.spatial ? 3 : 2, first: log.first});
+    this.untraced = new Set([...motion.wheels, ...motion.shapePoints]);
     this.moving = new Map(motion.moving.map((point, n) => [point, n]));
     const box = this.extent(0, this.frames.t.length), one = this.extent(0, 1);
     this.box = box;
@@ -113,19 +114,21 @@ function drawStage() {
     return;
   }
   const factor = 10 ** Number($('scale').value);
+  stage.countMeshes(motions.reduce((sum, motion) => sum + motion.meshes, 0));
   for (const motion of motions) {
     const color = motion.number ? colorOf(`log ${letter(motion.number)}`) : colors.link;
     const places = motion.places(view.t);
     if ($('trails').checked) stage.drawTrails(trail(motion), color);
+    stage.drawShapes(motion.pick(places, motion.shapePoints), motion.shapes, color);
     stage.drawWheels(motion.pick(places, motion.wheels), color);
-    stage.drawLinks(motion.pick(places, motion.links), motion.pick(places, motion.pins), color);
+    stage.drawLinks(motion.pick(places, motion.links), motion.pick(places, motion.pins), color, motion.shapes.length > 0);
     if ($('reactions').checked) stage.drawArrows(motion.reactions(places, view.t), colors.reaction, factor);
     stage.drawArrows(motion.applied(view.t), colors.applied, factor);
   }
 }
 
 function trail(motion) {
-  const found = [], points = [...motion.moving.keys()].filter((point) => !motion.wheels.includes(point));
+  const found = [], points = [...motion.moving.keys()].filter((point) => !motion.untraced.has(point));
   for (let n = 0; n <= 120; n++) {
     const t = view.t - TRAIL * (1 - n / 120);
     if (t >= data.logs[motion.number].first) found.push(motion.pick(motion.places(t), points));

@@ -40,6 +40,19 @@ function triples(list) {
   return found;
 }
 
+// The convex hull of places on the screen, in order (Andrew's monotone chain).
+function hull(places) {
+  const sorted = [...places].sort((one, other) => one[0] - other[0] || one[1] - other[1]);
+  const chain = (found, place) => {
+    const turn = ([a, b], [c, d]) => (c - a) * (place[1] - b) - (d - b) * (place[0] - a);
+    while (found.length > 1 && turn(found.at(-2), found.at(-1)) <= 0) found.pop();
+    found.push(place);
+    return found;
+  };
+  const [below, above] = [sorted, sorted.toReversed()].map((each) => each.reduce(chain, []).slice(0, -1));
+  return [...below, ...above];
+}
+
 class Stage {
   // `changed` is called when hand or wheel moved the camera.
   constructor(canvas, changed) {
@@ -184,6 +197,52 @@ class Stage {
     }
   }
 
+  // Their files are not read here.
+  countMeshes(count) {
+    if (!count) return;
+    const {pen} = this;
+    pen.fillStyle = colors.faint;
+    pen.textAlign = 'left';
+    pen.fillText(count === 1 ? '1 mesh is not drawn' : `${count} meshes are not drawn`, 12, this.height - 14);
+  }
+
+  // Of each shape its middle and the ends of its three half axes: a translucent outline. What
+  // overlaps in one colour is filled once.
+  drawShapes(list, shapes, color = colors.link) {
+    const {pen} = this, places = triples(list), fills = new Map();
+    shapes.forEach((shape, n) => {
+      const ends = places.slice(4 * n, 4 * n + 4);
+      if (ends.length < 4 || ends.flat().some((x) => !Number.isFinite(x))) return;
+      const [r, g, b, opacity] = shape.color ?? [];
+      const own = shape.color ? `rgb(${[r, g, b].map((x) => Math.round(255 * x)).join(' ')})` : color;
+      const key = `${own} ${opacity ?? 1}`;
+      if (!fills.has(key)) fills.set(key, {own, opacity: opacity ?? 1, path: new Path2D()});
+      const {path} = fills.get(key);
+      hull(this.silhouette(shape.kind, ends)).forEach(([u, v], k) => path[k ? 'lineTo' : 'moveTo'](u, v));
+      path.closePath();
+    });
+    pen.lineWidth = 1;
+    for (const {own, opacity, path} of fills.values()) {
+      pen.fillStyle = pen.strokeStyle = own;
+      pen.globalAlpha = 0.25 * opacity;
+      pen.fill(path);
+      pen.globalAlpha = 0.25 + 0.45 * opacity;
+      pen.stroke(path);
+    }
+    pen.globalAlpha = 1;
+  }
+
+  // Places on the screen whose convex hull is the outline of a shape.
+  silhouette(kind, [middle, ...ends]) {
+    const axes = ends.map((end) => end.map((x, k) => x - middle[k]));
+    const at = (a, b, c) => this.project(...middle.map((x, k) => x + a * axes[0][k] + b * axes[1][k] + c * axes[2][k]));
+    const turns = Array.from({length: 48}, (_, k) => [Math.cos(k * Math.PI / 24), Math.sin(k * Math.PI / 24)]);
+    if (kind === 'box') return Array.from({length: 8}, (_, k) => at(...[0, 1, 2].map((axis) => k >> axis & 1 ? 1 : -1)));
+    if (kind === 'cylinder') return turns.flatMap(([c, s]) => [at(c, s, 1), at(c, s, -1)]);
+    const [u, v] = this.project(...middle), radius = this.scale * Math.hypot(...axes[0]);
+    return turns.map(([c, s]) => [u + radius * c, v + radius * s]);
+  }
+
   // Ends of thin lines in turn.
   drawLines(list, color = colors.link) {
     const {pen} = this, ends = triples(list);
@@ -197,8 +256,9 @@ class Stage {
     pen.stroke();
   }
 
-  // Ends of lines in turn, and joints. What is farther away first, and a little paler.
-  drawLinks(links, joints, color = colors.link) {
+  // Ends of lines in turn, and joints. What is farther away first, and a little paler. Lines are
+  // thin where shapes show the bodies.
+  drawLinks(links, joints, color = colors.link, thin = false) {
     const {pen, spatial, size} = this;
     const ends = triples(links).map((place) => this.project(...place));
     const parts = [];
@@ -215,10 +275,10 @@ class Stage {
     pen.fillStyle = colors.joint;
     for (const {depth, line, at} of parts) {
       pen.globalAlpha = spatial ? 0.78 + 0.22 * Math.tanh(4 * depth / size) : 1;
-      pen.lineWidth = at ? 2.5 : 6;
+      pen.lineWidth = at ? 2.5 : thin ? 2 : 6;
       pen.beginPath();
       if (at) {
-        pen.arc(at[0], at[1], 5.5, 0, 2 * Math.PI);
+        pen.arc(at[0], at[1], thin ? 3.5 : 5.5, 0, 2 * Math.PI);
         pen.fill();
       } else {
         pen.moveTo(line[0][0], line[0][1]);

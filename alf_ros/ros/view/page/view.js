@@ -198,7 +198,7 @@ function onPicture(found) {
     if (found.joints) trail.push(found.joints);
     if (trail.length > TRAIL) trail.shift();
   }
-  if (found.links) enclose([...found.links, ...found.joints ?? [], ...found.wheels ?? []]);
+  if (found.links) enclose([...found.links, ...found.joints ?? [], ...found.wheels ?? [], ...found.shape_points ?? []]);
   if (first || $('range').dataset.run !== String(about.run)) suggestRange();
   $('time').textContent = found.t === undefined ? '' : `${found.t.toFixed(3)} s`;
   showJoints();
@@ -248,8 +248,10 @@ function drawStage() {
   }
   const factor = 10 ** Number($('scale').value);
   if ($('trails').checked) stage.drawTrails(trail);
+  stage.countMeshes(picture.meshes);
+  stage.drawShapes(picture.shape_points, picture.shapes ?? []);
   stage.drawLines(picture.wheels);
-  stage.drawLinks(picture.links, picture.joints);
+  stage.drawLinks(picture.links, picture.joints, colors.link, picture.shapes?.length > 0);
   if ($('reactions').checked) stage.drawArrows(picture.reactions, colors.reaction, factor);
   stage.drawArrows(picture.applied, colors.applied, factor);
 }

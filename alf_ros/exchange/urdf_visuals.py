@@ -1,0 +1,102 @@
+"""The `<visual>` elements of a URDF, read and written.
+
+URDF has no capsule: one is written as a cylinder and two spheres. Some files have `<capsule>`; it
+is read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from alf_ros.exchange.robot import FramePose, Robot
+from alf_ros.exchange.visuals import mesh_file, moved, numbers, shape, show
+from alf_ros.mechanism import VisualShape
+
+_NONE = (0.0, 0.0, 0.0)
+_ROUND = {'cylinder': ('radius', 'length'), 'capsule': ('radius', 'length'), 'sphere': ('radius',)}
+Colors = dict[str, list[float]]
+
+
+def add(
+    robot: Robot,
+    xml: ElementTree.Element,
+    folder: Path,
+    poses: Mapping[str, FramePose],
+    part_of: Mapping[str, str],
+) -> None:
+    """Give the parts of a robot the shapes of their links; `folder` holds the file."""
+    colors: Colors = {}
+    for material in xml.findall('material'):
+        _color(material, colors)
+    for link in xml.findall('link'):
+        name = link.get('name', '')
+        for n, visual in enumerate(link.findall('visual')):
+            try:
+                found = _shape(visual, colors, folder)
+                show(robot, part_of[name], found, poses[name])
+            except (KeyError, ValueError):
+                robot.leave('shapes', f'visual {n} of {name}')
+
+
+def _color(material: ElementTree.Element | None, colors: Colors) -> list[float] | None:
+    """The colour of a material, by its name if it says none itself."""
+    if material is None:
+        return None
+    name, color = material.get('name', ''), material.find('color')
+    if color is not None:
+        try:
+            colors[name] = numbers(color.get('rgba'), 4)
+        except ValueError:
+            return None
+    return colors.get(name)
+
+
+def _shape(visual: ElementTree.Element, colors: Colors, folder: Path) -> VisualShape:
+    """Raises ValueError."""
+    color = _color(visual.find('material'), colors)
+    origin = visual.find('origin')
+    at = {} if origin is None else origin.attrib
+    turn = Rotation.from_euler('xyz', numbers(at.get('rpy'), 3, _NONE)).as_matrix()
+    frame = FramePose(np.array(numbers(at.get('xyz'), 3, _NONE)), turn)
+    for each in visual.iterfind('geometry/*'):
+        if each.tag == 'mesh':
+            file = mesh_file(each.get('filename', ''), folder)
+            scale = numbers(each.get('scale'), 3, (1.0, 1.0, 1.0))
+            return moved(shape('mesh', scale, color, file), frame)
+        if each.tag == 'box':
+            return moved(shape('box', numbers(each.get('size'), 3), color), frame)
+        if each.tag in _ROUND:
+            size = [numbers(each.get(key), 1)[0] for key in _ROUND[each.tag]]
+            return moved(shape(each.tag, size, color), frame)
+    raise ValueError('no geometry')
+
+
+def _text(values: Iterable[float]) -> str:
+    return ' '.join(repr(float(value) + 0.0) for value in values)
+
+
+def elements(shapes: Iterable[VisualShape]) -> Iterator[ElementTree.Element]:
+    """The elements of shapes, in the frame of their link."""
+    for each in (part for whole in shapes for part in whole.without_capsule):
+        visual = ElementTree.Element('visual')
+        ElementTree.SubElement(visual, 'origin', xyz=_text(each.at), rpy=_text(each.rpy))
+        geometry = ElementTree.SubElement(visual, 'geometry')
+        if each.kind == 'mesh':
+            mesh = ElementTree.SubElement(geometry, 'mesh', filename=each.uri)
+            if each.size != (1.0, 1.0, 1.0):
+                mesh.set('scale', _text(each.size))
+        elif each.kind == 'box':
+            ElementTree.SubElement(geometry, 'box', size=_text(each.size))
+        else:
+            keys = zip(_ROUND[each.kind], each.size, strict=True)
+            ElementTree.SubElement(geometry, each.kind, {key: repr(x) for key, x in keys})
+        if each.color is not None:
+            rgba = _text(each.color)  # one name for one colour: viewers share materials by name
+            material = ElementTree.SubElement(visual, 'material', name=f'rgba {rgba}')
+            ElementTree.SubElement(material, 'color', rgba=rgba)
+        yield visual
