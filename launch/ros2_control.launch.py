@@ -30,9 +30,15 @@ def scene_of(mechanism):
 
 
 def description(mechanism, folder):
-    """Return the URDF of the scene of a mechanism, with its `<ros2_control>` block."""
-    robot = ElementTree.fromstring(urdf(load_scene(scene_of(mechanism)).mechanism))
-    robot.append(ElementTree.parse(Path(folder) / f'{mechanism}.xml').getroot())
+    """Return the URDF of the scene of a mechanism, with its `<ros2_control>` block.
+
+    The controller manager looks up the joints of the block in the tree.
+    """
+    block = ElementTree.parse(Path(folder) / f'{mechanism}.xml').getroot()
+    joints = {joint.get('name') for joint in block.findall('joint')}
+    scene = load_scene(scene_of(mechanism))
+    robot = ElementTree.fromstring(urdf(scene.mechanism, keep=joints))
+    robot.append(block)
     return ElementTree.tostring(robot, encoding='unicode')
 
 

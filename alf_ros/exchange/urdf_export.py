@@ -12,11 +12,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Set as AbstractSet
 from xml.etree import ElementTree
 
 import numpy as np
 
 from alf_ros.arrays import Floats
+from alf_ros.errors import InputError
 from alf_ros.exchange import urdf_visuals
 from alf_ros.mechanism import GROUND, Body, Joint, Mechanism
 from alf_ros.mechanism.visual_shapes import roll_pitch_yaw
@@ -33,14 +35,16 @@ def urdf(
     mechanism: Mechanism,
     prefix: str = '',
     free: Mapping[str, tuple[Floats, Floats]] | None = None,
+    keep: AbstractSet[str] = frozenset(),
 ) -> str:
     """URDF of a mechanism; `prefix` precedes the names of its links.
 
     free: place (3,) m and axes (3, 3) in columns of bodies; if given, bodies that are not in the
-    tree have a `floating` joint.
+    tree have a `floating` joint. keep: joint coordinates that the tree must have, such as those
+    with motors, which a controller looks up in it. Raises InputError if they close a loop.
     """
     robot = ElementTree.Element('robot', name=mechanism.name)
-    tree = list(_tree(mechanism))
+    tree = list(_tree(mechanism, keep))
     left_out = outside(mechanism)
     if left_out and free is None:
         text = f' held by no joint that URDF knows: {", ".join(left_out)} '
@@ -63,6 +67,14 @@ def urdf(
             ElementTree.SubElement(robot, 'link', name=slide)
             axis, through = in_space(np.array([joint.frames[0].axes[0], joint.frames[0].origin]))
             _add_joint(robot, joint.name, 'prismatic', WORLD, slide, through, np.eye(3), axis)
+    missing = keep - {joint.get('name') or '' for joint in robot.iter('joint')}
+    if missing:
+        raise InputError(
+            f'no tree of {mechanism.name} has all the joints to be kept',
+            key='keep',
+            value=', '.join(sorted(missing)),
+            expected='joints that URDF knows and that close no loop among themselves',
+        )
     ElementTree.indent(robot)
     return ElementTree.tostring(robot, 'unicode', xml_declaration=True) + '\n'
 
@@ -79,14 +91,18 @@ def outside(mechanism: Mechanism) -> list[str]:
     return [body.name for body in mechanism.bodies if body.name not in held]
 
 
-def _tree(mechanism: Mechanism) -> Iterator[tuple[Joint, str, str]]:
+def _tree(
+    mechanism: Mechanism, keep: AbstractSet[str] = frozenset()
+) -> Iterator[tuple[Joint, str, str]]:
     """(joint, known body, new body) of a spanning tree from the ground, nearest first."""
+    joints = [joint for joint in mechanism.joints if type_of(joint).urdf is not None]
+    if keep:
+        joints = _without_loops(sorted(joints, key=lambda joint: keep.isdisjoint(_names(joint))))
     known, ring = {GROUND}, [GROUND]
     touching: dict[str, list[Joint]] = {}
-    for joint in mechanism.joints:
-        if type_of(joint).urdf is not None:
-            touching.setdefault(joint.parent, []).append(joint)
-            touching.setdefault(joint.child, []).append(joint)
+    for joint in joints:
+        touching.setdefault(joint.parent, []).append(joint)
+        touching.setdefault(joint.child, []).append(joint)
     while ring:
         following = []
         for body in ring:
@@ -97,6 +113,24 @@ def _tree(mechanism: Mechanism) -> Iterator[tuple[Joint, str, str]]:
                     following.append(other)
                     yield joint, body, other
         ring = following
+
+
+def _names(joint: Joint) -> list[str]:
+    """Of its joints in a URDF."""
+    return [joint.name + each.suffix for each in type_of(joint).urdf or ()]
+
+
+def _without_loops(joints: Iterable[Joint]) -> list[Joint]:
+    """Those that close no loop with joints before them."""
+    group: dict[str, set[str]] = {}
+    found = []
+    for joint in joints:
+        one, other = (group.setdefault(body, {body}) for body in (joint.parent, joint.child))
+        if one is not other:
+            found.append(joint)
+            one |= other
+            group.update(dict.fromkeys(other, one))
+    return found
 
 
 def frame(joint: Joint, body: str) -> tuple[Floats, Floats]:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from alf_ros import Simulation, load_scene
+from alf_ros import Sample, Simulation, load_scene
 from alf_ros.arrays import Floats
 from alf_ros.commands.export import main
 from alf_ros.errors import InputError
@@ -56,10 +56,16 @@ def test_joint_states_move_the_links_as_the_bodies_move(name: str) -> None:
     simulation = Simulation(load_scene(name))
     simulation.step(300)
     sample, mechanism = simulation.sample(), simulation.scene.mechanism
+    assert compare(sample, urdf(mechanism)) or all(
+        type_of(joint).urdf is None for joint in mechanism.joints if joint.parent == GROUND
+    )
+
+
+def compare(sample: Sample, text: str) -> int:
+    """How many points of bodies are where a URDF moves them with the joint states."""
     values = {joint: state.position for joint, state in sample.joints.items()}
-    found = link_poses(urdf(mechanism), values)
-    compared = 0
-    for body in mechanism.bodies:
+    found, compared = link_poses(text, values), 0
+    for body in sample.model.mechanism.bodies:
         if body.name not in found:
             continue
         place, axes = found[body.name]
@@ -67,8 +73,27 @@ def test_joint_states_move_the_links_as_the_bodies_move(name: str) -> None:
             at = place + axes[:, : len(local)] @ local
             assert at[: len(local)] == pytest.approx(sample.points[point], abs=1e-9)
             compared += 1
-    held = (joint for joint in mechanism.joints if joint.parent == GROUND)
-    assert compared or all(type_of(joint).urdf is None for joint in held)
+    return compared
+
+
+def test_the_tree_has_the_joints_to_be_kept() -> None:
+    """Cylinders, which close loops of the tree that is nearest to the ground."""
+    simulation = Simulation(load_scene('excavator'))
+    simulation.step(300)
+    sample, mechanism = simulation.sample(), simulation.scene.mechanism
+    cylinders = {'boom_cylinder', 'stick_cylinder', 'bucket_cylinder'}
+
+    def joints(text: str) -> set[str | None]:
+        return {joint.get('name') for joint in ElementTree.fromstring(text).iter('joint')}
+
+    text = urdf(mechanism, keep=cylinders)
+    assert cylinders <= joints(text) and not cylinders & joints(urdf(mechanism))
+    assert compare(sample, text) == sum(len(body.points) for body in mechanism.bodies)
+    loop = {'boom_foot', 'boom_base', 'boom_cylinder', 'boom_eye'}
+    with pytest.raises(InputError, match='no tree of excavator has all the joints to be kept'):
+        urdf(mechanism, keep=loop)
+    with pytest.raises(InputError, match='crank_pin'):
+        urdf(mechanism, keep={'crank_pin'})
 
 
 WHOLE = (

@@ -18,6 +18,7 @@ from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from alf_ros import load_scene, resources
+from alf_ros.exchange.urdf_export import urdf
 from alf_ros.logs import load
 from alf_ros.logs.cdr import STAMP, Encoder
 from alf_ros.logs.comparison import compare
@@ -178,6 +179,8 @@ def test_the_bytes_are_those_of_the_middleware(mechanism):
 @pytest.mark.parametrize('mechanism', MECHANISMS)
 def test_the_block_and_the_controllers_fit_the_scene(mechanism, tmp_path):
     plugin, scene = Plugin(mechanism), load_scene(scene_of(mechanism))
+    robot = ElementTree.fromstring(urdf(scene.mechanism, keep=plugin.joints.keys()))
+    assert plugin.joints.keys() <= {joint.get('name') for joint in robot.iter('joint')}
     for name, interfaces in plugin.joints.items():
         if interfaces:
             assert interfaces == ['position'] and follows(scene.effects, name)[0]
