@@ -32,7 +32,8 @@ EACH_FILE = pytest.mark.parametrize(
 )
 # Below these keys stand names that the author of a file chose, not keys of the format.
 NAMED = re.compile(
-    r'(mechanism\.)?(parameters|points|vectors|bodies|joints|drives)\.[^.]+'
+    r'(mechanism\.)?(parameters|points|vectors|bodies|joints|couplings|drives)\.[^.]+'
+    r'|(mechanism\.)?couplings\.[^.]+\.joints\.[^.]+'
     r'|.*\.for\.[^.]+|initial\.(positions|velocities)\.[^.]+'
 )
 DOCUMENTED = re.compile(r'^```yaml\n(.*?)^```', re.M | re.S)
