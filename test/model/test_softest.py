@@ -17,6 +17,7 @@ from alf_ros.model.compile import Model
 from alf_ros.model.softest_modes import NIL
 from alf_ros.resources import library
 from alf_ros.simulation import state_vector
+from support.some_scenes import SOME_SCENES
 
 SCENES = sorted(library('scenes'))
 RPS = {
@@ -211,7 +212,7 @@ def true_passes(name: str, options: dict[str, object], end: float) -> list[float
     return found
 
 
-@pytest.mark.parametrize('name', SCENES)
+@pytest.mark.parametrize('name', SOME_SCENES)
 def test_passes_are_the_zeros_of_the_dense_distance(name: str) -> None:
     end = {'change_point': 3.9, 'bricard': 1.0}.get(name, 3.0)
     watched = Simulation(load_scene(name), watch=True)

@@ -13,6 +13,7 @@ from support.paths import ROOT
 # screws, couplings, free bodies
 _KINDS = [
     'bricard',
+    'change_point',
     'coin',
     'delta_robot',
     'differential_drive_cart',
