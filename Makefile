@@ -41,10 +41,10 @@ LONG := test/kernel/test_cache_attacks.py test/scene/test_mutants.py
 CHECKED := $(filter-out $(LONG),$(wildcard $(addsuffix /test_*.py,test/kernel test/mechanism test/scene))) \
 	test/project/test_prose.py test/studies/test_loads.py test/simulation/test_bearing_shares.py
 # Plugins are named: a sourced ROS 2 brings some that do not fit this pytest.
-# Four workers keep two cores busy: tests of nodes wait for a part of their time. They take whole
+# Three workers keep two cores busy: tests of nodes wait for a part of their time. They take whole
 # files, in the order of test/conftest.py.
 PYTEST := -m pytest --disable-plugin-autoload -p xdist -p hypothesispytest \
-	-n 4 --dist loadfile --no-loadscope-reorder
+	-n 3 --dist loadfile --no-loadscope-reorder
 COVERAGE := COVERAGE_FILE='$(CURDIR)/.coverage' $(BIN)/coverage
 
 # Every check runs and every failure counts; pytest comes last, so that its summary ends the output.
