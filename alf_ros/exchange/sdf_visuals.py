@@ -8,10 +8,8 @@ from xml.etree import ElementTree
 from alf_ros.exchange.robot import FramePose, Robot
 from alf_ros.exchange.sdf_frames import pose_of
 from alf_ros.exchange.sdf_resources import mesh_uri
-from alf_ros.exchange.visuals import mesh_file, numbers, shape, show
+from alf_ros.exchange.visuals import ROUND, mesh_file, numbers, shape, show
 from alf_ros.mechanism import VisualShape
-
-_ROUND = {'cylinder': ('radius', 'length'), 'capsule': ('radius', 'length'), 'sphere': ('radius',)}
 
 
 def add(
@@ -39,7 +37,7 @@ def _shape(visual: ElementTree.Element, folder: Path) -> VisualShape:
             return shape('mesh', numbers(each.findtext('scale'), 3, (1.0, 1.0, 1.0)), rgba, file)
         if each.tag == 'box':
             return shape('box', numbers(each.findtext('size'), 3), rgba)
-        if each.tag in _ROUND:
-            size = [numbers(each.findtext(key), 1)[0] for key in _ROUND[each.tag]]
+        if each.tag in ROUND:
+            size = [numbers(each.findtext(key), 1)[0] for key in ROUND[each.tag]]
             return shape(each.tag, size, rgba)
     raise ValueError('no geometry')

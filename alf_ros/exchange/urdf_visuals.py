@@ -14,11 +14,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alf_ros.exchange.robot import FramePose, Robot
-from alf_ros.exchange.visuals import mesh_file, moved, numbers, shape, show
+from alf_ros.exchange.visuals import ROUND, mesh_file, moved, numbers, shape, show
 from alf_ros.mechanism import VisualShape
 
 _NONE = (0.0, 0.0, 0.0)
-_ROUND = {'cylinder': ('radius', 'length'), 'capsule': ('radius', 'length'), 'sphere': ('radius',)}
 Colors = dict[str, list[float]]
 
 
@@ -70,8 +69,8 @@ def _shape(visual: ElementTree.Element, colors: Colors, folder: Path) -> VisualS
             return moved(shape('mesh', scale, color, file), frame)
         if each.tag == 'box':
             return moved(shape('box', numbers(each.get('size'), 3), color), frame)
-        if each.tag in _ROUND:
-            size = [numbers(each.get(key), 1)[0] for key in _ROUND[each.tag]]
+        if each.tag in ROUND:
+            size = [numbers(each.get(key), 1)[0] for key in ROUND[each.tag]]
             return moved(shape(each.tag, size, color), frame)
     raise ValueError('no geometry')
 
@@ -93,7 +92,7 @@ def elements(shapes: Iterable[VisualShape]) -> Iterator[ElementTree.Element]:
         elif each.kind == 'box':
             ElementTree.SubElement(geometry, 'box', size=_text(each.size))
         else:
-            keys = zip(_ROUND[each.kind], each.size, strict=True)
+            keys = zip(ROUND[each.kind], each.size, strict=True)
             ElementTree.SubElement(geometry, each.kind, {key: repr(x) for key, x in keys})
         if each.color is not None:
             rgba = _text(each.color)  # one name for one colour: viewers share materials by name

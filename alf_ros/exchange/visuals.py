@@ -19,6 +19,8 @@ from alf_ros.mechanism.visual_shapes import PACKAGE, roll_pitch_yaw
 from alf_ros.scene.mechanism_file.shapes_section import KINDS, is_mesh
 from alf_ros.scene.text.yaml_document import LARGEST, SMALLEST
 
+# sizes of shapes about an axis, by the names that URDF and SDF have
+ROUND = {'cylinder': ('radius', 'length'), 'capsule': ('radius', 'length'), 'sphere': ('radius',)}
 _DIGITS = 9  # of m and rad: meshes of other formats are placed with rounding of single precision
 
 

@@ -131,9 +131,10 @@ class Simulation:
         self._stepper = Stepper(
             self._start, solver, self.scene.effects, self.ledger, formulation, self._following
         )
-        following = self._following
-        middle = Middle(self.scene, self.model, solver, type(self))
-        self._quantity_tangents = QuantityTangents(following, middle) if following else None
+        self._quantity_tangents: QuantityTangents | None = None
+        if self._following is not None:
+            middle = Middle(self.scene, self.model, solver, type(self))
+            self._quantity_tangents = QuantityTangents(self._following, middle)
         self._watcher = None
         self._between = Between(self._stepper)
         self._step_cost = math.nan

@@ -18,9 +18,8 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
-from alf_ros.model.dense_linearisation import Linearised
 from alf_ros.scene.text.scene_document import SceneDocument
-from alf_ros.simulation.differences import OFFSETS, slope
+from alf_ros.simulation.closed_instant import ClosedInstant
 from alf_ros.simulation.displaced_scenes import DisplacedScenes
 from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.simulation import Simulation
@@ -28,7 +27,6 @@ from alf_ros.studies.optimisation.design_numbers import DesignNumbers, displaced
 from alf_ros.studies.optimisation.instants import PointTrack, path
 
 _SINGULAR = 1e-6  # singular value, of the largest, from which down the drives do not decide
-_OPEN = 1e-7  # part of a slope of Φ that redundant rows may leave open
 
 
 def is_driven(simulation: Simulation) -> bool:
@@ -95,56 +93,23 @@ class DrivenDesign:
         x, v = path(samples, point)
         layout = self.simulation.model.layout
         block = layout.of_point[point]
-        dx = [
-            self._positions(each)[0].reshape(len(self._values), -1, layout.dimension)[:, block]
-            for each in samples
-        ]
+        dx = []
+        for each in samples:
+            closed = self._closed(each)
+            dq = np.array([closed.moved(around) for around in self.displaced.all])
+            dx.append(dq.reshape(len(self._values), -1, layout.dimension)[:, block])
         return PointTrack(x[back], v[back], np.array(dx)[back])
 
-    def _positions(self, sample: Sample) -> tuple[Floats, Floats]:
-        """δq (P, blocks D), and the inverse of Φ_q (n, rows) in the order and scale of `phi`."""
-        model, state = self.simulation.model, sample.state
-        jacobian = Linearised(model, state.q).jacobian
-        U, s, Vt = np.linalg.svd(jacobian, full_matrices=False)
-        if s.size < model.n or s[model.n - 1] <= _SINGULAR * s[0]:
+    def _tangent(self, sample: Sample) -> tuple[Floats, Floats]:
+        closed = self._closed(sample)
+        found = [closed.smallest(each) for each in self.displaced.all]
+        return np.array([dq for dq, _ in found]), np.array([dqd for _, dqd in found])
+
+    def _closed(self, sample: Sample) -> ClosedInstant:
+        found = ClosedInstant(sample.model, sample.t, sample.state.q, sample.state.qd)
+        if found.weakest <= _SINGULAR:
             raise InputError(
                 f'singular at t = {sample.t:.6g} s: the drives do not determine the motion there',
                 key='drives',
             )
-        inverse = Vt.T @ (U / s).T
-        found = np.zeros((len(self._values), state.q.size))
-        size = float(np.abs(state.q).max()) ** 2
-        for k, (name, step, scenes) in enumerate(self.displaced.all):
-            placed = [each.placed(sample.t, state.q, state.qd)[0] for each in scenes]
-            opened = [each.violation(q) for each, q in zip(scenes, placed, strict=True)]
-            given = self._scaled(slope(np.array(opened), step, name, 'a length', size))
-            found[k] = slope(np.array(placed), step, name, 'a place')
-            found[k, : model.n] = -inverse @ given
-            left = jacobian @ found[k, : model.n] + given
-            if np.abs(left).max(initial=0.0) > _OPEN * np.abs(given).max(initial=0.0):
-                raise InputError(
-                    'no derivative: redundant rows hold only where it stays', key=name
-                )
-        return found, inverse
-
-    def _tangent(self, sample: Sample) -> tuple[Floats, Floats]:
-        state, n = sample.state, self.simulation.model.n
-        dq, inverse = self._positions(sample)
-        dqd = np.zeros_like(dq)
-        size = float(np.abs(state.q).max() * np.abs(state.qd).max())
-        for k, (name, step, scenes) in enumerate(self.displaced.all):
-            rates, speeds = [], []
-            for offset, each in zip(OFFSETS, scenes, strict=True):
-                q = state.q + offset * step * dq[k]
-                q, qd = each.placed(sample.t, q, state.qd)
-                rates.append(each.rate(q, qd))
-                speeds.append(qd)
-            dqd[k] = slope(np.array(speeds), step, name, 'a drive')
-            given = self._scaled(slope(np.array(rates), step, name, 'a velocity', size))
-            dqd[k, :n] = -inverse @ given
-        return dq, dqd
-
-    def _scaled(self, of_rows: Floats) -> Floats:
-        """(rows,) of the kernel -> in the order and scale of `Linearised`."""
-        model = self.simulation.model
-        return np.asarray((of_rows * model.system.rows.scale)[model.row])
+        return found
