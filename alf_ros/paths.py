@@ -16,7 +16,7 @@ def named(text: str | Path, key: str | None = None) -> Path:
         path = Path(text).expanduser()
         if b'\0' in os.fsencode(path):
             raise ValueError
-    except (RuntimeError, ValueError):  # a home of nobody; characters that no file has
+    except (RuntimeError, TypeError, ValueError):  # a home of nobody; what no file's name has
         raise InputError('not a path', key=key, value=str(text)) from None
     return path
 

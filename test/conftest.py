@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
 import pytest
+from hypothesis import settings
 
 from support.traced import leave_children_alone
 
@@ -58,6 +59,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption('--mutants', type=int, default=200, metavar='N')
     parser.addoption('--kills', type=int, default=1, metavar='N')
 
+
+# What is drawn is the same every time: a failure is of the change, not of the day. `make fuzz` and
+# ALF_ROS_LONG=1 draw anew.
+settings.register_profile('same', derandomize=True, database=None)
+if not os.environ.get('ALF_ROS_LONG'):
+    settings.load_profile('same')
 
 # Long files, also those that would begin late: a file that begins last should be short.
 _FIRST = (

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 from itertools import islice
 from numbers import Integral, Real
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from alf_ros import html_table, paths, resources
 from alf_ros.effects import Effect
@@ -421,7 +421,8 @@ def _setting_fault(name: str, value: object) -> dict[str, Any] | None:
         return {'message': f'unknown {name}', 'choices': CHOICES[name]}
     low, high, whole, expected = NUMBERS[name]
     kind = Integral if whole else Real
-    if isinstance(value, kind) and not isinstance(value, bool) and low <= float(value) <= high:
+    usable = isinstance(value, kind) and not isinstance(value, bool)
+    if usable and low <= cast(float, value) <= high:
         return None
     return {'message': 'not usable', 'expected': expected}
 

@@ -86,7 +86,7 @@ REFUSED: dict[tuple[str, str], list[tuple[Any, str]]] = {
         ('rk5', "did you mean 'rk4'"),
         *((x, 'unknown integrator') for x in ('', 4, [1])),
     ],
-    ('with_solver', 'tolerance'): [(x, 'expected') for x in (NAN, INF, -1.0, '1', True)],
+    ('with_solver', 'tolerance'): [(x, 'expected') for x in (NAN, INF, -1.0, '1', True, 10**400)],
     ('place', 'body'): [('crnk', "did you mean 'crank'"), (None, 'not a name'), (3, 'not a name')],
     ('place', 'pose'): [
         ([0.0, 0.0], '3 finite numbers'),
@@ -454,6 +454,22 @@ def test_a_study_is_made_or_refused_in_a_line(study: Any, data: st.DataObject) -
         study(**given)
     except AlfError as error:
         assert '\n' not in str(error)
+
+
+def _type(value: Any) -> str:
+    return type(value).__name__
+
+
+@pytest.mark.parametrize('store', [3, 1.5, b'A', {}, np.zeros(3), 'a\0b'], ids=_type)
+def test_a_store_is_a_path(store: Any) -> None:
+    with pytest.raises(InputError, match='not a path'):
+        alf_ros.ensemble(MADE, {}, 1, store=store, duration=0.01, workers=0)
+
+
+@pytest.mark.parametrize('every', [0, 1.5, np.zeros(3), 10**400], ids=_type)
+def test_a_gradient_is_of_whole_steps(every: Any) -> None:
+    with pytest.raises(InputError, match='a whole number from 1'):
+        alf_ros.gradient(MADE, **RIGHT[alf_ros.gradient], every=every)
 
 
 @settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from alf_ros import paths
 from alf_ros.errors import InputError
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation import input_checks as check
@@ -85,6 +86,7 @@ def ensemble(
     """
     _needs('xarray')
     if store is not None:
+        store = paths.named(store, 'store')
         _needs('zarr')
     study = study_of(
         scene,

@@ -48,7 +48,7 @@ class EnsembleStore:
     """
 
     def __init__(self, folder: str | Path, study: Study) -> None:
-        self.folder = paths.named(str(folder), 'store')
+        self.folder = paths.named(folder, 'store')
         self.study = study
         self._hidden = self.folder / HIDDEN
         self._variables = {variable.name: variable for variable in variables_of(study)}

@@ -83,7 +83,8 @@ def gradient(
         rerun = Rerun(log, trust)
         simulation, tick = rerun.simulation, rerun.steps_per_tick
         stretches = _stretches(log, rerun)
-    return _gradient(simulation, stretches, of, by, check.whole(every or tick, 'every', 1))
+    every = check.whole(tick if every is None else every, 'every', 1)
+    return _gradient(simulation, stretches, of, by, every)
 
 
 def _steps_of(simulation: Simulation, duration: float | None) -> int:
