@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
+import shutil
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from signal import SIGALRM, SIGPROF
 
+from spoiling import scratch
 from worker import Found, case, harness, serve
 
 BATCH = {'expressions': 2000, 'tables': 500, 'states': 200, 'scenes': 50, 'commands': 50}
@@ -82,13 +85,16 @@ class _Worker:
         self._context = multiprocessing.get_context('spawn')
         self.progress = self._context.Value('q', 0)
         self._name = name
+        self._folder = scratch(name)
         self.start()
 
     def start(self) -> None:
         self.connection, theirs = self._context.Pipe()
         arguments = theirs, self._name, self.progress
         self._process = self._context.Process(target=serve, args=arguments, daemon=True)
+        os.environ['FUZZ_FOLDER'] = str(self._folder)
         self._process.start()
+        del os.environ['FUZZ_FOLDER']
         theirs.close()
         self.connection.recv()
 
@@ -100,3 +106,4 @@ class _Worker:
         self._process.kill()
         self._process.join()
         self.connection.close()
+        shutil.rmtree(self._folder, ignore_errors=True)

@@ -59,9 +59,10 @@ TEXTS = (
 
 def scratch(name: str) -> Path:
     """A folder for files of a harness, in memory where there is such a place: a file for each case
-    would wait for the disk."""
+    would wait for the disk. Below FUZZ_FOLDER, if a campaign has set it: the campaign removes all
+    there, also what a killed process leaves."""
     memory = '/dev/shm' if os.access('/dev/shm', os.W_OK) else None
-    folder = tempfile.mkdtemp(prefix=f'fuzz_{name}_', dir=memory)
+    folder = tempfile.mkdtemp(prefix=f'fuzz_{name}_', dir=os.environ.get('FUZZ_FOLDER', memory))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     return Path(folder)
 

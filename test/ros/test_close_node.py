@@ -22,7 +22,7 @@ from std_msgs.msg import Float64MultiArray
 from alf_ros import InputError
 from alf_ros.ros.closing.active_input import ActiveInput, renamed
 from support.paths import ROOT
-from support.ros_node import LIMIT, START_LIMIT, Peer
+from support.ros_node import LIMIT, SPEAKS, START_LIMIT, Peer, stacks
 
 INPUT = '/active_joint_states'
 
@@ -39,7 +39,7 @@ class ClosingProcess:
                 stdout=output,
                 stderr=subprocess.STDOUT,
                 cwd=folder,
-                env={**os.environ, 'PYTHONPATH': os.pathsep.join(filter(None, paths))},
+                env={**os.environ, **SPEAKS, 'PYTHONPATH': os.pathsep.join(filter(None, paths))},
                 start_new_session=True,
             )
 
@@ -47,7 +47,7 @@ class ClosingProcess:
         end = time.monotonic() + START_LIMIT
         while 'running:' not in self.output:
             assert self.process.poll() is None, self.output
-            assert time.monotonic() < end, self.output
+            assert time.monotonic() < end, stacks(self.process) + self.output
             time.sleep(0.02)
         return self
 

@@ -35,6 +35,17 @@ START_LIMIT = 180.0
 LIMIT = 120.0
 
 
+def stacks(process: subprocess.Popen[Any]) -> str:
+    """End a process, which writes to its output where each of its threads stands; what to look for
+    there. Needs `SPEAKS` in its environment."""
+    os.kill(process.pid, signal.SIGABRT)
+    process.wait(LIMIT)
+    return 'did not start; where its threads stood:'
+
+
+SPEAKS = {'PYTHONFAULTHANDLER': '1'}
+
+
 class SimulatorProcess:
     """`python -m alf_ros simulator` in a session of its own, logging below `folder`."""
 
@@ -55,7 +66,7 @@ class SimulatorProcess:
                 stdout=output,
                 stderr=subprocess.STDOUT,
                 cwd=self.folder,
-                env={**os.environ, 'PYTHONPATH': os.pathsep.join(filter(None, paths))},
+                env={**os.environ, **SPEAKS, 'PYTHONPATH': os.pathsep.join(filter(None, paths))},
                 start_new_session=True,
             )
 
@@ -75,7 +86,7 @@ class SimulatorProcess:
         end = time.monotonic() + START_LIMIT
         while 'running:' not in self.output:
             assert self.process.poll() is None, self.output
-            assert time.monotonic() < end, f'did not start: {self.output}'
+            assert time.monotonic() < end, stacks(self.process) + self.output
             time.sleep(0.02)
         return self
 
