@@ -305,6 +305,19 @@ def _short(number: str) -> str:
     return f'{float(number):.2g}' if number else ''
 
 
+def trees() -> str:
+    """Robots without loops beside MuJoCo."""
+    about, found = rows('trees.csv')
+    head = 'robot | base | joints | alf_ros, ms/s | MuJoCo, ms/s | ratio | limits apart, rad'
+    return markdown(about, head, [list(row.values()) for row in found])
+
+
+def identification_peers() -> str:
+    """Fits of the same recordings here and by MuJoCo's toolbox."""
+    about, found = rows('identification_peers.csv')
+    return markdown(about, ' | '.join(found[0]), [list(row.values()) for row in found])
+
+
 TABLES = (
     ('work_precision', work_precision),
     ('stiff', stiff),
@@ -328,6 +341,8 @@ TABLES = (
     ('derivatives', derivatives),
     ('derivative_errors', derivative_errors),
     ('coarse_steps', coarse_steps),
+    ('trees', trees),
+    ('identification_peers', identification_peers),
 )
 
 

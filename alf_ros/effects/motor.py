@@ -13,9 +13,11 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from alf_ros.arrays import Floats, Integers
 from alf_ros.effects import contract
-from alf_ros.effects.contract.piecewise import Points, interpolate, side_of, signal, slope
+from alf_ros.effects.contract.piecewise import Points, instants, interpolate, signal, slope
 from alf_ros.effects.contract.scalars import Measures, numbers_of, push, scalar, shared
 from alf_ros.mechanism.natural_coordinates import Layout
 
@@ -106,16 +108,19 @@ def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
     """Numbers of each: k_p, k_v, L, 1/ẋ₀, whether ẋ* is given, where the tables of x* and ẋ* begin
     after the table of e, tables. Raises ValueError for a joint without coordinate."""
     measures = Measures(layout)
+    times: list[Floats] = [np.zeros(0)]
     for effect in effects:
         p: Parameters = effect.parameters
         measures.add_coordinate(p.joint)
         limit = math.inf if p.limit is None else p.limit
         slope_of_limit = 0.0 if p.free_speed is None else 1.0 / p.free_speed
-        e, x, xd = (signal(s or 0.0) for s in (p.effort, p.position, p.velocity))
+        functions = [s or 0.0 for s in (p.effort, p.position, p.velocity)]
+        times += [instants(s) for s in functions]
+        e, x, xd = (signal(s) for s in functions)
         given = float(p.velocity is not None)
         head = [p.position_gain, p.velocity_gain, limit, slope_of_limit, given]
         measures.give([*head, e.size, e.size + x.size, *e, *x, *xd])
-    return measures.packed()
+    return replace(measures.packed(), instants=np.concatenate(times))
 
 
 @shared
@@ -161,11 +166,7 @@ def side(t: float, q: Floats, qd: Floats, near: Floats, slots: Integers, params:
     total = 0.0
     for n in range(slots[1]):
         at = numbers_of(slots, n)
-        e = at + 7
-        place = 2.0 * side_of(params, e, t)
-        place += 3.0 * side_of(params, e + int(params[at + 5]), t)
-        place += 5.0 * side_of(params, e + int(params[at + 6]), t)
-        limit = params[at + 2]
+        place, limit = 0.0, params[at + 2]
         if limit < math.inf:
             effort, xd = _wanted(t, q, qd, near, slots, params, n)
             speed = xd * params[at + 3]

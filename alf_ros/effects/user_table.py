@@ -8,13 +8,13 @@ natural ends); before the first and after the last row as there.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from alf_ros.arrays import Floats, Integers
 from alf_ros.effects import contract
-from alf_ros.effects.contract.piecewise import Points, interpolate, pieces, side_of
+from alf_ros.effects.contract.piecewise import Points, instants, interpolate, pieces
 from alf_ros.effects.contract.scalars import (
     Measures,
     component,
@@ -83,6 +83,7 @@ def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
     Raises ValueError for a wrong number of columns, and for a torque or a frame on a point.
     """
     measures = Measures(layout)
+    times: list[Floats] = [np.zeros(0)]
     D = layout.dimension
     spins = 1 if D == 2 else 3
     for effect in effects:
@@ -94,6 +95,7 @@ def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
             raise ValueError(f'a table of {1 + columns} columns, expected {wanted}')
         cubic = p.interpolation == 'cubic'
         tables = [pieces(p.table, 1 + n, cubic, hold=True) for n in range(columns)]
+        times.append(instants(p.table, cubic))
         if p.on is None:
             measures.add_coordinate(p.joint or '')
             measures.give([0, -1, 0, 0, *tables[0]])
@@ -106,7 +108,7 @@ def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
         measures.add_place(place(layout, p.on, p.at), arms)
         head = [len(arms), turned, columns - D, tables[0].size]
         measures.give([*head, *np.concatenate(tables)])
-    return measures.packed()
+    return replace(measures.packed(), instants=np.concatenate(times))
 
 
 @shared
@@ -165,16 +167,3 @@ def force(
                 cross = _vector(q, slots, params, n, at, 3, b, t) * uc
                 cross -= _vector(q, slots, params, n, at, 3, c, t) * ub
                 push_component(q, slots, params, n, first + a, 0.5 * cross, Q)
-
-
-@contract.side
-def side(t: float, q: Floats, qd: Floats, near: Floats, slots: Integers, params: Floats) -> float:
-    total = 0.0
-    for n in range(slots[1]):
-        at = numbers_of(slots, n)
-        columns = 1
-        if params[at + 1] >= 0.0:
-            columns = slots[0] + int(params[at + 2])
-        for k in range(columns):
-            total += (n + 1.0) * (k + 2.0) * side_of(params, at + 4 + k * int(params[at + 3]), t)
-    return total

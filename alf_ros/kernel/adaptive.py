@@ -19,6 +19,7 @@ from alf_ros.kernel.data import (
 )
 from alf_ros.kernel.grazed_kinks import unresolved_kink
 from alf_ros.kernel.interpolated_stages import linearise_aside
+from alf_ros.kernel.kinks_over_time import until_kink
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.numba_ext.jit import compiled, inner
 from alf_ros.kernel.numba_ext.vectors import copy
@@ -113,7 +114,7 @@ def advance_adaptively(
 ) -> tuple[int, int, int]:
     """Like `advance`, each h in as many steps as the tolerance of the method takes."""
     unit, system = problem.unit, problem.system
-    method, work = problem.method, problem.work
+    method, work, kinks = problem.method, problem.work, problem.forces.kinks
     t0, first, steps, h = span
     pace, share = phase.pace, SHARE * method.tolerance
     good_pace = pace[0]
@@ -137,17 +138,24 @@ def advance_adaptively(
                 result = TOO_MANY
                 break
             aim = goal if goal > done else h
-            left = aim - done
+            left, begin = aim - done, t + done
+            if kinks.instants.size > 0:
+                ahead = until_kink(kinks, begin, left, h)
+                begin = max(begin, kinks.span[0])
+                if ahead < left:
+                    left, aim = ahead, done + ahead
             longest = pace[0]
             if not begun:
                 longest = min(longest, TURN / turning(unit, system.arms, phase))
             parts = parts_of(left, longest)
             dt = left / parts
-            to = end if parts == 1.0 and aim == h else t + done + dt
+            to = end if parts == 1.0 and aim == h else begin + dt
+            if kinks.instants.size > 0:
+                to = min(to, kinks.span[1])
             if not begun:
                 work.sides[0] = np.nan
             work.sides[1] = 0.0
-            result, count = step(problem, phase, t + done, to, dt, sigma, begun)
+            result, count = step(problem, phase, begin, to, dt, sigma, begun)
             most = max(most, count)
             if told_to_stop(work):
                 result = STOPPED
@@ -159,19 +167,19 @@ def advance_adaptively(
                 likely, across = likely_rounding(system, work.nearest[0]), work.sides[1] > 0.0
                 last = Last(expected, before, float(tries), dt / longer)
                 error, factor, floor = judged(fine, coarse, share, likely, across, floor, last)
-            if error <= floor and problem.forces.kinks.search.size > 0:
-                part = unresolved_kink(problem, phase, t + done, dt)
+            if error <= floor and kinks.search.size > 0:
+                part = unresolved_kink(problem, phase, begin, dt)
                 if part < 1.0:
                     goal, begun = done + part * dt, True
                     continue
             if error <= floor:
                 if tangents is not None:
                     ended = work.q, work.qd, work.nearest[0]
-                    result = carry_tangents(tangents, phase, ended, t + done, to, dt, sigma)
+                    result = carry_tangents(tangents, phase, ended, begin, to, dt, sigma)
                     if result != OK:
                         break
                 if record is not None:
-                    record_step(record, phase, work, t + done, to, dt, sigma)
+                    record_step(record, phase, work, begin, to, dt, sigma)
                 record_power(problem, phase, t, method.b.size, dt, ALL_FORCES)
                 accept(unit, system, work, phase)
                 copy(problem.forces.bearings.force, phase.loads)

@@ -77,7 +77,7 @@ def _take_step_back(adjoint: Adjoint, k: np.uint64) -> int:
     _add_up_back(adjoint, stages, h)
     for back in range(stages):
         s = stages - ONE - back
-        ts = t + method.c[s] * h
+        ts = min(t + method.c[s] * h, end)
         _fold_back(adjoint, s)
         count = take_stage_back(adjoint, ts, s)
         if count <= 0:

@@ -23,6 +23,7 @@ from alf_ros.kernel.interpolated_stages import (
     evaluate_uninterpolated,
     linearise_aside,
 )
+from alf_ros.kernel.kinks_over_time import until_kink
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.lost_rank import begin_with_det, note_det, rank_lost
 from alf_ros.kernel.mass import add_mass_times
@@ -206,9 +207,10 @@ def _step(
             for i in range(n):  # a stiff stage may be extrapolated wrongly: guess a standstill
                 v = (q[i] - work.before_q[i]) / gamma
                 system.soft.k[i] = (v - work.before_qd[i]) / gamma
-        result, count, near, rate = _solve_stage(
-            problem, phase, t + method.c[s] * h, s, gamma, near, rate, scales
-        )
+        ts = t + method.c[s] * h
+        if problem.forces.kinks.instants.size > 0:
+            ts = min(ts, problem.forces.kinks.span[1])
+        result, count, near, rate = _solve_stage(problem, phase, ts, s, gamma, near, rate, scales)
         most = max(most, count)
         suspect |= near
         if result != OK:
@@ -273,7 +275,7 @@ def advance_implicitly(
     unit, system = problem.unit, problem.system
     method, work = problem.method, problem.work
     t0, first, steps, h = span
-    pace, adaptive = phase.pace, method.embedded.size > 0
+    pace, adaptive, kinks = phase.pace, method.embedded.size > 0, problem.forces.kinks
     good_pace = pace[0]
     save_grid_point(problem, phase)
     most, here = 0, within
@@ -289,11 +291,18 @@ def advance_implicitly(
                 result = TOO_MANY if 4 * unsettled < MOST else NOT_SETTLED
                 break
             aim = goal if goal > done else h  # where a kink is met and left in a step, before h
-            left = aim - done
+            left, begin = aim - done, t + done
+            if adaptive and kinks.instants.size > 0:
+                ahead = until_kink(kinks, begin, left, h)
+                begin = max(begin, kinks.span[0])
+                if ahead < left:
+                    left, aim = ahead, done + ahead
             parts = max(1.0, np.ceil(0.999999 * left / length))  # no crumb at the grid point
             dt = left / parts
-            to = end if parts == 1.0 and aim == h else t + done + dt
-            result, count = _step(problem, phase, t + done, to, dt, here)
+            to = end if parts == 1.0 and aim == h else begin + dt
+            if adaptive and kinks.instants.size > 0:
+                to = min(to, kinks.span[1])
+            result, count = _step(problem, phase, begin, to, dt, here)
             most = max(most, count)
             if told_to_stop(work):
                 result = STOPPED
@@ -309,8 +318,8 @@ def advance_implicitly(
                 likely = _ROUNDING if work.nearest[0] < np.inf else _FLAT
                 good = error * _SHARE * method.tolerance < likely
                 work.rounded[0] += good
-            if good and problem.forces.kinks.search.size > 0:
-                part = unresolved_kink(problem, phase, t + done, dt)
+            if good and kinks.search.size > 0:
+                part = unresolved_kink(problem, phase, begin, dt)
                 if part < 1.0:
                     goal = done + part * dt
                     continue

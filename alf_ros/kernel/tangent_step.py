@@ -93,7 +93,7 @@ def carry_tangents(
     stages = method.b.size
     for s in range(stages):
         add_up(method, work, s, h)
-        ts = t + method.c[s] * h
+        ts = min(t + method.c[s] * h, end)
         prescribe(system, ts, work.q, work.qd, work.qdd)
         unfold(unit, system, work, phase)
         copy(work.q, work.base)

@@ -100,6 +100,12 @@ def table(points: Sequence[tuple[float, float]]) -> Signal:
     return Signal('table', (TIME,), points=tuple((float(t), float(f)) for t, f in points))
 
 
+def tables(function: Signal) -> list[tuple[tuple[float, float], ...]]:
+    """The points of each table in a function."""
+    found = [points for each in function.arguments for points in tables(each)]
+    return [*found, function.points] if function.points else found
+
+
 def rate(speed: Signal | float) -> Signal:
     """A function with this rate, for uses of its rates only: its value is set to zero."""
     return Signal('rate', (signal(speed),))

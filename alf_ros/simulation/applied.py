@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -20,7 +21,7 @@ from alf_ros.mechanism.natural_coordinates import Layout
 from alf_ros.model.compile import Model
 from alf_ros.model.effect_directions import Direction
 from alf_ros.simulation.joint_efforts import axes_of
-from alf_ros.simulation.kink_search import kinks
+from alf_ros.simulation.kink_search import kinks, kinks_of_drives
 from alf_ros.simulation.reaction_friction import bearings
 from alf_ros.simulation.reactions import Reactions
 from alf_ros.simulation.work_ledger import INPUTS, ledger
@@ -257,7 +258,21 @@ class Applied:
             rub = replace(rub, effects=self.on(self._reactions().cut))
         layout = self._model.layout
         scalars = [(kind.interval, kind.packed.intervals) for kind in self._all(layout)]
-        return Forces(self._pack(layout), rub, self._ledger, kinks(self._model, scalars))
+        instants = self._instants if self._asked.intervals else np.zeros(0)
+        found = kinks(self._model, scalars, instants)
+        return Forces(self._pack(layout), rub, self._ledger, found)
+
+    @cached_property
+    def _instants(self) -> Floats:
+        """Of all kinks over time, s."""
+        layout = self._model.layout
+        every = [kind.packed.instants for kind in self._all(layout)]
+        return np.unique(np.concatenate([*every, kinks_of_drives(layout.mechanism)]))
+
+    @cached_property
+    def shortest_piece(self) -> float:
+        """The shortest time between two kinks over time, s; infinite with less than two."""
+        return float(np.diff(self._instants).min(initial=math.inf))
 
     @property
     def _ledger(self) -> Ledger:

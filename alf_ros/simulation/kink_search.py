@@ -1,19 +1,28 @@
-"""Data of the kernel for kinks that are met and left within a step, where effects know kinks."""
+"""Data of the kernel for kinks over time, and for kinks that are met and left within a step."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
+from alf_ros.arrays import Floats
+from alf_ros.effects.contract.piecewise import spline_instants
 from alf_ros.kernel import Kinks
+from alf_ros.mechanism import Mechanism
+from alf_ros.mechanism.time_function import tables
 from alf_ros.model.compile import Model
 from alf_ros.model.constraints.packing import indices
 
 
-def kinks(model: Model, scalars: Sequence[tuple[int, int]]) -> Kinks:
-    """The search for the kinks of effects, of each the address of `interval` (0: none) and how
-    many scalars it knows."""
+def kinks(model: Model, scalars: Sequence[tuple[int, int]], instants: Floats) -> Kinks:
+    """The kinks of effects: of each the address of `interval` (0: none) and how many scalars it
+    knows; and the instants (s) of kinks over time, ascending."""
+    found = Kinks.empty()
+    if instants.size:
+        found = replace(found, instants=instants, span=np.array([-np.inf, np.inf]))
     known = [
         (address, effect, n)
         for effect, (address, count) in enumerate(scalars)
@@ -21,11 +30,12 @@ def kinks(model: Model, scalars: Sequence[tuple[int, int]]) -> Kinks:
         for n in range(count)
     ]
     if not known:
-        return Kinks.empty()
+        return found
     from alf_ros.kernel import grazed_kinks as compiled
 
     addresses, effects, numbers = zip(*known, strict=True)
-    return Kinks(
+    return replace(
+        found,
         search=np.array([compiled.search(model.layout.dimension).address], dtype=np.uint64),
         interval=np.array(addresses, dtype=np.uint64),
         effect=indices(effects),
@@ -37,3 +47,13 @@ def kinks(model: Model, scalars: Sequence[tuple[int, int]]) -> Kinks:
         xi=np.zeros(model.n),
         xid=np.zeros(model.n),
     )
+
+
+def kinks_of_drives(mechanism: Mechanism) -> Floats:
+    """The instants (s) of the tables of all drives."""
+    parts = [part for item in mechanism.prescribed for part in item.components if part is not None]
+    found: list[Floats] = [np.zeros(0)]
+    for points in (points for part in parts for points in tables(part)):
+        t, x = np.array(points).T
+        found.append(spline_instants(CubicSpline(t, x, bc_type='clamped')))
+    return np.unique(np.concatenate(found))

@@ -33,7 +33,8 @@ class Resolution:
     measurement: with adaptive integrators, which keep a tolerance, and in formulations other than
     alf2. `crossing` (m): by how much a singular position was missed that steps passed, at best as
     if they met it; `missed_by`: the cause, `lengths` or, with several freedoms, `the motion`;
-    `unexamined`: the part of the start that was not examined, in words.
+    `unexamined`: the part of the start that was not examined, in words; `unseen` (s): the shortest
+    piece of a table or trajectory over time, if it may lie between two stages of a fixed step.
     """
 
     step: float
@@ -44,6 +45,7 @@ class Resolution:
     crossing: float = 0.0
     missed_by: str = LENGTHS
     unexamined: str = ''
+    unseen: float = 0.0
 
     @property
     def chatters(self) -> bool:
@@ -73,6 +75,12 @@ class Resolution:
             if self.missed_by == MOTION:
                 return f'the motion misses {off}: they may take the other branch'
             return f'lengths miss {off}: at best it is passed as if they agreed; make them agree'
+        if not self.too_long and self.unseen > 0.0:
+            return (
+                f'a table or trajectory over time has pieces of {self.unseen:.2g} s, which may '
+                f'lie between the stages of steps of {self.step:g} s and not act; take an '
+                'adaptive integrator'
+            )
         if not self.too_long:
             return self.unexamined
         errors = f'the errors of {self.steps:.0f} add up to {100.0 * self.error:.2g} % of the size'

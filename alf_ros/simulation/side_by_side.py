@@ -283,8 +283,9 @@ def no_place(simulation: Simulation) -> str:
         return 'a watched run, or one with tangents, has no lanes'
     if simulation.ledger or stepper.applied.load_count:
         return 'works, and friction that depends on reactions, have no lanes'
-    if is_adaptive(simulation) and stepper.applied.assembled.kinks.search.size:
-        return 'adaptive steps that look for contacts within them have no lanes'
+    kinks = simulation._applied.assembled.kinks
+    if is_adaptive(simulation) and (kinks.search.size or kinks.instants.size):
+        return 'adaptive steps that look for contacts, or end at kinks over time, have no lanes'
     return ''
 
 

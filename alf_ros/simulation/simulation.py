@@ -273,7 +273,7 @@ class Simulation:
         """How well the steps resolve the motion since the start or the last restored state, and
         whether they are too long; and the parts that were not examined. Measured with alf2, steps
         with the integrators of fixed steps."""
-        return self._stepper.resolution
+        return self._stepper.resolution_later(self._applied)()
 
     @property
     def missed(self) -> float:
@@ -605,6 +605,6 @@ class Simulation:
             self._stepper.iterations,
             self._step_cost,
             False if self._stepper.formulation else beside,
-            self._stepper.resolution_later(),
+            self._stepper.resolution_later(self._applied),
             self._followed(whole),
         )

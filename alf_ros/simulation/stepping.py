@@ -239,7 +239,7 @@ class Stepper:
             if cause is not None:
                 reason, remedy = reason + cause[0], cause[1]
         if status == Status.TOO_LONG:
-            longest = self.resolution.adequate
+            longest = self.resolution_later(present.applied)().adequate
             remedy = f'take a smaller step, {longest:g} s or less, or an adaptive integrator'
         return StepError(reason, remedy, t)
 
@@ -279,19 +279,28 @@ class Stepper:
         found = self.formulation is None and self.method.estimate.size > 0
         return measured(self.h, self.work.judged)[1] if found else math.nan
 
-    @property
-    def resolution(self) -> Resolution:
-        """How well the steps resolve the motion, where that is measured."""
-        return self.resolution_later()()
-
-    def resolution_later(self) -> Callable[[], Resolution]:
-        """The same of the steps so far, computed when it is called: it may take a search."""
+    def resolution_later(self, applied: Applied) -> Callable[[], Resolution]:
+        """How well the steps so far resolve the motion, where that is measured: computed when it
+        is called, as it may take a search. applied: all forces."""
         if self.formulation is not None:
             return partial(Resolution, self.h)
         nothing = self.h, math.nan, math.nan, math.nan, False
         judged = measured(self.h, self.work.judged) if self.method.estimate.size else nothing
         told, _, longest = self.work.crossing.tolist()
-        return partial(self.missed.resolution, judged, told, longest)
+        return partial(self._resolved, applied, judged, told, longest)
+
+    def _resolved(
+        self,
+        applied: Applied,
+        judged: tuple[float, float, float, float, bool],
+        told: float,
+        longest: float,
+    ) -> Resolution:
+        found = self.missed.resolution(judged, told, longest)
+        piece, stages = applied.shortest_piece, np.unique([*self.method.c, 1.0])
+        if self.method.embedded.size or piece >= self.h * np.diff(stages).max():
+            return found
+        return replace(found, unseen=piece)
 
     def beside(self, present: Present) -> bool | None:
         """Whether the last step of the run ended beside a singular position, interpolated; None if

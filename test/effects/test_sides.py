@@ -55,21 +55,6 @@ CASES: list[tuple[str, dict[str, Any], list[tuple[float, float, float]]]] = [
     ),
     ('motor', LIMITED, [(0.3, 0.1, 0.0), (0.3, -0.2, 0.0), (0.3, -1.0, 0.0)]),
     ('motor', LIMITED, [(0.3, 0.1, 0.0), (0.3, -0.2, 0.0), (0.3, 1.0, 0.0)]),
-    (
-        'motor',
-        {'joint': 'crank_pin', 'effort': TABLE},
-        [(0.3, 0.1, 0.9), (1.3, 0.1, 1.1), (0.3, 0.1, 1.3)],
-    ),
-    (  # held behind the last row
-        'user_table',
-        {'joint': 'crank_pin', 'table': TABLE},
-        [(0.3, 0.1, 1.5), (1.3, 0.1, 1.9), (0.3, 0.1, 2.1)],
-    ),
-    (
-        'user_table',
-        {'on': 'A', 'table': [[0, 0, 1], [1, 0, 2], [2, 0, 4]]},
-        [(0.3, 0.1, 0.1), (1.3, 0.1, 0.9), (0.3, 0.1, 1.1)],
-    ),
 ]
 
 
@@ -129,6 +114,28 @@ def interval(kind: str, parameters: dict[str, Any], theta: float, rate: float) -
     function = ctypes.CFUNCTYPE(None, *kinds)(int(forces.kinks.interval[0]))
     function(0.0, *pointers, 0, out.ctypes.data_as(doubles))
     return out.tolist()
+
+
+@pytest.mark.parametrize(
+    ('kind', 'parameters', 'wanted'),
+    [
+        ('motor', {'effort': [[-1, 0], [0, 0], [0.5, 1], [1, 2], [2, 2]]}, [0, 1]),
+        (
+            'motor',
+            {'position': [[0, 0], [1, 1]], 'position_gain': 1, 'effort': [[0.5, 3], [0.6, 1]]},
+            [0, 0.5, 0.6, 1],
+        ),
+        ('user_table', {'table': [[0, 5], [1, 5], [2, 4]]}, [1, 2]),
+        ('user_table', {'table': [[0, 1], [1, 0], [9, 0]], 'interpolation': 'cubic'}, [0, 1, 9]),
+    ],
+)
+def test_kinks_over_time_are_known_by_their_times(
+    kind: str, parameters: dict[str, Any], wanted: list[float]
+) -> None:
+    found = simulated(kind, {'joint': 'crank_pin', **parameters})
+    assert found._applied.assembled.kinks.instants.tolist() == wanted
+    fixed = simulated(kind, {'joint': 'crank_pin', **parameters}, 'rk4')
+    assert not fixed._applied.assembled.kinks.instants.size
 
 
 INF = math.inf

@@ -30,6 +30,7 @@
     places are. Writes into `out` the n-th of `Packed.intervals` scalars x, its rate ẋ, and the
     ends of the interval around x in which the force has no kink, infinite where there is none.
     A step in which x leaves its interval and returns is then known, even if no stage sees it.
+    Kinks over time need neither: steps end at the times in `Packed.instants`.
 `tangent(t, q, qd, near, loads, slots, params, n, stiff, G)` (optional)
     compiled by `@tangent`, for an implicit method that asks: how the effect yields in direction
     n, one of `Packed.directions`. Of an effort F on a scalar x: writes -∂F/∂x and -∂F/∂ẋ into
@@ -58,11 +59,12 @@ allocated. What several effects call (`scalars`, `piecewise`) becomes part of ea
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from numba import types
 
 from alf_ros.arrays import Floats, Integers
@@ -132,13 +134,14 @@ class Packed:
     """Data of the compiled functions of an effect: `slots` are indices, `params` numbers.
 
     directions: the blocks that each direction of `tangent` moves; intervals: how many scalars
-    `interval` knows.
+    `interval` knows; instants: of kinks over time (s), at which adaptive steps end.
     """
 
     slots: Integers
     params: Floats
     directions: tuple[tuple[int, ...], ...] = ()
     intervals: int = 0
+    instants: Floats = field(default_factory=lambda: np.zeros(0))
 
 
 def force(function: Callable[..., None]) -> Any:

@@ -18,6 +18,8 @@ from alf_ros.effects.contract.scalars import shared
 from alf_ros.effects.contract.trajectory import Curve
 
 Points = Sequence[Sequence[float]]
+_GAPS = 4.0  # less than 1.4 of them are between two stages of each method, and two are a bump
+_SHARP = 1e-6  # of the range of a spline
 _CURVED = -0.618  # no slope that tables have
 
 
@@ -72,6 +74,40 @@ def signal(value: float | Points | Curve) -> Floats:
     if len(points[0]) != 2:
         raise ValueError('a table of a function of time has two columns')
     return pieces(points, hold=True)
+
+
+def instants(value: float | Points | Curve, cubic: bool = False) -> Floats:
+    """The times (s) of the kinks of a function of time, as `signal` or `pieces` takes it; of a
+    spline those that `spline_instants` says."""
+    if isinstance(value, (int, float)):
+        return np.zeros(0)
+    if isinstance(value, Curve):
+        return np.array([piece[0] for piece in value.pieces])
+    table = np.array(value, dtype=float)
+    x, f = table[:, 0], table[:, 1:]
+    if cubic and x.size > 2:
+        found = [spline_instants(CubicSpline(x, g, bc_type='natural')) for g in f.T]
+        return np.unique(np.concatenate(found))
+    level = np.zeros((1, f.shape[1]))
+    slopes = np.vstack([level, np.diff(f, axis=0) / np.diff(x)[:, None], level])
+    return np.asarray(x[(np.diff(slopes, axis=0) != 0.0).any(axis=1)])
+
+
+def spline_instants(spline: CubicSpline) -> Floats:
+    """The knots of a spline at which a step ends: those where its third derivative jumps by much,
+    and so many that a few stages see what it does between two of them: no part is longer than four
+    times the shortest distance of two knots in it."""
+    x, gaps = spline.x, np.diff(spline.x)
+    jumps = np.abs(np.diff(spline.c[0])) * np.minimum(gaps[:-1], gaps[1:]) ** 3
+    sharp = jumps > _SHARP * np.ptp(spline(x))
+    found, shortest = [x[0]], math.inf
+    for k in range(1, x.size):
+        shortest = min(shortest, gaps[k - 1])
+        if k > 1 and (sharp[k - 2] or x[k] - found[-1] > _GAPS * shortest):
+            if x[k - 1] > found[-1]:
+                found.append(x[k - 1])
+            shortest = gaps[k - 1]
+    return np.array([*found, x[-1]])
 
 
 @shared

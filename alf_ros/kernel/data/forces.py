@@ -116,11 +116,13 @@ class Ledger(Struct):
 
 @dataclass(frozen=True, eq=False)
 class Kinks(Struct):
-    """Data and workspace of the search for kinks that are met and left within a step, by the
-    scalars of effects that have `interval`."""
+    """The kinks over time, and data and workspace of the search for kinks that are met and left
+    within a step, by the scalars of effects that have `interval`."""
 
     addresses = ('search', 'interval')
 
+    instants: Floats  # (instants,) s, ascending, at which steps end
+    span: Floats  # (2,) s, between which the stages of a step are; (0,) without instants
     search: Addresses  # (1,) address of the function that searches, or (0,) without scalars
     interval: Addresses  # (scalars,) address of interval()
     effect: Indices  # (scalars,) number of the effect
