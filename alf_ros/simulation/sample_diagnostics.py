@@ -8,8 +8,10 @@ from collections.abc import Callable
 import numpy as np
 
 from alf_ros.simulation.dynamics import Dynamics
-from alf_ros.simulation.resolution import Resolution
+from alf_ros.simulation.resolution import Resolution, nice
 
+_TURN = 1.5  # rad in a step, by which angles are surely followed …
+_MOST_TURNED = 3.0  # … and beyond which whole turns are lost
 _FEW = 300  # coordinates, up to which eigenvalues are cheap
 
 
@@ -53,7 +55,22 @@ class Diagnostics:
     @property
     def trouble(self) -> str:
         """A report of steps that are too long, with a sufficient one; empty if they are not."""
-        return self.resolution.trouble(self.adequate_step)
+        return self.resolution.trouble(self.adequate_step) or self._lost_turns
+
+    @property
+    def _lost_turns(self) -> str:
+        """A report of an angle that turns too far in a fixed step for its turns to be counted."""
+        sample, method = self._sample, self._sample._solver.method
+        if method.embedded.size or not sample._spins.size:
+            return ''
+        h, fastest = sample._solver.step, np.abs(sample._spins).max()
+        if h * fastest <= _MOST_TURNED:
+            return ''
+        return (
+            f'a body turns by {h * fastest:.2g} rad in a step of {h:g} s: whole turns of angles '
+            f'are not counted right; take {nice(_TURN / fastest):g} s or less, or an adaptive '
+            'integrator'
+        )
 
     @property
     def position_violation(self) -> float:

@@ -297,3 +297,18 @@ def test_nice_steps() -> None:
         1e-9,
     ]
     assert Resolution(0.1, 0.02, 0.0, 1000.0, True).adequate == 0.02
+
+
+@pytest.mark.parametrize('integrator', ['rk4', 'dop853', 'dop853_adaptive'])
+def test_steps_in_which_a_body_turns_too_far(integrator: str) -> None:
+    """A rotor of 0.5 kg m² under 200 N m: after a second at 400 rad/s, and after 200 rad."""
+    text = f'{ROTOR}\neffects: {{joint_effort: {{joint: pin, effort: 200}}}}\n'
+    for step, lost in ((2e-3, False), (0.01, integrator != 'dop853_adaptive')):
+        sim = Simulation(scene_from_text(text), integrator=integrator, step=step)
+        sim.step(round(1.0 / step))
+        found = sim.sample()
+        turned = found.joints['pin'].position
+        assert (abs(turned - 200.0) > 6.0) == lost
+        assert ('a body turns by 4 rad in a step' in found.diagnostics.trouble) == lost
+        if lost:
+            assert 'take 0.002 s or less' in found.diagnostics.trouble
