@@ -22,7 +22,15 @@ MOTION = {
     'gravity off': 'these bodies have weight here',
     'compensation of gravity': 'these bodies have their whole weight here',
     'shapes without their file': 'their mass is not counted',
-    'contact': 'bodies pass through each other and through the ground',
+    'contact': 'bodies pass through each other and through the ground (see --ground)',
+    'contact with the ground (see --contact)': 'bodies pass through the ground: a robot that '
+    'nothing else holds falls',
+    'contact of other shapes': 'these pass through the ground',
+    'contact between bodies': 'they pass through each other',
+    'contact as drawn': 'these are drawn in the ground, which pushes them out at the start',
+    'law of contact': 'its stiffness is that of --contact; no impact leaves the ground faster '
+    'than 0.1 m/s',
+    'friction of contact': 'bodies spin and roll on the ground without resistance',
     'damping (see --scene)': 'joints are not damped',
     'springs (see --scene)': 'joints have no springs',
     'dry friction (see --scene)': 'joints have no friction',
@@ -48,7 +56,11 @@ MOTION = {
     'joints of unknown type': 'they are omitted',
     'includes': 'their content is omitted',
 }
-_COUNTED = ('contact',)  # names give no information here
+_COUNTED = (
+    'contact',
+    'contact with the ground (see --contact)',
+    'contact between bodies',
+)  # names give no information here
 # what reads differently, but moves alike
 READING = {
     'names, changed': '',

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from alf_ros.errors import InputError
-from alf_ros.exchange import mjcf_actuators, mjcf_assets, mjcf_geoms
+from alf_ros.exchange import mjcf_actuators, mjcf_assets, mjcf_contacts, mjcf_geoms
 from alf_ros.exchange.robot import Connection, Coupled, FramePose, Robot, RobotPart, lumped
 from alf_ros.mechanism import GROUND
 from alf_ros.scene.text.yaml_document import LARGEST
@@ -107,6 +107,7 @@ class _Reader:
         names = self._names('actuator', model.nu)
         mjcf_actuators.add(self.robot, mujoco, self.data, names, self.joints)
         mjcf_geoms.add(self.robot, mujoco, self.data, Path(file), self.held)
+        mjcf_contacts.add(self.robot, mujoco, self.data, self.held)
         self._leave()
 
     def _names(self, kind: str, count: int) -> list[str]:
@@ -298,10 +299,6 @@ class _Reader:
     def _leave(self) -> None:
         """Note the other contents of the file."""
         model, leave = self.model, self.robot.leave
-        for geom in range(model.ngeom):
-            body = self.bodies[model.geom_bodyid[geom]]
-            if model.geom_contype[geom] or model.geom_conaffinity[geom]:
-                leave('contact', body)
         for kind, count in (
             ('tendon', model.ntendon),
             ('sensor', model.nsensor),

@@ -111,12 +111,50 @@ class Coupled:
     of: Mapping[str, float]
 
 
+@dataclass(frozen=True, eq=False)
+class FixedPlane:
+    """A plane that does not move: through (3,) on it, m; normal (3,), of length 1, to its free
+    side."""
+
+    through: Floats
+    normal: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class GroundTouch:
+    """A ball of a part that touches a plane, or a point if its radius is 0.
+
+    centre (3,) as drawn, m. friction: the coefficient between them. turning: whether the source
+    has friction against spin and roll as well.
+    """
+
+    name: str
+    part: str
+    centre: Floats
+    radius: float
+    plane: FixedPlane
+    friction: float
+    turning: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Collider:
+    """A shape of a part with which the part touches others, placed as drawn; None: of a kind that
+    no shape here has. friction: coefficient; None: not given."""
+
+    name: str
+    part: str
+    shape: VisualShape | None
+    friction: float | None = None
+
+
 @dataclass
 class Robot:
     """Parts and connections; `left_out` says, by kind, what of the source is not among them.
 
     still: what to do if nothing can move. shapes: with their poses in the world, each after the
-    part, or the ground, that it shows.
+    part, or the ground, that it shows. planes: fixed ones, each with its coefficient of friction
+    if the file has one. touches: what of the robot touches planes.
     """
 
     name: str
@@ -128,6 +166,9 @@ class Robot:
     actuators: list[Actuator] = field(default_factory=list)
     couplings: list[Coupled] = field(default_factory=list)
     shapes: list[tuple[str, VisualShape]] = field(default_factory=list)
+    colliders: list[Collider] = field(default_factory=list)
+    planes: list[tuple[FixedPlane, float | None]] = field(default_factory=list)
+    touches: list[GroundTouch] = field(default_factory=list)
     left_out: LeftOut = field(default_factory=LeftOut)
 
     def leave(self, kind: str, name: str) -> None:
