@@ -1,4 +1,4 @@
-"""What acts on an imported robot, as the `effects` of its scene."""
+"""The `effects` of the scene of an imported robot."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from collections.abc import Container, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from alf_ros.exchange.robot import FramePose, Robot
+from alf_ros.exchange.robot import Actuator, FramePose, Robot, Tendon
+from alf_ros.mechanism import GROUND
 from alf_ros.scene.text.repetition import NAME
 
 _LOSSES = 10.0  # s/m: no impact leaves the ground faster than 0.1 m/s
@@ -27,7 +28,8 @@ class Named:
 
     def place(self, part: str, at: Any) -> list[float]:
         """A place (3,) of the world as drawn, m, in the frame of a part."""
-        return [round(float(x), _DIGITS) + 0.0 for x in self.frames[part].inverse.place(at)]
+        inner = at if part == GROUND else self.frames[part].inverse.place(at)
+        return [round(float(x), _DIGITS) + 0.0 for x in inner]
 
 
 def entries(
@@ -35,9 +37,74 @@ def entries(
 ) -> dict[str, Any]:
     """Effects, by kind and name. stops, contact: stiffnesses, see `mechanism_text.text`."""
     effects = _of_joints(robot, named.joints, stops)
+    tendons = _tendons(robot, named, stops)
+    effects |= {'tendon': tendons} if tendons else {}
     if contact is not None and robot.touches:
         effects['ground_contact'] = _contacts(robot, named, contact)
     return effects
+
+
+def _tendons(robot: Robot, named: Named, stops: float | None) -> dict[str, dict[str, Any]]:
+    """An instance for the springs and losses of each tendon, and one for each actuator on it."""
+    entries: dict[str, dict[str, Any]] = {}
+    shapes: dict[str, tuple[dict[str, Any], float]] = {}
+    for each in robot.tendons:
+        if not (
+            named.joints.keys() >= each.joints.keys()
+            and named.bodies.keys() >= {part for part, _ in each.path}
+        ):
+            robot.leave('tendons', f'{each.name} holds a part without mass')
+            continue
+        shape: dict[str, Any] = _length(each, named)
+        shapes[each.name] = shape, each.drawn
+        acting: dict[str, Any] = {}
+        if each.stiffness:
+            acting |= _spring(each)
+        acting |= {'damping': each.damping} if each.damping else {}
+        acting |= {'friction': each.friction} if each.friction else {}
+        if each.limits is not None and stops is not None:
+            low, high = (limit - each.drawn for limit in each.limits)
+            acting |= {'lower': low, 'upper': high, 'stop_stiffness': stops}
+        if acting:
+            entries[_label(each.name, entries)] = shape | acting
+    for actuator in robot.actuators:
+        if actuator.on_tendon and actuator.joint in shapes:
+            shape, drawn = shapes[actuator.joint]
+            entries[_label(actuator.name, entries)] = shape | _drive(actuator, drawn)
+    return entries
+
+
+def _length(tendon: Tendon, named: Named) -> dict[str, Any]:
+    if tendon.joints:
+        return {'joints': [[named.joints[name], c] for name, c in tendon.joints.items()]}
+    path = [[named.bodies[part], named.place(part, at)] for part, at in tendon.path]
+    plain = all(weight == 1.0 for weight in tendon.weights)
+    return {'path': path} | ({} if plain else {'weights': list(tendon.weights)})
+
+
+def _spring(tendon: Tendon) -> dict[str, Any]:
+    """Of stiffness outside an interval without force."""
+    k, (first, last) = tendon.stiffness, tendon.rest
+    spring: dict[str, Any] = {'free_length': first - tendon.drawn}
+    if first == last:
+        return spring | {'stiffness': k}
+    play = last - first
+    return spring | {'table': [[-1.0, -k], [0.0, 0.0], [play, 0.0], [play + 1.0, k]]}
+
+
+def _drive(actuator: Actuator, drawn: float) -> dict[str, Any]:
+    """The keys of a motor, for a coordinate that the source has at `drawn` as drawn."""
+    drive: dict[str, Any] = {'effort': actuator.effort} if actuator.effort else {}
+    if actuator.position is not None:
+        drive['position'] = actuator.position - drawn
+        drive['position_gain'] = actuator.position_gain
+    if actuator.velocity is not None:
+        drive['velocity'] = actuator.velocity
+    if actuator.velocity_gain:
+        drive['velocity_gain'] = actuator.velocity_gain
+    if actuator.limit is not None:
+        drive['limit'] = actuator.limit
+    return drive
 
 
 def _contacts(robot: Robot, named: Named, stiffness: float) -> dict[str, dict[str, Any]]:
@@ -105,18 +172,9 @@ def _motors(robot: Robot, joints: Mapping[str, str]) -> dict[str, dict[str, Any]
     rotors = {c.name: c.armature for c in robot.connections if c.armature}
     motors: dict[str, dict[str, Any]] = {}
     for each in robot.actuators:
-        motor: dict[str, Any] = {'joint': joints[each.joint]}
-        if each.effort:
-            motor['effort'] = each.effort
-        if each.position is not None:
-            motor['position'] = each.position - drawn[each.joint]
-            motor['position_gain'] = each.position_gain
-        if each.velocity is not None:
-            motor['velocity'] = each.velocity
-        if each.velocity_gain:
-            motor['velocity_gain'] = each.velocity_gain
-        if each.limit is not None:
-            motor['limit'] = each.limit
+        if each.on_tendon:
+            continue
+        motor = {'joint': joints[each.joint]} | _drive(each, drawn[each.joint])
         if each.joint in rotors:
             motor['armature'] = rotors.pop(each.joint)
         motors[_label(each.name, motors)] = motor
@@ -148,5 +206,8 @@ def leave(robot: Robot) -> None:
         ):
             if value:
                 robot.leave(f'{kind} (see --scene)', c.name)
+    for tendon in robot.tendons:
+        if tendon.stiffness or tendon.damping or tendon.friction:
+            robot.leave('tendons (see --scene)', tendon.name)
     for actuator in robot.actuators:
         robot.leave('actuators (see --scene)', actuator.name)

@@ -31,7 +31,9 @@ def left_out(robot: Robot) -> None:
             robot.leave('joints of massless ends', name)
         robot.parts = [part for part in robot.parts if part.name not in parts]
         robot.connections = [each for each in robot.connections if each.name not in joints]
-        robot.actuators = [each for each in robot.actuators if each.joint not in joints]
+        robot.actuators = [
+            each for each in robot.actuators if each.on_tendon or each.joint not in joints
+        ]
 
 
 def _ends(robot: Robot, held: set[str]) -> list[tuple[str, str]]:

@@ -177,6 +177,9 @@ def text(
         for c in robot.connections:
             if c.limits is not None:
                 robot.leave('limits (see --stops)', c.name)
+        for tendon in robot.tendons:
+            if tendon.limits is not None:
+                robot.leave('limits (see --stops)', tendon.name)
     if contact is None:
         for each in robot.touches:
             robot.leave('contact with the ground (see --contact)', each.part)

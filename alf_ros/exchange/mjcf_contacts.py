@@ -1,4 +1,4 @@
-"""What of an MJCF touches fixed planes, with the pairs and the friction that MuJoCo has.
+"""Contact of an MJCF with fixed planes, with the pairs and the friction that MuJoCo has.
 
 Two geoms touch if a `pair` names them, or if the contype of one has a bit of the conaffinity of
 the other and no `exclude` names their bodies. The coefficient of friction is stated by the pair,

@@ -88,7 +88,8 @@ class Connection:
 
 @dataclass(frozen=True)
 class Actuator:
-    """Drive force on a joint: effort + k_p (position - x) + k_v (velocity - ẋ), `limit` at most.
+    """Drive force on a joint: effort + k_p (position - x) + k_v (velocity - ẋ), `limit` at most;
+    or on a tendon, if `on_tendon`.
 
     The position is None where there is no gain k_p; positions count as in the source.
     """
@@ -101,6 +102,29 @@ class Actuator:
     velocity: float | None = None
     velocity_gain: float = 0.0
     limit: float | None = None
+    on_tendon: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Tendon:
+    """A length over joints, each with a factor, or over places of parts, each with a weight.
+
+    path: parts with places (3,) as drawn, m; weights: from each place to the next. On the length
+    act a spring of `stiffness` outside the interval `rest`, viscous `damping`, dry `friction`, and
+    `limits`; as the source counts it, which has the sum over joints at `drawn`. m, N; of joints
+    per unit of the length.
+    """
+
+    name: str
+    joints: Mapping[str, float] = field(default_factory=dict)
+    path: Sequence[tuple[str, Floats]] = ()
+    weights: Sequence[float] = ()
+    drawn: float = 0.0
+    stiffness: float = 0.0
+    rest: tuple[float, float] = (0.0, 0.0)
+    damping: float = 0.0
+    friction: float = 0.0
+    limits: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -164,6 +188,7 @@ class Robot:
     parts: list[RobotPart] = field(default_factory=list)
     connections: list[Connection] = field(default_factory=list)
     actuators: list[Actuator] = field(default_factory=list)
+    tendons: list[Tendon] = field(default_factory=list)
     couplings: list[Coupled] = field(default_factory=list)
     shapes: list[tuple[str, VisualShape]] = field(default_factory=list)
     colliders: list[Collider] = field(default_factory=list)

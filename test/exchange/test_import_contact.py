@@ -97,6 +97,63 @@ def test_a_box_holds_within_the_cone_of_friction(pull: float, tmp_path: Path) ->
     assert (slid < 0.05) == (pull < mu * G)
 
 
+HOPPER = f"""<mujoco model="hopper"><compiler angle="radian"/><option gravity="0 0 -{G}"/>
+<worldbody><geom name="floor" type="plane" size="1 1 .1" friction="0.8"/>
+<body name="trunk" pos="0 0 0.72"><joint name="x" type="slide" axis="1 0 0"/>
+ <joint name="z" type="slide" axis="0 0 1"/><joint name="pitch" axis="0 1 0"/>
+ <geom type="box" size="0.2 0.1 0.05" mass="4" contype="0" conaffinity="0"/>
+ <body name="thigh" euler="0 0.7 0"><joint name="hip" axis="0 1 0" stiffness="60" damping="1"/>
+  <geom type="capsule" fromto="0 0 0 0 0 -0.4" size="0.03" contype="0" conaffinity="0"/>
+  <body name="shank" pos="0 0 -0.4" euler="0 -1.2 0">
+   <joint name="knee" axis="0 1 0" stiffness="90" damping="1"/>
+   <geom type="capsule" fromto="0 0 0 0 0 -0.4" size="0.02" contype="0" conaffinity="0"/>
+   <geom name="foot" type="sphere" size="0.04" friction="0.5" pos="0 0 -0.4"/>
+</body></body></body></worldbody></mujoco>"""
+
+
+def test_a_leg_that_lands_on_its_foot(tmp_path: Path) -> None:
+    """Against MuJoCo's M, bias and Jacobian, with the law as the documents state it."""
+    mujoco = pytest.importorskip('mujoco')
+    model = mujoco.MjModel.from_xml_string(HOPPER)
+    model.opt.disableflags = mujoco.mjtDisableBit.mjDSBL_CONTACT
+    data, joints = mujoco.MjData(model), ('x', 'z', 'pitch', 'hip', 'knee')
+    foot, deepest = model.geom('foot'), [0.0]
+
+    def rate(_: float, y: Floats) -> Floats:
+        data.qpos[:], data.qvel[:] = np.split(y, 2)
+        data.qfrc_applied[:] = 0.0
+        mujoco.mj_forward(model, data)
+        depth = 0.04 - data.geom_xpos[foot.id][2]
+        if depth > 0.0:
+            deepest.append(depth)
+            place = data.geom_xpos[foot.id] - np.array([0.0, 0.0, 0.04])
+            J = np.zeros((3, model.nv))
+            mujoco.mj_jac(model, data, J, None, place, foot.bodyid[0])
+            v = J @ data.qvel
+            N = K * depth**1.5 * max(0.0, 1.0 - 10.0 * v[2])
+            slip = np.array([v[0], v[1], 0.0])
+            F = -0.8 * N * slip / np.sqrt(slip @ slip + 1e-4) + np.array([0.0, 0.0, N])
+            data.qfrc_applied[:] = J.T @ F
+            mujoco.mj_forward(model, data)
+        return np.concatenate([data.qvel, data.qacc])
+
+    times = np.linspace(0.0, 0.25, 6)
+    wanted = (
+        solve_ivp(
+            rate, (0.0, 0.25), np.zeros(10), 'DOP853', times, rtol=1e-9, atol=1e-11, max_step=2e-3
+        )
+        .y[:5]
+        .T
+    )
+    sim = Simulation(
+        scene_from_text(read(tmp_path, HOPPER)), integrator='dop853_adaptive', tolerance=1e-11
+    )
+    for sample, row in zip(sim.run(0.25, every=50), wanted, strict=True):
+        found = [sample.joints[name].position for name in joints]
+        assert found == pytest.approx(row, abs=1e-7)
+    assert max(deepest) > 1e-3 and abs(wanted[-1]).min() > 1e-3
+
+
 PAIR = '<contact><pair geom1="floor" geom2="ball_geom" friction="0.9 0.9 0 0 0"/></contact>'
 FRICTION = {
     'the larger one': ('friction="0.5"', '', '', 0.5),
