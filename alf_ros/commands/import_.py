@@ -58,6 +58,19 @@ def main(argv: Sequence[str] | None = None) -> int:
         '(N m/rad^1.5 or N/m^1.5)',
     )
     parser.add_argument(
+        '--contact',
+        type=float,
+        metavar='STIFFNESS',
+        help='write a scene, with a contact of this stiffness (N/m^1.5) where balls, capsules and '
+        'boxes meet a plane of the ground',
+    )
+    parser.add_argument(
+        '--ground',
+        type=float,
+        metavar='HEIGHT',
+        help='height of a horizontal plane that they meet (m), for URDF and SDF',
+    )
+    parser.add_argument(
         '--floating', action='store_true', help='let the root link of a URDF move freely'
     )
     parser.add_argument(
@@ -80,14 +93,20 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     add_numbers(parser, 'JOINT=NUMBER', 'joint positions of the drawing (rad, m)')
     options = parser.parse_args(argv)
-    if options.stops is not None and not 0.0 < options.stops < math.inf:
-        raise InputError('not a stiffness', key='--stops', value=options.stops)
+    for key in ('stops', 'contact'):
+        given = getattr(options, key)
+        if given is not None and not 0.0 < given < math.inf:
+            raise InputError('not a stiffness', key=f'--{key}', value=given)
+    if options.ground is not None and not math.isfinite(options.ground):
+        raise InputError('not a height', key='--ground', value=options.ground)
     if (options.file is None) == (options.corpus is None):
         raise InputError('give a FILE, or a folder of them by --corpus')
     wishes = {
         'loops': options.loops,
         'scene': options.scene,
         'stops': options.stops,
+        'contact': options.contact,
+        'ground': options.ground,
         'floating': options.floating,
         'positions': numbers(options.set),
         'repair_inertia': options.repair_inertia,

@@ -15,9 +15,10 @@ def joined(robot: Robot, stops: bool) -> None:
     """Put a ball in place of each such row, of the name of its first joint.
 
     A row stays if something acts on its angles: damping, friction, springs, a rotor, an actuator,
-    a coupling, or limits that have `stops`.
+    a tendon, a coupling, or limits that have `stops`.
     """
-    used = {each.joint for each in robot.actuators}
+    used = {each.joint for each in robot.actuators if not each.on_tendon}
+    used |= {name for each in robot.tendons for name in each.joints}
     used |= {name for each in robot.couplings for name in each.of}
     for row in list(rows(robot)):  # of four revolutes two rows, of which one becomes a ball
         if any(each.name in used or _acts(each, stops) for each in row):

@@ -50,6 +50,8 @@ effects:
   joint_friction: {joint: first, viscous: 1, dynamic: 1, load: 1}
   torsion_spring: {joint: first, stiffness: 1}
   joint_stop: {joint: first, lower: -1, upper: 1, stiffness: 1}
+  ground_contact: {on: two, radius: 0.1, through: [0, 0, -9], stiffness: 1, friction: 1}
+  tendon: {joints: [[first, 1], [second, 1]], stiffness: 1}
   motor: {joint: first, position: 1, position_gain: 1, armature: 1}
 """
 

@@ -10,12 +10,17 @@ from __future__ import annotations
 
 import math
 import textwrap
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.effects.contract import Effect
+from alf_ros.effects.contract.scalars import place
+from alf_ros.effects.tendon import STOP
+from alf_ros.effects.tendon import Parameters as Tendon
 from alf_ros.effects.torsion_spring import Parameters as Spring
 from alf_ros.errors import AlfError, StepError
 from alf_ros.scene.scene import Scene
@@ -96,7 +101,7 @@ def _stiff(simulation: Simulation) -> str:
     """Why the scene needs the implicit integrator as drawn; empty if it does not."""
     if simulation.model.n > _EXAMINED:
         return ''
-    scene = pressed(simulation.scene)
+    scene = pressed(simulation)
     if scene is not simulation.scene:
         simulation = Simulation(scene, step=STEP)
     try:
@@ -108,18 +113,51 @@ def _stiff(simulation: Simulation) -> str:
     return f'The integrator is implicit because of {told(alone, whole, EXPLICIT)}.'
 
 
-def pressed(scene: Scene) -> Scene:
-    """The scene with a spring as stiff as each stop is when something presses it, in its place."""
-    if not any(each.kind == 'joint_stop' for each in scene.effects):
+def pressed(simulation: Simulation) -> Scene:
+    """The scene as stiff as when something presses its stops and its ground: with a spring in
+    place of each stop, and each ground below what it carries raised or lowered to press that."""
+    scene = simulation.scene
+    instead: dict[str, Callable[[Effect], list[Effect]]] = {
+        'joint_stop': _spring,
+        'tendon': _taut,
+        'ground_contact': partial(_raised, simulation),
+    }
+    if not any(each.kind in instead for each in scene.effects):
         return scene
-    effects = tuple(_spring(each) if each.kind == 'joint_stop' else each for each in scene.effects)
-    return replace(scene, effects=effects)
+    effects = (
+        instead[each.kind](each) if each.kind in instead else [each] for each in scene.effects
+    )
+    return replace(scene, effects=tuple(found for each in effects for found in each))
 
 
-def _spring(stop: Effect) -> Effect:
+def _spring(stop: Effect) -> list[Effect]:
     p = stop.parameters
     slope = p.stiffness * p.exponent * _DEPTH ** (p.exponent - 1.0)
-    return Effect('torsion_spring', f'torsion_spring as {stop.label}', Spring(p.joint, slope))
+    return [Effect('torsion_spring', f'torsion_spring as {stop.label}', Spring(p.joint, slope))]
+
+
+def _taut(tendon: Effect) -> list[Effect]:
+    """The tendon without stops, and a spring along it."""
+    p = tendon.parameters
+    if p.lower is None and p.upper is None:
+        return [tendon]
+    slope = p.stop_stiffness * STOP * _DEPTH ** (STOP - 1.0)
+    spring = Tendon(joints=p.joints, path=p.path, weights=p.weights, stiffness=slope)
+    free = replace(p, lower=None, upper=None)
+    name = f'tendon as the stop of {tendon.label}'
+    return [replace(tendon, parameters=free), Effect('tendon', name, spring)]
+
+
+def _raised(simulation: Simulation, contact: Effect) -> list[Effect]:
+    """With a plane that the contact presses as drawn."""
+    p, layout = contact.parameters, simulation.model.layout
+    where = place(layout, p.on, p.at)
+    q = simulation.state.q.reshape(-1, layout.dimension)
+    at = where.constant + sum(C @ q[block] for block, C in where.parts.items())
+    normal = np.array(p.normal or (*np.zeros(layout.dimension - 1), 1.0))
+    normal /= np.linalg.norm(normal)
+    through = at - (p.radius - _DEPTH) * normal
+    return [replace(contact, parameters=replace(p, through=tuple(map(float, through))))]
 
 
 def _tried(simulation: Simulation, integrator: str, accuracy: float) -> Choice:

@@ -13,6 +13,7 @@ from alf_ros.exchange import (
     ball_rows,
     fitting_solver,
     gimbal_lock,
+    ground_touches,
     inertia,
     massless_ends,
     mechanism_text,
@@ -30,15 +31,18 @@ class Wishes:
     """Options of an import.
 
     loops: path of a side file that closes loops of a URDF. scene: effects as well. stops:
-    stiffness of a stop at each limit of a joint. floating: the root link of a URDF is free.
-    positions: of joints as drawn, rad or m. repair_inertia: change impossible inertias. balls: one
-    ball for three revolutes through links without mass. key: the keyframe of an MJCF that it
-    begins at. arguments: of a xacro.
+    stiffness of a stop at each limit of a joint. contact: stiffness of what touches a plane.
+    ground: height of a horizontal plane, m, for URDF and SDF. floating: the root link of a URDF is
+    free. positions: of joints as drawn, rad or m. repair_inertia: change impossible inertias.
+    balls: one ball for three revolutes through links without mass. key: the keyframe of an MJCF
+    that it begins at. arguments: of a xacro.
     """
 
     loops: str | None = None
     scene: bool = False
     stops: float | None = None
+    contact: float | None = None
+    ground: float | None = None
     floating: bool = False
     positions: Mapping[str, float] = field(default_factory=dict)
     repair_inertia: bool = False
@@ -48,13 +52,14 @@ class Wishes:
 
 
 def imported(source: str, **wishes: Any) -> str:
-    """The text of a mechanism file (of a scene if `scene` or `stops`), which loads.
+    """The text of a mechanism file (of a scene if `scene`, `stops` or `contact`), which loads.
 
     wishes: fields of `Wishes`. Needs urdf_parser_py for URDF, mujoco for MJCF, xacro for xacro.
     Raises InputError.
     """
     asked = Wishes(**wishes)
     robot = _robot(paths.named(source), asked)
+    ground_touches.of_colliders(robot, asked.ground)
     massless_ends.left_out(robot)
     if asked.balls:
         ball_rows.joined(robot, asked.stops is not None)
@@ -62,8 +67,8 @@ def imported(source: str, **wishes: Any) -> str:
     if not robot.parts:
         raise InputError(f'no part of it can move{robot.still}', file=source)
     inertia.checked(robot, asked.repair_inertia)
-    scene = asked.scene or asked.stops is not None
-    text = mechanism_text.text(robot, scene, asked.stops, resources.version())
+    scene = asked.scene or asked.stops is not None or asked.contact is not None
+    text = mechanism_text.text(robot, scene, asked.stops, resources.version(), asked.contact)
     whole = text if scene else 'mechanism:\n' + ''.join(f'  {line}\n' for line in text.split('\n'))
     try:
         loaded = scene_from_text(whole)
@@ -81,6 +86,8 @@ def _robot(path: Path, asked: Wishes) -> Robot:
         if given:
             raise InputError('for URDF only: this format states it in the file', key=option)
     if kind == 'mujoco':
+        if asked.ground is not None:
+            raise InputError('not for MJCF, which states planes in the file', key='--ground')
         return mjcf_import.read(path, asked.positions, asked.key)
     if asked.key is not None:
         raise InputError('for MJCF only', key='--key', value=asked.key)

@@ -22,7 +22,15 @@ MOTION = {
     'gravity off': 'these bodies have weight here',
     'compensation of gravity': 'these bodies have their whole weight here',
     'shapes without their file': 'their mass is not counted',
-    'contact': 'bodies pass through each other and through the ground',
+    'contact': 'bodies pass through each other and through the ground (see --ground)',
+    'contact with the ground (see --contact)': 'bodies pass through the ground: a robot that '
+    'nothing else holds falls',
+    'contact of other shapes': 'these pass through the ground',
+    'contact between bodies': 'they pass through each other',
+    'contact as drawn': 'these are drawn in the ground, which pushes them out at the start',
+    'law of contact': 'its stiffness is that of --contact; no impact leaves the ground faster '
+    'than 0.1 m/s',
+    'friction of contact': 'bodies spin and roll on the ground without resistance',
     'damping (see --scene)': 'joints are not damped',
     'springs (see --scene)': 'joints have no springs',
     'dry friction (see --scene)': 'joints have no friction',
@@ -33,7 +41,8 @@ MOTION = {
     'mimic': 'these joints are free',
     'mimic that loops imply': 'the loops move these joints',
     'phase of mimic': 'it stays as drawn, not as in the file',
-    'equalities': 'not joint, connect or weld, or not active or not linear: they are ignored',
+    'equalities': 'not joint, tendon over joints, connect or weld, or not active or not '
+    'linear: they are ignored',
     'softness': 'constraints hold exactly',
     'actuators (see --scene)': 'they apply no force',
     'actuators': 'they apply no force',
@@ -41,14 +50,21 @@ MOTION = {
     'activation of actuators': 'they act without delay',
     'force ranges of actuators': 'different in the two directions: the larger one is used',
     'velocities of the keyframe': 'the motion starts at rest',
+    'tendons (see --scene)': 'they apply no force',
     'tendons': 'they apply no force',
+    'higher orders of tendons': 'their springs and dampers are linear',
+    'armature of tendons': 'the inertia of their drives is not counted',
     'motion of mocap bodies': 'they do not move',
     'flex': 'deformable bodies are omitted',
     'fluid': 'the air has no density, no viscosity, no wind',
     'joints of unknown type': 'they are omitted',
     'includes': 'their content is omitted',
 }
-_COUNTED = ('contact',)  # names give no information here
+_COUNTED = (
+    'contact',
+    'contact with the ground (see --contact)',
+    'contact between bodies',
+)  # names give no information here
 # what reads differently, but moves alike
 READING = {
     'names, changed': '',

@@ -7,6 +7,8 @@ that they hang from get their shapes.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from alf_ros.exchange.robot import Robot
 
 
@@ -22,11 +24,16 @@ def left_out(robot: Robot) -> None:
         sides = {each.name: (each.parent, each.child) for each in robot.connections}
         above = {part: next(x for x in sides[joint] if x != part) for part, joint in ends}
         robot.shapes = [(above.get(part, part), shape) for part, shape in robot.shapes]
+        robot.touches = [
+            replace(each, part=above.get(each.part, each.part)) for each in robot.touches
+        ]
         for name in sorted(joints):
             robot.leave('joints of massless ends', name)
         robot.parts = [part for part in robot.parts if part.name not in parts]
         robot.connections = [each for each in robot.connections if each.name not in joints]
-        robot.actuators = [each for each in robot.actuators if each.joint not in joints]
+        robot.actuators = [
+            each for each in robot.actuators if each.on_tendon or each.joint not in joints
+        ]
 
 
 def _ends(robot: Robot, held: set[str]) -> list[tuple[str, str]]:

@@ -7,14 +7,15 @@ them: origin at the first point, x axis towards the second.
 
 from __future__ import annotations
 
-import math
 import re
-from collections.abc import Container, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
 
 from alf_ros.arrays import Floats
+from alf_ros.exchange import effect_entries
+from alf_ros.exchange.effect_entries import Named
 from alf_ros.exchange.robot import Connection, FramePose, Robot, RobotPart
 from alf_ros.exchange.visuals import moved, shape_fields
 from alf_ros.mechanism import GROUND
@@ -111,10 +112,13 @@ class _Points:
         return [first, *away[:1], *(p for p in others if p not in away[:1])]
 
 
-def text(robot: Robot, scene: bool, stops: float | None, version: str) -> str:
+def text(
+    robot: Robot, scene: bool, stops: float | None, version: str, contact: float | None = None
+) -> str:
     """The mechanism file of a robot; a `scene` also has its effects.
 
-    stops: stiffness of a `joint_stop` at each limit of a joint, N m/rad^1.5 or N/m^1.5.
+    stops: stiffness of a `joint_stop` at each limit of a joint, N m/rad^1.5 or N/m^1.5. contact:
+    stiffness of a `ground_contact` of each ball that touches a plane, N/m^1.5.
     """
     names = _Names(robot)
     joints = {c.name: names.take(c.name) for c in robot.connections}
@@ -157,13 +161,28 @@ def text(robot: Robot, scene: bool, stops: float | None, version: str) -> str:
         }
     whole = mechanism
     if scene:
-        whole = {'mechanism': mechanism, 'effects': _effects(robot, joints, stops)}
+        frames = {
+            part.name: FramePose(first, axes.T)
+            for part in robot.parts
+            for first, axes in [_frame(points, carried[part.name])]
+        }
+        named = Named(joints, bodies, frames)
+        whole = {
+            'mechanism': mechanism,
+            'effects': effect_entries.entries(robot, named, stops, contact),
+        }
     else:
-        _leave_effects(robot)
+        effect_entries.leave(robot)
     if stops is None:
         for c in robot.connections:
             if c.limits is not None:
                 robot.leave('limits (see --stops)', c.name)
+        for tendon in robot.tendons:
+            if tendon.limits is not None:
+                robot.leave('limits (see --stops)', tendon.name)
+    if contact is None:
+        for each in robot.touches:
+            robot.leave('contact with the ground (see --contact)', each.part)
     return _head(robot, version) + serialise(entry(whole))
 
 
@@ -208,89 +227,6 @@ def _add_shapes(
 def _numbers(values: Floats, size: float) -> list[float]:
     """Values, with rounding set to zero."""
     return [0.0 if abs(x) < 1e-15 * size else float(x) for x in values]
-
-
-def _effects(robot: Robot, joints: dict[str, str], stops: float | None) -> dict[str, Any]:
-    """Effects, by kind and name; coordinates are zero as drawn."""
-    effects: dict[str, dict[str, Any]] = {}
-    if any(robot.gravity):
-        effects['gravity'] = {'acceleration': list(robot.gravity)}
-    for c in robot.connections:
-        joint = {'joint': joints[c.name]}
-        if c.damping or c.friction:
-            rubs = {'viscous': c.damping} if c.damping else {}
-            if c.friction:
-                rubs |= {'dynamic': 1.0, 'load': c.friction}
-            effects.setdefault('joint_friction', {})[joints[c.name]] = joint | rubs
-        if c.stiffness:
-            spring = {'stiffness': c.stiffness, 'free_position': c.rest - c.drawn}
-            effects.setdefault('torsion_spring', {})[joints[c.name]] = joint | spring
-        if c.limits is not None and stops is not None and not c.limits[0] < c.limits[1]:
-            robot.leave('limits without range', c.name)
-        elif c.limits is not None and stops is not None:
-            ends = {
-                key: limit - c.drawn
-                for key, limit in zip(('lower', 'upper'), c.limits, strict=True)
-                if math.isfinite(limit)
-            }
-            effects.setdefault('joint_stop', {})[joints[c.name]] = (
-                joint | ends | {'stiffness': stops}
-            )
-    motors = _motors(robot, joints)
-    return effects | ({'motor': motors} if motors else {})
-
-
-def _motors(robot: Robot, joints: dict[str, str]) -> dict[str, dict[str, Any]]:
-    """A motor for each actuator, and for each rotor; the first of a joint has its rotor."""
-    drawn = {c.name: c.drawn for c in robot.connections}
-    rotors = {c.name: c.armature for c in robot.connections if c.armature}
-    motors: dict[str, dict[str, Any]] = {}
-    for each in robot.actuators:
-        motor: dict[str, Any] = {'joint': joints[each.joint]}
-        if each.effort:
-            motor['effort'] = each.effort
-        if each.position is not None:
-            motor['position'] = each.position - drawn[each.joint]
-            motor['position_gain'] = each.position_gain
-        if each.velocity is not None:
-            motor['velocity'] = each.velocity
-        if each.velocity_gain:
-            motor['velocity_gain'] = each.velocity_gain
-        if each.limit is not None:
-            motor['limit'] = each.limit
-        if each.joint in rotors:
-            motor['armature'] = rotors.pop(each.joint)
-        motors[_label(each.name, motors)] = motor
-    for joint, armature in rotors.items():
-        motors[_label(joints[joint], motors)] = {'joint': joints[joint], 'armature': armature}
-    return motors
-
-
-def _label(name: str, taken: Container[str]) -> str:
-    """A name for an effect that no other effect of its kind has."""
-    stem = re.sub(r'[^A-Za-z0-9_]', '_', name)[:80]
-    stem = stem if NAME.fullmatch(stem) else f'n_{stem}'
-    label, n = stem, 2
-    while label in taken:
-        label, n = f'{stem}_{n}', n + 1
-    return label
-
-
-def _leave_effects(robot: Robot) -> None:
-    """A mechanism has no effects: say which there would have been."""
-    if any(robot.gravity):
-        robot.leave('gravity (see --scene)', ' '.join(f'{g:g}' for g in robot.gravity))
-    for c in robot.connections:
-        for kind, value in (
-            ('damping', c.damping),
-            ('dry friction', c.friction),
-            ('springs', c.stiffness),
-            ('armature', c.armature),
-        ):
-            if value:
-                robot.leave(f'{kind} (see --scene)', c.name)
-    for actuator in robot.actuators:
-        robot.leave('actuators (see --scene)', actuator.name)
 
 
 def _head(robot: Robot, version: str) -> str:

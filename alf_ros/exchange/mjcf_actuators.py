@@ -1,13 +1,14 @@
-"""Actuators of an MJCF on hinges and slides, as compiled by MuJoCo.
+"""Actuators of an MJCF on hinges, slides and tendons, as compiled by MuJoCo.
 
 The force is gain · u + bias, between the ends of its range; u is the control, of the keyframe or
-zero, bias = b0 + b1 l + b2 l̇ with l = gear · x, and gear times the force acts on the joint. So
+zero, bias = b0 + b1 l + b2 l̇ with l = gear · x, and gear times the force acts on x. So
 k_p = -gear² b1, k_v = -gear² b2, and x* where the rest vanishes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,21 +16,28 @@ import numpy as np
 from alf_ros.exchange.robot import Actuator, Robot
 
 
-def add(robot: Robot, mujoco: Any, data: Any, names: Sequence[str], joints: Sequence[str]) -> None:
+def add(
+    robot: Robot,
+    mujoco: Any,
+    data: Any,
+    names: Sequence[str],
+    joints: Sequence[str],
+    tendons: Mapping[int, str],
+) -> None:
     """Add the actuators of a model to its robot; list those that push nothing here.
 
-    data: with the controls. names: of the actuators; joints: of the joints.
+    data: with the controls. names: of the actuators; joints: of the joints; tendons: by number
+    those that are of the robot.
     """
     model = data.model
     for n, name in enumerate(names):
-        joint = _joint(mujoco, model, n)
+        on = _acts_on(mujoco, model, n, joints, tendons)
         fixed = model.actuator_gaintype[n] == mujoco.mjtGain.mjGAIN_FIXED
         bias = model.actuator_biastype[n]
         plain = (mujoco.mjtBias.mjBIAS_NONE, mujoco.mjtBias.mjBIAS_AFFINE)
-        if joint < 0 or not fixed or bias not in plain:
-            robot.leave('actuators', name)
-            continue
-        made = _actuator(name, joints[joint], model, n, float(data.ctrl[n]))
+        made = None
+        if on is not None and fixed and bias in plain:
+            made = _actuator(name, on, model, n, float(data.ctrl[n]))
         if made is None:
             robot.leave('actuators', name)
             continue
@@ -44,17 +52,34 @@ def add(robot: Robot, mujoco: Any, data: Any, names: Sequence[str], joints: Sequ
         robot.actuators.append(made)
 
 
-def _joint(mujoco: Any, model: Any, n: int) -> int:
-    """The hinge or slide that an actuator pushes, -1 for anything else."""
-    at = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
-    joint = int(model.actuator_trnid[n, 0])
-    single = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
-    if model.actuator_trntype[n] not in at or model.jnt_type[joint] not in single:
-        return -1
-    return joint
+@dataclass(frozen=True)
+class _Coordinate:
+    """A joint or a tendon that an actuator pushes: its name, and the largest force there."""
+
+    name: str
+    is_tendon: bool
+    limit: float | None
 
 
-def _actuator(name: str, joint: str, model: Any, n: int, control: float) -> Actuator | None:
+def _acts_on(
+    mujoco: Any, model: Any, n: int, joints: Sequence[str], tendons: Mapping[int, str]
+) -> _Coordinate | None:
+    """The hinge, slide or tendon that an actuator pushes, None for anything else."""
+    kinds, kind, at = mujoco.mjtTrn, model.actuator_trntype[n], int(model.actuator_trnid[n, 0])
+    if kind == kinds.mjTRN_TENDON and at in tendons:
+        limited, ends = model.tendon_actfrclimited[at], model.tendon_actfrcrange[at]
+        name = tendons[at]
+    elif kind in (kinds.mjTRN_JOINT, kinds.mjTRN_JOINTINPARENT):
+        if model.jnt_type[at] not in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE):
+            return None
+        limited, ends, name = model.jnt_actfrclimited[at], model.jnt_actfrcrange[at], joints[at]
+    else:
+        return None
+    limit = float(np.abs(ends).max()) if limited else None
+    return _Coordinate(name, bool(kind == kinds.mjTRN_TENDON), limit)
+
+
+def _actuator(name: str, on: _Coordinate, model: Any, n: int, control: float) -> Actuator | None:
     """None for one that pushes away from where it shall be, or that has no gear."""
     gear = float(model.actuator_gear[n, 0])
     b0, b1, b2 = map(float, model.actuator_biasprm[n, :3])
@@ -70,16 +95,12 @@ def _actuator(name: str, joint: str, model: Any, n: int, control: float) -> Actu
     if model.actuator_ctrllimited[n] and not b1 and not b2:
         most = float(np.abs(model.actuator_ctrlrange[n]).max())
         limits.append(abs(gear) * (abs(gain) * most + abs(b0)))
-    j = int(model.actuator_trnid[n, 0])
-    if model.jnt_actfrclimited[j]:
-        limits.append(float(np.abs(model.jnt_actfrcrange[j]).max()))
-    limit = min(limits) if limits else None
+    if on.limit is not None:
+        limits.append(on.limit)
+    made = Actuator(name, on.name, limit=min(limits, default=None), on_tendon=on.is_tendon)
     if b1:
         place, stiff, damp = -force / (b1 * gear), -b1 * gear**2, -b2 * gear**2
-        return Actuator(
-            name, joint, position=place, position_gain=stiff, velocity_gain=damp, limit=limit
-        )
+        return replace(made, position=place, position_gain=stiff, velocity_gain=damp)
     if b2:
-        speed = -force / (b2 * gear)
-        return Actuator(name, joint, velocity=speed, velocity_gain=-b2 * gear**2, limit=limit)
-    return Actuator(name, joint, effort=gear * force, limit=limit)
+        return replace(made, velocity=-force / (b2 * gear), velocity_gain=-b2 * gear**2)
+    return replace(made, effort=gear * force)

@@ -13,13 +13,12 @@ from typing import Any
 import numpy as np
 
 from alf_ros.errors import InputError
-from alf_ros.exchange import mjcf_actuators, mjcf_assets, mjcf_geoms
+from alf_ros.exchange import mjcf_actuators, mjcf_assets, mjcf_contacts, mjcf_geoms, mjcf_tendons
 from alf_ros.exchange.robot import Connection, Coupled, FramePose, Robot, RobotPart, lumped
 from alf_ros.mechanism import GROUND
 from alf_ros.scene.text.yaml_document import LARGEST
 
 _KINDS = {
-    'tendon': 'tendons',
     'sensor': 'sensors',
     'key': 'keyframes',
     'cam': 'cameras',
@@ -102,11 +101,15 @@ class _Reader:
                 self.robot.parts.append(self._part(body))
         for body in range(1, model.nbody):
             self._connect(body)
+        self.tendons = self._names('tendon', model.ntendon)
+        given = self.robot, mujoco, self.data
+        tendons = mjcf_tendons.add(*given, self.tendons, self.joints, self.held)
         for equality in range(model.neq):
             self._close(equality)
         names = self._names('actuator', model.nu)
-        mjcf_actuators.add(self.robot, mujoco, self.data, names, self.joints)
+        mjcf_actuators.add(*given, names, self.joints, tendons)
         mjcf_geoms.add(self.robot, mujoco, self.data, Path(file), self.held)
+        mjcf_contacts.add(self.robot, mujoco, self.data, self.held)
         self._leave()
 
     def _names(self, kind: str, count: int) -> list[str]:
@@ -253,6 +256,9 @@ class _Reader:
         if equality in self.linear:
             self._couple(equality, name)
             return
+        of_tendons = kind == kinds.mjEQ_TENDON and model.eq_active0[equality]
+        if of_tendons and mjcf_tendons.couple(self.robot, model, equality, name, self.tendons):
+            return
         if kind not in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD) or not model.eq_active0[equality]:
             self.robot.leave('equalities', name)
             return
@@ -298,12 +304,7 @@ class _Reader:
     def _leave(self) -> None:
         """Note the other contents of the file."""
         model, leave = self.model, self.robot.leave
-        for geom in range(model.ngeom):
-            body = self.bodies[model.geom_bodyid[geom]]
-            if model.geom_contype[geom] or model.geom_conaffinity[geom]:
-                leave('contact', body)
         for kind, count in (
-            ('tendon', model.ntendon),
             ('sensor', model.nsensor),
             ('key', model.nkey),
             ('cam', model.ncam),

@@ -88,7 +88,8 @@ class Connection:
 
 @dataclass(frozen=True)
 class Actuator:
-    """Drive force on a joint: effort + k_p (position - x) + k_v (velocity - ẋ), `limit` at most.
+    """Drive force on a joint: effort + k_p (position - x) + k_v (velocity - ẋ), `limit` at most;
+    or on a tendon, if `on_tendon`.
 
     The position is None where there is no gain k_p; positions count as in the source.
     """
@@ -101,6 +102,29 @@ class Actuator:
     velocity: float | None = None
     velocity_gain: float = 0.0
     limit: float | None = None
+    on_tendon: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Tendon:
+    """A length over joints, each with a factor, or over places of parts, each with a weight.
+
+    path: parts with places (3,) as drawn, m; weights: from each place to the next. On the length
+    act a spring of `stiffness` outside the interval `rest`, viscous `damping`, dry `friction`, and
+    `limits`; as the source counts it, which has the sum over joints at `drawn`. m, N; of joints
+    per unit of the length.
+    """
+
+    name: str
+    joints: Mapping[str, float] = field(default_factory=dict)
+    path: Sequence[tuple[str, Floats]] = ()
+    weights: Sequence[float] = ()
+    drawn: float = 0.0
+    stiffness: float = 0.0
+    rest: tuple[float, float] = (0.0, 0.0)
+    damping: float = 0.0
+    friction: float = 0.0
+    limits: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -111,12 +135,50 @@ class Coupled:
     of: Mapping[str, float]
 
 
+@dataclass(frozen=True, eq=False)
+class FixedPlane:
+    """A plane that does not move: through (3,) on it, m; normal (3,), of length 1, to its free
+    side."""
+
+    through: Floats
+    normal: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class GroundTouch:
+    """A ball of a part that touches a plane, or a point if its radius is 0.
+
+    centre (3,) as drawn, m. friction: the coefficient between them. turning: whether the source
+    has friction against spin and roll as well.
+    """
+
+    name: str
+    part: str
+    centre: Floats
+    radius: float
+    plane: FixedPlane
+    friction: float
+    turning: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Collider:
+    """A shape of a part with which the part touches others, placed as drawn; None: of a kind that
+    no shape here has. friction: coefficient; None: not given."""
+
+    name: str
+    part: str
+    shape: VisualShape | None
+    friction: float | None = None
+
+
 @dataclass
 class Robot:
     """Parts and connections; `left_out` says, by kind, what of the source is not among them.
 
     still: what to do if nothing can move. shapes: with their poses in the world, each after the
-    part, or the ground, that it shows.
+    part, or the ground, that it shows. planes: fixed ones, each with its coefficient of friction
+    if the file has one. touches: what of the robot touches planes.
     """
 
     name: str
@@ -126,8 +188,12 @@ class Robot:
     parts: list[RobotPart] = field(default_factory=list)
     connections: list[Connection] = field(default_factory=list)
     actuators: list[Actuator] = field(default_factory=list)
+    tendons: list[Tendon] = field(default_factory=list)
     couplings: list[Coupled] = field(default_factory=list)
     shapes: list[tuple[str, VisualShape]] = field(default_factory=list)
+    colliders: list[Collider] = field(default_factory=list)
+    planes: list[tuple[FixedPlane, float | None]] = field(default_factory=list)
+    touches: list[GroundTouch] = field(default_factory=list)
     left_out: LeftOut = field(default_factory=LeftOut)
 
     def leave(self, kind: str, name: str) -> None:

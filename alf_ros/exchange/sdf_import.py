@@ -151,12 +151,9 @@ class _Reader:
             self.still.add(name)
         if element.findtext('gravity') is not None and not _is(element.findtext('gravity')):
             self.robot.leave('gravity off', self._short(name))
-        self.visuals += [(scope, name, each) for each in element.findall('visual')]
-        for tag, kind in (
-            ('collision', 'contact'),
-            ('sensor', 'sensors'),
-            ('light', 'lights'),
-        ):
+        shown = (each for each in element if each.tag in sdf_visuals.READ)
+        self.visuals += [(scope, name, each) for each in shown]
+        for tag, kind in (('sensor', 'sensors'), ('light', 'lights')):
             if element.find(tag) is not None:
                 self.robot.leave(kind, self._short(name))
 

@@ -1,28 +1,63 @@
-"""The `<visual>` elements of an SDF."""
+"""The `<visual>` and `<collision>` elements of an SDF."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from xml.etree import ElementTree
 
-from alf_ros.exchange.robot import FramePose, Robot
+import numpy as np
+
+from alf_ros.exchange.robot import Collider, FixedPlane, FramePose, Robot
 from alf_ros.exchange.sdf_frames import pose_of
 from alf_ros.exchange.sdf_resources import mesh_uri
-from alf_ros.exchange.visuals import ROUND, mesh_file, numbers, shape, show
-from alf_ros.mechanism import VisualShape
+from alf_ros.exchange.visuals import ROUND, mesh_file, moved, numbers, shape, show
+from alf_ros.mechanism import GROUND, VisualShape
+
+COLLISION = 'collision'
+READ = ('visual', COLLISION)
 
 
 def add(
     robot: Robot, visual: ElementTree.Element, folder: Path, part: str, frame: FramePose
 ) -> None:
-    """Give a part the shape of a visual, which is relative to `frame`."""
+    """Give a part the shape of a visual or of a collision, which is relative to `frame`."""
     name = f'{part} {visual.get("name", "")}'.strip()
+    if visual.tag == COLLISION:
+        _collide(robot, visual, folder, part, name, frame)
+        return
     try:
         found = _shape(visual, folder)
         pose = pose_of(visual.find('pose'), lambda *_, **__: ValueError(name), name)
         show(robot, part, found, frame @ pose)
     except ValueError:
         robot.leave('shapes', name)
+
+
+def _collide(
+    robot: Robot,
+    element: ElementTree.Element,
+    folder: Path,
+    part: str,
+    name: str,
+    frame: FramePose,
+) -> None:
+    """A plane is one of the ground; what no shape here has is still there."""
+    friction, found = None, None
+    try:
+        text = element.findtext('surface/friction/ode/mu')
+        friction = numbers(text, 1, [1.0])[0]
+        pose = frame @ pose_of(element.find('pose'), lambda *_, **__: ValueError(name), name)
+        plane = element.find('geometry/plane')
+        if plane is not None and part == GROUND:
+            normal = pose.turn @ numbers(plane.findtext('normal'), 3, (0.0, 0.0, 1.0))
+            size = float(np.linalg.norm(normal))
+            if size > 0.0:
+                robot.planes.append((FixedPlane(pose.origin, normal / size), friction))
+            return
+        found = moved(_shape(element, folder), pose)
+    except ValueError:
+        pass
+    robot.colliders.append(Collider(name.replace(' ', '_'), part, found, friction))
 
 
 def _shape(visual: ElementTree.Element, folder: Path) -> VisualShape:

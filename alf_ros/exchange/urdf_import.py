@@ -262,9 +262,6 @@ class UrdfReader:
     def _leave(self) -> None:
         """Note the other contents of the file."""
         pushed = {actuator.joint for actuator in self.robot.actuators}
-        for link in self.xml.findall('link'):
-            if link.find('collision') is not None:
-                self.robot.leave('contact', link.get('name', ''))
         for joint in self.urdf.joints:
             for kind in ('calibration', 'safety_controller'):
                 if getattr(joint, kind, None) is not None:

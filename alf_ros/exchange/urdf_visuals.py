@@ -1,4 +1,4 @@
-"""The `<visual>` elements of a URDF, read and written.
+"""The `<visual>` elements of a URDF, read and written, and its `<collision>` elements.
 
 URDF has no capsule: one is written as a cylinder and two spheres. Some files have `<capsule>`; it
 is read.
@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from alf_ros.exchange.robot import FramePose, Robot
+from alf_ros.exchange.robot import Collider, FramePose, Robot
 from alf_ros.exchange.visuals import ROUND, mesh_file, moved, numbers, shape, show
 from alf_ros.mechanism import VisualShape
 
@@ -40,6 +40,23 @@ def add(
                 show(robot, part_of[name], found, poses[name])
             except (KeyError, ValueError):
                 robot.leave('shapes', f'visual {n} of {name}')
+        for n, collision in enumerate(link.findall('collision') if name in part_of else ()):
+            robot.colliders.append(_collider(collision, folder, name, n, part_of, poses))
+
+
+def _collider(
+    element: ElementTree.Element,
+    folder: Path,
+    link: str,
+    n: int,
+    part_of: Mapping[str, str],
+    poses: Mapping[str, FramePose],
+) -> Collider:
+    name = element.get('name', '') or (link if n == 0 else f'{link}_{n}')
+    try:
+        return Collider(name, part_of[link], moved(_shape(element, {}, folder), poses[link]))
+    except ValueError:
+        return Collider(name, part_of[link], None)
 
 
 def _color(material: ElementTree.Element | None, colors: Colors) -> list[float] | None:

@@ -325,6 +325,9 @@ _KINDS: Mapping[str, Schema] = {
     'pair': _list(_TEXT, 2),
     'place': _PLACE,
     'places': _list(_PLACE, 2),
+    'path': _list(_any(_TEXT, _list(_PLACE, 2))),
+    'factors': _list(_list(_any(_TEXT, _NUMBER), 2)),
+    'numbers': _list(_NUMBER),
     'table': _TABLE,
     'signal': _any(_NUMBER, _TABLE),
 }

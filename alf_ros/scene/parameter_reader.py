@@ -1,10 +1,11 @@
 """Parameters of effects and sensors, each read according to the metadata of its field.
 
-`kind` of a parameter: 'number'; 'vector', 2 or 3 numbers; 'spin', 1 or 3; 'boolean'; 'text', one
-of `choices` if the metadata has them; names: 'body', 'point', 'joint', 'coordinate' (of a joint),
-'body or point'; 'pair', two bodies or points, or the ground; 'place', the name of a point or a
-vector; 'places', two of them; 'table', a list of lists of numbers, or the name of a CSV file;
-'signal', a number or a table.
+`kind` of a parameter: 'number'; 'numbers', a list of them; 'vector', 2 or 3 numbers; 'spin', 1 or
+3; 'boolean'; 'text', one of `choices` if the metadata has them; names: 'body', 'point', 'joint',
+'coordinate' (of a joint), 'body or point'; 'pair', two bodies or points, or the ground; 'place',
+the name of a point or a vector; 'places', two of them; 'path', a list of points, or of bodies or
+the ground, each with a place; 'factors', a list of joint coordinates, each with a number; 'table',
+a list of lists of numbers, or the name of a CSV file; 'signal', a number or a table.
 """
 
 from __future__ import annotations
@@ -85,11 +86,28 @@ class ParameterReader:
             return self._place(entry)
         if kind == 'places':
             return tuple(self._place(item) for item in entry.sequence(2))
+        if kind == 'path':
+            return tuple(self._station(item) for item in entry.sequence())
+        if kind == 'factors':
+            return tuple(self._factor(item) for item in entry.sequence())
+        if kind == 'numbers':
+            return tuple(item.number(numbers) for item in entry.sequence())
         if kind == 'table' or (kind == 'signal' and self._is_table(entry)):
             return self.tables.table(entry, numbers)
         if kind == 'signal':
             return entry.number(numbers)
         return entry.text(self._known.get(kind, about.get('choices')))
+
+    def _station(self, entry: Entry) -> tuple[str, str | tuple[float, ...] | None]:
+        """A name, or a name and a place."""
+        if isinstance(entry.value, str):
+            return entry.text(self._known['pair']), None
+        name, where = entry.sequence(2)
+        return name.text(self._known['pair']), self._place(where)
+
+    def _factor(self, entry: Entry) -> tuple[str, float]:
+        name, factor = entry.sequence(2)
+        return name.text(self._known['coordinate']), factor.number(self._numbers)
 
     def _place(self, entry: Entry) -> str | tuple[float, ...] | None:
         if entry.is_null:

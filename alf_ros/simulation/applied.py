@@ -176,7 +176,7 @@ class _Scene:
             groups: dict[str, list[Effect]] = {}
             for effect in self.effects:
                 for joint in effect.coordinates:
-                    groups.setdefault(joint, []).append(effect)
+                    groups.setdefault(joint, []).append(_on_axis(effect, joint))
             kinds = {joint: _kinds(group, cut) for joint, group in groups.items()}
             counts = {joint: len(each) for joint, each in kinds.items()}
             self._on_axes = OnAxes(
@@ -191,6 +191,12 @@ class _Scene:
     def _listed(self, kinds: Sequence[_Kind]) -> Part:
         rubbing = [each for kind in kinds for each in kind.rubbing]
         return Part(_listed(kinds), [self._rubbing.index(each) for each in rubbing])
+
+
+def _on_axis(effect: Effect, joint: str) -> Effect:
+    """The part of an effect that acts on one joint coordinate."""
+    part = getattr(registry.load(effect.kind), 'on_axis', None)
+    return effect if part is None else replace(effect, parameters=part(effect.parameters, joint))
 
 
 class Applied:

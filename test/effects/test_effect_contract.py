@@ -13,9 +13,18 @@ from numba import types
 from alf_ros import InputError, Simulation, effects, kernel
 from alf_ros.scene.scene import scene_from_text
 from alf_ros.simulation import setup as settings
-from support.effect_examples import CASES, EXAMPLES, LOADED, PLANAR, as_python, simulation
+from support.effect_examples import (
+    CASES,
+    DRIVEN,
+    EXAMPLES,
+    LOADED,
+    PLANAR,
+    as_python,
+    simulation,
+)
 
-CONSERVATIVE = ('gravity', 'spring', 'torsion_spring', 'joint_stop', 'ground_contact')
+_STORING = ('gravity', 'spring', 'torsion_spring', 'joint_stop', 'ground_contact', 'tendon')
+CONSERVATIVE = {case for case in CASES if case[0] in _STORING and case not in DRIVEN}
 
 
 def applied(sim: Simulation, q, qd):
@@ -73,7 +82,7 @@ def test_force_is_the_gradient_of_the_potential(kind: str, which: str) -> None:
         h = 1e-6
         ahead, behind = (kernel.potential_energy(forces, sim.t, q + s * d, near) for s in (h, -h))
         slope = (behind - ahead) / (2.0 * h)
-        if kind in CONSERVATIVE:
+        if (kind, which) in CONSERVATIVE:
             assert slope == pytest.approx(Q @ d, rel=1e-6, abs=1e-6)
         else:
             assert slope == 0.0
@@ -89,13 +98,13 @@ def test_power_is_the_rate_of_energy(kind: str, which: str) -> None:
     for n in range(3):
         q, qd = sim.state.q, sim.state.qd
         if n == 1:
-            rest = applied(sim, q, np.zeros(q.size)) if kind in CONSERVATIVE else 0.0
+            rest = applied(sim, q, np.zeros(q.size)) if (kind, which) in CONSERVATIVE else 0.0
             dissipation = (applied(sim, q, qd) - rest) @ qd
             power = applied(sim, q, qd) @ qd
         energies.append(sim.sample().energy)
         sim.step()
     rate = (energies[2] - energies[0]) / 2e-4
-    expected = dissipation if kind in CONSERVATIVE else power
+    expected = dissipation if (kind, which) in CONSERVATIVE else power
     assert rate == pytest.approx(expected, rel=2e-4, abs=1e-6)
     if kind in ('damper', 'joint_friction', 'torsion_spring', 'joint_stop', 'ground_contact'):
         assert expected < -1e-3
@@ -262,6 +271,17 @@ def test_reactions_balance_each_body(kind: str, which: str) -> None:
         ('motor: {joint: elbow, velocity: 1}', 'needs velocity_gain'),
         ('ground_contact: {on: B, stiffness: 1, normal: [0, 0]}', 'no direction'),
         ('ground_contact: {on: B, stiffness: 1, exponent: 0.5}', 'must be 1 at least'),
+        ('tendon: {stiffness: 1}', 'give one of joints, path'),
+        ('tendon: {joints: [[elbw, 1]]}', "did you mean 'elbow'"),
+        ('tendon: {joints: [[elbow, 0]]}', 'it has no length'),
+        ('tendon: {joints: [[elbow, 1]], free_length: 1}', 'free_length needs stiffness'),
+        ('tendon: {joints: [[elbow, 1], [elbow, 2]]}', 'has one factor'),
+        ('tendon: {joints: [[elbow, 1]], lower: 1}', 'need stop_stiffness'),
+        ('tendon: {joints: [[elbow, 1]], position: 1}', 'go together'),
+        ('tendon: {path: [A]}', 'two places at least'),
+        ('tendon: {path: [A, B], weights: [1, 1]}', 'one less than the places'),
+        ('tendon: {path: [A, ground]}', 'a place on the ground'),
+        ('tendon: {path: [A, [B, [0, 0]]]}', 'has no place of its own'),
         ('drag: {on: B, spin: 1}', 'no orientation'),
         ('user_table: {on: B, table: []}', 'an empty table'),
         ('user_table: {on: B, table: [[0, 1]]}', '2 columns, expected 3'),

@@ -156,3 +156,19 @@ def test_a_spring_in_tension_is_stiff_in_all_directions(
         wanted = sum(k * (G @ d) * G for k, _, G in directions)
         assert (behind - ahead) / (2.0 * H) == pytest.approx(wanted, rel=1e-5, abs=1e-5)
     assert 0 < tensions < instances('spring', which)  # both are shown
+
+
+@pytest.mark.parametrize('which', ['planar', 'spatial'])
+def test_a_path_in_tension_is_stiff_in_all_directions(
+    which: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Σ k g gᵀ = -∂Q/∂q at rest, over places and pulleys."""
+    written(monkeypatch, 'tendon')
+    alone = Alone('tendon', which, 1)
+    alone.qd = np.zeros_like(alone.qd)
+    directions = [alone.yields(n) for n in range(len(alone.packed.directions))]
+    assert min(k for k, _, _ in directions) > 0.1
+    d: Any = np.random.default_rng(3).normal(size=alone.q.size)
+    ahead, behind = (alone.exerted(alone.q + s * d, alone.qd) for s in (H, -H))
+    wanted = sum(k * (G @ d) * G for k, _, G in directions)
+    assert (behind - ahead) / (2.0 * H) == pytest.approx(wanted, rel=1e-5, abs=1e-5)

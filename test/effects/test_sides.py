@@ -53,6 +53,26 @@ CASES: list[tuple[str, dict[str, Any], list[tuple[float, float, float]]]] = [
         {'between': ['B', 'ground'], 'at': [None, [-9, 0]], 'table': TABLE},
         [(-0.5, 0.9, 0.0), (-0.5, 1.2, 0.0), (-0.5, 1.3, 0.0)],
     ),
+    (  # a stop of a length that two joint coordinates make
+        'tendon',
+        {'joints': [['crank_pin', 2.0]], 'upper': 1.0, 'stop_stiffness': 10},
+        [(0.3, 1.0, 0.0), (0.49, -1.0, 1.0), (0.51, 1.0, 0.0)],
+    ),
+    (
+        'tendon',
+        {'path': ['A', ['ground', [1, 0]]], 'table': TABLE, 'free_length': 0},
+        [(0.7, 1.0, 0.0), (0.4, 1.0, 0.0), (1.0, 1.0, 0.0)],
+    ),
+    (
+        'tendon',
+        {'joints': [['crank_pin', -1.0]], 'velocity': 0, 'velocity_gain': 10, 'limit': 5},
+        [(0.3, 0.1, 0.0), (0.3, -0.2, 0.0), (0.3, -1.0, 0.0)],
+    ),
+    (
+        'tendon',
+        {'joints': [['crank_pin', 1.0]], 'effort': TABLE},
+        [(0.3, 0.1, 0.9), (1.3, 0.1, 1.1), (0.3, 0.1, 1.3)],
+    ),
     ('motor', LIMITED, [(0.3, 0.1, 0.0), (0.3, -0.2, 0.0), (0.3, -1.0, 0.0)]),
     ('motor', LIMITED, [(0.3, 0.1, 0.0), (0.3, -0.2, 0.0), (0.3, 1.0, 0.0)]),
 ]
@@ -140,6 +160,14 @@ def test_kinks_over_time_are_known_by_their_times(
 
 INF = math.inf
 STOP = {'joint': 'crank_pin', 'upper': 1.0, 'lower': -1.0, 'stiffness': 10}
+CORD = {
+    'joints': [['crank_pin', 3.0]],
+    'table': [[0, 0], [0.5, 2], [1, 0]],
+    'free_length': 0.0,
+    'lower': 0.2,
+    'upper': 0.95,
+    'stop_stiffness': 1,
+}
 ROPE = {'joint': 'crank_pin', 'free_position': 0.5, 'table': [[0, 0], [0.1, 0], [0.3, 0], [1, 7]]}
 
 
@@ -155,6 +183,10 @@ ROPE = {'joint': 'crank_pin', 'free_position': 0.5, 'table': [[0, 0], [0.1, 0], 
         ('torsion_spring', ROPE, 0.75, (0.25, -INF, 0.3)),
         ('torsion_spring', ROPE, 0.9, (0.4, 0.3, INF)),
         ('torsion_spring', CASES[5][1], 1.1, (1.1, 0.8, 1.2)),
+        ('tendon', CORD, 0.3, (0.9, 0.5, 0.95)),
+        ('tendon', CORD, 0.33, (0.99, 0.95, INF)),
+        ('tendon', CORD, 0.1, (0.3, 0.2, 0.5)),
+        ('tendon', CORD, 0.0, (0.0, -INF, 0.2)),
     ],
 )
 def test_the_interval_without_a_kink(

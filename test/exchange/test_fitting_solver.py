@@ -117,6 +117,15 @@ def test_stops_count_as_pressed(tmp_path) -> None:
         assert ('torsion_spring as joint_stop.joint' in reasons(text)) == (integrator == IMPLICIT)
 
 
+def test_stops_of_tendons_count_as_pressed(tmp_path) -> None:
+    cord = '<tendon><fixed name="cord" range="-0.5 0.5" limited="true">'
+    cord += '<joint joint="joint2" coef="1"/></fixed></tendon></mujoco>'
+    source = finger('damping="1e-4"').replace('</mujoco>', cord)
+    text = imported(saved(tmp_path, 'it.xml', source), stops=1e6)
+    assert scene_from_text(text).solver.integrator == IMPLICIT
+    assert 'tendon as the stop of tendon.cord' in reasons(text)
+
+
 def test_what_cannot_be_kept_is_said() -> None:
     text = imported(str(DATA / 'robots' / 'leg.xml'), scene=True)
     scene = scene_from_text(text.partition('# The tolerance')[0])

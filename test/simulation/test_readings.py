@@ -10,6 +10,7 @@ import pytest
 
 from alf_ros import Simulation, kernel, load_scene
 from alf_ros.arrays import Floats
+from alf_ros.effects.contract import Effect
 from alf_ros.effects.contract.trajectory import Curve
 from alf_ros.mechanism import Coordinate
 from alf_ros.mechanism.natural_coordinates import TURN
@@ -103,6 +104,9 @@ def efforts(sample: Sample) -> Floats:
         for effect in group:
             Q, part = np.zeros(q.size), applied._scene._part(cut.cut, [effect])
             sample._act(part, q, qd, Q)
+            if len(effect.coordinates) > 1:
+                found[n] += share(effect, coordinate.name, sample, float(Q @ qd))
+                continue
             motion = unit_motion(coordinate, sample, q.reshape(-1, D))
             found[n] += Q @ motion.ravel()
     for drive in model.mechanism.drives:
@@ -110,6 +114,14 @@ def efforts(sample: Sample) -> Floats:
             n = model.coordinate_names.index(drive.of[0])
             found[n] += sample.drive_efforts[drive.name][0]
     return found
+
+
+def share(effect: Effect, coordinate: str, sample: Sample, power: float) -> float:
+    """Of a tendon over joints, whose effort along its length has this power."""
+    names, speeds = sample.model.coordinate_names, sample.joint_velocities
+    factors = dict(effect.parameters.joints)
+    rate = sum(factor * speeds[names.index(name)] for name, factor in factors.items())
+    return float(factors[coordinate] * power / rate)
 
 
 def coordinates(sample: Sample) -> tuple[Floats, Floats]:

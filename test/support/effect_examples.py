@@ -60,7 +60,8 @@ initial: {velocities: {A: [~, 1.5, ~], B: [~, ~, 0.2], C: [~, ~, 2], E: [~, ~, 0
 # by kind: `planar` and `spatial` do everything that it can do, `without` has no strength
 EXAMPLES = yaml_document.read(DATA / 'effect_examples.yaml').mapping()
 LOADED = [('joint_friction', f'{which}_loaded') for which in ('planar', 'spatial')]
-CASES = [(kind, which) for kind in EXAMPLES for which in ('planar', 'spatial')] + LOADED
+DRIVEN = [('tendon', f'{which}_driven') for which in ('planar', 'spatial')]
+CASES = [(kind, which) for kind in EXAMPLES for which in ('planar', 'spatial')] + LOADED + DRIVEN
 
 
 def simulation(kind: str, which: str, **options: Any) -> Simulation:

@@ -29,6 +29,9 @@ effects:
   torsion_spring: {coil: {joint: knee, stiffness: 3, damping: 0.1}}
   joint_friction:
     rub: {joint: foot, viscous: 0.2, dynamic: 0.1, load: 10, radius: 0.02, slip: 0.1}
+  tendon:
+    cord: {path: [A, [coupler, ~], W], weights: [1, 0.5], stiffness: 9, free_length: 1, damping: 1}
+    belt: {joints: [[pin, 0.5], [knee, -1]], stiffness: 2, friction: 0.3, slip: 0.1}
   motor: {drive: {joint: pin, position: [[0, 0], [1, 2]], position_gain: 20, velocity_gain: 1}}
   drag: {air: {on: coupler, linear: 0.2, quadratic: 0.3, wind: [1, 0]}}
 initial: {velocities: {A: [1.5, ~]}}
@@ -49,6 +52,10 @@ NUMBERS = (
     'coil.stiffness',
     'rub.dynamic',
     'rub.viscous',
+    'cord.weights.1',
+    'cord.damping',
+    'belt.joints.0.1',
+    'belt.friction',
     'drive.position_gain',
     'drive.position.1.1',
     'air.quadratic',

@@ -43,6 +43,8 @@
 `follows(parameters)` and `aimed(parameters, position, velocity)` (optional)
     whether the effect, on the coordinate `parameters.joint`, follows a position and a velocity
     from outside, and its parameters when it is given them.
+`on_axis(parameters, coordinate)` (optional)
+    of an effect on several joint coordinates: parameters of its part on one of them.
 `CONSTANT` (optional)
     True if the force depends neither on time nor on the motion.
 `free_fall(parameters)` (optional)
@@ -118,9 +120,14 @@ class Effect:
     @property
     def coordinates(self) -> tuple[str, ...]:
         """The joint coordinates it acts on."""
-        kinds = ((field.name, field.metadata['kind']) for field in fields(self.parameters))
-        names = (getattr(self.parameters, name) for name, kind in kinds if kind == 'coordinate')
-        return tuple(name for name in names if name is not None)
+        found: list[str] = []
+        for each in fields(self.parameters):
+            kind, value = each.metadata.get('kind'), getattr(self.parameters, each.name)
+            if kind == 'coordinate' and value is not None:
+                found.append(value)
+            elif kind == 'factors':
+                found += (name for name, _ in value or ())
+        return tuple(found)
 
     @property
     def label(self) -> str:

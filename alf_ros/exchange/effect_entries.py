@@ -1,0 +1,213 @@
+"""The `effects` of the scene of an imported robot."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Container, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from alf_ros.exchange.robot import Actuator, FramePose, Robot, Tendon
+from alf_ros.mechanism import GROUND
+from alf_ros.scene.text.repetition import NAME
+
+_LOSSES = 10.0  # s/m: no impact leaves the ground faster than 0.1 m/s
+_DRAWN = 1e-6  # m: depth as drawn that is not worth a word
+_DIGITS = 15  # of m, for places on bodies: what is less is rounding
+
+
+@dataclass(frozen=True)
+class Named:
+    """Names in the file: of joints, and of bodies with the ground; and the frames of bodies as
+    drawn, by part."""
+
+    joints: Mapping[str, str]
+    bodies: Mapping[str, str]
+    frames: Mapping[str, FramePose]
+
+    def place(self, part: str, at: Any) -> list[float]:
+        """A place (3,) of the world as drawn, m, in the frame of a part."""
+        inner = at if part == GROUND else self.frames[part].inverse.place(at)
+        return [round(float(x), _DIGITS) + 0.0 for x in inner]
+
+
+def entries(
+    robot: Robot, named: Named, stops: float | None, contact: float | None
+) -> dict[str, Any]:
+    """Effects, by kind and name. stops, contact: stiffnesses, see `mechanism_text.text`."""
+    effects = _of_joints(robot, named.joints, stops)
+    tendons = _tendons(robot, named, stops)
+    effects |= {'tendon': tendons} if tendons else {}
+    if contact is not None and robot.touches:
+        effects['ground_contact'] = _contacts(robot, named, contact)
+    return effects
+
+
+def _tendons(robot: Robot, named: Named, stops: float | None) -> dict[str, dict[str, Any]]:
+    """An instance for the springs and losses of each tendon, and one for each actuator on it."""
+    entries: dict[str, dict[str, Any]] = {}
+    shapes: dict[str, tuple[dict[str, Any], float]] = {}
+    for each in robot.tendons:
+        if not (
+            named.joints.keys() >= each.joints.keys()
+            and named.bodies.keys() >= {part for part, _ in each.path}
+        ):
+            robot.leave('tendons', f'{each.name} holds a part without mass')
+            continue
+        shape: dict[str, Any] = _length(each, named)
+        shapes[each.name] = shape, each.drawn
+        acting: dict[str, Any] = {}
+        if each.stiffness:
+            acting |= _spring(each)
+        acting |= {'damping': each.damping} if each.damping else {}
+        acting |= {'friction': each.friction} if each.friction else {}
+        if each.limits is not None and stops is not None:
+            low, high = (limit - each.drawn for limit in each.limits)
+            acting |= {'lower': low, 'upper': high, 'stop_stiffness': stops}
+        if acting:
+            entries[_label(each.name, entries)] = shape | acting
+    for actuator in robot.actuators:
+        if actuator.on_tendon and actuator.joint in shapes:
+            shape, drawn = shapes[actuator.joint]
+            entries[_label(actuator.name, entries)] = shape | _drive(actuator, drawn)
+    return entries
+
+
+def _length(tendon: Tendon, named: Named) -> dict[str, Any]:
+    if tendon.joints:
+        return {'joints': [[named.joints[name], c] for name, c in tendon.joints.items()]}
+    path = [[named.bodies[part], named.place(part, at)] for part, at in tendon.path]
+    plain = all(weight == 1.0 for weight in tendon.weights)
+    return {'path': path} | ({} if plain else {'weights': list(tendon.weights)})
+
+
+def _spring(tendon: Tendon) -> dict[str, Any]:
+    """Of stiffness outside an interval without force."""
+    k, (first, last) = tendon.stiffness, tendon.rest
+    spring: dict[str, Any] = {'free_length': first - tendon.drawn}
+    if first == last:
+        return spring | {'stiffness': k}
+    play = last - first
+    return spring | {'table': [[-1.0, -k], [0.0, 0.0], [play, 0.0], [play + 1.0, k]]}
+
+
+def _drive(actuator: Actuator, drawn: float) -> dict[str, Any]:
+    """The keys of a motor, for a coordinate that the source has at `drawn` as drawn."""
+    drive: dict[str, Any] = {'effort': actuator.effort} if actuator.effort else {}
+    if actuator.position is not None:
+        drive['position'] = actuator.position - drawn
+        drive['position_gain'] = actuator.position_gain
+    if actuator.velocity is not None:
+        drive['velocity'] = actuator.velocity
+    if actuator.velocity_gain:
+        drive['velocity_gain'] = actuator.velocity_gain
+    if actuator.limit is not None:
+        drive['limit'] = actuator.limit
+    return drive
+
+
+def _contacts(robot: Robot, named: Named, stiffness: float) -> dict[str, dict[str, Any]]:
+    contacts: dict[str, dict[str, Any]] = {}
+    deepest: dict[str, float] = {}
+    for each in robot.touches:
+        if each.part not in named.frames:
+            continue
+        contact: dict[str, Any] = {
+            'on': named.bodies[each.part],
+            'at': named.place(each.part, each.centre),
+            'stiffness': stiffness,
+            'damping': _LOSSES,
+        }
+        contact |= {'radius': each.radius} if each.radius else {}
+        contact |= {'friction': each.friction} if each.friction else {}
+        contact |= {'through': each.plane.through.tolist()} if any(each.plane.through) else {}
+        if each.plane.normal[2] != 1.0:
+            contact['normal'] = each.plane.normal.tolist()
+        if each.turning:
+            robot.leave('friction of contact', each.part)
+        contacts[_label(each.name, contacts)] = contact
+        height = float(each.plane.normal @ (each.centre - each.plane.through))
+        deepest[each.part] = max(deepest.get(each.part, 0.0), each.radius - height)
+    for part, depth in deepest.items():
+        if depth > _DRAWN:
+            robot.leave('contact as drawn', f'{part} by {depth:.3g} m')
+    robot.leave('law of contact', '')
+    return contacts
+
+
+def _of_joints(robot: Robot, joints: Mapping[str, str], stops: float | None) -> dict[str, Any]:
+    """Coordinates are zero as drawn."""
+    effects: dict[str, dict[str, Any]] = {}
+    if any(robot.gravity):
+        effects['gravity'] = {'acceleration': list(robot.gravity)}
+    for c in robot.connections:
+        joint = {'joint': joints[c.name]}
+        if c.damping or c.friction:
+            rubs = {'viscous': c.damping} if c.damping else {}
+            if c.friction:
+                rubs |= {'dynamic': 1.0, 'load': c.friction}
+            effects.setdefault('joint_friction', {})[joints[c.name]] = joint | rubs
+        if c.stiffness:
+            spring = {'stiffness': c.stiffness, 'free_position': c.rest - c.drawn}
+            effects.setdefault('torsion_spring', {})[joints[c.name]] = joint | spring
+        if c.limits is not None and stops is not None and not c.limits[0] < c.limits[1]:
+            robot.leave('limits without range', c.name)
+        elif c.limits is not None and stops is not None:
+            ends = {
+                key: limit - c.drawn
+                for key, limit in zip(('lower', 'upper'), c.limits, strict=True)
+                if math.isfinite(limit)
+            }
+            effects.setdefault('joint_stop', {})[joints[c.name]] = (
+                joint | ends | {'stiffness': stops}
+            )
+    motors = _motors(robot, joints)
+    return effects | ({'motor': motors} if motors else {})
+
+
+def _motors(robot: Robot, joints: Mapping[str, str]) -> dict[str, dict[str, Any]]:
+    """A motor for each actuator, and for each rotor; the first of a joint has its rotor."""
+    drawn = {c.name: c.drawn for c in robot.connections}
+    rotors = {c.name: c.armature for c in robot.connections if c.armature}
+    motors: dict[str, dict[str, Any]] = {}
+    for each in robot.actuators:
+        if each.on_tendon:
+            continue
+        motor = {'joint': joints[each.joint]} | _drive(each, drawn[each.joint])
+        if each.joint in rotors:
+            motor['armature'] = rotors.pop(each.joint)
+        motors[_label(each.name, motors)] = motor
+    for joint, armature in rotors.items():
+        motors[_label(joints[joint], motors)] = {'joint': joints[joint], 'armature': armature}
+    return motors
+
+
+def _label(name: str, taken: Container[str]) -> str:
+    """A name for an effect that no other effect of its kind has."""
+    stem = re.sub(r'[^A-Za-z0-9_]', '_', name)[:80]
+    stem = stem if NAME.fullmatch(stem) else f'n_{stem}'
+    label, n = stem, 2
+    while label in taken:
+        label, n = f'{stem}_{n}', n + 1
+    return label
+
+
+def leave(robot: Robot) -> None:
+    """A mechanism has no effects: say which there would have been."""
+    if any(robot.gravity):
+        robot.leave('gravity (see --scene)', ' '.join(f'{g:g}' for g in robot.gravity))
+    for c in robot.connections:
+        for kind, value in (
+            ('damping', c.damping),
+            ('dry friction', c.friction),
+            ('springs', c.stiffness),
+            ('armature', c.armature),
+        ):
+            if value:
+                robot.leave(f'{kind} (see --scene)', c.name)
+    for tendon in robot.tendons:
+        if tendon.stiffness or tendon.damping or tendon.friction:
+            robot.leave('tendons (see --scene)', tendon.name)
+    for actuator in robot.actuators:
+        robot.leave('actuators (see --scene)', actuator.name)

@@ -1,0 +1,135 @@
+"""Contact of an MJCF with fixed planes, with the pairs and the friction that MuJoCo has.
+
+Two geoms touch if a `pair` names them, or if the contype of one has a bit of the conaffinity of
+the other and no `exclude` names their bodies. The coefficient of friction is stated by the pair,
+or by the geom with the higher priority, or else the larger one counts. A margin moves the plane
+up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from alf_ros.exchange import ground_touches
+from alf_ros.exchange.robot import FixedPlane, FramePose, Robot
+from alf_ros.exchange.visuals import moved, shape
+from alf_ros.mechanism import GROUND, VisualShape
+
+_MANY = 2000  # geoms: of more, pairs of bodies are not looked for one by one
+
+
+@dataclass(frozen=True)
+class _Pair:
+    """How two geoms touch: coefficient of sliding friction, whether others matter too, margin."""
+
+    friction: float
+    turning: bool
+    margin: float
+
+
+def add(robot: Robot, mujoco: Any, data: Any, held: Sequence[str]) -> None:
+    """Give a robot its touches; list contact that has none here. held: the part of each body."""
+    model = data.model
+    if model.opt.disableflags & (
+        mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    ):
+        return
+    planes = [n for n in range(model.ngeom) if _is_ground(mujoco, model, n, held)]
+    for geom in range(model.ngeom):
+        part = held[model.geom_bodyid[geom]]
+        if part == GROUND:
+            continue
+        for plane in planes:
+            pair = _pair(model, geom, plane)
+            if pair is not None:
+                _touch(robot, mujoco, data, geom, part, plane, pair)
+    for part in _touching(mujoco, model, held, planes):
+        robot.leave('contact between bodies', part)
+
+
+def _is_ground(mujoco: Any, model: Any, geom: int, held: Sequence[str]) -> bool:
+    is_plane = model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_PLANE
+    return bool(is_plane and held[model.geom_bodyid[geom]] == GROUND)
+
+
+def _pair(model: Any, one: int, other: int) -> _Pair | None:
+    """None for two geoms that pass through each other."""
+    for n in range(model.npair):
+        if {int(model.pair_geom1[n]), int(model.pair_geom2[n])} == {one, other}:
+            friction = model.pair_friction[n]
+            margin = float(model.pair_margin[n] - model.pair_gap[n])
+            dims = int(model.pair_dim[n])
+            return _Pair(float(friction[0]) if dims > 1 else 0.0, dims > 3, margin)
+    masks = model.geom_contype, model.geom_conaffinity
+    if not masks[0][one] & masks[1][other] and not masks[0][other] & masks[1][one]:
+        return None
+    bodies = sorted(int(model.geom_bodyid[each]) for each in (one, other))
+    if (bodies[0] << 16) + bodies[1] in model.exclude_signature:
+        return None
+    ranks = [int(model.geom_priority[each]) for each in (one, other)]
+    ruling = [each for each, rank in zip((one, other), ranks, strict=True) if rank == max(ranks)]
+    dims = max(int(model.geom_condim[each]) for each in ruling)
+    friction = max(float(model.geom_friction[each, 0]) for each in ruling)
+    margin = max(float(model.geom_margin[each] - model.geom_gap[each]) for each in (one, other))
+    return _Pair(friction if dims > 1 else 0.0, dims > 3, margin)
+
+
+def _touch(
+    robot: Robot, mujoco: Any, data: Any, geom: int, part: str, plane: int, pair: _Pair
+) -> None:
+    model = data.model
+    name = model.geom(geom).name or f'{part}_geom{geom}'
+    found = _shape(mujoco, model, geom)
+    if found is None:
+        kind = mujoco.mjtGeom(model.geom_type[geom]).name.removeprefix('mjGEOM_').lower()
+        robot.leave('contact of other shapes', f'{kind} {name}')
+        return
+    normal = data.geom_xmat[plane].reshape(3, 3)[:, 2].copy()
+    ground = FixedPlane(data.geom_xpos[plane] + pair.margin * normal, normal)
+    frame = FramePose(data.geom_xpos[geom].copy(), data.geom_xmat[geom].reshape(3, 3).copy())
+    drawn = moved(found, frame)
+    ground_touches.touch(robot, part, name, drawn, ground, pair.friction, pair.turning)
+
+
+def _shape(mujoco: Any, model: Any, geom: int) -> VisualShape | None:
+    """In the frame of the geom; None for a kind that no shape here has."""
+    kinds, (a, b, c) = mujoco.mjtGeom, model.geom_size[geom]
+    sizes = {
+        kinds.mjGEOM_SPHERE: ('sphere', (a,)),
+        kinds.mjGEOM_CAPSULE: ('capsule', (a, 2.0 * b)),
+        kinds.mjGEOM_CYLINDER: ('cylinder', (a, 2.0 * b)),
+        kinds.mjGEOM_BOX: ('box', (2.0 * a, 2.0 * b, 2.0 * c)),
+    }
+    found = sizes.get(kinds(model.geom_type[geom]))
+    return None if found is None else shape(*found)
+
+
+def _touching(
+    mujoco: Any, model: Any, held: Sequence[str], planes: Sequence[int]
+) -> Iterator[str]:
+    """Parts that touch others in MuJoCo, which no effect here does."""
+    above = model.body_weldid[model.body_parentid[model.body_weldid]]
+    bodies = model.body_weldid[model.geom_bodyid]
+    solid = np.setdiff1d(np.flatnonzero(model.geom_contype | model.geom_conaffinity), planes)
+    if solid.size > _MANY:
+        yield from {held[model.geom_bodyid[n]] for n in solid} - {GROUND}
+        return
+    own, parent = bodies[solid], above[model.geom_bodyid[solid]]
+    kind, affinity = model.geom_contype[solid], model.geom_conaffinity[solid]
+    meet = (kind[:, None] & affinity) | (affinity[:, None] & kind)
+    apart = own[:, None] != own
+    related = (own[:, None] == parent) | (parent[:, None] == own)
+    related &= (own[:, None] != 0) & (own != 0)
+    if model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_FILTERPARENT:
+        related[:] = False
+    found = (meet != 0) & apart & ~related
+    own_body = model.geom_bodyid[solid]
+    low, high = np.minimum(own_body[:, None], own_body), np.maximum(own_body[:, None], own_body)
+    found &= ~np.isin((low << 16) + high, model.exclude_signature)
+    for n in np.flatnonzero(found.any(axis=1)):
+        if own[n] != 0:
+            yield held[own_body[n]]

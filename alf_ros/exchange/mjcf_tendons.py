@@ -1,0 +1,122 @@
+"""Tendons of an MJCF, as compiled by MuJoCo: over joints, or through sites and pulleys.
+
+The length is Σ coef · x, or the distances of successive sites, each divided by the divisor of the
+last pulley. A tendon that wraps around a geom is listed: its length has another law.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from alf_ros.arrays import Floats
+from alf_ros.exchange.robot import Coupled, Robot, Tendon
+
+_PHASE = 1e-9  # m: how far lengths may be drawn from what an equality says
+
+
+def add(
+    robot: Robot,
+    mujoco: Any,
+    data: Any,
+    names: Sequence[str],
+    joints: Sequence[str],
+    held: Sequence[str],
+) -> dict[int, str]:
+    """Add the tendons of a model to its robot; list the others. Returns the names, by number.
+
+    names: of the tendons; joints: of the joints; held: the part of each body.
+    """
+    model, found = data.model, {}
+    for n, name in enumerate(names):
+        shape = _shape(mujoco, data, n, name, joints, held)
+        if shape is None:
+            robot.leave('tendons', f'{name} wraps around a geom')
+            continue
+        found[n] = name
+        for kind, value in (
+            (
+                'higher orders of tendons',
+                (model.tendon_stiffnesspoly[n], model.tendon_dampingpoly[n]),
+            ),
+            ('armature of tendons', model.tendon_armature[n]),
+        ):
+            if np.any(value):
+                robot.leave(kind, name)
+        low, high = map(float, model.tendon_range[n])
+        first, last = map(float, model.tendon_lengthspring[n])
+        robot.tendons.append(
+            replace(
+                shape,
+                stiffness=float(model.tendon_stiffness[n]),
+                rest=(first, last),
+                damping=float(model.tendon_damping[n]),
+                friction=float(model.tendon_frictionloss[n]),
+                limits=(low, high) if model.tendon_limited[n] else None,
+            )
+        )
+    return found
+
+
+def _shape(
+    mujoco: Any, data: Any, n: int, name: str, joints: Sequence[str], held: Sequence[str]
+) -> Tendon | None:
+    """A tendon without its forces; None for one that wraps around a geom."""
+    model, kinds = data.model, mujoco.mjtWrap
+    first = int(model.tendon_adr[n])
+    whole = range(first, first + int(model.tendon_num[n]))
+    if model.wrap_type[first] == kinds.mjWRAP_JOINT:
+        of: dict[str, float] = {}
+        drawn = 0.0
+        for w in whole:
+            joint, factor = int(model.wrap_objid[w]), float(model.wrap_prm[w])
+            of[joints[joint]] = of.get(joints[joint], 0.0) + factor
+            drawn += factor * float(data.qpos[model.jnt_qposadr[joint]])
+        of = {joint: factor for joint, factor in of.items() if factor}
+        return Tendon(name, of, drawn=drawn) if of else None
+    path: list[tuple[str, Floats]] = []
+    weights: list[float] = []
+    share, is_cut = 1.0, True
+    for w in whole:
+        if model.wrap_type[w] == kinds.mjWRAP_PULLEY:
+            share, is_cut = 1.0 / float(model.wrap_prm[w]), True
+        elif model.wrap_type[w] == kinds.mjWRAP_SITE:
+            site = int(model.wrap_objid[w])
+            if path:
+                weights.append(0.0 if is_cut else share)
+            path.append((held[model.site_bodyid[site]], data.site_xpos[site].copy()))
+            is_cut = False
+        else:
+            return None
+    return Tendon(name, path=path, weights=weights) if any(weights) else None
+
+
+def couple(robot: Robot, model: Any, equality: int, name: str, tendons: Sequence[str]) -> bool:
+    """Add a linear equality of tendons over joints as a coupling. Returns False for others.
+
+    It states L₁ - L₁⁰ = a + b (L₂ - L₂⁰) with the lengths L⁰ at the positions of the file.
+    """
+    numbers = list(map(float, model.eq_data[equality, :5]))
+    ids = [int(each[equality]) for each in (model.eq_obj1id, model.eq_obj2id)]
+    known = {each.name: each for each in robot.tendons}
+    sides = [known.get(tendons[n]) for n in ids if n >= 0]
+    if any(each is None or not each.joints for each in sides) or any(numbers[2:]):
+        return False
+    of: dict[str, float] = {}
+    left = -numbers[0]
+    for each, n, factor in zip(sides, ids, (1.0, -numbers[1]), strict=False):
+        assert each is not None
+        left += factor * (each.drawn - float(model.tendon_length0[n]))
+        for joint, value in each.joints.items():
+            of[joint] = of.get(joint, 0.0) + factor * value
+    if abs(left) > _PHASE:
+        robot.leave('phase of mimic', name)
+    of = {joint: factor for joint, factor in of.items() if factor}
+    if not of:
+        return False
+    robot.couplings.append(Coupled(name, of))
+    robot.leave('softness', name)
+    return True
