@@ -20,6 +20,7 @@ from alf_ros.arrays import Floats, Integers
 from alf_ros.effects import contract
 from alf_ros.effects.contract.piecewise import (
     Points,
+    instants,
     integral,
     interpolate,
     interval_of,
@@ -189,7 +190,13 @@ def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
         directions.append(tuple(sorted({block for each in own for block in each})))
         directions += [each for each in own for _ in range(layout.dimension) if is_path]
     known = len(shapes) if any(each.parameters.has_kinks for each in effects) else 0
-    return replace(packed, directions=tuple(directions), intervals=known)
+    times = [
+        instants(each or 0.0)
+        for p in (effect.parameters for effect in effects)
+        for each in (p.effort, p.position, p.velocity)
+    ]
+    found = np.concatenate([np.zeros(0), *times])
+    return replace(packed, directions=tuple(directions), intervals=known, instants=found)
 
 
 def _add(measures: Measures, layout: Layout, p: Parameters, n: int) -> None:
@@ -301,8 +308,6 @@ def side(t: float, q: Floats, qd: Floats, near: Floats, slots: Integers, params:
         at = numbers_of(slots, n)
         L, rate = _length(q, qd, near, slots, params, n)
         here = side_of(params, at + _TABLES, L - params[at + 4])
-        for k in range(3):
-            here += (2.0 * k + 3.0) * side_of(params, at + int(params[at + 15 + k]), t)
         depth, limit = _depth(params, at, L), params[at + 13]
         effort = _drive(t, params, at, L, rate)
         here += 11.0 * ((depth > 0.0) - (depth < 0.0))

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import ctypes
 import math
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
 import pytest
 
 from alf_ros import Simulation, kernel, load_scene
+from alf_ros import effects as registry
 from alf_ros.studies.exact import one_freedom
 
 CRANK = one_freedom.slider_crank()
@@ -67,11 +69,6 @@ CASES: list[tuple[str, dict[str, Any], list[tuple[float, float, float]]]] = [
         'tendon',
         {'joints': [['crank_pin', -1.0]], 'velocity': 0, 'velocity_gain': 10, 'limit': 5},
         [(0.3, 0.1, 0.0), (0.3, -0.2, 0.0), (0.3, -1.0, 0.0)],
-    ),
-    (
-        'tendon',
-        {'joints': [['crank_pin', 1.0]], 'effort': TABLE},
-        [(0.3, 0.1, 0.9), (1.3, 0.1, 1.1), (0.3, 0.1, 1.3)],
     ),
     ('motor', LIMITED, [(0.3, 0.1, 0.0), (0.3, -0.2, 0.0), (0.3, -1.0, 0.0)]),
     ('motor', LIMITED, [(0.3, 0.1, 0.0), (0.3, -0.2, 0.0), (0.3, 1.0, 0.0)]),
@@ -136,26 +133,56 @@ def interval(kind: str, parameters: dict[str, Any], theta: float, rate: float) -
     return out.tolist()
 
 
+PIN: dict[str, Any] = {'joint': 'crank_pin'}
+AIM: dict[str, Any] = {'position': [[0, 0], [1, 1]], 'position_gain': 1}
+CORD_OF_ONE: dict[str, Any] = {'joints': [['crank_pin', 1.0]]}
+
+
 @pytest.mark.parametrize(
     ('kind', 'parameters', 'wanted'),
     [
-        ('motor', {'effort': [[-1, 0], [0, 0], [0.5, 1], [1, 2], [2, 2]]}, [0, 1]),
+        ('motor', {**PIN, 'effort': [[-1, 0], [0, 0], [0.5, 1], [1, 2], [2, 2]]}, [0, 1]),
         (
             'motor',
-            {'position': [[0, 0], [1, 1]], 'position_gain': 1, 'effort': [[0.5, 3], [0.6, 1]]},
-            [0, 0.5, 0.6, 1],
+            {
+                **PIN,
+                'position': [[0, 0], [1, 1]],
+                'position_gain': 1,
+                'effort': [[0.5, 3], [2, 1]],
+            },
+            [0, 0.5, 1, 2],
         ),
-        ('user_table', {'table': [[0, 5], [1, 5], [2, 4]]}, [1, 2]),
-        ('user_table', {'table': [[0, 1], [1, 0], [9, 0]], 'interpolation': 'cubic'}, [0, 1, 9]),
+        (
+            'tendon',
+            {**CORD_OF_ONE, 'velocity': [[0, 0], [1, 1]], 'velocity_gain': 1},
+            [0, 1],
+        ),
+        ('tendon', {**CORD_OF_ONE, 'effort': [[0, 0], [1, 1], [2, 1]]}, [0, 1]),
+        ('user_table', {**PIN, 'table': [[0, 5], [1, 5], [2, 4]]}, [1, 2]),
+        (
+            'user_table',
+            {**PIN, 'table': [[0, 1], [1, 0], [9, 0]], 'interpolation': 'cubic'},
+            [0, 1, 9],
+        ),
     ],
 )
 def test_kinks_over_time_are_known_by_their_times(
     kind: str, parameters: dict[str, Any], wanted: list[float]
 ) -> None:
-    found = simulated(kind, {'joint': 'crank_pin', **parameters})
+    found = simulated(kind, parameters)
     assert found._applied.assembled.kinks.instants.tolist() == wanted
-    fixed = simulated(kind, {'joint': 'crank_pin', **parameters}, 'rk4')
+    fixed = simulated(kind, parameters, 'rk4')
     assert not fixed._applied.assembled.kinks.instants.size
+
+
+def test_every_effect_with_a_function_of_time_is_among_them() -> None:
+    over_time = {
+        kind
+        for kind in registry.kinds()
+        for each in fields(registry.load(kind).Parameters)
+        if each.metadata.get('kind') == 'signal'
+    }
+    assert over_time == {'motor', 'tendon'}
 
 
 INF = math.inf
