@@ -129,6 +129,10 @@ def text(robot: Robot, scene: bool, stops: float | None, version: str) -> str:
         along: dict[str, Any] = {'axis': axes[0]} if len(axes) == 1 else {'axes': axes}
         found[joints[c.name]] = {'type': c.kind, 'between': sides, 'at': at}
         found[joints[c.name]] |= along if axes else {}
+        if c.start is not None:
+            start = points.new(f'{joints[c.name]}_start', c.start, [c.parent])
+            found[joints[c.name]] = {'type': c.kind, 'between': sides, 'points': [start, at]}
+            found[joints[c.name]]['length'] = c.length
         if c.kind == 'screw':
             found[joints[c.name]]['pitch'] = c.pitch
     for part in robot.parts:
@@ -291,6 +295,8 @@ def _leave_effects(robot: Robot) -> None:
                 robot.leave(f'{kind} (see --scene)', c.name)
     for actuator in robot.actuators:
         robot.leave('actuators (see --scene)', actuator.name)
+    for name in robot.velocities:
+        robot.leave('velocities of bodies (see --scene)', name)
 
 
 def _head(robot: Robot, version: str) -> str:
