@@ -20,7 +20,7 @@ from alf_ros.exchange import usd_dynamics, usd_posture, usd_visuals
 from alf_ros.exchange.robot import BodyVelocity, Connection, FramePose, Robot, RobotPart
 from alf_ros.exchange.usd_bodies import UsdBodies
 from alf_ros.exchange.usd_joints import UsdJoint, joints
-from alf_ros.exchange.usd_stage import UsdStage, diagnostics_kept
+from alf_ros.exchange.usd_stage import UsdStage, guarded
 from alf_ros.mechanism import GROUND
 
 _EARTH = 9.81  # m/s^2, where the file sets none
@@ -34,7 +34,7 @@ def read(path: Path, positions: Mapping[str, float]) -> Robot:
     if positions:
         message = 'not for USD, which places each body: change the transformation of bodies'
         raise InputError(message, key='--set', value=next(iter(positions)))
-    with diagnostics_kept(path):
+    with guarded(path):
         return _Reader(UsdStage(path)).robot
 
 

@@ -10,7 +10,7 @@ from scipy.spatial import ConvexHull, QhullError
 from alf_ros.arrays import Floats, Integers
 from alf_ros.exchange import solids
 from alf_ros.exchange.solids import Solid
-from alf_ros.exchange.usd_stage import UsdStage
+from alf_ros.exchange.usd_stage import ENDLESS, UsdStage
 
 # Turns the z axis into each axis of the file.
 TO_AXIS = {
@@ -24,7 +24,10 @@ _AS_IT_IS = ('none', 'meshSimplification', 'convexDecomposition')  # about the m
 
 def solid_of(stage: UsdStage, prim: Any) -> Solid:
     """The solid of a shape in the world, m. Raises InputError for one that has none."""
-    return _local(stage, prim).mapped(*stage.affine(prim))
+    found = _local(stage, prim).mapped(*stage.affine(prim))
+    if not found.volume > 0.0:
+        raise _unknown(stage, prim, 'it has no volume')
+    return found
 
 
 def sizes(stage: UsdStage, prim: Any) -> tuple[float, ...]:
@@ -75,8 +78,8 @@ def _unknown(stage: UsdStage, prim: Any, message: str) -> Exception:
 
 def _corners(stage: UsdStage, prim: Any) -> Floats:
     """(n, 3)."""
-    found = np.array(prim.GetAttribute('points').Get() or [], dtype=float).reshape(-1, 3)
-    if not np.all(np.abs(found) <= 1e15) or not len(found):
+    found = stage.array(prim, 'points', float)
+    if found.ndim != 2 or not np.all(np.abs(found) <= ENDLESS):
         raise _unknown(stage, prim, 'its mesh has no usable points')
     return found
 
@@ -84,8 +87,7 @@ def _corners(stage: UsdStage, prim: Any) -> Floats:
 def _triangles(stage: UsdStage, prim: Any, points: int) -> Integers:
     """(m, 3) each face as a fan. Raises ValueError for faces that are none."""
     counts, indices = (
-        np.array(prim.GetAttribute(name).Get() or [], dtype=np.int64)
-        for name in ('faceVertexCounts', 'faceVertexIndices')
+        stage.array(prim, name, np.int64) for name in ('faceVertexCounts', 'faceVertexIndices')
     )
     if counts.sum() != indices.size or not indices.size or counts.min() < 3:
         raise ValueError('no faces')

@@ -7,23 +7,27 @@ would print, it keeps: errors become one line, and content that is not found is 
 from __future__ import annotations
 
 import re
+import resource
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from alf_ros import paths
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
+from alf_ros.exchange import usd_probe
 from alf_ros.exchange.robot import FramePose
 from alf_ros.scene.text.yaml_document import LARGEST, LARGEST_FILE
 
 SUFFIXES = ('.usd', '.usda', '.usdc', '.usdz')
 MOST_BYTES = 1 << 30  # of a binary file, which is mapped; a text is read as a whole
 MOST_PRIMS = 1_000_000
+MOST_MEMORY = 1 << 33  # bytes: a damaged file of some bytes may claim arrays of any length
 ENDLESS = 1e15  # a number from there on is a limit that does not limit: many files have 3.4e38
 _HEADS = (b'#usda', b'#sdf', b'PXR-USDC', b'PK\x03\x04')  # texts, binary files, archives
 _TEXTS = 2  # the first of them
@@ -39,13 +43,14 @@ class UsdStage:
 
     def __init__(self, path: Path) -> None:
         """Open a file. Raises InputError."""
-        _check(path)
+        is_text = _check(path)
         try:
             from pxr import Tf, Usd, UsdGeom, UsdPhysics
         except ImportError:
             message = 'a USD file: `pip install usd-core` reads it'
             raise InputError(message, file=str(path)) from None
         self.file = str(path)
+        usd_probe.check(path, is_text, MOST_MEMORY)
         try:
             self._stage = Usd.Stage.Open(str(path.absolute()))
         except (Tf.ErrorException, UnicodeError) as error:
@@ -54,7 +59,10 @@ class UsdStage:
         self.metre = self._unit('metersPerUnit', UsdGeom.GetStageMetersPerUnit(self._stage))
         kilogram = UsdPhysics.GetStageKilogramsPerUnit(self._stage)
         self.kilogram = self._unit('kilogramsPerUnit', kilogram)
-        self.up = 'XYZ'.index(str(UsdGeom.GetStageUpAxis(self._stage)))
+        up = str(UsdGeom.GetStageUpAxis(self._stage))
+        if up not in ('X', 'Y', 'Z'):
+            raise self.error('upAxis', 'not an axis', value=up, expected='X, Y or Z')
+        self.up = 'XYZ'.index(up)
         self.missing = [_unresolved(each) for each in self._stage.GetCompositionErrors()]
         default = self._stage.GetDefaultPrim()
         self.name = default.GetName() if default else path.stem
@@ -140,6 +148,15 @@ class UsdStage:
             found[np.abs(found) >= ENDLESS] *= np.inf
         return found
 
+    def array(self, prim: Any, name: str, kind: type) -> NDArray[Any]:
+        """An attribute with any count of numbers of a kind; empty where it has none."""
+        attribute = prim.GetAttribute(name)
+        value = attribute.Get() if attribute else None
+        try:
+            return np.array([] if value is None else value, dtype=kind)
+        except (TypeError, ValueError, OverflowError):
+            return np.array([], dtype=kind)
+
     def number(self, prim: Any, name: str, default: float = 0.0, endless: bool = False) -> float:
         """The value of an attribute. Raises InputError."""
         return float(self.numbers(prim, name, (default,), endless)[0])
@@ -165,27 +182,41 @@ class UsdStage:
 
 
 @contextmanager
-def diagnostics_kept(path: Path) -> Iterator[None]:
-    """Keep what the library would print on stderr, from all of its threads. Raises InputError
-    where it refuses a value, or a text in the file is none."""
+def guarded(path: Path) -> Iterator[None]:
+    """Read a file with a limit of memory, and keep what the library would print on stderr, from
+    all of its threads. Raises InputError where it refuses a value or a text."""
     try:
         from pxr import Tf, UsdUtils
     except ImportError:  # which `UsdStage` reports
         yield
         return
     delegate = UsdUtils.CoalescingDiagnosticDelegate()
+    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+    most = _memory() + MOST_MEMORY
+    if soft == resource.RLIM_INFINITY or most < soft:
+        resource.setrlimit(resource.RLIMIT_AS, (most, hard))
     try:
         yield
     except Tf.ErrorException:
         raise InputError('usd-core refuses it', file=str(path)) from None
     except UnicodeDecodeError:
         raise InputError('a text in it is not UTF-8', file=str(path)) from None
+    except MemoryError:
+        raise InputError(f'needs more than {MOST_MEMORY >> 20} MB', file=str(path)) from None
     finally:
+        resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
         delegate.TakeUncoalescedDiagnostics()
 
 
-def _check(path: Path) -> None:
-    """Refuse what cannot be a USD file, before the library maps it. Raises InputError."""
+def _memory() -> int:
+    """Bytes of address space that this process has."""
+    pages = Path('/proc/self/statm').read_text(encoding='ascii').split()[0]
+    return int(pages) * resource.getpagesize()
+
+
+def _check(path: Path) -> bool:
+    """Refuse what cannot be a USD file, before the library maps it. Returns whether it is a text.
+    Raises InputError."""
     head = paths.head(path, 16)
     kinds = [n for n, each in enumerate(_HEADS) if head.startswith(each)]
     if not kinds:
@@ -193,6 +224,7 @@ def _check(path: Path) -> None:
     most = LARGEST_FILE if kinds[0] < _TEXTS else MOST_BYTES
     if path.stat().st_size > most:
         raise InputError(f'larger than {most >> 20} MB', file=str(path))
+    return kinds[0] < _TEXTS
 
 
 def _refused(error: Exception) -> str:

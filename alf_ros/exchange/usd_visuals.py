@@ -72,9 +72,11 @@ def _color(prim: Any) -> tuple[float, ...] | None:
     from pxr import UsdGeom
 
     shown = UsdGeom.Gprim(prim)
-    color = UsdGeom.Primvar(shown.GetDisplayColorAttr()).Get()
-    opacity = UsdGeom.Primvar(shown.GetDisplayOpacityAttr()).Get()
-    if color is None or len(color) != 1:
+    color, opacity = (
+        np.ravel(each.Get())
+        for each in (shown.GetDisplayColorAttr(), shown.GetDisplayOpacityAttr())
+    )
+    if color.size != 3 or color.dtype == object:
         return None
-    alpha = opacity[0] if opacity and len(opacity) == 1 else 1.0
-    return tuple(round(float(x), _DIGITS) for x in (*color[0], alpha))
+    alpha = opacity[0] if opacity.size == 1 and opacity.dtype != object else 1.0
+    return tuple(round(float(x), _DIGITS) for x in (*color, alpha))

@@ -227,6 +227,40 @@ def test_files_that_are_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
         imported(saved(tmp_path, 'it.usda', PENDULUM))
 
 
+def test_a_file_that_ends_the_process_which_opens_it(tmp_path: Path) -> None:
+    """Two bytes of a binary stage are changed: usd-core faults, also where a text refers to it."""
+    fault = DATA / 'usd_fault.usdc'
+    with pytest.raises(InputError, match='damaged: usd-core cannot survive it'):
+        imported(str(fault))
+    text = f'#usda 1.0\n(subLayers = [@{fault}@])\n'
+    with pytest.raises(InputError, match='damaged: usd-core cannot survive it'):
+        made(tmp_path, text)
+
+
+def test_sizes_of_nothing(tmp_path: Path) -> None:
+    flat = placed(ORIGIN).replace('uniform', 'double3 xformOp:scale = (1, 0, 1)\nuniform')
+    flat = flat.replace('"]', '", "xformOp:scale"]')
+    for shape in (
+        prim('Cube', 'c', 'Collision', flat),
+        mesh_of('[(0, 0, 0), (1, 0, 0), (0, 1, 0)]', hull=True),
+        mesh_of('[]', hull=True),
+        mesh_of('(1, 2)', hull=False),
+    ):
+        with pytest.raises(InputError, match='no volume|no usable points|enclose'):
+            made(tmp_path, stage(body('b', shape)))
+
+
+def mesh_of(points: str, hull: bool) -> str:
+    how = 'convexHull' if hull else 'none'
+    return prim(
+        'Mesh',
+        'c',
+        'Collision',
+        f'point3f[] points = {points}' if points.startswith('[') else f'float2 points = {points}',
+        f'uniform token physics:approximation = "{how}"',
+    )
+
+
 def test_options_of_other_formats(tmp_path: Path) -> None:
     path = saved(tmp_path, 'it.usda', PENDULUM)
     for wishes, message in (

@@ -90,6 +90,15 @@ def made(folder: Path, text: str, **wishes: object) -> str:
     return imported(saved(folder, 'it.usda', text), **wishes)
 
 
+# a joint of the world and a body `b`, at the origin of both
+PIN = ('', (0.0, 0.0, 0.0)), ('/b', (0.0, 0.0, 0.0))
+
+
+def drive(instance: str, **values: float | str) -> list[str]:
+    kinds = {key: 'uniform token' if key == 'type' else 'float' for key in values}
+    return [f'{kinds[key]} drive:{instance}:physics:{key} = {x}' for key, x in values.items()]
+
+
 @dataclass(frozen=True)
 class Units:
     """How a stage writes the four-bar: its axes, as a turn of the x-z plane, and its units."""
