@@ -20,6 +20,7 @@ from alf_ros.exchange.usd_bodies import UsdBodies
 from alf_ros.exchange.usd_joints import joints
 from alf_ros.exchange.usd_stage import UsdStage
 from alf_ros.scene.scene import scene_from_text
+from alf_ros.simulation.display_geometry import poses
 from support.imported_motions import saved, simulate
 from support.usd_robots import (
     FULL,
@@ -225,6 +226,23 @@ def test_a_drive(metre: float, tmp_path: Path) -> None:
     )
     simulation.step(300)
     assert simulation.sample().joints['pin'].position == pytest.approx(found.y[0, -1], abs=1e-7)
+
+
+def test_the_order_of_ends(tmp_path: Path) -> None:
+    """The coordinate is the angle of body 1 against body 0, also if body 1 is the world."""
+    found = []
+    for ends in (PIN, PIN[::-1]):
+        drives = drive('angular', stiffness=2.0, targetPosition=30.0)
+        pin = joint('Revolute', 'pin', ends, usd.axis('Y'), *drives, schemas='Drive:angular')
+        simulation = simulate(made(tmp_path, stage(body('b', BOB), pin), scene=True))
+        simulation.step(50)
+        sample = simulation.sample()
+        (pose,) = poses(sample)
+        turned = Rotation.from_quat(pose[3:]).as_rotvec()
+        found.append((sample.joints['pin'].position, turned[1]))
+    angle = found[0][0]
+    assert angle > 0.01
+    assert found == pytest.approx(np.array([(angle, angle), (angle, -angle)]), abs=1e-12)
 
 
 def test_a_linear_drive_and_its_units(tmp_path: Path) -> None:
