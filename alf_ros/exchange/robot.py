@@ -160,7 +160,9 @@ class Robot:
         if parent == child:
             raise self.error(name, f'both sides are of one body, {parent!r}')
         gap = 0.0 if end is None else float(np.linalg.norm(end - connection.place))
-        if gap > _OPEN * max([1e-300, *(float(abs(p.origin).max()) for p in self.parts)]):
+        if gap > 0.0 and gap > _OPEN * max(
+            [1e-300, *(float(abs(p.origin).max()) for p in self.parts)]
+        ):
             raise self.error(
                 name,
                 f'its two ends are drawn {gap:.6g} m apart',

@@ -128,9 +128,12 @@ class _Reader:
 
     def _axis(self, axis: Floats) -> Floats:
         """An axis, or the one that it was before rounding: loops need axes that are parallel."""
-        for other in self.axes:
-            if np.linalg.norm(np.cross(axis, other)) <= _PARALLEL:
-                return other if axis @ other > 0.0 else -other
+        if self.axes:
+            others = np.array(self.axes)
+            others *= np.sign(others @ axis)[:, None]
+            away = np.linalg.norm(others - axis, axis=1)
+            if away.min() <= _PARALLEL:
+                return np.asarray(others[away.argmin()], dtype=float)
         self.axes.append(axis)
         return axis
 
