@@ -14,6 +14,8 @@ NAME = 'alf_ros'
 XML = ElementTree.parse('package.xml')
 MAINTAINER = next(XML.iter('maintainer'))
 COMMANDS = runpy.run_path(f'{NAME}/commands/__init__.py')['COMMANDS']
+# There are no wheels for the other Pythons on ARM.
+HAS_USD = 'platform_machine != "aarch64" or python_version >= "3.11"'
 SCRIPTS = [f'{name} = {NAME}.__main__:executable' for name in COMMANDS]
 
 
@@ -72,7 +74,7 @@ setup(
         'record': ['mcap>=1.5', 'zstandard'],
         'plot': ['matplotlib'],
         'table': ['pandas', 'pyarrow', 'xarray'],
-        'import': ['urdf-parser-py', 'mujoco', 'xacro'],
+        'import': ['urdf-parser-py', 'mujoco', 'xacro', f'usd-core; {HAS_USD}'],
         'ensemble': ['dask', 'distributed', 'xarray', 'zarr'],
         'view': ['foxglove-sdk'],
     },

@@ -24,9 +24,17 @@ def named(text: str | Path, key: str | None = None) -> Path:
 def content(path: Path, most: int) -> bytes:
     """The content of a regular file. Raises InputError if there is none, or it has more than
     `most` bytes: a device or a pipe would be read without end."""
+    data = head(path, most + 1)
+    if len(data) > most:
+        raise InputError(f'larger than {most >> 20} MB', file=str(path))
+    return data
+
+
+def head(path: Path, most: int) -> bytes:
+    """The first bytes, at most so many, of a regular file. Raises InputError if there is none."""
     try:
         with open(path, 'rb', opener=_opened) as stream:
-            data = stream.read(most + 1)
+            return stream.read(most)
     except IsADirectoryError:
         raise InputError('no such file', file=str(path), expected='a file') from None
     except (FileNotFoundError, NotADirectoryError):
@@ -34,9 +42,6 @@ def content(path: Path, most: int) -> bytes:
     except (OSError, ValueError) as error:
         why = getattr(error, 'strerror', None) or 'not a path'
         raise InputError(f'cannot be read: {why}', file=str(path)) from None
-    if len(data) > most:
-        raise InputError(f'larger than {most >> 20} MB', file=str(path))
-    return data
 
 
 def written(folder: str | Path, texts: Mapping[str, str]) -> Path:

@@ -1,4 +1,4 @@
-"""Convert URDF (with loops), xacro, SDF or MJCF to a mechanism or scene file."""
+"""Convert URDF (with loops), xacro, SDF, MJCF or USD to a mechanism or scene file."""
 
 from __future__ import annotations
 
@@ -20,10 +20,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Import a file. Returns 0; raises InputError."""
     parser = Parser(
         prog='import',
-        description='Write the mechanism of a URDF, xacro, SDF or MJCF file. Everything that is '
-        'not imported is listed at the head of the output, and on stderr.',
+        description='Write the mechanism of a URDF, xacro, SDF, MJCF or USD file. Everything that '
+        'is not imported is listed at the head of the output, and on stderr.',
     )
-    parser.add_argument('file', nargs='?', metavar='FILE', help='a URDF, xacro, SDF or MJCF file')
+    parser.add_argument(
+        'file', nargs='?', metavar='FILE', help='a URDF, xacro, SDF, MJCF or USD file'
+    )
     parser.add_argument(
         '--corpus',
         metavar='FOLDER',

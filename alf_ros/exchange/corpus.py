@@ -19,14 +19,14 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from alf_ros.errors import AlfError
-from alf_ros.exchange import urdf_with_loops, xml_file
-from alf_ros.exchange.import_file import imported
+from alf_ros.exchange import urdf_with_loops, usd_stage
+from alf_ros.exchange.import_file import format_of, imported
 from alf_ros.inspection.soundness import BAD, examine
 from alf_ros.scene.scene import Scene, scene_from_text
 from alf_ros.simulation.simulation import Simulation
 
-_SUFFIXES = ('.urdf', '.xacro', '.sdf', '.world', '.xml', '.mjcf')
-_KINDS = ('robot', 'sdf', 'mujoco')
+_SUFFIXES = ('.urdf', '.xacro', '.sdf', '.world', '.xml', '.mjcf', *usd_stage.SUFFIXES)
+_KINDS = ('robot', 'sdf', 'mujoco', 'usd')
 _STEPS = 10  # between two looks at closure and clock
 HEADS = ('file', 'result', 'freedoms', 'loops', 'evaluations', 'closure', 'time')
 RESULTS = 'ok', 'refused', 'unsound', 'stops', 'limit', 'broken'
@@ -86,7 +86,7 @@ class Examined:
 def files_below(folder: Path) -> list[Path]:
     """The robot files below a folder, in order. What only other files include is none."""
     found = [path for path in folder.rglob('*') if path.suffix in _SUFFIXES and path.is_file()]
-    return sorted(path for path in found if xml_file.kind_of(path) in _KINDS)
+    return sorted(path for path in found if format_of(path) in _KINDS)
 
 
 def examined(
@@ -153,7 +153,7 @@ def _treated(
 ) -> Iterator[Examined]:
     """The present activity, as a result until the real one exists."""
     yield Examined(name, LIMIT, 'importing')
-    if xml_file.kind_of(Path(path)) != 'robot':  # which say themselves what floats
+    if format_of(Path(path)) != 'robot':  # which say themselves what floats
         wishes = wishes | {'floating': False}
     elif wishes.get('loops') is None and (side := urdf_with_loops.side_file(Path(path))):
         wishes = wishes | {'loops': str(side)}

@@ -211,3 +211,5 @@ def leave(robot: Robot) -> None:
             robot.leave('tendons (see --scene)', tendon.name)
     for actuator in robot.actuators:
         robot.leave('actuators (see --scene)', actuator.name)
+    for name in robot.velocities:
+        robot.leave('velocities of bodies (see --scene)', name)

@@ -15,15 +15,18 @@ from alf_ros.exchange import (
     gimbal_lock,
     ground_touches,
     inertia,
+    initial_velocities,
     massless_ends,
     mechanism_text,
     mjcf_import,
     sdf_import,
     urdf_with_loops,
+    usd_import,
     xml_file,
 )
 from alf_ros.exchange.robot import Robot
-from alf_ros.scene.scene import scene_from_text
+from alf_ros.exchange.usd_stage import SUFFIXES
+from alf_ros.scene.scene import Scene, scene_from_text
 
 
 @dataclass(frozen=True)
@@ -50,12 +53,17 @@ class Wishes:
     key: str | None = None
     arguments: Mapping[str, str] = field(default_factory=dict)
 
+    @property
+    def is_scene(self) -> bool:
+        """Whether a scene is written."""
+        return self.scene or self.stops is not None or self.contact is not None
+
 
 def imported(source: str, **wishes: Any) -> str:
     """The text of a mechanism file (of a scene if `scene`, `stops` or `contact`), which loads.
 
-    wishes: fields of `Wishes`. Needs urdf_parser_py for URDF, mujoco for MJCF, xacro for xacro.
-    Raises InputError.
+    wishes: fields of `Wishes`. Needs urdf_parser_py for URDF, mujoco for MJCF, xacro for xacro,
+    usd-core for USD. Raises InputError.
     """
     asked = Wishes(**wishes)
     robot = _robot(paths.named(source), asked)
@@ -67,20 +75,39 @@ def imported(source: str, **wishes: Any) -> str:
     if not robot.parts:
         raise InputError(f'no part of it can move{robot.still}', file=source)
     inertia.checked(robot, asked.repair_inertia)
-    scene = asked.scene or asked.stops is not None or asked.contact is not None
-    text = mechanism_text.text(robot, scene, asked.stops, resources.version(), asked.contact)
-    whole = text if scene else 'mechanism:\n' + ''.join(f'  {line}\n' for line in text.split('\n'))
-    try:
-        loaded = scene_from_text(whole)
-    except InputError as error:
-        message = f'the imported mechanism cannot be used: {error.key or ""}: {error.message}'
-        raise InputError(message, file=source, value=error.value) from None
+    scene = asked.is_scene
+    text, loaded = _written(robot, asked)
+    if scene and robot.velocities:
+        section = initial_velocities.section(loaded, robot)
+        if not section:
+            for name in robot.velocities:
+                robot.leave('velocities of bodies', name)
+        text, loaded = _written(robot, asked, section)
     return text + fitting_solver.section(loaded) if scene else text
 
 
+def _written(robot: Robot, asked: Wishes, more: str = '') -> tuple[str, Scene]:
+    """The text with `more` sections, and the scene that it loads as. Raises InputError."""
+    scene = asked.is_scene
+    text = mechanism_text.text(robot, scene, asked.stops, resources.version(), asked.contact)
+    text += more
+    whole = text if scene else 'mechanism:\n' + ''.join(f'  {line}\n' for line in text.split('\n'))
+    try:
+        return text, scene_from_text(whole)
+    except InputError as error:
+        message = f'the imported mechanism cannot be used: {error.key or ""}: {error.message}'
+        raise InputError(message, file=robot.file, value=error.value) from None
+
+
+def format_of(path: Path) -> str:
+    """`usd` by the ending of the name, or else the first element of a file: `mujoco`, `sdf`,
+    `robot`."""
+    return 'usd' if path.suffix.lower() in SUFFIXES else xml_file.kind_of(path)
+
+
 def _robot(path: Path, asked: Wishes) -> Robot:
-    """The robot of a file; the first element gives the format."""
-    kind = xml_file.kind_of(path)
+    """The robot of a file."""
+    kind = format_of(path)
     for_urdf = ((asked.loops, '--loops'), (asked.floating, '--floating'))
     for given, option in for_urdf if kind != 'robot' else ():
         if given:
@@ -93,6 +120,8 @@ def _robot(path: Path, asked: Wishes) -> Robot:
         raise InputError('for MJCF only', key='--key', value=asked.key)
     if kind == 'sdf':
         return sdf_import.read(path, asked.positions)
+    if kind == 'usd':
+        return usd_import.read(path, asked.positions)
     side = None if asked.loops is None else paths.named(asked.loops)
     return urdf_with_loops.read(
         path, side, asked.positions, floating=asked.floating, arguments=asked.arguments

@@ -133,6 +133,10 @@ def text(
         along: dict[str, Any] = {'axis': axes[0]} if len(axes) == 1 else {'axes': axes}
         found[joints[c.name]] = {'type': c.kind, 'between': sides, 'at': at}
         found[joints[c.name]] |= along if axes else {}
+        if c.start is not None:
+            start = points.new(f'{joints[c.name]}_start', c.start, [c.parent])
+            found[joints[c.name]] = {'type': c.kind, 'between': sides, 'points': [start, at]}
+            found[joints[c.name]]['length'] = c.length
         if c.kind == 'screw':
             found[joints[c.name]]['pitch'] = c.pitch
     for part in robot.parts:

@@ -68,6 +68,7 @@ class Connection:
     Forces on its coordinate, whose value as drawn is `drawn`: viscous `damping`, a spring of
     `stiffness` that rests at `rest`, dry `friction`; `limits` of the coordinate; the inertia
     `armature` of a rotor. rad or m, N m or N, kg m^2 or kg. pitch: of a screw, m per turn.
+    start: of a `distance`, the place (3,) on the parent, at `length` (m) from the child's.
     """
 
     name: str
@@ -84,6 +85,8 @@ class Connection:
     pitch: float = 0.0
     friction: float = 0.0
     armature: float = 0.0
+    start: Floats | None = None
+    length: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -172,13 +175,27 @@ class Collider:
     friction: float | None = None
 
 
+@dataclass(frozen=True, eq=False)
+class BodyVelocity:
+    """Velocity `linear` (3,) m/s of the place (3,) m of a part, `angular` (3,) rad/s, world."""
+
+    place: Floats
+    linear: Floats
+    angular: Floats
+
+    def at(self, place: Floats) -> Floats:
+        """(3,) m/s, of another place (3,) m of the part."""
+        return self.linear + np.cross(self.angular, place - self.place)
+
+
 @dataclass
 class Robot:
     """Parts and connections; `left_out` says, by kind, what of the source is not among them.
 
     still: what to do if nothing can move. shapes: with their poses in the world, each after the
     part, or the ground, that it shows. planes: fixed ones, each with its coefficient of friction
-    if the file has one. touches: what of the robot touches planes.
+    if the file has one. touches: what of the robot touches planes. velocities: of the parts that
+    move at the start.
     """
 
     name: str
@@ -194,6 +211,7 @@ class Robot:
     colliders: list[Collider] = field(default_factory=list)
     planes: list[tuple[FixedPlane, float | None]] = field(default_factory=list)
     touches: list[GroundTouch] = field(default_factory=list)
+    velocities: dict[str, BodyVelocity] = field(default_factory=dict)
     left_out: LeftOut = field(default_factory=LeftOut)
 
     def leave(self, kind: str, name: str) -> None:
@@ -209,7 +227,9 @@ class Robot:
         if parent == child:
             raise self.error(name, f'both sides are of one body, {parent!r}')
         gap = 0.0 if end is None else float(np.linalg.norm(end - connection.place))
-        if gap > _OPEN * max([1e-300, *(float(abs(p.origin).max()) for p in self.parts)]):
+        if gap > 0.0 and gap > _OPEN * max(
+            [1e-300, *(float(abs(p.origin).max()) for p in self.parts)]
+        ):
             raise self.error(
                 name,
                 f'its two ends are drawn {gap:.6g} m apart',
@@ -217,7 +237,10 @@ class Robot:
             )
         if child == GROUND:
             axes = tuple(-axis for axis in reversed(connection.axes))
+            start, place = connection.start, connection.place
             connection = replace(connection, parent=child, child=parent, axes=axes)
+            if start is not None:
+                connection = replace(connection, start=place, place=start)
         self.connections.append(connection)
 
     def add_links(

@@ -17,6 +17,7 @@ FOLDER = DATA / 'robots'
 def test_the_files_of_this_project() -> None:
     """All run, but for the two that need a wish; loops, freedoms and closure as they are."""
     pytest.importorskip('mujoco')
+    pytest.importorskip('pxr')
     limits = corpus.ExaminationLimits(seconds=600.0, duration=0.02)
     found = {each.file: each for each in corpus.examined(FOLDER, {'scene': True}, limits)}
     refused = {'free_flyer.urdf': '--floating', 'impossible_inertia.urdf': '--repair-inertia'}
@@ -29,6 +30,7 @@ def test_the_files_of_this_project() -> None:
             assert each.evaluations is not None and each.evaluations >= 12.0 / 1e-3
     assert (found['four_bar_frames.sdf'].loops, found['four_bar_frames.sdf'].freedoms) == (1, 1)
     assert (found['nested.sdf'].loops, found['nested.sdf'].freedoms) == (0, 4)
+    assert (found['four_bar_cm.usda'].loops, found['four_bar_cm.usda'].freedoms) == (1, 1)
     assert (found['leg.xml'].loops, found['leg.xml'].freedoms) == (1, 4)
 
 

@@ -1,0 +1,205 @@
+"""USD to a robot: rigid bodies where they are drawn, and joints of any graph between them.
+
+The schemas of UsdPhysics define bodies, joints, drives and mass, and the package usd-core composes
+the stage. Its parser of physics rounds to single precision, so the attributes are read here. The
+world has the axes of the stage: gravity acts along its down axis unless a scene sets it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from alf_ros.arrays import Floats
+from alf_ros.errors import InputError
+from alf_ros.exchange import usd_dynamics, usd_posture, usd_visuals
+from alf_ros.exchange.robot import BodyVelocity, Connection, FramePose, Robot, RobotPart
+from alf_ros.exchange.usd_bodies import UsdBodies
+from alf_ros.exchange.usd_joints import UsdJoint, joints
+from alf_ros.exchange.usd_stage import UsdStage, guarded
+from alf_ros.mechanism import GROUND
+
+_EARTH = 9.81  # m/s^2, where the file sets none
+_PARALLEL = 1e-6  # sine between axes that single precision has turned away from each other
+_STILL = ': every rigid body is fixed, kinematic or not enabled'
+_ELSEWHERE = ('Deformable', 'Particle')  # parts of the names of schemas of soft matter
+
+
+def read(path: Path, positions: Mapping[str, float]) -> Robot:
+    """The robot of a file. Raises InputError."""
+    if positions:
+        message = 'not for USD, which places each body: change the transformation of bodies'
+        raise InputError(message, key='--set', value=next(iter(positions)))
+    with guarded(path):
+        return _Reader(UsdStage(path)).robot
+
+
+class _Reader:
+    """Bodies first, then the joints between them, then what shows them."""
+
+    def __init__(self, stage: UsdStage) -> None:
+        self.stage = stage
+        self.robot = Robot(stage.name, stage.file, (), _STILL)
+        for line in stage.missing:
+            self.robot.leave('includes', line)
+        self.robot.gravity = self._gravity()
+        self.bodies = UsdBodies(stage, self.robot)
+        if not self.bodies.prims:
+            return
+        found = list(joints(stage, self.bodies, self.robot))
+        drawn = {path: self.bodies.part(path) for path in self.bodies.prims}
+        places = {path: part.origin for path, part in drawn.items()}
+        self.motion = usd_posture.motions(self.robot, found, places)
+        self.links = {path: _moved(part, self.motion[path]) for path, part in drawn.items()}
+        self.part_of = self._add_parts(self.links, found)
+        self.axes: list[Floats] = []
+        for joint in found:
+            self._connect(joint)
+        self._leave()
+
+    def _gravity(self) -> tuple[float, ...]:
+        """m/s^2, of the first scene."""
+        stage, scenes = self.stage, []
+        for prim in stage.prims():
+            if str(prim.GetTypeName()) == 'PhysicsScene':
+                scenes.append(prim)
+        for other in scenes[1:]:
+            self.robot.leave('elements', f'scene {other.GetName()}')
+        down = np.zeros(3)
+        down[stage.up] = -1.0
+        if not scenes:
+            return tuple(map(float, _EARTH * down))
+        along = stage.numbers(scenes[0], 'physics:gravityDirection', (0.0, 0.0, 0.0))
+        size = stage.number(scenes[0], 'physics:gravityMagnitude', -np.inf, endless=True)
+        if along.any():
+            down = along / np.linalg.norm(along)
+        if size == np.inf:
+            raise stage.error(f'{scenes[0].GetPath()} gravityMagnitude', 'not a usable number')
+        found = (_EARTH if size < 0.0 else size * stage.metre) * down
+        return tuple(float(x) + 0.0 for x in found)
+
+    # ------------------------------------------------------------------------- bodies and joints
+
+    def _add_parts(
+        self, links: Mapping[str, RobotPart], found: Sequence[UsdJoint]
+    ) -> dict[str, str]:
+        """Add the parts, each of all bodies that are fixed to each other. Returns the part of each
+        body."""
+        above = {path: path for path in links} | {GROUND: GROUND}
+
+        def root(path: str) -> str:
+            while above[path] != path:
+                path = above[path]
+            return path
+
+        for joint in found:
+            if joint.kind == 'weld':
+                one, other = (root(end.body) for end in joint.ends)
+                if other == GROUND:  # which stays a root
+                    one, other = other, one
+                above[other] = one
+        return self.robot.add_links(links, {path: root(path) for path in above})
+
+    def _connect(self, joint: UsdJoint) -> None:
+        parent, child = (self.part_of[end.body] for end in joint.ends)
+        if joint.kind == 'weld':
+            return
+        if parent == child:
+            self.robot.leave('elements', f'joint {joint.name} inside {parent}')
+            return
+        first, second = (self.motion[end.body] @ end.frame for end in joint.ends)
+        made = Connection(joint.name, joint.kind, parent, child, second.origin)
+        if joint.kind == 'distance':
+            made = replace(made, start=first.origin, length=joint.length)
+        elif joint.kind == 'universal':
+            one, other = first.turn[:, joint.axes[0]], second.turn[:, joint.axes[1]]
+            across = other - (other @ one) * one  # as far as single precision has it
+            made = replace(made, axes=(one, across / np.linalg.norm(across)))
+        elif joint.axes:
+            made = replace(made, axes=(self._axis(first.turn[:, joint.axes[0]]),))
+        if joint.degree:
+            made = self._with_dynamics(made, joint, (first, second))
+            usd_dynamics.add_actuators(self.stage, self.robot, joint)
+        self.robot.connect(made)
+
+    def _axis(self, axis: Floats) -> Floats:
+        """An axis, or the one that it was before rounding: loops need axes that are parallel."""
+        if self.axes:
+            others = np.array(self.axes)
+            others *= np.sign(others @ axis)[:, None]
+            away = np.linalg.norm(others - axis, axis=1)
+            if away.min() <= _PARALLEL:
+                return np.asarray(others[away.argmin()], dtype=float)
+        self.axes.append(axis)
+        return axis
+
+    def _with_dynamics(
+        self, made: Connection, joint: UsdJoint, ends: tuple[FramePose, FramePose]
+    ) -> Connection:
+        limits = usd_dynamics.limits(self.stage, joint)
+        drawn = joint.coordinate(ends)
+        if joint.kind == 'revolute':
+            drawn = usd_dynamics.in_range(drawn, limits)
+        size = 1.0 if joint.kind == 'revolute' else float(np.abs(made.place).max())
+        if abs(drawn) <= _PARALLEL * size:
+            drawn = 0.0
+        else:
+            self.robot.leave('zero of joints', f'{joint.name} at {drawn:g}')
+        rotor = usd_dynamics.armature(self.stage, joint)
+        return replace(made, drawn=drawn, limits=limits, armature=rotor)
+
+    # ----------------------------------------------------------------------------------- the rest
+
+    def _leave(self) -> None:
+        """Show the shapes, and list the other contents of the file."""
+        stage, leave = self.stage, self.robot.leave
+        for prim in stage.prims():
+            path, name = str(prim.GetPath()), prim.GetName()
+            owner = self.bodies.owner(path)
+            part = self.part_of[owner]
+            usd_visuals.add(stage, self.robot, prim, part, self.motion[owner])
+            schemas = [str(each) for each in prim.GetAppliedSchemas()]
+            collides = 'PhysicsCollisionAPI' in schemas
+            if collides and stage.holds(prim, 'physics:collisionEnabled', True):
+                leave('contact', part)
+            if owner == path:
+                self._leave_body(prim, part)
+            if any('Tendon' in each for each in schemas):
+                leave('tendons', name)
+            if any(each in schema for schema in schemas for each in _ELSEWHERE):
+                leave('flex', name)
+            if str(prim.GetTypeName()).endswith('Light'):
+                leave('lights', name)
+            if str(prim.GetTypeName()) == 'Camera':
+                leave('cameras', name)
+
+    def _leave_body(self, prim: Any, part: str) -> None:
+        stage, leave = self.stage, self.robot.leave
+        if stage.holds(prim, 'physxRigidBody:disableGravity', False):
+            leave('gravity off', part)
+        if any(
+            stage.number(prim, f'physxRigidBody:{kind}Damping') for kind in ('linear', 'angular')
+        ):
+            leave('damping of bodies', part)
+        turn, slide = (
+            stage.numbers(prim, f'physics:{name}', (0.0, 0.0, 0.0))
+            for name in ('angularVelocity', 'velocity')
+        )
+        if part != GROUND and (turn.any() or slide.any()):
+            path = str(prim.GetPath())
+            above, moved = stage.parent(prim), self.motion[path].turn
+            axes = stage.rotation(above, path)
+            linear, angular = moved @ above @ slide, moved @ axes @ np.radians(turn)
+            com = self.links[path].com
+            self.robot.velocities.setdefault(part, BodyVelocity(com, linear, angular))
+
+
+def _moved(part: RobotPart, motion: FramePose) -> RobotPart:
+    """A part after a motion in the world."""
+    J = motion.turn @ part.inertia @ motion.turn.T
+    origin, com = motion.place(part.origin), motion.place(part.com)
+    return replace(part, origin=origin, com=com, inertia=J)

@@ -1,0 +1,240 @@
+"""Joints of a USD stage: which freedoms each leaves open, and the joint type with these freedoms.
+
+A joint has a frame on each of two bodies. In the frame of `physics:body0` three translations and
+three rotations are open or locked. Two open rotations are in the order of PhysX: first about an
+axis of body 0 (swing), then about the x axis of body 1 (twist).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from alf_ros.exchange.robot import FramePose, Robot
+from alf_ros.exchange.usd_bodies import UsdBodies, unique_names
+from alf_ros.exchange.usd_stage import UsdStage
+from alf_ros.mechanism import GROUND
+
+_TYPED = {
+    'PhysicsRevoluteJoint': 'rot',
+    'PhysicsPrismaticJoint': 'trans',
+    'PhysicsSphericalJoint': 'ball',
+    'PhysicsFixedJoint': 'fixed',
+    'PhysicsDistanceJoint': 'distance',
+    'PhysicsJoint': 'any',
+}
+_SLIDES, _TURNS = ('transX', 'transY', 'transZ'), ('rotX', 'rotY', 'rotZ')
+
+
+@dataclass(frozen=True)
+class UsdEnd:
+    """A body by its path, or the ground, and the frame of a joint in the world, as drawn."""
+
+    body: str
+    frame: FramePose
+
+
+@dataclass(frozen=True, eq=False)
+class UsdJoint:
+    """A joint of a `kind` with the numbers of its axes, in the frames of both ends.
+
+    axes: of a revolute, a prismatic or a cylindrical joint its axis, of a planar one the normal,
+    of a universal one the axis of the first and of the second end. length: of a distance, m.
+    degree: of a joint with one coordinate, the name of its freedom in the file.
+    """
+
+    name: str
+    prim: Any
+    kind: str
+    axes: tuple[int, ...]
+    ends: tuple[UsdEnd, UsdEnd]
+    degree: str = ''
+    length: float = 0.0
+
+    @property
+    def slides_locked(self) -> tuple[int, ...]:
+        """The directions of the first frame along which the second one does not move."""
+        if self.kind == 'distance':
+            return ()
+        if self.kind in ('prismatic', 'cylindrical'):
+            return tuple(n for n in range(3) if n != self.axes[0])
+        return self.axes if self.kind == 'planar' else (0, 1, 2)
+
+    @property
+    def perpendicular(self) -> tuple[tuple[int, int], ...]:
+        """Axes of the first and of the second frame that stay at right angles."""
+        if self.kind in ('weld', 'prismatic'):
+            return ((0, 1), (1, 2), (2, 0))
+        if self.kind in ('revolute', 'cylindrical', 'planar'):
+            (axis,) = self.axes
+            return tuple((n, axis) for n in range(3) if n != axis)
+        return ((self.axes[0], self.axes[1]),) if self.kind == 'universal' else ()
+
+    @property
+    def same(self) -> tuple[int, ...]:
+        """Axes of both frames that coincide."""
+        if self.kind in ('weld', 'prismatic'):
+            return (0, 1, 2)
+        return self.axes if self.kind in ('revolute', 'cylindrical', 'planar') else ()
+
+    def coordinate(self, ends: tuple[FramePose, FramePose]) -> float:
+        """Of a joint with one coordinate, rad or m, with its ends at these frames."""
+        first, second = ends
+        if self.kind == 'prismatic':
+            along = first.turn[:, self.axes[0]]
+            return float(along @ (second.origin - first.origin))
+        between = first.turn.T @ second.turn
+        j, k = (self.axes[0] + 1) % 3, (self.axes[0] + 2) % 3
+        return math.atan2(between[k, j] - between[j, k], between[j, j] + between[k, k])
+
+
+def joints(stage: UsdStage, bodies: UsdBodies, robot: Robot) -> Iterator[UsdJoint]:
+    """The joints that hold something; the others are listed. Raises InputError."""
+    reader, prims = _Reader(stage, bodies, robot), dict[str, Any]()
+    for prim in stage.prims():
+        if str(prim.GetTypeName()) in _TYPED:
+            prims[str(prim.GetPath())] = prim
+        elif str(prim.GetTypeName()).endswith('Joint'):
+            robot.leave('joints of unknown type', f'{prim.GetName()} ({prim.GetTypeName()})')
+    for path, name in unique_names(prims).items():
+        found = reader.joint(prims[path], name)
+        if found is not None:
+            yield found
+
+
+def bounds(stage: UsdStage, prim: Any, prefix: str, names: tuple[str, str]) -> tuple[float, float]:
+    """Lower and upper limit in units of the file, infinite where there is none. Raises
+    InputError."""
+    low, high = (
+        stage.number(prim, prefix + name, default, endless=True)
+        for name, default in zip(names, (-np.inf, np.inf), strict=True)
+    )
+    return low, high
+
+
+class _Reader:
+    def __init__(self, stage: UsdStage, bodies: UsdBodies, robot: Robot) -> None:
+        self._stage, self._bodies, self._robot = stage, bodies, robot
+
+    def joint(self, prim: Any, name: str) -> UsdJoint | None:
+        stage, robot = self._stage, self._robot
+        if not stage.holds(prim, 'physics:jointEnabled', True):
+            robot.leave('elements', f'joint {name}, which is not enabled')
+            return None
+        ends = self._end(prim, '0'), self._end(prim, '1')
+        if ends[0].body == ends[1].body:
+            if ends[0].body != GROUND:
+                message = f'both sides are of one body, {ends[0].body!r}'
+                raise stage.error(str(prim.GetPath()), message)
+            robot.leave('elements', f'joint {name} of fixed parts')
+            return None
+        if str(prim.GetTypeName()) == 'PhysicsDistanceJoint':
+            return self._distance(prim, name, ends)
+        free = self._free(prim)
+        if len(free) == 6:
+            robot.leave('elements', f'joint {name}, which leaves all motions free')
+            return None
+        found = _kind(free)
+        if found is None:
+            robot.leave('joints of unknown type', f'{name} ({", ".join(free)} free)')
+            return None
+        kind, axes = found
+        if kind == 'universal' and 'rotX' not in free:
+            robot.leave('swings of two axes', name)
+        degree = free[0] if kind in ('revolute', 'prismatic') else ''
+        self._leave(prim, name, bool(degree))
+        return UsdJoint(name, prim, kind, axes, ends, degree)
+
+    def _distance(self, prim: Any, name: str, ends: tuple[UsdEnd, UsdEnd]) -> UsdJoint | None:
+        low, high = (
+            self._stage.number(prim, f'physics:{key}Distance', -1.0, endless=True)
+            for key in ('min', 'max')
+        )
+        if low <= 0.0 and (high < 0.0 or high == np.inf):
+            self._robot.leave('elements', f'joint {name}, which limits no distance')
+        elif high == 0.0:
+            return UsdJoint(name, prim, 'spherical', (), ends)
+        elif low == high:
+            return UsdJoint(name, prim, 'distance', (), ends, length=low * self._stage.metre)
+        else:
+            self._robot.leave('distances with play', name)
+        return None
+
+    def _end(self, prim: Any, side: str) -> UsdEnd:
+        """The body of a side and the frame there; without a body the world."""
+        stage, path = self._stage, str(prim.GetPath())
+        relation = prim.GetRelationship(f'physics:body{side}')
+        targets = [str(each) for each in relation.GetForwardedTargets()] if relation else []
+        if len(targets) > 1:
+            raise stage.error(f'{path} body{side}', 'more than one body', value=targets[1])
+        place = stage.numbers(prim, f'physics:localPos{side}', (0.0, 0.0, 0.0))
+        turn = stage.quaternion(prim, f'physics:localRot{side}')
+        if not targets:
+            return UsdEnd(GROUND, FramePose(stage.metre * place, turn))
+        target = stage.prim(targets[0])
+        if not target or not self._bodies.knows(targets[0]):
+            raise stage.error(f'{path} body{side}', 'no such prim', value=targets[0])
+        matrix, origin = stage.affine(target)
+        frame = FramePose(origin + matrix @ place, stage.frame(target).turn @ turn)
+        return UsdEnd(self._bodies.owner(targets[0]), frame)
+
+    def _free(self, prim: Any) -> tuple[str, ...]:
+        """The freedoms that a joint leaves open, translations first."""
+        kind = _TYPED[str(prim.GetTypeName())]
+        if kind == 'fixed':
+            return ()
+        if kind == 'ball':
+            return _TURNS
+        if kind == 'any':
+            return tuple(each for each in (*_SLIDES, *_TURNS) if not self._is_locked(prim, each))
+        axis = self._stage.word(prim, 'physics:axis', 'X')
+        return (kind + (axis if axis in 'XYZ' else 'X'),)
+
+    def _is_locked(self, prim: Any, degree: str) -> bool:
+        if f'PhysicsLimitAPI:{degree}' not in prim.GetAppliedSchemas():
+            return False
+        low, high = bounds(self._stage, prim, f'limit:{degree}:physics:', ('low', 'high'))
+        return low > high or low == high == 0.0
+
+    def _leave(self, prim: Any, name: str, single: bool) -> None:
+        """List effects in a joint that have no counterpart here."""
+        stage, leave = self._stage, self._robot.leave
+        for key in ('physics:breakForce', 'physics:breakTorque'):
+            if stage.number(prim, key, np.inf, endless=True) < np.inf:
+                leave('breaking of joints', name)
+        if stage.number(prim, 'physxJoint:jointFriction'):
+            leave('friction coefficients of PhysX', name)
+        if stage.number(prim, 'physxJoint:maxJointVelocity', np.inf, endless=True) < np.inf:
+            leave('limits of velocity', name)
+        if any(schema.startswith('PhysxMimicJointAPI') for schema in prim.GetAppliedSchemas()):
+            leave('mimic', name)
+        cones = (
+            stage.number(prim, f'physics:coneAngle{n}Limit', -1.0, endless=True) for n in (0, 1)
+        )
+        limited = any(
+            schema.startswith('PhysicsLimitAPI:') and not self._is_locked(prim, schema[16:])
+            for schema in prim.GetAppliedSchemas()
+        )
+        limited |= any(0.0 <= x < np.inf for x in cones)
+        if not single and (limited or stage.number(prim, 'physxJoint:armature')):
+            leave('limits, damping, friction, springs, armature', name)
+
+
+def _kind(free: tuple[str, ...]) -> tuple[str, tuple[int, ...]] | None:
+    """The joint type with these freedoms, and its axes; None if there is none."""
+    slides, turns = (
+        tuple(n for n, each in enumerate(of) if each in free) for of in (_SLIDES, _TURNS)
+    )
+    if not slides:
+        universal = turns[1:] + turns[:1] if 0 in turns else turns
+        kinds = ('weld', ()), ('revolute', turns), ('universal', universal), ('spherical', ())
+        return kinds[len(turns)]
+    if len(slides) == 1 and turns in ((), slides):
+        return 'cylindrical' if turns else 'prismatic', slides
+    if len(slides) == 2 and len(turns) == 1 and turns[0] not in slides:
+        return 'planar', turns
+    return None
