@@ -28,6 +28,7 @@ MOTION = {
     'contact': 'bodies pass through each other and through the ground (see --ground)',
     'contact with the ground (see --contact)': 'bodies pass through the ground: a robot that '
     'nothing else holds falls',
+    'contact in USD': 'bodies pass through each other and through the ground',
     'contact of other shapes': 'these pass through the ground',
     'contact between bodies': 'they pass through each other',
     'contact as drawn': 'these are drawn in the ground, which pushes them out at the start',
@@ -71,6 +72,7 @@ MOTION = {
 }
 _COUNTED = (
     'contact',
+    'contact in USD',
     'contact with the ground (see --contact)',
     'contact between bodies',
 )  # names give no information here

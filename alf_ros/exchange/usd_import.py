@@ -165,7 +165,7 @@ class _Reader:
             schemas = [str(each) for each in prim.GetAppliedSchemas()]
             collides = 'PhysicsCollisionAPI' in schemas
             if collides and stage.holds(prim, 'physics:collisionEnabled', True):
-                leave('contact', part)
+                leave('contact in USD', part)
             if owner == path:
                 self._leave_body(prim, part)
             if any('Tendon' in each for each in schemas):

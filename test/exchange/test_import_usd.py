@@ -252,7 +252,7 @@ def test_losses_that_change_the_motion_come_first(tmp_path: Path) -> None:
         'limits, damping, friction, springs, armature: these joints have none: ball',
         'motion of kinematic bodies: they do not move: moving',
         'joints of unknown type: they are omitted: gear (PhysxPhysicsGearJoint)',
-        'contact: bodies pass through each other and through the ground (1)',
+        'contact in USD: bodies pass through each other and through the ground (1)',
         'elements: joint no, which is not enabled',
     ):
         assert f'#   {line}' in lines, line
