@@ -14,6 +14,7 @@ from rclpy.utilities import remove_ros_args
 
 from alf_ros.commands.parser import Parser
 from alf_ros.errors import InputError
+from alf_ros.ros import unborn_ports
 from alf_ros.ros.closing.closing_node import INPUT, CloseNode
 from alf_ros.ros.executor import spin
 from alf_ros.ros.terminal import StatusLine
@@ -44,6 +45,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         raise InputError(f'{type(error).__name__}: {error}', key='--ros-args') from None
     overrides, status = _overrides(own), StatusLine()
     try:
+        unborn_ports.remove()
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
         node = CloseNode(overrides, status)
         for number in (signal.SIGINT, signal.SIGTERM):

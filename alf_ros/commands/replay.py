@@ -15,6 +15,7 @@ from alf_ros.commands.parser import add_trust, of_log
 from alf_ros.commands.progress import ProgressBar
 from alf_ros.errors import InputError
 from alf_ros.logs import load
+from alf_ros.ros import unborn_ports
 from alf_ros.ros.executor import spin
 from alf_ros.ros.replay.replay_node import Replay
 from alf_ros.ros.replay.sources import Recorded, Redriven, Source
@@ -50,6 +51,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     with ProgressBar('reading') as bar:
         source: Source = Redriven(log, options.trust) if options.redrive else Recorded(log, bar)
     try:
+        unborn_ports.remove()
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
         node = Replay(log, source, overrides, status)
         for number in (signal.SIGINT, signal.SIGTERM):

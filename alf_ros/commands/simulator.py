@@ -14,6 +14,7 @@ from rclpy.utilities import remove_ros_args
 
 from alf_ros.commands.parser import Parser
 from alf_ros.errors import InputError
+from alf_ros.ros import unborn_ports
 from alf_ros.ros.executor import spin
 from alf_ros.ros.simulator.node import Simulator, Stop
 from alf_ros.ros.terminal import StatusLine
@@ -67,6 +68,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         signal.signal(number, stop)
     try:
         # rclpy's own handlers would shut the context down under the feet of a tick.
+        unborn_ports.remove()
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
         node = Simulator(StatusLine(), stop, overrides)
         stop.gentle = True

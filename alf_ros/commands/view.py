@@ -13,6 +13,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 from alf_ros.commands.parser import Parser
+from alf_ros.ros import unborn_ports
 from alf_ros.ros.view.serve import serve
 
 
@@ -55,6 +56,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
+    unborn_ports.remove()
     rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     try:
         serve(options.simulator, options.port, options.foxglove, stop, _say)

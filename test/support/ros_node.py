@@ -24,6 +24,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import NodeNameNonExistentError
 from rclpy.qos import QoSProfile
 
+from alf_ros.ros import unborn_ports
 from support.paths import ROOT
 
 T = TypeVar('T')
@@ -113,6 +114,7 @@ class Peer:
     """A node in this process, as any other program on the graph."""
 
     def __init__(self) -> None:
+        unborn_ports.remove()
         rclpy.init()
         self.node = rclpy.create_node('peer')
         self.executor = SingleThreadedExecutor()
