@@ -7,8 +7,8 @@ itself: one of a higher order in h, `high`, and one of a lower order, `low`. Wit
 
 follows the error of the method over the whole range in which a step says anything: the weights of
 `low` are scaled such that ρ = 1 lies a third below the stability limit. Up to there ε is the error
-on ẍ = -ω² x, see `Tableau.estimate`, and beyond it is `high`, which grows as the error does. An
-implicit method has no `low`, and ε = high. Beyond the stability limit of an explicit one, stiff
+on ẍ = -ω² x within a factor of two or so, and beyond it is `high`, which grows as the error does.
+An implicit method has no `low`, and ε = high. Beyond the stability limit of an explicit one, stiff
 elements chatter, however small the force and the motion: there ε is not small against h ξ̈.
 `Method.sharp` is the part that it reaches at about 0.7 of that limit.
 

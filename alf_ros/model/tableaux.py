@@ -57,9 +57,7 @@ def _rk4() -> Tableau:
 _A, _B, _C = (np.ascontiguousarray(part) for part in (DOP853.A, DOP853.B, DOP853.C))
 _PAIR = np.array([DOP853.E5[:-1], DOP853.E3[:-1]])
 _SCALE = np.array([[1.0], [_AT_ONE['dop853']]])
-# times the estimate, which is 0.15 to 3 of the error of long steps: motions multiply such errors
-_CAUTION = 4.0
-_DOP853 = Tableau(_A, _B, _C, 8, estimate=_CAUTION * _SCALE * _PAIR, sharp=_CAUTION * 0.05)
+_DOP853 = Tableau(_A, _B, _C, 8, estimate=_PAIR * _SCALE, sharp=0.05)
 
 
 def _esdirk43() -> Tableau:

@@ -84,7 +84,11 @@ class MissedPositions:
         )
 
     def resolution(
-        self, judged: tuple[float, float, float, float, bool], told: float, longest: float
+        self,
+        judged: tuple[float, float, float, float, bool],
+        told: float,
+        longest: float,
+        unseen: float,
     ) -> Resolution:
         """The resolution of steps `judged` (its first five fields), of which stages found that a
         position is missed by `told` (m), and which went at most `longest` (m) beside one."""
@@ -93,4 +97,4 @@ class MissedPositions:
             gap = self.on_the_way
             # shorter steps follow the turn within √(gap size) that strictly there is
             gap = gap if DRIFT * size < gap < longest**2 / size else 0.0
-        return Resolution(*judged, gap, self.reason, self._start.unexamined)
+        return Resolution(*judged, gap, self.reason, self._start.unexamined, unseen)

@@ -287,20 +287,13 @@ class Stepper:
         nothing = self.h, math.nan, math.nan, math.nan, False
         judged = measured(self.h, self.work.judged) if self.method.estimate.size else nothing
         told, _, longest = self.work.crossing.tolist()
-        return partial(self._resolved, applied, judged, told, longest)
+        return partial(self.missed.resolution, judged, told, longest, self._unseen(applied))
 
-    def _resolved(
-        self,
-        applied: Applied,
-        judged: tuple[float, float, float, float, bool],
-        told: float,
-        longest: float,
-    ) -> Resolution:
-        found = self.missed.resolution(judged, told, longest)
+    def _unseen(self, applied: Applied) -> float:
+        """`Resolution.unseen` of these forces."""
         piece, stages = applied.shortest_piece, np.unique([*self.method.c, 1.0])
-        if self.method.embedded.size or piece >= self.h * np.diff(stages).max():
-            return found
-        return replace(found, unseen=piece)
+        fits = not self.method.embedded.size and piece < self.h * np.diff(stages).max()
+        return piece if fits else 0.0
 
     def beside(self, present: Present) -> bool | None:
         """Whether the last step of the run ended beside a singular position, interpolated; None if
