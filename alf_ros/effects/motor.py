@@ -13,8 +13,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-
 from alf_ros.arrays import Floats, Integers
 from alf_ros.effects import contract
 from alf_ros.effects.contract.piecewise import Points, instants, interpolate, signal, slope
@@ -108,19 +106,19 @@ def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
     """Numbers of each: k_p, k_v, L, 1/ẋ₀, whether ẋ* is given, where the tables of x* and ẋ* begin
     after the table of e, tables. Raises ValueError for a joint without coordinate."""
     measures = Measures(layout)
-    times: list[Floats] = [np.zeros(0)]
+    functions: list[float | Points] = []
     for effect in effects:
         p: Parameters = effect.parameters
         measures.add_coordinate(p.joint)
         limit = math.inf if p.limit is None else p.limit
         slope_of_limit = 0.0 if p.free_speed is None else 1.0 / p.free_speed
-        functions = [s or 0.0 for s in (p.effort, p.position, p.velocity)]
-        times += [instants(s) for s in functions]
-        e, x, xd = (signal(s) for s in functions)
+        own = [s or 0.0 for s in (p.effort, p.position, p.velocity)]
+        e, x, xd = (signal(s) for s in own)
+        functions += own
         given = float(p.velocity is not None)
         head = [p.position_gain, p.velocity_gain, limit, slope_of_limit, given]
         measures.give([*head, e.size, e.size + x.size, *e, *x, *xd])
-    return replace(measures.packed(), instants=np.concatenate(times))
+    return replace(measures.packed(), instants=instants(*functions))
 
 
 @shared

@@ -119,6 +119,10 @@ class Parameters:
             raise ValueError('a path has two places at least')
         if self.weights and len(self.weights) != len(self.path or ()) - 1:
             raise ValueError('weights are one less than the places of the path')
+        path = self.path or ()
+        ways = zip(self.factors, path, path[1:], strict=False)
+        if any(w != 0.0 and here == there for w, here, there in ways):
+            raise ValueError('two places of a path, one after the other, are the same')
         if not any(w != 0.0 for w in self.factors):
             raise ValueError('it has no length: all factors or weights are zero')
         if self.stiffness is not None and self.table is not None:
@@ -190,13 +194,9 @@ def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
         directions.append(tuple(sorted({block for each in own for block in each})))
         directions += [each for each in own for _ in range(layout.dimension) if is_path]
     known = len(shapes) if any(each.parameters.has_kinks for each in effects) else 0
-    times = [
-        instants(each or 0.0)
-        for p in (effect.parameters for effect in effects)
-        for each in (p.effort, p.position, p.velocity)
-    ]
-    found = np.concatenate([np.zeros(0), *times])
-    return replace(packed, directions=tuple(directions), intervals=known, instants=found)
+    given = [each.parameters for each in effects]
+    times = instants(*(s or 0.0 for p in given for s in (p.effort, p.position, p.velocity)))
+    return replace(packed, directions=tuple(directions), intervals=known, instants=times)
 
 
 def _add(measures: Measures, layout: Layout, p: Parameters, n: int) -> None:

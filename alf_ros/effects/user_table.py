@@ -95,7 +95,7 @@ def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
             raise ValueError(f'a table of {1 + columns} columns, expected {wanted}')
         cubic = p.interpolation == 'cubic'
         tables = [pieces(p.table, 1 + n, cubic, hold=True) for n in range(columns)]
-        times.append(instants(p.table, cubic))
+        times.append(instants(p.table, cubic=cubic))
         if p.on is None:
             measures.add_coordinate(p.joint or '')
             measures.give([0, -1, 0, 0, *tables[0]])

@@ -24,7 +24,7 @@ def remove(folder: Path = _SHARED) -> list[Path]:
     """Remove the empty ports of the domain of this process (ROS_DOMAIN_ID), older than 5 s, and
     say so on stderr. Returns their files."""
     text = os.environ.get('ROS_DOMAIN_ID') or '0'
-    first = _FIRST + _PORTS * int(text) if text.isdigit() else -1
+    first = _FIRST + _PORTS * int(text) if text.isdecimal() else -_PORTS
     found = []
     with contextlib.suppress(OSError):
         for path in folder.iterdir():

@@ -11,10 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from alf_ros import effects as registry
-from alf_ros.arrays import Addresses, Floats, Integers
-from alf_ros.effects.contract import EFFORT, EFFORT_OVER_TIME, WRENCH, Effect, Packed
+from alf_ros.arrays import Floats
+from alf_ros.effects.contract import EFFORT, EFFORT_OVER_TIME, WRENCH, Effect
 from alf_ros.effects.contract.trajectory import Curve
-from alf_ros.errors import InputError
 from alf_ros.kernel import Axes, Bearings, Effects, Forces, Ledger
 from alf_ros.mechanism import Coordinate
 from alf_ros.mechanism.natural_coordinates import Layout
@@ -22,6 +21,15 @@ from alf_ros.model.compile import Model
 from alf_ros.model.effect_directions import Direction
 from alf_ros.simulation.joint_efforts import axes_of
 from alf_ros.simulation.kink_search import kinks, kinks_of_drives
+from alf_ros.simulation.packed_effects import (
+    NOTHING,
+    AskedFunctions,
+    PackedKind,
+    kinds_of,
+    listed,
+    loaded,
+    once,
+)
 from alf_ros.simulation.reaction_friction import bearings
 from alf_ros.simulation.reactions import Reactions
 from alf_ros.simulation.work_ledger import INPUTS, ledger
@@ -76,46 +84,16 @@ class OnAxes(NamedTuple):
     part: Part
 
 
-@dataclass(frozen=True)
-class _Kind:
-    """An effect's file, its functions (addresses; 0: none, or nobody asks), its instances packed,
-    and the instances with a load: none, or all."""
-
-    name: str
-    force: int
-    potential: int
-    friction: int
-    tangent: int
-    side: int
-    interval: int
-    packed: Packed
-    rubbing: Sequence[Effect]
-
-
-@dataclass(frozen=True)
-class AskedFunctions:
-    """The functions of effects that a method asks for, besides those that all of them need:
-    `tangents` of an implicit one, `sides` of an adaptive explicit one, `intervals` of every
-    adaptive one."""
-
-    tangents: bool = False
-    sides: bool = False
-    intervals: bool = False
-
-
-_NOTHING = AskedFunctions()
-
-
 class _Held:
     """An effect from outside, packed once for each layout that asks, whatever else is held."""
 
     def __init__(self, what: Wrench | float | Curve, effect: Effect) -> None:
         self.what = what
         self._effect = effect
-        self._kinds: list[tuple[Layout, list[_Kind]]] = []
+        self._kinds: list[tuple[Layout, list[PackedKind]]] = []
 
-    def kinds(self, layout: Layout) -> list[_Kind]:
-        return _once(self._kinds, (self._effect,), layout)
+    def kinds(self, layout: Layout) -> list[PackedKind]:
+        return once(self._kinds, (self._effect,), layout)
 
 
 class _Scene:
@@ -130,11 +108,11 @@ class _Scene:
     ) -> None:
         self.effects = tuple(effects)
         self._model, self.reactions, self._asked = model, reactions, asked
-        self._kinds: list[tuple[Layout, list[_Kind]]] = []
+        self._kinds: list[tuple[Layout, list[PackedKind]]] = []
         self._on_axes: OnAxes | None = None
 
-    def kinds(self, layout: Layout) -> list[_Kind]:
-        return _once(self._kinds, self.effects, layout, self._asked)
+    def kinds(self, layout: Layout) -> list[PackedKind]:
+        return once(self._kinds, self.effects, layout, self._asked)
 
     @property
     def directions(self) -> list[Direction]:
@@ -159,8 +137,15 @@ class _Scene:
     def bearings(self) -> Bearings:
         """The data that give the loads, without the forces on the cut mechanism."""
         joints = {each.name: each.joint for each in self._model.coordinates}
-        loaded = (_loaded(effect) for effect in self._rubbing)
-        return bearings(self.reactions, [None if n is None else joints[n] for n in loaded])
+        names = [loaded(effect) for effect in self._rubbing]
+        return bearings(self.reactions, [None if n is None else joints[n] for n in names])
+
+    @cached_property
+    def instants(self) -> Floats:
+        """Of the kinks over time of effects and drives, s, ascending."""
+        layout = self._model.layout
+        every = [kind.packed.instants for kind in self.kinds(layout)]
+        return np.unique(np.concatenate([*every, kinks_of_drives(layout.mechanism)]))
 
     @cached_property
     def each(self) -> dict[str, Part]:
@@ -177,20 +162,20 @@ class _Scene:
             for effect in self.effects:
                 for joint in effect.coordinates:
                     groups.setdefault(joint, []).append(_on_axis(effect, joint))
-            kinds = {joint: _kinds(group, cut) for joint, group in groups.items()}
+            kinds = {joint: kinds_of(group, cut) for joint, group in groups.items()}
             counts = {joint: len(each) for joint, each in kinds.items()}
             self._on_axes = OnAxes(
                 axes_of(self._model.coordinates, counts, cut),
-                self._listed([kind for each in kinds.values() for kind in each]),
+                self._loaded_part([kind for each in kinds.values() for kind in each]),
             )
         return self._on_axes
 
     def _part(self, layout: Layout, effects: Sequence[Effect]) -> Part:
-        return self._listed(_kinds(effects, layout))
+        return self._loaded_part(kinds_of(effects, layout))
 
-    def _listed(self, kinds: Sequence[_Kind]) -> Part:
+    def _loaded_part(self, kinds: Sequence[PackedKind]) -> Part:
         rubbing = [each for kind in kinds for each in kind.rubbing]
-        return Part(_listed(kinds), [self._rubbing.index(each) for each in rubbing])
+        return Part(listed(kinds), [self._rubbing.index(each) for each in rubbing])
 
 
 def _on_axis(effect: Effect, joint: str) -> Effect:
@@ -209,7 +194,7 @@ class Applied:
         inputs: Inputs,
         reactions: Callable[[], Reactions],
         weights: Floats | None = None,
-        asked: AskedFunctions = _NOTHING,
+        asked: AskedFunctions = NOTHING,
         before: Applied | None = None,
     ) -> None:
         """`before`, of the same effects: what it packed and still holds is used again. `weights`
@@ -270,10 +255,11 @@ class Applied:
 
     @cached_property
     def _instants(self) -> Floats:
-        """Of all kinks over time, s."""
-        layout = self._model.layout
-        every = [kind.packed.instants for kind in self._all(layout)]
-        return np.unique(np.concatenate([*every, kinks_of_drives(layout.mechanism)]))
+        """Of all kinks over time, s, ascending."""
+        layout, own = self._model.layout, self._scene.instants
+        kinds = (kind for held in self._held.values() for kind in held.kinds(layout))
+        more = [kind.packed.instants for kind in kinds if kind.packed.instants.size]
+        return np.unique(np.concatenate([own, *more])) if more else own
 
     @cached_property
     def shortest_piece(self) -> float:
@@ -286,7 +272,7 @@ class Applied:
             return Ledger.empty()
         layout = self._model.layout
         parts = list(self.each.items())
-        parts += [(INPUTS, Part(_listed(held.kinds(layout)), [])) for held in self._held.values()]
+        parts += [(INPUTS, Part(listed(held.kinds(layout)), [])) for held in self._held.values()]
         return ledger(self._model, self._weights, parts)
 
     @property
@@ -329,88 +315,14 @@ class Applied:
         """Whether the forces depend neither on time nor on the motion."""
         return all(getattr(registry.load(kind), 'CONSTANT', False) for kind in self.kinds)
 
-    def _all(self, layout: Layout) -> list[_Kind]:
+    def _all(self, layout: Layout) -> list[PackedKind]:
         kinds = list(self._scene.kinds(layout))
         for held in self._held.values():
             kinds += held.kinds(layout)
         return kinds
 
     def _pack(self, layout: Layout) -> Effects:
-        return _listed(self._all(layout))
-
-
-def _listed(kinds: Sequence[_Kind]) -> Effects:
-    """As the kernel wants them."""
-    slots = [kind.packed.slots for kind in kinds]
-    params = [kind.packed.params for kind in kinds]
-    sides = [kind.side for kind in kinds]
-    loads = np.cumsum([0, *(len(kind.rubbing) for kind in kinds)], dtype=np.uint64)
-    return Effects(
-        force=np.array([kind.force for kind in kinds], dtype=np.uint64),
-        potential=np.array([kind.potential for kind in kinds], dtype=np.uint64),
-        friction=np.array([kind.friction for kind in kinds], dtype=np.uint64),
-        tangent=np.array([kind.tangent for kind in kinds], dtype=np.uint64),
-        side=np.array(sides if any(sides) else [], dtype=np.uint64),
-        slots=np.concatenate([np.zeros(0, dtype=np.int64), *slots]),
-        params=np.concatenate([np.zeros(0), *params]),
-        slots_at=_starts(slots),
-        params_at=_starts(params),
-        loads_at=loads[:-1].copy(),
-    )
-
-
-def _once(
-    packed: list[tuple[Layout, list[_Kind]]],
-    effects: Sequence[Effect],
-    layout: Layout,
-    asked: AskedFunctions = _NOTHING,
-) -> list[_Kind]:
-    """The kinds of effects on a layout, kept in `packed`: two layouts, or three, ever ask."""
-    for known, kinds in packed:
-        if known is layout:
-            return kinds
-    packed.append((layout, _kinds(effects, layout, asked)))
-    return packed[-1][1]
-
-
-def _kinds(
-    effects: Sequence[Effect], layout: Layout, asked: AskedFunctions = _NOTHING
-) -> list[_Kind]:
-    """Raises InputError if an effect does not fit the mechanism."""
-    by_kind: dict[str, list[Effect]] = {}
-    for effect in effects:
-        by_kind.setdefault(effect.kind, []).append(effect)
-    kinds = []
-    for kind, instances in by_kind.items():
-        module = registry.load(kind)
-        try:
-            packed = module.pack(instances, layout)
-        except ValueError as error:
-            names = ', '.join(effect.name for effect in instances)
-            raise InputError(str(error), key=f'{kind} ({names})') from None
-        potential = module.potential.address if hasattr(module, 'potential') else 0
-        rubs = any(_loaded(effect) is not None for effect in instances)
-        friction = module.friction.address if rubs else 0
-        rubbing = instances if rubs else ()
-        tangent = module.tangent.address if asked.tangents and hasattr(module, 'tangent') else 0
-        side = module.side.address if asked.sides and hasattr(module, 'side') else 0
-        within = asked.intervals and packed.intervals > 0
-        interval = module.interval.address if within else 0
-        addresses = module.force.address, potential, friction, tangent, side, interval
-        kinds.append(_Kind(kind, *addresses, packed, rubbing))
-    return kinds
-
-
-def _loaded(effect: Effect) -> str | None:
-    """The joint coordinate whose reaction an effect depends on."""
-    module = registry.load(effect.kind)
-    name: str | None = module.loaded(effect.parameters) if hasattr(module, 'loaded') else None
-    return name
-
-
-def _starts(parts: Sequence[Floats] | Sequence[Integers]) -> Addresses:
-    sizes = [part.size for part in parts]
-    return np.cumsum([0, *sizes], dtype=np.uint64)[:-1]
+        return listed(self._all(layout))
 
 
 def _held(model: Model, name: str, what: Wrench | float | Curve) -> _Held:
@@ -428,7 +340,7 @@ def one_by_one(model: Model, each: Sequence[Inputs]) -> Effects:
         item for inputs in each for item in (*inputs.wrenches.items(), *inputs.efforts.items())
     ]
     kinds = [_held(model, name, what).kinds(model.layout) for name, what in held]
-    return _listed([kind for group in kinds for kind in group])
+    return listed([kind for group in kinds for kind in group])
 
 
 def from_outside(model: Model) -> set[str]:

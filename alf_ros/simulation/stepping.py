@@ -22,13 +22,14 @@ from alf_ros.model.singular_branches import Branch
 from alf_ros.model.tableaux import TABLEAUX, first_pace
 from alf_ros.scene.scene import Solver
 from alf_ros.simulation import locked_rows, stiff_failures
-from alf_ros.simulation.applied import NO_INPUTS, Applied, AskedFunctions
+from alf_ros.simulation.applied import NO_INPUTS, Applied
 from alf_ros.simulation.drive_failures import beyond_reach
 from alf_ros.simulation.dynamics import Dynamics
 from alf_ros.simulation.formulations import Formulation
 from alf_ros.simulation.instruments import Instruments
 from alf_ros.simulation.listening import Listener
 from alf_ros.simulation.missed_positions import MissedPositions
+from alf_ros.simulation.packed_effects import AskedFunctions
 from alf_ros.simulation.present import Present
 from alf_ros.simulation.reactions import ReactionsOf
 from alf_ros.simulation.resolution import Resolution, measured
@@ -60,6 +61,9 @@ class Stepper:
         self._start, self._model = start, start.model
         self.missed = MissedPositions(start, leaps=not method.embedded.size)
         tableau, adaptive = TABLEAUX[solver.integrator], method.embedded.size > 0
+        # s, the longest way of a fixed step between two stages; adaptive ones end at known kinks
+        stages = np.unique([*method.c, 1.0])
+        self._blind = 0.0 if adaptive else self.h * float(np.diff(stages).max())
         self.instruments = Instruments(self._model, ReactionsOf(self._model))
         # with nothing held
         self.applied = Applied(
@@ -287,13 +291,9 @@ class Stepper:
         nothing = self.h, math.nan, math.nan, math.nan, False
         judged = measured(self.h, self.work.judged) if self.method.estimate.size else nothing
         told, _, longest = self.work.crossing.tolist()
-        return partial(self.missed.resolution, judged, told, longest, self._unseen(applied))
-
-    def _unseen(self, applied: Applied) -> float:
-        """`Resolution.unseen` of these forces."""
-        piece, stages = applied.shortest_piece, np.unique([*self.method.c, 1.0])
-        fits = not self.method.embedded.size and piece < self.h * np.diff(stages).max()
-        return piece if fits else 0.0
+        piece = applied.shortest_piece
+        unseen = piece if piece < self._blind else 0.0
+        return partial(self.missed.resolution, judged, told, longest, unseen)
 
     def beside(self, present: Present) -> bool | None:
         """Whether the last step of the run ended beside a singular position, interpolated; None if

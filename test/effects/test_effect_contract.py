@@ -279,6 +279,7 @@ def test_reactions_balance_each_body(kind: str, which: str) -> None:
         ('tendon: {joints: [[elbow, 1]], lower: 1}', 'need stop_stiffness'),
         ('tendon: {joints: [[elbow, 1]], position: 1}', 'go together'),
         ('tendon: {path: [A]}', 'two places at least'),
+        ('tendon: {path: [A, A]}', 'are the same'),
         ('tendon: {path: [A, B], weights: [1, 1]}', 'one less than the places'),
         ('tendon: {path: [A, ground]}', 'a place on the ground'),
         ('tendon: {path: [A, [B, [0, 0]]]}', 'has no place of its own'),

@@ -34,6 +34,8 @@ def test_only_old_empty_ports_of_the_domain_are_removed(
     assert len(list(tmp_path.iterdir())) == 5
     assert capsys.readouterr().err.count('a killed process left it unfinished\n') == 2
     assert unborn_ports.remove(tmp_path / 'none') == []
+    monkeypatch.setenv('ROS_DOMAIN_ID', '²')
+    assert unborn_ports.remove(tmp_path) == []
 
 
 @pytest.mark.skipif(not os.access(SHARED, os.W_OK), reason='no shared memory to write')

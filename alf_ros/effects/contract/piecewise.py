@@ -76,18 +76,22 @@ def signal(value: float | Points | Curve) -> Floats:
     return pieces(points, hold=True)
 
 
-def instants(value: float | Points | Curve, cubic: bool = False) -> Floats:
-    """The times (s) of the kinks of a function of time, as `signal` or `pieces` takes it; of a
+def instants(*functions: float | Points | Curve, cubic: bool = False) -> Floats:
+    """The times (s) of the kinks of functions of time, as `signal` or `pieces` takes them; of a
     spline those that `spline_instants` says."""
-    if isinstance(value, (int, float)):
+    return np.concatenate([np.zeros(0), *(_instants(each, cubic) for each in functions)])
+
+
+def _instants(function: float | Points | Curve, cubic: bool) -> Floats:
+    if isinstance(function, (int, float)):
         return np.zeros(0)
-    if isinstance(value, Curve):
-        return np.array([piece[0] for piece in value.pieces])
-    table = np.array(value, dtype=float)
+    if isinstance(function, Curve):
+        return np.array([piece[0] for piece in function.pieces])
+    table = np.array(function, dtype=float)
     x, f = table[:, 0], table[:, 1:]
     if cubic and x.size > 2:
         found = [spline_instants(CubicSpline(x, g, bc_type='natural')) for g in f.T]
-        return np.unique(np.concatenate(found))
+        return np.concatenate(found)
     level = np.zeros((1, f.shape[1]))
     slopes = np.vstack([level, np.diff(f, axis=0) / np.diff(x)[:, None], level])
     return np.asarray(x[(np.diff(slopes, axis=0) != 0.0).any(axis=1)])
