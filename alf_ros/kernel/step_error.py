@@ -144,13 +144,14 @@ def embedded_difference(method: Method, work: Work) -> None:
 
 
 @inner
-def remember(judged: Floats, moved: float, unresolved: bool, counts: bool) -> None:
-    """Add the error of a step that `counts`, in parts of the size, to the sums of recent steps."""
+def remember(judged: Floats, moved: float, caution: float, unresolved: bool, counts: bool) -> None:
+    """Add the error of a step that `counts`, in parts of the size, to the sums of recent steps;
+    `caution`: what their sum is multiplied by where steps are judged."""
     recent = judged[RECENT] + (moved - _MEMORY * judged[RECENT])
     rough = judged[UNRESOLVED] + (pick(unresolved, 1.0, 0.0) - _MEMORY * judged[UNRESOLVED])
     steps = judged[STEPS] + (1.0 - _MEMORY * judged[STEPS])
     each = recent / max(steps, FEWEST)
-    level = max(each * (_WINDOW / LEVEL), rough * (1.0 / MOST_UNRESOLVED))
+    level = max(caution * each * (_WINDOW / LEVEL), rough * (1.0 / MOST_UNRESOLVED))
     worse = counts & (level > judged[WORST])
     judged[LOST] = pick(counts, lost_lately(judged, moved), judged[LOST])
     judged[RECENT] = pick(counts, recent, judged[RECENT])
@@ -197,5 +198,5 @@ def judge(unit: Unit, system: System, method: Method, work: Work, h: float) -> i
                 linearise(unit, system, work, work.q)
         if not moved < 1.0:
             moved = 1.0
-    remember(judged, moved, sharp and moved > FINEST, True)
+    remember(judged, moved, method.caution, sharp and moved > FINEST, True)
     return TOO_LONG if judged[LOST] > 1.0 else OK

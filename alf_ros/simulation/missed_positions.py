@@ -12,7 +12,7 @@ from alf_ros.kernel.interpolated_stages import DRIFT
 from alf_ros.model.compile import allocate
 from alf_ros.model.free_walk import PENALTY, Walk
 from alf_ros.model.softest_modes import found
-from alf_ros.simulation.resolution import LENGTHS, MOTION, Resolution
+from alf_ros.simulation.resolution import LENGTHS, MOTION, Judged, Resolution
 from alf_ros.simulation.start import Start
 
 _LOOKED_AT = 600  # coordinates of mechanisms that are searched for what lengths miss
@@ -85,12 +85,12 @@ class MissedPositions:
 
     def resolution(
         self,
-        judged: tuple[float, float, float, float, bool],
+        judged: Judged,
         told: float,
         longest: float,
         unseen: float,
     ) -> Resolution:
-        """The resolution of steps `judged` (its first five fields), of which stages found that a
+        """The resolution of steps `judged` (its first six fields), of which stages found that a
         position is missed by `told` (m), and which went at most `longest` (m) beside one."""
         gap, size = told, self._model.size
         if self._leaps and longest > 0.0 and not told > 0.0:

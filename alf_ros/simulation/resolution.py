@@ -31,10 +31,11 @@ class Resolution:
     size of the mechanism; `unresolved`: part of these steps in which an acceleration, of whatever
     size, is not resolved, as beyond the stability limit; `steps`: their number. NaN without a
     measurement: with adaptive integrators, which keep a tolerance, and in formulations other than
-    alf2. `crossing` (m): by how much a singular position was missed that steps passed, at best as
-    if they met it; `missed_by`: the cause, `lengths` or, with several freedoms, `the motion`;
-    `unexamined`: the part of the start that was not examined, in words; `unseen` (s): the shortest
-    piece of a table or trajectory over time, if it may lie between two stages of a fixed step.
+    alf2. `caution`: by how much the estimates may be too small. `crossing` (m): by how much a
+    singular position was missed that steps passed, at best as if they met it; `missed_by`: the
+    cause, `lengths` or, with several freedoms, `the motion`; `unexamined`: the part of the start
+    that was not examined, in words; `unseen` (s): the shortest piece of a table or trajectory over
+    time, if it may lie between two stages of a fixed step.
     """
 
     step: float
@@ -42,6 +43,7 @@ class Resolution:
     unresolved: float = math.nan
     steps: float = math.nan
     too_long: bool = False
+    caution: float = 1.0
     crossing: float = 0.0
     missed_by: str = LENGTHS
     unexamined: str = ''
@@ -63,27 +65,34 @@ class Resolution:
             return self.step if self.error >= 0.0 else math.nan
         found = min(stable, self.step) if self.chatters else self.step
         allowed = LEVEL * max(self.steps, FEWEST) / _WINDOW
-        if self.error > allowed:  # h^4 at the least, where steps are far too long
-            found = min(found, self.step * (_AIM * allowed / self.error) ** 0.25)
+        error = self.caution * self.error
+        if error > allowed:  # h^4 at the least, where steps are far too long
+            found = min(found, self.step * (_AIM * allowed / error) ** 0.25)
         return nice(found)
 
     def trouble(self, adequate: float) -> str:
         """The faults in words, with a sufficient step (s) if steps are too long; empty without
         faults."""
-        if not self.too_long and self.crossing > 0.0:
-            off = f'a singular position by about {self.crossing:.1g} m, which steps do not resolve'
-            if self.missed_by == MOTION:
-                return f'the motion misses {off}: they may take the other branch'
-            return f'lengths miss {off}: at best it is passed as if they agreed; make them agree'
-        if not self.too_long and self.unseen > 0.0:
-            return (
+        found = [self._too_long(adequate)] if self.too_long else []
+        if self.crossing > 0.0:
+            found.append(self._missed())
+        elif self.unseen > 0.0:
+            found.append(
                 f'a table or trajectory over time has pieces of {self.unseen:.2g} s, which may '
                 f'lie between the stages of steps of {self.step:g} s and not act; take an '
                 'adaptive integrator'
             )
-        if not self.too_long:
-            return self.unexamined
-        errors = f'the errors of {self.steps:.0f} add up to {100.0 * self.error:.2g} % of the size'
+        return '; '.join(found) or self.unexamined
+
+    def _missed(self) -> str:
+        off = f'a singular position by about {self.crossing:.1g} m, which steps do not resolve'
+        if self.missed_by == MOTION:
+            return f'the motion misses {off}: they may take the other branch'
+        return f'lengths miss {off}: at best it is passed as if they agreed; make them agree'
+
+    def _too_long(self, adequate: float) -> str:
+        part = f'{100.0 * self.caution * self.error:.2g} % of the size'
+        errors = f'the errors of {self.steps:.0f} add up to {part}'
         beyond = f'{100.0 * self.unresolved:.0f} % of them are beyond the stability limit'
         return (
             f'steps of {self.step:g} s are too long: {beyond if self.chatters else errors}; '
@@ -101,14 +110,17 @@ class Known:
         return self.resolution
 
 
-def measured(step: float, judged: Floats) -> tuple[float, float, float, float, bool]:
-    """The first five fields of `Resolution` for steps of `step` (s), from `judged` as
+Judged = tuple[float, float, float, float, bool, float]
+
+
+def measured(step: float, judged: Floats, caution: float) -> Judged:
+    """The first six fields of `Resolution` for steps of `step` (s), from `judged` as
     `kernel.step_error` writes it."""
     numbers = judged.tolist()
     steps = max(1.0, numbers[WORST_STEPS])
     error, unresolved = numbers[WORST_ERROR], numbers[WORST_UNRESOLVED] / steps
     too_long = numbers[WORST] > 1.0
-    return step, error, unresolved, steps, too_long
+    return step, error, unresolved, steps, too_long, caution
 
 
 def nice(step: float) -> float:

@@ -32,7 +32,7 @@ from alf_ros.simulation.missed_positions import MissedPositions
 from alf_ros.simulation.packed_effects import AskedFunctions
 from alf_ros.simulation.present import Present
 from alf_ros.simulation.reactions import ReactionsOf
-from alf_ros.simulation.resolution import Resolution, measured
+from alf_ros.simulation.resolution import Judged, Resolution, measured
 from alf_ros.simulation.start import Start
 from alf_ros.simulation.state import State
 from alf_ros.simulation.tangent_following import TangentFollowing
@@ -281,15 +281,16 @@ class Stepper:
     def step_error(self) -> float:
         """Its `error`."""
         found = self.formulation is None and self.method.estimate.size > 0
-        return measured(self.h, self.work.judged)[1] if found else math.nan
+        return measured(self.h, self.work.judged, self.method.caution)[1] if found else math.nan
 
     def resolution_later(self, applied: Applied) -> Callable[[], Resolution]:
         """How well the steps so far resolve the motion, where that is measured: computed when it
         is called, as it may take a search. applied: all forces."""
         if self.formulation is not None:
             return partial(Resolution, self.h)
-        nothing = self.h, math.nan, math.nan, math.nan, False
-        judged = measured(self.h, self.work.judged) if self.method.estimate.size else nothing
+        judged: Judged = self.h, math.nan, math.nan, math.nan, False, 1.0
+        if self.method.estimate.size:
+            judged = measured(self.h, self.work.judged, self.method.caution)
         told, _, longest = self.work.crossing.tolist()
         piece = applied.shortest_piece
         unseen = piece if piece < self._blind else 0.0

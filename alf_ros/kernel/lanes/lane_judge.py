@@ -58,7 +58,7 @@ def judge_lanes(
         moved = pick(told, moved * (lane_free_part(unit, system, work, told) / high), moved)
     moved = pick(matters & unless(moved < 1.0), 1.0, moved)
     good = good & unless(lost_lately(work.judged, moved) > 1.0)
-    remember(work.judged, moved, sharp & (moved > FINEST), good)
+    remember(work.judged, moved, method.caution, sharp & (moved > FINEST), good)
     return good
 
 
