@@ -3,16 +3,26 @@
 from __future__ import annotations
 
 from alf_ros.kernel.data import Phase, Problem, Span, StepRecord, Tangents, Watch
+from alf_ros.kernel.grazed_kinks import unresolved_kink
 from alf_ros.kernel.numba_ext.jit import compiled
 from alf_ros.kernel.numba_ext.vectors import copy
 from alf_ros.kernel.singularity_monitor import may_have_passed
 from alf_ros.kernel.status import NOT_POSITIVE, OK, STOPPED
-from alf_ros.kernel.step import accept, least_sigma, linearise_first, step
+from alf_ros.kernel.step import (
+    accept,
+    least_sigma,
+    linearise_first,
+    restore_grid_point,
+    save_grid_point,
+    step,
+)
 from alf_ros.kernel.step_error import judge
 from alf_ros.kernel.step_tape import record_step
 from alf_ros.kernel.stopping import told_to_stop
 from alf_ros.kernel.tangent_step import carry_tangents
 from alf_ros.kernel.work_ledger import ALL_FORCES, record_power
+
+PIECES = 50  # of a step, at most
 
 
 @compiled
@@ -32,36 +42,54 @@ def advance(
     `within`: `phase` is a singular position, and no force acts along the direction of the lost
     row, so that solves do not show it. A step that is asked to stop is given up. `tangents`: the
     derivatives by parameters that follow the steps; `record`: where the steps are written down;
-    without them there is no code for it.
+    without them there is no code for it. A step in which a kink of a force is
+    met and left, which no stage may see, is taken in pieces (`grazed_kinks`).
     """
     unit, system, work = problem.unit, problem.system, problem.work
     t0, first, steps, h = span
-    most = 0
+    most, kinks = 0, problem.forces.kinks
     if not linearise_first(unit, system, work, phase):
         return NOT_POSITIVE, 0, most
     sigma = 0.0 if within else least_sigma(phase)
     for taken in range(steps):
         t, end = t0 + (first + taken) * h, t0 + (first + taken + 1) * h
-        result, count = step(problem, phase, t, end, h, sigma, False)
-        most = max(most, count)
-        if told_to_stop(work):
-            return STOPPED, taken, most
-        if result == OK:
-            result = judge(unit, system, problem.method, work, h)
-        if result != OK:
-            return result, taken, most
-        if tangents is not None:
-            ended = work.q, work.qd, work.nearest[0]
-            result = carry_tangents(tangents, phase, ended, t, end, h, sigma)
+        done, aim, tries, begun = 0.0, h, 0, False  # aim: where the piece of the step ends
+        while True:
+            begin, to, dt = t + done, end if aim == h else t + aim, aim - done
+            result, count = step(problem, phase, begin, to, dt, sigma, begun)
+            most = max(most, count)
+            if told_to_stop(work):
+                result = STOPPED
+            if result == OK and kinks.search.size > 0 and tries < PIECES:
+                part = unresolved_kink(problem, phase, begin, dt)
+                if part < 1.0:  # a kink is met and left: the piece ends between
+                    aim, tries, begun = done + part * dt, tries + 1, True
+                    continue
+            if result == OK:
+                result = judge(unit, system, problem.method, work, dt)
+            if result == OK and tangents is not None:
+                if done == 0.0 and aim < h:
+                    copy(phase.tangents, tangents.good)
+                ended = work.q, work.qd, work.nearest[0]
+                result = carry_tangents(tangents, phase, ended, begin, to, dt, sigma)
             if result != OK:
+                if done > 0.0:
+                    restore_grid_point(problem, phase)
+                    if tangents is not None:
+                        copy(tangents.good, phase.tangents)
                 return result, taken, most
-        if record is not None:
-            record_step(record, phase, work, t, end, h, sigma)
-        record_power(problem, phase, t, problem.method.b.size, h, ALL_FORCES)
-        accept(unit, system, work, phase)
+            if record is not None:
+                record_step(record, phase, work, begin, to, dt, sigma)
+            if done == 0.0 and aim < h:
+                save_grid_point(problem, phase)
+            record_power(problem, phase, begin, problem.method.b.size, dt, ALL_FORCES)
+            accept(unit, system, work, phase)
+            copy(problem.forces.bearings.force, phase.loads)
+            sigma = least_sigma(phase)
+            if aim == h:
+                break
+            done, aim, begun = aim, h, False
         phase.step[0] = first + taken + 1
-        copy(problem.forces.bearings.force, phase.loads)
-        sigma = least_sigma(phase)
         if watch is not None:  # known when it is compiled: without a watch there is no code for it
             if may_have_passed(problem, phase, watch, end):
                 return OK, taken + 1, most

@@ -48,38 +48,63 @@ def unresolved_kink(problem: Problem, phase: Phase, t: float, h: float) -> float
 
 
 def _search(problem: Problem, phase: Phase, t: float, h: float) -> float:
-    work, kinks = problem.work, problem.forces.kinks
-    copy(work.q, kinks.q)
-    copy(work.qd, kinks.qd)
-    _end_in_arcs(problem, h)
-    parts, found = np.uint64(PARTS), 1.0
-    _measure(problem, t + h, parts)
+    work, parts, found = problem.work, np.uint64(PARTS), 1.0
+    keep_end(problem)
+    end_in_arcs(problem, h)
+    measure(problem, t + h, parts)
     copy(phase.q, work.q)
     copy(phase.qd, work.qd)
     prescribe(problem.system, t, work.q, work.qd, work.qdd)
-    _measure(problem, t, np.uint64(0))
+    measure(problem, t, np.uint64(0))
     _place(problem, phase, t, h, 0.5, 1.0)
-    _measure(problem, t + 0.5 * h, parts // TWO)
-    if not _all_far(problem, h):
+    measure(problem, t + 0.5 * h, parts // TWO)
+    if not all_far(problem, h):
         found = _searched(problem, phase, t, h)
-    copy(kinks.q, work.q)
-    copy(kinks.qd, work.qd)
+    restore_end(problem)
     return found
 
 
 @inner
-def _all_far(problem: Problem, h: float) -> bool:
-    """Whether each scalar is farther from the ends of its interval, where the step begins, in its
-    middle and where it ends, than it may move in the step."""
+def keep_end(problem: Problem) -> None:
+    """Keep q, q̇ of the end of the step, and how far its arcs have turned there."""
+    work, ended, chart = problem.work, problem.work.ended, problem.work.chart
+    copy(work.q, ended.q)
+    copy(work.qd, ended.qd)
+    copy(chart.sin, ended.sin)
+    copy(chart.cos, ended.cos)
+    copy(chart.rho, ended.rho)
+
+
+@inner
+def restore_end(problem: Problem) -> None:
+    """The same back into `work`."""
+    work, ended, chart = problem.work, problem.work.ended, problem.work.chart
+    copy(ended.q, work.q)
+    copy(ended.qd, work.qd)
+    copy(ended.sin, chart.sin)
+    copy(ended.cos, chart.cos)
+    copy(ended.rho, chart.rho)
+
+
+@inner
+def all_far(problem: Problem, h: float) -> bool:
+    """Whether no scalar can leave its interval in the step of h (s) and return: where the step
+    begins, in its middle and where it ends, each is farther from the ends of its interval than it
+    may move, or goes one way, at a rate that changes by less than itself."""
     path, half = problem.forces.kinks.path, np.uint64(2 * PARTS)
+    rounded = _ROUNDED * max(1.0, problem.system.size)
     for k in range(problem.forces.kinks.interval.size):
         at = np.uint64(4 * PLACES) * k
         x, middle, y = path[at], path[at + half], path[at + TWO * half]
-        moved = h * (abs(path[at + ONE]) + abs(path[at + TWO * half + ONE]))
-        moved += abs(middle - x) + abs(y - middle)
+        v, w = path[at + ONE], path[at + TWO * half + ONE]
+        moved = h * (abs(v) + abs(w)) + abs(middle - x) + abs(y - middle)
         low, high = path[at + TWO], path[at + THREE]
         room = min(min(x, min(middle, y)) - low, high - max(x, max(middle, y)))
-        if not room > _FAR * moved:
+        if room > _FAR * moved or moved < rounded:
+            continue
+        u = path[at + half + ONE]
+        slowest, fastest = min(v, min(u, w)), max(v, max(u, w))
+        if not min(abs(slowest), abs(fastest)) > fastest - slowest:
             return False
     return True
 
@@ -91,10 +116,10 @@ def _searched(problem: Problem, phase: Phase, t: float, h: float) -> float:
     for j in range(ONE, parts):
         if j == _ASIDE or j == parts - _ASIDE:
             _place(problem, phase, t, h, j / PARTS, 0.0)
-            _measure(problem, t + h * j / PARTS, j)
+            measure(problem, t + h * j / PARTS, j)
             _remember(problem, j)
         _place(problem, phase, t, h, j / PARTS, 1.0)
-        _measure(problem, t + h * j / PARTS, j)
+        measure(problem, t + h * j / PARTS, j)
     _doubt(problem)
     found = 1.0
     for k in range(kinks.interval.size):
@@ -103,45 +128,52 @@ def _searched(problem: Problem, phase: Phase, t: float, h: float) -> float:
 
 
 @inner
-def _end_in_arcs(problem: Problem, h: float) -> None:
+def end_in_arcs(problem: Problem, h: float) -> None:
     """ξ and ξ̇ where the step ends."""
-    method, work, kinks = problem.method, problem.work, problem.forces.kinks
+    method, work, ended = problem.method, problem.work, problem.work.ended
     n = work.p.size
-    zero(kinks.xi)
+    zero(ended.xi)
     for i in range(n):
-        kinks.xid[i] = work.k[i]
+        ended.xid[i] = work.k[i]
     for s in range(method.b.size):
-        weight = h * method.b[s]
-        if weight != 0.0:
+        if method.b[s] != 0.0:
+            weight = h * method.b[s]
             first = THREE * s * n
             for i in range(n):
-                kinks.xi[i] += weight * work.k[first + i]
-                kinks.xid[i] += weight * work.k[first + n + i]
+                ended.xi[i] += weight * work.k[first + i]
+                ended.xid[i] += weight * work.k[first + n + i]
 
 
 @inner
 def _place(problem: Problem, phase: Phase, t: float, h: float, part: float, fifth: float) -> None:
     """q and q̇ at a part of the step, interpolated: with ξ̈ if `fifth` is 1, without if it is 0."""
-    work, kinks = problem.work, problem.forces.kinks
+    work = problem.work
+    interpolate(problem, h, part, fifth)
+    prescribe(problem.system, t + part * h, work.q, work.qd, work.qdd)
+    unfold(problem.unit, problem.system, work, phase)
+
+
+@inner
+def interpolate(problem: Problem, h: float, part: float, fifth: float) -> None:
+    """ξ and ξ̇ there, into q and q̇ of `work`."""
+    work, ended = problem.work, problem.work.ended
     n, a = work.p.size, part
     last = THREE * (problem.method.b.size - ONE) * n + n
     b = 1.0 - a
     bump = fifth * a * a * b * b  # what degree 5 adds, times what ends do not know of it
     slope = fifth * 2.0 * a * b * (b - a) / h
     for i in range(n):
-        p, v0, v1 = kinks.xi[i], h * work.k[i], h * kinks.xid[i]
+        p, v0, v1 = ended.xi[i], h * work.k[i], h * ended.xid[i]
         c2, c3 = 3.0 * p - 2.0 * v0 - v1, v0 + v1 - 2.0 * p
         d0 = 0.5 * h * h * work.k[n + i] - c2  # ½ (ξ̈ - that of the cubic) h², at both ends
         d1 = 0.5 * h * h * work.k[last + i] - c2 - 3.0 * c3
         work.q[i] = a * (v0 + a * (c2 + a * c3)) + bump * (b * d0 + a * d1)
         work.qd[i] = (v0 + a * (2.0 * c2 + 3.0 * a * c3)) / h + slope * (b * d0 + a * d1)
         work.qd[i] += bump * (d1 - d0) / h
-    prescribe(problem.system, t + a * h, work.q, work.qd, work.qdd)
-    unfold(problem.unit, problem.system, work, phase)
 
 
 @inner
-def _measure(problem: Problem, t: float, j: np.uint64) -> None:
+def measure(problem: Problem, t: float, j: np.uint64) -> None:
     """All scalars at q and q̇ in `work`, as place j of their paths."""
     for k in range(problem.forces.kinks.interval.size):
         _measure_one(problem, t, k, np.uint64(4) * (k * np.uint64(PLACES) + j))

@@ -13,7 +13,7 @@ import numpy as np
 from alf_ros.arrays import Floats, Integers, Unit
 from alf_ros.errors import AssemblyError
 from alf_ros.gc_pause import paused
-from alf_ros.kernel import Chart, Integrals, Rows, Soft, System, Work
+from alf_ros.kernel import Chart, Integrals, Rows, Soft, StepEnd, System, Work
 from alf_ros.kernel.data import EPS
 from alf_ros.kernel.step_error import JUDGED
 from alf_ros.mechanism import Coordinate, Mechanism, Point, Vector
@@ -319,7 +319,7 @@ def allocate(model: Model, system: System, stages: int) -> Work:
     """The workspace of the kernel for a system and a method of so many stages; without stages
     only for solves at a place."""
     rows, first = system.rows, system.pattern.first
-    work, chart = _workspaces(
+    work, chart, ended = _workspaces(
         model.layout.dimension,
         model.n,
         model.q.size,
@@ -329,7 +329,7 @@ def allocate(model: Model, system: System, stages: int) -> Work:
         (system.angles.c.size, system.integrals.angle.size, system.integrals.row.size),
         stages,
     )
-    return work.zeros(chart=chart.zeros())
+    return work.zeros(chart=chart.zeros(), ended=ended.zeros())
 
 
 @lru_cache(maxsize=64)
@@ -342,7 +342,7 @@ def _workspaces(
     of_rows: tuple[int, int, int],
     measured: tuple[int, int, int],
     stages: int,
-) -> tuple[StructMemory[Work], StructMemory[Chart]]:
+) -> tuple[StructMemory[Work], StructMemory[Chart], StructMemory[StepEnd]]:
     """The memory of a workspace. off: blocks of the factor below the diagonal, `longest` of them
     in a column; of_rows: distances, entries and rows; measured: x and y of angles, angles
     of sums, sums."""
@@ -389,7 +389,14 @@ def _workspaces(
     of_chart = dict.fromkeys(('t', 'n', 'rate', 'momentum', 'rest', 'w'), n)
     of_chart |= dict.fromkeys(('curvature', 'sin', 'cos', 'rho'), n // D)
     of_chart |= {'b': n if D == 3 else 0, 'first': whole, 'arcs': 1}
-    return StructMemory(Work, sizes), StructMemory(Chart, of_chart)
+    of_end = dict.fromkeys(('q', 'qd'), whole if stages else 0)
+    of_end |= dict.fromkeys(('xi', 'xid'), n if stages else 0)
+    of_end |= dict.fromkeys(('sin', 'cos', 'rho'), n // D if stages else 0)
+    return (
+        StructMemory(Work, sizes),
+        StructMemory(Chart, of_chart),
+        StructMemory(StepEnd, of_end),
+    )
 
 
 def _freeze(model: Model) -> None:

@@ -249,7 +249,7 @@ class Applied:
             rub = replace(rub, effects=self.on(self._reactions().cut))
         layout = self._model.layout
         scalars = [(kind.interval, kind.packed.intervals) for kind in self._all(layout)]
-        instants = self._instants if self._asked.intervals else np.zeros(0)
+        instants = self._instants if self._asked.instants else np.zeros(0)
         found = kinks(self._model, scalars, instants)
         return Forces(self._pack(layout), rub, self._ledger, found)
 

@@ -42,10 +42,6 @@ def kinks(model: Model, scalars: Sequence[tuple[int, int]], instants: Floats) ->
         number=np.array(numbers, dtype=np.int64),
         path=np.zeros((len(known) + 1) * compiled.PLACES * 4),
         doubt=np.zeros(2 * len(known)),
-        q=np.zeros(model.q.size),
-        qd=np.zeros(model.q.size),
-        xi=np.zeros(model.n),
-        xid=np.zeros(model.n),
     )
 
 

@@ -33,13 +33,14 @@ class PackedKind:
 
 @dataclass(frozen=True)
 class AskedFunctions:
-    """The functions of effects that a method asks for, besides those that all of them need:
-    `tangents` of an implicit one, `sides` of an adaptive explicit one, `intervals` of every
-    adaptive one."""
+    """What a method asks of effects, besides what all of them need: `tangents` of an implicit one,
+    `sides` of an adaptive explicit one, `intervals` of every method of alf2, and the `instants` of
+    kinks of every adaptive one."""
 
     tangents: bool = False
     sides: bool = False
     intervals: bool = False
+    instants: bool = False
 
 
 NOTHING = AskedFunctions()

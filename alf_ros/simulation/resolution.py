@@ -57,13 +57,13 @@ class Resolution:
     @property
     def adequate(self) -> float:
         """A step (s) that would do, by how errors fall with it; `step` if that does."""
-        return self.within(_SHORTER * self.step)
+        return self.within((_SHORTER if self.chatters else 1.0) * self.step)
 
     def within(self, stable: float) -> float:
-        """The same where `stable` (s) is half of the stability limit of what chatters."""
+        """The same where steps are stable up to `stable` (s) or twice of it."""
         if not self.too_long:
             return self.step if self.error >= 0.0 else math.nan
-        found = min(stable, self.step) if self.chatters else self.step
+        found = min(stable, self.step)
         allowed = LEVEL * max(self.steps, FEWEST) / _WINDOW
         error = self.caution * self.error
         if error > allowed:  # h^4 at the least, where steps are far too long

@@ -40,10 +40,10 @@ class Diagnostics:
     def adequate_step(self) -> float:
         """A sufficient step (s): the step of the run if it suffices, NaN without a measurement.
 
-        Where effects chatter beyond the stability limit it is half of their limit at this instant.
+        Where steps are too long it is at most half of their stability limit at this instant.
         """
         found = self.resolution
-        if found.chatters and self._sample.model.n <= _FEW:
+        if found.too_long and self._sample.model.n <= _FEW:
             from alf_ros.simulation.stiffness import stiffest  # seldom needed
 
             _, mode = stiffest([self._sample])

@@ -284,8 +284,8 @@ def no_place(simulation: Simulation) -> str:
     if simulation.ledger or stepper.applied.load_count:
         return 'works, and friction that depends on reactions, have no lanes'
     kinks = simulation._applied.assembled.kinks
-    if is_adaptive(simulation) and (kinks.search.size or kinks.instants.size):
-        return 'adaptive steps that look for contacts, or end at kinks over time, have no lanes'
+    if is_adaptive(simulation) and kinks.instants.size:
+        return 'adaptive steps that end at kinks over time have no lanes'
     return ''
 
 

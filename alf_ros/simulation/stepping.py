@@ -72,7 +72,12 @@ class Stepper:
             NO_INPUTS,
             self.instruments.reactions,
             method.b if ledger else None,
-            AskedFunctions(tableau.implicit, adaptive and not tableau.implicit, adaptive),
+            AskedFunctions(
+                tangents=tableau.implicit,
+                sides=adaptive and not tableau.implicit,
+                intervals=solver.formulation == 'alf2',
+                instants=adaptive,
+            ),
         )
         if following is not None:
             following.check(self.applied)

@@ -1,4 +1,4 @@
-"""Adaptive steps across kinks: stops anywhere on the way, against a motion made of its pieces."""
+"""Steps across kinks: stops anywhere on the way, against a motion made of its pieces."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import yaml
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from alf_ros import Simulation, load_scene
+from alf_ros import Simulation, StepError, load_scene
 from alf_ros.arrays import Floats
 from alf_ros.kernel.step_length import ACROSS
 from alf_ros.model.tableaux import TABLEAUX
@@ -234,6 +234,19 @@ def thrown(depth: float, stiffness: float, times: Floats) -> Floats:
     return np.array(found)
 
 
+def under(effects: dict[str, Any]) -> Scene:
+    """The mass, thrown up."""
+    up = math.sqrt(2.0 * one_freedom.GRAVITY)
+    gravity = {'acceleration': [0, -one_freedom.GRAVITY]}
+    return load_scene(
+        {
+            **yaml.safe_load(MASS),
+            'effects': {'gravity': gravity, **effects},
+            'initial': {'positions': {'P': [0, 0]}, 'velocities': {'P': [0, up]}},
+        }
+    )
+
+
 @pytest.mark.parametrize('integrator', ADAPTIVE)
 @pytest.mark.parametrize('kind', ['ground_contact', 'spring'])
 def test_a_throw_that_just_reaches_the_ceiling(kind: str, integrator: str) -> None:
@@ -248,19 +261,7 @@ def test_a_throw_that_just_reaches_the_ceiling(kind: str, integrator: str) -> No
                 'ground_contact': {**ceiling, 'stiffness': stiffness},
                 'spring': {**tied, 'table': rope},
             }[kind]
-            scene = load_scene(
-                {
-                    **yaml.safe_load(MASS),
-                    'effects': {
-                        'gravity': {'acceleration': [0, -one_freedom.GRAVITY]},
-                        kind: effect,
-                    },
-                    'initial': {
-                        'positions': {'P': [0, 0]},
-                        'velocities': {'P': [0, math.sqrt(2.0 * one_freedom.GRAVITY)]},
-                    },
-                }
-            )
+            scene = under({kind: effect})
             for step, tolerance in ((0.6, 1e-8), (0.3, 1e-5), (0.05, 1e-7), (2e-3, 1e-6)):
                 times = np.array([step * n for n in range(1, round(0.6 / step) + 1)])
                 sim = Simulation(scene, step=step, integrator=integrator, tolerance=tolerance)
@@ -268,6 +269,28 @@ def test_a_throw_that_just_reaches_the_ceiling(kind: str, integrator: str) -> No
                 assert np.array(heights) == pytest.approx(
                     thrown(depth, stiffness, times), abs=100.0 * tolerance
                 )
+
+
+@pytest.mark.parametrize(
+    'integrator, silent', [('rk4', 2e-3), ('dop853', 2e-3), ('esdirk43', 2e-2)]
+)
+def test_a_fixed_step_sees_the_ceiling_or_is_too_long(integrator: str, silent: float) -> None:
+    """No stage need meet it, and the parabola has no error that would tell."""
+    for depth in (1e-4, 1e-3, 1e-2):
+        for stiffness in (1e3, 1e5, 1e7):
+            ceiling = {'on': 'P', 'normal': [0, -1], 'through': [0, 1.0 - depth], 'exponent': 1}
+            scene = under({'ground_contact': {**ceiling, 'stiffness': stiffness}})
+            for step in (0.3, 0.1, 0.03):
+                times = np.array([step * n for n in range(1, round(0.6 / step) + 1)])
+                sim = Simulation(scene, step=step, integrator=integrator)
+                heights = []
+                try:
+                    heights = [sample.points['P'][1] for sample in sim.run(0.6)][1:]
+                except StepError:
+                    assert sim.resolution.too_long
+                if not sim.resolution.too_long:
+                    wanted = thrown(depth, stiffness, times)
+                    assert np.array(heights) == pytest.approx(wanted, abs=silent)
 
 
 @pytest.mark.parametrize('integrator', ADAPTIVE)

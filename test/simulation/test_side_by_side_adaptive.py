@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from alf_ros import Ensemble, InputError, Simulation, StepError, load_scene
+from alf_ros import Ensemble, Simulation, StepError, load_scene
 from alf_ros.kernel.numba_ext.plain import PLAIN
-from alf_ros.simulation.side_by_side import SideBySide, no_place
+from alf_ros.simulation.side_by_side import SideBySide
 from support.side_by_side_members import check, member
 from support.singular_starts import scene
 
@@ -107,14 +107,30 @@ def test_kinks_of_forces(speed):
     check(made, alone)
 
 
-def test_stops_have_no_lanes():
-    """Their members look along each step for contacts within it."""
-    stop = {'joint': 'crank_pin', 'upper': 1.1, 'stiffness': 1e4}
-    stopped = load_scene({'mechanism': 'slider_crank', 'effects': {'joint_stop': stop}})
-    made = [adaptive(stopped, {}, k) for k in range(2)]
-    assert 'look for contacts' in no_place(made[0])
-    with pytest.raises(InputError, match='look for contacts'):
-        SideBySide(made)
+@pytest.mark.parametrize('integrator', ['dop853_adaptive', 'rk4'])
+def test_stops_that_some_meet(integrator):
+    """Members that come near a stop look along the step for contacts within it, alone."""
+    scenes = [
+        load_scene(
+            {
+                'mechanism': 'slider_crank',
+                'effects': {
+                    'gravity': {'acceleration': [0, -9.81]},
+                    'joint_stop': {'joint': 'crank_pin', 'upper': upper, 'stiffness': 1e4},
+                },
+                'initial': {'positions': {'A': [0.8, 0.6]}, 'velocities': {'A': [-0.6, 0.8]}},
+            }
+        )
+        for upper in (0.7, 0.74, 1.1, 3.0)
+    ]
+    made = [member(each, {}, 0, step=2e-2, integrator=integrator) for each in scenes]
+    alone = [copy.copy(each) for each in made]
+    side = SideBySide(made)
+    assert side.step(25) == {}
+    for each in alone:
+        each.step(25)
+    check(made, alone)
+    assert 0 < side.apart < 80
 
 
 def test_many_steps_between_two_points_of_the_grid():

@@ -26,10 +26,10 @@
     compiled by `@side`, for an adaptive explicit method: a number that differs between the two
     sides of each kink of the force. A step with a kink inside is then known.
 `interval(t, q, qd, near, slots, params, n, out)` (optional)
-    compiled by `@interval`, for an adaptive method: where the kinks of a force that depends on
-    places are. Writes into `out` the n-th of `Packed.intervals` scalars x, its rate ẋ, and the
-    ends of the interval around x in which the force has no kink, infinite where there is none.
-    A step in which x leaves its interval and returns is then known, even if no stage sees it.
+    compiled by `@interval`: where the kinks of a force that depends on places are. Writes into
+    `out` the n-th of `Packed.intervals` scalars x, its rate ẋ, and the ends of the interval around
+    x in which the force has no kink, infinite where there is none. A step in which x leaves its
+    interval and returns is then known, even if no stage sees it.
     Kinks over time need neither: steps end at the times in `Packed.instants`.
 `tangent(t, q, qd, near, loads, slots, params, n, stiff, G)` (optional)
     compiled by `@tangent`, for an implicit method that asks: how the effect yields in direction

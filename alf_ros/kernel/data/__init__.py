@@ -41,7 +41,7 @@ from alf_ros.kernel.data.system import (
     System,
 )
 from alf_ros.kernel.data.tangents import Tangents
-from alf_ros.kernel.data.work import Chart, Work
+from alf_ros.kernel.data.work import Chart, StepEnd, Work
 
 SOLVED = 1e-12  # relative change at which a solve is finished
 EPS = float(np.finfo(np.float64).eps)
@@ -84,6 +84,7 @@ __all__ = [
     'Scales',
     'Soft',
     'Span',
+    'StepEnd',
     'StepRecord',
     'System',
     'Tape',

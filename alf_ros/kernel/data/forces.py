@@ -129,10 +129,6 @@ class Kinks(Struct):
     number: Integers  # (scalars,) n of the scalar in this effect
     path: Floats  # (scalars + 1, places, 4) x, ẋ and the ends of its interval along the step
     doubt: Floats  # (scalars, 2) of x in the middle of the step, as interpolated; and workspace
-    q: Floats  # (all blocks D,) where the step ends
-    qd: Floats  # (all blocks D,)
-    xi: Floats  # (movable D,) ξ where the step ends, from its begin
-    xid: Floats  # (movable D,) ξ̇ there
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,6 +30,19 @@ class Chart(Struct):
 
 
 @dataclass(frozen=True, eq=False)
+class StepEnd(Struct):
+    """Where a step has ended, while the motion in it is searched for kinks; see `grazed_kinks`."""
+
+    q: Floats  # (all blocks D,) m
+    qd: Floats  # (all blocks D,) m/s
+    xi: Floats  # (movable D,) ξ, from the begin of the step
+    xid: Floats  # (movable D,) ξ̇
+    sin: Floats  # (movable,) of the arcs, as `Chart` has them
+    cos: Floats  # (movable,)
+    rho: Floats  # (movable,)
+
+
+@dataclass(frozen=True, eq=False)
 class Work(Struct):
     """Workspace of the kernel: allocated once by the caller."""
 
@@ -93,6 +106,7 @@ class Work(Struct):
     good_turns: Integers  # (angles,)
     good_within: Floats  # (1,)
     chart: Chart
+    ended: StepEnd
     angle: Floats  # (angles, 2) x, y of each
     angle_before: Floats  # (angles, 2) where the step began
     near: Floats  # (angles,) rad, turns counted: where the step began, to a quarter turn

@@ -22,6 +22,7 @@ from alf_ros.kernel.lanes.lane_group import (
     take_members,
 )
 from alf_ros.kernel.lanes.lane_judge import lane_errors
+from alf_ros.kernel.lanes.lane_kinks import clear_of_kinks
 from alf_ros.kernel.lanes.lane_solve import are_factored
 from alf_ros.kernel.lanes.lane_step import LaneSpan, lane_step_again
 from alf_ros.kernel.lanes.single_member import give_phase
@@ -127,6 +128,10 @@ def _advance(
         last = Last(expected, before, tries, dt / longer)
         error, factor, floor = judged(fine, coarse, share, likely, across, floor, last)
         accepted = good & (error <= floor)
+        if anywhere(accepted):
+            clear = clear_of_kinks(problem, phase, of, crew, progress, t, dt, accepted)
+            good = good & unless(accepted & unless(clear))
+            accepted = clear
         refused = good & unless(accepted)
         leaving = live & unless(good)
         leaving = leaving | (refused & (factor * dt < SHORTEST * h))

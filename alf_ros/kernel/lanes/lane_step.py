@@ -14,6 +14,7 @@ from alf_ros.kernel.arc_coordinates import (
 from alf_ros.kernel.data import Phase, Problem
 from alf_ros.kernel.data.lane_crew import LaneCrew, LaneProgress
 from alf_ros.kernel.lanes.lane_judge import judge_lanes
+from alf_ros.kernel.lanes.lane_kinks import clear_of_kinks
 from alf_ros.kernel.lanes.lane_projection import project_lanes
 from alf_ros.kernel.lanes.lane_solve import (
     are_factored,
@@ -67,6 +68,7 @@ def lane_step(
     path_curvature(problem, good)
     span = LaneSpan(index * h, (index + 1.0) * h, h)
     good, rounds = stages_of(problem, phase, of, crew, progress, span, good, None)
+    good = clear_of_kinks(problem, phase, of, crew, progress, span.begin, h, good)
     good = judge_lanes(problem.unit, problem.system, problem.method, work, h, good)
     return good, max(most, rounds)
 
