@@ -108,14 +108,9 @@ class Model:
 
     def accustomed(self, sigma: float, dependent_rows: int) -> Model:
         """The same, knowing the least singular value σ of its ordinary positions, and how many
-        rows depend on the others there.
-
-        x = σ / ordinary is about the distance to a singular position. Rounding e on Φ turns a row
-        by e / (ordinary x²), and q̈ by 1 / x more: so `close` goes with its cube root.
-        """
-        close = _CLOSE * (0.5 / sigma) ** (1.0 / 3.0)
+        rows depend on the others there."""
+        close, patience = limits_of(self.system.penalty, sigma)
         rank = float(len(self.row_names) - dependent_rows)
-        patience = _patience(self.system.penalty, close, sigma)
         system = changed(self.system, ordinary=sigma, rank=rank, close=close, patience=patience)
         return replace(self, system=system)
 
@@ -305,6 +300,16 @@ def hold(model: Model, extra: Sequence[Row], velocities: bool) -> tuple[System, 
     system = changed(model.system, rows=rows, pattern=pattern, integrals=kept)
     system = changed(system, rows=scaled_rows(system, model.q, model.layout, model.penalty))
     return system, names, slice(at, at + len(extra))
+
+
+def limits_of(penalty: float, sigma: float) -> tuple[float, float]:
+    """`close` and `patience` of a system whose ordinary positions have the least singular value σ.
+
+    x = σ / ordinary is about the distance to a singular position. Rounding e on Φ turns a row
+    by e / (ordinary x²), and q̈ by 1 / x more: so `close` goes with its cube root.
+    """
+    close = _CLOSE * (0.5 / sigma) ** (1.0 / 3.0)
+    return close, _patience(penalty, close, sigma)
 
 
 def _patience(penalty: float, close: float, ordinary: float) -> float:

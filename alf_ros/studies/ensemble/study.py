@@ -79,6 +79,13 @@ class Study(SentScene):
             variable for output in self.outputs for variable in output.variables(run, self.times)
         )
 
+    @cached_property
+    def quantities(self) -> tuple[str, ...] | None:
+        """The quantities that outputs read; None if a function may read all."""
+        if any(o.kind == 'function' and not o.reads for o in self.outputs):
+            return None
+        return tuple(name for output in self.outputs for name in output.quantities)
+
     @property
     def watch(self) -> bool:
         """Whether passes through singular positions are looked for."""
@@ -87,8 +94,7 @@ class Study(SentScene):
     @property
     def ledger(self) -> bool:
         """Whether the works of effects are integrated."""
-        names = [name for output in self.outputs for name in output.quantities]
-        return any(name.startswith('works.') for name in names)
+        return any(n.startswith('works.') for o in self.outputs for n in o.quantities)
 
     @property
     def chunks(self) -> int:
