@@ -210,9 +210,9 @@ class Mechanism:
     def with_bodies(self, bodies: tuple[Body, ...]) -> Mechanism:
         """The same with other masses: bodies of these names and shapes."""
         found = replace(self, bodies=bodies)
+        # none of these depends on masses
         for name in ('coordinates', 'coordinate', 'prescribed', 'auxiliary', 'geometry'):
-            if name in vars(self):  # none of them depends on masses
-                vars(found)[name] = vars(self)[name]
+            vars(found)[name] = getattr(self, name)
         return found
 
     @cached_property

@@ -21,6 +21,7 @@ from alf_ros.scene.text import yaml_document
 from alf_ros.scene.text.yaml_document import Entry
 
 _NUMBER = re.compile(r'-?[0-9]+(\.[0-9]+)?(e[-+]?[0-9]+)?')  # as Python prints it
+_RIVALS = {'accuracy': PICKED, **dict.fromkeys(PICKED, ('accuracy',))}
 _PARTS = ('bodies', 'joints', 'points', 'vectors', 'parameters')
 
 
@@ -54,13 +55,14 @@ def with_changes(scene: Scene, changes: Mapping[str, str], prefix: str = '--set 
                     base.places[name] = place
             alike = alike and not isinstance(value.value, dict)
             root = _replaced(_without_rivals(root, place), place, value, name)
-        changed = base.again(root) or load_scene(root.mapping())
+        again = base.again(root, scene.file)
+        changed = again or dataclasses.replace(load_scene(root.mapping()), file=scene.file)
     except InputError as error:
         if error.file not in sources:
             raise
         # the text of a change is no file with lines and keys
         raise error.about(error.file) from None
-    return dataclasses.replace(changed, file=scene.file)
+    return changed
 
 
 @lru_cache(maxsize=256)
@@ -129,11 +131,13 @@ def _place(root: Entry, name: str, said: str) -> tuple[str, ...]:
 
 def _without_rivals(root: Entry, place: tuple[str, ...]) -> Entry:
     """The scene without what an accuracy that is set would pick, or the other way round."""
-    rivals = {'accuracy': PICKED, **dict.fromkeys(PICKED, ('accuracy',))}
-    if place[0] != 'solver' or place[-1] not in rivals or 'solver' not in root.mapping():
+    if place[0] != 'solver' or place[-1] not in _RIVALS or 'solver' not in root.mapping():
         return root
-    section = root.mapping()['solver']
-    kept = {k: v for k, v in section.mapping().items() if k not in rivals[place[-1]]}
+    section, against = root.mapping()['solver'], _RIVALS[place[-1]]
+    fields = section.mapping()
+    if fields.keys().isdisjoint(against):
+        return root
+    kept = {k: v for k, v in fields.items() if k not in against}
     return root.having({**root.mapping(), 'solver': section.having(kept)})
 
 

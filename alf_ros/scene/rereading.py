@@ -66,10 +66,10 @@ class ReadDocument:
         dimension = self._bare.dimension
         return BodyReader({}, {}, dimension, ShapeReader(dimension, References()))
 
-    def again(self, root: Entry) -> Scene | None:
-        """The scene of other entries; None if they differ in more than numbers that are read by
-        themselves, and for the first one: most documents are changed once. Raises InputError as
-        the reader of a whole scene does."""
+    def again(self, root: Entry, file: str | None) -> Scene | None:
+        """The scene of other entries, from a file; None if they differ in more than numbers that
+        are read by themselves, and for the first one: most documents are changed once. Raises
+        InputError as the reader of a whole scene does."""
         if not self._asked:
             self._asked = True
             return None
@@ -102,7 +102,7 @@ class ReadDocument:
             branch=branch,
             solver=solver,
             document=SceneDocument(partial(_whole, fields, section, solver)),
-            file=None,
+            file=file,
             says_solver=True,
         )
 

@@ -120,7 +120,8 @@ class MemberReadings:
             observe_energies(problem, phase, t, self._energies)
             n, qd = self._model.n, self._phases.qd
             momenta = self._energies.momenta.reshape(self._members, n)
-            # one after another, as a sample multiplies them: a sum of many is rounded otherwise
-            for m in range(self._members):
-                self._kinetic[m] = 0.5 * float(momenta[m] @ qd[m, :n])
+            # a product of two vectors for each, as a sample makes it: other sums are rounded
+            # otherwise
+            products = np.matmul(momenta[:, None, :], qd[:, :n, None])
+            self._kinetic = 0.5 * products[:, 0, 0]
         return [np.array(read()) for read in self._read]
