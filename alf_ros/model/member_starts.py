@@ -1,10 +1,10 @@
-"""Where many members of one geometry start: closed, examined at places nearby, and their
-velocities completed, each by the functions that start a single mechanism.
+"""Where many members of one geometry start: closed, here and at places nearby, their ranks there,
+and their velocities completed, each by the functions that start a single mechanism.
 
 `ordinary_positions` and `assembly` decide for a single one what to look at next. Nearly all
-members of a study are ordinary: they close as drawn, have their full rank there and at the places
-nearby, and are far from singular positions. These are examined here, one after another in one
-call. A member with anything else is left to the long way.
+members of a study are ordinary: they close as drawn, have their full rank there, and are far from
+singular positions, or soft everywhere. These are examined here, one after another in one call. A
+member with anything else is left to the long way.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from alf_ros.arrays import Addresses, Floats, Unit
+from alf_ros.arrays import Addresses, Floats, Integers, Unit
 from alf_ros.kernel import System, Until, Work, augmented, linearise, mass_trace, times_jacobian
 from alf_ros.kernel.numba_ext.jit import ZERO, compiled
 from alf_ros.kernel.numba_ext.lane_structs import struct_at
@@ -26,67 +26,79 @@ PLACES = 4  # examined of each member: where it closes, and three around it
 
 @dataclass(frozen=True, eq=False)
 class MemberPlaces(Struct):
-    """Where members close, with residuals and ranks there."""
+    """Where members close, with residuals there."""
 
-    addresses = ('system', 'soft')
+    addresses = ('system',)
 
     system: Addresses  # (members,) of its System
-    soft: Addresses  # (penalties, members) of its System with other penalties
+    wanted: Integers  # (members,) 1 where it is asked for
     drawn: Floats  # (all blocks D,) m
     away: Floats  # (PLACES, movable D) m, of the places from the closed one
-    q: Floats  # (members, all blocks D) m, closed
+    q: Floats  # (members, PLACES, all blocks D) m, closed
     gap: Floats  # (members, PLACES) m, by how much rows stay open; not a number without a factor
-    trace: Floats  # (members, PLACES) tr(M A⁻¹) there; not a number without a factor
-    soft_trace: Floats  # (members, penalties) where it closes
     best: Floats  # (all blocks D,) memory
     phi: Floats  # (rows,) memory
     open: Floats  # (rows,) memory
-    Z: Floats  # (movable D D,) memory
-    Zo: Floats  # (blocks D D,) memory
 
 
 @compiled
-def close_members(unit: Unit, of: System, work: Work, least: float, found: MemberPlaces) -> None:
-    """Close each member to `least` (m) from the drawing, then from the places around that, and
-    count the rank at each. `of`: the System of any member; `work`: memory for one."""
+def close_members(
+    unit: Unit, of: System, work: Work, least: float, place: int, found: MemberPlaces
+) -> None:
+    """Close the members that are `wanted` to `least` (m), from the drawing, or from one of the
+    places around where they close. `of`: the System of any member; `work`: memory for one."""
     members, size, n = np.uint64(found.system.size), np.uint64(found.drawn.size), work.p.size
-    places, softer = np.uint64(PLACES), np.uint64(found.soft.size // found.system.size)
+    which, places = np.uint64(place), np.uint64(PLACES)
     for m in range(ZERO, members):
-        system = struct_at(of, found.system[m])
-        for place in range(ZERO, places):
-            for i in range(ZERO, size):
-                work.q[i] = found.drawn[i] if place == ZERO else found.q[m * size + i]
-                if place > ZERO and i < n:
-                    work.q[i] += found.away[place * n + i]
-                found.best[i] = work.q[i]
-            at = m * places + place
-            found.gap[at] = found.trace[at] = np.nan
-            if not settle(unit, system, work, least, found.best, found.phi, found.open):
-                break
+        if found.wanted[m] == 0:
+            continue
+        system, first, at = struct_at(of, found.system[m]), m * places * size, m * places + which
+        for i in range(ZERO, size):
+            work.q[i] = found.drawn[i] if which == ZERO else found.q[first + i]
+            if which > ZERO and i < n:
+                work.q[i] += found.away[which * n + i]
+            found.best[i] = work.q[i]
+        found.gap[at] = np.nan
+        if settle(unit, system, work, least, found.best, found.phi, found.open):
             widest = 0.0
             for r in range(found.open.size):
                 if found.open[r] > widest or found.open[r] != found.open[r]:
                     widest = found.open[r]
             found.gap[at] = widest
-            if place == ZERO:
-                for i in range(ZERO, size):
-                    found.q[m * size + i] = work.q[i]
-            if linearise(unit, system, work, work.q):
-                found.trace[at] = _trace(unit, system, work, found)
         for i in range(ZERO, size):
-            work.q[i] = found.q[m * size + i]
-        for s in range(ZERO, softer):
-            soft = struct_at(of, found.soft[s * members + m])
-            found.soft_trace[m * softer + s] = np.nan
-            if linearise(unit, soft, work, work.q):
-                found.soft_trace[m * softer + s] = _trace(unit, soft, work, found)
+            found.q[at * size + i] = work.q[i]
+
+
+@dataclass(frozen=True, eq=False)
+class MemberRanks(Struct):
+    """What the rank of members follows from, at one of their places."""
+
+    addresses = ('system',)
+
+    system: Addresses  # (members,) of its System
+    wanted: Integers  # (members,) 1 where it is asked for
+    q: Floats  # (members, PLACES, all blocks D) m
+    trace: Floats  # (members,) tr(M A⁻¹) there; not a number without a factor
+    Z: Floats  # (movable D D,) memory
+    Zo: Floats  # (blocks D D,) memory
 
 
 @compiled
-def _trace(unit: Unit, system: System, work: Work, found: MemberPlaces) -> float:
-    """tr(M A⁻¹) with the factor in `work`."""
-    pattern, Z, Zo = system.pattern, found.Z, found.Zo
-    return mass_trace(unit, pattern, work.diagonal, work.off, work.column, Z, Zo)
+def trace_members(unit: Unit, of: System, work: Work, place: int, found: MemberRanks) -> None:
+    """tr(M A⁻¹) of the members that are `wanted`, at one of their places."""
+    members, size = np.uint64(found.system.size), np.uint64(work.q.size)
+    for m in range(ZERO, members):
+        if found.wanted[m] == 0:
+            continue
+        first = (m * np.uint64(PLACES) + np.uint64(place)) * size
+        for i in range(ZERO, size):
+            work.q[i] = found.q[first + i]
+        system = struct_at(of, found.system[m])
+        found.trace[m] = np.nan
+        if linearise(unit, system, work, work.q):
+            Z, Zo, diagonal, off = found.Z, found.Zo, work.diagonal, work.off
+            column, pattern = work.column, system.pattern
+            found.trace[m] = mass_trace(unit, pattern, diagonal, off, column, Z, Zo)
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +108,7 @@ class MemberVelocities(Struct):
     addresses = ('system',)
 
     system: Addresses  # (members,) of its System, with rows for the velocities given
-    q: Floats  # (members, all blocks D) m, closed
+    q: Floats  # (members, PLACES, all blocks D) m; it starts at the first
     wanted: Floats  # (members, rows) m/s
     qd: Floats  # (members, all blocks D) m/s
     wrong: Floats  # (members,) m/s, by which rows are off at most
@@ -114,7 +126,7 @@ def complete_members(
     for m in range(ZERO, members):
         system = struct_at(of, found.system[m])
         for i in range(ZERO, size):
-            work.q[i] = found.q[m * size + i]
+            work.q[i] = found.q[m * np.uint64(PLACES) * size + i]
             work.qd[i] = found.x[i] = 0.0
         zero(work.p)
         zero(work.y)

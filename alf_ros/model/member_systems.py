@@ -18,18 +18,28 @@ from alf_ros.arrays import Floats
 from alf_ros.kernel import System
 from alf_ros.kernel.data import NOTHING
 from alf_ros.model.assembly import AGREED, CLOSED, LEAST, TO_ROUNDING, Given, held
-from alf_ros.model.compile import Model, allocate, hold, limits_of
+from alf_ros.model.compile import Model, allocate, close_to, hold, patience_of
 from alf_ros.model.constraints.row_scales import RowLengths
 from alf_ros.model.mass import BodyMasses, MassSums
 from alf_ros.model.member_starts import (
     PLACES,
     MemberPlaces,
+    MemberRanks,
     MemberVelocities,
     close_members,
     complete_members,
+    trace_members,
 )
 from alf_ros.model.member_structs import MemberStructs
-from alf_ros.model.ordinary_positions import NEAR, RESOLVING, SOFT, WHOLE, directions
+from alf_ros.model.ordinary_positions import (
+    NEAR,
+    RESOLVING,
+    RISING,
+    SOFT,
+    WHOLE,
+    directions,
+)
+from alf_ros.model.penalty import penalty_of
 from alf_ros.model.rank import distance
 from alf_ros.model.symbolic_factor import filled
 
@@ -44,7 +54,8 @@ NUMBERS = (
     'pattern.bar',
     'mean',
 )
-_SOFTER = RESOLVING[:2]  # penalties that show σ of mechanisms that are not soft
+
+Mask = NDArray[np.bool_]
 
 
 class Masses(NamedTuple):
@@ -54,65 +65,67 @@ class Masses(NamedTuple):
     diagonal: Floats
     k: Floats
     w: Floats
-    usual: NDArray[np.bool_]
+    usual: Mask
 
 
 class Starts(NamedTuple):
     """Where members start.
 
-    q, qd (members, blocks D) m, m/s; `ordinary`, `close`, `patience` (members,) as in `System`;
-    usual (members,): whether all of this was found; the others start in a way of their own.
+    q, qd (members, blocks D) m, m/s; `penalty`, `ordinary`, `close`, `patience` (members,) as in
+    `System`; usual (members,): whether all of this was found; the others start in a way of their
+    own.
     """
 
     q: Floats
     qd: Floats
+    penalty: Floats
     ordinary: Floats
     close: Floats
     patience: Floats
-    usual: NDArray[np.bool_]
+    usual: Mask
 
 
 class MemberSystems:
     """Finds the starts of members like a model, from masses and the velocities given.
 
-    bodies: their masses in the model; given: velocities, as of its scene; `members`: how many.
-    The model has no redundant rows, rows of velocities or motions as functions of time.
+    bodies: their masses in the model; given: velocities, as of its scene; penalty: that of a model
+    that is not soft; `members`: how many. The model has no redundant rows, rows of velocities or
+    motions as functions of time.
     """
 
     def __init__(
-        self, model: Model, bodies: Sequence[BodyMasses], given: Given, members: int
+        self,
+        model: Model,
+        bodies: Sequence[BodyMasses],
+        given: Given,
+        penalty: float,
+        members: int,
     ) -> None:
-        self._model, self._members = model, members
+        self._model, self._members, self._penalty = model, members, penalty
         self._sums = MassSums(model.layout, bodies)
         first = np.array([[each for body in bodies for each in body.bound]]).reshape(1, -1, 2)
         none = np.zeros((1, len(self._sums.blocks)))
         self._kept = self._sums.kept(self._sums.of(none, first)[1][0])  # pairs that M has
         rates = [replace(row, c=0.0) for row in held(model, given)]
         completing, names, self._given = hold(model, rates, velocities=True)
-        self._own = _OneSystem(model, model.system, members)
-        self._completing = _OneSystem(model, completing, members)
-        self._soft = [_OneSystem(model, model.system, members, like=self._own) for _ in _SOFTER]
-        system, n, size = model.system, model.n, model.q.size
-        self._work = allocate(model, system, 0)
+        self._own = OfOneSystem(model, model.system, members)
+        self._completing = OfOneSystem(model, completing, members)
+        self._soft = [OfOneSystem(model, model.system, members) for _ in RESOLVING]
+        size = model.q.size
+        self._work = allocate(model, model.system, 0)
         self._work_to_complete = allocate(model, completing, 1)
-        rows, off = len(model.row_names), system.pattern.row.size
-        D, several = model.layout.dimension, members * len(_SOFTER)
-        away = NEAR * model.size * directions(n)[:PLACES]
+        away = NEAR * model.size * directions(model.n)[:PLACES]
         self._places = MemberPlaces(
             system=self._own.structs.addresses,
-            soft=np.concatenate([each.structs.addresses for each in self._soft]),
+            wanted=np.zeros(members, dtype=np.int64),
             drawn=model.q,
             away=away.ravel(),
-            q=np.zeros(members * size),
+            q=np.zeros(members * PLACES * size),
             gap=np.zeros(members * PLACES),
-            trace=np.zeros(members * PLACES),
-            soft_trace=np.zeros(several),
             best=np.zeros(size),
-            phi=np.zeros(rows),
-            open=np.zeros(rows),
-            Z=np.zeros(n * D),
-            Zo=np.zeros(off * D * D),
+            **{name: np.zeros(len(model.row_names)) for name in ('phi', 'open')},
         )
+        self._ranks = [self._ranks_of(each) for each in (self._own, *self._soft)]
         self._velocities = MemberVelocities(
             system=self._completing.structs.addresses,
             q=self._places.q,
@@ -121,6 +134,17 @@ class MemberSystems:
             wrong=np.zeros(members),
             x=np.zeros(size),
             rate=np.zeros(len(names)),
+        )
+
+    def _ranks_of(self, of: OfOneSystem) -> MemberRanks:
+        model, D = self._model, self._model.layout.dimension
+        return MemberRanks(
+            system=of.structs.addresses,
+            wanted=np.zeros(self._members, dtype=np.int64),
+            q=self._places.q,
+            trace=np.zeros(self._members),
+            Z=np.zeros(model.n * D),
+            Zo=np.zeros(model.system.pattern.row.size * D * D),
         )
 
     def start(self, masses: Floats, bound: Floats, given: Floats) -> Starts:
@@ -139,35 +163,83 @@ class MemberSystems:
         return Masses(diagonal, values[:, :, 0], values[:, skew, 1], usual)
 
     def _start(self, masses: Masses, given: Floats) -> Starts:
-        model, found, members = self._model, self._places, self._members
-        self._own.put(masses)
-        for soft, penalty in zip(self._soft, _SOFTER, strict=True):
-            soft.soften(penalty)
-        unit, own = model.unit, self._own.structs.member(0)
-        close_members(unit, own, self._work, float(LEAST * model.size), found)
-        rows, n = len(model.row_names), model.n
-        rank = n - found.trace.reshape(members, PLACES)
-        gap = found.gap.reshape(members, PLACES)
-        at_places = (gap <= CLOSED * model.size) & (np.abs(rank - rows) < WHOLE)
-        missing = rows - (n - found.soft_trace.reshape(members, -1))
-        shown = (missing > 0.0) & (missing < 0.5)
-        sigma: Floats = np.full(members, np.nan)
-        for s in reversed(range(len(_SOFTER))):
-            values = distance(missing[:, s], _SOFTER[s])
-            sigma = np.where(shown[:, s], values, sigma)
-        ordinary = masses.usual & at_places.all(axis=1) & (sigma >= SOFT)
-        sigma = np.where(ordinary, sigma, 1.0)
-        limits = [limits_of(model.system.penalty, each) for each in sigma.tolist()]
-        close, patience = np.array(limits).T
-        ordinary &= ~(distance(rows - rank[:, 0], model.penalty) < close * sigma)
-        ordinary &= self._complete(masses, given)
-        q, qd = found.q.reshape(members, -1), self._velocities.qd.reshape(members, -1)
-        return Starts(q, qd, sigma, close, patience, ordinary)
+        rows = len(self._model.row_names)
+        base = np.full(self._members, self._penalty)
+        self._own.put(masses, base)
+        for soft, resolving in zip(self._soft, RESOLVING, strict=True):
+            self._own.copy_to(soft.structs)
+            soft.structs.rows.alpha[:] *= resolving / self._penalty
+        usual = masses.usual & self._closed(0, masses.usual)
+        usual &= np.abs(self._rank(0, 0, usual) - rows) < WHOLE
+        ordinary = self._softness(0, usual)
+        doubtful = usual & ~(ordinary >= SOFT)  # beside a singular position, or soft everywhere
+        for place in range(1, PLACES if doubtful.any() else 1):
+            usual &= ~doubtful | self._no_firmer(place, doubtful, ordinary)
+        ordinary = np.where(usual, ordinary, 1.0)
+        penalty, close, patience = self._limits(ordinary)
+        self._own.structs.rows.alpha[:] *= (penalty / base)[:, None]
+        self._own.structs.penalty[:] = penalty
+        usual &= ~(distance(rows - self._rank(0, 0, usual), penalty) < close * ordinary)
+        usual &= self._completed(masses, penalty, given)
+        q = self._places.q.reshape(self._members, PLACES, -1)[:, 0]
+        qd = self._velocities.qd.reshape(self._members, -1)
+        return Starts(q, qd, penalty, ordinary, close, patience, usual)
 
-    def _complete(self, masses: Masses, given: Floats) -> NDArray[np.bool_]:
+    def _closed(self, place: int, wanted: Mask) -> Mask:
+        """Close members; returns those that are closed."""
+        model, found, own = self._model, self._places, self._own.structs.member(0)
+        found.wanted[:] = wanted
+        least = float(LEAST * model.size)
+        close_members(model.unit, own, self._work, least, place, found)
+        gap = found.gap.reshape(self._members, PLACES)[:, place]
+        return np.asarray(wanted & (gap <= CLOSED * model.size))
+
+    def _no_firmer(self, place: int, wanted: Mask, ordinary: Floats) -> Mask:
+        """Whether members are about as soft at a place around where they close, or have no
+        position of full rank there."""
+        there = self._closed(place, wanted)
+        rank, rows = self._rank(0, place, there), len(self._model.row_names)
+        unclear = there & ~(np.abs(rank - np.rint(rank)) < WHOLE)
+        there &= np.rint(rank) == rows
+        firmer = there & ~(self._softness(place, there) <= RISING * ordinary)
+        return np.asarray(~unclear & ~firmer)
+
+    def _rank(self, which: int, place: int, wanted: Mask) -> Floats:
+        """(members,) effective ranks at a place, with the own penalty or one of the soft ones."""
+        found, own = self._ranks[which], self._own.structs.member(0)
+        found.wanted[:] = wanted
+        trace_members(self._model.unit, own, self._work, place, found)
+        return self._model.n - found.trace
+
+    def _softness(self, place: int, wanted: Mask) -> Floats:
+        """(members,) the distance σ at a place, with the smallest penalty that resolves it."""
+        rows = len(self._model.row_names)
+        sigma: Floats = np.full(self._members, 1e-5)
+        left = wanted.copy()
+        for which, penalty in enumerate(RESOLVING, 1):
+            if left.any():
+                missing = rows - self._rank(which, place, left)
+                shown = left & (missing > 0.0) & (missing < 0.5)
+                sigma = np.where(shown, distance(missing, penalty), sigma)
+                left &= ~shown & (missing == missing)
+        return sigma
+
+    def _limits(self, ordinary: Floats) -> tuple[Floats, Floats, Floats]:
+        """(members,) penalty, `close` and `patience`."""
+        found = []
+        for sigma in ordinary.tolist():
+            penalty, close = penalty_of(self._penalty, sigma), close_to(sigma)
+            found.append((penalty, close, patience_of(penalty, close, sigma)))
+        penalty, close, patience = np.array(found).T.copy()
+        return penalty, close, patience
+
+    def _completed(self, masses: Masses, penalty: Floats, given: Floats) -> Mask:
         """Complete the velocities; returns where they agree with those given."""
         found, of = self._velocities, self._completing
-        of.put(masses)
+        if of.is_of(self._model.system):
+            self._own.copy_to(of.structs)
+        else:
+            of.put(masses, penalty)
         wanted = found.wanted.reshape(self._members, -1)
         wanted[:, self._given] = given
         unit, work = self._model.unit, self._work_to_complete
@@ -178,43 +250,39 @@ class MemberSystems:
     def put_into(self, systems: MemberStructs, starts: Starts) -> None:
         """Write the systems of the members, as their steps need them, where others stand."""
         self._own.copy_to(systems)
-        systems.ordinary[:], systems.close[:] = starts.ordinary, starts.close
-        systems.patience[:] = starts.patience
+        for name in ('penalty', 'ordinary', 'close', 'patience'):
+            getattr(systems, name)[:] = getattr(starts, name)
 
 
-class _OneSystem:
+class OfOneSystem:
     """Structs of the members' own systems, or of these with more rows."""
 
-    def __init__(
-        self, model: Model, system: System, members: int, like: _OneSystem | None = None
-    ) -> None:
-        self.structs = MemberStructs(system, members, NUMBERS)
-        self._model, self._like = model, like
+    def __init__(self, model: Model, system: System, members: int) -> None:
+        self.structs = MemberStructs(system, members, (*NUMBERS, 'penalty'))
+        self._model, self._system = model, system
         layout = model.layout
         self._fill = filled(layout.movable, system.mass, system.rows)
         self._lengths = RowLengths(system.rows, model.q, layout.dimension)
 
-    def put(self, masses: Masses) -> None:
-        """The numbers of members with these masses, penalties too."""
+    def is_of(self, system: System) -> bool:
+        """Whether the structs are like this system."""
+        return self._system is system
+
+    def put(self, masses: Masses, penalty: Floats) -> None:
+        """The numbers of members with these masses and penalties (members,)."""
         diagonal, k, w, _ = masses
         own, layout = self.structs, self._model.layout
         own.mass.diagonal[:], own.mass.k[:], own.mass.w[:] = diagonal, k, w
-        own.mean[:] = diagonal.mean(axis=1)
+        own.mean[:], own.penalty[:] = diagonal.mean(axis=1), penalty
         moved = self._lengths.masses(diagonal, np.array(own.mean), layout.blocks)
-        own.rows.alpha[:] = self._model.penalty / moved
+        own.rows.alpha[:] = penalty[:, None] / moved
         skew = self._model.system.mass.skew
         for name, values in self._fill.masses_of(layout.dimension, diagonal, k, skew, w).items():
             getattr(own.pattern, name)[:] = values
 
-    def soften(self, penalty: float) -> None:
-        """The numbers of the system that this one is like, with another penalty."""
-        assert self._like is not None
-        self._like.copy_to(self.structs)
-        self.structs.rows.alpha[:] *= penalty / self._model.penalty
-
     def copy_to(self, other: MemberStructs) -> None:
         """Write the numbers where others stand."""
-        for path in NUMBERS:
+        for path in (*NUMBERS, 'penalty'):
             of, to = self.structs, other
             *parts, name = path.split('.')
             for part in parts:

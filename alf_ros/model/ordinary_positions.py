@@ -25,7 +25,7 @@ RESOLVING = 1e4, 1e6, 1e8, 1e10  # penalties: the smallest shows σ best
 WHOLE = 0.02  # by which a rank may be off a whole number
 NEAR = 0.05  # of the size: how far away positions around one are
 _FIRMER = 4.0  # times this σ, that of an ordinary position somewhat further away
-_RISING = 1.5  # times this σ, that of positions nearby: a soft mechanism is soft everywhere
+RISING = 1.5  # times this σ, that of positions nearby: a soft mechanism is soft everywhere
 _FURTHER = 0.2  # of the size, or rad of a drive: how far away
 _MOST = 600  # coordinates of a mechanism for which positions further away are examined
 
@@ -91,7 +91,7 @@ def ordinary(model: Model, q: Floats, work: Work | None = None) -> tuple[int, Fl
     if sigma < SOFT:  # this is beside a singular position, or the mechanism is soft
         others = places[1:]
         values = [_softness(model, work, other, rank) for other in others]
-        if model.mechanism.prescribed or max(values, default=0.0) > _RISING * sigma:
+        if model.mechanism.prescribed or max(values, default=0.0) > RISING * sigma:
             more = _further(model, work, q, rank, close)
             others += more
             values += [_softness(model, work, other, rank) for other in more]

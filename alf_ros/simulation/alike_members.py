@@ -22,6 +22,7 @@ from alf_ros.kernel.lanes.advance_lanes_adaptively import advance_lanes_adaptive
 from alf_ros.kernel.lanes.single_member import functions_of_members
 from alf_ros.model.member_structs import LanesOfMembers, MemberStructs
 from alf_ros.model.member_systems import NUMBERS, MemberSystems
+from alf_ros.model.penalty import LEAST_PENALTY
 from alf_ros.simulation import input_checks as check
 from alf_ros.simulation.member_numbers import Likeness, MemberNumbers
 from alf_ros.simulation.member_readings import MemberReadings
@@ -30,7 +31,9 @@ from alf_ros.simulation.side_by_side import is_adaptive, width
 from alf_ros.simulation.simulation import Simulation
 
 _GROUPS = 8  # of members at a time
-_SYSTEM = tuple(f'system.{name}' for name in (*NUMBERS, 'ordinary', 'close', 'patience'))
+_SYSTEM = tuple(
+    f'system.{name}' for name in (*NUMBERS, 'penalty', 'ordinary', 'close', 'patience')
+)
 _OWN = (*_SYSTEM, 'forces.effects.params', 'work')
 _SHARED = 'work.pulse', 'work.caller'  # a member that is stopped stops all
 
@@ -47,8 +50,10 @@ class AlikeMembers:
         self._of, stepper = simulation, simulation._stepper
         likeness = Likeness(simulation)
         self.numbers_of, bodies = likeness.numbers_of, [own for _, own in likeness.bodies]
-        given = simulation.scene.velocities
-        self._systems = MemberSystems(simulation.model, bodies, given, self.most)
+        given, penalty = simulation.scene.velocities, simulation.solver.penalty
+        self._systems = MemberSystems(
+            simulation.model, bodies, given, max(penalty, LEAST_PENALTY), self.most
+        )
         problem, phase = stepper.problem_of(simulation._present), simulation._present.phase
         self._problems = MemberStructs(problem, self.most, _OWN, _SHARED)
         every = [name for name, _, _ in vars(phase)['_numba_type_'].parts]

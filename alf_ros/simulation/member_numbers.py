@@ -11,7 +11,6 @@ from alf_ros.arrays import Floats
 from alf_ros.errors import AlfError
 from alf_ros.mechanism.natural_coordinates import Layout
 from alf_ros.model.mass import masses_of
-from alf_ros.model.penalty import LEAST_PENALTY
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation.packed_effects import AskedFunctions, PackedKind, kinds_of
 from alf_ros.simulation.simulation import Simulation
@@ -83,8 +82,6 @@ def unlike(simulation: Simulation) -> str:
         return 'redundant rows and singular positions are examined for each member'
     if scene.positions or scene.branch is not None:
         return 'positions given are closed for each member'
-    if simulation.model.penalty != max(simulation.solver.penalty, LEAST_PENALTY):
-        return 'a soft mechanism has a penalty of its own'
     if simulation.accuracy is not None or simulation.solver != scene.solver:
         return 'settings that are picked belong to one member'
     kinks = simulation._applied.assembled.kinks

@@ -22,7 +22,7 @@ from alf_ros.studies.ensemble.study_reading import study_of
 
 FIXED = {'solver.integrator': ['dop853'], 'solver.step': [0.02]}
 ADAPTIVE = {'solver.integrator': ['dop853_adaptive'], 'solver.tolerance': [1e-8]}
-DOWN = 'gravity.acceleration.1'
+DOWN, DAMPING = 'gravity.acceleration.1', 'torsion_spring.damping'
 KEPT = [
     'final(energy)',
     'max(kinetic_energy)',
@@ -143,7 +143,6 @@ def test_numbers_only_of_scenes_that_differ_in_numbers() -> None:
     [
         ('bricard', 'redundant'),
         ('wiper', 'functions of time'),
-        ('delta_robot', 'soft'),
         ('rack_and_pinion', 'rows of velocities'),
     ],
 )
