@@ -47,6 +47,7 @@ class AlikeMembers:
 
     def __init__(self, simulation: Simulation, quantities: Sequence[Quantity]) -> None:
         self.most, self._lanes = _GROUPS * width(), width()
+        self.quantities = tuple(quantities)
         self._of, stepper = simulation, simulation._stepper
         likeness = Likeness(simulation)
         self.numbers_of, bodies = likeness.numbers_of, [own for _, own in likeness.bodies]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from typing import Any
 
 import numpy as np
@@ -95,6 +96,7 @@ def test_members_have_the_bits_of_their_single_runs(n: int, monkeypatch: Any) ->
     monkeypatch.setattr(AlikeMembers, 'run', counted)
     found = run_members(made, range(made.members))
     assert sum(counts) == made.members
+    assert len(made.idle) == 1 and not pickle.loads(pickle.dumps(made)).idle
     for k in range(0, made.members, 3):
         alone = run_member(made, k)
         assert not alone.reason and not found[k].reason

@@ -13,7 +13,6 @@ from alf_ros.inspection.run import run_of_arrays
 from alf_ros.simulation.alike_members import AlikeMembers
 from alf_ros.simulation.member_numbers import MemberNumbers, unlike
 from alf_ros.simulation.member_readings import readable
-from alf_ros.simulation.quantities import Quantity
 from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.side_by_side import SideBySide, no_place, width
 from alf_ros.simulation.simulation import Simulation
@@ -39,29 +38,37 @@ def _of_one_geometry(study: Study, members: Sequence[int]) -> dict[int, Member]:
     done: dict[int, Member] = {}
     if len(members) < 2 * width() or study.quantities is None or study.watch or study.ledger:
         return done
-    for k in members[:_TRIED]:
-        try:
-            first = simulation_of(study, k)
-            quantities = readable(first, study.quantities)
-            if quantities is None or unlike(first) or no_place(first):
-                return done
-            alike = AlikeMembers(first, quantities)
-            if not alike.reads_at(study.instants[0].tolist()):
-                return done
-        except (AlfError, ArithmeticError, MemoryError):
-            continue
+    try:  # another thread may take the last one
+        alike: AlikeMembers | None = study.idle.pop()
+    except IndexError:
+        alike = _first_of(study, members)
+    if alike is not None:
         for begin in range(0, len(members), alike.most):
-            found = _alike(study, alike, quantities, members[begin : begin + alike.most])
+            found = _alike(study, alike, members[begin : begin + alike.most])
             if not found:
                 break
             done |= found
-        return done
+        study.idle.append(alike)
     return done
 
 
-def _alike(
-    study: Study, alike: AlikeMembers, quantities: Sequence[Quantity], members: Sequence[int]
-) -> dict[int, Member]:
+def _first_of(study: Study, members: Sequence[int]) -> AlikeMembers | None:
+    """For members like the first one that can be built; None if it has to be built by itself, or
+    if outputs need more than its states."""
+    for k in members[:_TRIED]:
+        try:
+            first = simulation_of(study, k)
+            quantities = readable(first, study.quantities or ())
+            if quantities is None or unlike(first) or no_place(first):
+                return None
+            alike = AlikeMembers(first, quantities)
+            return alike if alike.reads_at(study.instants[0].tolist()) else None
+        except (AlfError, ArithmeticError, MemoryError):
+            continue
+    return None
+
+
+def _alike(study: Study, alike: AlikeMembers, members: Sequence[int]) -> dict[int, Member]:
     """The members that come to the end in the usual way, of some."""
     numbers: dict[int, MemberNumbers] = {}
     for k in members:
@@ -85,7 +92,7 @@ def _alike(
     for m, k in enumerate(numbers):
         if good[m]:
             own_values = [each[m] for each in values]
-            run = run_of_arrays(t, dict(zip(quantities, own_values, strict=True)))
+            run = run_of_arrays(t, dict(zip(alike.quantities, own_values, strict=True)))
             found[k] = member_of(study, run)
     return found
 

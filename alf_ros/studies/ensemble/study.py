@@ -17,6 +17,7 @@ from alf_ros.inspection.run import Run
 from alf_ros.scene import overrides
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation import input_checks as check
+from alf_ros.simulation.alike_members import AlikeMembers
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.studies.ensemble.distributions import Distribution
 from alf_ros.studies.ensemble.kept_outputs import SAME, KeptOutput, LabelledArray
@@ -85,6 +86,11 @@ class Study(SentScene):
         if any(o.kind == 'function' and not o.reads for o in self.outputs):
             return None
         return tuple(name for output in self.outputs for name in output.quantities)
+
+    @cached_property
+    def idle(self) -> list[AlikeMembers]:
+        """Memory of this process for members that are made together, while nobody uses it."""
+        return []
 
     @property
     def watch(self) -> bool:
