@@ -71,7 +71,7 @@ def close_members(
 
 @dataclass(frozen=True, eq=False)
 class MemberRanks(Struct):
-    """What the rank of members follows from, at one of their places."""
+    """Traces at one of the places of members, from which their ranks follow."""
 
     addresses = ('system',)
 

@@ -88,8 +88,8 @@ class Starts(NamedTuple):
 class MemberSystems:
     """Finds the starts of members like a model, from masses and the velocities given.
 
-    bodies: their masses in the model; given: velocities, as of its scene; penalty: that of a model
-    that is not soft; `members`: how many. The model has no redundant rows, rows of velocities or
+    bodies: their masses in the model; given: velocities, as of its scene; penalty: of a model that
+    is not soft; `members`: how many. The model has no redundant rows, rows of velocities or
     motions as functions of time.
     """
 
