@@ -118,6 +118,15 @@ def test_a_member_that_fails_or_differs_in_more_is_run_alone() -> None:
     assert found[5].reason and not found[6].reason
 
 
+def test_members_of_other_lengths_are_built_one_by_one() -> None:
+    made = study('slider_crank', {'L': uniform(0.9, 1.1), **FIXED}, outputs=KEPT[:2])
+    for _ in range(2):
+        found = run_members(made, range(made.members))
+        assert made.idle == [None]
+    for array, own in zip(found[5].arrays, run_member(made, 5).arrays, strict=True):
+        assert array.tobytes() == own.tobytes()
+
+
 def test_numbers_only_of_scenes_that_differ_in_numbers() -> None:
     first = Simulation(load_scene('slider_crank'))
     numbers = Likeness(first).numbers_of

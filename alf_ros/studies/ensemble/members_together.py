@@ -39,16 +39,17 @@ def _of_one_geometry(study: Study, members: Sequence[int]) -> dict[int, Member]:
     if len(members) < 2 * width() or study.quantities is None or study.watch or study.ledger:
         return done
     try:  # another thread may take the last one
-        alike: AlikeMembers | None = study.idle.pop()
+        alike = study.idle.pop()
     except IndexError:
         alike = _first_of(study, members)
     if alike is not None:
         for begin in range(0, len(members), alike.most):
             found = _alike(study, alike, members[begin : begin + alike.most])
             if not found:
+                alike = None
                 break
             done |= found
-        study.idle.append(alike)
+    study.idle.append(alike)
     return done
 
 
@@ -71,13 +72,18 @@ def _first_of(study: Study, members: Sequence[int]) -> AlikeMembers | None:
 def _alike(study: Study, alike: AlikeMembers, members: Sequence[int]) -> dict[int, Member]:
     """The members that come to the end in the usual way, of some."""
     numbers: dict[int, MemberNumbers] = {}
+    others = 0
     for k in members:
         try:
             own = alike.numbers_of(study.scene_of(k))
-        except AlfError:
+        except (AlfError, ArithmeticError, MemoryError):
             continue  # alone it fails again, and says why
         if own is not None:
             numbers[k] = own
+        else:
+            others += 1
+        if others == _TRIED and len(numbers) < 2:  # the first one is always like itself
+            return {}
     if not numbers:
         return {}
     try:

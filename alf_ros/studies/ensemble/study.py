@@ -88,8 +88,9 @@ class Study(SentScene):
         return tuple(name for output in self.outputs for name in output.quantities)
 
     @cached_property
-    def idle(self) -> list[AlikeMembers]:
-        """Memory of this process for members that are made together, while nobody uses it."""
+    def idle(self) -> list[AlikeMembers | None]:
+        """Memory of this process for members that are made together, while nobody uses it; None
+        if members are known to differ in more than numbers."""
         return []
 
     @property
