@@ -1,9 +1,9 @@
 """The cost of an ensemble beside single runs: python benchmark/ensemble.py [--members N]
 
-Of members of several mechanisms: the time of deriving the scene from the numbers, of building the
-simulation, of the steps alone, and of reading the outputs. For the slider-crank members per second
-in this process, with one and with two worker processes; and the cost of chunks and a store. Ratios
-are of medians in one run of this program.
+Of members of several mechanisms that are built by themselves: the time of deriving the scene from
+the numbers, of building the simulation, of the steps alone, and of reading the outputs. For the
+slider-crank members per second together in this process, with one and with two worker processes;
+and the cost of chunks and a store. Ratios are of medians in one run of this program.
 """
 
 from __future__ import annotations

@@ -105,15 +105,20 @@ def arrived(kind: str, name: str, values: Mapping[str, object], text: str, known
     return Effect(kind, name, load(kind).Parameters(**values))
 
 
+@cache
+def _of_package(kind: str) -> ModuleType:
+    return importlib.import_module(f'{__name__}.{kind}')
+
+
 def load(kind: str) -> ModuleType:
     """The module of one effect, by its full name.
 
     Raises KeyError if there is none, InputError if somebody else's is not what an effect is.
     """
+    if kind in own():
+        return _of_package(kind)
     if user_file.is_file_name(kind):
         return user_file.load(kind)
-    if kind in own():
-        return importlib.import_module(f'{__name__}.{kind}')
     point = _registered()[kind]
     try:
         module: ModuleType = point.load()

@@ -42,17 +42,13 @@ def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
     g = np.asarray(effect.parameters.acceleration)
     Q = np.zeros((layout.blocks, layout.dimension))
     shares: dict[tuple[object, ...], list[tuple[int, Floats]]] = {}  # of bodies that are alike
-    blocks: list[int] = []
-    forces: list[Floats] = []
     for body in layout.bodies:
         own, alike = layout.of_body[body.name], (layout.shape(body.name), body.com, body.mass)
         if alike not in shares:
             centre = place(layout.shape(body.name), body.com)
             shares[alike] = [(n, C.T @ (body.mass * g)) for n, C in centre.parts.items()]
         for n, force in shares[alike]:
-            blocks.append(own[n])
-            forces.append(force)
-    np.add.at(Q, blocks, forces)
+            Q[own[n]] += force
     return contract.Packed(np.array([Q.size], dtype=np.int64), Q.ravel())
 
 

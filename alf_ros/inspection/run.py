@@ -24,7 +24,7 @@ from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.simulation import input_checks as check
 from alf_ros.simulation.named_values import read_only
-from alf_ros.simulation.quantities import Group, full_name, groups
+from alf_ros.simulation.quantities import Group, Quantity, full_name, groups
 from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.simulation import Simulation
 
@@ -72,13 +72,16 @@ class Run:
             rows.append(tuple(group.read(sample)[which] for group, which in wanted))
         if not times:
             raise InputError('no samples', key='samples', expected='one or more')
-        self.t = read_only(np.array(times))
-        self._quantities: dict[str, _Quantity] = {}
+        quantities: dict[str, _Quantity] = {}
         for k, (group, which) in enumerate(wanted):
             values = read_only(np.array([row[k] for row in rows], dtype=float))
             for n, at in enumerate(which):
                 found = _Quantity(values[:, n], group.units, group.components)
-                self._quantities[group.names[at]] = found
+                quantities[group.names[at]] = found
+        self._keep(read_only(np.array(times)), quantities)
+
+    def _keep(self, t: Floats, quantities: dict[str, _Quantity]) -> None:
+        self.t, self._quantities = t, quantities
         self.names = tuple(self._quantities)
         self._places: dict[str, tuple[str, int | None]] = {
             name: (name, None) for name in self.names
@@ -245,6 +248,18 @@ def record(
         raise InputError('too many samples', key='period', value=period)
     times = [begin + n * period for n in range(count + 1)]
     return Run(simulation.run(duration, at=times), only)
+
+
+def run_of_arrays(t: Floats, quantities: Mapping[Quantity, Floats]) -> Run:
+    """The run of samples that were read elsewhere, at t (N,) s: the values of each quantity, (N,)
+    or (N, components)."""
+    values = {
+        each.name: _Quantity(read_only(array), each.units, each.components)
+        for each, array in quantities.items()
+    }
+    run = Run.__new__(Run)
+    run._keep(read_only(t), values)
+    return run
 
 
 def _wanted(known: Sequence[Group], only: Sequence[str] | None) -> list[tuple[Group, list[int]]]:

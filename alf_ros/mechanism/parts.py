@@ -7,7 +7,7 @@ counter-clockwise about +z (REP-103).
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from alf_ros.mechanism.memory import exactly
@@ -206,6 +206,14 @@ class Mechanism:
     rotors: tuple[Rotor, ...] = ()
     couplings: tuple[Coupling, ...] = ()
     shapes: tuple[VisualShape, ...] = ()
+
+    def with_bodies(self, bodies: tuple[Body, ...]) -> Mechanism:
+        """The same with other masses: bodies of these names and shapes."""
+        found = replace(self, bodies=bodies)
+        # none of these depends on masses
+        for name in ('coordinates', 'coordinate', 'prescribed', 'auxiliary', 'geometry'):
+            vars(found)[name] = getattr(self, name)
+        return found
 
     @cached_property
     def body(self) -> dict[str, Body]:

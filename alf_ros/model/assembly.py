@@ -25,7 +25,9 @@ from alf_ros.model.constraints.meshing import Integral, integrals, slips
 from alf_ros.model.constraints.row import Row, linear
 from alf_ros.model.prescribed import prescribe
 
-_TO_ROUNDING = kernel.Until(iterations=100, tolerance=1e-15, patience=1.0)
+LEAST, CLOSED = 1e-13, 1e-10  # of the size, to which rows are closed, and must be
+AGREED = 1e-9  # of the largest velocity given, by which the others may miss it
+TO_ROUNDING = kernel.Until(iterations=100, tolerance=1e-15, patience=1.0)
 
 # components of points and vectors by name; None leaves one free
 Given = Mapping[str, Sequence[float | None]]
@@ -35,7 +37,7 @@ def close(
     model: Model,
     given: Given,
     start: Floats | None = None,
-    least: float = 1e-13,
+    least: float = LEAST,
     work: Work | None = None,
 ) -> Floats:
     """Positions q (blocks D, m) that satisfy Φ = 0 and the given ones, nearest to the drawing.
@@ -56,12 +58,12 @@ def closed(
     names: Sequence[str],
     work: Work,
     start: Floats | None,
-    least: float = 1e-13,
+    least: float = LEAST,
 ) -> Floats:
     """`close`, with the rows of `system`, which have `names`."""
     work.q[:] = model.q if start is None else start
     gap = _settle(model, system, work, least)
-    _check(model, work, names, gap, 1e-10)
+    _check(model, work, names, gap, CLOSED)
     return np.array(work.q)
 
 
@@ -125,7 +127,7 @@ def _led(model: Model, system: System, work: Work, before: Floats, now: Floats) 
         _linearised(model, system, work)
         free = np.zeros_like(work.q)
         work.r2[:] = 0.0
-        kernel.augmented(model.unit, system, work, momenta, free, _TO_ROUNDING)
+        kernel.augmented(model.unit, system, work, momenta, free, TO_ROUNDING)
         found.append(free)
     return np.asarray(step - min(found, key=lambda free: float(np.linalg.norm(free))))
 
@@ -194,7 +196,7 @@ def _in_mesh(model: Model, system: System, work: Work, mesh: _Mesh, before: Floa
         x = np.zeros_like(work.q)
         moving.r2[:] = 0.0
         moving.r2[mesh.rows] = -slip
-        kernel.augmented(model.unit, mesh.system, moving, moving.p, x, _TO_ROUNDING)
+        kernel.augmented(model.unit, mesh.system, moving, moving.p, x, TO_ROUNDING)
         work.q[: model.n] += x[: model.n]
         gap = _settle(model, system, work, 1e-13)
     slip = slips(mesh.integrals, D, before, work.q)
@@ -207,7 +209,7 @@ def complete(
     given: Given,
     t: float = 0.0,
     near: Floats | None = None,
-    tolerance: float = 1e-9,
+    tolerance: float = AGREED,
     beside: bool = False,
 ) -> Floats:
     """Velocities q̇ (blocks D, m/s) with Φ_q q̇ = 0 at t (s) and the given ones, of least kinetic
@@ -232,7 +234,7 @@ def complete(
     kernel.times_jacobian(model.unit, system.rows, work.g, work.g2, x, work.r2)
     work.r2[:] = wanted - work.r2
     rate = np.zeros_like(wanted)
-    count, slowest = kernel.augmented(model.unit, system, work, work.p, x, _TO_ROUNDING)
+    count, slowest = kernel.augmented(model.unit, system, work, work.p, x, TO_ROUNDING)
     if beside and count == 100 and slowest > 0.5:
         x = _finished(model, system, work, x, wanted)
     kernel.times_jacobian(model.unit, system.rows, work.g, work.g2, x, rate)
@@ -287,7 +289,7 @@ def brought_back(model: Model, q: Floats, qd: Floats, t: float) -> tuple[Floats,
     x = np.array(work.qd)
     kernel.times_jacobian(model.unit, system.rows, work.g, work.g2, x, work.r2)
     work.r2[:] = -work.r2
-    kernel.augmented(model.unit, system, work, p, x, _TO_ROUNDING)
+    kernel.augmented(model.unit, system, work, p, x, TO_ROUNDING)
     return q, x
 
 

@@ -108,14 +108,10 @@ class Model:
 
     def accustomed(self, sigma: float, dependent_rows: int) -> Model:
         """The same, knowing the least singular value σ of its ordinary positions, and how many
-        rows depend on the others there.
-
-        x = σ / ordinary is about the distance to a singular position. Rounding e on Φ turns a row
-        by e / (ordinary x²), and q̈ by 1 / x more: so `close` goes with its cube root.
-        """
-        close = _CLOSE * (0.5 / sigma) ** (1.0 / 3.0)
+        rows depend on the others there."""
+        close = close_to(sigma)
+        patience = patience_of(self.system.penalty, close, sigma)
         rank = float(len(self.row_names) - dependent_rows)
-        patience = _patience(self.system.penalty, close, sigma)
         system = changed(self.system, ordinary=sigma, rank=rank, close=close, patience=patience)
         return replace(self, system=system)
 
@@ -124,7 +120,7 @@ class Model:
         rows = self.system.rows
         alpha = rows.alpha * (penalty / self.penalty)
         alpha.flags.writeable = False
-        patience = _patience(penalty, self.system.close, self.system.ordinary)
+        patience = patience_of(penalty, self.system.close, self.system.ordinary)
         rows = changed(rows, alpha=alpha)
         system = changed(self.system, rows=rows, penalty=penalty, patience=patience)
         return replace(self, system=system, penalty=penalty)
@@ -307,7 +303,16 @@ def hold(model: Model, extra: Sequence[Row], velocities: bool) -> tuple[System, 
     return system, names, slice(at, at + len(extra))
 
 
-def _patience(penalty: float, close: float, ordinary: float) -> float:
+def close_to(sigma: float) -> float:
+    """`close` of a system whose ordinary positions have the least singular value σ.
+
+    x = σ / ordinary is about the distance to a singular position. Rounding e on Φ turns a row
+    by e / (ordinary x²), and q̈ by 1 / x more: so `close` goes with its cube root.
+    """
+    return _CLOSE * (0.5 / sigma) ** (1.0 / 3.0)
+
+
+def patience_of(penalty: float, close: float, ordinary: float) -> float:
     """The convergence ratio above which a solve is slow. It is above the rounding of a round, and
     far below the ratio of a position too close to a singular one."""
     sigma = close * ordinary

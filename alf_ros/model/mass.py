@@ -8,65 +8,98 @@ Systems (1994), ch. 4.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from alf_ros.arrays import Floats, Integers
 from alf_ros.kernel import Mass
-from alf_ros.mechanism import Numbers
+from alf_ros.mechanism import Body, Numbers
 from alf_ros.mechanism.memory import remembered
 from alf_ros.mechanism.natural_coordinates import Layout, Shape
 from alf_ros.model.constraints.packing import indices
 from alf_ros.model.constraints.rotors import unit_of
 from alf_ros.model.struct_memory import changed, made
 
+_EYE = {D: np.eye(D) for D in (2, 3)}
 _NOTHING = 1e-15  # of the largest of a body
+
+
+class BodyMasses(NamedTuple):
+    """M of a body on blocks of the mechanism: diagonal `blocks` with their `masses`, and `pairs`
+    (i, j) with i > j, with `bound` (k, w) of each."""
+
+    blocks: tuple[int, ...]
+    masses: tuple[float, ...]
+    pairs: tuple[tuple[int, int], ...]
+    bound: tuple[tuple[float, float], ...]
+
+
+def masses_of(body: Body, layout: Layout, known: bool = True) -> BodyMasses:
+    """M of a body; `known`: other bodies are likely to be like it."""
+    own, shape = layout.of_body[body.name], layout.shape(body.name)
+    find = _known_body if known else _of_body
+    diagonal, below = find(shape, body.mass, body.com, body.inertia)
+    pairs, bound = [], []
+    for a, b, k, w in below:
+        above = own[a] > own[b]
+        pairs.append((own[a], own[b]) if above else (own[b], own[a]))
+        bound.append((k, -w if above else w))
+    blocks = tuple(own[n] for n, _ in diagonal)
+    return BodyMasses(blocks, tuple(m for _, m in diagonal), tuple(pairs), tuple(bound))
 
 
 def mass_of(layout: Layout) -> Mass:
     """M of the movable blocks."""
-    blocks: list[int] = []
-    masses: list[float] = []
-    pairs: list[tuple[int, int]] = []
-    bound: list[tuple[float, float]] = []
-    for body in layout.bodies:
-        own = layout.of_body[body.name]
-        diagonal, below = _of_body(layout.shape(body.name), body.mass, body.com, body.inertia)
-        for n, m in diagonal:
-            blocks.append(own[n])
-            masses.append(m)
-        for a, b, k, w in below:
-            above = own[a] > own[b]
-            pairs.append((own[a], own[b]) if above else (own[b], own[a]))
-            bound.append((k, -w if above else w))
-    total = np.zeros(layout.blocks)
-    np.add.at(total, np.array(blocks, dtype=np.int64), masses)
+    bodies = [masses_of(body, layout) for body in layout.bodies]
+    sums = MassSums(layout, bodies)
+    total: Floats = np.zeros(layout.blocks)
+    values: Floats = np.zeros((sums.i.size, 2))
+    np.add.at(total, sums.blocks, [m for body in bodies for m in body.masses])
+    bound = [each for body in bodies for each in body.bound]
+    np.add.at(values, sums.place, np.array(bound).reshape(-1, 2))
     for rotor in layout.mechanism.rotors:
         unit = unit_of(layout.mechanism.coordinate[rotor.of], layout)
         total[layout.of_auxiliary[rotor.name]] = rotor.inertia / unit**2
-    i, j, values = _summed(pairs, bound)
-    kept = (i < layout.movable) & values.any(axis=1)
-    i, j, values = i[kept], j[kept], values[kept]
-    turned = np.flatnonzero(values[:, 1])
+    kept = sums.kept(values)
+    values, turned = values[kept], np.flatnonzero(values[kept, 1])
     return made(
         Mass,
         diagonal=total[: layout.movable].copy(),
-        i=indices(i),
-        j=indices(j),
+        i=indices(sums.i[kept]),
+        j=indices(sums.j[kept]),
         k=values[:, 0].copy(),
         skew=indices(turned),
         w=values[turned, 1].copy(),
     )
 
 
-def _summed(
-    pairs: Sequence[tuple[int, int]], values: Sequence[tuple[float, float]]
-) -> tuple[Integers, Integers, Floats]:
-    """Pairs of blocks, each once, in the order in which they first come, and their sums."""
-    i, j, place = _each_once(tuple(pairs))
-    sums = np.zeros((i.size, 2))
-    np.add.at(sums, place, np.array(values).reshape(-1, 2))
-    return i, j, sums
+class MassSums:
+    """Where the masses of bodies are added up: the same for all mechanisms of one structure."""
+
+    def __init__(self, layout: Layout, bodies: Sequence[BodyMasses]) -> None:
+        self._size, self._movable = layout.blocks, layout.movable
+        self.blocks = [n for body in bodies for n in body.blocks]
+        pairs = tuple(pair for body in bodies for pair in body.pairs)
+        self.i, self.j, self.place = _each_once(pairs)
+
+    def kept(self, values: Floats) -> NDArray[np.bool_]:
+        """(..., pairs) the pairs that M has, of their sums (..., pairs, 2)."""
+        return (self.i < self._movable) & values.any(axis=-1)
+
+    def of(self, masses: Floats, bound: Floats) -> tuple[Floats, Floats]:
+        """(members, movable) diagonal and (members, pairs, 2) sums of many mechanisms; masses
+        (members, ...), bound (members, ..., 2) of all bodies. In the order of `mass_of`: a sum is
+        rounded as there."""
+        total = np.zeros((len(masses), self._size))
+        for n, block in enumerate(self.blocks):
+            total[:, block] += masses[:, n]
+        values = np.zeros((len(masses), self.i.size, 2))
+        for n, pair in enumerate(self.place.tolist()):
+            values[:, pair] += bound[:, n]
+        return total[:, : self._movable], values
 
 
 @remembered(64)
@@ -92,24 +125,21 @@ def renumbered(mass: Mass, place: Integers) -> Mass:
     )
 
 
-@remembered(1024)
 def _of_body(
     shape: Shape, m: float, com: Numbers, inertia: float | tuple[Numbers, ...]
 ) -> tuple[list[tuple[int, float]], list[tuple[int, int, float, float]]]:
-    """M of a body, without the D equal axes: diagonal blocks; blocks below, with k and w.
-
-    On the body's own blocks, of all bodies that are alike at once: large mechanisms have many.
-    """
-    from_local, D = shape.inverse, shape.inverse.shape[1]
-    c, second = from_local @ np.array(com), _second_moments(D, m, com, inertia, from_local)
+    """M of a body, without the D equal axes: diagonal blocks; blocks below, with k and w; on the
+    body's own blocks."""
+    from_local, D, place = shape.inverse, shape.inverse.shape[1], np.array(com)
+    c, second = from_local @ place, _second_moments(D, m, place, inertia, from_local)
     w = 0.0
     if D == 2 and c.size:  # J makes the second direction of the first
         second, w, c = second[:1, :1] + second[1:, 1:], m * float(c[1]), c[:1]
-    moments = np.block([[np.array([[m]]), m * c[None, :]], [m * c[:, None], second]])
-    # P_0 carries 1 - Σ c over the ends that are points
-    ends = np.eye(1 + c.size)
-    ends[0, 1:] = [-1.0 if point else 0.0 for point in shape.is_point]
-    M, blocks = (ends @ moments @ ends.T).tolist(), (0, *shape.ends)
+    moments = np.empty((1 + c.size, 1 + c.size))
+    moments[0, 0], moments[1:, 1:] = m, second
+    moments[0, 1:] = moments[1:, 0] = m * c
+    ends, blocks = _ends(shape, c.size), (0, *shape.ends)
+    M = (ends @ moments @ ends.T).tolist()
     diagonal = [(n, M[a][a]) for a, n in enumerate(blocks)]
     below = [
         (n, other, M[a][b], w) for a, n in enumerate(blocks) for b, other in enumerate(blocks[:a])
@@ -117,16 +147,28 @@ def _of_body(
     return diagonal, below
 
 
+# of all bodies that are alike at once: large mechanisms have many
+_known_body = remembered(1024)(_of_body)
+
+
+@lru_cache(maxsize=1024)
+def _ends(shape: Shape, k: int) -> Floats:
+    """P_0 carries 1 - Σ c over the ends that are points."""
+    ends = np.eye(1 + k)
+    ends[0, 1:] = [-1.0 if point else 0.0 for point in shape.is_point]
+    return ends
+
+
 def _second_moments(
-    D: int, m: float, com: Numbers, inertia: float | tuple[Numbers, ...], from_local: Floats
+    D: int, m: float, com: Floats, inertia: float | tuple[Numbers, ...], from_local: Floats
 ) -> Floats:
     """∫ c cᵀ dm (k, k), c the weights of the basis."""
     if D == 2:
         # only the trace matters: split the moment of inertia evenly
-        about = 0.5 * float(inertia) * np.eye(2)  # type: ignore[arg-type]
+        about = 0.5 * float(inertia) * _EYE[2]  # type: ignore[arg-type]
     else:
-        about = 0.5 * np.trace(np.array(inertia)) * np.eye(3) - np.array(inertia)
-    second = np.asarray(from_local @ (about + m * np.outer(com, com)) @ from_local.T)
+        about = 0.5 * np.trace(np.array(inertia)) * _EYE[3] - np.array(inertia)
+    second = np.asarray(from_local @ (about + m * (com[:, None] * com)) @ from_local.T)
     # a thin disk has none along its axle: not what rounding leaves of it
     second[np.abs(second) < _NOTHING * np.abs(second).max(initial=0.0)] = 0.0
     return second

@@ -18,11 +18,14 @@ from alf_ros.model.compile import Model, allocate, hold
 from alf_ros.model.constraints.meshing import integrals
 from alf_ros.model.rank import distance, effective_rank
 
-_NEAR_BY = 4  # places that each search for an ordinary position examines
+NEAR_BY = 4  # places that each search for an ordinary position examines
 _APART = 1e-6  # of the size: positions that are not the same
-_SOFT = 0.2  # σ below which a position may be beside a singular one
+SOFT = 0.2  # σ below which a position may be beside a singular one
+RESOLVING = 1e4, 1e6, 1e8, 1e10  # penalties: the smallest shows σ best
+WHOLE = 0.02  # by which a rank may be off a whole number
+NEAR = 0.05  # of the size: how far away positions around one are
 _FIRMER = 4.0  # times this σ, that of an ordinary position somewhat further away
-_RISING = 1.5  # times this σ, that of positions nearby: a soft mechanism is soft everywhere
+RISING = 1.5  # times this σ, that of positions nearby: a soft mechanism is soft everywhere
 _FURTHER = 0.2  # of the size, or rad of a drive: how far away
 _MOST = 600  # coordinates of a mechanism for which positions further away are examined
 
@@ -41,10 +44,10 @@ def ordinary(model: Model, q: Floats, work: Work | None = None) -> tuple[int, Fl
     close = partial(assembly.closed, model, places_only, names, closing)
     best, here, places, closed = -1, -1, [q], 0
     for turn in range(12):
-        near, away = np.array(q), 0.05 * model.size if turn else 0.0
-        if turn >= _NEAR_BY and best == len(model.row_names):
+        near, away = np.array(q), NEAR * model.size if turn else 0.0
+        if turn >= NEAR_BY and best == len(model.row_names):
             break
-        if _NEAR_BY <= turn < 8:  # long chains may close nearer only
+        if NEAR_BY <= turn < 8:  # long chains may close nearer only
             if closed:
                 continue
             away = 0.05 * min(model.size, _shortest(model))
@@ -85,10 +88,10 @@ def ordinary(model: Model, q: Floats, work: Work | None = None) -> tuple[int, Fl
         best, places = _in_mesh(model, work, q, random) or (best, places)
     rank = max(best, 0)
     place, sigma = places[0], _softness(model, work, places[0], rank)
-    if sigma < _SOFT:  # this is beside a singular position, or the mechanism is soft
+    if sigma < SOFT:  # this is beside a singular position, or the mechanism is soft
         others = places[1:]
         values = [_softness(model, work, other, rank) for other in others]
-        if model.mechanism.prescribed or max(values, default=0.0) > _RISING * sigma:
+        if model.mechanism.prescribed or max(values, default=0.0) > RISING * sigma:
             more = _further(model, work, q, rank, close)
             others += more
             values += [_softness(model, work, other, rank) for other in more]
@@ -107,7 +110,7 @@ def _further(
     if model.n > _MOST or integrals(model.layout, teeth=True):
         return []
     random, found = np.random.default_rng(1), list[Floats]()
-    for _ in range(_NEAR_BY):
+    for _ in range(NEAR_BY):
         near = np.array(q)
         if model.mechanism.prescribed:
             _displace(model, near, _FURTHER * random.standard_normal())
@@ -154,10 +157,10 @@ class _Directions:
 
     def next(self) -> Floats:
         """The next direction."""
-        if self._given == _NEAR_BY:
+        if self._given == NEAR_BY:
             return self.generator.standard_normal(self._n)
         self._given += 1
-        return _directions(self._n)[self._given - 1]
+        return directions(self._n)[self._given - 1]
 
     @cached_property
     def generator(self) -> np.random.Generator:
@@ -168,9 +171,9 @@ class _Directions:
 
 
 @remembered(64)
-def _directions(n: int) -> Floats:
+def directions(n: int) -> Floats:
     """The first directions, which every search takes: to make a generator takes longer."""
-    return np.random.default_rng(0).standard_normal((_NEAR_BY, n))
+    return np.random.default_rng(0).standard_normal((NEAR_BY, n))
 
 
 def _shortest(model: Model) -> float:
@@ -205,7 +208,7 @@ def _rank(model: Model, work: Work, q: Floats) -> int:
         away = abs(rank - np.rint(rank))  # not a number, for a penalty that overflows
         if away < off:
             found, off = round(rank), away
-        if off < 0.02:
+        if off < WHOLE:
             break
     return found
 
@@ -230,7 +233,7 @@ def _softness(model: Model, work: Work, q: Floats, rank: int) -> float:
     """
     if rank == 0:
         return 1.0
-    for penalty in (1e4, 1e6, 1e8, 1e10):
+    for penalty in RESOLVING:
         soft = model.with_penalty(penalty)
         if not kernel.linearise(model.unit, soft.system, work, q):
             break

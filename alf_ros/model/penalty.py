@@ -17,6 +17,10 @@ _STIFFEST = 1e12
 def fitted(model: Model, sigma: float) -> Model:
     """The model with a penalty that fits the least singular value σ of its ordinary positions, for
     alf2: that with which both are as large, if it is soft and its own penalty is smaller."""
-    if sigma >= _SOFT:
-        return model
-    return model.with_penalty(max(model.penalty, min(EPS**-0.5 / sigma, _STIFFEST)))
+    penalty = penalty_of(model.penalty, sigma)
+    return model if penalty == model.penalty else model.with_penalty(penalty)
+
+
+def penalty_of(penalty: float, sigma: float) -> float:
+    """The penalty of such a model, whose own is `penalty`."""
+    return penalty if sigma >= _SOFT else max(penalty, min(EPS**-0.5 / sigma, _STIFFEST))

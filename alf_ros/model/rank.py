@@ -22,7 +22,7 @@ def effective_rank(model: Model, work: Work) -> float:
     )
 
 
-def distance(missing: Floats | float, penalty: float) -> Floats:
+def distance(missing: Floats | float, penalty: Floats | float) -> Floats:
     """About the least singular value of the scaled Φ_q: 0 in a singular position, 1 far away.
 
     `missing`: by how much the effective rank is less than the number of independent rows, which is

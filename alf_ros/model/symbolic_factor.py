@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sparse
 from scipy.sparse.linalg import splu
 
-from alf_ros.arrays import Indices, Integers
+from alf_ros.arrays import Floats, Indices, Integers
 from alf_ros.kernel import Mass, Pattern, Rows
 from alf_ros.kernel.numba_ext.jit import compiled
 from alf_ros.mechanism.memory import remembered
@@ -18,6 +18,7 @@ from alf_ros.model.constraints.packing import indices
 from alf_ros.model.struct_memory import changed, frozen
 
 _EYE = {D: np.eye(D) for D in (2, 3)}
+_NO_PAIRS = np.zeros((0, 2), dtype=np.int64)
 
 
 def elimination_order(mass: Mass, rows: Rows) -> Integers:
@@ -33,21 +34,20 @@ def pattern_of(
 
     `cliques`: blocks that something else binds together.
     """
-    D, n = layout.dimension, layout.movable
+    fill = filled(layout.movable, mass, rows, cliques)
+    masses = fill.masses_of(layout.dimension, mass.diagonal, mass.k, mass.skew, mass.w)
+    return changed(fill.pattern, **masses)
+
+
+def filled(n: int, mass: Mass, rows: Rows, cliques: Iterable[Sequence[int]] = ()) -> Filled:
+    """`pattern_of`, without the numbers of M; n: movable blocks."""
     pairs = [(b, a) for clique in cliques for b in clique for a in clique if a < b]
-    more = np.array(pairs, dtype=np.int64).reshape(-1, 2)
-    fill = _filled(n, more, *_structure(mass, rows))
-    diagonal = mass.diagonal[:, None, None] * _EYE[D]
-    off = np.zeros((fill.pattern.row.size, D, D))
-    off[fill.masses] = mass.k[:, None, None] * _EYE[D]
-    if mass.skew.size:
-        off[fill.masses[mass.skew]] += mass.w[:, None, None] * TURN
-    bar = np.zeros(fill.pattern.distance.size)
-    bar[fill.own] = mass.k[fill.of_own]
-    return changed(fill.pattern, mass_diagonal=diagonal.ravel(), mass_off=off.ravel(), bar=bar)
+    more = np.array(pairs, dtype=np.int64).reshape(-1, 2) if pairs else _NO_PAIRS
+    fill: Filled = _filled(n, more, *_structure(mass, rows))
+    return fill
 
 
-class _Filled(NamedTuple):
+class Filled(NamedTuple):
     """A pattern without masses, and the places of these: `masses` of the pairs of M, and `own` of
     the distances that bind the pairs `of_own` of M."""
 
@@ -55,6 +55,22 @@ class _Filled(NamedTuple):
     masses: Integers
     own: Integers
     of_own: Integers
+
+    def masses_of(
+        self, D: int, diagonal: Floats, k: Floats, skew: Indices, w: Floats
+    ) -> dict[str, Floats]:
+        """The numbers of M on the pattern, by the names of `Pattern`; diagonal, k, skew and w as
+        in `Mass`, the numbers of one mechanism, or (members, ...) of several."""
+        eye, several = _EYE[D], diagonal.shape[:-1]
+        off = np.zeros((*several, self.pattern.row.size, D, D))
+        off[..., self.masses, :, :] = k[..., None, None] * eye
+        if skew.size:
+            off[..., self.masses[skew], :, :] += w[..., None, None] * TURN
+        bar = np.zeros((*several, self.pattern.distance.size))
+        bar[..., self.own] = k[..., self.of_own]
+        whole = diagonal[..., None, None] * eye
+        shape = (*several, -1) if several else -1
+        return {'mass_diagonal': whole.reshape(shape), 'mass_off': off.reshape(shape), 'bar': bar}
 
 
 def _structure(mass: Mass, rows: Rows) -> tuple[Any, ...]:
@@ -123,7 +139,7 @@ def _filled(
     first_entry: Indices,
     movable: Indices,
     block: Indices,
-) -> _Filled:
+) -> Filled:
     """Of a structure, and of `more` pairs of blocks."""
     i, j = _bound(mass_i, mass_j, bar_i[:both], bar_j[:both])
     e, f, row = _pairs(first_entry, movable).T
@@ -161,7 +177,7 @@ def _filled(
         apart=indices(np.setdiff1d(np.arange(masses), pair[own])),
         pair=indices(np.stack([e, f, entries, bar_i.size + row], axis=1)),
     )
-    return _Filled(frozen(pattern), of_mass, own, pair[own])
+    return Filled(frozen(pattern), of_mass, own, pair[own])
 
 
 @compiled

@@ -41,6 +41,16 @@ def read_effects(
     return tuple(found), as_entry(whole)
 
 
+def fit(found: Sequence[Effect], cut: Layout) -> bool:
+    """Whether effects that were read before fit a mechanism, cut, that has other masses."""
+    try:
+        for effect in found:
+            effects.load(effect.kind).pack([effect], cut)
+    except ValueError:
+        return False
+    return True
+
+
 def _module(key: str, entry: Entry, references: References) -> tuple[str, ModuleType]:
     """The full name of an effect, and its module."""
     try:

@@ -10,15 +10,18 @@ from __future__ import annotations
 import dataclasses
 import re
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 
 from alf_ros import effects
 from alf_ros.errors import InputError
 from alf_ros.scene.mechanism_file import read_parameters
+from alf_ros.scene.rereading import reading_of
 from alf_ros.scene.scene import PICKED, Scene, load_scene
 from alf_ros.scene.text import yaml_document
 from alf_ros.scene.text.yaml_document import Entry
 
 _NUMBER = re.compile(r'-?[0-9]+(\.[0-9]+)?(e[-+]?[0-9]+)?')  # as Python prints it
+_RIVALS = {'accuracy': PICKED, **dict.fromkeys(PICKED, ('accuracy',))}
 _PARTS = ('bodies', 'joints', 'points', 'vectors', 'parameters')
 
 
@@ -39,22 +42,30 @@ def with_changes(scene: Scene, changes: Mapping[str, str], prefix: str = '--set 
     `prefix`."""
     if not changes:
         return scene
-    root = scene.document.root
-    sources = [f'{prefix}{name}' for name in changes]
+    base = reading_of(scene.document)
+    root, sources = base.root, [f'{prefix}{name}' for name in changes]
+    said, alike = prefix.rstrip(' .'), True  # whether all names mean what they do in the scene
     try:
         for (name, text), source in zip(changes.items(), sources, strict=True):
             value = _value(text, source)
-            place = _place(root, name, prefix.rstrip(' .'))
+            place = base.places.get(name) if alike else None
+            if place is None:
+                place = _place(root, name, said)
+                if alike:
+                    base.places[name] = place
+            alike = alike and not isinstance(value.value, dict)
             root = _replaced(_without_rivals(root, place), place, value, name)
-        changed = load_scene(root.mapping())
+        again = base.again(root, scene.file)
+        changed = again or dataclasses.replace(load_scene(root.mapping()), file=scene.file)
     except InputError as error:
         if error.file not in sources:
             raise
         # the text of a change is no file with lines and keys
         raise error.about(error.file) from None
-    return dataclasses.replace(changed, file=scene.file)
+    return changed
 
 
+@lru_cache(maxsize=256)
 def _value(text: str, source: str) -> Entry:
     """The YAML value in the text of a change. Raises InputError."""
     if _NUMBER.fullmatch(text):
@@ -120,13 +131,14 @@ def _place(root: Entry, name: str, said: str) -> tuple[str, ...]:
 
 def _without_rivals(root: Entry, place: tuple[str, ...]) -> Entry:
     """The scene without what an accuracy that is set would pick, or the other way round."""
-    rivals = {'accuracy': PICKED, **dict.fromkeys(PICKED, ('accuracy',))}
-    if place[0] != 'solver' or place[-1] not in rivals or 'solver' not in root.mapping():
+    if place[0] != 'solver' or place[-1] not in _RIVALS or 'solver' not in root.mapping():
         return root
-    section = root.mapping()['solver']
-    kept = {k: v for k, v in section.mapping().items() if k not in rivals[place[-1]]}
-    solver = dataclasses.replace(section, value=kept)
-    return dataclasses.replace(root, value={**root.mapping(), 'solver': solver})
+    section, against = root.mapping()['solver'], _RIVALS[place[-1]]
+    fields = section.mapping()
+    if fields.keys().isdisjoint(against):
+        return root
+    kept = {k: v for k, v in fields.items() if k not in against}
+    return root.having({**root.mapping(), 'solver': section.having(kept)})
 
 
 def _replaced(node: Entry, place: Sequence[str], value: Entry, name: str) -> Entry:
@@ -140,9 +152,9 @@ def _replaced(node: Entry, place: Sequence[str], value: Entry, name: str) -> Ent
             raise InputError('no such place in a list', key=name, value=key, expected=expected)
         items = list(node.value)
         items[int(key)] = _replaced(items[int(key)], rest, value, name)
-        return dataclasses.replace(node, value=tuple(items))
+        return node.having(tuple(items))
     fields = node.mapping()
     if key not in fields and rest:
         raise InputError('no such part', key=name, value=key, choices=fields)
     inner = _replaced(fields[key], rest, value, name) if key in fields else value
-    return dataclasses.replace(node, value={**fields, key: inner})
+    return node.having({**fields, key: inner})

@@ -112,6 +112,14 @@ class Solver:
                 raise InputError(key=name, value=value, **fault)
 
     @property
+    def settings(self) -> dict[str, Any]:
+        """The section of a scene that has these settings."""
+        given = dict(vars(self))
+        if self.accuracy is None:
+            del given['accuracy']
+        return joined(given, {})
+
+    @property
     def method(self) -> Method:
         """The values that the kernel needs."""
         return method(self.integrator, self.iterations, self.tolerance)
@@ -276,10 +284,10 @@ def _read_scene(
     found = read_mechanism(source, mechanism_name, given, references, fields.get('drives'))
     mechanism, values = found.layout.mechanism, found.values
 
-    positions, velocities, branch = _initial(fields.get('initial', nothing), mechanism, values)
+    positions, velocities, branch = read_initial(fields.get('initial', nothing), mechanism, values)
     asked = fields.get('solver', nothing)
     says_solver = bool(asked.mapping())
-    solver = _solver(asked, values) if says_solver else UNSAID
+    solver = read_solver(asked, values) if says_solver else UNSAID
     acting = fields.get('effects', nothing)
     effects, section = read_effects(acting, found.layout, values, references)
     mechanism = with_rotors(mechanism, effects)
@@ -296,10 +304,7 @@ def _read_scene(
     }
     if found.drives is not None:
         whole['drives'] = found.drives
-    settings = dict(vars(solver))
-    if solver.accuracy is None:
-        del settings['accuracy']
-    whole['solver'] = joined(settings, {})
+    whole['solver'] = solver.settings
     if 'effects' in fields:
         whole['effects'] = section
     whole.pop('parameters', None)
@@ -366,9 +371,11 @@ def _no_scene(name: str, scenes: Collection[str]) -> InputError:
     return InputError('no scene of this name', key='scene', value=name, choices=scenes)
 
 
-def _initial(
+def read_initial(
     section: Entry, mechanism: Mechanism, names: Mapping[str, float]
 ) -> tuple[dict[str, Components], dict[str, Components], int | None]:
+    """Positions, velocities and branch of a section `initial`; `names`: numbers that expressions
+    may name. Raises InputError."""
     known = {item.name: item for item in mechanism.blocks}
     parts = section.mapping(INITIAL)
     number = parts.pop('branch', None)
@@ -394,7 +401,8 @@ def _kind(item: Point | Vector) -> str:
     return 'vector' if isinstance(item, Vector) else 'point'
 
 
-def _solver(section: Entry, names: Mapping[str, float]) -> Solver:
+def read_solver(section: Entry, names: Mapping[str, float]) -> Solver:
+    """The settings of a section `solver`, likewise. Raises InputError."""
     settings: dict[str, Any] = {}
     entries = section.mapping((*NUMBERS, *CHOICES))
     for key, entry in entries.items():

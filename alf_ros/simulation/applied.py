@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -269,7 +269,7 @@ class Applied:
     @property
     def _ledger(self) -> Ledger:
         if self._weights is None:
-            return Ledger.empty()
+            return _no_ledger()
         layout = self._model.layout
         parts = list(self.each.items())
         parts += [(INPUTS, Part(listed(held.kinds(layout)), [])) for held in self._held.values()]
@@ -323,6 +323,11 @@ class Applied:
 
     def _pack(self, layout: Layout) -> Effects:
         return listed(self._all(layout))
+
+
+@cache
+def _no_ledger() -> Ledger:
+    return Ledger.empty()
 
 
 def _held(model: Model, name: str, what: Wrench | float | Curve) -> _Held:

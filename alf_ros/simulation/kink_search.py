@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -20,7 +21,7 @@ from alf_ros.model.constraints.packing import indices
 def kinks(model: Model, scalars: Sequence[tuple[int, int]], instants: Floats) -> Kinks:
     """The kinks of effects: of each the address of `interval` (0: none) and how many scalars it
     knows; and the instants (s) of kinks over time, ascending."""
-    found = Kinks.empty()
+    found = _none()
     if instants.size:
         found = replace(found, instants=instants, span=np.array([-np.inf, np.inf]))
     known = [
@@ -43,6 +44,11 @@ def kinks(model: Model, scalars: Sequence[tuple[int, int]], instants: Floats) ->
         path=np.zeros((len(known) + 1) * compiled.PLACES * 4),
         doubt=np.zeros(2 * len(known)),
     )
+
+
+@cache
+def _none() -> Kinks:
+    return Kinks.empty()
 
 
 def kinks_of_drives(mechanism: Mechanism) -> Floats:

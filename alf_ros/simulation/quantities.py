@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,6 +28,14 @@ class Group:
     units: tuple[str, ...]
     read: Callable[[Sample], Floats]
     components: tuple[str, ...] = ()
+
+
+class Quantity(NamedTuple):
+    """A quantity by its full name; `units` and `components` as in `Group`."""
+
+    name: str
+    units: tuple[str, ...]
+    components: tuple[str, ...]
 
 
 def groups(sample: Sample) -> tuple[Group, ...]:

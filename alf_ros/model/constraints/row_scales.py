@@ -13,34 +13,55 @@ from alf_ros.model.struct_memory import changed
 
 
 def scaled_rows(system: System, q: Floats, layout: Layout, penalty: float) -> Rows:
-    """The rows with scale 1 / |Φ_q,r| and α_r = penalty / (Φ_q,r M⁻¹ Φ_q,rᵀ), both as drawn.
+    """The rows with scale 1 / |Φ_q,r| and α_r = penalty / (Φ_q,r M⁻¹ Φ_q,rᵀ), both as drawn."""
+    rows, lengths = system.rows, RowLengths(system.rows, q, layout.dimension)
+    masses = lengths.masses(system.mass.diagonal, system.mean, layout.blocks)
+    return changed(rows, alpha=penalty / masses, scale=1.0 / np.sqrt(lengths.squared))
 
-    One over the denominator is the mass that the row moves: about its lightest block. M is
-    replaced by its diagonal, and missing masses by the mean.
-    """
-    rows, D = system.rows, layout.dimension
-    g, g2 = np.zeros(rows.i.size * D), np.zeros(rows.b.size)
-    kernel.jacobian((0.0,) * D, rows, q, g, g2)
-    light = np.zeros(layout.blocks)  # 1 / mass of each block; fixed ones do not move
-    mass = system.mass.diagonal
-    light[: mass.size] = 1.0 / np.where(mass > 0.0, mass, system.mean)
-    square, entry = (np.add.reduce(each.reshape(-1, D) ** 2, axis=1) for each in (g, g2))
-    both, bars, alike = int(rows.both), rows.i.size, _of_one_length(rows.first, rows.movable)
 
-    def sums(i: Floats, j: Floats, entries: Floats) -> Floats:
+class RowLengths:
+    """|Φ_q,r|² of rows as drawn, and of the parts of their blocks."""
+
+    def __init__(self, rows: Rows, q: Floats, D: int) -> None:
+        g, g2 = np.zeros(rows.i.size * D), np.zeros(rows.b.size)
+        kernel.jacobian((0.0,) * D, rows, q, g, g2)
+        self._rows, self._alike = rows, _of_one_length(rows.first, rows.movable)
+        self._square, self._entry = (
+            np.add.reduce(each.reshape(-1, D) ** 2, axis=1) for each in (g, g2)
+        )
+
+    @property
+    def squared(self) -> Floats:
+        """(rows,) |Φ_q,r|²."""
+        return self._sums(self._square, self._square, self._entry)
+
+    def masses(self, diagonal: Floats, mean: float | Floats, blocks: int) -> Floats:
+        """(rows,) Φ_q,r M⁻¹ Φ_q,rᵀ: one over the mass that a row moves, about its lightest block.
+
+        M is replaced by its diagonal (movable,), and missing masses by their `mean`; of several
+        mechanisms (members, movable) and (members,). blocks: how many there are, fixed ones too.
+        """
+        several, rows = diagonal.shape[:-1], self._rows
+        light = np.zeros((*several, blocks))  # 1 / mass of each block; fixed ones do not move
+        instead = mean[..., None] if isinstance(mean, np.ndarray) else mean
+        light[..., : diagonal.shape[-1]] = 1.0 / np.where(diagonal > 0.0, diagonal, instead)
+        i, j = self._square * light[..., rows.i], self._square * light[..., rows.j]
+        return self._sums(i, j, self._entry * light[..., rows.block])
+
+    def _sums(self, i: Floats, j: Floats, entries: Floats) -> Floats:
         """Σ |Φ_q,r,b|² over the movable blocks b of each row, of its parts."""
-        total = np.zeros(rows.alpha.size)
-        total[:bars] = i
-        total[:both] += j[:both]
-        of_forms = total[bars:]
-        for own, places in alike:
-            of_forms[own] = np.add.reduce(entries[places], axis=1)
+        rows = self._rows
+        both, bars = int(rows.both), rows.i.size
+        total = np.zeros((*i.shape[:-1], rows.alpha.size))
+        total[..., :bars] = i
+        total[..., :both] += j[..., :both]
+        of_forms = total[..., bars:]
+        for own, places in self._alike:
+            # in the order of one mechanism, in which the sum of many numbers is rounded
+            parts = np.ascontiguousarray(entries[..., places])
+            of_forms[..., own] = np.add.reduce(parts, axis=-1)
         total[~(total > 0.0)] = 1.0
         return total
-
-    light_entries = entry * light[rows.block]
-    masses = sums(square * light[rows.i], square * light[rows.j], light_entries)
-    return changed(rows, alpha=penalty / masses, scale=1.0 / np.sqrt(sums(square, square, entry)))
 
 
 @remembered(64)

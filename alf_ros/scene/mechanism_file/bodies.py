@@ -78,10 +78,7 @@ class BodyReader:
         if not points:
             raise item.fields['points'].error(f'body {item.name!r} has no points')
         local, axes = self.frame(item, points, vectors)
-        mass = item.fields['mass'].number(item.names)
-        if mass < 0.0:
-            raise item.fields['mass'].error('negative mass', expected='kg, zero or more')
-        com, inertia = self.inertia(item, local, mass, bool(vectors))
+        mass, com, inertia = self.masses(item, local, bool(vectors))
         shown = self.shapes.read(item.fields[SHAPES], item.names) if SHAPES in item.fields else ()
         return Body(item.name, points, local, mass, com, inertia, vectors, axes, shown)
 
@@ -143,6 +140,16 @@ class BodyReader:
         return span
 
     # ---------------------------------------------------------------------------- mass, inertia
+
+    def masses(
+        self, item: Item, local: tuple[Numbers, ...], oriented: bool
+    ) -> tuple[float, Numbers, float | tuple[Numbers, ...]]:
+        """Mass (kg), centre of mass and inertia of a body with these points in its frame (m).
+        `oriented`: the file gives it vectors. Raises InputError."""
+        mass = item.fields['mass'].number(item.names)
+        if mass < 0.0:
+            raise item.fields['mass'].error('negative mass', expected='kg, zero or more')
+        return (mass, *self.inertia(item, local, mass, oriented))
 
     def inertia(
         self, item: Item, local: tuple[Numbers, ...], mass: float, oriented: bool

@@ -18,15 +18,19 @@ NAME = '<scene>'  # of the text, in errors
 
 
 class SceneDocument:
-    """A text, or the fields whose text it is. Documents of the same text are equal."""
+    """A text, or the fields whose text it is, or a function that gives them when they are asked
+    for. Documents of the same text are equal."""
 
-    def __init__(self, content: str | Mapping[str, object]) -> None:
+    def __init__(
+        self, content: str | Mapping[str, object] | Callable[[], Mapping[str, object]]
+    ) -> None:
         self._content = content
+        self.reading: object = None  # of its entries, by `rereading`
 
     @cached_property
     def text(self) -> str:
         """The whole document."""
-        content = self._content
+        content = self._content() if callable(self._content) else self._content
         return content if isinstance(content, str) else serialise(entry(content))
 
     @cached_property

@@ -6,7 +6,6 @@ always a number and `on` always a name. Tags are refused, and a key may occur on
 
 from __future__ import annotations
 
-import dataclasses
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -55,6 +54,10 @@ class Entry:
     def is_null(self) -> bool:
         """Whether the value is an unquoted null, such as `~`."""
         return self.plain and isinstance(self.value, str) and self.value in NULL
+
+    def having(self, value: str | tuple[Entry, ...] | dict[str, Entry]) -> Entry:
+        """The same with another value."""
+        return Entry(value, self.file, self.line, self.path, self.plain)
 
     def error(self, message: str, *, value: object = None, **details: Any) -> InputError:
         """An InputError at this place; `value` defaults to the scalar as written, but never a
@@ -170,9 +173,9 @@ def replaced(entry: Entry, by: Mapping[int, Entry]) -> Entry:
         return by[id(entry)]
     if isinstance(value, dict):
         fields = {key: replaced(item, by) for key, item in value.items()}
-        return dataclasses.replace(entry, value=fields)
+        return entry.having(fields)
     if isinstance(value, tuple):
-        return dataclasses.replace(entry, value=tuple(replaced(item, by) for item in value))
+        return entry.having(tuple(replaced(item, by) for item in value))
     return entry
 
 

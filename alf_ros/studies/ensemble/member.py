@@ -45,10 +45,11 @@ def run_member(study: Study, k: int) -> Member:
 
 
 def member_of(
-    study: Study, samples: Iterable[Sample], passes: Callable[[], Sequence[Pass]] = tuple
+    study: Study, samples: Iterable[Sample] | Run, passes: Callable[[], Sequence[Pass]] = tuple
 ) -> Member:
-    """The outputs of a run, from its samples at the instants of the study; `passes`: through
-    singular positions, known when the samples are. What fails in the run is its reason."""
+    """The outputs of a run, from its samples at the instants of the study, or as it was read
+    there; `passes`: through singular positions, known when the samples are. What fails in the run
+    is its reason."""
     try:
         return Member(outputs_of(study, samples, passes))
     except StoppedError:
@@ -73,13 +74,11 @@ class _FunctionError(Exception):
 
 
 def outputs_of(
-    study: Study, samples: Iterable[Sample], passes: Callable[[], Sequence[Pass]]
+    study: Study, samples: Iterable[Sample] | Run, passes: Callable[[], Sequence[Pass]]
 ) -> tuple[Floats, ...]:
     """The arrays of a member. Raises what its run raises, and an exception for what a function of
     the user raises."""
-    names = [name for output in study.outputs for name in output.quantities]
-    everything = any(o.kind == 'function' and not o.reads for o in study.outputs)
-    run = Run(samples, None if everything else names)
+    run = samples if isinstance(samples, Run) else Run(samples, study.quantities)
     return tuple(_arrays(study, run, study.instants[1], passes() if study.watch else ()))
 
 

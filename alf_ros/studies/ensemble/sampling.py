@@ -34,6 +34,8 @@ SAMPLINGS = ('random', 'lhs', 'sobol', 'saltelli', 'grid', 'table')
 COUNTED = ('grid', 'table')  # they say themselves how many members there are
 MOST_MEMBERS = 2**30  # what the Sobol' sequence of scipy has
 
+_WORDS = 256  # of a stream that are read at once, four of each block
+
 Varied = Distribution | tuple[Value, ...]
 
 
@@ -105,9 +107,9 @@ class Sampling:
     def unit(self, k: int) -> Floats:
         """u of each name for member k, (names,), of the samplings that have one."""
         if self.kind == 'random':
-            return np.array([_word(self.seed, name, k) for name in self.names])
+            return np.array([self._word(name, k) for name in self.names])
         if self.kind == 'lhs':
-            within = [_word(self.seed, f'within {name}', k) for name in self.names]
+            within = [self._word(f'within {name}', k) for name in self.names]
             order = [order[k] for order in self._orders.values()]
             return np.minimum((np.array(order) + within) / self.members, 1.0 - 2.0**-53)
         names = len(self.names)
@@ -120,6 +122,20 @@ class Sampling:
             return b if role else a
         a[role - 2] = b[role - 2]
         return a
+
+    def _word(self, name: str, k: int) -> float:
+        """Word k of the stream of a name, as a number in (0, 1): its 52 high bits, and a half."""
+        first = k - k % _WORDS
+        known = self._words.get(name)
+        if known is None or known[0] != first:
+            stream = np.random.Philox(key=[self.seed, _key(name)], counter=first // 4)
+            known = self._words[name] = first, stream.random_raw(_WORDS).tolist()
+        return (known[1][k - first] >> 12) * 2.0**-52 + 2.0**-53
+
+    @cached_property
+    def _words(self) -> dict[str, tuple[int, list[int]]]:
+        """Of each stream the words read last, and the number of the first of them."""
+        return {}
 
     @cached_property
     def _orders(self) -> dict[str, Integers]:
@@ -154,10 +170,3 @@ def _value(varied: Varied, u: float) -> Value:
 
 def _key(name: str) -> int:
     return int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], 'little')
-
-
-def _word(seed: int, name: str, k: int) -> float:
-    """Word k of the stream of a name, as a number in (0, 1): its 52 high bits, and a half."""
-    block, word = divmod(k, 4)
-    raw = np.random.Philox(key=[seed, _key(name)], counter=block).random_raw(4)
-    return (int(raw[word]) >> 12) * 2.0**-52 + 2.0**-53

@@ -17,6 +17,7 @@ from alf_ros.inspection.run import Run
 from alf_ros.scene import overrides
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation import input_checks as check
+from alf_ros.simulation.alike_members import AlikeMembers
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.studies.ensemble.distributions import Distribution
 from alf_ros.studies.ensemble.kept_outputs import SAME, KeptOutput, LabelledArray
@@ -79,6 +80,19 @@ class Study(SentScene):
             variable for output in self.outputs for variable in output.variables(run, self.times)
         )
 
+    @cached_property
+    def quantities(self) -> tuple[str, ...] | None:
+        """The quantities that outputs read; None if a function may read all."""
+        if any(o.kind == 'function' and not o.reads for o in self.outputs):
+            return None
+        return tuple(name for output in self.outputs for name in output.quantities)
+
+    @cached_property
+    def idle(self) -> list[AlikeMembers | None]:
+        """Memory of this process for members that are made together, while nobody uses it; None
+        if members are known to differ in more than numbers."""
+        return []
+
     @property
     def watch(self) -> bool:
         """Whether passes through singular positions are looked for."""
@@ -87,8 +101,7 @@ class Study(SentScene):
     @property
     def ledger(self) -> bool:
         """Whether the works of effects are integrated."""
-        names = [name for output in self.outputs for name in output.quantities]
-        return any(name.startswith('works.') for name in names)
+        return any(n.startswith('works.') for o in self.outputs for n in o.quantities)
 
     @property
     def chunks(self) -> int:

@@ -1,0 +1,179 @@
+"""Members of one geometry, made and stepped together: the usual members of a study.
+
+Masses, numbers of effects and velocities differ; points, shapes and joints do not. Then nearly all
+of a simulation is the same, and the rest are rows of arrays: `MemberStructs` has the tables of all
+members, one call finds where they start (`model/member_starts.py`), groups of lanes step them, and
+one call reads them. Each has the bits of its single run. A member that does not start in the usual
+way, or whose steps fail, is left out: it is to be run alone, which says why.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from alf_ros.arrays import Floats
+from alf_ros.kernel.data.lane_crew import LaneCrew, LaneGroups, LaneProgress
+from alf_ros.kernel.lanes.advance_lanes import advance_lanes
+from alf_ros.kernel.lanes.advance_lanes_adaptively import advance_lanes_adaptively
+from alf_ros.kernel.lanes.single_member import functions_of_members
+from alf_ros.model.member_structs import LanesOfMembers, MemberStructs
+from alf_ros.model.member_systems import NUMBERS, MemberSystems
+from alf_ros.model.penalty import LEAST_PENALTY
+from alf_ros.simulation import input_checks as check
+from alf_ros.simulation.member_numbers import Likeness, MemberNumbers
+from alf_ros.simulation.member_readings import MemberReadings
+from alf_ros.simulation.quantities import Quantity
+from alf_ros.simulation.side_by_side import is_adaptive, width
+from alf_ros.simulation.simulation import Simulation
+
+_GROUPS = 8  # of members at a time
+_SYSTEM = tuple(
+    f'system.{name}' for name in (*NUMBERS, 'penalty', 'ordinary', 'close', 'patience')
+)
+_OWN = (*_SYSTEM, 'forces.effects.params', 'work')
+_SHARED = 'work.pulse', 'work.caller'  # a member that is stopped stops all
+
+
+class AlikeMembers:
+    """Members like a simulation, some at a time: `most` of them.
+
+    simulation: one for which `member_numbers.unlike` and `side_by_side.no_place` find nothing; it
+    is not to be used elsewhere. quantities: the readings of each member.
+    """
+
+    def __init__(self, simulation: Simulation, quantities: Sequence[Quantity]) -> None:
+        self.most, self._lanes = _GROUPS * width(), width()
+        self.quantities = tuple(quantities)
+        self._of, stepper = simulation, simulation._stepper
+        likeness = Likeness(simulation)
+        self.numbers_of, bodies = likeness.numbers_of, [own for _, own in likeness.bodies]
+        given, penalty = simulation.scene.velocities, simulation.solver.penalty
+        self._systems = MemberSystems(
+            simulation.model, bodies, given, max(penalty, LEAST_PENALTY), self.most
+        )
+        problem, phase = stepper.problem_of(simulation._present), simulation._present.phase
+        self._problems = MemberStructs(problem, self.most, _OWN, _SHARED)
+        every = [name for name, _, _ in vars(phase)['_numba_type_'].parts]
+        self._phases = MemberStructs(phase, self.most, every)
+        self._readings = MemberReadings(simulation, quantities, self._problems, self._phases)
+        progress = MemberStructs(
+            LaneProgress(*np.zeros((5, 1))), self.most, LaneProgress.__dataclass_fields__
+        )
+        self._of_problems = LanesOfMembers(self._problems, self._lanes)
+        self._of_phases = LanesOfMembers(self._phases, self._lanes)
+        self._progress = LanesOfMembers(progress, self._lanes)
+        self._adaptive = is_adaptive(simulation)
+        self._crews = [self._crew(g) for g in range(_GROUPS)]
+        self._where = LaneGroups(
+            problem=self._of_problems.addresses,
+            phase=self._of_phases.addresses,
+            progress=self._progress.addresses,
+            crew=np.array([crew._address for crew in self._crews], dtype=np.uint64),
+        )
+
+    def _crew(self, g: int) -> LaneCrew:
+        own = slice(g * self._lanes, (g + 1) * self._lanes)
+        dimension, lanes = self._of.model.layout.dimension, self._lanes
+        addresses = [each.address for each in functions_of_members(dimension, self._adaptive)]
+        steady = int(self._of._applied.is_steady)
+        alone, forces, drives = (np.array([each], dtype=np.uint64) for each in addresses)
+        return LaneCrew(
+            problem=self._problems.addresses[own].copy(),
+            phase=self._phases.addresses[own].copy(),
+            alone=alone,
+            forces=forces,
+            drives=drives,
+            steady=np.array([steady]),
+            result=np.zeros(lanes, dtype=np.int64),
+            apart=np.zeros(lanes, dtype=np.int64),
+            told=np.zeros(3),
+        )
+
+    def run(
+        self, numbers: Sequence[MemberNumbers], duration: float, at: Sequence[float]
+    ) -> tuple[Floats, list[Floats], NDArray[np.bool_]]:
+        """Run members with these numbers, `most` of them at most, for a duration (s).
+
+        Returns the instants of `at` on the grid of the steps (N,) s; of each quantity (members, N)
+        or (members, N, D); and which members came to the end.
+        Raises InputError, and the exception that stopped the run.
+        """
+        count, first = len(numbers), self._of
+        good = self._begin(numbers)
+        self._index, last = 0, check.steps_of(duration, first.h, 0)
+        t, rows = [], []
+        for instant in check.times(at, 0.0, first.h):
+            self._step_to(math.floor(instant / first.h + check.CLOSE), good)
+            t.append(self._index * first.h)
+            rows.append(self._readings.at(t[-1]))
+        self._step_to(last, good)
+        values = [np.stack(each, axis=1)[:count] for each in zip(*rows, strict=True)]
+        return np.array(t), values, good[:count]
+
+    def reads_at(self, at: Sequence[float]) -> bool:
+        """Whether instants (s) are on the grid of the steps: others are reached aside."""
+        h = self._of.h
+        steps = [math.floor(t / h + check.CLOSE) for t in at]
+        return all(t - n * h <= check.CLOSE * h for t, n in zip(at, steps, strict=True))
+
+    def _begin(self, numbers: Sequence[MemberNumbers]) -> NDArray[np.bool_]:
+        """Put members at their starts; returns which are there. Places without a member have the
+        numbers of the last one, and make no steps."""
+        every = [*numbers, *[numbers[-1]] * (self.most - len(numbers))]
+        bound = np.array([each.bound for each in every]).reshape(self.most, -1, 2)
+        given = np.array([each.given for each in every])
+        starts = self._systems.start(np.array([each.masses for each in every]), bound, given)
+        problems, phases, stepper = self._problems, self._phases, self._of._stepper
+        self._systems.put_into(problems.system, starts)
+        problems.forces.effects.params[:] = [each.params for each in every]
+        for part in _arrays(problems.work):
+            part[:] = 0
+        for part in _arrays(phases):
+            part[:] = 0
+        phases.q[:], phases.qd[:] = starts.q, starts.qd
+        phases.pace[:, 0] = [stepper.first_pace(qd) for qd in starts.qd]
+        good = starts.usual.copy()
+        good[len(numbers) :] = False
+        self._of_problems.take()
+        self._of_phases.take()
+        return good
+
+    def _step_to(self, index: int, good: NDArray[np.bool_]) -> None:
+        """Take the good members to a number of steps; those that fail are good no more."""
+        if index <= self._index:
+            return
+        progress, lanes = self._progress, self._lanes
+        progress.most[:] = 0.0
+        progress.index[:, 0] = self._index
+        moving = good.reshape(-1, lanes)
+        progress.target[:, 0] = np.where(moving, index, progress.index[:, 0])
+        for crew in self._crews:
+            crew.apart[:] = crew.result[:] = 0
+        kernel = advance_lanes_adaptively if self._adaptive else advance_lanes
+        stopped = kernel(
+            self._of_problems.group(0),
+            self._of_phases.group(0),
+            progress.group(0),
+            self._crews[0],
+            self._problems.member(0),
+            self._phases.member(0),
+            self._where,
+            self._of.h,
+        )
+        if stopped >= 0:
+            self._of._stepper.listener.answer()
+        for g, crew in enumerate(self._crews):
+            good[g * lanes : (g + 1) * lanes] &= crew.result == 0
+        self._index = index
+
+
+def _arrays(structs: MemberStructs) -> list[NDArray[np.generic]]:
+    """All arrays of these structs and of those in them."""
+    found: list[NDArray[np.generic]] = []
+    for part in structs.parts.values():
+        found += _arrays(part) if isinstance(part, MemberStructs) else [part]
+    return found

@@ -1,0 +1,115 @@
+"""The numbers in which members of one geometry differ: masses, numbers of effects, velocities."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from alf_ros.arrays import Floats
+from alf_ros.errors import AlfError
+from alf_ros.mechanism.natural_coordinates import Layout
+from alf_ros.model.mass import masses_of
+from alf_ros.scene.scene import Scene
+from alf_ros.simulation.packed_effects import AskedFunctions, PackedKind, kinds_of
+from alf_ros.simulation.simulation import Simulation
+
+
+class MemberNumbers(NamedTuple):
+    """The numbers of one member: masses of all bodies, one after another, as `BodyMasses` has
+    them; of `Effects.params`; and the velocities given (m/s) in the order in which rows hold
+    them."""
+
+    masses: list[float]
+    bound: list[tuple[float, float]]
+    params: Floats
+    given: Floats
+
+
+class Likeness:
+    """Whether scenes are like the scene of a simulation in all but such numbers, and theirs."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        """`simulation`: one for which `unlike` finds nothing."""
+        stepper, self._scene = simulation._stepper, simulation.scene
+        self.layout, mechanism = simulation.model.layout, self._scene.mechanism
+        self._geometry = mechanism.geometry
+        embedded = stepper.method.embedded.size > 0
+        self._asked = AskedFunctions(False, embedded, embedded)
+        kinds = kinds_of(self._scene.effects, self.layout, self._asked)
+        self._kinds = [_structure(kind) for kind in kinds]
+        self.bodies = [(body, masses_of(body, self.layout)) for body in mechanism.bodies]
+        self._velocities = _places(self._scene)
+
+    def numbers_of(self, scene: Scene) -> MemberNumbers | None:
+        """The numbers of a scene; None if it is another one in more than numbers."""
+        own, mechanism = self._scene, scene.mechanism
+        if mechanism.geometry != self._geometry or mechanism.drives or mechanism.rotors:
+            return None
+        if scene.solver != own.solver or scene.positions or scene.branch is not None:
+            return None
+        if _places(scene) != self._velocities:
+            return None
+        layout = replace(self.layout, mechanism=mechanism)
+        masses: list[float] = []
+        bound: list[tuple[float, float]] = []
+        for body, (first, known) in zip(mechanism.bodies, self.bodies, strict=True):
+            found = known if body is first else masses_of(body, layout, known=False)
+            if found.blocks != known.blocks or found.pairs != known.pairs:
+                return None
+            masses += found.masses
+            bound += found.bound
+        try:
+            kinds = kinds_of(scene.effects, layout, self._asked)
+        except (AlfError, ArithmeticError):
+            return None  # alone it fails again, and says why
+        if [_structure(kind) for kind in kinds] != self._kinds:
+            return None
+        params = np.concatenate([np.zeros(0), *(kind.packed.params for kind in kinds)])
+        return MemberNumbers(masses, bound, params, _given(scene, layout))
+
+
+def unlike(simulation: Simulation) -> str:
+    """Why no other member can be made from the numbers in which it differs from this one; empty
+    if others can."""
+    start, scene, system = simulation._start, simulation.scene, simulation.model.system
+    if scene.mechanism.geometry is None or scene.mechanism.prescribed:
+        return 'motions as functions of time differ by more than numbers'
+    if scene.mechanism.auxiliary or system.rows.velocity or system.integrals.row.size:
+        return 'rows of velocities and blocks of no body are made for each member'
+    if start.dependent_rows or start.near or start.singular or start.adjustment:
+        return 'redundant rows and singular positions are examined for each member'
+    if scene.positions or scene.branch is not None:
+        return 'positions given are closed for each member'
+    if simulation.accuracy is not None or simulation.solver != scene.solver:
+        return 'settings that are picked belong to one member'
+    kinks = simulation._applied.assembled.kinks
+    if kinks.search.size or kinks.instants.size or kinks.span.size:
+        return 'kinks over time are listed for each member'
+    return ''
+
+
+def _structure(kind: PackedKind) -> tuple[object, ...]:
+    """All of a packed kind but its numbers."""
+    packed = kind.packed
+    addresses = kind.force, kind.potential, kind.friction, kind.tangent, kind.side, kind.interval
+    sizes = packed.params.size, packed.intervals, packed.instants.size, len(kind.rubbing)
+    return kind.name, addresses, packed.slots.tobytes(), sizes
+
+
+def _places(scene: Scene) -> tuple[tuple[str, tuple[bool, ...]], ...]:
+    """Which velocities are given."""
+    return tuple(
+        (name, tuple(each is None for each in values)) for name, values in scene.velocities.items()
+    )
+
+
+def _given(scene: Scene, layout: Layout) -> Floats:
+    """The velocities given, m/s; components of vectors are in their own length."""
+    found: list[float] = []
+    for name, values in scene.velocities.items():
+        unit = 1.0 if name in layout.of_point else layout.length
+        # as from the constant of a row, where zero has the other sign
+        found += [-(0.0 - unit * value) for value in values if value is not None]
+    return np.array(found)

@@ -1,0 +1,102 @@
+"""The time of a million slider-cranks: python benchmark/million.py [--members N] [--workers N]
+
+Slider-cranks of ten seconds, each with another mass of the coupler (or, with `--vary L`, other
+lengths), go through about eleven singular positions. They are members of a study that worker
+processes run; their final and largest energies are kept. Prints the largest distance of the two
+points from the same motion with steps of 1 ms, of some members; the members per second and the
+processor time of a member, without the start of the workers; and how long a million takes at this
+rate, and at this processor time on processors that nothing else uses.
+"""
+
+from __future__ import annotations
+
+import argparse
+import resource
+import time
+
+import numpy as np
+
+from alf_ros import Simulation
+from alf_ros.logs.provenance import about
+from alf_ros.scene.scene import Scene
+from alf_ros.studies.ensemble.crews import Processes
+from alf_ros.studies.ensemble.distributions import normal
+from alf_ros.studies.ensemble.ensemble import conduct
+from alf_ros.studies.ensemble.study import Study
+from alf_ros.studies.ensemble.study_reading import study_of
+
+DURATION, H = 10.0, 0.025  # s
+# a large penalty: solves take fewer rounds, and fewer steps beside singular positions are alone
+SOLVER = {'solver.integrator': ['dop853'], 'solver.step': [H], 'solver.penalty': ['1e10']}
+VARIED = {'coupler.mass': normal(1.0, 0.05), 'L': normal(1.0, 0.05)}
+COMPARED, INSTANTS = 8, 100
+CHUNK = 256  # members that a worker gets at once
+MILLION = 1_000_000
+
+
+def error(scene: Scene) -> float:
+    """Largest distance of A and B from the motion with steps of 1 ms, m."""
+    times = np.linspace(0.0, DURATION, INSTANTS + 1).tolist()
+    here, there = (
+        [np.array([s.points['A'], s.points['B']]) for s in simulation.run(DURATION, at=times)]
+        for simulation in (Simulation(scene), Simulation(scene, step=1e-3))
+    )
+    return max(
+        float(np.linalg.norm(a - b, axis=1).max()) for a, b in zip(here, there, strict=True)
+    )
+
+
+def study(members: int, name: str) -> Study:
+    """Members that differ in one number."""
+    return study_of(
+        'slider_crank',
+        {name: VARIED[name], **SOLVER},
+        members=members,
+        outputs=['final(energy)', 'max(energy)'],
+        duration=DURATION,
+        period=DURATION / 10,
+        chunk=CHUNK,
+    )
+
+
+def conducted(made: Study, workers: int) -> tuple[int, float, float]:
+    """How many members failed; duration and processor time, s."""
+    start, before = time.perf_counter(), processor_time()
+    found = conduct(made, None, Processes(workers))
+    taken = time.perf_counter() - start
+    return int((found['reason'] != '').sum()), taken, processor_time() - before
+
+
+def processor_time() -> float:
+    """Of this process, and of those that it began and that have ended, s."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return time.process_time() + used.ru_utime + used.ru_stime
+
+
+def main() -> None:
+    """Print all of it."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('--members', type=int, default=20_480)
+    parser.add_argument('--workers', type=int, default=2)
+    parser.add_argument('--vary', choices=tuple(VARIED), default='coupler.mass')
+    options = parser.parse_args()
+    few, many = (study(n, options.vary) for n in (options.workers * CHUNK, options.members))
+    largest = max(error(few.scene_of(k)) for k in range(COMPARED))
+    print(about())
+    print(f'the largest error of {COMPARED} members: {largest:.2g} m')
+    first, begun = conducted(few, options.workers)[1:]  # with the start of the workers
+    failed, taken, used = conducted(many, options.workers)
+    counted = many.members - few.members
+    each, work = (taken - first) / counted, (used - begun) / counted
+    print(
+        f'{many.members} members with another {options.vary}, {failed} failed, on '
+        f'{options.workers} workers'
+    )
+    print(f'{first:.3g} s until {few.members} members are done, then {1.0 / each:.4g} per second')
+    print(f'{1e3 * work:.3g} ms of a processor each')
+    million = (first + MILLION * each) / 60.0, MILLION * work / options.workers / 60.0
+    print('a million: {:.3g} min here and now, {:.3g} min on idle processors'.format(*million))
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,187 @@
+"""Members of one geometry are made together, each with the bits that it has alone."""
+
+from __future__ import annotations
+
+import pickle
+from typing import Any
+
+import numpy as np
+import pytest
+
+from alf_ros import Simulation, load_scene
+from alf_ros.scene.overrides import with_changes
+from alf_ros.simulation.alike_members import AlikeMembers
+from alf_ros.simulation.member_numbers import Likeness, unlike
+from alf_ros.simulation.member_readings import readable
+from alf_ros.simulation.side_by_side import width
+from alf_ros.studies.ensemble import members_together
+from alf_ros.studies.ensemble.distributions import normal, uniform
+from alf_ros.studies.ensemble.member import run_member
+from alf_ros.studies.ensemble.members_together import run_members
+from alf_ros.studies.ensemble.study import Study
+from alf_ros.studies.ensemble.study_reading import study_of
+
+FIXED = {'solver.integrator': ['dop853'], 'solver.step': [0.02]}
+ADAPTIVE = {'solver.integrator': ['dop853_adaptive'], 'solver.tolerance': [1e-8]}
+DOWN, DAMPING = 'gravity.acceleration.1', 'torsion_spring.damping'
+KEPT = [
+    'final(energy)',
+    'max(kinetic_energy)',
+    'points.A',
+    'mean(velocities.A.x)',
+    'integral(crank_pin.position)',
+    {'crossing': 'points.A.y', 'value': 0.1},
+    {'at': [0.2, 0.4], 'of': 'norm(velocities.A)'},
+]
+FIVE = {
+    'mechanism': {
+        'alf': 1,
+        'points': {
+            'O': {'at': [0, 0], 'fixed': True},
+            'A': {'at': [1, 0]},
+            'C': {'at': [0.5, 0.4]},
+            'B': {'at': [1.6, 0.5]},
+        },
+        'bodies': {
+            'arm': {'points': ['O', 'A', 'C'], 'mass': 1, 'inertia': {'about_com': 0.1},
+                    'com': [0.5, 0.1]},
+            'rod': {'points': ['A', 'B'], 'mass': 0.5, 'inertia': 'rod'},
+        },
+        'joints': {
+            'crank_pin': {'type': 'revolute', 'between': ['ground', 'arm'], 'at': 'O'},
+            'elbow': {'type': 'revolute', 'between': ['arm', 'rod'], 'at': 'A'},
+        },
+    },
+    'effects': {
+        'gravity': {'acceleration': [0, -9.81]},
+        'torsion_spring': {'joint': 'elbow', 'stiffness': 3, 'free_position': 0.2},
+    },
+    'initial': {'velocities': {'A': [None, 1.5]}},
+}  # fmt: skip
+STUDIES: list[tuple[Any, dict[str, Any]]] = [
+    ('slider_crank', {'coupler.mass': normal(1, 0.05), **FIXED}),
+    ('slider_crank', {'m': uniform(0.5, 2), DOWN: uniform(-10, -9), **ADAPTIVE}),
+    ('slider_crank', {'initial.velocities.B.0': uniform(-4.2, -3.8), **FIXED}),
+    (
+        'slider_crank',
+        {'crank.inertia': ['rod', '{about_com: 0.1}'], 'coupler.mass': uniform(1, 2), **FIXED},
+    ),
+    (FIVE, {'arm.mass': uniform(1, 2), 'arm.com.1': uniform(-0.1, 0.1), **FIXED}),
+    (FIVE, {'torsion_spring.stiffness': uniform(1, 9), 'rod.mass': uniform(1, 2), **ADAPTIVE}),
+    (
+        FIVE,
+        {'arm.inertia.about_com': uniform(0, 1), 'torsion_spring.damping': uniform(0, 1), **FIXED},
+    ),
+]
+
+
+def study(scene: Any, vary: dict[str, Any], **more: Any) -> Study:
+    found = load_scene(scene)
+    settings = {'members': 2 * width() + 3, 'seed': 3, 'duration': 0.6, 'period': 0.04, **more}
+    return study_of(found, vary, outputs=settings.pop('outputs', KEPT), **settings)
+
+
+@pytest.mark.parametrize('n', range(len(STUDIES)))
+def test_members_have_the_bits_of_their_single_runs(n: int, monkeypatch: Any) -> None:
+    made = study(*STUDIES[n])
+    monkeypatch.setattr(members_together, '_side_by_side', lambda study, members: {})
+    counts: list[int] = []
+    run = AlikeMembers.run
+
+    def counted(self: AlikeMembers, *given: Any) -> Any:
+        found = run(self, *given)
+        counts.append(int(found[2].sum()))
+        return found
+
+    monkeypatch.setattr(AlikeMembers, 'run', counted)
+    found = run_members(made, range(made.members))
+    assert sum(counts) == made.members
+    assert len(made.idle) == 1 and not pickle.loads(pickle.dumps(made)).idle
+    for k in range(0, made.members, 3):
+        alone = run_member(made, k)
+        assert not alone.reason and not found[k].reason
+        for array, own in zip(found[k].arrays, alone.arrays, strict=True):
+            assert array.tobytes() == own.tobytes()
+
+
+def test_a_member_that_fails_or_differs_in_more_is_run_alone() -> None:
+    masses = ['1', '-1', '0', '1.1', '1e300', 'rod', '1.2', *['1.3'] * (2 * width())]
+    vary = {'coupler.mass': masses, 'solver.integrator': ['dop853'] * len(masses)}
+    made = study('slider_crank', vary, sampling='table', members=None, outputs=KEPT[:3])
+    found = run_members(made, range(made.members))
+    for k, member in enumerate(found):
+        alone = run_member(made, k)
+        assert member.reason == alone.reason
+        for array, own in zip(member.arrays, alone.arrays, strict=True):
+            assert array.tobytes() == own.tobytes()
+    assert 'negative mass' in found[1].reason and not found[2].reason
+    assert found[5].reason and not found[6].reason
+
+
+def test_members_of_other_lengths_are_built_one_by_one() -> None:
+    made = study('slider_crank', {'L': uniform(0.9, 1.1), **FIXED}, outputs=KEPT[:2])
+    for _ in range(2):
+        found = run_members(made, range(made.members))
+        assert made.idle == [None]
+    for array, own in zip(found[5].arrays, run_member(made, 5).arrays, strict=True):
+        assert array.tobytes() == own.tobytes()
+
+
+def test_numbers_only_of_scenes_that_differ_in_numbers() -> None:
+    first = Simulation(load_scene('slider_crank'))
+    numbers = Likeness(first).numbers_of
+    other = {
+        'coupler.mass': '1.1',
+        DOWN: '-9.7',
+        'initial.velocities.B.0': '-3.9',
+        'crank.inertia': '{about_com: 0.1}',
+    }
+    for name, text in other.items():
+        assert numbers(with_changes(first.scene, {name: text})) is not None
+    more = {
+        'L': '1.1',
+        'initial.velocities': '{B: [-4, 0], A: [0, 0]}',
+        'solver.step': '0.01',
+        'mechanism.joints.guide.on.direction': '[1, 0.1]',
+        'effects': '{}',
+    }
+    for name, text in more.items():
+        assert numbers(with_changes(first.scene, {name: text})) is None
+
+
+@pytest.mark.parametrize(
+    ('name', 'why'),
+    [
+        ('bricard', 'redundant'),
+        ('wiper', 'functions of time'),
+        ('rack_and_pinion', 'rows of velocities'),
+    ],
+)
+def test_the_others_are_told_why(name: str, why: str) -> None:
+    assert why in unlike(Simulation(load_scene(name)))
+
+
+def test_readings_that_need_more_than_states() -> None:
+    first = Simulation(load_scene('slider_crank'))
+    assert readable(first, ['crank_pin.force']) is None
+    assert readable(first, ['energy', 'reactions.knee.torque']) is None
+    found = readable(first, ['points.A.y', 'energy', 'knee.velocity'])
+    assert found is not None
+    assert [each.name for each in found] == ['points.A', 'energy', 'joints.knee.velocity']
+
+
+def test_a_second_run_repeats_the_first() -> None:
+    made = study('slider_crank', {'coupler.mass': normal(1, 0.05), **FIXED})
+    first = Simulation(made.scene_of(0))
+    quantities = readable(first, ['energy', 'points.A'])
+    assert quantities is not None
+    alike = AlikeMembers(first, quantities)
+    numbers = [alike.numbers_of(made.scene_of(k)) for k in range(5)]
+    known = [each for each in numbers if each is not None]
+    t, values, good = alike.run(known, 0.6, made.times.tolist())
+    assert good.all() and t.shape == made.times.shape
+    alike.run(known[::-1], 0.3, [0.0])
+    again = alike.run(known, 0.6, made.times.tolist())
+    for one, other in zip(values, again[1], strict=True):
+        assert one.tobytes() == other.tobytes()
+    assert np.isfinite(values[0]).all()
