@@ -35,6 +35,7 @@ _SYSTEM = tuple(
     f'system.{name}' for name in (*NUMBERS, 'penalty', 'ordinary', 'close', 'patience')
 )
 _OWN = (*_SYSTEM, 'forces.effects.params', 'work')
+_LOOKING = 'forces.kinks.path', 'forces.kinks.doubt'  # where contacts are looked for
 _SHARED = 'work.pulse', 'work.caller'  # a member that is stopped stops all
 
 
@@ -56,7 +57,8 @@ class AlikeMembers:
             simulation.model, bodies, given, max(penalty, LEAST_PENALTY), self.most
         )
         problem, phase = stepper.problem_of(simulation._present), simulation._present.phase
-        self._problems = MemberStructs(problem, self.most, _OWN, _SHARED)
+        own = (*_OWN, *_LOOKING) if problem.forces.kinks.search.size else _OWN
+        self._problems = MemberStructs(problem, self.most, own, _SHARED)
         every = [name for name, _, _ in vars(phase)['_numba_type_'].parts]
         self._phases = MemberStructs(phase, self.most, every)
         self._readings = MemberReadings(simulation, quantities, self._problems, self._phases)

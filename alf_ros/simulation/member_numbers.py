@@ -36,7 +36,7 @@ class Likeness:
         self.layout, mechanism = simulation.model.layout, self._scene.mechanism
         self._geometry = mechanism.geometry
         embedded = stepper.method.embedded.size > 0
-        self._asked = AskedFunctions(False, embedded, embedded)
+        self._asked = AskedFunctions(sides=embedded, intervals=True)
         kinds = kinds_of(self._scene.effects, self.layout, self._asked)
         self._kinds = [_structure(kind) for kind in kinds]
         self.bodies = [(body, masses_of(body, self.layout)) for body in mechanism.bodies]
@@ -85,7 +85,7 @@ def unlike(simulation: Simulation) -> str:
     if simulation.accuracy is not None or simulation.solver != scene.solver:
         return 'settings that are picked belong to one member'
     kinks = simulation._applied.assembled.kinks
-    if kinks.search.size or kinks.instants.size or kinks.span.size:
+    if kinks.instants.size or kinks.span.size:
         return 'kinks over time are listed for each member'
     return ''
 

@@ -58,6 +58,14 @@ FIVE = {
     },
     'initial': {'velocities': {'A': [None, 1.5]}},
 }  # fmt: skip
+STOPPED = {
+    'mechanism': 'slider_crank',
+    'effects': {
+        'gravity': {'acceleration': [0, -9.81]},
+        'joint_stop': {'joint': 'crank_pin', 'upper': 1.2, 'stiffness': 1e4},
+    },
+    'initial': {'velocities': {'B': [-4, 0]}},
+}
 STUDIES: list[tuple[Any, dict[str, Any]]] = [
     ('slider_crank', {'coupler.mass': normal(1, 0.05), **FIXED}),
     ('slider_crank', {'m': uniform(0.5, 2), DOWN: uniform(-10, -9), **ADAPTIVE}),
@@ -72,6 +80,8 @@ STUDIES: list[tuple[Any, dict[str, Any]]] = [
         FIVE,
         {'arm.inertia.about_com': uniform(0, 1), 'torsion_spring.damping': uniform(0, 1), **FIXED},
     ),
+    (STOPPED, {'joint_stop.upper': uniform(0.8, 1.3), **FIXED}),
+    (STOPPED, {'joint_stop.upper': uniform(0.8, 1.3), **ADAPTIVE}),
 ]
 
 
