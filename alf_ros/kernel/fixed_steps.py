@@ -11,6 +11,7 @@ from alf_ros.kernel.step import accept, least_sigma, linearise_first, step
 from alf_ros.kernel.step_error import judge
 from alf_ros.kernel.step_tape import record_step
 from alf_ros.kernel.stopping import told_to_stop
+from alf_ros.kernel.tangent_axes import read_tangents
 from alf_ros.kernel.tangent_step import carry_tangents
 from alf_ros.kernel.work_ledger import ALL_FORCES, record_power
 
@@ -39,10 +40,12 @@ def advance(
     most = 0
     if not linearise_first(unit, system, work, phase):
         return NOT_POSITIVE, 0, most
+    if tangents is not None:
+        read_tangents(tangents, phase)
     sigma = 0.0 if within else least_sigma(phase)
     for taken in range(steps):
         t, end = t0 + (first + taken) * h, t0 + (first + taken + 1) * h
-        result, count = step(problem, phase, t, end, h, sigma, False)
+        result, count = step(problem, phase, (t, end, h), sigma, False, tangents, record)
         most = max(most, count)
         if told_to_stop(work):
             return STOPPED, taken, most
@@ -51,12 +54,11 @@ def advance(
         if result != OK:
             return result, taken, most
         if tangents is not None:
-            ended = work.q, work.qd, work.nearest[0]
-            result = carry_tangents(tangents, phase, ended, t, end, h, sigma)
+            result = carry_tangents(tangents, problem, phase, t, end, h, sigma)
             if result != OK:
                 return result, taken, most
         if record is not None:
-            record_step(record, phase, work, t, end, h, sigma)
+            record_step(record, phase, work, problem.method.b.size, t, end, h, sigma)
         record_power(problem, phase, t, problem.method.b.size, h, ALL_FORCES)
         accept(unit, system, work, phase)
         phase.step[0] = first + taken + 1

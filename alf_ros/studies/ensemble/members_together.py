@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from alf_ros.errors import AlfError
+from alf_ros.kernel.numba_ext.lane_numbers import width
 from alf_ros.simulation.sample import Sample
-from alf_ros.simulation.side_by_side import SideBySide, no_place, width
+from alf_ros.simulation.side_by_side import SideBySide, no_place
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.studies.ensemble.member import Member, member_of, run_member, simulation_of
 from alf_ros.studies.ensemble.study import Study
