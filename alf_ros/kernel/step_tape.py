@@ -77,7 +77,7 @@ def has_room(record: StepRecord, work: Work) -> bool:
 
 @inner
 def begin_record(record: StepRecord, begun: bool) -> None:
-    """Begin a step; `begun`: stage 0 is that of a step that was too long."""
+    """Begin a step; `begun`: stage 0 comes from a step that was too long."""
     record.followed[1] = 1
     if not begun:
         record.followed[0] = 1

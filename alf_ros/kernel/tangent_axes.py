@@ -35,7 +35,7 @@ def read_tangents(tangents: Tangents, phase: Phase) -> None:
 
 @inner
 def accept_tangents(tangents: Tangents, phase: Phase) -> int:
-    """δq and δq̇ of the end of the step as those of the phase, if they are numbers."""
+    """δq and δq̇ of the end of the step into the phase, if they are numbers."""
     whole, W, check = tangents.Q.size, lanes_of(tangents.q), 0.0
     for a in range(tangents.groups * whole):
         check += tangents.q[a] + tangents.qd[a]

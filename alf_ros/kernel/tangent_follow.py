@@ -24,8 +24,8 @@ from alf_ros.kernel.tangent_stage import differentiate, store_multipliers
 
 @expanded
 def begin_following(tangents: Tangents, problem: Problem, begun: bool) -> None:
-    """Begin a step, whose arcs are chosen; `begun`: stage 0 is that of a step that was too
-    long."""
+    """Begin a step, whose arcs are chosen; `begun`: stage 0 comes from a step that was
+    too long."""
     begin_tangents(tangents, problem)
     tangents.followed[1] = 1
     if not begun:

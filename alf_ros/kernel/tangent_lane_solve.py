@@ -27,7 +27,7 @@ def solved_together(
     The right-hand side of the first δ, r2 = -c - Φ_q x and a first guess of y stand in `at`, a
     stage of `problem`. Returns whether no lane is left in which a mode is slow.
 
-    The iteration is that of `augmented_solve.augmented`, and ends when it does in all lanes. But
+    The iteration follows `augmented_solve.augmented`, and ends when it does in all lanes. But
     where r2 is small beside what f would do to the masses alone and not beside x, one more round
     follows: the projection corrects a motion, but nothing a derivative. If `slow_modes` is FINISH,
     a lane with a slow mode is finished by itself, with the workspace of `problem`. If it is LEAVE,
@@ -82,7 +82,7 @@ def solved_together(
 def _finish(
     tangents: Tangents, problem: Problem, at: FollowedStage, x: Lanes, m: np.uint64
 ) -> None:
-    """Go on with lane m alone."""
+    """Continue with lane m alone."""
     work, f, alone = problem.work, tangents.lane_f, tangents.lane_x
     for a in range(alone.size):
         f[a], alone[a] = lane(tangents.f, a, m), lane(x, a, m)

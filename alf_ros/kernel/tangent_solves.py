@@ -111,7 +111,7 @@ def _solve_along_mass(
 
 @inner
 def begin_rates(tangents: Tangents, problem: Problem, at: FollowedStage) -> None:
-    """What all groups read of the q̇ of a stage."""
+    """Φ̇_q and Tᵀ q̇ of a stage, for all groups."""
     rows = problem.system.rows
     if rows.movable.size > 0:
         jacobian_rate(problem.unit, rows, at.work.qd, tangents.g2d)
@@ -120,7 +120,7 @@ def begin_rates(tangents: Tangents, problem: Problem, at: FollowedStage) -> None
 
 @inner
 def begin_stage(tangents: Tangents, problem: Problem, at: FollowedStage) -> None:
-    """What all groups read of the q̇ and q̈ of a stage."""
+    """Φ̇_q, Tᵀ q̇ and Tᵀ q̈ of a stage, for all groups."""
     begin_rates(tangents, problem, at)
     if problem.system.rows.movable.size > 0:
         _times_terms(problem.unit, problem.system.rows, at.work.qdd, tangents.term_qdd)

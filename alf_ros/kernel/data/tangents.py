@@ -16,7 +16,7 @@ from alf_ros.kernel.numba_ext.structs import Lanes, Struct
 class FollowedStage(Struct):
     """A stage as its tangents read it, and the numbers of a solve for a group of parameters.
 
-    Arrays of single numbers are those of the workspace.
+    Arrays of single numbers belong to the workspace.
     """
 
     work: Work
