@@ -2,12 +2,12 @@
 
     .venv/bin/python benchmark/derivatives.py [--without-errors]
 
-Cost, in benchmark/results/derivatives.csv: the processor time of a run with tangents, and of a run
-that is written down and taken back, over the time of the run without them, in turns, medians of
-seven; and the time of reading the scene around a number, which is spent once. Errors, in
-derivative_errors.csv: the largest error of the positions of a run of 10 s and 11 or 10 singular
-passes; the largest error of each tangent beside the variational equation of the one angle, both
-in parts of the largest value; and the ratio of these two.
+Cost, in benchmark/results/derivatives.csv: the processor time of a run with one tangent, with all
+tangents, and of a run that is written down and taken back, over the time of the run without them,
+in turns, medians of seven; and the time of reading the scene around a number, which is spent once.
+Errors, in derivative_errors.csv: the largest error of the positions of a run of 10 s and 11 or 10
+singular passes; the largest error of each tangent beside the variational equation of the one
+angle, both in parts of the largest value; and the ratio of these two.
 """
 
 from __future__ import annotations
@@ -143,8 +143,10 @@ def seconds(call: Callable[[], object]) -> float:
 
 
 def cost(scene: Scene, names: tuple[str, ...], of: str, steps: int) -> tuple[float, ...]:
-    """s of a run alone; over it a run with tangents, and a run and its way back; s of reading."""
+    """s of a run alone; over it runs with one and with all tangents, and a run and its way back; s
+    of reading."""
     alone, followed = Simulation(scene), Simulation(scene, tangents=names)
+    one = Simulation(scene, tangents=names[:1])
     reading = seconds(lambda: Simulation(scene, tangents=names)) / len(names)
 
     def back() -> None:
@@ -157,25 +159,25 @@ def cost(scene: Scene, names: tuple[str, ...], of: str, steps: int) -> tuple[flo
     number = observed_number(of, 'of', alone.sample(), run.displaced)
     found = []
     for turn in range(8):
-        for each in (alone, followed):
+        for each in (alone, one, followed):
             each.reset()
-        times = [seconds(partial(each.step, steps)) for each in (alone, followed)]
+        times = [seconds(partial(each.step, steps)) for each in (alone, one, followed)]
         times.append(seconds(back))
         if turn > 0:  # the first one compiles
             found.append(times)
-    run_alone, tangents, gradient = (median(each) for each in zip(*found, strict=True))
-    return run_alone / steps, tangents / run_alone, gradient / run_alone, reading
+    run_alone, *others = (median(each) for each in zip(*found, strict=True))
+    return run_alone / steps, *(each / run_alone for each in others), reading
 
 
 def print_cost() -> None:
     """Print and store what they cost."""
     body = []
     for name, (scene, names, of, steps) in cases().items():
-        step, tangents, gradient, reading = cost(scene, names, of, steps)
-        shown = (f'{x:.3g}' for x in (1e6 * step, tangents, gradient, 1e3 * reading))
+        step, *ratios, reading = cost(scene, names, of, steps)
+        shown = (f'{x:.3g}' for x in (1e6 * step, *ratios, 1e3 * reading))
         body.append((name, len(names), *shown))
         print(*body[-1], sep=', ', flush=True)
-    write(COST, 'scene,numbers,step_us,tangents,gradient,reading_ms', body)
+    write(COST, 'scene,numbers,step_us,one,tangents,gradient,reading_ms', body)
 
 
 def write(path: Path, columns: str, body: Sequence[Sequence[object]]) -> None:

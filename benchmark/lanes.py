@@ -24,9 +24,10 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from alf_ros import Ensemble, Scene, Simulation, load_scene  # noqa: E402
+from alf_ros.kernel.numba_ext.lane_numbers import width  # noqa: E402
 from alf_ros.logs.provenance import about  # noqa: E402
 from alf_ros.scene.overrides import with_changes  # noqa: E402
-from alf_ros.simulation.side_by_side import SideBySide, width  # noqa: E402
+from alf_ros.simulation.side_by_side import SideBySide  # noqa: E402
 
 RESULTS = ROOT / 'benchmark' / 'results'
 FOUR_BARS = {f'four-bars, N = {n}': ('n_four_bar', {'N': n}) for n in (2, 10, 40)}

@@ -275,8 +275,8 @@ def identification() -> str:
 def derivatives() -> str:
     """The cost of tangents and gradients."""
     about, found = rows('derivatives.csv')
-    head = 'scene | numbers | a step, µs | run with tangents, runs | run and pass back, runs '
-    head += '| reading, ms a number'
+    head = 'scene | numbers | a step, µs | run with one tangent, runs | with all, runs '
+    head += '| run and pass back, runs | reading, ms a number'
     return markdown(about, head, [list(row.values()) for row in found])
 
 

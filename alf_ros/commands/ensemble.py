@@ -6,6 +6,7 @@ See doc/ensembles.md.
 from __future__ import annotations
 
 import logging
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from alf_ros.commands.parser import Parser, writing
 from alf_ros.commands.progress import ProgressBar
 from alf_ros.errors import InputError
 from alf_ros.studies.ensemble.ensemble import Progress, conduct, crew
+from alf_ros.studies.ensemble.member import trouble_of
 from alf_ros.studies.ensemble.store import EnsembleStore
 from alf_ros.studies.ensemble.study import Study
 from alf_ros.studies.ensemble.study_reading import load_study
@@ -72,6 +74,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     with EnsembleStore(folder, study) as store, writing('--store', report):
         report.write_text(page(lines.last, store.finished()), 'utf-8')
     print(f'{folder} and {report.name}: {study.members} members, {lines.last.failed} failed')
+    said = trouble_of(study, 0)
+    if said:
+        print(f'member 0: {said}', file=sys.stderr)
     return 0
 
 

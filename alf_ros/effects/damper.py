@@ -12,7 +12,14 @@ from dataclasses import dataclass, field
 from alf_ros.arrays import Floats, Integers
 from alf_ros.effects import contract
 from alf_ros.effects.contract.piecewise import Points, interpolate, law, side_of, slope
-from alf_ros.effects.contract.scalars import Measures, numbers_of, place, push, scalar
+from alf_ros.effects.contract.scalars import (
+    Measures,
+    numbers_of,
+    place,
+    push,
+    push_distance,
+    scalar,
+)
 from alf_ros.mechanism.natural_coordinates import Layout
 
 MULTIPLE = True
@@ -71,8 +78,9 @@ def force(
     Q: Floats,
 ) -> None:
     for n in range(slots[1]):
-        _, speed = scalar(q, qd, near, slots, params, n)
-        push(q, slots, params, n, -interpolate(params, numbers_of(slots, n), speed), Q)
+        length, speed = scalar(q, qd, near, slots, params, n)
+        tension = interpolate(params, numbers_of(slots, n), speed)
+        push_distance(q, slots, params, n, -tension, length, Q)
 
 
 @contract.side

@@ -26,6 +26,7 @@ from alf_ros.effects.contract.scalars import (
     place,
     push,
     push_component,
+    push_distance,
     scalar,
 )
 from alf_ros.mechanism.natural_coordinates import Layout
@@ -98,7 +99,8 @@ def force(
     for n in range(slots[1]):
         at = numbers_of(slots, n)
         length, _ = scalar(q, qd, near, slots, params, n)
-        push(q, slots, params, n, -interpolate(params, at + 1, length - params[at]), Q)
+        tension = interpolate(params, at + 1, length - params[at])
+        push_distance(q, slots, params, n, -tension, length, Q)
 
 
 @contract.side

@@ -60,6 +60,7 @@ from alf_ros.kernel.step_length import (
 )
 from alf_ros.kernel.step_tape import record_step
 from alf_ros.kernel.stopping import told_to_stop
+from alf_ros.kernel.tangent_axes import read_tangents
 from alf_ros.kernel.tangent_step import carry_tangents
 from alf_ros.kernel.work_ledger import ALL_FORCES, record_power
 
@@ -121,6 +122,7 @@ def advance_adaptively(
     save_grid_point(problem, phase)
     if tangents is not None:
         copy(phase.tangents, tangents.good)
+        read_tangents(tangents, phase)
     most, begun = 0, False
     tries, before, longer = 0, np.inf, h  # from here; error and length of the last
     if not linearise_first(unit, system, work, phase):
@@ -155,7 +157,7 @@ def advance_adaptively(
             if not begun:
                 work.sides[0] = np.nan
             work.sides[1] = 0.0
-            result, count = step(problem, phase, begin, to, dt, sigma, begun)
+            result, count = step(problem, phase, (begin, to, dt), sigma, begun, tangents, record)
             most = max(most, count)
             if told_to_stop(work):
                 result = STOPPED
@@ -174,12 +176,11 @@ def advance_adaptively(
                     continue
             if error <= floor:
                 if tangents is not None:
-                    ended = work.q, work.qd, work.nearest[0]
-                    result = carry_tangents(tangents, phase, ended, begin, to, dt, sigma)
+                    result = carry_tangents(tangents, problem, phase, begin, to, dt, sigma)
                     if result != OK:
                         break
                 if record is not None:
-                    record_step(record, phase, work, begin, to, dt, sigma)
+                    record_step(record, phase, work, method.b.size, begin, to, dt, sigma)
                 record_power(problem, phase, t, method.b.size, dt, ALL_FORCES)
                 accept(unit, system, work, phase)
                 copy(problem.forces.bearings.force, phase.loads)

@@ -18,15 +18,14 @@ def take_forces_back(
 ) -> int:
     """Add (∂Q/∂q)ᵀ and (∂Q/∂q̇)ᵀ of ∂J/∂Q (movable D,) at q, q̇ in `work` to `by_q` and `by_qd`, and
     what belongs to the numbers of the effects to `of_trace`. 0 if the trace is full."""
-    tangents = adjoint.tangents
-    problem = tangents.problem
+    problem = adjoint.tangents.problem
     work, effects = problem.work, problem.forces.effects
     words, slopes, bar = adjoint.words, adjoint.slopes, adjoint.of_trace
     n, whole, leaves = work.p.size, work.q.size, words[ARGUMENTS]
     for a in range(whole):
         bar[a], bar[whole + a] = 0.0, 0.0
     for e in range(effects.force.size):
-        zero(tangents.Q)
+        zero(adjoint.Q)
         for a in range(whole):
             adjoint.made[a] = -1
         words[COUNT] = 0
@@ -42,7 +41,7 @@ def take_forces_back(
             effects.params_at[e],
             np.int64(whole),
             np.int64(whole + whole + effects.params_at[e]),
-            tangents.Q,
+            adjoint.Q,
             adjoint.made,
             words,
             slopes,

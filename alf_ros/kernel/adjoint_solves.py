@@ -25,7 +25,7 @@ def _solve_back(adjoint: Adjoint, bar: Floats) -> int:
     """u into `u` and w into y of `work`, for x̄ = `bar` (movable D,), at q in `work`; the
     iterations."""
     problem, u = adjoint.tangents.problem, adjoint.u
-    work, f = problem.work, adjoint.tangents.f
+    work, f = problem.work, adjoint.f
     zero(f)
     for a in range(work.p.size):
         f[a] = bar[a]
@@ -56,8 +56,8 @@ def project_position_back(adjoint: Adjoint) -> int:
         for e in each(rows.first[r], rows.first[r + ONE]):
             q = w * block(unit, work.q, rows.block[e])
             add(adjoint.b, e, q)
-            put(adjoint.tangents.g2, e, 0.5 * q)
-            _take_entry_back(adjoint, e, adjoint.tangents.g2, work.q)
+            put(adjoint.g2, e, 0.5 * q)
+            _take_entry_back(adjoint, e, adjoint.g2, work.q)
     return count
 
 
@@ -66,7 +66,7 @@ def project_velocity_back(adjoint: Adjoint) -> int:
     """∂J/∂δq̇ behind `project_velocity`, in `qd`, into that before it; adds to ∂J/∂δq in `q`."""
     problem = adjoint.tangents.problem
     unit, rows, work = problem.unit, problem.system.rows, problem.work
-    g, g2 = adjoint.tangents.g, adjoint.tangents.g2
+    g, g2 = adjoint.g, adjoint.g2
     count = _solve_back(adjoint, adjoint.qd)
     for r in range(work.y.size):
         work.y[r] = -work.y[r]
@@ -88,7 +88,7 @@ def accelerate_back(adjoint: Adjoint) -> int:
     without the part of δQ. At q, q̇, q̈ in `work` and -λ in `lam`; the iterations."""
     problem, tangents = adjoint.tangents.problem, adjoint.tangents
     unit, rows, work = problem.unit, problem.system.rows, problem.work
-    u, g, g2 = adjoint.u, tangents.g, tangents.g2
+    u, g, g2 = adjoint.u, adjoint.g, adjoint.g2
     count = _solve_back(adjoint, adjoint.qdd)
     _take_mass_back(adjoint)
     for r in each(0, rows.i.size):
@@ -107,7 +107,7 @@ def accelerate_back(adjoint: Adjoint) -> int:
             at = rows.block[e]
             put(g2, e, pull * block(unit, u, at) - w * block(unit, work.qdd, at))
             subtract(adjoint.qd, at, w * block(unit, work.g2d, e))
-            put(tangents.g2v, e, (-w) * block(unit, work.qd, at))
+            put(adjoint.g2v, e, (-w) * block(unit, work.qd, at))
             _take_rate_back(adjoint, e)
     _take_rows_back(adjoint)
     return count
@@ -115,16 +115,16 @@ def accelerate_back(adjoint: Adjoint) -> int:
 
 @inner
 def _take_rows_back(adjoint: Adjoint) -> None:
-    """∂J/∂δΦ_q, in `g` and `g2` of the tangents, into ∂J/∂δq, b̄ and ∂J/∂T."""
-    problem, tangents = adjoint.tangents.problem, adjoint.tangents
+    """∂J/∂δΦ_q, in `g` and `g2`, into ∂J/∂δq, b̄ and ∂J/∂T."""
+    problem = adjoint.tangents.problem
     unit, rows, work = problem.unit, problem.system.rows, problem.work
     for r in each(0, rows.i.size):
-        d = block(unit, tangents.g, r)
+        d = block(unit, adjoint.g, r)
         add(adjoint.q, rows.i[r], d)
         subtract(adjoint.q, rows.j[r], d)
     for e in each(0, rows.block.size):
-        add(adjoint.b, e, block(unit, tangents.g2, e))
-        _take_terms_back(adjoint, e, tangents.g2, work.q, adjoint.q)
+        add(adjoint.b, e, block(unit, adjoint.g2, e))
+        _take_terms_back(adjoint, e, adjoint.g2, work.q, adjoint.q)
 
 
 @inner
@@ -154,9 +154,9 @@ def _take_terms_back(adjoint: Adjoint, e: np.uint64, g: Floats, v: Floats, bar: 
 
 @inner
 def _take_rate_back(adjoint: Adjoint, e: np.uint64) -> None:
-    """∂J/∂(T q̇) of entry e, in `g2v` of the tangents, into ∂J/∂T and ∂J/∂δq̇."""
+    """∂J/∂(T q̇) of entry e, in `g2v`, into ∂J/∂T and ∂J/∂δq̇."""
     work = adjoint.tangents.problem.work
-    _take_terms_back(adjoint, e, adjoint.tangents.g2v, work.qd, adjoint.qd)
+    _take_terms_back(adjoint, e, adjoint.g2v, work.qd, adjoint.qd)
 
 
 @inner

@@ -63,7 +63,7 @@ def _take_places_back(adjoint: Adjoint, t: float) -> int:
     for p in range(places):
         if evaluate_place(problem, t, p) <= 0:
             return 0
-        store_multipliers(adjoint.tangents)
+        store_multipliers(adjoint.tangents.lam, work.y)
         zero(adjoint.q)
         zero(adjoint.qd)
         for a in range(n):

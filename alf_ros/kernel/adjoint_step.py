@@ -1,7 +1,8 @@
 """The adjoint of a run, step by step from its end: the steps of tangents (`tangent_step`),
 transposed.
 
-Each step is taken again, and its stages are written on a tape. Then the tape is read backwards:
+The stages of a step stand on a tape: as they were written down, or if one of them is beside a
+singular position the step is taken again. Then the tape is read backwards:
 ∂J/∂(δq, δq̇) where the step ended becomes that where it began, and what J changes by with each
 array of the problem is added up. So the derivatives equal the tangents, to rounding, for
 any number of parameters at the cost of one.
@@ -15,11 +16,13 @@ from alf_ros.arrays import Floats
 from alf_ros.kernel.adjoint_stage import take_projections_back, take_stage_back
 from alf_ros.kernel.arc_coordinates import components, composed
 from alf_ros.kernel.data import ORIGIN, Adjoint
+from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.numba_ext.block import add, block, put, subtract
 from alf_ros.kernel.numba_ext.jit import ONE, THREE, TWO, compiled, inner
 from alf_ros.kernel.numba_ext.plain_loops import each
 from alf_ros.kernel.numba_ext.vectors import copy, zero
 from alf_ros.kernel.status import NO_ROOM, OK, STOPPED, UNFOLLOWED
+from alf_ros.kernel.step import store_angles
 from alf_ros.kernel.step_tape import (
     BEGIN,
     END,
@@ -28,10 +31,11 @@ from alf_ros.kernel.step_tape import (
     SIGMA,
     SPAN,
     restore_axes,
+    restore_stages,
     restore_step,
 )
 from alf_ros.kernel.stopping import told_to_stop
-from alf_ros.kernel.tangent_step import carry_tangents
+from alf_ros.kernel.tangent_step import carry_again
 
 
 @compiled
@@ -61,10 +65,18 @@ def _take_step_back(adjoint: Adjoint, k: np.uint64) -> int:
     restore_step(record, k, phase)
     for a in range(whole):
         adjoint.x[a], adjoint.u[a] = record.ended_q[k * whole + a], record.ended_qd[k * whole + a]
-    ended = adjoint.x, adjoint.u, nearest
-    result = carry_tangents(tangents, phase, ended, t, end, h, sigma, tape)
-    if result != OK:
-        return result
+    if record.regular[k] != 0:
+        restore_stages(record, tape, work, k)
+        store_angles(problem.unit, problem.system, work, phase)
+        copy(adjoint.x, work.q)
+        copy(adjoint.u, work.qd)
+        if not linearise(problem.unit, problem.system, work, work.q):
+            return UNFOLLOWED
+    else:
+        ended = adjoint.x, adjoint.u, nearest
+        result = carry_again(tangents, phase, ended, t, end, h, sigma, tape)
+        if result != OK:
+            return result
     copy(adjoint.bar_q, adjoint.q)
     copy(adjoint.bar_qd, adjoint.qd)
     if tape.projected[0] != 0:  # q, q̇, Φ_q and factor of the end stand in `work`

@@ -19,6 +19,7 @@ from alf_ros.kernel.step import (
 from alf_ros.kernel.step_error import judge
 from alf_ros.kernel.step_tape import record_step
 from alf_ros.kernel.stopping import told_to_stop
+from alf_ros.kernel.tangent_axes import read_tangents
 from alf_ros.kernel.tangent_step import carry_tangents
 from alf_ros.kernel.work_ledger import ALL_FORCES, record_power
 
@@ -42,21 +43,24 @@ def advance(
     `within`: `phase` is a singular position, and no force acts along the direction of the lost
     row, so that solves do not show it. A step that is asked to stop is given up. `tangents`: the
     derivatives by parameters that follow the steps; `record`: where the steps are written down;
-    without them there is no code for it. A step in which a kink of a force is
-    met and left, which no stage may see, is taken in pieces (`grazed_kinks`).
+    without them there is no code for it. A step in which a kink of a force is met and left, which
+    no stage may see, is taken in pieces (`grazed_kinks`).
     """
     unit, system, work = problem.unit, problem.system, problem.work
     t0, first, steps, h = span
     most, kinks = 0, problem.forces.kinks
     if not linearise_first(unit, system, work, phase):
         return NOT_POSITIVE, 0, most
+    if tangents is not None:
+        read_tangents(tangents, phase)
     sigma = 0.0 if within else least_sigma(phase)
     for taken in range(steps):
         t, end = t0 + (first + taken) * h, t0 + (first + taken + 1) * h
         done, aim, tries, begun = 0.0, h, 0, False  # aim: where the piece of the step ends
         while True:
             begin, to, dt = t + done, end if aim == h else t + aim, aim - done
-            result, count = step(problem, phase, begin, to, dt, sigma, begun)
+            piece = begin, to, dt
+            result, count = step(problem, phase, piece, sigma, begun, tangents, record)
             most = max(most, count)
             if told_to_stop(work):
                 result = STOPPED
@@ -70,8 +74,7 @@ def advance(
             if result == OK and tangents is not None:
                 if done == 0.0 and aim < h:
                     copy(phase.tangents, tangents.good)
-                ended = work.q, work.qd, work.nearest[0]
-                result = carry_tangents(tangents, phase, ended, begin, to, dt, sigma)
+                result = carry_tangents(tangents, problem, phase, begin, to, dt, sigma)
             if result != OK:
                 if done > 0.0:
                     restore_grid_point(problem, phase)
@@ -79,7 +82,7 @@ def advance(
                         copy(tangents.good, phase.tangents)
                 return result, taken, most
             if record is not None:
-                record_step(record, phase, work, begin, to, dt, sigma)
+                record_step(record, phase, work, problem.method.b.size, begin, to, dt, sigma)
             if done == 0.0 and aim < h:
                 save_grid_point(problem, phase)
             record_power(problem, phase, begin, problem.method.b.size, dt, ALL_FORCES)

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from alf_ros.arrays import Unit
+from alf_ros.arrays import Floats, Unit
 from alf_ros.kernel.arc_coordinates import (
     begin_momenta,
     choose_arcs,
@@ -31,7 +31,17 @@ from alf_ros.kernel.arc_coordinates import (
 from alf_ros.kernel.augmented_residuals import begin_accelerations
 from alf_ros.kernel.augmented_solve import accelerate, augmented, restore_reactions, velocities
 from alf_ros.kernel.constraints import violation
-from alf_ros.kernel.data import Method, Phase, Problem, Scales, System, Until, Work
+from alf_ros.kernel.data import (
+    Method,
+    Phase,
+    Problem,
+    Scales,
+    StepRecord,
+    System,
+    Tangents,
+    Until,
+    Work,
+)
 from alf_ros.kernel.interpolated_stages import (
     DIRECTION_ONLY,
     NEAR,
@@ -49,14 +59,20 @@ from alf_ros.kernel.projection import project
 from alf_ros.kernel.slip import begin_slips
 from alf_ros.kernel.stage import stage
 from alf_ros.kernel.status import JAMMED, NOT_CLOSED, NOT_FINITE, OK
+from alf_ros.kernel.step_tape import begin_record, record_axes, record_stage
+from alf_ros.kernel.tangent_axes import unfold_tangents
+from alf_ros.kernel.tangent_follow import begin_following, follow_stage
+from alf_ros.kernel.tangent_stage import store_multipliers
 from alf_ros.kernel.unwrapping import count_turns, nearby
 from alf_ros.kernel.work_ledger import ALL_FORCES, record_power
 
 
 @inner
-def evaluate_first(problem: Problem, phase: Phase, t: float) -> tuple[int, float]:
+def evaluate_first(
+    problem: Problem, phase: Phase, t: float, lam: Floats | None = None
+) -> tuple[int, float]:
     """q̈ where the step begins, from the Φ_q and the factor that stand in `work`, and the
-    curvature of the path.
+    curvature of the path; -λ goes into `lam`.
 
     Returns the iterations (-1: no balance of friction), and σ as `velocities` does.
     """
@@ -68,6 +84,8 @@ def evaluate_first(problem: Problem, phase: Phase, t: float) -> tuple[int, float
     most, sigma = accelerate(problem, t, True)  # (26)
     if most < 0:
         return most, sigma
+    if lam is not None:
+        store_multipliers(lam, work.y)
     record_power(problem, phase, t, np.uint64(0), 1.0, ALL_FORCES)
     copy(work.qdd, work.pull)
     copy(work.qdd, work.bend)  # of prescribed motions
@@ -184,21 +202,34 @@ def lag_of_stage(method: Method, s: np.uint64) -> float:
 
 @expanded
 def step(
-    problem: Problem, phase: Phase, t: float, end: float, h: float, sigma: float, begun: bool
+    problem: Problem,
+    phase: Phase,
+    interval: tuple[float, float, float],
+    sigma: float,
+    begun: bool,
+    tangents: Tangents | None,
+    record: StepRecord | None,
 ) -> tuple[int, int]:
-    """One step of h (s) from q, q̇ of `phase`, whose Φ_q and factor stand in `work`, at t to `end`.
+    """One step from q, q̇ of `phase`, whose Φ_q and factor stand in `work`.
 
-    `begun`: stage 0 stands in `work`, of a step that was too long; Φ_q and factor need not then.
-    `sigma`: 0 in a singular position that solves may not show, else infinite. Leaves the
-    new q, q̇ in `work`, with Φ_q and factor. Returns (result, most iterations).
+    `interval`: begin, end and length, s. `begun`: stage 0 stands in `work`, of a step that was too
+    long; Φ_q and factor need not then. `sigma`: 0 in a singular position that solves may not show,
+    else infinite. `tangents` follow its stages, `record` keeps them. Leaves the new q, q̇ in
+    `work`, with Φ_q and factor. Returns (result, most iterations).
     """
+    t, end, h = interval
     unit, system = problem.unit, problem.system
     method, work = problem.method, problem.work
     stages = method.b.size
     most, first = 1, ONE
     if not begun:
         first -= ONE
-        most, felt = evaluate_first(problem, phase, t)
+        if tangents is not None:
+            most, felt = evaluate_first(problem, phase, t, tangents.lam)
+        elif record is not None:
+            most, felt = evaluate_first(problem, phase, t, record.lam)
+        else:
+            most, felt = evaluate_first(problem, phase, t)
         if most < 0:
             return JAMMED, 1
         sigma = min(sigma, felt)
@@ -206,6 +237,10 @@ def step(
     begin_momenta(unit, system, work, phase, choose_arcs(unit, system, work, phase, h))
     if begun:
         fold_first(unit, system, work, phase)
+    if tangents is not None:
+        begin_following(tangents, problem, begun)
+    if record is not None:
+        begin_record(record, begun)
     nearest = np.inf
     x = np.inf  # where the last stage was about to be singular this one is likely to be
     for s in range(first, stages + ONE):
@@ -242,6 +277,14 @@ def step(
         if s == 0:
             copy(work.qdd, work.chart.first)
         fold(unit, system, work, work.qd, work.qdd, s)  # (35)
+        if tangents is not None:
+            follow_stage(tangents, problem, ts, s, h, x)
+        if record is not None:
+            record_stage(record, work, stages, s, x)
+    if tangents is not None:
+        unfold_tangents(tangents, problem, stages, h)
+    if record is not None:
+        record_axes(record, work, stages, stages)
     work.nearest[0] = nearest
     if nearest < NEAR:
         work.crossing[2] = max(work.crossing[2], h * largest(phase.qd, work.p.size))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.kernel.data import Phase, StepRecord, Tangents, Tape, Work
-from alf_ros.kernel.numba_ext.jit import ONE, TWO, inner
+from alf_ros.kernel.numba_ext.jit import ONE, THREE, TWO, inner
 
 # of a stage: its tangents are taken as the step adds them up; projected; interpolated
 REGULAR, PROJECTED, INTERPOLATED = 0, 1, 2
@@ -15,10 +15,19 @@ SPAN = 5
 
 @inner
 def record_step(
-    record: StepRecord, phase: Phase, work: Work, t: float, end: float, h: float, sigma: float
+    record: StepRecord,
+    phase: Phase,
+    work: Work,
+    stages: np.uint64,
+    t: float,
+    end: float,
+    h: float,
+    sigma: float,
 ) -> None:
-    """Write down an accepted step of h (s) that began at `phase`, at t, and ended in `work`. Steps
-    that do not fit are counted."""
+    """Write down an accepted step of h (s) that began at `phase`, at t, and ended in `work`.
+
+    Its stages are written down already. Steps that do not fit are counted.
+    """
     k, whole = np.uint64(record.count[0]), work.q.size
     record.count[0] += 1
     if (k + ONE) * whole > record.q.size:
@@ -31,10 +40,113 @@ def record_step(
         record.turns[k * phase.turns.size + a] = phase.turns[a]
     for a in range(phase.sums.size):
         record.sums[k * phase.sums.size + a] = phase.sums[a]
+    followed = record.followed[0] != 0 and record.followed[1] != 0
+    aside = work.aside[0] != 0 or work.aside[1] != 0 or work.nearest[0] < np.inf
+    record.regular[k] = 1 if followed and not aside else 0
+    _record_chart(record, work, stages, k)
     first = k * np.uint64(SPAN)
     record.span[first], record.span[first + ONE], record.span[first + TWO] = t, end, h
     record.span[first + TWO + ONE] = sigma
     record.span[first + TWO + TWO] = work.nearest[0]
+
+
+@inner
+def _record_chart(record: StepRecord, work: Work, stages: np.uint64, k: np.uint64) -> None:
+    """The coordinates of step k, and how fast the axes of its arcs turned in its stages."""
+    chart, n = work.chart, work.p.size
+    blocks = chart.sin.size
+    for i in range(blocks):
+        record.curvature[k * blocks + i] = chart.curvature[i]
+    if chart.arcs[0] == 0:
+        return
+    for a in range(n):
+        record.t[k * n + a], record.n[k * n + a] = chart.t[a], chart.n[a]
+    for a in range(chart.b.size):
+        record.b[k * n + a] = chart.b[a]
+    for s in range(stages):
+        for i in range(blocks):
+            rate = work.k[s * THREE * n + i * (n // blocks)]
+            record.rate[(k * stages + s) * blocks + i] = rate
+
+
+@inner
+def has_room(record: StepRecord, work: Work) -> bool:
+    """Whether one more step fits."""
+    return (np.uint64(record.count[0]) + ONE) * work.q.size <= record.q.size
+
+
+@inner
+def begin_record(record: StepRecord, begun: bool) -> None:
+    """Begin a step; `begun`: stage 0 comes from a step that was too long."""
+    record.followed[1] = 1
+    if not begun:
+        record.followed[0] = 1
+
+
+@inner
+def record_stage(
+    record: StepRecord, work: Work, stages: np.uint64, s: np.uint64, x: float
+) -> None:
+    """Write down stage s of the step that is being taken; x: its distance to a singular
+    position."""
+    if x < np.inf:
+        record.followed[min(s, ONE)] = 0
+        return
+    if not has_room(record, work):
+        return
+    whole, rows = work.q.size, work.y.size
+    at = np.uint64(record.count[0]) * stages + s
+    for a in range(whole):
+        record.stage_q[at * whole + a] = work.q[a]
+        record.stage_qd[at * whole + a] = work.qd[a]
+        record.stage_qdd[at * whole + a] = work.qdd[a]
+    for r in range(rows):
+        record.stage_lam[at * rows + r] = -work.y[r] if s > 0 else record.lam[r]
+    record_axes(record, work, stages, s)
+
+
+@inner
+def record_axes(record: StepRecord, work: Work, stages: np.uint64, s: np.uint64) -> None:
+    """How far the axes of the arcs have turned in stage s, or past the last stage at the end."""
+    blocks = work.chart.sin.size
+    at = (np.uint64(record.count[0]) * (stages + ONE) + s) * blocks
+    if work.chart.arcs[0] == 0 or not has_room(record, work):
+        return
+    for i in range(blocks):
+        record.sin[at + i], record.cos[at + i] = work.chart.sin[i], work.chart.cos[i]
+
+
+@inner
+def restore_stages(record: StepRecord, tape: Tape, work: Work, k: np.uint64) -> None:
+    """The stages of step k on the tape, and its coordinates into `work`."""
+    chart, n, whole = work.chart, work.p.size, work.q.size
+    blocks, stages, rows = chart.sin.size, tape.kind.size, work.y.size
+    first = k * stages * whole
+    for a in range(stages * whole):
+        tape.q[a], tape.qd[a] = record.stage_q[first + a], record.stage_qd[first + a]
+        tape.qdd[a] = record.stage_qdd[first + a]
+    for r in range(stages * rows):
+        tape.lam[r] = record.stage_lam[k * stages * rows + r]
+    for s in range(stages):
+        tape.kind[s] = REGULAR
+    tape.projected[0] = 1
+    arcs = False
+    for i in range(blocks):
+        chart.curvature[i] = record.curvature[k * blocks + i]
+        arcs = arcs or chart.curvature[i] != 0.0
+    if not arcs:
+        return
+    for a in range(n):
+        chart.t[a], chart.n[a] = record.t[k * n + a], record.n[k * n + a]
+    for a in range(chart.b.size):
+        chart.b[a] = record.b[k * n + a]
+    for i in range((stages + ONE) * blocks):
+        at = k * (stages + ONE) * blocks + i
+        tape.sin[i], tape.cos[i] = record.sin[at], record.cos[at]
+    for s in range(stages):
+        for i in range(blocks):
+            rate = record.rate[(k * stages + s) * blocks + i]
+            work.k[s * THREE * n + i * (n // blocks)] = rate
 
 
 @inner

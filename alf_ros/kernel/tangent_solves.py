@@ -1,5 +1,5 @@
-"""Derivatives of a position, of velocities and of accelerations by a parameter θ: the solves of a
-stage, with other right-hand sides.
+"""Derivatives of a position, of velocities and of accelerations by parameters θ: the solves of a
+stage, with other right-hand sides, for a group of parameters at once.
 
 With M constant in q and Φ quadratic, where δ is the derivative by θ and δ' the part of it that
 does not come from q and q̇,
@@ -8,7 +8,8 @@ does not come from q and q̇,
     Φ_q δq̇ = -(δΦ_q) q̇                              the rest of δq̇: likewise
     M δq̈ + Φ_qᵀ δλ = δQ - δM q̈ - (δΦ_q)ᵀ λ,   Φ_q δq̈ = -(δΦ_q) q̈ - δΦ̇_q q̇ - Φ̇_q δq̇
 
-so that each is a solve with the factor of the stage (26), (33).
+so that each is a solve with the factor of the stage (26), (33). What belongs to the stage alone is
+read once for all groups, and entries of Φ_q that are constant are passed over.
 """
 
 from __future__ import annotations
@@ -16,129 +17,228 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Floats, Unit
-from alf_ros.kernel.augmented_solve import augmented, solved
-from alf_ros.kernel.constraints import add_transposed, jacobian_rate, times_jacobian
-from alf_ros.kernel.data import Problem, Rows, Tangents, Until
+from alf_ros.kernel.augmented_residuals import residuals
+from alf_ros.kernel.constraints import jacobian_rate
+from alf_ros.kernel.data import FollowedStage, Problem, Rows, Tangents
 from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.numba_ext.block import add, block, dot, put, subtract, times
 from alf_ros.kernel.numba_ext.calls import call
-from alf_ros.kernel.numba_ext.jit import ONE, inner
+from alf_ros.kernel.numba_ext.jit import ONE, TWO, expanded, inner
+from alf_ros.kernel.numba_ext.lane_structs import section
 from alf_ros.kernel.numba_ext.plain_loops import each
-from alf_ros.kernel.numba_ext.vectors import zero
-
-ONE_ROUND = Until(np.int64(1), 0.0, 1.0)
+from alf_ros.kernel.numba_ext.structs import Lanes
+from alf_ros.kernel.numba_ext.vectors import copy, zero
+from alf_ros.kernel.tangent_lane_solve import solved_together
 
 
 @inner
-def project_position(tangents: Tangents, k: np.uint64, exactly: bool) -> int:
-    """Bring δq of parameter k, in `dq`, onto Φ_q δq = -δ'Φ along M, at q in `work`.
+def group_of(tangents: Tangents, v: Lanes, k: np.uint64) -> Lanes:
+    """Of v (groups, all blocks D) the part of group k."""
+    whole = tangents.Q.size
+    return section(v, k * whole, whole)
 
-    `exactly` and the result are as for `velocities`; rows of velocities stay as they are.
+
+@inner
+def project_position(
+    tangents: Tangents, problem: Problem, at: FollowedStage, k: np.uint64, slow_modes: np.uint64
+) -> bool:
+    """Bring δq of group k onto Φ_q δq = -δ'Φ along M, at q of the stage.
+
+    `slow_modes` and the result are as for `solved_together`; rows of velocities stay as they are.
     """
-    problem = tangents.problem
-    unit, system, work = problem.unit, problem.system, problem.work
-    rows = system.rows
-    m1, positions = rows.i.size, rows.i.size + rows.c.size
-    times_jacobian(unit, rows, work.g, work.g2, tangents.dq, work.r2)
-    for r in range(positions):
-        work.r2[r], work.y[r] = -work.r2[r], 0.0
-    for r in range(positions, work.r2.size):
-        work.r2[r], work.y[r] = 0.0, 0.0
+    unit, rows, q = problem.unit, problem.system.rows, at.work.q
+    dq = group_of(tangents, tangents.q, k)
+    m1 = rows.i.size
+    for r in each(0, m1):
+        d = block(unit, dq, rows.i[r]) - block(unit, dq, rows.j[r])
+        at.r2[r] = -dot(block(unit, at.g, r), d)
+    for r in each(0, rows.c.size):
+        s = 0.0
+        for e in each(rows.first[r], rows.first[r + ONE]):
+            s -= dot(block(unit, at.g2, e), block(unit, dq, rows.block[e]))
+        at.r2[m1 + r] = s
+    for r in range(m1 + rows.c.size, at.r2.size):
+        at.r2[r] = 0.0
     if tangents.rows_change[k] != 0:
-        for r in range(m1):
-            work.r2[r] += 0.5 * tangents.length2[k * m1 + r]
+        for r in each(0, m1):
+            at.r2[r] += 0.5 * tangents.length2[k * m1 + r]
         for r in each(0, rows.c.size):
-            s = tangents.c[k * rows.c.size + r]
+            s = at.r2[m1 + r] - tangents.c[k * rows.c.size + r]
             for e in each(rows.first[r], rows.first[r + ONE]):
                 g = block(unit, tangents.b, k * rows.block.size + e)
-                g = g + 0.5 * _changed_terms(unit, rows, tangents, k, e, work.q)
-                s += dot(block(unit, work.q, rows.block[e]), g)
-            work.r2[m1 + r] -= s
-    return _solve_along_mass(tangents, tangents.dq, exactly)
+                g = g + 0.5 * _changed_terms(unit, rows, tangents, k, e, q)
+                s -= dot(block(unit, q, rows.block[e]), g)
+            at.r2[m1 + r] = s
+    return _solve_along_mass(tangents, problem, at, dq, slow_modes)
 
 
 @inner
-def project_velocity(tangents: Tangents, k: np.uint64, exactly: bool) -> int:
-    """Bring δq̇ of parameter k, in `dqd`, onto Φ_q δq̇ = -(δΦ_q) q̇ along M, for δq in `dq`."""
-    problem = tangents.problem
-    unit, rows, work = problem.unit, problem.system.rows, problem.work
-    _change_rows(tangents, k)
-    times_jacobian(unit, rows, tangents.g, tangents.g2, work.qd, work.r2)
-    times_jacobian(unit, rows, work.g, work.g2, tangents.dqd, work.y)
-    for r in range(work.r2.size):
-        work.r2[r], work.y[r] = -work.r2[r] - work.y[r], 0.0
-    return _solve_along_mass(tangents, tangents.dqd, exactly)
-
-
-@inner
-def _solve_along_mass(tangents: Tangents, x: Floats, exactly: bool) -> int:
-    """Move x (all blocks D,) along M by what r2 in `work` says; the iterations."""
-    problem = tangents.problem
-    zero(tangents.f)
-    add_mass_times(problem.unit, problem.system.mass, 1.0, x, tangents.f)
-    count, _sigma = solved(problem, tangents.f, x, exactly, False)
-    return count
-
-
-@inner
-def accelerate_tangent(
-    tangents: Tangents, k: np.uint64, t: float, exactly: bool, forced: bool
-) -> int:
-    """δq̈ of parameter k, into `x`, for δq and δq̇ in `dq` and `dqd`, at q, q̇, q̈ in `work` and λ in
-    `lam`; the iterations. `forced`: δQ is not in `f` already."""
-    problem = tangents.problem
-    unit, system, work = problem.unit, problem.system, problem.work
-    rows, f = system.rows, tangents.f
-    if forced:
-        zero(f)
-        add_force_change(tangents, k, t)
-    if tangents.mass_changes[k] != 0:
-        _subtract_mass_change(problem, tangents, k)
-    _change_rows(tangents, k)
-    add_transposed(unit, rows, tangents.g, tangents.g2, tangents.lam, f)
+def project_velocity(
+    tangents: Tangents, problem: Problem, at: FollowedStage, k: np.uint64, slow_modes: np.uint64
+) -> bool:
+    """Bring δq̇ of group k onto Φ_q δq̇ = -(δΦ_q) q̇ along M, at q and q̇ of the stage."""
+    unit, rows, qd = problem.unit, problem.system.rows, at.work.qd
+    dq, dqd = group_of(tangents, tangents.q, k), group_of(tangents, tangents.qd, k)
     for r in each(0, rows.i.size):
         i, j = rows.i[r], rows.j[r]
-        s = dot(block(unit, tangents.g, r), block(unit, work.qdd, i) - block(unit, work.qdd, j))
-        v = block(unit, work.qd, i) - block(unit, work.qd, j)
-        dv = block(unit, tangents.dqd, i) - block(unit, tangents.dqd, j)
-        work.r2[r] = -s - 2.0 * dot(v, dv)
-    if rows.movable.size > 0:
-        jacobian_rate(unit, rows, work.qd, work.g2d)
-        jacobian_rate(unit, rows, tangents.dqd, tangents.g2v)
-        if tangents.rows_change[k] != 0:
-            for e in each(0, rows.block.size):
-                add(tangents.g2v, e, _changed_terms(unit, rows, tangents, k, e, work.qd))
+        s = dot(block(unit, at.g, r), block(unit, dqd, i) - block(unit, dqd, j))
+        v = block(unit, qd, i) - block(unit, qd, j)
+        at.r2[r] = -s - dot(v, block(unit, dq, i) - block(unit, dq, j))
     for r in each(0, rows.movable.size):
         s = 0.0
         for e in each(rows.first[r], rows.first[r + ONE]):
-            b = rows.block[e]
-            s += dot(block(unit, tangents.g2, e), block(unit, work.qdd, b))
-            s += dot(block(unit, tangents.g2v, e), block(unit, work.qd, b))
-            s += dot(block(unit, work.g2d, e), block(unit, tangents.dqd, b))
-        work.r2[rows.i.size + r] = -s
-    zero(work.y)
-    zero(tangents.x)
-    count, _sigma = solved(problem, f, tangents.x, exactly, False)  # (26)
-    if not exactly:
-        # the factor is of a position beside this one, and rows may be off by a little of what f
-        # does to the masses alone: the projection corrects a motion, but nothing a derivative
-        augmented(unit, system, work, f, tangents.x, ONE_ROUND, False)
-    return count
+            s -= dot(block(unit, at.g2, e), block(unit, dqd, rows.block[e]))
+            for n in each(rows.first_term[e], rows.first_term[e + ONE]):
+                s -= dot(block(unit, tangents.term_qd, n), block(unit, dq, rows.term_block[n]))
+            if tangents.rows_change[k] != 0:
+                g = _changed_entry(unit, rows, tangents, k, e, at.work.q)
+                s -= dot(block(unit, qd, rows.block[e]), g)
+        at.r2[rows.i.size + r] = s
+    return _solve_along_mass(tangents, problem, at, dqd, slow_modes)
 
 
 @inner
-def add_force_change(tangents: Tangents, k: np.uint64, t: float) -> None:
-    """f += δQ of parameter k, for δq and δq̇ in `dq` and `dqd`, at q, q̇ in `work`."""
-    work, effects = tangents.problem.work, tangents.problem.forces.effects
+def _solve_along_mass(
+    tangents: Tangents, problem: Problem, at: FollowedStage, x: Lanes, slow_modes: np.uint64
+) -> bool:
+    """Move x (all blocks D,) along M by what r2 of the stage says."""
+    zero(at.y)
+    zero(tangents.f)
+    add_mass_times(problem.unit, problem.system.mass, 1.0, x, tangents.f)
+    residuals(problem.unit, problem.system, at, tangents.f, x)
+    return solved_together(tangents, problem, at, x, slow_modes)
+
+
+@inner
+def begin_rates(tangents: Tangents, problem: Problem, at: FollowedStage) -> None:
+    """Φ̇_q and Tᵀ q̇ of a stage, for all groups."""
+    rows = problem.system.rows
+    if rows.movable.size > 0:
+        jacobian_rate(problem.unit, rows, at.work.qd, tangents.g2d)
+        _times_terms(problem.unit, rows, at.work.qd, tangents.term_qd)
+
+
+@inner
+def begin_stage(tangents: Tangents, problem: Problem, at: FollowedStage) -> None:
+    """Φ̇_q, Tᵀ q̇ and Tᵀ q̈ of a stage, for all groups."""
+    begin_rates(tangents, problem, at)
+    if problem.system.rows.movable.size > 0:
+        _times_terms(problem.unit, problem.system.rows, at.work.qdd, tangents.term_qdd)
+
+
+@inner
+def _times_terms(unit: Unit, rows: Rows, v: Floats, out: Floats) -> None:
+    """Tᵀ v of each term, for v (all blocks D,) of the block of its entry."""
+    D = np.uint64(len(unit))
+    for e in each(0, rows.block.size):
+        for n in each(rows.first_term[e], rows.first_term[e + ONE]):
+            b = rows.block[e] * D
+            u = v[b] * block(unit, rows.term, n * D) + v[b + ONE] * block(
+                unit, rows.term, n * D + ONE
+            )
+            if D != TWO:
+                u = u + v[b + TWO] * block(unit, rows.term, n * D + TWO)
+            put(out, n, u)
+
+
+@inner
+def accelerate_tangents(
+    tangents: Tangents, problem: Problem, at: FollowedStage, k: np.uint64, slow_modes: np.uint64
+) -> bool:
+    """δq̈ of group k, for δq and δq̇, at q, q̇, q̈ of the stage, λ in `lam` and δQ in `f`.
+
+    `slow_modes` and the result are as for `solved_together`.
+    """
+    unit, rows, work, f = problem.unit, problem.system.rows, at.work, tangents.f
+    dq, dqd = group_of(tangents, tangents.q, k), group_of(tangents, tangents.qd, k)
+    m1, lam = rows.i.size, tangents.lam
+    if tangents.mass_changes[k] != 0:
+        _subtract_mass_change(problem, tangents, k, work.qdd)
+    for r in each(0, m1):
+        i, j = rows.i[r], rows.j[r]
+        d = block(unit, dq, i) - block(unit, dq, j)
+        s = -dot(block(unit, work.qdd, i) - block(unit, work.qdd, j), d)
+        v = block(unit, work.qd, i) - block(unit, work.qd, j)
+        s -= dot(2.0 * v, block(unit, dqd, i) - block(unit, dqd, j))
+        at.r2[r], at.y[r], d = s, 0.0, lam[r] * d
+        add(f, i, d)
+        if r < rows.both:
+            subtract(f, j, d)
+    for r in each(0, rows.movable.size):
+        s = 0.0
+        for e in each(rows.first[r], rows.first[r + ONE]):
+            if rows.first_term[e] != rows.first_term[e + ONE]:
+                s -= dot(block(unit, tangents.g2d, e), block(unit, dqd, rows.block[e]))
+            for n in each(rows.first_term[e], rows.first_term[e + ONE]):
+                d, dv = block(unit, dq, rows.term_block[n]), block(unit, dqd, rows.term_block[n])
+                s -= dot(block(unit, tangents.term_qdd, n), d)
+                s -= dot(block(unit, tangents.term_qd, n), dv)
+                if e < rows.movable[r]:
+                    c = tangents.even[n]
+                    if c == c:
+                        add(f, rows.block[e], (lam[m1 + r] * c) * d)
+                    else:
+                        add(f, rows.block[e], lam[m1 + r] * times(unit, rows.term, n, d))
+        at.r2[m1 + r], at.y[m1 + r] = s, 0.0
+    if tangents.rows_change[k] != 0:
+        _add_changed_rows(tangents, problem, at, k)
+    _begin_residuals(tangents, problem, at)
+    dqdd = group_of(tangents, tangents.qdd, k)
+    zero(dqdd)
+    return solved_together(tangents, problem, at, dqdd, slow_modes)  # (26)
+
+
+@expanded
+def _add_changed_rows(
+    tangents: Tangents, problem: Problem, at: FollowedStage, k: np.uint64
+) -> None:
+    """Of rows that depend on parameters of group k: -(δ'Φ_q) q̈ - δ'Φ̇_q q̇ to r2 of the stage, and
+    -(δ'Φ_q)ᵀ λ to `f`."""
+    unit, rows, work = problem.unit, problem.system.rows, at.work
+    m1 = rows.i.size
+    for r in each(0, rows.movable.size):
+        s = at.r2[m1 + r]
+        for e in each(rows.first[r], rows.first[r + ONE]):
+            b, d = rows.block[e], _changed_entry(unit, rows, tangents, k, e, work.q)
+            dv = _changed_terms(unit, rows, tangents, k, e, work.qd)
+            s -= dot(block(unit, work.qdd, b), d) + dot(block(unit, work.qd, b), dv)
+            if e < rows.movable[r]:
+                add(tangents.f, b, tangents.lam[m1 + r] * d)
+        at.r2[m1 + r] = s
+
+
+@expanded
+def _begin_residuals(tangents: Tangents, problem: Problem, at: FollowedStage) -> None:
+    """δ = f + Φ_qᵀ α r2 with the Φ_q of the factor, for x = 0 and y = 0."""
+    unit, rows, m1 = problem.unit, problem.system.rows, problem.system.rows.i.size
+    copy(tangents.f, at.delta)
+    for r in each(0, m1):
+        v = (rows.alpha[r] * at.r2[r]) * block(unit, at.gf, r)
+        add(at.delta, rows.i[r], v)
+        if r < rows.both:
+            subtract(at.delta, rows.j[r], v)
+    for r in each(0, rows.movable.size):
+        s = rows.alpha[m1 + r] * at.r2[m1 + r]
+        for e in each(rows.first[r], rows.movable[r]):
+            add(at.delta, rows.block[e], s * block(unit, at.g2f, e))
+
+
+@inner
+def change_forces(
+    tangents: Tangents, problem: Problem, at: FollowedStage, k: np.uint64, t: float
+) -> None:
+    """δQ of group k into `f`, for δq and δq̇, at q, q̇ of the stage."""
+    work, effects = at.work, problem.forces.effects
+    zero(tangents.f)
     zero(tangents.Q)
     for e in range(effects.force.size):
         call(
             tangents.force[e],
             t,
             work.q,
-            tangents.dq,
+            group_of(tangents, tangents.q, k),
             work.qd,
-            tangents.dqd,
+            group_of(tangents, tangents.qd, k),
             work.near,
             effects.slots,
             effects.slots_at[e],
@@ -151,10 +251,10 @@ def add_force_change(tangents: Tangents, k: np.uint64, t: float) -> None:
         )
 
 
-@inner
-def _subtract_mass_change(problem: Problem, tangents: Tangents, k: np.uint64) -> None:
+@expanded
+def _subtract_mass_change(problem: Problem, tangents: Tangents, k: np.uint64, qdd: Floats) -> None:
     """f -= δM q̈."""
-    unit, mass, qdd, f = problem.unit, problem.system.mass, problem.work.qdd, tangents.f
+    unit, mass, f = problem.unit, problem.system.mass, tangents.f
     D = np.uint64(len(unit))
     for i in each(0, mass.diagonal.size):
         subtract(f, i, tangents.mass_diagonal[k * mass.diagonal.size + i] * block(unit, qdd, i))
@@ -172,29 +272,21 @@ def _subtract_mass_change(problem: Problem, tangents: Tangents, k: np.uint64) ->
 
 
 @inner
-def _change_rows(tangents: Tangents, k: np.uint64) -> None:
-    """δΦ_q of parameter k into `g` and `g2`, for δq in `dq`."""
-    problem = tangents.problem
-    unit, rows, work = problem.unit, problem.system.rows, problem.work
-    for r in each(0, rows.i.size):
-        d = block(unit, tangents.dq, rows.i[r]) - block(unit, tangents.dq, rows.j[r])
-        put(tangents.g, r, d)
-    if rows.movable.size == 0:
-        return
-    jacobian_rate(unit, rows, tangents.dq, tangents.g2)
-    if tangents.rows_change[k] != 0:
-        for e in each(0, rows.block.size):
-            b = block(unit, tangents.b, k * rows.block.size + e)
-            add(tangents.g2, e, b + _changed_terms(unit, rows, tangents, k, e, work.q))
+def _changed_entry(
+    unit: Unit, rows: Rows, tangents: Tangents, k: np.uint64, e: np.uint64, q: Floats
+) -> Lanes:
+    """δ'b + δ'T q, of entry e."""
+    g = block(unit, tangents.b, k * rows.block.size + e)
+    return g + _changed_terms(unit, rows, tangents, k, e, q)
 
 
 @inner
 def _changed_terms(
     unit: Unit, rows: Rows, tangents: Tangents, k: np.uint64, e: np.uint64, v: Floats
-) -> Floats:
+) -> Lanes:
     """δ'T v, of entry e."""
-    g = 0.0 * block(unit, v, rows.block[e])
+    g = 0.0 * block(unit, tangents.b, k * rows.block.size + e)
     for s in each(rows.first_term[e], rows.first_term[e + ONE]):
-        at = k * rows.term_block.size + s
-        g = g + times(unit, tangents.term, at, block(unit, v, rows.term_block[s]))
+        of = k * rows.term_block.size + s
+        g = g + times(unit, tangents.term, of, block(unit, v, rows.term_block[s]))
     return g

@@ -14,7 +14,7 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.kernel.augmented_solve import apply
-from alf_ros.kernel.data import Phase, Problem, Scales, Tangents, Work
+from alf_ros.kernel.data import FollowedStage, Phase, Problem, Scales, Tangents, Work
 from alf_ros.kernel.interpolated_stages import (
     PLACES,
     SLOW,
@@ -25,14 +25,19 @@ from alf_ros.kernel.interpolated_stages import (
     weigh_places,
 )
 from alf_ros.kernel.ldl import linearise
-from alf_ros.kernel.numba_ext.jit import inner
+from alf_ros.kernel.numba_ext.jit import ONE, inner
+from alf_ros.kernel.numba_ext.structs import Lanes
 from alf_ros.kernel.numba_ext.vectors import copy, largest, zero
 from alf_ros.kernel.prescribed import prescribe
 from alf_ros.kernel.stage import stage
 from alf_ros.kernel.step_tape import INTERPOLATED, PROJECTED
+from alf_ros.kernel.tangent_lane_solve import FINISH
 from alf_ros.kernel.tangent_solves import (
-    accelerate_tangent,
-    add_force_change,
+    accelerate_tangents,
+    begin_rates,
+    begin_stage,
+    change_forces,
+    group_of,
     project_position,
     project_velocity,
 )
@@ -68,7 +73,8 @@ def differentiate_beside(
     copy(work.base, work.target)
     count, _x, _clear = stage(problem, t, scales, True, True)
     if count > 0:
-        count = differentiate(tangents, t, True)
+        store_multipliers(tangents.lam, work.y)
+        count = differentiate_projected(tangents, t)
     return count, PROJECTED
 
 
@@ -129,115 +135,115 @@ def _singular_place(work: Work) -> float:
 
 
 @inner
-def take(tangents: Tangents, k: np.uint64, q: Floats, qd: Floats) -> None:
-    """δq and δq̇ of parameter k, of q and qd (K, all blocks D), into `dq` and `dqd`."""
-    whole = tangents.dq.size
-    for a in range(whole):
-        tangents.dq[a], tangents.dqd[a] = q[k * whole + a], qd[k * whole + a]
+def project_tangents(
+    tangents: Tangents, problem: Problem, at: FollowedStage, slow_modes: np.uint64
+) -> bool:
+    """δq and δq̇ onto their constraints, at q, q̇ of the stage.
 
-
-@inner
-def project_tangents(tangents: Tangents) -> int:
-    """δq and δq̇ onto their constraints, at q, q̇ in `work`; the iterations."""
-    whole, count = tangents.dq.size, 1
-    for k in range(tangents.count):
-        take(tangents, k, tangents.q, tangents.qd)
-        if count > 0:
-            count = project_position(tangents, k, True)
-        if count > 0:
-            count = project_velocity(tangents, k, True)
-        for a in range(whole):
-            tangents.q[k * whole + a] = tangents.dq[a]
-            tangents.qd[k * whole + a] = tangents.dqd[a]
-    return count
-
-
-@inner
-def store_multipliers(tangents: Tangents) -> None:
-    """-λ of the stage, from where it was solved for."""
-    work = tangents.problem.work
-    for r in range(work.y.size):
-        tangents.lam[r] = -work.y[r]
-
-
-@inner
-def differentiate(tangents: Tangents, t: float, near: bool) -> int:
-    """δq̈ of all parameters at the stage in `work`; the iterations.
-
-    `near`: δq and δq̇ are projected before.
+    `slow_modes` and the result are as for `tangent_lane_solve.solved_together`.
     """
-    problem = tangents.problem
-    work, whole, count = problem.work, tangents.dq.size, 1
-    store_multipliers(tangents)
-    if near:
-        if not linearise(problem.unit, problem.system, work, work.q):
-            return 0
-        count = project_tangents(tangents)
-    for k in range(tangents.count):
-        if count > 0:
-            take(tangents, k, tangents.q, tangents.qd)
-            count = accelerate_tangent(tangents, k, t, near, True)
-            for a in range(whole):
-                tangents.qdd[k * whole + a] = tangents.x[a]
-    return count
+    good = True
+    begin_rates(tangents, problem, at)
+    for k in range(tangents.groups):
+        if good:
+            good = project_position(tangents, problem, at, k, slow_modes)
+        if good:
+            good = project_velocity(tangents, problem, at, k, slow_modes)
+    return good
+
+
+@inner
+def store_multipliers(lam: Floats, y: Floats) -> None:
+    """-λ of the stage, from where it was solved for."""
+    for r in range(y.size):
+        lam[r] = -y[r]
+
+
+@inner
+def differentiate(
+    tangents: Tangents, problem: Problem, at: FollowedStage, t: float, slow_modes: np.uint64
+) -> None:
+    """δq̈ of all parameters at a stage of `problem`; `slow_modes` is as for
+    `tangent_lane_solve.solved_together`."""
+    begin_stage(tangents, problem, at)
+    for k in range(tangents.groups):
+        change_forces(tangents, problem, at, k, t)
+        accelerate_tangents(tangents, problem, at, k, slow_modes)
+
+
+@inner
+def differentiate_projected(tangents: Tangents, t: float) -> int:
+    """The same at the stage in the workspace of the tangents, after δq and δq̇ are projected; 0 if
+    it is not determined."""
+    problem, at = tangents.problem, tangents.behind
+    if not linearise(problem.unit, problem.system, problem.work, problem.work.q):
+        return 0
+    project_tangents(tangents, problem, at, FINISH)
+    differentiate(tangents, problem, at, t, FINISH)
+    return 1
 
 
 @inner
 def _differentiate_places(tangents: Tangents, t: float) -> int:
     """The same of a stage that is interpolated from the support positions in `work`."""
-    problem = tangents.problem
+    problem, at = tangents.problem, tangents.behind
     unit, system, work = problem.unit, problem.system, problem.work
-    n, whole, places = work.p.size, tangents.dq.size, np.uint64(PLACES)
-    many = tangents.count * whole
-    for a in range(many):
-        tangents.begun_q[a], tangents.begun_qd[a] = tangents.q[a], tangents.qd[a]
-        tangents.qdd[a] = 0.0
+    n, whole, places = work.p.size, work.q.size, np.uint64(PLACES)
+    copy(tangents.q, tangents.begun_q)
+    copy(tangents.qd, tangents.begun_qd)
+    zero(tangents.whole_q)
+    zero(tangents.whole_qd)
+    zero(tangents.whole_qdd)
+    for k in range(tangents.groups):  # fixed blocks stay as they are
+        for a in range(k * whole + n, (k + ONE) * whole):
+            tangents.whole_q[a] = tangents.q[a]
     # δq and δq̇
-    for k in range(tangents.count):
-        for a in range(n):
-            tangents.q[k * whole + a], tangents.qd[k * whole + a] = 0.0, 0.0
     for p in range(places):
         place_at(problem, t, p)
         if not linearise(unit, system, work, work.q):
             return 0
-        for k in range(tangents.count):
-            if _project_begun(tangents, k) <= 0:
-                return 0
-            for a in range(n):
-                tangents.q[k * whole + a] += work.place_weights[p] * tangents.dq[a]
-                tangents.qd[k * whole + a] += work.place_weights[p] * tangents.dqd[a]
+        _project_begun(tangents)
+        _add_up(tangents, tangents.q, tangents.whole_q, work.place_weights[p])
+        _add_up(tangents, tangents.qd, tangents.whole_qd, work.place_weights[p])
     # δq̈, under the forces that act at the stage and their change there
     prescribe(system, t, work.q, work.qd, work.qdd)
     for a in range(n):
         work.q[a], work.qd[a] = work.sum_q[a], work.sum_qd[a]
     apply(problem, t)
     copy(work.Q, work.given)
-    for k in range(tangents.count):
-        take(tangents, k, tangents.q, tangents.qd)
-        zero(tangents.f)
-        add_force_change(tangents, k, t)
-        for a in range(whole):
-            tangents.pushed[k * whole + a] = tangents.f[a]
+    copy(tangents.whole_q, tangents.q)
+    copy(tangents.whole_qd, tangents.qd)
+    for k in range(tangents.groups):
+        change_forces(tangents, problem, at, k, t)
+        copy(tangents.f, group_of(tangents, tangents.pushed, k))
     for p in range(places):
         if evaluate_place(problem, t, p) <= 0:
             return 0
-        store_multipliers(tangents)
-        for k in range(tangents.count):
-            if _project_begun(tangents, k) <= 0:
-                return 0
-            for a in range(whole):
-                tangents.f[a] = tangents.pushed[k * whole + a]
-            if accelerate_tangent(tangents, k, t, True, False) <= 0:
-                return 0
-            for a in range(n):
-                tangents.qdd[k * whole + a] += work.place_weights[p] * tangents.x[a]
+        store_multipliers(tangents.lam, work.y)
+        _project_begun(tangents)
+        begin_stage(tangents, problem, at)
+        for k in range(tangents.groups):
+            copy(group_of(tangents, tangents.pushed, k), tangents.f)
+            accelerate_tangents(tangents, problem, at, k, FINISH)
+        _add_up(tangents, tangents.qdd, tangents.whole_qdd, work.place_weights[p])
+    copy(tangents.whole_q, tangents.q)
+    copy(tangents.whole_qd, tangents.qd)
+    copy(tangents.whole_qdd, tangents.qdd)
     return 1
 
 
 @inner
-def _project_begun(tangents: Tangents, k: np.uint64) -> int:
-    """δq and δq̇ of parameter k as the step adds them up, onto the constraints at q, q̇ in `work`;
-    the iterations."""
-    take(tangents, k, tangents.begun_q, tangents.begun_qd)
-    count = project_position(tangents, k, True)
-    return project_velocity(tangents, k, True) if count > 0 else count
+def _project_begun(tangents: Tangents) -> None:
+    """δq and δq̇ as the step adds them up, onto the constraints at q, q̇ in `work`."""
+    copy(tangents.begun_q, tangents.q)
+    copy(tangents.begun_qd, tangents.qd)
+    project_tangents(tangents, tangents.problem, tangents.behind, FINISH)
+
+
+@inner
+def _add_up(tangents: Tangents, u: Lanes, total: Lanes, weight: float) -> None:
+    """Add `weight` times u (groups, all blocks D) to the total of the movable blocks."""
+    n, whole = tangents.problem.work.p.size, tangents.Q.size
+    for k in range(tangents.groups):
+        for a in range(k * whole, k * whole + n):
+            total[a] += weight * u[a]

@@ -58,16 +58,18 @@ class AdjointFollowing:
 
     def __init__(self, stepper: Stepper, model: Model) -> None:
         self._stepper, self._model = stepper, model
+        self._stages = stepper.method.b.size
         self._steps, self._operations = 0, _ROOM
         self._record = self._empty_record()
         self._adjoint: Adjoint | None = None
+        self._made_for: tuple[Applied, StepRecord, int] | None = None
         self._forces: tuple[Applied, Addresses] | None = None
         self._force_of(stepper.applied)
 
     @property
     def bytes_of_step(self) -> int:
         """Memory that one step takes."""
-        return sum(x.nbytes for x in _arrays_of(_record(self._model, 1)))
+        return sum(x.nbytes for x in _arrays_of(_record(self._model, 1, self._stages)))
 
     def provide(self, steps: int) -> None:
         """Memory for so many steps."""
@@ -76,7 +78,7 @@ class AdjointFollowing:
             self._record = self._empty_record()
 
     def _empty_record(self) -> StepRecord:
-        return _record(self._model, self._steps)
+        return _record(self._model, self._steps, self._stages)
 
     def write_down(self, present: Present, n: int) -> None:
         """Take n steps of the grid. Raises StepError, and NoRoom if an adaptive method took more
@@ -88,9 +90,20 @@ class AdjointFollowing:
         if int(self._record.count[0]) > self._steps:
             self.provide(2 * int(self._record.count[0]))
             raise NoRoom('more steps than there was room for')
+        self._begin(present)
+        self._taken = int(self._record.count[0])
+
+    def _begin(self, present: Present) -> None:
+        """Sums of zero, for the inputs of the present."""
+        of, made = self._made_for, (present.applied, self._record, self._operations)
+        if of is not None and of[0] is made[0] and of[1] is made[1] and of[2] == made[2]:
+            assert self._adjoint is not None
+            for name in (*SUMS, 'of_trace'):
+                getattr(self._adjoint, name)[:] = 0.0
+            return
         force = self._force_of(present.applied)
         self._adjoint = self._made(self._stepper.problem_aside(present), force)
-        self._taken = int(self._record.count[0])
+        self._made_for = made
 
     def ends(self) -> Floats:
         """(steps,) s: the ends of the steps that are written down."""
@@ -140,7 +153,8 @@ class AdjointFollowing:
         assert of is not None
         whole, size = self._model.q.size, of.tangents.problem.forces.effects.params.size
         params = of.of_trace[2 * whole : 2 * whole + size].copy()
-        return TakenBack(of.bar_q, of.bar_qd, {name: getattr(of, name) for name in SUMS}, params)
+        arrays = {name: getattr(of, name).copy() for name in SUMS}
+        return TakenBack(of.bar_q.copy(), of.bar_qd.copy(), arrays, params)
 
     def _force_of(self, applied: Applied) -> Addresses:
         """Of the effects, to which held inputs belong."""
@@ -163,6 +177,9 @@ class AdjointFollowing:
             'slopes': 2 * room,
             'start': 2 * n,
             'rates': 2 * stages * n,
+            'g': work.g.size,
+            'g2': work.g2.size,
+            'g2v': work.g2.size,
             **dict.fromkeys(_WHOLE, whole),
         }
         tape = {
@@ -200,18 +217,32 @@ class AdjointFollowing:
 
 _WHOLE = (
     *('bar_q', 'bar_qd', 'q', 'qd', 'qdd', 'whole_q', 'whole_qd', 'whole_qdd'),
-    *('begun_q', 'begun_qd', 'pushed', 'u', 'x'),
+    *('begun_q', 'begun_qd', 'pushed', 'u', 'f', 'Q', 'x'),
 )
 
 
-def _record(model: Model, steps: int) -> StepRecord:
-    system, whole = model.system, model.q.size
+def _record(model: Model, steps: int, stages: int) -> StepRecord:
+    system, whole, n, D = model.system, model.q.size, model.n, model.layout.dimension
+    blocks, rows = n // D, system.rows.alpha.size
+    sizes = {
+        **dict.fromkeys(('q', 'qd', 'ended_q', 'ended_qd'), whole),
+        **dict.fromkeys(('stage_q', 'stage_qd', 'stage_qdd'), stages * whole),
+        'stage_lam': stages * rows,
+        **dict.fromkeys(('sin', 'cos'), (stages + 1) * blocks),
+        'rate': stages * blocks,
+        'curvature': blocks,
+        **dict.fromkeys(('t', 'n'), n),
+        'b': n if D == 3 else 0,
+    }
     return StepRecord(
         count=np.zeros(1, dtype=np.int64),
         turns=np.zeros(steps * (system.angles.c.size // 2), dtype=np.int64),
         sums=np.zeros(steps * system.integrals.row.size),
         span=np.zeros(steps * SPAN),
-        **{name: np.zeros(steps * whole) for name in ('q', 'qd', 'ended_q', 'ended_qd')},
+        regular=np.zeros(steps, dtype=np.int64),
+        followed=np.zeros(2, dtype=np.int64),
+        lam=np.zeros(rows),
+        **{name: np.zeros(steps * size) for name, size in sizes.items()},
     )
 
 

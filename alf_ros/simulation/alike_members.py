@@ -20,6 +20,7 @@ from alf_ros.kernel.data.lane_crew import LaneCrew, LaneGroups, LaneProgress
 from alf_ros.kernel.lanes.advance_lanes import advance_lanes
 from alf_ros.kernel.lanes.advance_lanes_adaptively import advance_lanes_adaptively
 from alf_ros.kernel.lanes.single_member import functions_of_members
+from alf_ros.kernel.numba_ext.lane_numbers import width
 from alf_ros.model.member_structs import LanesOfMembers, MemberStructs
 from alf_ros.model.member_systems import NUMBERS, MemberSystems
 from alf_ros.model.penalty import LEAST_PENALTY
@@ -27,7 +28,7 @@ from alf_ros.simulation import input_checks as check
 from alf_ros.simulation.member_numbers import Likeness, MemberNumbers
 from alf_ros.simulation.member_readings import MemberReadings
 from alf_ros.simulation.quantities import Quantity
-from alf_ros.simulation.side_by_side import is_adaptive, width
+from alf_ros.simulation.side_by_side import is_adaptive
 from alf_ros.simulation.simulation import Simulation
 
 _GROUPS = 8  # of members at a time

@@ -11,7 +11,6 @@ import math
 import time
 from collections.abc import Container, Sequence
 from contextlib import ExitStack
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -23,6 +22,7 @@ from alf_ros.kernel.data.lane_crew import LaneCrew, LaneGroups, LaneProgress
 from alf_ros.kernel.lanes.advance_lanes import advance_lanes
 from alf_ros.kernel.lanes.advance_lanes_adaptively import advance_lanes_adaptively
 from alf_ros.kernel.lanes.single_member import functions_of_members
+from alf_ros.kernel.numba_ext.lane_numbers import width
 from alf_ros.kernel.numba_ext.lane_structs import LaneStruct
 from alf_ros.kernel.numba_ext.plain import PLAIN
 from alf_ros.simulation import input_checks as check
@@ -32,15 +32,6 @@ from alf_ros.simulation.simulation import Simulation
 
 WIDTHS = 2, 4, 8  # members that a register may hold
 _PARTS = 'problem', 'phase', 'progress', 'crew'  # of `LaneGroups`
-
-
-@cache
-def width() -> int:
-    """How many numbers a register of this processor holds."""
-    import llvmlite.binding as llvm
-
-    features = llvm.get_host_cpu_features()
-    return 8 if features.get('avx512f') else 4 if features.get('avx2') else 2
 
 
 class _Group:

@@ -93,7 +93,7 @@ class Stepper:
         self._aside: Work | None = None
         self._following = following
         self._behind: Work | None = None  # of tangents
-        self._tangents: tuple[Problem, Tangents] | None = None
+        self._tangents: dict[bool, tuple[Problem, Tangents]] = {}  # of the run, and aside
         self._problems: dict[bool, Problem] = {}  # of the run, and aside
         self.formulation = formulation
         if solver.formulation != 'alf2' and formulation is None:
@@ -197,13 +197,14 @@ class Stepper:
 
     def _followed(self, applied: Applied, problem: Problem) -> Tangents:
         """The tangents of a problem; replaced when held inputs change."""
-        known = self._tangents
+        of_run = problem.work is self.work
+        known = self._tangents.get(of_run)
         if known is None or known[0].forces is not problem.forces:
             if self._behind is None:
                 self._behind = self._allocated()
             assert self._following is not None
             known = problem, self._following.tangents(applied, problem, self._behind)
-            self._tangents = known
+            self._tangents[of_run] = known
         return known[1]
 
     def problem_of(self, present: Present) -> Problem:

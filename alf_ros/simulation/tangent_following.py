@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -12,7 +12,9 @@ import numpy as np
 from alf_ros import effects as registry
 from alf_ros.arrays import Addresses, Floats, Integers
 from alf_ros.errors import InputError
-from alf_ros.kernel import Forces, Kinks, Ledger, Problem, Tangents, Work
+from alf_ros.kernel import FollowedStage, Forces, Kinks, Ledger, Problem, Tangents, Work
+from alf_ros.kernel.numba_ext.lane_numbers import width
+from alf_ros.kernel.numba_ext.lane_structs import aligned
 from alf_ros.kernel.numba_ext.plain import PLAIN
 from alf_ros.model.compile import Model
 from alf_ros.model.tableaux import TABLEAUX
@@ -26,6 +28,10 @@ from alf_ros.simulation.state_direction import StateDirection, is_direction
 Slopes: TypeAlias = ParameterSlopes | StateDirection
 _ROWS = ('length2', 'b', 'term', 'c')
 _MASSES = ('mass_diagonal', 'mass_k', 'mass_w')
+_OF_GROUPS = (
+    *('first_q', 'first_qd', 'first_qdd', 'q', 'qd', 'qdd', 'begun_q', 'begun_qd'),
+    *('whole_q', 'whole_qd', 'whole_qdd', 'pushed'),
+)
 
 _UNFOLDS = 1e-5  # part of nᵀ ∂Φ/∂θ that is left where a position is found
 
@@ -99,62 +105,105 @@ class TangentFollowing:
                     found.append(each.name)
         return found
 
-    def stacked(self, name: str) -> Floats:
-        """(K …,) the slopes of an array by all parameters."""
-        return np.concatenate([np.zeros(0), *(each.arrays[name] for each in self.slopes)])
-
     def check(self, applied: Applied) -> None:
         """Raises InputError for an effect without a derivative."""
-        _dual_forces(applied)
+        _dual_forces(applied, _lanes_for(len(self.names)))
 
     def tangents(self, applied: Applied, problem: Problem, work: Work) -> Tangents:
         """For the kernel: `problem` of the run, `work` for the stages of the tangents alone."""
-        changes: dict[str, Any] = {name: self.stacked(name) for name in (*_MASSES, *_ROWS)}
-        changes['mass_changes'] = _any(self.slopes, _MASSES)
-        changes['rows_change'] = np.array([n in self.lengths for n in self.names], dtype=np.int64)
-        each = [slopes.params(applied.inputs) for slopes in self.slopes]
-        changes['params'] = np.concatenate([np.zeros(0), *each])
+        W = _lanes_for(len(self.names))
+        changes: dict[str, Any] = {
+            name: _in_groups([each.arrays[name] for each in self.slopes], W)
+            for name in (*_MASSES, *_ROWS)
+        }
+        changes['mass_changes'] = _any_of_group(_any(self.slopes, _MASSES), W)
+        moved = np.array([n in self.lengths for n in self.names], dtype=np.int64)
+        changes['rows_change'] = _any_of_group(moved, W)
+        each_params = [each.params(applied.inputs) for each in self.slopes]
+        changes['params'] = _in_groups(each_params, W)
         model, count = self._start.model, len(self.names)
-        return replace(tangents_of(model, problem, work, count, _dual_forces(applied)), **changes)
+        return replace(
+            tangents_of(model, problem, work, count, _dual_forces(applied, W)), **changes
+        )
 
 
 def tangents_of(
     model: Model, problem: Problem, work: Work, count: int, force: Addresses
 ) -> Tangents:
     """Tangents of `count` parameters that change nothing. force: of each effect, for dual
-    numbers."""
+    numbers in lanes."""
     D, n, whole = model.layout.dimension, model.n, model.q.size
     rows, mass, stages = problem.system.rows, problem.system.mass, problem.method.b.size
-    effects = problem.forces.effects
+    W = _lanes_for(count)
+    effects, groups = problem.forces.effects, -(-count // W)
     forces = Forces(effects, problem.forces.bearings, Ledger.empty(), Kinks.empty())
+    lanes = {
+        'mass_diagonal': groups * mass.diagonal.size,
+        'mass_k': groups * mass.k.size,
+        'mass_w': groups * mass.w.size,
+        'length2': groups * rows.length2.size,
+        'b': groups * rows.b.size,
+        'term': groups * rows.term.size,
+        'c': groups * rows.c.size,
+        'params': groups * effects.params.size,
+        'start': 2 * groups * n,
+        'rates': 2 * groups * stages * n,
+        **dict.fromkeys(_OF_GROUPS, groups * whole),
+        'f': whole,
+    }
+    T = rows.term.reshape(-1, D, D)
+    even = (T == T[:, :1, :1] * np.eye(D)).all(axis=(1, 2))
     sizes = {
-        'mass_diagonal': count * mass.diagonal.size,
-        'mass_k': count * mass.k.size,
-        'mass_w': count * mass.w.size,
-        'length2': count * rows.length2.size,
-        'b': count * rows.b.size,
-        'term': count * rows.term.size,
-        'c': count * rows.c.size,
-        'params': count * effects.params.size,
-        'start': 2 * count * n,
-        'rates': 2 * count * stages * n,
-        **dict.fromkeys(('q', 'qd', 'qdd', 'begun_q', 'begun_qd', 'pushed'), count * whole),
         'good': 2 * count * whole,
         'lam': rows.alpha.size,
-        **dict.fromkeys(('dq', 'dqd', 'x', 'f', 'Q'), whole),
-        'g': rows.i.size * D,
-        'g2': rows.block.size * D,
-        'g2v': rows.block.size * D,
+        'g2d': rows.block.size * D,
+        **dict.fromkeys(('term_qd', 'term_qdd'), rows.term_block.size * D),
+        'part': stages,
+        **dict.fromkeys(('Q', 'lane_f', 'lane_x'), whole),
     }
+    solve = {'delta': whole, 'r2': rows.alpha.size, 'y': rows.alpha.size}
+    shared = {name: aligned(size, W) for name, size in solve.items()}
     return Tangents(
         unit=model.unit,
         problem=replace(problem, forces=forces, work=work),
         count=np.uint64(count),
+        groups=np.uint64(groups),
         force=force,
-        mass_changes=np.zeros(count, dtype=np.int64),
-        rows_change=np.zeros(count, dtype=np.int64),
+        mass_changes=np.zeros(groups, dtype=np.int64),
+        rows_change=np.zeros(groups, dtype=np.int64),
+        here=_followed_stage(problem.work, shared),
+        behind=_followed_stage(work, shared),
+        followed=np.zeros(2, dtype=np.int64),
+        of=np.zeros(stages, dtype=np.int64),
+        even=np.where(even, T[:, 0, 0], np.nan),
+        **{name: aligned(size, W) for name, size in lanes.items()},
         **{name: np.zeros(size) for name, size in sizes.items()},
     )
+
+
+def _followed_stage(work: Work, shared: Mapping[str, Floats]) -> FollowedStage:
+    read = ('diagonal', 'off', 'g', 'g2', 'gf', 'g2f')
+    return FollowedStage(work=work, **{name: getattr(work, name) for name in read}, **shared)
+
+
+def _lanes_for(count: int) -> int:
+    """How many of so many parameters are taken at once: a register of them, or two."""
+    return width() if count <= width() else 2 * width()
+
+
+def _in_groups(slopes: Sequence[Floats], W: int) -> Floats:
+    """(groups numbers, W) of the slopes (numbers,) of an array by each parameter."""
+    size, groups = slopes[0].size if slopes else 0, -(-len(slopes) // W)
+    found = aligned(groups * size, W)
+    for k, each in enumerate(slopes):
+        first = k // W * size
+        found[first : first + size, k % W] = each.reshape(-1)
+    return found
+
+
+def _any_of_group(flags: Integers, W: int) -> Integers:
+    """(groups,) whether a flag of the W parameters of a group is set."""
+    return np.array([flags[k : k + W].any() for k in range(0, flags.size, W)], dtype=np.int64)
 
 
 def _numbered(slopes: Slopes | None) -> ParameterSlopes | None:
@@ -211,12 +260,13 @@ def _check_slopes(slopes: Slopes, start: Start) -> None:
         )
 
 
-def _dual_forces(applied: Applied) -> Addresses:
-    """(effects,) the address of each force for dual numbers, in the order of the kernel."""
+def _dual_forces(applied: Applied, W: int) -> Addresses:
+    """(effects,) the address of each force for dual numbers of W lanes, in the order of the
+    kernel."""
     # it teaches numba new types: only where somebody asks
     from alf_ros.effects.contract.dual_force import dual_force
 
-    return forces_for(applied, dual_force)
+    return forces_for(applied, partial(dual_force, lanes=W))
 
 
 def forces_for(applied: Applied, compiled: Callable[..., Any]) -> Addresses:

@@ -5,6 +5,7 @@ eighth order of what it exerts. Every effect is found; one without a derivative 
 from __future__ import annotations
 
 import ctypes
+import math
 from typing import Any
 
 import numpy as np
@@ -85,6 +86,39 @@ def test_every_effect_has_examples() -> None:
     """A new effect is differentiated above as soon as it exists."""
     named = {kind for kind, _ in CASES}
     assert set(effects.own()) <= named
+
+
+def test_slopes_along_several_directions_are_those_along_each() -> None:
+    """Also where a root or a power has a slope of 0 by convention, and where values decide."""
+
+    def force(t: Any, q: Any, qd: Any, near: Any, slots: Any, params: Any, Q: Any) -> None:
+        Q[0] += math.sqrt(q[0]) + q[1] ** params[0] - 2.0 * q[2] / params[1]
+        Q[1] += math.hypot(q[0], q[3]) * max(q[1], 3 * q[2]) + (1 - abs(qd[0])) * t
+        if q[2] > 0.0:
+            Q[2] -= math.sin(qd[1]) ** 2 * params[1]
+
+    lanes, sizes = 4, (4, 4, 2)  # of q, qd and params
+    q, qd, params = (
+        np.array([0.0, 1.5, 0.7, 0.0]),
+        np.array([-0.3, 0.4, 0, 0]),
+        np.array([1.2, 2.0]),
+    )
+    changes = [np.random.default_rng(3).normal(size=(size, lanes)) for size in sizes]
+    changes[0][0, :2], changes[0][3, 1:] = 0.0, 0.0
+
+    def slopes(lanes: int, along: list[Floats]) -> Floats:
+        types = (None, _NUMBER, *(10 * [_POINTER]))
+        address = dual_force(force, lanes).address
+        none, Q, dQ = np.zeros(1, dtype=np.int64), np.zeros(4), np.zeros((4, max(lanes, 1)))
+        dq, dqd, dparams = (np.ascontiguousarray(each) for each in along)
+        given = (q, dq, qd, dqd, none, none, params, dparams, Q, dQ)
+        ctypes.CFUNCTYPE(*types)(address)(0.5, *(each.ctypes.data for each in given))
+        return dQ
+
+    together = slopes(lanes, changes)
+    for m in range(lanes):
+        alone = slopes(0, [each[:, m : m + 1] for each in changes])
+        np.testing.assert_array_equal(together[:, m], alone[:, 0])
 
 
 def test_a_function_without_derivative_is_refused() -> None:

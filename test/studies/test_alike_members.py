@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from alf_ros import Simulation, load_scene
+from alf_ros.kernel.numba_ext.lane_numbers import width
 from alf_ros.scene.overrides import with_changes
 from alf_ros.simulation.alike_members import AlikeMembers
 from alf_ros.simulation.member_numbers import Likeness, unlike
 from alf_ros.simulation.member_readings import readable
-from alf_ros.simulation.side_by_side import width
 from alf_ros.studies.ensemble import members_together
 from alf_ros.studies.ensemble.distributions import normal, uniform
 from alf_ros.studies.ensemble.member import run_member

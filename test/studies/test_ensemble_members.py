@@ -156,3 +156,16 @@ def test_what_cannot_be_is_said_before_anything_runs(changes, said):
     with pytest.raises(InputError) as caught:
         alf_ros.ensemble('slider_crank', **settings)
     assert str(caught.value).startswith(said)
+
+
+@pytest.mark.parametrize('step, said', [(0.1, 'steps of 0.1 s are too long'), (1e-3, '')])
+def test_steps_that_are_too_long_are_said(step: float, said: str) -> None:
+    found = alf_ros.ensemble(
+        'slider_crank',
+        {'solver.integrator': ['rk4'] * 2, 'solver.step': [step] * 2},
+        sampling='table',
+        outputs=['final(energy)'],
+        duration=5.0,
+        workers=0,
+    )
+    assert found.attrs['trouble'].startswith(said) and bool(found.attrs['trouble']) == bool(said)

@@ -19,17 +19,24 @@ from numba.core.errors import NumbaError
 from alf_ros.arrays import Floats, Integers
 from alf_ros.kernel.numba_ext.dual_numbers import duals
 from alf_ros.kernel.numba_ext.jit import by_address, shared
+from alf_ros.kernel.numba_ext.lane_numbers import LanesType
 
 _numbers, _integers = types.CPointer(types.float64), types.CPointer(types.int64)
-DUAL_FORCE = types.void(types.float64, *(9 * [_numbers])[:5], _integers, *(4 * [_numbers]))
+
+
+def _signature(slope: Any) -> Any:
+    slopes = types.CPointer(slope)
+    state = (_numbers, slopes, _numbers, slopes, _numbers)
+    return types.void(types.float64, *state, _integers, *(2 * [_numbers, slopes]))
 
 
 @cache
-def dual_force(function: Callable[..., None]) -> Any:
+def dual_force(function: Callable[..., None], lanes: int = 0) -> Any:
     """`force(t, q, qd, near, slots, params, Q)` of an effect, the plain function, as a C function
     (t, q, δq, qd, δqd, near, slots, params, δparams, Q, δQ) that adds into Q and δQ.
 
-    Raises TypeError where it does not compile for dual numbers.
+    `lanes`: along so many directions at once; the arrays of slopes are (numbers, lanes). Raises
+    TypeError where it does not compile for dual numbers.
     """
     inside = shared(function)
 
@@ -49,7 +56,8 @@ def dual_force(function: Callable[..., None]) -> Any:
         inside(t, duals(q, dq), duals(qd, dqd), near, slots, duals(params, dparams), duals(Q, dQ))
 
     try:
-        return by_address(DUAL_FORCE, of=function)(both)
+        slope = LanesType(lanes) if lanes else types.float64
+        return by_address(_signature(slope), of=function)(both)
     except NumbaError as error:
         raise TypeError(without_derivative(str(error))) from None
 

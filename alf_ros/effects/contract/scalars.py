@@ -192,6 +192,30 @@ def component(
 
 
 @shared
+def component_value(q: Floats, slots: Integers, params: Floats, n: int, a: int) -> float:
+    """Value of row a of instance n."""
+    D = slots[0]
+    row = slots[2 + 5 * n + 3] + 2 * a
+    i, j = slots[row], slots[row + 1]
+    value = params[j]
+    entries = slots[i]
+    i += 1
+    j += 1
+    for _ in range(entries):
+        b, terms = slots[i] * D, slots[i + 1]
+        for c in range(D):
+            half = params[j + c]
+            for s in range(terms):
+                m, T = slots[i + 2 + s] * D, j + D + (s * D + c) * D
+                for d in range(D):
+                    half += 0.5 * params[T + d] * q[m + d]
+            value += half * q[b + c]
+        i += 2 + terms
+        j += D + terms * D * D
+    return value
+
+
+@shared
 def push_component(
     q: Floats, slots: Integers, params: Floats, n: int, a: int, F: float, Q: Floats
 ) -> None:
@@ -236,8 +260,8 @@ def _angle(
 def _push_angle(
     q: Floats, slots: Integers, params: Floats, n: int, a: int, F: float, Q: Floats
 ) -> None:
-    x, _ = component(q, q, slots, params, n, a)
-    y, _ = component(q, q, slots, params, n, a + 1)
+    x = component_value(q, slots, params, n, a)
+    y = component_value(q, slots, params, n, a + 1)
     square = x * x + y * y
     push_component(q, slots, params, n, a, -F * y / square, Q)
     push_component(q, slots, params, n, a + 1, F * x / square, Q)
@@ -284,10 +308,18 @@ def push(q: Floats, slots: Integers, params: Floats, n: int, F: float, Q: Floats
     else:
         square = 0.0
         for a in range(slots[0]):
-            gap, _ = component(q, q, slots, params, n, a)
+            gap = component_value(q, slots, params, n, a)
             square += gap * gap
-        if square > 0.0:
-            F /= math.sqrt(square)
-            for a in range(slots[0]):
-                gap, _ = component(q, q, slots, params, n, a)
-                push_component(q, slots, params, n, a, F * gap, Q)
+        push_distance(q, slots, params, n, F, math.sqrt(square), Q)
+
+
+@shared
+def push_distance(
+    q: Floats, slots: Integers, params: Floats, n: int, F: float, length: float, Q: Floats
+) -> None:
+    """`push` on a distance of known length (m), as `scalar` gives it."""
+    if length > 0.0:
+        F /= length
+        for a in range(slots[0]):
+            gap = component_value(q, slots, params, n, a)
+            push_component(q, slots, params, n, a, F * gap, Q)

@@ -40,7 +40,7 @@ from alf_ros.kernel.data.system import (
     Soft,
     System,
 )
-from alf_ros.kernel.data.tangents import Tangents
+from alf_ros.kernel.data.tangents import FollowedStage, Tangents
 from alf_ros.kernel.data.work import Chart, StepEnd, Work
 
 SOLVED = 1e-12  # relative change at which a solve is finished
@@ -63,6 +63,7 @@ __all__ = [
     'Cut',
     'CutWork',
     'Effects',
+    'FollowedStage',
     'ForceDirection',
     'Forces',
     'Forms',

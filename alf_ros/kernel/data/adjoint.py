@@ -13,7 +13,8 @@ from alf_ros.kernel.numba_ext.structs import Struct
 
 @dataclass(frozen=True, eq=False)
 class StepRecord(Struct):
-    """Accepted steps, each with the states where it began and ended; at most C of them."""
+    """Accepted steps, each with the states where it began and ended; at most C of them. Of a step
+    without a stage beside a singular position the stages are kept too."""
 
     count: Integers  # (1,) steps taken, also those that did not fit
     q: Floats  # (C, all blocks D) where the step began
@@ -23,6 +24,20 @@ class StepRecord(Struct):
     span: Floats  # (C, 5) s: begin, end, length; σ as of `step`; x of the nearest stage
     ended_q: Floats  # (C, all blocks D)
     ended_qd: Floats  # (C, all blocks D)
+    regular: Integers  # (C,) whether the stages are kept
+    stage_q: Floats  # (C, stages, all blocks D)
+    stage_qd: Floats  # (C, stages, all blocks D)
+    stage_qdd: Floats  # (C, stages, all blocks D)
+    stage_lam: Floats  # (C, stages, rows) -λ
+    sin: Floats  # (C, stages + 1, movable) of `Chart`, as are the following; the last of the end
+    cos: Floats  # (C, stages + 1, movable)
+    rate: Floats  # (C, stages, movable) ȧ
+    curvature: Floats  # (C, movable)
+    t: Floats  # (C, movable D)
+    n: Floats  # (C, movable D)
+    b: Floats  # (C, movable D); (0,) in the plane
+    followed: Integers  # (2,) whether stage 0, and all others so far, are kept of the step
+    lam: Floats  # (rows,) -λ of stage 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,4 +103,9 @@ class Adjoint(Struct):
     begun_qd: Floats  # (all blocks D,)
     pushed: Floats  # (all blocks D,) of δQ of that stage
     u: Floats  # (all blocks D,) of the forces of a solve
+    f: Floats  # (all blocks D,) right-hand side of a solve
+    Q: Floats  # (all blocks D,) forces beside their traces
+    g: Floats  # (distance rows D,) of δΦ_q
+    g2: Floats  # (entries D,)
+    g2v: Floats  # (entries D,) of δΦ̇_q
     x: Floats  # (all blocks D,)

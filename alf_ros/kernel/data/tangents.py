@@ -8,15 +8,36 @@ import numpy as np
 
 from alf_ros.arrays import Addresses, Floats, Integers, Unit
 from alf_ros.kernel.data.problem import Problem
-from alf_ros.kernel.numba_ext.structs import Struct
+from alf_ros.kernel.data.work import Work
+from alf_ros.kernel.numba_ext.structs import Lanes, Struct
+
+
+@dataclass(frozen=True, eq=False)
+class FollowedStage(Struct):
+    """A stage as its tangents read it, and the numbers of a solve for a group of parameters.
+
+    Arrays of single numbers belong to the workspace.
+    """
+
+    work: Work
+    diagonal: Floats
+    off: Floats
+    g: Floats
+    g2: Floats
+    gf: Floats
+    g2f: Floats
+    delta: Lanes  # (all blocks D,) right-hand side, then solution
+    r2: Lanes  # (rows,)
+    y: Lanes  # (rows,)
 
 
 @dataclass(frozen=True, eq=False)
 class Tangents(Struct):
     """How the numbers of a problem change with each of K parameters, and a workspace.
 
-    Arrays (K, …) hold one parameter after another, per unit of the parameter. The derivatives of
-    q and q̇ themselves are a part of the state: `Phase.tangents`.
+    Parameters are taken W at a time, as many as one register holds or two. `Lanes` are numbers of
+    such a group, per unit of each parameter. Arrays (groups, …) hold one group after another. The
+    derivatives of q and q̇ themselves are a part of the state: `Phase.tangents`.
     """
 
     addresses = ('force',)
@@ -24,32 +45,44 @@ class Tangents(Struct):
     unit: Unit
     problem: Problem  # of the run, with a workspace of its own and without a ledger
     count: np.uint64  # K
-    force: Addresses  # (effects,) of the forces for dual numbers
-    mass_changes: Integers  # (K,) whether M depends on the parameter
-    mass_diagonal: Floats  # (K, movable) of `Mass`
-    mass_k: Floats  # (K, pairs)
-    mass_w: Floats  # (K, skew pairs)
-    rows_change: Integers  # (K,) whether Φ or N depends on the parameter, or a fixed block does
-    length2: Floats  # (K, distance rows) of `Rows`
-    b: Floats  # (K, entries D)
-    term: Floats  # (K, terms D D)
-    c: Floats  # (K, quadratic rows)
-    params: Floats  # (K, params) of `Effects`
-    start: Floats  # (K, 2, movable D) δq and δq̇ where the step begins, in the axes of the arcs
-    rates: Floats  # (K, stages, 2, movable D) their rates in the stages
-    q: Floats  # (K, all blocks D) δq of the stage
-    qd: Floats  # (K, all blocks D) δq̇
-    qdd: Floats  # (K, all blocks D) δq̈
-    begun_q: Floats  # (K, all blocks D) δq and δq̇ of a stage before it is interpolated
-    begun_qd: Floats  # (K, all blocks D)
-    pushed: Floats  # (K, all blocks D) δQ of that stage
+    groups: np.uint64
+    force: Addresses  # (effects,) of the forces for dual numbers in lanes
+    mass_changes: Integers  # (groups,) whether M depends on one of the parameters
+    mass_diagonal: Lanes  # (groups, movable) of `Mass`
+    mass_k: Lanes  # (groups, pairs)
+    mass_w: Lanes  # (groups, skew pairs)
+    rows_change: Integers  # (groups,) whether Φ or N depends on one, or a fixed block does
+    length2: Lanes  # (groups, distance rows) of `Rows`
+    b: Lanes  # (groups, entries D)
+    term: Lanes  # (groups, terms D D)
+    c: Lanes  # (groups, quadratic rows)
+    params: Lanes  # (groups, params) of `Effects`
+    here: FollowedStage  # of the run, as the step leaves it
+    behind: FollowedStage  # of `problem`, where a step is taken again
+    followed: Integers  # (2,) whether stage 0, and all others so far, were followed in the step
+    first_q: Lanes  # (groups, all blocks D) δq where the step begins
+    first_qd: Lanes  # (groups, all blocks D) δq̇
+    first_qdd: Lanes  # (groups, all blocks D) δq̈
+    start: Lanes  # (groups, 2, movable D) δq and δq̇ there, in the axes of the arcs
+    rates: Lanes  # (groups, stages, 2, movable D) their rates in the stages
+    q: Lanes  # (groups, all blocks D) δq of the stage
+    qd: Lanes  # (groups, all blocks D) δq̇
+    qdd: Lanes  # (groups, all blocks D) δq̈
+    begun_q: Lanes  # (groups, all blocks D) δq and δq̇ before it is interpolated
+    begun_qd: Lanes  # (groups, all blocks D)
+    whole_q: Lanes  # (groups, all blocks D) of an interpolated stage
+    whole_qd: Lanes  # (groups, all blocks D)
+    whole_qdd: Lanes  # (groups, all blocks D)
+    pushed: Lanes  # (groups, all blocks D) δQ of that stage
     good: Floats  # (K, 2, all blocks D) at the last point of the grid
     lam: Floats  # (rows,) -λ of the stage
-    dq: Floats  # (all blocks D,) of one parameter
-    dqd: Floats  # (all blocks D,)
-    x: Floats  # (all blocks D,) what is solved for
-    f: Floats  # (all blocks D,) its right-hand side
+    even: Floats  # (terms,) c of the terms T = c I of `Rows`; NaN of others
+    g2d: Floats  # (entries D,) Φ̇_q of the quadratic rows of the stage
+    term_qd: Floats  # (terms D,) Tᵀ q̇ of the block of its entry
+    term_qdd: Floats  # (terms D,) Tᵀ q̈
+    part: Floats  # (stages,) s, weights of the earlier stages that count, and
+    of: Integers  # (stages,) which these are
+    f: Lanes  # (all blocks D,) right-hand side of a solve
     Q: Floats  # (all blocks D,) forces beside their derivatives
-    g: Floats  # (distance rows D,) δΦ_q
-    g2: Floats  # (entries D,)
-    g2v: Floats  # (entries D,) of δΦ̇_q
+    lane_f: Floats  # (all blocks D,) right-hand side of a lane that is solved by itself
+    lane_x: Floats  # (all blocks D,) its solution

@@ -147,7 +147,7 @@ def block(typing: Any, unit: Any, v: Any, i: Any) -> Any:
         value = ir.Constant(_stored(kind), ir.Undefined)
         for a in range(kind.D):
             at = builder.gep(pointer, [_index(0), _index(a)])
-            value = builder.insert_value(value, load(builder, at, constant), a)
+            value = builder.insert_value(value, load(builder, at, constant, _ALIGNED), a)
         return value
 
     return kind(unit, v, types.uint64), code
@@ -165,10 +165,16 @@ def put(typing: Any, v: Any, i: Any, b: Any) -> Any:
         else:
             for a in range(of.D):
                 at = builder.gep(pointer, [_index(0), _index(a)])
-                builder.store(builder.extract_value(args[2], a), at)
+                builder.store(builder.extract_value(args[2], a), at, align=_ALIGNED)
         return context.get_dummy_value()
 
-    return types.void(v, types.uint64, b), code
+    return types.void(v, types.uint64, _stored_in(v, b)), code
+
+
+def _stored_in(v: Any, b: Any) -> Any:
+    """The type of a block in a vector: a block of single numbers becomes one of equal lanes."""
+    number = v.number if isinstance(v, VectorType) else None
+    return BlockType(b.D, number) if isinstance(number, LanesType) else b
 
 
 def _changed(operation: str, context: Any, builder: Any, sig: Any, args: Any) -> Any:
@@ -181,20 +187,22 @@ def _changed(operation: str, context: Any, builder: Any, sig: Any, args: Any) ->
         return context.get_dummy_value()
     for a in range(of.D):
         at = builder.gep(pointer, [_index(0), _index(a)])
-        builder.store(change(builder.load(at), builder.extract_value(args[2], a)), at)
+        value = builder.load(at, align=_ALIGNED)
+        value = change(value, builder.extract_value(args[2], a))
+        builder.store(value, at, align=_ALIGNED)
     return context.get_dummy_value()
 
 
 @lowered(_plain_add)
 def add(typing: Any, v: Any, i: Any, b: Any) -> Any:
     """Block i of v (blocks D,) += b."""
-    return types.void(v, types.uint64, b), partial(_changed, 'fadd')
+    return types.void(v, types.uint64, _stored_in(v, b)), partial(_changed, 'fadd')
 
 
 @lowered(_plain_subtract)
 def subtract(typing: Any, v: Any, i: Any, b: Any) -> Any:
     """Block i of v (blocks D,) -= b."""
-    return types.void(v, types.uint64, b), partial(_changed, 'fsub')
+    return types.void(v, types.uint64, _stored_in(v, b)), partial(_changed, 'fsub')
 
 
 @lowered(_plain_packed)
@@ -233,7 +241,8 @@ def dot(typing: Any, b: Any, c: Any) -> Any:
             s = builder.fadd(s, of(a))
         return s
 
-    return b.number(b, c), code
+    kind = c if c.in_lanes else b
+    return kind.number(kind, kind), code
 
 
 @lowered(_plain_cross)
@@ -294,8 +303,11 @@ class _Mul(AbstractTemplate):
     def generic(self, args: Any, kws: Any) -> Any:
         if not isinstance(args[1], BlockType):
             return None
-        if isinstance(args[0], types.Float) or args[0] == args[1].number:
-            return signature(args[1], args[1].number, args[1])
+        kind = args[1]
+        if isinstance(args[0], LanesType) and not kind.in_lanes:
+            kind = BlockType(kind.D, args[0])
+        if isinstance(args[0], types.Float) or args[0] == kind.number:
+            return signature(kind, kind.number, kind)
         return None
 
 

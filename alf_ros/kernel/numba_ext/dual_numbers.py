@@ -9,6 +9,9 @@ compile: there is no silent zero.
 
 `Duals` is a pair of pointers, to values and to their slopes, which is read and written as one
 vector of dual numbers.
+
+The slope is a number, or `lanes`: slopes along several directions at once, so that the value and
+all that depends on it alone is computed once for them.
 """
 
 from __future__ import annotations
@@ -20,6 +23,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.core.typeconv import Conversion
@@ -32,15 +36,19 @@ from numba.extending import (
     register_model,
 )
 
+from alf_ros.kernel.numba_ext.lane_numbers import LanesType, anywhere, pick
+
 _REAL = (types.Float, types.Integer, types.Boolean)
+_NUMBER = 8  # bytes
 _OPTIONS: dict[str, Any] = {'strict': False, 'jit_options': {'error_model': 'numpy'}}
 
 
 class DualType(types.Type):
     """A dual number. A number becomes one with the slope 0."""
 
-    def __init__(self) -> None:
-        super().__init__('dual')
+    def __init__(self, slope: Any) -> None:
+        self.slope = slope
+        super().__init__(f'dual of {slope}')
 
     def can_convert_from(self, typingctx: Any, other: Any) -> Any:
         """Whether another type becomes a dual number."""
@@ -54,25 +62,26 @@ class DualType(types.Type):
 class DualsType(types.Type):
     """Pointers to values and to slopes."""
 
-    def __init__(self) -> None:
-        super().__init__('duals')
+    def __init__(self, slope: Any) -> None:
+        self.slope = slope
+        super().__init__(f'duals of {slope}')
 
 
-DUAL, DUALS = DualType(), DualsType()
 _pointer = types.CPointer(types.float64)
 
 
 @register_model(DualType)
 class _DualModel(models.StructModel):
     def __init__(self, manager: Any, kind: DualType) -> None:
-        parts = [('value', types.float64), ('slope', types.float64)]
+        parts = [('value', types.float64), ('slope', kind.slope)]
         super().__init__(manager, kind, parts)
 
 
 @register_model(DualsType)
 class _DualsModel(models.StructModel):
     def __init__(self, manager: Any, kind: DualsType) -> None:
-        super().__init__(manager, kind, [('values', _pointer), ('slopes', _pointer)])
+        parts = [('values', _pointer), ('slopes', types.CPointer(kind.slope))]
+        super().__init__(manager, kind, parts)
 
 
 for _kind, _names in ((DualType, ('value', 'slope')), (DualsType, ('values', 'slopes'))):
@@ -93,13 +102,40 @@ def _made(kind: Any, first: Any, second: Any, names: tuple[str, str]) -> Any:
 @intrinsic
 def dual(typing: Any, value: Any, slope: Any) -> Any:
     """A dual number."""
-    return _made(DUAL, types.float64, types.float64, ('value', 'slope'))
+    kind = slope if isinstance(slope, LanesType) else types.float64
+    return _made(DualType(kind), types.float64, kind, ('value', 'slope'))
 
 
 @intrinsic
 def duals(typing: Any, values: Any, slopes: Any) -> Any:
     """A vector of dual numbers, of two pointers."""
-    return _made(DUALS, _pointer, _pointer, ('values', 'slopes'))
+    return _made(DualsType(slopes.dtype), _pointer, slopes, ('values', 'slopes'))
+
+
+def _section(typing: Any, pointer: Any, i: Any, x: Any = None) -> Any:
+    """Reads number i behind a pointer, or writes x there; lanes begin at any number."""
+    number = pointer.dtype
+
+    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        place = builder.gep(args[0], [args[1]])
+        if x is None:
+            return builder.load(place, align=_NUMBER)
+        builder.store(args[2], place, align=_NUMBER)
+        return context.get_dummy_value()
+
+    if x is None:
+        return number(pointer, types.intp), code
+    return types.void(pointer, types.intp, number), code
+
+
+@intrinsic
+def _read(typing: Any, pointer: Any, i: Any) -> Any:
+    return _section(typing, pointer, i)
+
+
+@intrinsic
+def _write(typing: Any, pointer: Any, i: Any, x: Any) -> Any:
+    return _section(typing, pointer, i, x)
 
 
 @lower_cast(types.Float, DualType)
@@ -108,23 +144,26 @@ def duals(typing: Any, values: Any, slopes: Any) -> Any:
 def _constant(context: Any, builder: Any, of: Any, to: Any, value: Any) -> Any:
     made = cgutils.create_struct_proxy(to)(context, builder)
     made.value = context.cast(builder, value, of, types.float64)
-    made.slope = context.get_constant(types.float64, 0.0)
+    made.slope = ir.Constant(made.slope.type, None)
     return made._getvalue()
 
 
+def _some_dual(*kinds: Any) -> DualType | None:
+    """The type of dual numbers, if some of these are dual and all others are numbers."""
+    found = [kind for kind in kinds if isinstance(kind, DualType)]
+    fits = all(isinstance(kind, (*_REAL, DualType)) for kind in kinds)
+    return found[0] if found and fits else None
+
+
 @intrinsic
-def _as_dual(typing: Any, x: Any) -> Any:
-    """x, or a number with the slope 0."""
+def _as_dual(typing: Any, x: Any, other: Any) -> Any:
+    """x, or a number with the slope 0, if x or the other number is dual."""
+    kind: Any = _some_dual(types.unliteral(x), types.unliteral(other))
 
     def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return context.cast(builder, args[0], sig.args[0], DUAL)
+        return context.cast(builder, args[0], sig.args[0], kind)
 
-    return DUAL(types.unliteral(x)), code
-
-
-def _some_dual(*kinds: Any) -> bool:
-    """Whether all are numbers and one of them is dual."""
-    return DUAL in kinds and all(kind == DUAL or isinstance(kind, _REAL) for kind in kinds)
+    return kind(types.unliteral(x), types.unliteral(other)), code
 
 
 # the rules, each with the functions it is taken for; traced numbers use them too
@@ -134,10 +173,11 @@ COMPARED: list[tuple[Any, tuple[Any, ...]]] = []  # the result is a truth value,
 UNCHANGED: list[tuple[Any, tuple[Any, ...]]] = []  # a whole number, or x
 
 
-def _binary(rule: Callable[..., Any], *functions: Any) -> None:
-    """Take `rule`(x, y), of two dual numbers, for these functions."""
+def _binary(rule: Any, *functions: Any, left: Any = None, right: Any = None) -> None:
+    """Take `rule`(x, y), of two dual numbers, for these functions; `left` and `right`: the same
+    where x or y is a plain number."""
     RULES_OF_TWO.append((rule, functions))
-    _take_for_two(rule, functions)
+    _take_for_two(rule, functions, left, right)
 
 
 def _comparison(rule: Callable[..., Any], *functions: Any) -> None:
@@ -146,12 +186,17 @@ def _comparison(rule: Callable[..., Any], *functions: Any) -> None:
     _take_for_two(rule, functions)
 
 
-def _take_for_two(rule: Callable[..., Any], functions: tuple[Any, ...]) -> None:
-
+def _take_for_two(
+    rule: Any, functions: tuple[Any, ...], left: Any = None, right: Any = None
+) -> None:
     def matching(x: Any, y: Any) -> Any:
         if not _some_dual(x, y):
             return None
-        return lambda x, y: rule(_as_dual(x), _as_dual(y))
+        if left is not None and not isinstance(x, DualType):
+            return lambda x, y: left(x, y)
+        if right is not None and not isinstance(y, DualType):
+            return lambda x, y: right(x, y)
+        return lambda x, y: rule(_as_dual(x, y), _as_dual(y, x))
 
     for function in functions:
         overload(function, **_OPTIONS)(matching)
@@ -172,7 +217,7 @@ def _conversion(rule: Callable[..., Any], *functions: Any) -> None:
 def _take_for_one(rule: Callable[..., Any], functions: tuple[Any, ...]) -> None:
 
     def matching(x: Any) -> Any:
-        return (lambda x: rule(x)) if x == DUAL else None
+        return (lambda x: rule(x)) if isinstance(x, DualType) else None
 
     for function in functions:
         overload(function, **_OPTIONS)(matching)
@@ -194,6 +239,8 @@ _binary(
     _rule(lambda x, y: dual(x.value * y.value, x.slope * y.value + x.value * y.slope)),
     operator.mul,
     operator.imul,
+    left=_rule(lambda x, y: dual(x * y.value, y.slope * x)),
+    right=_rule(lambda x, y: dual(x.value * y, x.slope * y)),
 )
 
 
@@ -209,11 +256,13 @@ _binary(_quotient, operator.truediv, operator.itruediv)
 @_rule
 def _power(x: Any, y: Any) -> Any:
     """xʸ: its slope along x is 0 where x is 0 and y > 1; that along y needs x > 0."""
-    value, slope = x.value**y.value, 0.0
-    if x.slope != 0.0:
-        slope += y.value * x.value ** (y.value - 1.0) * x.slope
-    if y.slope != 0.0:
-        slope += value * math.log(x.value) * y.slope
+    value, slope = x.value**y.value, 0.0 * x.slope
+    if anywhere(x.slope != 0.0):
+        along = y.value * x.value ** (y.value - 1.0) * x.slope
+        slope = pick(x.slope != 0.0, along, 0.0)
+    if anywhere(y.slope != 0.0):
+        along = value * math.log(x.value) * y.slope
+        slope = slope + pick(y.slope != 0.0, along, 0.0)
     return dual(value, slope)
 
 
@@ -224,7 +273,7 @@ _binary(_power, operator.pow, operator.ipow, builtins.pow, math.pow)
 def _root(x: Any) -> Any:
     """√x; what does not change has the slope 0 at x = 0 too, as in v √v² at rest."""
     value = math.sqrt(x.value)
-    return dual(value, 0.0 if x.slope == 0.0 else 0.5 * x.slope / value)
+    return dual(value, pick(x.slope == 0.0, 0.0, 0.5 * x.slope / value))
 
 
 @_rule
@@ -282,7 +331,7 @@ def _angle(y: Any, x: Any) -> Any:
 @_rule
 def _hypotenuse(x: Any, y: Any) -> Any:
     value, slope = math.hypot(x.value, y.value), x.value * x.slope + y.value * y.slope
-    return dual(value, 0.0 if slope == 0.0 else slope / value)
+    return dual(value, pick(slope == 0.0, 0.0, slope / value))
 
 
 _binary(_angle, math.atan2, np.arctan2)
@@ -299,19 +348,19 @@ _comparison(_rule(lambda x, y: x.value != y.value), operator.ne)
 
 @overload(operator.getitem, **_OPTIONS)
 def _get(v: Any, i: Any) -> Any:
-    if v != DUALS:
+    if not isinstance(v, DualsType):
         return None
-    return lambda v, i: dual(v.values[i], v.slopes[i])
+    return lambda v, i: dual(v.values[i], _read(v.slopes, i))
 
 
 @overload(operator.setitem, **_OPTIONS)
 def _set(v: Any, i: Any, x: Any) -> Any:
-    if v != DUALS:
+    if not isinstance(v, DualsType):
         return None
 
     def put(v: Any, i: Any, x: Any) -> None:
-        number = _as_dual(x)
+        number = _as_dual(x, dual(0.0, _read(v.slopes, i)))
         v.values[i] = number.value
-        v.slopes[i] = number.slope
+        _write(v.slopes, i, number.slope)
 
     return put

@@ -17,6 +17,7 @@ import builtins
 import math
 import operator
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,15 @@ from alf_ros.kernel.numba_ext.plain import lowered
 
 _REAL = (types.Float, types.Integer, types.Boolean)
 _number, _whole, _index = ir.DoubleType(), ir.IntType(64), ir.IntType(32)
+
+
+@cache
+def width() -> int:
+    """How many numbers a register of this processor holds."""
+    import llvmlite.binding as llvm
+
+    features = llvm.get_host_cpu_features()
+    return 8 if features.get('avx512f') else 4 if features.get('avx2') else 2
 
 
 class LanesType(types.Type):

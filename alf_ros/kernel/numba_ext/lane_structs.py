@@ -14,10 +14,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from llvmlite import ir
 from numba import types
+from numba.core import cgutils
 from numba.extending import intrinsic
 
 from alf_ros.arrays import Floats
 from alf_ros.kernel.numba_ext.lane_numbers import LanesType
+from alf_ros.kernel.numba_ext.plain import flat, lowered
 from alf_ros.kernel.numba_ext.structs import Struct, StructType, VectorType, element
 
 _LINE = 64  # bytes, of the cache: a register of 8 lanes is one
@@ -93,14 +95,17 @@ def value_in_lanes(part: Any) -> bool:
 
 def _side_by_side(values: Sequence[Any]) -> Floats:
     """(numbers, W) where lines of the cache begin."""
-    first = np.asarray(values[0])
-    size, W = first.size, len(values)
-    room = np.zeros(size * W + _LINE // 8)
-    begin = (-room.ctypes.data % _LINE) // 8
-    array = room[begin : begin + size * W].reshape(size, W)
+    array = aligned(np.asarray(values[0]).size, len(values))
     for m, value in enumerate(values):
         array[:, m] = np.asarray(value).reshape(-1)
     return array
+
+
+def aligned(size: int, W: int) -> Floats:
+    """(size, W) zeros, where a line of the cache begins."""
+    room = np.zeros(size * W + _LINE // 8)
+    begin = (-room.ctypes.data % _LINE) // 8
+    return room[begin : begin + size * W].reshape(size, W)
 
 
 @intrinsic
@@ -139,3 +144,30 @@ def set_lane(typing: Any, v: Any, i: Any, m: Any, x: Any) -> Any:
         return context.get_dummy_value()
 
     return types.void(v, types.uint64, types.uint64, types.float64), code
+
+
+@intrinsic
+def lanes_of(typing: Any, v: Any) -> Any:
+    """W of a vector of lanes."""
+
+    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return ir.IntType(64)(sig.args[0].number.W)
+
+    return types.uint64(v), code
+
+
+def _plain_section(v: Any, first: Any, size: Any) -> Any:
+    return flat(v.array[int(first) : int(first) + int(size)])
+
+
+@lowered(_plain_section)
+def section(typing: Any, v: Any, first: Any, size: Any) -> Any:
+    """So many numbers of a vector, from number `first` on."""
+
+    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        kind = sig.return_type
+        made = cgutils.create_struct_proxy(kind)(context, builder)
+        made.data, made.size = element(context, builder, kind, args[0], args[1]), args[2]
+        return made._getvalue()
+
+    return v(v, types.uint64, types.uint64), code

@@ -15,6 +15,9 @@ which LLVM makes once in a function. A field `unit`, a tuple as long as space ha
 no word: it is a part of the type, so that D is a constant when compiled. A struct that holds one
 with a `unit` has the same `unit`.
 
+Arrays (numbers, W) of a field `Lanes` are vectors of numbers of W lanes; W is a part of the type
+too, and the same in all that a struct holds.
+
 A copy has arrays of its own, and so has an unpickled struct: the table is made again. Addresses of
 code and of Python objects are of one process: a struct that holds some is not pickled, but made
 again by its owner.
@@ -27,7 +30,16 @@ from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass, fields
 from functools import partial
-from typing import Any, ClassVar, TypeVar, get_args, get_type_hints
+from typing import (
+    Annotated,
+    Any,
+    ClassVar,
+    TypeAlias,
+    TypeVar,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 import numpy as np
 from llvmlite import ir
@@ -51,13 +63,16 @@ from numba.extending import (
 )
 from numba.np.numpy_support import as_dtype
 
+from alf_ros.arrays import Floats
 from alf_ros.kernel.numba_ext.lane_numbers import LanesType
 from alf_ros.kernel.numba_ext.plain import View, flat, lowered
 
 S = TypeVar('S', bound='Struct')
+Lanes: TypeAlias = Annotated[Floats, 'lanes']  # (numbers, W), each number of W lanes
 
 _SCALARS = {np.uint64: types.uint64, float: types.float64}
 _word = ir.IntType(64)
+_NUMBER = 8  # bytes: lanes may begin at any number, although the start of a line is faster
 
 
 class VectorType(types.Type):
@@ -75,15 +90,23 @@ def _dtype(part: types.Type) -> Any:
     return as_dtype(types.float64 if isinstance(part.number, LanesType) else part.number)
 
 
+def _lanes_of(part: types.Type) -> int:
+    """How many numbers of an array in a field are one in compiled code."""
+    number = getattr(part, 'number', None)
+    return number.W if isinstance(number, LanesType) else 1
+
+
 class StructType(types.Type):
     """A pointer to a table of words; `parts`: (name, first word, type) of each field. `words`: the
-    fields that have words, with the dtype of those that are arrays."""
+    fields that have words, with the dtype of those that are arrays; `lanes`: how many of their
+    numbers are one in compiled code."""
 
     def __init__(self, name: str, parts: tuple[tuple[str, int, types.Type], ...]) -> None:
         self.parts = parts
         self.words = tuple(
             (name, _dtype(part)) for name, _, part in parts if not isinstance(part, types.UniTuple)
         )
+        self.lanes = {name: _lanes_of(part) for name, _, part in parts}
         super().__init__(name)
 
 
@@ -103,12 +126,14 @@ class Struct:
     borrowed: ClassVar[tuple[str, ...]] = ()
     _table: ClassVar[Any]
     _address: ClassVar[int]
-    _types: ClassVar[dict[tuple[type[Struct], int], StructType]] = {}
+    _numba_type_: ClassVar[Any]
+    _types: ClassVar[dict[tuple[type[Struct], int, int], StructType]] = {}
     _evaluated: ClassVar[dict[type[Struct], dict[str, Any]]] = {}
+    _first_lanes: ClassVar[dict[type[Struct], tuple[str, ...]]] = {}
     _nothing: ClassVar[dict[type[Struct], tuple[Callable[[], Any], ...]]] = {}
 
     def __post_init__(self) -> None:
-        kind = self._numba_type(len(getattr(self, 'unit', ())))
+        kind = self._numba_type(len(getattr(self, 'unit', ())), self._lanes())
         words: list[int] = []
         for name, dtype in kind.words:
             value = getattr(self, name)
@@ -117,7 +142,7 @@ class Struct:
                 continue
             if value.dtype != dtype or not value.flags.c_contiguous:
                 raise TypeError(f'{type(self).__name__}.{name} is no array of {dtype}')
-            words += (value.__array_interface__['data'][0], value.size)
+            words += (value.__array_interface__['data'][0], value.size // kind.lanes[name])
         table = np.array(words, dtype=np.uint64)
         for name, value in (
             ('_table', table),
@@ -152,7 +177,7 @@ class Struct:
         view: View | None = self.__dict__.get('_plain')
         if view is None:
             view = View()
-            for name, _, part in self._numba_type(len(getattr(self, 'unit', ()))).parts:
+            for name, _, part in self._numba_type_.parts:
                 value = getattr(self, name)
                 if isinstance(part, VectorType):
                     value = flat(value, part.constant)
@@ -175,14 +200,14 @@ class Struct:
     def _hints(cls) -> dict[str, Any]:
         """The types of the fields, in their order; to evaluate them costs more than a table."""
         if cls not in Struct._evaluated:
-            hints = get_type_hints(cls)
+            hints = get_type_hints(cls, include_extras=True)
             Struct._evaluated[cls] = {field.name: hints[field.name] for field in fields(cls)}
         return Struct._evaluated[cls]
 
     @classmethod
-    def _numba_type(cls, D: int = 0) -> StructType:
-        """Its type in compiled code; D: the length of its `unit`, if it has one."""
-        if (cls, D) not in Struct._types:
+    def _numba_type(cls, D: int = 0, W: int = 0) -> StructType:
+        """Its type in compiled code; D: the length of its `unit`, W: its lanes, if it has some."""
+        if (cls, D, W) not in Struct._types:
             hints, parts, word = cls._hints(), [], 0
             module = cls.__module__.removeprefix('alf_ros.')
             for field in fields(cls):
@@ -192,16 +217,37 @@ class Struct:
                     part = types.UniTuple(types.float64, D)
                 elif isinstance(hint, type) and issubclass(hint, Struct):
                     has_unit = any(each.name == 'unit' for each in fields(hint))
-                    part = hint._numba_type(D if has_unit else 0)
+                    part = hint._numba_type(D if has_unit else 0, W if hint._with_lanes() else 0)
                 elif part is types.none:
-                    (number,) = get_args(get_args(hint)[1])
-                    part = VectorType(from_dtype(np.dtype(number)), cls.constant)
+                    part = VectorType(_number_of(hint, W), cls.constant)
                 parts.append((field.name, word, part))
                 if field.name != 'unit':
                     word += 2 if isinstance(part, VectorType) else 1
             name = f'{cls.__qualname__}{D or ""}@{module}'
-            Struct._types[cls, D] = StructType(name, tuple(parts))
-        return Struct._types[cls, D]
+            if W:
+                name += f' in {W} lanes'
+            Struct._types[cls, D, W] = StructType(name, tuple(parts))
+        return Struct._types[cls, D, W]
+
+    @classmethod
+    def _with_lanes(cls) -> tuple[str, ...]:
+        """The first field `Lanes`, or the first that holds a struct with some; none without."""
+        if cls not in Struct._first_lanes:
+            found = [
+                name
+                for name, hint in cls._hints().items()
+                if get_origin(hint) is Annotated
+                or (isinstance(hint, type) and issubclass(hint, Struct) and hint._with_lanes())
+            ]
+            Struct._first_lanes[cls] = tuple(found[:1])
+        return Struct._first_lanes[cls]
+
+    def _lanes(self) -> int:
+        """W of the arrays `Lanes`; 0 without some."""
+        for name in self._with_lanes():
+            value = getattr(self, name)
+            return value._lanes() if isinstance(value, Struct) else int(value.shape[1])
+        return 0
 
 
 def _nothing_of(hint: Any) -> Callable[[], Any]:
@@ -210,7 +256,17 @@ def _nothing_of(hint: Any) -> Callable[[], Any]:
         return partial(hint, 0)
     if isinstance(hint, type) and issubclass(hint, Struct):
         return hint.empty
+    if get_origin(hint) is Annotated:
+        return partial(np.zeros, (0, 1))
     return partial(np.zeros, 0, get_args(get_args(hint)[1])[0])
+
+
+def _number_of(hint: Any, W: int) -> types.Number | LanesType:
+    """The type of the numbers of an array."""
+    if get_origin(hint) is Annotated:
+        return LanesType(W)
+    (number,) = get_args(get_args(hint)[1])
+    return from_dtype(np.dtype(number))
 
 
 def _word_of(value: Struct | np.uint64 | float) -> int:
@@ -312,13 +368,17 @@ def element(context: Any, builder: Any, kind: VectorType, vector: Any, at: Any) 
 
 @lower_builtin(operator.getitem, VectorType, types.Integer)
 def _get(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    return load(builder, element(context, builder, sig.args[0], *args), sig.args[0].constant)
+    kind = sig.args[0]
+    align = _NUMBER if isinstance(kind.number, LanesType) else None
+    return load(builder, element(context, builder, kind, *args), kind.constant, align)
 
 
 @lower_builtin(operator.setitem, VectorType, types.Integer, types.Number)
 @lower_builtin(operator.setitem, VectorType, types.Integer, LanesType)
 def _set(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    builder.store(args[2], element(context, builder, sig.args[0], *args[:2]))
+    kind = sig.args[0]
+    align = _NUMBER if isinstance(kind.number, LanesType) else None
+    builder.store(args[2], element(context, builder, kind, *args[:2]), align=align)
     return context.get_dummy_value()
 
 

@@ -17,6 +17,7 @@ from alf_ros.simulation import input_checks as check
 from alf_ros.studies.ensemble.chunk import REASON, Arrays
 from alf_ros.studies.ensemble.cluster import Cluster
 from alf_ros.studies.ensemble.crews import Crew, Processes, ThisProcess
+from alf_ros.studies.ensemble.member import trouble_of
 from alf_ros.studies.ensemble.statistics import Statistics
 from alf_ros.studies.ensemble.store import EnsembleStore, Memory, joined
 from alf_ros.studies.ensemble.study import Study
@@ -81,7 +82,8 @@ def ensemble(
     called after each chunk.
 
     The Dataset lies along `member`, with the varied names as coordinates and `reason`, which is
-    empty unless a member failed. Raises InputError for a study that cannot be run, AlfError if
+    empty unless a member failed; its attribute `trouble` says if fixed steps of member 0 are too
+    long, else it is empty. Raises InputError for a study that cannot be run, AlfError if
     workers or the scheduler die: the store then holds the finished chunks.
     """
     _needs('xarray')
@@ -103,8 +105,10 @@ def ensemble(
     if store is not None:
         import xarray
 
-        return xarray.open_zarr(store, chunks=None)
-    return dataset(study, arrays)
+        found = xarray.open_zarr(store, chunks=None)
+    else:
+        found = dataset(study, arrays)
+    return found.assign_attrs(trouble=trouble_of(study, 0))
 
 
 def crew(workers: int | None, scheduler: str | None) -> Crew:

@@ -63,6 +63,22 @@ def member_of(
     return failed(study, reason)
 
 
+def trouble_of(study: Study, k: int) -> str:
+    """What `Diagnostics.trouble` says of member k at its end, with an integrator of fixed steps;
+    empty if it is sound, or fails."""
+    try:
+        simulation = simulation_of(study, k)
+        if simulation.solver.method.embedded.size:
+            return ''
+        for sample in simulation.run(study.duration, at=[study.duration]):
+            said = sample.diagnostics.trouble
+        return said
+    except StoppedError:
+        raise
+    except (AlfError, ArithmeticError, MemoryError):
+        return ''
+
+
 def failed(study: Study, reason: str) -> Member:
     """The row of a member that failed."""
     empty = tuple(np.full(variable.shape, math.nan) for variable in study.variables)

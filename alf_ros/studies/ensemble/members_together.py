@@ -10,11 +10,12 @@ from collections.abc import Iterator, Sequence
 
 from alf_ros.errors import AlfError, StoppedError
 from alf_ros.inspection.run import run_of_arrays
+from alf_ros.kernel.numba_ext.lane_numbers import width
 from alf_ros.simulation.alike_members import AlikeMembers
 from alf_ros.simulation.member_numbers import MemberNumbers, unlike
 from alf_ros.simulation.member_readings import readable
 from alf_ros.simulation.sample import Sample
-from alf_ros.simulation.side_by_side import SideBySide, no_place, width
+from alf_ros.simulation.side_by_side import SideBySide, no_place
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.studies.ensemble.member import Member, member_of, run_member, simulation_of
 from alf_ros.studies.ensemble.study import Study

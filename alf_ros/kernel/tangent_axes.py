@@ -1,0 +1,139 @@
+"""Derivatives of a state in the coordinates of a step.
+
+A point of a turning bar moves on a circle, and so does the arrow of its derivative. So δq and δq̇
+of a block with an arc are taken relative to the block that it turns about, along the axes T, N, b
+of the arc, which turn by κ ȧ (`arc_coordinates`).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from alf_ros.kernel.arc_coordinates import components, composed, relative
+from alf_ros.kernel.data import ORIGIN, Phase, Problem, Tangents
+from alf_ros.kernel.numba_ext.block import block, packed, put
+from alf_ros.kernel.numba_ext.jit import ONE, THREE, TWO, ZERO, inner
+from alf_ros.kernel.numba_ext.lane_numbers import everywhere
+from alf_ros.kernel.numba_ext.lane_structs import lane, lanes_of, section, set_lane
+from alf_ros.kernel.numba_ext.plain_loops import each
+from alf_ros.kernel.numba_ext.structs import Lanes
+from alf_ros.kernel.numba_ext.vectors import copy
+from alf_ros.kernel.status import OK, UNFOLLOWED
+from alf_ros.kernel.tangent_solves import group_of
+
+
+@inner
+def read_tangents(tangents: Tangents, phase: Phase) -> None:
+    """δq and δq̇ where a step begins, from the phase."""
+    whole, W = tangents.Q.size, lanes_of(tangents.q)
+    for p in range(tangents.count):
+        k, m, at = p // W, p % W, TWO * p * whole
+        for a in range(whole):
+            set_lane(tangents.first_q, k * whole + a, m, phase.tangents[at + a])
+            set_lane(tangents.first_qd, k * whole + a, m, phase.tangents[at + whole + a])
+
+
+@inner
+def accept_tangents(tangents: Tangents, phase: Phase) -> int:
+    """δq and δq̇ of the end of the step into the phase, if they are numbers."""
+    whole, W, check = tangents.Q.size, lanes_of(tangents.q), 0.0
+    for a in range(tangents.groups * whole):
+        check += tangents.q[a] + tangents.qd[a]
+    if not everywhere(abs(check) < np.inf):
+        return UNFOLLOWED
+    copy(tangents.q, tangents.first_q)
+    copy(tangents.qd, tangents.first_qd)
+    for p in range(tangents.count):
+        k, m, at = p // W, p % W, TWO * p * whole
+        for a in range(whole):
+            phase.tangents[at + a] = lane(tangents.q, k * whole + a, m)
+            phase.tangents[at + whole + a] = lane(tangents.qd, k * whole + a, m)
+    return OK
+
+
+@inner
+def begin_tangents(tangents: Tangents, problem: Problem) -> None:
+    """δq and δq̇ along the axes of the arcs where the step begins."""
+    n = problem.work.p.size
+    for k in range(tangents.groups):
+        at = TWO * k * n
+        q, qd = group_of(tangents, tangents.first_q, k), group_of(tangents, tangents.first_qd, k)
+        _to_axes(problem, q, section(tangents.start, at, n))
+        _to_axes(problem, qd, section(tangents.start, at + n, n))
+
+
+@inner
+def _to_axes(problem: Problem, u: Lanes, to: Lanes) -> None:
+    """u (all blocks D,) along the axes of the arcs, relative to what blocks turn about."""
+    unit, arms, chart = problem.unit, problem.system.arms, problem.work.chart
+    for i in each(0, arms.about.size):
+        if chart.curvature[i] == 0.0:
+            put(to, i, block(unit, u, i))
+        else:
+            put(to, i, components(unit, chart, i, relative(unit, arms, i, u)))
+
+
+@inner
+def _from_axes(problem: Problem, u: Lanes) -> None:
+    """The inverse of `_to_axes`, in place."""
+    unit, arms, chart = problem.unit, problem.system.arms, problem.work.chart
+    for m in each(0, arms.order.size):
+        i = arms.order[m]
+        if chart.curvature[i] != 0.0:
+            v = composed(unit, chart, i, block(unit, u, i))
+            about = arms.about[i]
+            if about != ORIGIN:
+                v = v + block(unit, u, np.uint64(about))
+            put(u, i, v)
+
+
+@inner
+def unfold_tangents(tangents: Tangents, problem: Problem, s: np.uint64, h: float) -> None:
+    """δq and δq̇ of stage s, from the rates of the stages before; with s past the last stage, of
+    the end of the step."""
+    start, rates, part, of = tangents.start, tangents.rates, tangents.part, tangents.of
+    method, work = problem.method, problem.work
+    n, whole, stages, many = work.p.size, work.q.size, method.b.size, ZERO
+    for m in range(s):
+        weight = h * (method.a[s * stages + m] if s < stages else method.b[m])
+        if weight != 0.0:
+            part[many], of[many] = weight, m
+            many += ONE
+    for k in range(tangents.groups):
+        q, qd = group_of(tangents, tangents.q, k), group_of(tangents, tangents.qd, k)
+        for a in each(0, n):
+            at = TWO * k * n + a
+            u, v = start[at], start[at + n]
+            for c in each(0, many):
+                at = TWO * (k * stages + np.uint64(of[c])) * n + a
+                u += part[c] * rates[at]
+                v += part[c] * rates[at + n]
+            q[a], qd[a] = u, v
+        for a in each(n, whole):  # fixed blocks
+            q[a], qd[a] = tangents.first_q[k * whole + a], 0.0
+        if work.chart.arcs[0] > 0:
+            _from_axes(problem, q)
+            _from_axes(problem, qd)
+
+
+@inner
+def fold_tangents(tangents: Tangents, problem: Problem, s: np.uint64) -> None:
+    """The rates of δq and δq̇ of stage s along the axes of the arcs, which turn."""
+    unit, arms, work = problem.unit, problem.system.arms, problem.work
+    chart, n, stages = work.chart, work.p.size, problem.method.b.size
+    D = np.uint64(len(unit))
+    for k in range(tangents.groups):
+        q, qd = group_of(tangents, tangents.q, k), group_of(tangents, tangents.qd, k)
+        qdd, at = group_of(tangents, tangents.qdd, k), TWO * (k * stages + s) * n
+        of_q, of_qd = section(tangents.rates, at, n), section(tangents.rates, at + n, n)
+        for i in each(0, arms.about.size):
+            if chart.curvature[i] == 0.0:
+                put(of_q, i, block(unit, qd, i))
+                put(of_qd, i, block(unit, qdd, i))
+                continue
+            u = components(unit, chart, i, relative(unit, arms, i, q))
+            v = components(unit, chart, i, relative(unit, arms, i, qd))
+            w = components(unit, chart, i, relative(unit, arms, i, qdd))
+            turn = chart.curvature[i] * work.k[s * THREE * n + i * D]
+            put(of_q, i, v + turn * packed(unit, u[1], -u[0], 0.0))
+            put(of_qd, i, w + turn * packed(unit, v[1], -v[0], 0.0))

@@ -1,0 +1,61 @@
+"""Tangents beside a step, as long as no stage of it is beside a singular position.
+
+    for each stage:  q, q̇, q̈, λ and the factor of the stage, as in `step`
+        for each group of parameters:
+            δq, δq̇ = those of the begin + h Σ_m a_sm (rates)_m    # unfold_tangents
+            δq̈                                                    # differentiate
+            rates of δq, δq̇                                       # fold_tangents
+    at the end, δq and δq̇ onto their constraints, along M         # `tangent_step`
+
+Nothing that the step reads is written here, so the step has the same bits.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from alf_ros.kernel.data import Problem, Tangents
+from alf_ros.kernel.numba_ext.jit import expanded, inner
+from alf_ros.kernel.numba_ext.vectors import copy
+from alf_ros.kernel.tangent_axes import begin_tangents, fold_tangents, unfold_tangents
+from alf_ros.kernel.tangent_lane_solve import LEAVE
+from alf_ros.kernel.tangent_stage import differentiate, store_multipliers
+
+
+@expanded
+def begin_following(tangents: Tangents, problem: Problem, begun: bool) -> None:
+    """Begin a step, whose arcs are chosen; `begun`: stage 0 comes from a step that was
+    too long."""
+    begin_tangents(tangents, problem)
+    tangents.followed[1] = 1
+    if not begun:
+        tangents.followed[0] = 1
+        return
+    copy(tangents.first_q, tangents.q)
+    copy(tangents.first_qd, tangents.qd)
+    copy(tangents.first_qdd, tangents.qdd)
+    fold_tangents(tangents, problem, np.uint64(0))
+
+
+@inner
+def is_followed(tangents: Tangents) -> bool:
+    """Whether all stages of the step so far were followed."""
+    return tangents.followed[0] != 0 and tangents.followed[1] != 0
+
+
+@expanded
+def follow_stage(
+    tangents: Tangents, problem: Problem, t: float, s: np.uint64, h: float, x: float
+) -> None:
+    """The rates of stage s, as the step leaves it; x: its distance to a singular position."""
+    if x < np.inf:
+        tangents.followed[min(s, np.uint64(1))] = 0
+    if not is_followed(tangents):
+        return
+    if s > 0:  # of the first stage they are stored already
+        store_multipliers(tangents.lam, problem.work.y)
+    unfold_tangents(tangents, problem, s, h)
+    differentiate(tangents, problem, tangents.here, t, LEAVE)
+    if s == 0:
+        copy(tangents.qdd, tangents.first_qdd)
+    fold_tangents(tangents, problem, s)

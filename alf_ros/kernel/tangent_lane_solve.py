@@ -1,0 +1,93 @@
+"""Solves of tangents: M x + Φ_qᵀ y = f, Φ_q x = -c of a group of parameters at once."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from alf_ros.kernel.augmented_residuals import residuals, update_rows
+from alf_ros.kernel.augmented_solve import NOISE, solved
+from alf_ros.kernel.data import EPS, NOTHING, SOLVED, FollowedStage, Problem, Tangents
+from alf_ros.kernel.numba_ext.jit import inner
+from alf_ros.kernel.numba_ext.lane_numbers import everywhere, nowhere, pick, unless
+from alf_ros.kernel.numba_ext.lane_structs import lane, lanes_of, set_lane
+from alf_ros.kernel.numba_ext.structs import Lanes
+from alf_ros.kernel.numba_ext.vectors import largest
+from alf_ros.kernel.triangular_solve import step_by
+
+# what is done about slow modes; no truth values, each of which would be compiled for itself
+LEAVE, FINISH = np.uint64(0), np.uint64(1)
+
+
+@inner
+def solved_together(
+    tangents: Tangents, problem: Problem, at: FollowedStage, x: Lanes, slow_modes: np.uint64
+) -> bool:
+    """x (all blocks D,) for f in `tangents`.
+
+    The right-hand side of the first δ, r2 = -c - Φ_q x and a first guess of y stand in `at`, a
+    stage of `problem`. Returns whether no lane is left in which a mode is slow.
+
+    The iteration follows `augmented_solve.augmented`, and ends when it does in all lanes. But
+    where r2 is small beside what f would do to the masses alone and not beside x, one more round
+    follows: the projection corrects a motion, but nothing a derivative. If `slow_modes` is FINISH,
+    a lane with a slow mode is finished by itself, with the workspace of `problem`. If it is LEAVE,
+    no mode is expected to be slow, and rows are not looked at after a round that is certain to
+    close them.
+    """
+    unit, system, f = problem.unit, problem.system, tangents.f
+    n, iterations = at.work.p.size, problem.method.iterations
+    alone = largest(f, n) / system.mean
+    fine = max(SOLVED, NOISE * np.sqrt(system.penalty))
+    slowest = before = 0.0 * alone
+    met = alone < 0.0
+    going = unless(met)
+    for count in range(1, iterations + 1):
+        if count > 1:
+            residuals(unit, system, at, f, x)
+        step, size = step_by(unit, system, at, x)  # A δ = …, x += δ: (26), (33)
+        step *= EPS * system.penalty
+        own = max(size, NOTHING)
+        usual = max(own, alone)
+        if count > 1 and slow_modes == LEAVE:
+            # a round leaves a part `patience` of r2 at most, unless a mode is slow
+            last = (system.patience * before <= fine * own) & (step <= SOLVED * own)
+            if everywhere(last | unless(going)):
+                break
+        left = np.sqrt(system.penalty) * update_rows(unit, system.rows, at)
+        closed = left <= fine * usual
+        ended = met | ((left <= fine * own) & (step <= SOLVED * own))
+        met = closed & (step <= SOLVED * usual)
+        if count > 1 and not everywhere(ended | closed):
+            slow = going & unless(ended | closed)
+            ratio = min(1.0, left / pick(slow, before, 1.0))
+            if count == 2 and iterations != 2:
+                slow = slow & (ratio <= system.patience)
+            slowest = pick(slow, max(slowest, ratio), slowest)
+            ended = ended | (slowest > system.patience)
+        going = going & unless(ended)
+        if nowhere(going):
+            break
+        before = left
+    slow = slowest > system.patience
+    if nowhere(slow):
+        return True
+    if slow_modes == LEAVE:
+        return False
+    for m in range(lanes_of(x)):
+        _finish(tangents, problem, at, x, m)
+    return True
+
+
+@inner
+def _finish(
+    tangents: Tangents, problem: Problem, at: FollowedStage, x: Lanes, m: np.uint64
+) -> None:
+    """Continue with lane m alone."""
+    work, f, alone = problem.work, tangents.lane_f, tangents.lane_x
+    for a in range(alone.size):
+        f[a], alone[a] = lane(tangents.f, a, m), lane(x, a, m)
+    for r in range(work.r2.size):
+        work.r2[r], work.y[r] = lane(at.r2, r, m), lane(at.y, r, m)
+    solved(problem, f, alone, True, False)
+    for a in range(alone.size):
+        set_lane(x, a, m, alone[a])
