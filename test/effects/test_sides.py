@@ -238,8 +238,7 @@ def test_nothing_is_searched_for_without_kinks(kind: str, parameters: dict[str, 
 
 
 @pytest.mark.parametrize('integrator', ['rk4', 'dop853', 'esdirk43', 'esdirk43_adaptive'])
-def test_methods_that_do_not_ask_call_nothing(integrator: str) -> None:
-    simulation = simulated(*CASES[0][:2], integrator)
-    forces = simulation._applied.assembled
+def test_sides_are_for_explicit_adaptive_steps_and_intervals_for_all(integrator: str) -> None:
+    forces = simulated(*CASES[0][:2], integrator)._applied.assembled
     assert forces.effects.side.size == 0
-    assert forces.kinks.search.size == (integrator == 'esdirk43_adaptive')
+    assert forces.kinks.search.size == 1
