@@ -126,9 +126,11 @@ def test_memory_of_a_workspace_is_its_own_and_zero() -> None:
     one.q[:], one.chart.t[:] = 7.0, 8.0
     assert not two.q.any() and not one.qd.any() and not one.chart.n.any()
     assert one.evaluations.dtype == np.int64 and one.caller.dtype == np.uint64
-    for struct in (one, one.chart):
+    for struct in (one, one.chart, one.ended):
         words = {name: word for name, word, _ in vars(struct)['_numba_type_'].parts}
-        for name in (field.name for field in fields(struct) if field.name != 'chart'):
+        for name in (field.name for field in fields(struct)):
+            if name in ('chart', 'ended'):
+                continue
             array, word = getattr(struct, name), words[name]
             assert struct._table[word + 1] == array.size
             assert not array.size or struct._table[word] == array.ctypes.data
