@@ -64,8 +64,8 @@ def member_of(
 
 
 def trouble_of(study: Study, k: int) -> str:
-    """What `Diagnostics.trouble` says of member k at its end, with an integrator of fixed steps;
-    empty if it is sound, or fails."""
+    """`Diagnostics.trouble` of member k at its end, with an integrator of fixed steps; empty if it
+    is sound, or fails."""
     try:
         simulation = simulation_of(study, k)
         if simulation.solver.method.embedded.size:
