@@ -39,7 +39,8 @@ view: setup
 # Coverage is of these tests. What kills processes and waits for them is left to `make test`.
 LONG := test/kernel/test_cache_attacks.py test/scene/test_mutants.py
 CHECKED := $(filter-out $(LONG),$(wildcard $(addsuffix /test_*.py,test/kernel test/mechanism test/scene))) \
-	test/project/test_prose.py test/studies/test_loads.py test/simulation/test_bearing_shares.py
+	test/project/test_prose.py test/studies/test_loads.py test/studies/test_alike_members.py \
+	test/simulation/test_bearing_shares.py
 # Plugins are named: a sourced ROS 2 brings some that do not fit this pytest.
 # Three workers keep two cores busy: tests of nodes wait for a part of their time. They take whole
 # files, in the order of test/conftest.py.
