@@ -10,7 +10,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from alf_ros import kernel
 from alf_ros.arrays import Floats
@@ -165,6 +164,9 @@ class Walk:
         """The singular position between three places; None if there is none."""
         a, b, c = around
         best: list[Floats] = []
+
+        # Here and not above: few starts come here, and SciPy's optimisers take long to import.
+        from scipy.optimize import minimize_scalar
 
         def height(s: float) -> float:
             guess = b + 0.5 * s * (c - a) + 0.5 * s * s * (a - 2.0 * b + c)

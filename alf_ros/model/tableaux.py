@@ -11,10 +11,10 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from scipy.integrate import DOP853
 
 from alf_ros.arrays import Floats
 from alf_ros.kernel import Method
+from alf_ros.model.dormand_prince import ERROR_3, ERROR_5, A, B, C
 
 
 class Tableau(NamedTuple):
@@ -55,13 +55,11 @@ def _rk4() -> Tableau:
     return Tableau(a, b, c, 4, estimate=estimate, sharp=0.2)
 
 
-# Dormand & Prince of order 8 (Hairer, Nørsett & Wanner 1993, II.5 and II.10), as SciPy has it
-_A, _B, _C = (np.ascontiguousarray(part) for part in (DOP853.A, DOP853.B, DOP853.C))
-_PAIR = np.array([DOP853.E5[:-1], DOP853.E3[:-1]])
+_PAIR = np.array([ERROR_5, ERROR_3])
 # beside a singular position dop853 is off by up to so much more than its embedded formulas say
 _CAUTION = 4.0
 _SCALE = np.array([[1.0], [_AT_ONE['dop853']]])
-_DOP853 = Tableau(_A, _B, _C, 8, estimate=_PAIR * _SCALE, sharp=0.05, caution=_CAUTION)
+_DOP853 = Tableau(A, B, C, 8, estimate=_PAIR * _SCALE, sharp=0.05, caution=_CAUTION)
 
 
 def _esdirk43() -> Tableau:

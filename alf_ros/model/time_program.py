@@ -13,11 +13,11 @@ from collections.abc import Mapping
 
 import numpy as np
 from numba import types
-from scipy.interpolate import CubicSpline
 
 from alf_ros.arrays import Floats, Integers
 from alf_ros.kernel.numba_ext.jit import by_address
 from alf_ros.mechanism.time_function import OPERATIONS, Signal
+from alf_ros.splines import cubic_spline
 
 _NUMBER, _TIME, _TABLE, _RATE = range(4)
 _SQRT, _SIN, _COS, _TAN, _ASIN, _EXP, _LOG, _ABS = range(4, 12)
@@ -170,6 +170,6 @@ def program(outputs: Mapping[int, Signal]) -> tuple[Integers, Floats]:
 
 def _spline(signal: Signal) -> list[float]:
     x, f = np.array(signal.points).T
-    inner = CubicSpline(x, f, bc_type='clamped').c[::-1].T
+    inner = cubic_spline(x, f, 'clamped').c[::-1].T
     rest = [[f[0], 0.0, 0.0, 0.0], *inner.tolist(), [f[-1], 0.0, 0.0, 0.0]]
     return [float(x.size), *x.tolist(), *(c for piece in rest for c in piece)]

@@ -7,7 +7,6 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from alf_ros.arrays import Floats
 from alf_ros.effects.contract.piecewise import spline_instants
@@ -16,6 +15,7 @@ from alf_ros.mechanism import Mechanism
 from alf_ros.mechanism.time_function import tables
 from alf_ros.model.compile import Model
 from alf_ros.model.constraints.packing import indices
+from alf_ros.splines import cubic_spline
 
 
 def kinks(model: Model, scalars: Sequence[tuple[int, int]], instants: Floats) -> Kinks:
@@ -57,5 +57,5 @@ def kinks_of_drives(mechanism: Mechanism) -> Floats:
     found: list[Floats] = [np.zeros(0)]
     for points in (points for part in parts for points in tables(part)):
         t, x = np.array(points).T
-        found.append(spline_instants(CubicSpline(t, x, bc_type='clamped')))
+        found.append(spline_instants(cubic_spline(t, x, 'clamped')))
     return np.unique(np.concatenate(found))

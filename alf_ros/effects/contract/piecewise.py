@@ -9,13 +9,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from alf_ros.arrays import Floats
 from alf_ros.effects.contract.scalars import shared
 from alf_ros.effects.contract.trajectory import Curve
+from alf_ros.splines import cubic_spline
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 Points = Sequence[Sequence[float]]
 _GAPS = 4.0  # less than 1.4 of them are between two stages of each method, and two are a bump
@@ -38,7 +42,7 @@ def pieces(points: Points, column: int = 1, cubic: bool = False, hold: bool = Fa
     if x.size > 1:
         c[:, 0], c[:, 1] = f[:-1], np.diff(f) / np.diff(x)
     if cubic and x.size > 2:
-        c = CubicSpline(x, f, bc_type='natural').c[::-1].T
+        c = cubic_spline(x, f, 'natural').c[::-1].T
     slopes = [0.0, 0.0]
     if not hold:
         h = x[-1] - x[-2]
@@ -90,7 +94,7 @@ def _instants(function: float | Points | Curve, cubic: bool) -> Floats:
     table = np.array(function, dtype=float)
     x, f = table[:, 0], table[:, 1:]
     if cubic and x.size > 2:
-        found = [spline_instants(CubicSpline(x, g, bc_type='natural')) for g in f.T]
+        found = [spline_instants(cubic_spline(x, g, 'natural')) for g in f.T]
         return np.concatenate(found)
     level = np.zeros((1, f.shape[1]))
     slopes = np.vstack([level, np.diff(f, axis=0) / np.diff(x)[:, None], level])
