@@ -145,3 +145,22 @@ def test_inputs_of_another_shape_change_nothing() -> None:
         with pytest.raises(InputError, match='which: '):
             ensemble.reset(which)
     assert ensemble.t.tolist() == [0.0, 0.0, 0.0]
+
+
+def test_steps_too_long_for_some_are_said():
+    efforts = np.array([[0.0], [200.0], [1.0]])
+    settings = {'efforts': ['crank_pin'], 'step': 5e-3, 'integrator': 'rk4'}
+    ensemble = Ensemble('slider_crank', 3, steps=60, **settings)
+    ensemble.step(efforts)
+    said = ensemble.trouble
+    assert list(said) == [1] and 'steps of 0.005 s are too long' in said[1]
+    seen = ensemble.step(efforts)
+    for k, (effort,) in enumerate(efforts.tolist()):
+        alone = Simulation(load_scene('slider_crank'), step=5e-3, integrator='rk4')
+        alone.apply_effort('crank_pin', effort)
+        alone.step(60)
+        assert alone.sample().diagnostics.trouble == said.get(k, '')
+        alone.step(60)
+        assert numbers(alone).tobytes() == seen[k].tobytes()
+    ensemble.reset([1])
+    assert not ensemble.trouble

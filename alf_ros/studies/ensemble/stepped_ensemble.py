@@ -162,6 +162,14 @@ class Ensemble:
         at the end of their last whole step."""
         return dict(self._failed)
 
+    @property
+    def trouble(self) -> dict[int, str]:
+        """The members whose fixed steps are too long for their motion since they were reset, with
+        `Diagnostics.trouble` of each. It takes about a sample of every member."""
+        self._together.settle()
+        said = {k: each.sample().diagnostics.trouble for k, each in enumerate(self._members)}
+        return {k: text for k, text in said.items() if text}
+
     def step(self, inputs: ArrayLike | None = None) -> Floats:
         """`steps` steps of all members that have not failed, with these efforts (members, inputs)
         held; with those before if absent. Returns the observations (members, observations).
