@@ -127,6 +127,8 @@ def test_it_gathers_what_the_log_has(planar):
     (entry,) = log.inputs[1:]
     assert found.orders.count == 1
     assert found.orders.traces['wrench', 'coupler'].t[0] == entry['t']
+    said = dict(account(log).about)['solver']
+    assert 'step 0.001' in said and 'None' not in said
 
 
 def test_the_motion_is_that_of_the_run(planar):

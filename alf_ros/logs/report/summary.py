@@ -65,7 +65,7 @@ def account(log: Log, report: progress.Report = progress.silent) -> Account:
 
 
 def _about(log: Log, found: Gathered) -> list[tuple[str, str]]:
-    solver = log.info['solver']
+    solver = {key: value for key, value in log.info['solver'].items() if value is not None}
     versions = log.versions
     count = sum(found.counts.values())
     span = f'{found.first:.9g} to {found.last:.9g} s, {count} messages' if count else 'empty'
