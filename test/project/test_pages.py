@@ -67,7 +67,11 @@ def test_a_command_prints_what_the_page_says(
     page: str, command: str, shown: str, tmp_path: Path
 ) -> None:
     prepared(page, tmp_path)
-    assert shown_by(shlex.split(command), tmp_path) == (shown, '')
+    words = shlex.split(command)
+    told, said = shown_by(words, tmp_path)
+    assert told == shown
+    # a busy machine may be slow enough to show how it gets on
+    assert [line for line in said.splitlines() if not line.startswith(f'{words[2]} ')] == []
 
 
 @pytest.mark.parametrize('page', PAGES)
