@@ -3,7 +3,6 @@
 import os
 import pty
 import re
-import time
 
 from alf_ros.ros.terminal import StatusLine
 
@@ -58,11 +57,12 @@ def test_what_takes_long_is_announced_once(tmp_path):
 
 def test_on_a_terminal_it_shows_that_time_goes_by():
     terminal, end = pty.openpty()
+    seen = ''
     with os.fdopen(end, 'w') as stream:
         status = StatusLine(stream=stream)
         with status.say_if_slow(lambda: 'compiling ...', 0.0):
-            time.sleep(1.5)
-        seen = ''
+            while seen.count('compiling') < 3:
+                seen += os.read(terminal, 1000).decode()
         while '\n' not in seen:
             seen += os.read(terminal, 1000).decode()
     os.close(terminal)
