@@ -80,6 +80,11 @@ class Layout:
             of_prescribed=moved(self.of_prescribed),
         )
 
+    def like(self, mechanism: Mechanism) -> Layout:
+        """The same blocks of another mechanism of the same structure."""
+        same = mechanism.geometry is not None and mechanism.geometry == self.mechanism.geometry
+        return replace(self, mechanism=mechanism, _shapes=self._shapes if same else {})
+
     @property
     def body(self) -> Mapping[str, Body]:
         """Bodies by name."""
