@@ -40,17 +40,17 @@ GEOMETRY = (
     'size',
 )
 LENGTHS = 'lengths.b', 'lengths.term', 'lengths.c'  # likewise, of `JointCoordinates`
+_NUMBERS = 'b', 'term', 'c'
 
 
 class Geometry(NamedTuple):
     """The numbers of one member: `size` (m) and q as `drawn` (blocks D, m); of its constraints, of
-    the angles that are counted, and of the joint coordinates that are lengths."""
+    the angles that are counted, and of the joint coordinates that are lengths, one after
+    another."""
 
     size: float
     drawn: Floats
     rows: RowNumbers
-    angles: RowNumbers
-    lengths: RowNumbers
 
 
 class MemberRows:
@@ -58,39 +58,45 @@ class MemberRows:
     those of joints and bodies."""
 
     def __init__(self, model: Model) -> None:
-        self._structures = [parts_of(each)[0] for each in _made(model.layout)]
-        movable = model.layout.movable
-        self._order = placed_rows(self._structures[0], movable)[0]  # of the distances
+        self._structure, _ = parts_of(_made(model.layout))
+        self._order = placed_rows(self._structure, model.layout.movable)[0]  # of the distances
+        self._parts = model.system.rows, model.system.angles, model.lengths
 
     def of(self, layout: Layout) -> Geometry | None:
         """The numbers of a member with this layout; None if it has another structure."""
-        numbers = []
-        for rows, known in zip(_made(layout), self._structures, strict=True):
-            structure, own = parts_of(rows)
-            if structure != known:
-                return None
-            numbers.append(own)
-        return Geometry(layout.length, drawn(layout), *numbers)
+        structure, numbers = parts_of(_made(layout))
+        if structure != self._structure:
+            return None
+        return Geometry(layout.length, drawn(layout), numbers)
 
     def put(self, members: Sequence[Geometry], systems: MemberStructs) -> None:
         """Write the numbers of members into their systems, without scales."""
         length = np.array([each.rows.length for each in members])
         systems.rows.length2[:] = length[:, self._order] ** 2
         systems.size[:] = [each.size for each in members]
-        for name in ('b', 'term', 'c'):
-            getattr(systems.rows, name)[:] = [getattr(each.rows, name) for each in members]
-            getattr(systems.angles, name)[:] = [getattr(each.angles, name) for each in members]
+        for name in _NUMBERS:
+            of_rows, of_angles, _ = self._apart(members, name)
+            getattr(systems.rows, name)[:] = of_rows
+            getattr(systems.angles, name)[:] = of_angles
+
+    def put_lengths(self, members: Sequence[Geometry], joints: MemberStructs) -> None:
+        """Write the rows of lengths into the joint coordinates of members."""
+        for name in _NUMBERS:
+            getattr(joints.lengths, name)[:] = self._apart(members, name)[2]
+
+    def _apart(self, members: Sequence[Geometry], name: str) -> list[Floats]:
+        """(members, ...) numbers of the constraints, of the angles and of the lengths."""
+        every = np.array([getattr(each.rows, name) for each in members])
+        ends = np.cumsum([getattr(part, name).size for part in self._parts])
+        return np.split(every, ends[:-1], axis=1)
 
 
-def _made(layout: Layout) -> tuple[Sequence[Constraint], ...]:
+def _made(layout: Layout) -> list[Constraint]:
     """The constraints, the rows of counted angles, and those of lengths."""
-    return constraints(layout.mechanism, layout), counted_rows(layout), length_rows(layout)
-
-
-def put_lengths(members: Sequence[Geometry], joints: MemberStructs) -> None:
-    """Write the rows of lengths into the joint coordinates of members."""
-    for name in ('b', 'term', 'c'):
-        getattr(joints.lengths, name)[:] = [getattr(each.lengths, name) for each in members]
+    rows = constraints(layout.mechanism, layout)
+    rows += counted_rows(layout)
+    rows += length_rows(layout)
+    return rows
 
 
 @dataclass(frozen=True, eq=False)

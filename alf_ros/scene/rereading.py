@@ -133,7 +133,9 @@ class ReadDocument:
 
     def _solver(self, section: Entry, values: Mapping[str, float]) -> Solver:
         """The settings, which many scenes share."""
-        said = tuple((k, e.value, e.plain) for k, e in section.mapping().items())
+        said: tuple[object, ...] = tuple(
+            (k, e.value, e.plain) for k, e in section.mapping().items()
+        )
         if values is not self._values:
             words = set[str]()
             _collect(section, words)
@@ -173,7 +175,7 @@ class ReadDocument:
         if mechanism.structure != bare.structure or values.keys() != self._values.keys():
             return None
         layout = self._cut.like(mechanism)
-        check_numbers(layout, parts.entries)
+        check_numbers(layout, self._cut, parts.entries)
         return layout, values
 
     def _other_bodies(self, before: Entry, now: Entry) -> tuple[Body, ...] | None:

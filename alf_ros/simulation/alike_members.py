@@ -69,7 +69,9 @@ class AlikeMembers:
         self._problems = MemberStructs(problem, self.most, own, _SHARED)
         every = [name for name, _, _ in vars(phase)['_numba_type_'].parts]
         self._phases = MemberStructs(phase, self.most, every)
-        self._readings = MemberReadings(simulation, quantities, self._problems, self._phases)
+        self._readings = MemberReadings(
+            simulation, quantities, likeness.rows, self._problems, self._phases
+        )
         progress = MemberStructs(
             LaneProgress(*np.zeros((5, 1))), self.most, LaneProgress.__dataclass_fields__
         )

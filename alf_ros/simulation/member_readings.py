@@ -10,7 +10,7 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.kernel.lanes.observing import JOINT, JOINT_RATE, Observing, observe
 from alf_ros.model.member_energies import MemberEnergies, observe_energies
-from alf_ros.model.member_rows import LENGTHS, Geometry, put_lengths
+from alf_ros.model.member_rows import LENGTHS, Geometry, MemberRows
 from alf_ros.model.member_structs import MemberStructs
 from alf_ros.simulation.quantities import Group, Quantity, full_name, groups
 from alf_ros.simulation.simulation import Simulation
@@ -45,10 +45,11 @@ class MemberReadings:
         self,
         simulation: Simulation,
         quantities: Sequence[Quantity],
+        rows: MemberRows,
         problems: MemberStructs,
         phases: MemberStructs,
     ) -> None:
-        self._problems, self._phases = problems, phases
+        self._rows, self._problems, self._phases = rows, problems, phases
         self._model, self._members = simulation.model, problems.members
         coordinates = simulation._stepper.instruments.coordinates
         self._joints = MemberStructs(coordinates, problems.members, LENGTHS)
@@ -103,7 +104,7 @@ class MemberReadings:
 
     def take(self, geometry: Sequence[Geometry]) -> None:
         """Read members of this geometry from now on."""
-        put_lengths(geometry, self._joints)
+        self._rows.put_lengths(geometry, self._joints)
 
     @property
     def _angles(self) -> int:

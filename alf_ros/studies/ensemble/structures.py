@@ -26,12 +26,18 @@ _TRIED = 3  # members from which one structure is to be learnt
 
 @dataclass
 class _Structure:
-    """Memory for members of one structure; those that wait for their run; and how many members had
-    this structure."""
+    """Memory for members of one structure; those that wait for their run; how many had this
+    structure, and how many came to the end."""
 
     alike: AlikeMembers
     waiting: dict[int, MemberNumbers] = field(default_factory=dict)
     count: int = 0
+    done: int = 0
+
+    @property
+    def is_of_use(self) -> bool:
+        """Whether members come to the end, as far as is known."""
+        return self.done > 0 or self.count < 2 * width()
 
     def takes(self, k: int, scene: Scene) -> bool:
         """Whether member k is of this structure; then it waits."""
@@ -52,6 +58,7 @@ class _Structure:
             raise
         except AlfError:
             return
+        self.done += int(good.sum())
         for m, k in enumerate(numbers):
             if good[m]:
                 own = [each[m] for each in values]
@@ -80,26 +87,26 @@ class Structures:
         runs."""
         others: dict[int, Scene] = {}
         for k, scene in scenes:
-            if not any(each.takes(k, scene) for each in self._known):
+            if not any(each.takes(k, scene) for each in self._known) and self._learning:
                 others[k] = scene
-                if len(others) == (2 * width() if self._known else _TRIED):
+                if len(others) >= (2 * width() if self._known else _TRIED):
                     self._learn(others)
             for each in self._known:
                 if len(each.waiting) == each.alike.most:
                     yield from each.run(self._duration, self._at)
             if not (self._known or self._learning):
                 return
-        if not self._known:
+        if not self._known and self._learning:
             self._learn(others)
         for each in self._known:
             yield from each.run(self._duration, self._at)
+        if not all(each.is_of_use for each in self._known):
+            self._learning = False
+            self._known = [each for each in self._known if each.is_of_use]
 
     def _learn(self, others: dict[int, Scene]) -> None:
         """One more structure, that of one of the first members among the `others`; those that have
         it wait."""
-        if not self._learning:
-            others.clear()
-            return
         alike = None
         for scene in list(others.values())[:_TRIED]:
             try:
