@@ -22,7 +22,7 @@ from alf_ros.kernel.numba_ext.structs import Struct
 from alf_ros.mechanism.natural_coordinates import Layout
 from alf_ros.model.compile import Model, constraints, drawn, length_rows
 from alf_ros.model.constraints.joint_coordinates import counted_rows
-from alf_ros.model.constraints.packing import RowNumbers, parts_of, placed_rows
+from alf_ros.model.constraints.packing import RowNumbers, parts_of, placed_rows, rows_of
 from alf_ros.model.constraints.row import Constraint
 from alf_ros.model.constraints.row_scales import RowLengths
 from alf_ros.model.member_structs import MemberStructs
@@ -91,12 +91,26 @@ class MemberRows:
         return np.split(every, ends[:-1], axis=1)
 
 
+def are_rows_of(model: Model) -> bool:
+    """Whether the rows that are made here are those of the model itself, in all bits."""
+    layout = model.layout
+    known = model.system.rows, model.system.angles, model.lengths
+    made = (rows_of(each, layout)[0] for each in _parts(layout))
+    return all(
+        np.asarray(getattr(one, name)).tobytes() == np.asarray(getattr(other, name)).tobytes()
+        for one, other in zip(made, known, strict=True)
+        for name in Rows.__dataclass_fields__
+        if name not in ('alpha', 'scale') and not name.startswith('_')
+    )
+
+
 def _made(layout: Layout) -> list[Constraint]:
     """The constraints, the rows of counted angles, and those of lengths."""
-    rows = constraints(layout.mechanism, layout)
-    rows += counted_rows(layout)
-    rows += length_rows(layout)
-    return rows
+    return [row for rows in _parts(layout) for row in rows]
+
+
+def _parts(layout: Layout) -> tuple[Sequence[Constraint], ...]:
+    return constraints(layout.mechanism, layout), counted_rows(layout), length_rows(layout)
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ from alf_ros.arrays import Floats
 from alf_ros.errors import AlfError
 from alf_ros.mechanism.natural_coordinates import Layout
 from alf_ros.model.mass import BodyMasses, masses_of
-from alf_ros.model.member_rows import Geometry, MemberRows
+from alf_ros.model.member_rows import Geometry, MemberRows, are_rows_of
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation.packed_effects import AskedFunctions, PackedKind, kinds_of
 from alf_ros.simulation.simulation import Simulation
@@ -86,6 +86,8 @@ def unlike(simulation: Simulation) -> str:
         return 'motions as functions of time differ by more than numbers'
     if scene.mechanism.auxiliary or system.rows.velocity or system.integrals.row.size:
         return 'rows of velocities and blocks of no body are made for each member'
+    if not are_rows_of(simulation.model):
+        return 'rows that are made otherwise are made for each member'
     if start.dependent_rows or start.near or start.singular or start.adjustment:
         return 'redundant rows and singular positions are examined for each member'
     if scene.positions or scene.branch is not None:
