@@ -189,6 +189,14 @@ def test_members_that_nobody_is_like_are_built_one_by_one() -> None:
         assert array.tobytes() == own.tobytes()
 
 
+def test_a_structure_whose_members_start_in_other_ways_is_forgotten() -> None:
+    made = study('n_four_bar', {'L': uniform(0.9, 1.1), **FIXED}, outputs=KEPT[:1], duration=0.1)
+    found = run_members(made, range(made.members))
+    assert made.idle[0].known == 0
+    assert run_members(made, range(made.members))[3].arrays[0] == found[3].arrays[0]
+    assert run_member(made, 3).arrays[0].tobytes() == found[3].arrays[0].tobytes()
+
+
 def test_numbers_only_of_scenes_that_differ_in_numbers() -> None:
     first = Simulation(load_scene('slider_crank'))
     numbers = Likeness(first).numbers_of
