@@ -1,7 +1,7 @@
 """Rows of members of one structure: places, lengths and directions differ, and with them the
 numbers of rows; which blocks a row binds does not.
 
-The rows of each member are made as those of a single mechanism. What they bind is compared with
+The rows of each member are made as for a single mechanism. What they bind is compared with
 the first one in full: a coefficient that is zero, or a body that other points carry, makes another
 structure.
 """
@@ -54,8 +54,8 @@ class Geometry(NamedTuple):
 
 
 class MemberRows:
-    """The rows of members like a model, whose rows are no rows of velocities and whose angles are
-    those of joints and bodies."""
+    """The rows of members like a model, whose rows are no rows of velocities and whose angles
+    belong to joints and bodies."""
 
     def __init__(self, model: Model) -> None:
         self._structure, _ = parts_of(_made(model.layout))
@@ -92,7 +92,7 @@ class MemberRows:
 
 
 def are_rows_of(model: Model) -> bool:
-    """Whether the rows that are made here are those of the model itself, in all bits."""
+    """Whether the rows that are made here equal the rows of the model, in all bits."""
     layout = model.layout
     known = model.system.rows, model.system.angles, model.lengths
     made = (rows_of(each, layout)[0] for each in _parts(layout))
@@ -105,7 +105,7 @@ def are_rows_of(model: Model) -> bool:
 
 
 def _made(layout: Layout) -> list[Constraint]:
-    """The constraints, the rows of counted angles, and those of lengths."""
+    """The constraints, the rows of counted angles, and the rows of lengths."""
     return [row for rows in _parts(layout) for row in rows]
 
 

@@ -286,7 +286,7 @@ class OfOneSystem:
         return self._system is system
 
     def take_rows(self, own: OfOneSystem) -> None:
-        """The numbers of the rows that the members' own systems have; those of more rows stay."""
+        """The numbers of the rows that the members' own systems have; more rows keep theirs."""
         of, to = own.structs, self.structs
         to.size[:], to.rows.length2[:] = of.size, of.rows.length2
         for name in ('b', 'term', 'c'):

@@ -105,8 +105,8 @@ class Structures:
             self._known = [each for each in self._known if each.is_of_use]
 
     def _learn(self, others: dict[int, Scene]) -> None:
-        """One more structure, that of one of the first members among the `others`; those that have
-        it wait."""
+        """Learn the structure of one of the first members among the `others`; the members that
+        have it wait."""
         alike = None
         for scene in list(others.values())[:_TRIED]:
             try:
