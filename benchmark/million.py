@@ -30,7 +30,7 @@ DURATION, H = 10.0, 0.025  # s
 SOLVER = {'solver.integrator': ['dop853'], 'solver.step': [H], 'solver.penalty': ['1e10']}
 VARIED = {'coupler.mass': normal(1.0, 0.05), 'L': normal(1.0, 0.05)}
 COMPARED, INSTANTS = 8, 100
-CHUNK = 256  # members that a worker gets at once
+CHUNK = 1024  # members that a worker gets at once
 MILLION = 1_000_000
 
 

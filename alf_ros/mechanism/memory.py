@@ -69,15 +69,15 @@ def remembered(most: int) -> Callable[[F], F]:
 
         @wraps(function)
         def known(*arguments: Any) -> Any:
-            key: tuple[Any, ...] = ()
+            key: list[Any] = []
             for argument in arguments:
                 if isinstance(argument, np.ndarray):
                     key += argument.dtype.char, argument.shape, argument.tobytes()
                 elif isinstance(argument, (float, int, tuple)):
-                    key += (exactly(argument),)
+                    key.append(exactly(argument))
                 else:
-                    key += (argument,)
-            return memory.found(key, lambda: function(*arguments))
+                    key.append(argument)
+            return memory.found(tuple(key), lambda: function(*arguments))
 
         return known  # type: ignore[return-value]
 

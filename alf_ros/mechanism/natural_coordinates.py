@@ -8,9 +8,10 @@ gives the forces on each body alone, and thus the reactions in the joints.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -21,7 +22,9 @@ from alf_ros.mechanism.memory import remembered
 from alf_ros.mechanism.parts import GROUND, Body, Mechanism, Numbers
 
 TURN = np.array([[0.0, -1.0], [1.0, 0.0]])  # J, a quarter turn
+_EYE = np.eye(2)
 _APART = 0.5  # sine from which on directions are well apart
+_SHORT = 1e-290  # m, of a direction that rounding may turn
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +42,7 @@ class Shape:
     ends: tuple[int, ...]
     inverse: Floats
 
-    @property
+    @cached_property
     def is_point(self) -> tuple[bool, ...]:
         """Of each end."""
         return tuple(n < self.points for n in self.ends)
@@ -79,6 +82,11 @@ class Layout:
             of_auxiliary=moved(self.of_auxiliary),
             of_prescribed=moved(self.of_prescribed),
         )
+
+    def like(self, mechanism: Mechanism) -> Layout:
+        """The same blocks of another mechanism of the same structure."""
+        same = mechanism.geometry is not None and mechanism.geometry == self.mechanism.geometry
+        return replace(self, mechanism=mechanism, _shapes=self._shapes if same else {})
 
     @property
     def body(self) -> Mapping[str, Body]:
@@ -155,11 +163,16 @@ def vector(shape: Shape, local: Numbers) -> Form:
     c, D = shape.inverse @ np.asarray(local, dtype=float), shape.inverse.shape[1]
     total = Form({}, np.zeros(D))
     for end, is_point, weight in zip(shape.ends, shape.is_point, c, strict=False):
-        d = affine.of_block(end, D)
-        if is_point:
-            d = d - affine.of_block(0, D)
-        total = total + d.times(weight * np.eye(2) + c[1] * TURN if D == 2 else weight)
+        d = carrier(end, is_point, D)
+        total = total + d.times(weight * _EYE + c[1] * TURN if D == 2 else weight)
     return total
+
+
+@lru_cache(maxsize=1024)
+def carrier(end: int, is_point: bool, dimension: int) -> Form:
+    """A direction that carries bodies, in their own blocks: to a point, or a vector."""
+    d = affine.of_block(end, dimension)
+    return d - affine.of_block(0, dimension) if is_point else d
 
 
 @remembered(1024)
@@ -203,6 +216,8 @@ def independent(directions: Sequence[Floats], most: int, least: float = 1e-6) ->
 
     `least` is the sine below which a direction counts as dependent.
     """
+    if len(directions) == 1 and most and _SHORT < np.linalg.norm(directions[0]) < math.inf:
+        return (0,)
     return _independent(np.array(directions), most, least) if directions else ()
 
 

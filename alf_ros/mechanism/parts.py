@@ -253,6 +253,20 @@ class Mechanism:
         return tuple(names)
 
     @cached_property
+    def structure(self) -> tuple[object, ...]:
+        """The parts that are no numbers: which items exist, and what they are between. Which
+        coefficients of rows are zero depends on numbers too."""
+        items = [(item.name, item.fixed) for item in self.blocks]
+        bodies = [(b.name, b.points, b.vectors) for b in self.bodies]
+        joints = [
+            (j.name, j.kind, j.parent, j.child, j.point, j.vector, j.motion, j.turning)
+            for j in self.joints
+        ]
+        rotors = [(rotor.name, rotor.of) for rotor in self.rotors]
+        couplings = [(each.name, tuple(name for name, _ in each.of)) for each in self.couplings]
+        return self.dimension, items, bodies, joints, self.drives, rotors, couplings
+
+    @cached_property
     def geometry(self) -> bytes | None:
         """The parts that coordinates and rows depend on, exactly, as a key: all but masses,
         stiffnesses and functions of time. None where functions of time turn or carry joints."""

@@ -243,10 +243,14 @@ def _rows(draft: Layout) -> tuple[Rows, Integers, tuple[str, ...]]:
 def _measures(layout: Layout, velocities: Sequence[str]) -> tuple[Rows, Rows, Integrals]:
     """The rows of the angles whose turns are counted, and of the coordinates that are lengths; and
     the integrals of the rows of velocities of these names."""
-    each = layout.mechanism.coordinates
-    lengths = [length_row(one.joint, layout) for one in each if not one.is_angle]
     angles, sums = with_integrals(counted(layout), velocities, layout)
-    return frozen(angles), frozen(rows_of(lengths, layout)[0]), frozen(sums)
+    return frozen(angles), frozen(rows_of(length_rows(layout), layout)[0]), frozen(sums)
+
+
+def length_rows(layout: Layout) -> list[Row]:
+    """The rows of the joint coordinates that are lengths."""
+    each = layout.mechanism.coordinates
+    return [length_row(one.joint, layout) for one in each if not one.is_angle]
 
 
 @cache

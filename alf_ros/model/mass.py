@@ -138,7 +138,7 @@ def _of_body(
     moments = np.empty((1 + c.size, 1 + c.size))
     moments[0, 0], moments[1:, 1:] = m, second
     moments[0, 1:] = moments[1:, 0] = m * c
-    ends, blocks = _ends(shape, c.size), (0, *shape.ends)
+    ends, blocks = _ends(shape.is_point, c.size), (0, *shape.ends)
     M = (ends @ moments @ ends.T).tolist()
     diagonal = [(n, M[a][a]) for a, n in enumerate(blocks)]
     below = [
@@ -152,10 +152,10 @@ _known_body = remembered(1024)(_of_body)
 
 
 @lru_cache(maxsize=1024)
-def _ends(shape: Shape, k: int) -> Floats:
+def _ends(is_point: tuple[bool, ...], k: int) -> Floats:
     """P_0 carries 1 - Σ c over the ends that are points."""
     ends = np.eye(1 + k)
-    ends[0, 1:] = [-1.0 if point else 0.0 for point in shape.is_point]
+    ends[0, 1:] = [-1.0 if point else 0.0 for point in is_point]
     return ends
 
 

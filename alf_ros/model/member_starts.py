@@ -1,4 +1,4 @@
-"""Where many members of one geometry start: closed, here and at places nearby, their ranks there,
+"""Where many members of one structure start: closed, here and at places nearby, their ranks there,
 and their velocities completed, each by the functions that start a single mechanism.
 
 `ordinary_positions` and `assembly` decide for a single one what to look at next. Nearly all
@@ -32,8 +32,8 @@ class MemberPlaces(Struct):
 
     system: Addresses  # (members,) of its System
     wanted: Integers  # (members,) 1 where it is asked for
-    drawn: Floats  # (all blocks D,) m
-    away: Floats  # (PLACES, movable D) m, of the places from the closed one
+    drawn: Floats  # (members, all blocks D) m
+    away: Floats  # (PLACES, movable D) of the places from the closed one, directions
     q: Floats  # (members, PLACES, all blocks D) m, closed
     gap: Floats  # (members, PLACES) m, by how much rows stay open; not a number without a factor
     best: Floats  # (all blocks D,) memory
@@ -43,23 +43,25 @@ class MemberPlaces(Struct):
 
 @compiled
 def close_members(
-    unit: Unit, of: System, work: Work, least: float, place: int, found: MemberPlaces
+    unit: Unit, of: System, work: Work, least: float, near: float, place: int, found: MemberPlaces
 ) -> None:
-    """Close the members that are `wanted` to `least` (m), from the drawing, or from one of the
-    places around where they close. `of`: the System of any member; `work`: memory for one."""
-    members, size, n = np.uint64(found.system.size), np.uint64(found.drawn.size), work.p.size
+    """Close the members that are `wanted` to `least` of the size, from the drawing, or from one of
+    the places around where they close, `near` of the size away. `of`: the System of any member;
+    `work`: memory for one."""
+    members, size, n = np.uint64(found.system.size), np.uint64(work.q.size), work.p.size
     which, places = np.uint64(place), np.uint64(PLACES)
     for m in range(ZERO, members):
         if found.wanted[m] == 0:
             continue
         system, first, at = struct_at(of, found.system[m]), m * places * size, m * places + which
+        away = near * system.size
         for i in range(ZERO, size):
-            work.q[i] = found.drawn[i] if which == ZERO else found.q[first + i]
+            work.q[i] = found.drawn[m * size + i] if which == ZERO else found.q[first + i]
             if which > ZERO and i < n:
-                work.q[i] += found.away[which * n + i]
+                work.q[i] += away * found.away[which * n + i]
             found.best[i] = work.q[i]
         found.gap[at] = np.nan
-        if settle(unit, system, work, least, found.best, found.phi, found.open):
+        if settle(unit, system, work, least * system.size, found.best, found.phi, found.open):
             widest = 0.0
             for r in range(found.open.size):
                 if found.open[r] > widest or found.open[r] != found.open[r]:

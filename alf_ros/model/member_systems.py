@@ -1,8 +1,8 @@
-"""The systems of members of one geometry, and where they start.
+"""The systems of members of one structure, and where they start.
 
-Masses differ, so penalties, the numbers of M on the pattern and the velocities at the start do.
-All are computed for many members at once, each with the bits that `compile_model`, `assembly` and
-`ordinary_positions` give a single one.
+Masses and lengths differ, so the numbers of rows, penalties, the numbers of M on the pattern and
+the positions and velocities at the start do. All are computed for many members at once, each with
+the bits that `compile_model`, `assembly` and `ordinary_positions` give a single one.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from alf_ros.kernel import System
 from alf_ros.kernel.data import NOTHING
 from alf_ros.model.assembly import AGREED, CLOSED, LEAST, TO_ROUNDING, Given, held
 from alf_ros.model.compile import Model, allocate, close_to, hold, patience_of
-from alf_ros.model.constraints.row_scales import RowLengths
 from alf_ros.model.mass import BodyMasses, MassSums
+from alf_ros.model.member_rows import GEOMETRY, Geometry, MemberRows, MemberScales
 from alf_ros.model.member_starts import (
     PLACES,
     MemberPlaces,
@@ -43,8 +43,9 @@ from alf_ros.model.penalty import penalty_of
 from alf_ros.model.rank import distance
 from alf_ros.model.symbolic_factor import filled
 
-# parts of a System that differ between members of one geometry
+# parts of a System that differ between members of one structure
 NUMBERS = (
+    *GEOMETRY,
     'mass.diagonal',
     'mass.k',
     'mass.w',
@@ -86,22 +87,25 @@ class Starts(NamedTuple):
 
 
 class MemberSystems:
-    """Finds the starts of members like a model, from masses and the velocities given.
+    """Finds the starts of members like a model, from their geometry, masses and the velocities
+    given.
 
-    bodies: their masses in the model; given: velocities, as of its scene; penalty: of a model that
-    is not soft; `members`: how many. The model has no redundant rows, rows of velocities or
-    motions as functions of time.
+    `rows` of the model; bodies: their masses there; given: velocities, as of its scene; penalty:
+    of a model that is not soft; `members`: how many. The model has no redundant rows, rows of
+    velocities or motions as functions of time.
     """
 
     def __init__(
         self,
         model: Model,
+        rows: MemberRows,
         bodies: Sequence[BodyMasses],
         given: Given,
         penalty: float,
         members: int,
     ) -> None:
         self._model, self._members, self._penalty = model, members, penalty
+        self._rows = rows
         self._sums = MassSums(model.layout, bodies)
         first = np.array([[each for body in bodies for each in body.bound]]).reshape(1, -1, 2)
         none = np.zeros((1, len(self._sums.blocks)))
@@ -114,12 +118,11 @@ class MemberSystems:
         size = model.q.size
         self._work = allocate(model, model.system, 0)
         self._work_to_complete = allocate(model, completing, 1)
-        away = NEAR * model.size * directions(model.n)[:PLACES]
         self._places = MemberPlaces(
             system=self._own.structs.addresses,
             wanted=np.zeros(members, dtype=np.int64),
-            drawn=model.q,
-            away=away.ravel(),
+            drawn=np.zeros(members * size),
+            away=directions(model.n)[:PLACES].ravel(),
             q=np.zeros(members * PLACES * size),
             gap=np.zeros(members * PLACES),
             best=np.zeros(size),
@@ -147,11 +150,26 @@ class MemberSystems:
             Zo=np.zeros(model.system.pattern.row.size * D * D),
         )
 
-    def start(self, masses: Floats, bound: Floats, given: Floats) -> Starts:
-        """The starts of members: masses (members, ...) and bound (members, ..., 2) of all bodies,
-        as in `BodyMasses`, and velocities given (members, ...), m/s."""
+    def start(
+        self, geometry: Sequence[Geometry], masses: Floats, bound: Floats, given: Floats
+    ) -> Starts:
+        """The starts of members of this geometry, masses (members, ...) and bound
+        (members, ..., 2) of all bodies, as in `BodyMasses`, and velocities given (members, ...),
+        m/s."""
         with np.errstate(all='ignore'):
+            self._rows.put(geometry, self._own.structs)
+            self._drawn[:] = [each.drawn for each in geometry]
             return self._start(self._summed(masses, bound), given)
+
+    @property
+    def _drawn(self) -> Floats:
+        """(members, blocks D) m."""
+        return self._places.drawn.reshape(self._members, -1)
+
+    @property
+    def _size(self) -> Floats:
+        """(members,) m."""
+        return np.asarray(self._own.structs.size)
 
     def _summed(self, masses: Floats, bound: Floats) -> Masses:
         diagonal, values = self._sums.of(masses, bound)
@@ -165,7 +183,7 @@ class MemberSystems:
     def _start(self, masses: Masses, given: Floats) -> Starts:
         rows = len(self._model.row_names)
         base = np.full(self._members, self._penalty)
-        self._own.put(masses, base)
+        self._own.put(self._drawn, masses, base)
         for soft, resolving in zip(self._soft, RESOLVING, strict=True):
             self._own.copy_to(soft.structs)
             soft.structs.rows.alpha[:] *= resolving / self._penalty
@@ -187,12 +205,11 @@ class MemberSystems:
 
     def _closed(self, place: int, wanted: Mask) -> Mask:
         """Close members; returns those that are closed."""
-        model, found, own = self._model, self._places, self._own.structs.member(0)
+        found, own = self._places, self._own.structs.member(0)
         found.wanted[:] = wanted
-        least = float(LEAST * model.size)
-        close_members(model.unit, own, self._work, least, place, found)
+        close_members(self._model.unit, own, self._work, LEAST, NEAR, place, found)
         gap = found.gap.reshape(self._members, PLACES)[:, place]
-        return np.asarray(wanted & (gap <= CLOSED * model.size))
+        return np.asarray(wanted & (gap <= CLOSED * self._size))
 
     def _no_firmer(self, place: int, wanted: Mask, ordinary: Floats) -> Mask:
         """Whether members are about as soft at a place around where they close, or have no
@@ -239,7 +256,8 @@ class MemberSystems:
         if of.is_of(self._model.system):
             self._own.copy_to(of.structs)
         else:
-            of.put(masses, penalty)
+            of.take_rows(self._own)
+            of.put(self._drawn, masses, penalty)
         wanted = found.wanted.reshape(self._members, -1)
         wanted[:, self._given] = given
         unit, work = self._model.unit, self._work_to_complete
@@ -255,27 +273,34 @@ class MemberSystems:
 
 
 class OfOneSystem:
-    """Structs of the members' own systems, or of these with more rows."""
+    """Structs of the members' own systems, or of these with more rows behind theirs."""
 
     def __init__(self, model: Model, system: System, members: int) -> None:
         self.structs = MemberStructs(system, members, (*NUMBERS, 'penalty'))
         self._model, self._system = model, system
-        layout = model.layout
-        self._fill = filled(layout.movable, system.mass, system.rows)
-        self._lengths = RowLengths(system.rows, model.q, layout.dimension)
+        self._fill = filled(model.layout.movable, system.mass, system.rows)
+        self._scales = MemberScales(model.unit, self.structs, model.layout.blocks)
 
     def is_of(self, system: System) -> bool:
         """Whether the structs are like this system."""
         return self._system is system
 
-    def put(self, masses: Masses, penalty: Floats) -> None:
-        """The numbers of members with these masses and penalties (members,)."""
+    def take_rows(self, own: OfOneSystem) -> None:
+        """The numbers of the rows that the members' own systems have; more rows keep theirs."""
+        of, to = own.structs, self.structs
+        to.size[:], to.rows.length2[:] = of.size, of.rows.length2
+        for name in ('b', 'term', 'c'):
+            numbers = getattr(of.rows, name)
+            getattr(to.rows, name)[:, : numbers.shape[1]] = numbers
+
+    def put(self, drawn: Floats, masses: Masses, penalty: Floats) -> None:
+        """Scales of the rows as drawn (members, blocks D), m, and all numbers that depend on these
+        masses and penalties (members,)."""
         diagonal, k, w, _ = masses
         own, layout = self.structs, self._model.layout
         own.mass.diagonal[:], own.mass.k[:], own.mass.w[:] = diagonal, k, w
         own.mean[:], own.penalty[:] = diagonal.mean(axis=1), penalty
-        moved = self._lengths.masses(diagonal, np.array(own.mean), layout.blocks)
-        own.rows.alpha[:] = penalty[:, None] / moved
+        self._scales.put(drawn, diagonal, np.array(own.mean), penalty)
         skew = self._model.system.mass.skew
         for name, values in self._fill.masses_of(layout.dimension, diagonal, k, skew, w).items():
             getattr(own.pattern, name)[:] = values

@@ -2,13 +2,16 @@
 
 The members of a study, and the candidates of a search, are scenes of which a few numbers differ.
 `overrides` shares all other entries with the first one, so their identity shows the changes.
-Numbers of bodies, effects, velocities and settings are read again by themselves, by the
-readers of whole scenes; if anything else has changed, all of the scene is.
+Parameters, parts of the mechanism, masses, effects, velocities and settings are read again by
+themselves, by the readers of whole scenes, and only where numbers that they name have changed. If
+anything else has, or if the mechanism becomes another one in more than numbers, all of the scene
+is read again.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Mapping
 from functools import cached_property, partial
 
@@ -17,9 +20,10 @@ import numpy as np
 from alf_ros.mechanism import Body, Mechanism
 from alf_ros.mechanism.natural_coordinates import Layout, cut
 from alf_ros.scene.effects_section import fit, read_effects, with_rotors
-from alf_ros.scene.mechanism_file import read_parameters
+from alf_ros.scene.mechanism_file import read_parameters, read_parts
 from alf_ros.scene.mechanism_file.bodies import BodyReader
 from alf_ros.scene.mechanism_file.shapes_section import ShapeReader
+from alf_ros.scene.mechanism_file.topology_check import check_numbers
 from alf_ros.scene.references import References
 from alf_ros.scene.scene import KEYS, Scene, Solver, load_scene, read_initial, read_solver
 from alf_ros.scene.text.repetition import Item
@@ -27,8 +31,11 @@ from alf_ros.scene.text.scene_document import SceneDocument
 from alf_ros.scene.text.yaml_document import Entry
 
 _SECTIONS = frozenset(('mechanism', 'effects', 'initial', 'solver'))
+_PARTS = frozenset(('parameters', 'points', 'vectors', 'bodies', 'joints'))
+_NAMING = ('effects', 'initial', 'solver')  # sections whose numbers may name parameters
 _MASSES = frozenset(('mass', 'com', 'inertia'))
 _NOTHING = Entry({})
+_WORD = re.compile(r'[A-Za-z_][A-Za-z0-9_]*')
 
 
 class ReadDocument:
@@ -38,7 +45,7 @@ class ReadDocument:
         self.root = document.root
         self.places: dict[str, tuple[str, ...]] = {}  # of names of its values
         self._fields = self.root.mapping()
-        self._settings: tuple[object, Solver | None] = (), None
+        self._settings: tuple[object, Solver | None] = (), None  # the last ones
         self._asked = False
 
     @cached_property
@@ -61,6 +68,23 @@ class ReadDocument:
     def _values(self) -> dict[str, float]:
         return read_parameters(self._fields['mechanism'].mapping().get('parameters'), {})
 
+    def _naming(self, values: dict[str, float]) -> set[str]:
+        """The sections that name a parameter whose value is another one."""
+        if values is self._values:
+            return set()
+        known = self._values
+        others = {name for name, value in values.items() if repr(value) != repr(known[name])}
+        return {key for key in _NAMING if others & self._words[key]}
+
+    @cached_property
+    def _words(self) -> dict[str, set[str]]:
+        """The words in each section whose numbers may name parameters."""
+        found: dict[str, set[str]] = {}
+        for key in _NAMING:
+            found[key] = set()
+            _collect(self._fields.get(key, _NOTHING), found[key])
+        return found
+
     @cached_property
     def _bodies(self) -> BodyReader:
         dimension = self._bare.dimension
@@ -78,19 +102,20 @@ class ReadDocument:
         if not changed <= _SECTIONS or fields.keys() != self._fields.keys():
             return None
         given = scene.positions, scene.velocities, scene.branch
-        layout, effects = self._cut, scene.effects
+        layout, effects, values = self._cut, scene.effects, self._values
         if 'mechanism' in changed:
-            bodies = self._other_bodies(fields['mechanism'])
-            if bodies is None:
+            found = self._other_mechanism(fields['mechanism'])
+            if found is None:
                 return None
-            layout = dataclasses.replace(layout, mechanism=self._bare.with_bodies(bodies))
+            layout, values = found
+            changed |= self._naming(values)
         if 'initial' in changed:
-            given = read_initial(fields['initial'], layout.mechanism, self._values)
+            given = read_initial(fields['initial'], layout.mechanism, values)
         positions, velocities, branch = given
-        solver = self._solver(fields['solver']) if 'solver' in changed else scene.solver
+        solver = self._solver(fields['solver'], values) if 'solver' in changed else scene.solver
         section = fields.get('effects', _NOTHING)
         if 'effects' in changed:
-            effects, section = read_effects(section, layout, self._values, References())
+            effects, section = read_effects(section, layout, values, References())
         elif not fit(effects, layout):
             return None
         return dataclasses.replace(
@@ -106,22 +131,56 @@ class ReadDocument:
             says_solver=True,
         )
 
-    def _solver(self, section: Entry) -> Solver:
+    def _solver(self, section: Entry, values: Mapping[str, float]) -> Solver:
         """The settings, which many scenes share."""
-        said = tuple((k, e.value, e.plain) for k, e in section.mapping().items())
+        said: tuple[object, ...] = tuple(
+            (k, e.value, e.plain) for k, e in section.mapping().items()
+        )
+        if values is not self._values:
+            words = set[str]()
+            _collect(section, words)
+            said += tuple((name, values[name]) for name in values if name in words)
         before, known = self._settings
         if known is None or said != before:
-            known = read_solver(section, self._values)
+            known = read_solver(section, values)
             self._settings = said, known
         return known
 
-    def _other_bodies(self, mechanism: Entry) -> tuple[Body, ...] | None:
-        """The bodies with the masses in the section of a mechanism; None if it differs in more."""
-        before, fields = self._fields['mechanism'].mapping(), mechanism.mapping()
-        changed = [key for key, entry in fields.items() if entry is not before.get(key)]
-        if changed != ['bodies'] or fields.keys() != before.keys():
+    def _other_mechanism(self, section: Entry) -> tuple[Layout, dict[str, float]] | None:
+        """The mechanism, cut, of a section with other numbers, and its parameters; None if it
+        differs in more, or in numbers that other parts of the scene were read with."""
+        before, fields = self._fields['mechanism'].mapping(), section.mapping()
+        changed = {key for key, entry in fields.items() if entry is not before.get(key)}
+        if not changed <= _PARTS or fields.keys() != before.keys():
             return None
-        old, new = before['bodies'].mapping(), fields['bodies'].mapping()
+        if changed == {'bodies'}:
+            bodies = self._other_bodies(before['bodies'], fields['bodies'])
+            if bodies is not None:
+                mechanism = self._bare.with_bodies(bodies)
+                return dataclasses.replace(self._cut, mechanism=mechanism), self._values
+        return self._other_geometry(fields)
+
+    def _other_geometry(
+        self, fields: Mapping[str, Entry]
+    ) -> tuple[Layout, dict[str, float]] | None:
+        """The same of all fields of the mechanism."""
+        scene, bare = self._scene, self._bare
+        if bare.drives or bare.couplings or scene.sensors or scene.diff_drive is not None:
+            return None
+        if bare.shapes or any(body.shapes for body in bare.bodies):
+            return None
+        values = read_parameters(fields.get('parameters'), {})
+        shapes = ShapeReader(bare.dimension, References())
+        mechanism, parts = read_parts(fields, bare.name, values, bare.dimension, shapes)
+        if mechanism.structure != bare.structure or values.keys() != self._values.keys():
+            return None
+        layout = self._cut.like(mechanism)
+        check_numbers(layout, self._cut, parts.entries)
+        return layout, values
+
+    def _other_bodies(self, before: Entry, now: Entry) -> tuple[Body, ...] | None:
+        """The bodies with the masses in a section; None if it differs in more."""
+        old, new = before.mapping(), now.mapping()
         if old.keys() != new.keys():
             return None
         found = dict(self._bare.body)
@@ -147,6 +206,16 @@ class ReadDocument:
         if self._bare.dimension == 3 and _along(other) != _along(body):
             return None
         return other
+
+
+def _collect(entry: Entry, words: set[str]) -> None:
+    """Add the words in all scalars of an entry."""
+    value = entry.value
+    if isinstance(value, str):
+        words.update(_WORD.findall(value))
+        return
+    for item in value.values() if isinstance(value, dict) else value:
+        _collect(item, words)
 
 
 def _along(body: Body) -> tuple[bool, bool]:

@@ -1,10 +1,11 @@
-"""Members of one geometry, made and stepped together: the usual members of a study.
+"""Members of one structure, made and stepped together: the usual members of a study.
 
-Masses, numbers of effects and velocities differ; points, shapes and joints do not. Then nearly all
-of a simulation is the same, and the rest are rows of arrays: `MemberStructs` has the tables of all
-members, one call finds where they start (`model/member_starts.py`), groups of lanes step them, and
-one call reads them. Each has the bits of its single run. A member that does not start in the usual
-way, or whose steps fail, is left out: it is to be run alone, which says why.
+Lengths, masses, numbers of effects and velocities differ; names, joints and what each row binds do
+not. Then most of a simulation is the same, and the rest are rows of arrays: `MemberStructs` has
+the tables of all members, one call finds where they start (`model/member_starts.py`), groups of
+lanes step them, and one call reads them. Each has the bits of its single run. A member that does
+not start in the usual way, or whose steps fail, is left out: it is to be run alone, which says
+why.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from alf_ros.kernel.numba_ext.lane_numbers import width
 from alf_ros.model.member_structs import LanesOfMembers, MemberStructs
 from alf_ros.model.member_systems import NUMBERS, MemberSystems
 from alf_ros.model.penalty import LEAST_PENALTY
+from alf_ros.model.tableaux import first_pace
 from alf_ros.simulation import input_checks as check
 from alf_ros.simulation.member_numbers import Likeness, MemberNumbers
 from alf_ros.simulation.member_readings import MemberReadings
@@ -55,14 +57,21 @@ class AlikeMembers:
         self.numbers_of, bodies = likeness.numbers_of, [own for _, own in likeness.bodies]
         given, penalty = simulation.scene.velocities, simulation.solver.penalty
         self._systems = MemberSystems(
-            simulation.model, bodies, given, max(penalty, LEAST_PENALTY), self.most
+            simulation.model,
+            likeness.rows,
+            bodies,
+            given,
+            max(penalty, LEAST_PENALTY),
+            self.most,
         )
         problem, phase = stepper.problem_of(simulation._present), simulation._present.phase
         own = (*_OWN, *_LOOKING) if problem.forces.kinks.search.size else _OWN
         self._problems = MemberStructs(problem, self.most, own, _SHARED)
         every = [name for name, _, _ in vars(phase)['_numba_type_'].parts]
         self._phases = MemberStructs(phase, self.most, every)
-        self._readings = MemberReadings(simulation, quantities, self._problems, self._phases)
+        self._readings = MemberReadings(
+            simulation, quantities, likeness.rows, self._problems, self._phases
+        )
         progress = MemberStructs(
             LaneProgress(*np.zeros((5, 1))), self.most, LaneProgress.__dataclass_fields__
         )
@@ -129,8 +138,11 @@ class AlikeMembers:
         every = [*numbers, *[numbers[-1]] * (self.most - len(numbers))]
         bound = np.array([each.bound for each in every]).reshape(self.most, -1, 2)
         given = np.array([each.given for each in every])
-        starts = self._systems.start(np.array([each.masses for each in every]), bound, given)
-        problems, phases, stepper = self._problems, self._phases, self._of._stepper
+        geometry = [each.geometry for each in every]
+        masses = np.array([each.masses for each in every])
+        starts = self._systems.start(geometry, masses, bound, given)
+        self._readings.take(geometry)
+        problems, phases, h = self._problems, self._phases, self._of.h
         self._systems.put_into(problems.system, starts)
         problems.forces.effects.params[:] = [each.params for each in every]
         for part in _arrays(problems.work):
@@ -138,7 +150,10 @@ class AlikeMembers:
         for part in _arrays(phases):
             part[:] = 0
         phases.q[:], phases.qd[:] = starts.q, starts.qd
-        phases.pace[:, 0] = [stepper.first_pace(qd) for qd in starts.qd]
+        sizes = (each.size for each in geometry)
+        phases.pace[:, 0] = [
+            first_pace(h, size, qd) for size, qd in zip(sizes, starts.qd, strict=True)
+        ]
         good = starts.usual.copy()
         good[len(numbers) :] = False
         self._of_problems.take()

@@ -1,8 +1,8 @@
-"""The numbers in which members of one geometry differ: masses, numbers of effects, velocities."""
+"""The numbers in which members of one structure differ: lengths, masses, numbers of effects,
+velocities."""
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -10,17 +10,19 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.errors import AlfError
 from alf_ros.mechanism.natural_coordinates import Layout
-from alf_ros.model.mass import masses_of
+from alf_ros.model.mass import BodyMasses, masses_of
+from alf_ros.model.member_rows import Geometry, MemberRows, are_rows_of
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation.packed_effects import AskedFunctions, PackedKind, kinds_of
 from alf_ros.simulation.simulation import Simulation
 
 
 class MemberNumbers(NamedTuple):
-    """The numbers of one member: masses of all bodies, one after another, as `BodyMasses` has
-    them; of `Effects.params`; and the velocities given (m/s) in the order in which rows hold
-    them."""
+    """The numbers of one member: of its rows; masses of all bodies, one after another, as
+    `BodyMasses` has them; of `Effects.params`; and the velocities given (m/s) in the order in
+    which rows hold them."""
 
+    geometry: Geometry
     masses: list[float]
     bound: list[tuple[float, float]]
     params: Floats
@@ -34,7 +36,8 @@ class Likeness:
         """`simulation`: one for which `unlike` finds nothing."""
         stepper, self._scene = simulation._stepper, simulation.scene
         self.layout, mechanism = simulation.model.layout, self._scene.mechanism
-        self._geometry = mechanism.geometry
+        self.rows = MemberRows(simulation.model)
+        self._geometry = self.rows.of(self.layout)
         embedded = stepper.method.embedded.size > 0
         self._asked = AskedFunctions(sides=embedded, intervals=True)
         kinds = kinds_of(self._scene.effects, self.layout, self._asked)
@@ -45,18 +48,23 @@ class Likeness:
     def numbers_of(self, scene: Scene) -> MemberNumbers | None:
         """The numbers of a scene; None if it is another one in more than numbers."""
         own, mechanism = self._scene, scene.mechanism
-        if mechanism.geometry != self._geometry or mechanism.drives or mechanism.rotors:
+        if mechanism.structure != own.mechanism.structure or mechanism.rotors:
             return None
         if scene.solver != own.solver or scene.positions or scene.branch is not None:
             return None
         if _places(scene) != self._velocities:
             return None
-        layout = replace(self.layout, mechanism=mechanism)
+        layout, geometry = self.layout.like(mechanism), self._geometry
+        if mechanism.geometry != own.mechanism.geometry:
+            geometry = self.rows.of(layout)
+        if geometry is None:
+            return None
         masses: list[float] = []
         bound: list[tuple[float, float]] = []
         for body, (first, known) in zip(mechanism.bodies, self.bodies, strict=True):
-            found = known if body is first else masses_of(body, layout, known=False)
-            if found.blocks != known.blocks or found.pairs != known.pairs:
+            same = body is first and geometry is self._geometry
+            found = known if same else masses_of(body, layout, known=False)
+            if found is not known and _bound(found) != _bound(known):
                 return None
             masses += found.masses
             bound += found.bound
@@ -67,7 +75,7 @@ class Likeness:
         if [_structure(kind) for kind in kinds] != self._kinds:
             return None
         params = np.concatenate([np.zeros(0), *(kind.packed.params for kind in kinds)])
-        return MemberNumbers(masses, bound, params, _given(scene, layout))
+        return MemberNumbers(geometry, masses, bound, params, _given(scene, layout))
 
 
 def unlike(simulation: Simulation) -> str:
@@ -78,6 +86,8 @@ def unlike(simulation: Simulation) -> str:
         return 'motions as functions of time differ by more than numbers'
     if scene.mechanism.auxiliary or system.rows.velocity or system.integrals.row.size:
         return 'rows of velocities and blocks of no body are made for each member'
+    if not are_rows_of(simulation.model):
+        return 'rows that are made otherwise are made for each member'
     if start.dependent_rows or start.near or start.singular or start.adjustment:
         return 'redundant rows and singular positions are examined for each member'
     if scene.positions or scene.branch is not None:
@@ -88,6 +98,12 @@ def unlike(simulation: Simulation) -> str:
     if kinks.instants.size or kinks.span.size:
         return 'kinks over time are listed for each member'
     return ''
+
+
+def _bound(masses: BodyMasses) -> tuple[object, ...]:
+    """The blocks that masses bind, and which of their numbers are zero."""
+    zero = [(k == 0.0, w == 0.0) for k, w in masses.bound]
+    return masses.blocks, masses.pairs, zero
 
 
 def _structure(kind: PackedKind) -> tuple[object, ...]:

@@ -10,6 +10,7 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.kernel.lanes.observing import JOINT, JOINT_RATE, Observing, observe
 from alf_ros.model.member_energies import MemberEnergies, observe_energies
+from alf_ros.model.member_rows import LENGTHS, Geometry, MemberRows
 from alf_ros.model.member_structs import MemberStructs
 from alf_ros.simulation.quantities import Group, Quantity, full_name, groups
 from alf_ros.simulation.simulation import Simulation
@@ -44,12 +45,14 @@ class MemberReadings:
         self,
         simulation: Simulation,
         quantities: Sequence[Quantity],
+        rows: MemberRows,
         problems: MemberStructs,
         phases: MemberStructs,
     ) -> None:
-        self._problems, self._phases = problems, phases
+        self._rows, self._problems, self._phases = rows, problems, phases
         self._model, self._members = simulation.model, problems.members
-        self._joints = simulation._stepper.instruments.coordinates
+        coordinates = simulation._stepper.instruments.coordinates
+        self._joints = MemberStructs(coordinates, problems.members, LENGTHS)
         self._read = [self._reader(each.name) for each in quantities]
         names = [each.name for each in quantities]
         self._of_joints = (
@@ -81,7 +84,7 @@ class MemberReadings:
         return Observing(
             problem=self._problems.addresses,
             phase=self._phases.addresses,
-            joints=np.full(self._members, self._joints._address, dtype=np.uint64),
+            joints=self._joints.addresses,
             kind=kinds,
             which=np.tile(np.arange(joints, dtype=np.uint32), 2),
             **{name: np.zeros(angles) for name in ('angles', 'spins', 'near')},
@@ -99,6 +102,10 @@ class MemberReadings:
             **{name: np.zeros(self._angles) for name in ('angles', 'spins', 'near')},
         )
 
+    def take(self, geometry: Sequence[Geometry]) -> None:
+        """Read members of this geometry from now on."""
+        self._rows.put_lengths(geometry, self._joints)
+
     @property
     def _angles(self) -> int:
         return self._model.system.angles.c.size // 2
@@ -115,7 +122,7 @@ class MemberReadings:
         """The quantities of all members now, at t (s): (members,) or (members, D) of each."""
         problem, phase = self._problems.member(0), self._phases.member(0)
         if self._of_joints is not None:
-            observe(problem, phase, self._joints, self._of_joints)
+            observe(problem, phase, self._joints.member(0), self._of_joints)
         if self._energies is not None:
             observe_energies(problem, phase, t, self._energies)
             n, qd = self._model.n, self._phases.qd

@@ -21,6 +21,28 @@ OF_SCENES = {
 }
 
 
+GEOMETRY = {'at': ('0.031', '1e6', 'x'), 'along': ('[0.1, 0.2, 0.7]', '[0, 0, 0]')}
+
+
+def of_geometry(scene: Scene) -> list[dict[str, str]]:
+    """Changes of numbers that lengths and directions depend on."""
+    mechanism = scene.document.root.mapping()['mechanism'].mapping()
+    found: list[dict[str, str]] = []
+    parameters = mechanism['parameters'].mapping() if 'parameters' in mechanism else {}
+    for name, entry in list(parameters.items())[:4]:
+        found += [{name: f'({entry.value})*1.01'}, {name: '0'}, {name: '-1'}]
+    for section, key, end in (('points', 'at', '.0'), ('vectors', 'along', '')):
+        for name in list(mechanism[section].mapping())[-2:] if section in mechanism else ():
+            place = f'mechanism.{section}.{name}.{key}{end}'
+            found += [{place: text} for text in GEOMETRY[key]]
+    if 'joints' in mechanism:
+        name, entry = list(mechanism['joints'].mapping().items())[-1]
+        found += [{f'mechanism.joints.{name}.type': 'weld'}]
+        if 'on' in entry.mapping():
+            found += [{f'mechanism.joints.{name}.on.through.0': '0.01'}]
+    return found
+
+
 def told(scene: Scene, changes: dict[str, str]) -> Any:
     """All of the changed scene, or its error."""
     try:
@@ -37,6 +59,7 @@ def test_in_parts_as_in_whole(name: str, monkeypatch: pytest.MonkeyPatch) -> Non
     each = [{f'{body}.{field}': t} for field, texts in OF_BODIES.items() for t in texts]
     each += [{key: text} for key, texts in OF_SCENES.items() for text in texts]
     each.append({f'{body}.mass': '0.9', 'solver.integrator': 'dop853', 'solver.step': '0.02'})
+    each += of_geometry(scene)
     told(scene, each[0])  # the first one is read as a whole
     read = [0]
     again = ReadDocument.again
@@ -52,6 +75,30 @@ def test_in_parts_as_in_whole(name: str, monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(ReadDocument, 'again', lambda self, *given: None)
     for changes, found in zip(each, parts, strict=True):
         assert found == told(scene, changes), changes
+
+
+def test_parameters_that_other_sections_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    document = {
+        'mechanism': {
+            'alf': 1,
+            'parameters': {'L': 1.0, 'v': 2.0, 'zero': 0.0},
+            'points': {'O': {'at': [0, 0], 'fixed': True}, 'A': {'at': ['L', 'zero']}},
+            'bodies': {'rod': {'points': ['O', 'A'], 'mass': 'L', 'inertia': 'rod'}},
+            'joints': {'pin': {'type': 'revolute', 'between': ['ground', 'rod'], 'at': 'O'}},
+        },
+        'effects': {'gravity': {'acceleration': [0, '-9.81*L']}},
+        'initial': {'velocities': {'A': ['zero', 'v']}},
+        'solver': {'step': 'L/1000', 'integrator': 'dop853'},
+    }
+    scene = load_scene(document)
+    changes: list[dict[str, str]] = [{'v': '3'}, {'L': '2'}, {'L': '-1'}, {'zero': '-0.0'}]
+    changes += [{'L': '2', 'solver.step': 'v/1000'}, {'v': '5', 'solver.step': 'v/1000'}]
+    changes += [{'L': '3', 'gravity.acceleration': '[L, v]'}, {'rod.mass': '3', 'A.at.0': '7'}]
+    told(scene, changes[0])
+    parts = [told(scene, each) for each in changes]
+    monkeypatch.setattr(ReadDocument, 'again', lambda self, *given: None)
+    for each, found in zip(changes, parts, strict=True):
+        assert found == told(scene, each), each
 
 
 def test_a_document_decides_and_not_the_scene_that_has_it() -> None:

@@ -1,4 +1,4 @@
-"""Members of one geometry are made together, each with the bits that it has alone."""
+"""Members of one structure are made together, each with the bits that it has alone."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from alf_ros.studies.ensemble.members_together import run_members
 from alf_ros.studies.ensemble.study import Study
 from alf_ros.studies.ensemble.study_reading import study_of
 
-FIXED = {'solver.integrator': ['dop853'], 'solver.step': [0.02]}
+FIXED: dict[str, list[Any]] = {'solver.integrator': ['dop853'], 'solver.step': [0.02]}
 ADAPTIVE = {'solver.integrator': ['dop853_adaptive'], 'solver.tolerance': [1e-8]}
 DOWN, DAMPING = 'gravity.acceleration.1', 'torsion_spring.damping'
 KEPT = [
@@ -82,6 +82,17 @@ STUDIES: list[tuple[Any, dict[str, Any]]] = [
     ),
     (STOPPED, {'joint_stop.upper': uniform(0.8, 1.3), **FIXED}),
     (STOPPED, {'joint_stop.upper': uniform(0.8, 1.3), **ADAPTIVE}),
+    ('four_bar', {'b': uniform(0.29, 0.31), 'c': uniform(0.24, 0.26), **FIXED}),
+    ('four_bar', {'d': uniform(0.29, 0.31), 'density': uniform(1, 2), **ADAPTIVE}),
+    ('spatial_slider_crank', {'l': uniform(0.29, 0.31), 'y': uniform(0.09, 0.1), **FIXED}),
+]
+
+
+# lengths of which rounding, or a place on an axis, makes several structures
+SEVERAL: list[tuple[Any, dict[str, Any]]] = [
+    ('slider_crank', {'L': normal(1, 0.05), 'coupler.mass': normal(1, 0.05), **FIXED}),
+    ('slider_crank', {'L': normal(1, 0.05), DOWN: uniform(-10, -9), **ADAPTIVE}),
+    (FIVE, {'C.at.1': uniform(0.1, 0.6), 'arm.com.1': ['0', '0.2'], **FIXED}),
 ]
 
 
@@ -114,6 +125,24 @@ def test_members_have_the_bits_of_their_single_runs(n: int, monkeypatch: Any) ->
             assert array.tobytes() == own.tobytes()
 
 
+@pytest.mark.parametrize('n', range(len(SEVERAL)))
+def test_each_structure_has_members(n: int, monkeypatch: Any) -> None:
+    made = study(*SEVERAL[n], members=16 * width())
+    monkeypatch.setattr(members_together, '_side_by_side', lambda study, members: {})
+    alone: list[int] = []
+
+    def counted(study: Study, k: int) -> Any:
+        alone.append(k)
+        return run_member(study, k)
+
+    monkeypatch.setattr(members_together, 'run_member', counted)
+    found = run_members(made, range(made.members))
+    assert made.idle[0].known > 1 and len(alone) <= 2 * width()
+    for k in range(0, made.members, 7):
+        for array, own in zip(found[k].arrays, run_member(made, k).arrays, strict=True):
+            assert array.tobytes() == own.tobytes()
+
+
 def test_a_member_that_fails_or_differs_in_more_is_run_alone() -> None:
     masses = ['1', '-1', '0', '1.1', '1e300', 'rod', '1.2', *['1.3'] * (2 * width())]
     vary = {'coupler.mass': masses, 'solver.integrator': ['dop853'] * len(masses)}
@@ -128,19 +157,52 @@ def test_a_member_that_fails_or_differs_in_more_is_run_alone() -> None:
     assert found[5].reason and not found[6].reason
 
 
-def test_members_of_other_lengths_are_built_one_by_one() -> None:
-    made = study('slider_crank', {'L': uniform(0.9, 1.1), **FIXED}, outputs=KEPT[:2])
-    for _ in range(2):
-        found = run_members(made, range(made.members))
-        assert made.idle == [None]
+@pytest.mark.parametrize(
+    ('scene', 'name', 'values', 'refused'),
+    [
+        ('slider_crank', 'L', ['1', '0', '1.1', '-1', '1e-200', '.inf', '1e150'], 4),
+        ('four_bar', 'O.at.0', ['0', '0.01', '0.3', '1', '0'], 3),  # speeds contradict lengths
+        ('four_bar', 'crank.length', ['0.1', '0.1', '5', '0.1'], 1),  # cannot be closed
+    ],
+)
+def test_lengths_that_are_refused(scene: str, name: str, values: list[str], refused: int) -> None:
+    values = [*values, *values[:1] * (2 * width())]
+    vary: dict[str, Any] = {name: values}
+    for key, settings in FIXED.items():
+        vary[key] = settings * len(values)
+    made = study(scene, vary, sampling='table', members=None, outputs=KEPT[:3])
+    found = run_members(made, range(made.members))
+    for k, member in enumerate(found):
+        alone = run_member(made, k)
+        assert member.reason == alone.reason
+        for array, own in zip(member.arrays, alone.arrays, strict=True):
+            assert array.tobytes() == own.tobytes()
+    assert sum(bool(each.reason) for each in found) == refused
+
+
+def test_members_that_nobody_is_like_are_built_one_by_one() -> None:
+    vary = {'L': uniform(0.9, 1.1), 'solver.iterations': [*range(10, 90)]}
+    made = study('slider_crank', vary, members=3 * width(), outputs=KEPT[:2])
+    found = run_members(made, range(made.members))
+    assert made.idle[0].known == 0
     for array, own in zip(found[5].arrays, run_member(made, 5).arrays, strict=True):
         assert array.tobytes() == own.tobytes()
+
+
+def test_a_structure_whose_members_start_in_other_ways_is_forgotten() -> None:
+    made = study('n_four_bar', {'L': uniform(0.9, 1.1), **FIXED}, outputs=KEPT[:1], duration=0.1)
+    found = run_members(made, range(made.members))
+    assert made.idle[0].known == 0
+    assert run_members(made, range(made.members))[3].arrays[0] == found[3].arrays[0]
+    assert run_member(made, 3).arrays[0].tobytes() == found[3].arrays[0].tobytes()
 
 
 def test_numbers_only_of_scenes_that_differ_in_numbers() -> None:
     first = Simulation(load_scene('slider_crank'))
     numbers = Likeness(first).numbers_of
     other = {
+        'L': '1.0625',
+        'mechanism.joints.guide.on.direction': '[1, 0.1]',
         'coupler.mass': '1.1',
         DOWN: '-9.7',
         'initial.velocities.B.0': '-3.9',
@@ -149,10 +211,9 @@ def test_numbers_only_of_scenes_that_differ_in_numbers() -> None:
     for name, text in other.items():
         assert numbers(with_changes(first.scene, {name: text})) is not None
     more = {
-        'L': '1.1',
+        'mechanism.points.C': '{at: [0, 0], fixed: true}',
         'initial.velocities': '{B: [-4, 0], A: [0, 0]}',
         'solver.step': '0.01',
-        'mechanism.joints.guide.on.direction': '[1, 0.1]',
         'effects': '{}',
     }
     for name, text in more.items():

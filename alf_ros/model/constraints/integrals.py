@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from alf_ros.model.constraints.meshing import integrals
 from alf_ros.model.constraints.packing import indices, rows_of, with_more
 from alf_ros.model.constraints.row import Row
 from alf_ros.model.constraints.velocity_integral import IntegralTerm
+from alf_ros.model.struct_memory import changed, frozen
 
 
 def with_integrals(
@@ -21,6 +23,8 @@ def with_integrals(
     velocities of these names. A belt or a line that moves has a velocity, and no integral."""
     moving = {joint.name for joint in layout.mechanism.joints if joint.motion}
     found = [each for each in integrals(layout) if each.name not in moving]
+    if not found:
+        return angles, _none()
     terms = [term for each in found for term in each.terms]
     turning = [term for term in terms if term.is_angle]
     lengths = [term.rows[0] for term in terms if not term.is_angle]
@@ -36,6 +40,14 @@ def with_integrals(
         factor=np.array([term.factor for term in terms], dtype=float),
         lengths=rows_of(lengths, layout)[0],
     )
+
+
+@cache
+def _none() -> Integrals:
+    none = {name: np.zeros(0, dtype=np.uint32) for name in ('row', 'angle', 'place')}
+    rows = Rows.empty()
+    rows = changed(rows, first=indices([0]), first_term=indices([0]))
+    return frozen(Integrals(first=indices([0]), factor=np.zeros(0), lengths=frozen(rows), **none))
 
 
 def _counted(

@@ -24,8 +24,16 @@ def counted(layout: Layout) -> Rows:
     """The rows x, y of every angle whose turns are counted."""
     if layout.dimension == 2:
         return of_shapes(layout, _turned)
+    return rows_of(counted_rows(layout), layout)[0]
+
+
+def counted_rows(layout: Layout) -> list[Row]:
+    """The rows of `counted`, one by one: large mechanisms have many bodies of one shape."""
+    if layout.dimension == 2:
+        turned = [(body, _turned(layout.shape(body.name))) for body in layout.bodies]
+        return [row.on(layout.of_body[body.name], '') for body, rows in turned for row in rows]
     angles = (each for each in layout.mechanism.coordinates if each.is_angle)
-    return rows_of([row for each in angles for row in angle_rows(each, layout)], layout)[0]
+    return [row for each in angles for row in angle_rows(each, layout)]
 
 
 def angle_rows(coordinate: Coordinate, layout: Layout) -> list[Row]:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from alf_ros.arrays import Indices, Integers
+from alf_ros.arrays import Floats, Indices, Integers
 from alf_ros.kernel import Forms, Rows
 from alf_ros.mechanism.affine import Form
 from alf_ros.mechanism.memory import remembered
@@ -20,31 +20,75 @@ from alf_ros.model.constraints.row import Constraint, Distance, Row
 from alf_ros.model.struct_memory import changed, frozen
 
 
-def rows_of(rows: Sequence[Constraint], layout: Layout) -> tuple[Rows, list[int]]:
-    """The rows as the kernel wants them, and which row stands at each of its places."""
+class RowStructure(NamedTuple):
+    """All of rows that is no number: which of them are distances, and which forms; the blocks of
+    each distance; and of each entry of a form its block, then the blocks of its terms."""
+
+    bars: tuple[int, ...]
+    forms: tuple[int, ...]
+    ends: tuple[tuple[int, int], ...]
+    bound: tuple[tuple[tuple[int, ...], ...], ...]
+
+
+class RowNumbers(NamedTuple):
+    """The numbers of rows: lengths (distances,) m, and `b`, `term`, `c` as in `Rows`."""
+
+    length: Floats
+    b: Floats
+    term: Floats
+    c: Floats
+
+
+def parts_of(rows: Sequence[Constraint]) -> tuple[RowStructure, RowNumbers]:
+    """The structure and the numbers of rows."""
     bars = [(n, row) for n, row in enumerate(rows) if isinstance(row, Distance)]
     forms = [(n, row) for n, row in enumerate(rows) if not isinstance(row, Distance)]
     forms.sort(key=lambda each: each[1].velocity)
-    # entries by ascending blocks, so that fixed ones come last
-    entries = [[(i, row.b[i], row.terms.get(i, {})) for i in row.blocks] for _, row in forms]
-    ends, bound = [row[1:3] for _, row in bars], []
-    for parts in entries:
-        bound.append(tuple((i, *terms) for i, _, terms in parts))
-    moving_first, placed = _placed(tuple(ends), tuple(bound), layout.movable)
-    length = np.array([row.length for _, row in bars])
-    order = [bars[n][0] for n in moving_first.tolist()] + [n for n, _ in forms]
-    numbers = [b for parts in entries for _, b, _ in parts]
-    products = [T for parts in entries for _, _, terms in parts for T in terms.values()]
-    arrays = changed(
-        placed,
-        length2=length[moving_first] ** 2,
+    bound, numbers, products = [], list[Floats](), list[Floats]()
+    for _, row in forms:
+        entries = []
+        for i in row.blocks:  # ascending, so that fixed ones come last
+            terms = row.terms.get(i, {})
+            entries.append((i, *terms))
+            numbers.append(row.b[i])
+            products += terms.values()
+        bound.append(tuple(entries))
+    structure = RowStructure(
+        tuple(n for n, _ in bars),
+        tuple(n for n, _ in forms),
+        tuple((row.start, row.end) for _, row in bars),
+        tuple(bound),
+    )
+    return structure, RowNumbers(
+        length=np.array([row.length for _, row in bars], dtype=float),
         b=np.concatenate(numbers, dtype=float) if numbers else np.zeros(0),
         term=np.concatenate(products, dtype=float).ravel() if products else np.zeros(0),
         c=np.array([row.c for _, row in forms if not row.velocity], dtype=float),
+    )
+
+
+def rows_of(rows: Sequence[Constraint], layout: Layout) -> tuple[Rows, list[int]]:
+    """The rows as the kernel wants them, and which row stands at each of its places."""
+    structure, numbers = parts_of(rows)
+    moving_first, placed = placed_rows(structure, layout.movable)
+    order = [structure.bars[n] for n in moving_first.tolist()] + [*structure.forms]
+    arrays = changed(
+        placed,
+        length2=numbers.length[moving_first] ** 2,
+        b=numbers.b,
+        term=numbers.term,
+        c=numbers.c,
         alpha=np.zeros(len(order)),
         scale=np.zeros(len(order)),
     )
     return arrays, order
+
+
+def placed_rows(structure: RowStructure, movable: int) -> tuple[Integers, Rows]:
+    """The order of the distances, those between blocks that move first, and the rows without
+    numbers."""
+    found: tuple[Integers, Rows] = _placed(structure.ends, structure.bound, movable)
+    return found
 
 
 @remembered(64)

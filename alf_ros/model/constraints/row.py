@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
+from numpy import count_nonzero  # of small arrays in a third of the time of `any`
+
 from alf_ros.arrays import Floats
 from alf_ros.mechanism.affine import Form
 
@@ -71,8 +73,8 @@ def product(name: str, f: Form, g: Form, offset: float = 0.0) -> Row:
             for j, G in second.parts.items():
                 row = terms.setdefault(i, {})
                 row[j] = row.get(j, 0.0) + C.T @ G
-    terms = {i: {j: T for j, T in row.items() if T.any()} for i, row in terms.items()}
-    b = {i: v for i, v in b.items() if v.any() or terms.get(i)}
+    terms = {i: {j: T for j, T in row.items() if count_nonzero(T)} for i, row in terms.items()}
+    b = {i: v for i, v in b.items() if terms.get(i) or count_nonzero(v)}
     return Row(name, b, terms, float(f.constant @ g.constant) - offset)
 
 
@@ -123,4 +125,4 @@ def value(row: Row, places: Floats) -> float:
 
 
 def _kept(b: dict[int, Floats]) -> dict[int, Floats]:
-    return {block: value for block, value in b.items() if value.any()}
+    return {block: value for block, value in b.items() if count_nonzero(value)}

@@ -14,25 +14,30 @@ from alf_ros.model.struct_memory import changed
 
 def scaled_rows(system: System, q: Floats, layout: Layout, penalty: float) -> Rows:
     """The rows with scale 1 / |Φ_q,r| and α_r = penalty / (Φ_q,r M⁻¹ Φ_q,rᵀ), both as drawn."""
-    rows, lengths = system.rows, RowLengths(system.rows, q, layout.dimension)
+    rows, D = system.rows, layout.dimension
+    g, g2 = np.zeros(rows.i.size * D), np.zeros(rows.b.size)
+    kernel.jacobian((0.0,) * D, rows, q, g, g2)
+    lengths = RowLengths(rows, g, g2, D)
     masses = lengths.masses(system.mass.diagonal, system.mean, layout.blocks)
     return changed(rows, alpha=penalty / masses, scale=1.0 / np.sqrt(lengths.squared))
 
 
 class RowLengths:
-    """|Φ_q,r|² of rows as drawn, and of the parts of their blocks."""
+    """|Φ_q,r|² of rows as drawn, and of the parts of their blocks.
 
-    def __init__(self, rows: Rows, q: Floats, D: int) -> None:
-        g, g2 = np.zeros(rows.i.size * D), np.zeros(rows.b.size)
-        kernel.jacobian((0.0,) * D, rows, q, g, g2)
+    g (..., distance rows D), g2 (..., entries D): Φ_q of one mechanism, or of several members with
+    rows like these.
+    """
+
+    def __init__(self, rows: Rows, g: Floats, g2: Floats, D: int) -> None:
         self._rows, self._alike = rows, _of_one_length(rows.first, rows.movable)
         self._square, self._entry = (
-            np.add.reduce(each.reshape(-1, D) ** 2, axis=1) for each in (g, g2)
+            np.add.reduce(each.reshape(*each.shape[:-1], -1, D) ** 2, axis=-1) for each in (g, g2)
         )
 
     @property
     def squared(self) -> Floats:
-        """(rows,) |Φ_q,r|²."""
+        """(..., rows) |Φ_q,r|²."""
         return self._sums(self._square, self._square, self._entry)
 
     def masses(self, diagonal: Floats, mean: float | Floats, blocks: int) -> Floats:

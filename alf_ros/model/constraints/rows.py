@@ -13,7 +13,7 @@ import numpy as np
 
 from alf_ros.mechanism import Body, Joint, affine
 from alf_ros.mechanism.affine import Form
-from alf_ros.mechanism.natural_coordinates import Layout, Shape, direction
+from alf_ros.mechanism.natural_coordinates import Layout, Shape, carrier, direction
 from alf_ros.model.constraints.row import (
     Constraint,
     Distance,
@@ -77,9 +77,8 @@ def _rigid(shape: Shape) -> tuple[Constraint, ...]:
     found: list[Constraint] = []
     before: list[tuple[int, Form]] = []
     for n, (end, is_point) in enumerate(zip(shape.ends, shape.is_point, strict=True)):
-        d = affine.of_block(end, D)
+        d = carrier(end, is_point, D)
         if is_point:
-            d = d - affine.of_block(0, D)
             name = 'length' if n == 0 else f'{{{end}}}_length'
             found.append(Distance(name, 0, end, float(np.linalg.norm(local[end]))))
         for other, e in before:

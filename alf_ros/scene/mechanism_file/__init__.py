@@ -49,7 +49,7 @@ WORLD = 'world'
 
 
 @dataclass
-class _Parts:
+class Parts:
     """The parts read so far. `entries` gives the place of each declaration, for errors."""
 
     points: dict[str, Point] = field(default_factory=dict)
@@ -104,39 +104,9 @@ def read_mechanism(
     if 'name' in fields:
         name = repetition.title(fields['name'])
     values = read_parameters(fields.get('parameters'), overrides)
-    parts = _Parts()
-    for point in _points(fields['points'], values, parts, dimension):
-        parts.points[point.name] = point
-    if 'vectors' in fields:
-        for vector in _vectors(fields['vectors'], values, parts):
-            parts.vectors[vector.name] = vector
     shapes = ShapeReader(dimension, references)
-    bodies = BodyReader(parts.points, parts.vectors, dimension, shapes)
-    for item, body in bodies.read(fields['bodies'], values):
-        parts.declare(item)
-        parts.bodies[body.name] = body
-    if not parts.bodies:
-        raise fields['bodies'].error('a mechanism needs a body')
-    joints: list[Joint] = []
+    mechanism, parts = read_parts(fields, name, values, dimension, shapes)
     coupled: list[Coupling] = []
-    if 'joints' in fields:
-        joint_reader = JointReader(
-            parts.points, parts.vectors, parts.bodies, bodies.poses, dimension
-        )
-        for item, joint in joint_reader.read(fields['joints'], values):
-            parts.declare(item)
-            joints.append(joint)
-    if spatial:
-        orient(parts.bodies, parts.vectors, bodies.poses, joints, parts.entries)
-    mechanism = Mechanism(
-        name,
-        tuple(parts.points.values()),
-        tuple(parts.bodies.values()),
-        tuple(joints),
-        tuple(parts.vectors.values()),
-        dimension,
-        shapes=shapes.read(fields[SHAPES], values) if SHAPES in fields else (),
-    )
     root = replaced(root, shapes.named)
     if 'couplings' in fields:
         for item, coupling in couplings.read(fields['couplings'], mechanism, values):
@@ -158,6 +128,49 @@ def read_mechanism(
     return MechanismFound(layout, values, root, drives)
 
 
+def read_parts(
+    fields: Mapping[str, Entry],
+    name: str,
+    values: Mapping[str, float],
+    dimension: int,
+    shapes: ShapeReader,
+) -> tuple[Mechanism, Parts]:
+    """The mechanism in the fields of a file, without couplings and drives, and where its parts are
+    declared. Raises InputError."""
+    parts = Parts()
+    for point in _points(fields['points'], values, parts, dimension):
+        parts.points[point.name] = point
+    if 'vectors' in fields:
+        for vector in _vectors(fields['vectors'], values, parts):
+            parts.vectors[vector.name] = vector
+    bodies = BodyReader(parts.points, parts.vectors, dimension, shapes)
+    for item, body in bodies.read(fields['bodies'], values):
+        parts.declare(item)
+        parts.bodies[body.name] = body
+    if not parts.bodies:
+        raise fields['bodies'].error('a mechanism needs a body')
+    joints: list[Joint] = []
+    if 'joints' in fields:
+        joint_reader = JointReader(
+            parts.points, parts.vectors, parts.bodies, bodies.poses, dimension
+        )
+        for item, joint in joint_reader.read(fields['joints'], values):
+            parts.declare(item)
+            joints.append(joint)
+    if dimension == 3:
+        orient(parts.bodies, parts.vectors, bodies.poses, joints, parts.entries)
+    mechanism = Mechanism(
+        name,
+        tuple(parts.points.values()),
+        tuple(parts.bodies.values()),
+        tuple(joints),
+        tuple(parts.vectors.values()),
+        dimension,
+        shapes=shapes.read(fields[SHAPES], values) if SHAPES in fields else (),
+    )
+    return mechanism, parts
+
+
 def read_parameters(section: Entry | None, overrides: Mapping[str, Entry]) -> dict[str, float]:
     """Values in order; each may use those before it."""
     own = {} if section is None else section.mapping()
@@ -173,7 +186,7 @@ def read_parameters(section: Entry | None, overrides: Mapping[str, Entry]) -> di
 
 
 def _points(
-    section: Entry, values: Mapping[str, float], parts: _Parts, dimension: int
+    section: Entry, values: Mapping[str, float], parts: Parts, dimension: int
 ) -> Iterator[Point]:
     for item in repetition.repeated(section, repetition.keys(POINT, POINT[:1]), values):
         parts.declare(item)
@@ -181,7 +194,7 @@ def _points(
         yield Point(item.name, at, _fixed(item))
 
 
-def _vectors(section: Entry, values: Mapping[str, float], parts: _Parts) -> Iterator[Vector]:
+def _vectors(section: Entry, values: Mapping[str, float], parts: Parts) -> Iterator[Vector]:
     for item in repetition.repeated(section, repetition.keys(VECTOR, VECTOR[:1]), values):
         parts.declare(item)
         along = unit(item.fields['along'], 3, item.names)

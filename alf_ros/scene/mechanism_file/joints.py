@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
-from functools import cached_property, lru_cache
+from functools import cache, cached_property, lru_cache
 from typing import Any, NoReturn
 
 import numpy as np
@@ -68,9 +68,7 @@ class JointReader:
         if found is None:
             each.text(self.types)
         assert found is not None
-        own = (*needed(found), *_keys([found.optional]))
-        allowed = ('for', 'type', 'between', bearings.KEY, *own)
-        return entry.mapping(allowed, needed(found, between=True))
+        return entry.mapping(*_allowed(kind, self.dimension))
 
     def joint(self, item: Item) -> Joint:
         """A joint, by its type."""
@@ -303,6 +301,15 @@ class GivenJoint:
             return self._item.entry
         entry = self._item.fields[key]
         return entry if n is None else entry.sequence(2)[n]
+
+
+@cache
+def _allowed(kind: str, dimension: int) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """The keys that a joint of this type may have, and those that it must have."""
+    found = joints.find(kind, dimension)
+    assert found is not None
+    own = (*needed(found), *_keys([found.optional]))
+    return ('for', 'type', 'between', bearings.KEY, *own), needed(found, between=True)
 
 
 def needed(kind: JointType, between: bool = False) -> tuple[str, ...]:

@@ -23,15 +23,31 @@ _ALIGNED = 1e-9  # of directions of length 1: singular value from which down the
 def check(layout: Layout, entries: Mapping[str, Entry]) -> None:
     """Raise InputError at the entry (by name in `entries`) that is wrong; the layout is cut."""
     mechanism = layout.mechanism
+    _check_held(mechanism, entries)
+    fixed = {item.name for item in mechanism.blocks if item.fixed}
+    _check_shared(mechanism, 'point', fixed, entries)
+    _check_shared(mechanism, 'vector', fixed, entries)
+    _check_row_names(layout, entries)
+
+
+def check_numbers(layout: Layout, known: Layout, entries: Mapping[str, Entry]) -> None:
+    """`check`, of a mechanism with the structure of one that was checked, `known`: the conditions
+    that depend on numbers too."""
+    _check_held(layout.mechanism, entries)
+    # rows of a body are named after those of its points and vectors that carry it
+    names = [body.name for body in layout.bodies]
+    if any(layout.shape(name).ends != known.shape(name).ends for name in names):
+        _check_row_names(layout, entries)
+
+
+def _check_held(mechanism: Mechanism, entries: Mapping[str, Entry]) -> None:
+    """Require that each body can move."""
     fixed = {item.name for item in mechanism.blocks if item.fixed}
     for body in mechanism.bodies:
         held = [name for name in (*body.points, *body.vectors) if name in fixed]
         if _holds(mechanism, held) or held == [*body.points, *body.vectors]:
             message = f'body {body.name!r} cannot move: fixed at {" and ".join(held)}'
             raise entries[body.name].error(message)
-    _check_shared(mechanism, 'point', fixed, entries)
-    _check_shared(mechanism, 'vector', fixed, entries)
-    _check_row_names(layout, entries)
 
 
 def _holds(mechanism: Mechanism, held: Collection[str]) -> bool:

@@ -17,11 +17,11 @@ from alf_ros.inspection.run import Run
 from alf_ros.scene import overrides
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation import input_checks as check
-from alf_ros.simulation.alike_members import AlikeMembers
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.studies.ensemble.distributions import Distribution
 from alf_ros.studies.ensemble.kept_outputs import SAME, KeptOutput, LabelledArray
 from alf_ros.studies.ensemble.sampling import Sampling, Varied
+from alf_ros.studies.ensemble.structures import Structures
 from alf_ros.studies.sent_scene import SentScene
 
 
@@ -88,9 +88,8 @@ class Study(SentScene):
         return tuple(name for output in self.outputs for name in output.quantities)
 
     @cached_property
-    def idle(self) -> list[AlikeMembers | None]:
-        """Memory of this process for members that are made together, while nobody uses it; None
-        if members are known to differ in more than numbers."""
+    def idle(self) -> list[Structures]:
+        """Memory of this process for members that are made together, while nobody uses it."""
         return []
 
     @property

@@ -1,0 +1,134 @@
+"""Members of a study that are made together, structure by structure.
+
+Usually all members have one structure. Where a number is zero for some members, or rounding
+decides whether a coefficient is, they have a few: each has memory for members (`AlikeMembers`).
+Members of a rare structure, and those that nobody is like, are left to be built one by one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+
+from alf_ros.errors import AlfError, StoppedError
+from alf_ros.inspection.run import Run, run_of_arrays
+from alf_ros.kernel.numba_ext.lane_numbers import width
+from alf_ros.scene.scene import Scene
+from alf_ros.simulation.alike_members import AlikeMembers
+from alf_ros.simulation.member_numbers import MemberNumbers, unlike
+from alf_ros.simulation.member_readings import readable
+from alf_ros.simulation.side_by_side import no_place
+from alf_ros.simulation.simulation import Simulation
+
+_MOST = 8  # structures of a study
+_TRIED = 3  # members from which one structure is to be learnt
+
+
+@dataclass
+class _Structure:
+    """Memory for members of one structure; those that wait for their run; how many had this
+    structure, and how many came to the end."""
+
+    alike: AlikeMembers
+    waiting: dict[int, MemberNumbers] = field(default_factory=dict)
+    count: int = 0
+    done: int = 0
+
+    @property
+    def is_of_use(self) -> bool:
+        """Whether members come to the end, as far as is known."""
+        return self.done > 0 or self.count < 2 * width()
+
+    def takes(self, k: int, scene: Scene) -> bool:
+        """Whether member k is of this structure; then it waits."""
+        own = self.alike.numbers_of(scene)
+        if own is not None:
+            self.waiting[k] = own
+            self.count += 1
+        return own is not None
+
+    def run(self, duration: float, at: Sequence[float]) -> Iterator[tuple[int, Run]]:
+        """Run the members that wait; those that come to the end in the usual way."""
+        numbers, self.waiting = self.waiting, {}
+        if not numbers:
+            return
+        try:
+            t, values, good = self.alike.run(list(numbers.values()), duration, at)
+        except StoppedError:
+            raise
+        except AlfError:
+            return
+        self.done += int(good.sum())
+        for m, k in enumerate(numbers):
+            if good[m]:
+                own = [each[m] for each in values]
+                yield k, run_of_arrays(t, dict(zip(self.alike.quantities, own, strict=True)))
+
+
+class Structures:
+    """The structures that members of a study are known to have, as they come. One thread at a time
+    uses it.
+
+    names: the quantities to be read; duration (s); `at`: the instants (s) at which they are read.
+    """
+
+    def __init__(self, names: Sequence[str], duration: float, at: Sequence[float]) -> None:
+        self._names, self._duration, self._at = names, duration, at
+        self._known: list[_Structure] = []
+        self._learning = True
+
+    @property
+    def known(self) -> int:
+        """How many structures are known."""
+        return len(self._known)
+
+    def run(self, scenes: Iterable[tuple[int, Scene]]) -> Iterator[tuple[int, Run]]:
+        """Members with their scenes, in: those that are run together with others, with their
+        runs."""
+        others: dict[int, Scene] = {}
+        for k, scene in scenes:
+            if not any(each.takes(k, scene) for each in self._known) and self._learning:
+                others[k] = scene
+                if len(others) >= (2 * width() if self._known else _TRIED):
+                    self._learn(others)
+            for each in self._known:
+                if len(each.waiting) == each.alike.most:
+                    yield from each.run(self._duration, self._at)
+            if not (self._known or self._learning):
+                return
+        if not self._known and self._learning:
+            self._learn(others)
+        for each in self._known:
+            yield from each.run(self._duration, self._at)
+        if not all(each.is_of_use for each in self._known):
+            self._learning = False
+            self._known = [each for each in self._known if each.is_of_use]
+
+    def _learn(self, others: dict[int, Scene]) -> None:
+        """Learn the structure of one of the first members among the `others`; the members that
+        have it wait."""
+        alike = None
+        for scene in list(others.values())[:_TRIED]:
+            try:
+                alike = self._like(scene)
+            except (AlfError, ArithmeticError, MemoryError):
+                continue
+            break
+        if alike is not None:
+            found = _Structure(alike)
+            self._known.append(found)
+            for k in [k for k, scene in others.items() if found.takes(k, scene)]:
+                del others[k]
+        if alike is None or len(self._known) == _MOST or (found.count < 2 and self.known > 1):
+            self._learning = False
+            self._known = [each for each in self._known if each.count > 1]
+
+    def _like(self, scene: Scene) -> AlikeMembers | None:
+        """Memory for members like this one; None if it has to be built by itself, or if more than
+        its states is read. Raises what its simulation does."""
+        first = Simulation(scene)
+        quantities = readable(first, self._names)
+        if quantities is None or unlike(first) or no_place(first):
+            return None
+        alike = AlikeMembers(first, quantities)
+        return alike if alike.reads_at(self._at) else None
