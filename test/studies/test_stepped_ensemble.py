@@ -149,8 +149,7 @@ def test_inputs_of_another_shape_change_nothing() -> None:
 
 def test_steps_too_long_for_some_are_said():
     efforts = np.array([[0.0], [200.0], [1.0]])
-    settings = {'efforts': ['crank_pin'], 'step': 5e-3, 'integrator': 'rk4'}
-    ensemble = Ensemble('slider_crank', 3, steps=60, **settings)
+    ensemble = Ensemble('slider_crank', 3, steps=60, **{**CRANK, 'step': 5e-3})
     ensemble.step(efforts)
     said = ensemble.trouble
     assert list(said) == [1] and 'steps of 0.005 s are too long' in said[1]

@@ -165,7 +165,7 @@ class Ensemble:
     @property
     def trouble(self) -> dict[int, str]:
         """The members whose fixed steps are too long for their motion since they were reset, with
-        `Diagnostics.trouble` of each. It takes about a sample of every member."""
+        `Diagnostics.trouble` of each. This reads a sample of every member."""
         self._together.settle()
         said = {k: each.sample().diagnostics.trouble for k, each in enumerate(self._members)}
         return {k: text for k, text in said.items() if text}
