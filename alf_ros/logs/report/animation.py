@@ -219,7 +219,7 @@ class _Panel:
         near = np.abs(shown.passes - t).min(initial=np.inf) <= _RED_FOR * speed
         self._bars.set_color(RED if near else BAR)
         at = places[np.array(shown.motion.shape_points, dtype=int)]
-        self._shapes.set_verts(outlines(shown.motion.shapes, at))
+        self._shapes.set_verts(outlines(shown.motion.shapes, shown.motion.meshes, at))
         self._wheels.set_segments(list(_rims(places, shown.motion.wheels, 72)))
         trail = shown.places[since : k + 1, self._moving]
         self._trails.set_segments(list(trail.swapaxes(0, 1)) if len(trail) > 1 else [])

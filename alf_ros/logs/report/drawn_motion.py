@@ -13,7 +13,8 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import AlfError, InputError
-from alf_ros.inspection.shape_places import shape_places
+from alf_ros.inspection.mesh_triangles import MeshTriangles, read_meshes
+from alf_ros.inspection.shape_places import DrawnShapes, shape_places
 from alf_ros.inspection.wheel_places import wheel_places
 from alf_ros.logs import progress
 from alf_ros.logs.log import Log
@@ -46,7 +47,8 @@ class DrawnMotion:
 
     t (k,) s; places (k, points, 3) m; `links`, `pins` and `wheels`: numbers of points, two for
     each line, one for each joint, three for each wheel (`wheel_places`), four for each of `shapes`
-    (`ShapePlaces.drawn`), `meshes` are not drawn; `scale` m/N of arrows.
+    (`DrawnShapes`), whose meshes are in `meshes` by file; `missing`: a line for each file of a
+    mesh that cannot be drawn; `scale` m/N of arrows.
     `forces` of the reactions: (t (k,), numbers of points, (k, n, 3) N). `applied` (k, m, 6): place
     and force of each wrench held, NaN where none is. `distance`: σ of all states gathered;
     `passes` (t, σ there, whether through): None if not every state of the log was. `angles`: the
@@ -59,7 +61,8 @@ class DrawnMotion:
     wheels: list[int]
     shapes: list[VisualShape]
     shape_points: list[int]
-    meshes: int
+    meshes: dict[str, MeshTriangles]
+    missing: list[str]
     scale: float
     stride: int
     t: Floats
@@ -118,6 +121,7 @@ def motion(
         shapes=film.shapes,
         shape_points=list(range(len(points) + film.wheel_points, len(film.places[0]))),
         meshes=film.meshes,
+        missing=film.missing,
         scale=standard_scale(drawn),
         stride=stride * every,
         t=t[::every],
@@ -147,10 +151,14 @@ class _Film:
         model = simulation.model
         self._wheels = wheel_places(model.mechanism, model.layout, self._start.q)
         self.wheel_points = len(self._wheels)
-        self._shown = shape_places(model.mechanism)
-        shown = self._shown
-        self.shapes = [shown.shapes[n] for n in shown.outlined] if shown is not None else []
-        self.meshes = len(shown.shapes) - len(self.shapes) if shown is not None else 0
+        self._shown: DrawnShapes | None = None
+        self.meshes, self.missing = dict[str, MeshTriangles](), list[str]()
+        placed = shape_places(model.mechanism)
+        if placed is not None:
+            files = (shape.file for shape in placed.shapes if shape.kind == 'mesh')
+            self.meshes, self.missing = read_meshes(files)
+            self._shown = DrawnShapes(placed, self.meshes)
+        self.shapes = self._shown.shapes if self._shown is not None else []
         self.places: list[Floats] = []
         self._held: list[Floats] = []
 
@@ -167,7 +175,7 @@ class _Film:
         wheels = [form.value(q.reshape(-1, D)) for form in self._wheels]
         places = in_space(np.vstack([points, *wheels]))
         if self._shown is not None:
-            places = np.vstack([places, self._shown.drawn(poses(sample))])
+            places = np.vstack([places, self._shown.places(poses(sample))])
         self.places.append(places)
         held = np.hstack(held_forces(sample)) if sample.inputs.wrenches else np.zeros((0, 6))
         self._held.append(held)
