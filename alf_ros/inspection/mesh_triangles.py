@@ -26,8 +26,8 @@ INSTALL = "pip install 'alf_ros[view]'"
 # Of a file with more triangles, places that are close together are drawn as one.
 MOST_TRIANGLES = 20_000
 LARGEST_FILE = 64_000_000  # bytes
-_COARSER = 0.8  # the next grid, until few enough triangles are left
-_FINEST_GRID = 1024.0  # cells along an edge of the bounding box
+# Cells along an edge of the bounding box, until few enough triangles are left.
+_GRIDS = (2.0**20, *(1000.0 * 0.8**n for n in range(24)))
 _DIRECTIONS = 200
 _METRES = ' * meters'
 
@@ -36,13 +36,15 @@ _METRES = ' * meters'
 class MeshTriangles:
     """A mesh in the box around it. middle, halves (3,): middle and half edges of that box in the
     axes of the file (m); vertices (n, 3): places in it, from -1 to 1; faces (m, 3): numbers of
-    vertices; colors (n, 3): red, green, blue from 0 to 1, None if the file has none."""
+    vertices; colors (n, 3): red, green, blue from 0 to 1, None if the file has none; is_reduced:
+    whether triangles were merged because there were too many."""
 
     middle: Floats
     halves: Floats
     vertices: Floats
     faces: NDArray[np.uint32]
     colors: Floats | None
+    is_reduced: bool
 
     @cached_property
     def extremes(self) -> Floats:
@@ -147,13 +149,13 @@ def _colors(part: Any) -> Floats:
 
 def _fewer(
     vertices: Floats, faces: NDArray[np.int64], colors: Floats | None
-) -> tuple[Floats, NDArray[np.uint32], Floats | None]:
-    """The same with one vertex for each cell of a grid, coarse enough for MOST_TRIANGLES.
+) -> tuple[Floats, NDArray[np.uint32], Floats | None, bool]:
+    """The same with one vertex for each cell of a grid, coarse enough for MOST_TRIANGLES, and
+    whether the grid is coarse.
 
-    vertices: from -1 to 1. On the finest grid, only places that are one are drawn as one.
+    vertices: from -1 to 1. The first grid is as fine as the numbers of a page.
     """
-    cells = _FINEST_GRID
-    while True:
+    for cells in _GRIDS:
         grid = np.rint(0.5 * cells * (vertices + 1.0)).astype(np.int64)
         key = (grid[:, 0] << 42) + (grid[:, 1] << 21) + grid[:, 2]
         _, first, of = np.unique(key, return_index=True, return_inverse=True)
@@ -161,9 +163,6 @@ def _fewer(
         a, b, c = kept.T
         kept = kept[(a != b) & (b != c) & (c != a)]
         if len(kept) <= MOST_TRIANGLES:
-            return (
-                vertices[first],
-                kept.astype(np.uint32),
-                None if colors is None else colors[first],
-            )
-        cells *= _COARSER
+            break
+    shades = None if colors is None else colors[first]
+    return vertices[first], kept.astype(np.uint32), shades, cells != _GRIDS[0]

@@ -89,7 +89,7 @@ def test_only_meshes_that_the_scene_names_are_drawn(
     assert shape['kind'] == 'mesh' and shape['color'] is None
     text = library.text(shape['mesh'])
     assert text is not None and b'stl' not in text
-    assert sorted(json.loads(text)) == ['colors', 'extremes', 'faces', 'vertices']
+    assert sorted(json.loads(text)) == ['colors', 'edges', 'extremes', 'faces', 'vertices']
     view.follow(False)
 
 

@@ -55,6 +55,8 @@ def mesh_data(mesh: MeshTriangles) -> dict[str, Any]:
         'vertices': _text(mesh.vertices, '<f4', 'f32'),
         'faces': _text(mesh.faces, '<u4', 'u32'),
         'colors': colors,
+        # Edges are found in true proportions; of merged triangles they would be noise.
+        'edges': None if mesh.is_reduced else mesh.halves.tolist(),
         'extremes': _text(mesh.extremes, '<f4', 'f32'),
     }
 

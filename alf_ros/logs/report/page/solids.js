@@ -98,7 +98,7 @@ class Solids {
       vertexColors: !own, flatShading: shape.kind === 'mesh',
       polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1,
     }));
-    if (edges) part.add(new THREE.LineSegments(edges, new THREE.LineBasicMaterial({...clear, color: paint.clone().multiplyScalar(0.55)})));
+    if (edges) part.add(new THREE.LineSegments(edges, new THREE.LineBasicMaterial({...clear, color: own ? paint.clone().multiplyScalar(0.55) : 0x444444})));
     part.matrixAutoUpdate = false;
     part.userData = {name, mesh: shape.mesh};
     this.parts[place] = part;
@@ -117,13 +117,21 @@ class Solids {
     if (!this.geometries.has(key)) {
       const faces = mesh ? triangles(mesh) : {
         box: () => new THREE.BoxGeometry(2, 2, 2),
-        cylinder: () => new THREE.CylinderGeometry(1, 1, 2, 64).rotateX(Math.PI / 2),
-        sphere: () => new THREE.SphereGeometry(1, 48, 32),
+        cylinder: () => new THREE.CylinderGeometry(1, 1, 2, 40).rotateX(Math.PI / 2),
+        sphere: () => new THREE.SphereGeometry(1, 32, 20),
       }[kind]();
-      this.geometries.set(key, [faces, kind === 'sphere' ? null : new THREE.EdgesGeometry(faces, EDGE_ANGLE)]);
+      this.geometries.set(key, [faces, kind === 'sphere' ? null : edges(faces, mesh ? mesh.edges : [1, 1, 1])]);
     }
     return this.geometries.get(key);
   }
+}
+
+// Edges between faces of a unit shape, as they are in a shape of these half axes (m).
+function edges(faces, halves) {
+  if (!halves) return null;
+  const most = Math.max(...halves), parts = halves.map((half) => half / most || 1);
+  const found = new THREE.EdgesGeometry(faces.clone().scale(...parts), EDGE_ANGLE);
+  return found.scale(...parts.map((part) => 1 / part));
 }
 
 function triangles({vertices, faces, colors}) {
