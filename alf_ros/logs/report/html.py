@@ -185,6 +185,7 @@ def _motion(motion: DrawnMotion, first: float) -> Json:
         'links': motion.links,
         'pins': motion.pins,
         'wheels': motion.wheels,
+        'symbols': motion.symbols,
         'missing': len(motion.missing),
         'meshes': [mesh_data(each) for each in motion.meshes.values()],
         'shapePoints': motion.shape_points,

@@ -23,7 +23,7 @@ class Motion {
   constructor(log, number) {
     const {motion} = log;
     Object.assign(this, motion, {number, D: motion.spatial ? 3 : 2, first: log.first});
-    this.untraced = new Set([...motion.wheels, ...motion.shapePoints]);
+    this.untraced = new Set([...motion.wheels, ...motion.symbols, ...motion.shapePoints]);
     for (const shape of this.shapes) shape.mesh = motion.meshes[shape.mesh];
     this.moving = new Map(motion.moving.map((point, n) => [point, n]));
     const box = this.extent(0, this.frames.t.length), one = this.extent(0, 1);
@@ -126,6 +126,7 @@ function drawStage() {
   stage.drawBodies(bodies, () => {
     for (const {motion, places, color} of seen) {
       stage.drawWheels(motion.pick(places, motion.wheels), color);
+      stage.drawLines(motion.pick(places, motion.symbols), color);
       stage.drawLinks(motion.pick(places, motion.links), motion.pick(places, motion.pins), color, motion.shapes.length > 0);
     }
   });

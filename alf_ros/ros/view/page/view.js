@@ -284,6 +284,7 @@ function drawStage() {
   const shapes = (picture.shapes ?? []).map((shape) => ({...shape, mesh: meshOf(shape.mesh)}));
   stage.drawBodies([{points: picture.shape_points ?? [], shapes, color: colors.body}], () => {
     stage.drawLines(picture.wheels);
+    stage.drawLines(picture.symbols);
     stage.drawLinks(picture.links, picture.joints, colors.link, shapes.length > 0);
   });
   if ($('reactions').checked) stage.drawArrows(picture.reactions, colors.reaction, factor);
