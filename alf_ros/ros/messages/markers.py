@@ -76,10 +76,12 @@ def markers(model: Model, display: Display) -> Write:
     known = np.array([joint.name in acting for joint in mechanism.joints], dtype=bool)
     at = list(acting.values())
     layout, D = model.layout, model.layout.dimension
-    sliding = FormArray(list(reaction_places(mechanism, layout).values()), D)
-    limbs = FormArray(limb_lines(mechanism, layout), D)
-    symbols = FormArray(symbol_lines(mechanism, layout, model.q), D)
-    rims = FormArray(wheel_places(mechanism, layout, model.q), D)
+    limbs, rims = limb_lines(mechanism, layout), wheel_places(mechanism, layout, model.q)
+    symbols = symbol_lines(mechanism, layout, model.q)
+    sliding = list(reaction_places(mechanism, layout).values())
+    parts = (limbs, sliding, rims, symbols)
+    ends_of = np.cumsum([len(part) for part in parts])[:-1]
+    forms = FormArray([form for part in parts for form in part], D)
     shown = shape_places(mechanism)
     posed = [NUMBERS] * len(shown.shapes) if shown else []
     templates: dict[int, Template] = {}  # by number of arrows of wrenches held
@@ -106,15 +108,17 @@ def markers(model: Model, display: Display) -> Write:
         places, forces = held_forces(sample)
         forces_of = in_space(sample.reaction_forces)
         reactions = np.vstack([forces_of[known], forces_of[~known]])
+        q = sample.state.q.reshape(-1, D)
+        limbs_at, sliding_at, rims_at, symbols_at = np.split(in_space(forms.values(q)), ends_of)
         filled = by_arrows(len(places))
         filled.stamp(ns)
         lists = [
-            np.vstack([_places(sample, ends), _values(sample, limbs)]),
+            np.vstack([_places(sample, ends), limbs_at]),
             _places(sample, pins),
-            arrows(np.vstack([_places(sample, at), _values(sample, sliding)]), scale * reactions),
+            arrows(np.vstack([_places(sample, at), sliding_at]), scale * reactions),
             arrows(places, scale * forces),
-            _wheels(sample, rims),
-            _values(sample, symbols),
+            (_WHEEL @ rims_at.reshape(-1, 3, 3)).reshape(-1, 3),
+            symbols_at,
         ]
         blocks = iter(filled.blocks)
         for points in lists:
@@ -133,16 +137,6 @@ def _places(sample: Sample, names: list[str]) -> Floats:
     points = sample.points
     dimension = sample.model.mechanism.dimension
     return in_space(np.array([points[name] for name in names]).reshape(-1, dimension))
-
-
-def _values(sample: Sample, forms: FormArray) -> Floats:
-    """(n, 3) m."""
-    return in_space(forms.values(sample.state.q.reshape(-1, sample.model.layout.dimension)))
-
-
-def _wheels(sample: Sample, rims: FormArray) -> Floats:
-    """(n, 3) m, ends of lines."""
-    return (_WHEEL @ _values(sample, rims).reshape(-1, 3, 3)).reshape(-1, 3)
 
 
 def _message(
