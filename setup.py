@@ -76,7 +76,7 @@ setup(
         'table': ['pandas', 'pyarrow', 'xarray'],
         'import': ['urdf-parser-py', 'mujoco', 'xacro', f'usd-core; {HAS_USD}'],
         'ensemble': ['dask', 'distributed', 'xarray', 'zarr'],
-        'view': ['foxglove-sdk'],
+        'view': ['foxglove-sdk', 'trimesh', 'pycollada'],
     },
     zip_safe=False,
 )

@@ -111,7 +111,7 @@ def fill(ros: dict[str, str] | None) -> None:
         install('2/4 ROS 2 as wheels', 'ros')
     install('3/4 recording and plotting', 'record')
     optional = ('import', 'ensemble', 'view', 'test', 'docs')
-    install('4/4 import, ensembles, Foxglove, tests, documentation', *optional)
+    install('4/4 import, ensembles, viewers, tests, documentation', *optional)
     # Importable from any folder; without isolation, so that nothing is downloaded for it.
     editable = ['--no-deps', '--no-build-isolation', '--quiet', '--editable', str(ROOT)]
     step('alf_ros itself', str(PYTHON), '-m', 'pip', 'install', *editable)

@@ -13,7 +13,8 @@ from alf_ros.errors import InputError
 from alf_ros.logs import load, tables
 from alf_ros.logs.log import Log
 from alf_ros.logs.report import animation
-from alf_ros.logs.report.html import page
+from alf_ros.logs.report.html import page, shows_shapes
+from alf_ros.logs.report.solid_bodies import HINT, packed_script
 from alf_ros.logs.report.summary import Account, account
 
 
@@ -60,7 +61,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         target.write_text(page(accounts), 'utf-8')
     except OSError as error:
         raise InputError(f'cannot be written: {error.strerror}', file=str(target)) from None
-    print(f'{target}: {target.stat().st_size / 1e6:.1f} MB')
+    print(f'{target}: {target.stat().st_size / 1e6:.1f} MB{_of_solids(accounts)}')
     for made in accounts:
         for fault in made.faults:
             print(f'  {made.name}: {fault}')
@@ -74,6 +75,14 @@ def main(argv: Sequence[str] | None = None) -> int:
                     written = write(log, below, bar)
                 print(f'{below}: {len(written)} files')
     return 0
+
+
+def _of_solids(accounts: Sequence[Account]) -> str:
+    """The part of the page that makes bodies solid, or how to get it."""
+    if not shows_shapes(accounts):
+        return ''
+    size = len(packed_script())
+    return f', {size / 1e6:.1f} MB of it for solid bodies' if size else f'; {HINT}'
 
 
 def _animate(path: Path, logs: Sequence[Log], accounts: Sequence[Account], speed: float) -> None:

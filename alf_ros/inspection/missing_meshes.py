@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
+from alf_ros.errors import InputError
 from alf_ros.mechanism import GROUND, Mechanism, VisualShape
 from alf_ros.mechanism.visual_shapes import PACKAGE
 
@@ -24,22 +25,33 @@ def missing_meshes(mechanism: Mechanism) -> list[str]:
     found: dict[str, str] = {}
     for name, shapes in shown_parts(mechanism):
         for shape in shapes:
-            fault = _fault(shape.file) if shape.kind == 'mesh' else ''
-            if fault:
-                found.setdefault(shape.file, f'{name}: {fault}: {shape.file}')
+            if shape.kind != 'mesh':
+                continue
+            try:
+                mesh_path(shape.file)
+            except InputError as error:
+                found.setdefault(shape.file, f'{name}: {error.message}: {shape.file}')
     return list(found.values())
 
 
-def _fault(file: str) -> str:
-    """The reason why a viewer will not find a file; '' if it will."""
+def mesh_path(file: str) -> Path:
+    """The regular file of a mesh, an absolute path or a URI with `package://`.
+
+    Raises InputError if viewers will not find it.
+    """
     if not file.startswith(PACKAGE):
-        return '' if _is_file(Path(file)) else 'no such file'
-    package, _, inner = file.removeprefix(PACKAGE).partition('/')
-    prefixes = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
-    shares = [Path(prefix, 'share', package) for prefix in prefixes if prefix]
-    if not any(share.is_dir() for share in shares):
-        return f'no package {package} in AMENT_PREFIX_PATH'
-    return '' if any(_is_file(share / inner) for share in shares) else 'no such file'
+        candidates = [Path(file)]
+    else:
+        package, _, inner = file.removeprefix(PACKAGE).partition('/')
+        prefixes = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
+        shares = [Path(prefix, 'share', package) for prefix in prefixes if prefix]
+        if not any(share.is_dir() for share in shares):
+            raise InputError(f'no package {package} in AMENT_PREFIX_PATH')
+        candidates = [share / inner for share in shares]
+    for path in candidates:
+        if _is_file(path):
+            return path
+    raise InputError('no such file')
 
 
 def _is_file(path: Path) -> bool:

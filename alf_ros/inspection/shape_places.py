@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from alf_ros.arrays import Floats
+from alf_ros.inspection.mesh_triangles import MeshTriangles
 from alf_ros.inspection.missing_meshes import shown_parts
 from alf_ros.mechanism import GROUND, Mechanism, VisualShape
 
@@ -35,20 +36,41 @@ class ShapePlaces:
         real = w * c - np.sum(u * v, axis=1, keepdims=True)
         return np.hstack([world[:, :3] + self.at + 2.0 * across, imaginary, real])
 
-    @cached_property
-    def outlined(self) -> list[int]:
-        """Numbers of the shapes that line drawings show: all but meshes, which are not read."""
-        return [n for n, shape in enumerate(self.shapes) if shape.kind != 'mesh']
 
-    def drawn(self, frames: Floats) -> Floats:
-        """(4 m, 3) m: of each shape `outlined` its middle and the ends of its three half axes."""
-        if not self.outlined:
+class DrawnShapes:
+    """The shapes that pages and moving pictures draw: all but meshes that are not among those
+    read, `meshes` by file."""
+
+    def __init__(self, places: ShapePlaces, meshes: Mapping[str, MeshTriangles]) -> None:
+        self._places = places
+        self._numbers = [
+            n for n, each in enumerate(places.shapes) if each.kind != 'mesh' or each.file in meshes
+        ]
+        self.shapes = [places.shapes[n] for n in self._numbers]
+        boxes = [bounding_box(each, meshes.get(each.file)) for each in self.shapes]
+        self._boxes = np.array(boxes).reshape(-1, 2, 3)
+
+    def places(self, frames: Floats) -> Floats:
+        """(4 m, 3) m: of each shape its middle and the ends of its three half axes; a mesh
+        has the half axes of its bounding box. frames (bodies, 7): as in `ShapePlaces.poses`."""
+        if not self.shapes:
             return np.zeros((0, 3))
-        halves = np.array([half_axes(self.shapes[n]) for n in self.outlined])
-        return half_axis_ends(self.poses(frames)[self.outlined], halves)
+        return half_axis_ends(self._places.poses(frames)[self._numbers], self._boxes)
 
 
-def half_axes(shape: VisualShape) -> tuple[float, float, float]:
+Box = tuple[tuple[float, ...], tuple[float, ...]]
+
+
+def bounding_box(shape: VisualShape, mesh: MeshTriangles | None = None) -> Box:
+    """Middle (m) in the axes of a shape that is no capsule, and its half extents along them (m);
+    a mesh with its triangles."""
+    if mesh is None:
+        return (0.0, 0.0, 0.0), _half_axes(shape)
+    scale = np.array(shape.size)
+    return tuple((scale * mesh.middle).tolist()), tuple((scale * mesh.halves).tolist())
+
+
+def _half_axes(shape: VisualShape) -> tuple[float, float, float]:
     """Half of the extent of a box, a cylinder or a sphere along its x, y and z (m)."""
     if shape.kind == 'box':
         x, y, z = shape.size
@@ -57,11 +79,13 @@ def half_axes(shape: VisualShape) -> tuple[float, float, float]:
     return radius, radius, 0.5 * shape.size[1] if shape.kind == 'cylinder' else radius
 
 
-def half_axis_ends(poses: Floats, halves: Floats) -> Floats:
-    """(4 n, 3) m: middles and the ends of half axes of `halves` (n, 3) m; poses (n, 7)."""
-    turns = Rotation.from_quat(poses[:, 3:]).as_matrix()
-    ends = poses[:, None, :3] + halves[:, :, None] * turns.transpose(0, 2, 1)
-    return np.concatenate([poses[:, None, :3], ends], axis=1).reshape(-1, 3)
+def half_axis_ends(poses: Floats, boxes: Floats) -> Floats:
+    """(4 n, 3) m: middles and the ends of half axes of `boxes` (n, 2, 3) m, as of `bounding_box`;
+    poses (n, 7)."""
+    axes = Rotation.from_quat(poses[:, 3:]).as_matrix().transpose(0, 2, 1)
+    middles = poses[:, None, :3] + boxes[:, :1] @ axes
+    ends = middles + boxes[:, 1, :, None] * axes
+    return np.concatenate([middles, ends], axis=1).reshape(-1, 3)
 
 
 def shape_places(mechanism: Mechanism) -> ShapePlaces | None:

@@ -25,7 +25,7 @@ class _Nothing:
         """A line."""
 
 
-class _Posture:
+class DrawnPosture:
     """The mechanism at q (blocks, D), m, as a `PenTarget` without a picture."""
 
     size = 1.0
@@ -47,11 +47,19 @@ class _Posture:
         """Of a form at this position."""
         return f.value(self._q)
 
+    def local_directions(self, body: str, vectors: Floats) -> Floats:
+        """Vectors (k, D) of the world in the axes of a body, or of the ground."""
+        if body == GROUND:
+            return vectors
+        eye = np.eye(self.layout.dimension)
+        axes = [self.value(self.layout.direction(body, tuple(axis))) for axis in eye.tolist()]
+        return vectors @ np.array(axes).T
+
 
 class _WheelPen(JointPen):
     """Keeps the wheels of a joint: body, and places (3, D) in the world."""
 
-    def __init__(self, posture: _Posture, joint: Joint) -> None:
+    def __init__(self, posture: DrawnPosture, joint: Joint) -> None:
         super().__init__(posture, joint)
         self.found: list[tuple[str, Floats]] = []
 
@@ -72,23 +80,16 @@ def wheel_places(mechanism: Mechanism, layout: Layout, q: Floats) -> list[Form]:
     joints counts once.
     """
     D = layout.dimension
-    posture, found = _Posture(layout, q.reshape(-1, D)), dict[Any, list[Form]]()
+    posture, found = DrawnPosture(layout, q.reshape(-1, D)), dict[Any, list[Form]]()
     for joint in mechanism.joints:
         if not type_of(joint).is_round:
             continue
         pen = _WheelPen(posture, joint)
         type_of(joint).draw(pen)
         for body, places in pen.found:
-            local = places if body == GROUND else _local(posture, body, places)
+            local = posture.local_directions(
+                body, places - posture.value(layout.place(body, (0.0,) * D))
+            )
             key = body, tuple(np.round(local[0], 9)), round(float(np.ptp(local, axis=0).max()), 9)
             found.setdefault(key, [layout.place(body, tuple(place)) for place in local.tolist()])
     return [form for forms in found.values() for form in forms]
-
-
-def _local(posture: _Posture, body: str, places: Floats) -> Floats:
-    """Places (k, D) m of the world in the frame of a body."""
-    layout = posture.layout
-    D = layout.dimension
-    origin = posture.value(layout.place(body, (0.0,) * D))
-    axes = [posture.value(layout.direction(body, tuple(axis))) for axis in np.eye(D).tolist()]
-    return (places - origin) @ np.array(axes).T

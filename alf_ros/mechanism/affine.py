@@ -51,6 +51,27 @@ class Form:
         return np.asarray(self.constant + moved)
 
 
+class FormArray:
+    """Many forms, evaluated at once."""
+
+    def __init__(self, forms: Sequence[Form], dimension: int) -> None:
+        terms = [(n, block, C) for n, form in enumerate(forms) for block, C in form.parts.items()]
+        self._of = np.array([n for n, _, _ in terms], dtype=int)
+        self._blocks = np.array([block for _, block, _ in terms], dtype=int)
+        D = dimension
+        self._factors = np.array([C for _, _, C in terms]).reshape(-1, D, D)
+        self._constants = np.array([form.constant for form in forms]).reshape(-1, D)
+
+    def __len__(self) -> int:
+        return len(self._constants)
+
+    def values(self, places: Floats) -> Floats:
+        """(forms, D) of the blocks `places` (blocks, D)."""
+        found = self._constants.copy()
+        np.add.at(found, self._of, np.einsum('kij,kj->ki', self._factors, places[self._blocks]))
+        return found
+
+
 def constant(value: tuple[float, ...]) -> Form:
     """A place or direction in the world."""
     return Form({}, np.array(value, dtype=float))

@@ -10,6 +10,8 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.mechanism import Body, Mechanism
+from alf_ros.mechanism.affine import Form
+from alf_ros.mechanism.natural_coordinates import Layout
 from alf_ros.simulation.kinematics import Kinematics
 from alf_ros.simulation.sample import Sample
 
@@ -64,6 +66,17 @@ def reaction_points(mechanism: Mechanism) -> dict[str, str]:
         if min(away) < _SAME * size(mechanism):
             found[joint.name] = child.points[away.index(min(away))]
     return found
+
+
+def reaction_places(mechanism: Mechanism, layout: Layout) -> dict[str, Form]:
+    """Where the reaction of a joint that is not in `reaction_points` acts, by joint: the place of
+    the joint on its child."""
+    at_points = reaction_points(mechanism)
+    return {
+        joint.name: layout.place(joint.child, joint.frames[1].origin)
+        for joint in mechanism.joints
+        if joint.name not in at_points
+    }
 
 
 def in_space(places: Floats) -> Floats:

@@ -47,7 +47,7 @@ def test_the_bars_are_where_the_mechanism_is(planar: Path, tmp_path: Path, endin
             bars = at_pass if len(at_pass) else coloured(picture, BAR)
             red.append(bool(len(at_pass)))
             found.append([bars.min(axis=0), bars.max(axis=0)])
-            places = film.places[film.at(number / animation.FPS)]
+            places = film.places[film.at(number / animation.FPS)][film.motion.links]
             wanted.append([places.min(axis=0), places.max(axis=0)])
     x, low = np.array(found)[:, 1, 0], np.array(wanted)[:, 1, 0]
     scale, offset = np.polyfit(low, x, 1)  # pixels per metre

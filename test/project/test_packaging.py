@@ -72,6 +72,7 @@ def check_pages(package):
     for page in (
         'ros/view/page/index.html',
         'logs/report/page/stage.js',
+        'logs/report/page/solids.js',
         'logs/report/page/analysis.html',
         'studies/atlas/page/atlas.html',
         'studies/atlas/page/atlas.js',

@@ -28,7 +28,7 @@ def obey(command):
 
 @pytest.fixture
 def server():
-    with Server(0, Broadcast(), obey) as server:
+    with Server(0, Broadcast(), obey, lambda name: None) as server:
         yield server
 
 

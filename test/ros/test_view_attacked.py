@@ -31,7 +31,7 @@ def obey(command):
 def server(monkeypatch):
     monkeypatch.setattr(served, 'REQUEST_TIME', 1.0)
     monkeypatch.setattr(served._Request, 'timeout', 0.5)
-    with Server(0, Broadcast(), obey) as made:
+    with Server(0, Broadcast(), obey, lambda name: None) as made:
         yield made
 
 
@@ -259,7 +259,7 @@ def test_names_of_strangers_stay_text(tmp_path):
         said.append(command)
         raise AlfError(HOSTILE)
 
-    with Server(0, Broadcast(), obey) as server:
+    with Server(0, Broadcast(), obey, lambda name: None) as server:
         server.broadcast.put(about, picture)
         with Browser(server.url, tmp_path / 'profile') as page:
             page.until("document.querySelectorAll('.joint b').length === 4")

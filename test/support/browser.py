@@ -19,9 +19,12 @@ LIMIT = 60.0
 
 
 class Browser:
-    """One page at `url`, in a window of `size`, with a profile of its own below `folder`."""
+    """One page at `url`, in a window of `size`, with a profile of its own below `folder`; without
+    WebGL if it shall be `flat`."""
 
-    def __init__(self, url: str, folder: Path, size: tuple[int, int] = (1280, 800)) -> None:
+    def __init__(
+        self, url: str, folder: Path, size: tuple[int, int] = (1280, 800), *, flat: bool = False
+    ) -> None:
         assert CHROMIUM is not None
         ours, theirs = os.pipe(), os.pipe()  # they read from 3, write to 4
         self._out, self._in = ours[1], theirs[0]
@@ -38,6 +41,8 @@ class Browser:
                 '--headless=new',
                 '--no-sandbox',
                 '--disable-gpu',
+                '--enable-unsafe-swiftshader',  # WebGL without a graphics card
+                *(['--disable-3d-apis'] if flat else []),
                 '--disable-dev-shm-usage',
                 '--no-first-run',
                 '--disable-background-networking',

@@ -199,11 +199,12 @@ class _Panel:
         self._shapes.set_facecolor([_rgba(shape, 0.25) for shape in motion.shapes])
         self._shapes.set_edgecolor([_rgba(shape, 0.6) for shape in motion.shapes])
         self._wheels = LineCollection([], colors=BAR, linewidths=1.5, zorder=2)
+        self._symbols = LineCollection([], colors=INK, linewidths=0.9, zorder=4)
         self._trails = LineCollection([], colors=FAINT, linewidths=0.9, alpha=0.6, zorder=2)
         self._bars = LineCollection(
             [], linewidths=2.0 if motion.shapes else 4.0, capstyle='round', zorder=3
         )
-        for lines in (self._shapes, self._wheels, self._trails, self._bars):
+        for lines in (self._shapes, self._wheels, self._symbols, self._trails, self._bars):
             axes.add_collection(lines, autolim=False)
         style = {'linestyle': 'none', 'marker': 'o', 'markersize': 6, 'markeredgecolor': INK}
         (self._joints,) = axes.plot([], [], markerfacecolor='white', zorder=4, **style)
@@ -219,8 +220,10 @@ class _Panel:
         near = np.abs(shown.passes - t).min(initial=np.inf) <= _RED_FOR * speed
         self._bars.set_color(RED if near else BAR)
         at = places[np.array(shown.motion.shape_points, dtype=int)]
-        self._shapes.set_verts(outlines(shown.motion.shapes, at))
+        self._shapes.set_verts(outlines(shown.motion.shapes, shown.motion.meshes, at))
         self._wheels.set_segments(list(_rims(places, shown.motion.wheels, 72)))
+        ends = places[np.array(shown.motion.symbols, dtype=int)]
+        self._symbols.set_segments(list(ends.reshape(-1, 2, 2)))
         trail = shown.places[since : k + 1, self._moving]
         self._trails.set_segments(list(trail.swapaxes(0, 1)) if len(trail) > 1 else [])
         self._joints.set_data(*places[self._pins].T)

@@ -13,7 +13,9 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import AlfError, InputError
-from alf_ros.inspection.shape_places import shape_places
+from alf_ros.inspection.mesh_triangles import MeshTriangles, read_meshes
+from alf_ros.inspection.shape_places import DrawnShapes, shape_places
+from alf_ros.inspection.symbol_places import limb_lines, symbol_lines
 from alf_ros.inspection.wheel_places import wheel_places
 from alf_ros.logs import progress
 from alf_ros.logs.log import Log
@@ -21,6 +23,7 @@ from alf_ros.logs.report.decimation import Instants, Trace
 from alf_ros.logs.report.gather import MOST_ROWS, Gathered
 from alf_ros.logs.report.singularity_distance import distances, passes
 from alf_ros.mechanism import VisualShape
+from alf_ros.mechanism.affine import FormArray
 from alf_ros.scene.references import WHOLE
 from alf_ros.scene.scene import KEYS, REQUIRED, Solver, scene_from_text
 from alf_ros.scene.text import yaml_document
@@ -30,6 +33,7 @@ from alf_ros.simulation.display_geometry import (
     held_forces,
     in_space,
     poses,
+    reaction_places,
     reaction_points,
     segments,
     standard_scale,
@@ -45,8 +49,10 @@ class DrawnMotion:
     """Of k frames.
 
     t (k,) s; places (k, points, 3) m; `links`, `pins` and `wheels`: numbers of points, two for
-    each line, one for each joint, three for each wheel (`wheel_places`), four for each of `shapes`
-    (`ShapePlaces.drawn`), `meshes` are not drawn; `scale` m/N of arrows.
+    each line, one for each joint, three for each wheel (`wheel_places`), two for each line of
+    `symbols` (`symbol_lines`), four for each of `shapes`
+    (`DrawnShapes`), whose meshes are in `meshes` by file; `missing`: a line for each file of a
+    mesh that cannot be drawn; `scale` m/N of arrows.
     `forces` of the reactions: (t (k,), numbers of points, (k, n, 3) N). `applied` (k, m, 6): place
     and force of each wrench held, NaN where none is. `distance`: σ of all states gathered;
     `passes` (t, σ there, whether through): None if not every state of the log was. `angles`: the
@@ -57,9 +63,11 @@ class DrawnMotion:
     links: list[int]
     pins: list[int]
     wheels: list[int]
+    symbols: list[int]
     shapes: list[VisualShape]
     shape_points: list[int]
-    meshes: int
+    meshes: dict[str, MeshTriangles]
+    missing: list[str]
     scale: float
     stride: int
     t: Floats
@@ -107,17 +115,21 @@ def motion(
     for k in range(0, len(t), every):
         film.take(float(t[k]), coordinates[k])
     drawn = model.mechanism
-    points = model.point_names
+    points, own = model.point_names, film.numbers
     pins = [points.index(joint.point) for joint in drawn.joints if joint.point]
     acting = {name: points.index(at) for name, at in reaction_points(drawn).items()}
+    acting |= dict(zip(film.acting, own['acting'], strict=True))
     return DrawnMotion(
         spatial=drawn.dimension == 3,
-        links=[points.index(end) for body in drawn.bodies for end in segments(body)],
+        links=[points.index(end) for body in drawn.bodies for end in segments(body)]
+        + own['limbs'],
         pins=pins,
-        wheels=list(range(len(points), len(points) + film.wheel_points)),
+        wheels=own['wheels'],
+        symbols=own['symbols'],
         shapes=film.shapes,
-        shape_points=list(range(len(points) + film.wheel_points, len(film.places[0]))),
+        shape_points=list(range(len(points) + film.count, len(film.places[0]))),
         meshes=film.meshes,
+        missing=film.missing,
         scale=standard_scale(drawn),
         stride=stride * every,
         t=t[::every],
@@ -145,12 +157,30 @@ class _Film:
         self._orders = deque(found.orders.held)
         self._start = simulation.state
         model = simulation.model
-        self._wheels = wheel_places(model.mechanism, model.layout, self._start.q)
-        self.wheel_points = len(self._wheels)
-        self._shown = shape_places(model.mechanism)
-        shown = self._shown
-        self.shapes = [shown.shapes[n] for n in shown.outlined] if shown is not None else []
-        self.meshes = len(shown.shapes) - len(self.shapes) if shown is not None else 0
+        drawn, layout = model.mechanism, model.layout
+        sliding = reaction_places(drawn, layout)
+        self.acting = list(sliding)
+        parts = {
+            'wheels': wheel_places(drawn, layout, self._start.q),
+            'symbols': symbol_lines(drawn, layout, self._start.q),
+            'limbs': limb_lines(drawn, layout),
+            'acting': list(sliding.values()),
+        }
+        every = [form for forms in parts.values() for form in forms]
+        self._forms = FormArray(every, layout.dimension)
+        self.count, self.numbers = len(self._forms), dict[str, list[int]]()
+        at = len(model.point_names)
+        for name, forms in parts.items():
+            self.numbers[name] = list(range(at, at + len(forms)))
+            at += len(forms)
+        self._shown: DrawnShapes | None = None
+        self.meshes, self.missing = dict[str, MeshTriangles](), list[str]()
+        placed = shape_places(model.mechanism)
+        if placed is not None:
+            files = (shape.file for shape in placed.shapes if shape.kind == 'mesh')
+            self.meshes, self.missing = read_meshes(files)
+            self._shown = DrawnShapes(placed, self.meshes)
+        self.shapes = self._shown.shapes if self._shown is not None else []
         self.places: list[Floats] = []
         self._held: list[Floats] = []
 
@@ -164,10 +194,9 @@ class _Film:
         simulation.restore(replace(simulation.state, step=step, q=q))
         sample = simulation.sample()
         points = np.array([sample.points[name] for name in model.point_names])
-        wheels = [form.value(q.reshape(-1, D)) for form in self._wheels]
-        places = in_space(np.vstack([points, *wheels]))
+        places = in_space(np.vstack([points, self._forms.values(q.reshape(-1, D))]))
         if self._shown is not None:
-            places = np.vstack([places, self._shown.drawn(poses(sample))])
+            places = np.vstack([places, self._shown.places(poses(sample))])
         self.places.append(places)
         held = np.hstack(held_forces(sample)) if sample.inputs.wrenches else np.zeros((0, 6))
         self._held.append(held)

@@ -16,7 +16,9 @@ from alf_ros.logs.report import panels
 from alf_ros.logs.report.decimation import Trace
 from alf_ros.logs.report.drawn_motion import DrawnMotion
 from alf_ros.logs.report.gather import Label
+from alf_ros.logs.report.solid_bodies import HINT, mesh_data, packed_script
 from alf_ros.logs.report.summary import Account
+from alf_ros.mechanism import VisualShape
 
 PAGE = Path(__file__).with_name('page')
 # Kinds of commands with values, and the panels of these
@@ -29,13 +31,21 @@ def page(accounts: Sequence[Account]) -> str:
     """The text of the file."""
     logs = [_log(account) for account in accounts]
     used = {curve['panel'] for log in logs for trace in log['traces'] for curve in trace['curves']}
+    solid = shows_shapes(accounts)
     data = {
+        'three': packed_script() if solid else '',
+        'flat': f'outlines only: {HINT}' if solid and not packed_script() else '',
         'title': ' and '.join(dict.fromkeys(account.scene for account in accounts)),
         'panels': [{'key': key, **panels.panel(key)._asdict()} for key in panels.ordered(used)],
         'logs': logs,
     }
-    scripts = (PAGE / 'stage.js', PAGE / 'plot.js', PAGE / 'analysis.js')
-    return assembled(PAGE / 'analysis.html', scripts, data)
+    names = ('stage.js', 'solids.js', 'plot.js', 'analysis.js')
+    return assembled(PAGE / 'analysis.html', [PAGE / name for name in names], data)
+
+
+def shows_shapes(accounts: Sequence[Account]) -> bool:
+    """Whether a body of the logs has a shape to draw."""
+    return any(account.motion is not None and account.motion.shapes for account in accounts)
 
 
 def assembled(template: Path, scripts: Sequence[Path], data: Json) -> str:
@@ -145,6 +155,11 @@ def _curve(label: Label, low: Floats, high: Floats, account: Account) -> Json:
     }
 
 
+def _shape(shape: VisualShape, files: Sequence[str]) -> Json:
+    mesh = files.index(shape.file) if shape.kind == 'mesh' else None
+    return {'kind': shape.kind, 'color': shape.color, 'mesh': mesh}
+
+
 def _motion(motion: DrawnMotion, first: float) -> Json:
     D = 3 if motion.spatial else 2
     moving = np.flatnonzero(np.ptp(motion.places, axis=0).any(axis=1)).tolist()
@@ -170,9 +185,11 @@ def _motion(motion: DrawnMotion, first: float) -> Json:
         'links': motion.links,
         'pins': motion.pins,
         'wheels': motion.wheels,
-        'meshes': motion.meshes,
+        'symbols': motion.symbols,
+        'missing': len(motion.missing),
+        'meshes': [mesh_data(each) for each in motion.meshes.values()],
         'shapePoints': motion.shape_points,
-        'shapes': [{'kind': each.kind, 'color': each.color} for each in motion.shapes],
+        'shapes': [_shape(each, list(motion.meshes)) for each in motion.shapes],
         'scale': motion.scale,
         'moving': moving,
         'still': still.ravel().tolist(),

@@ -104,6 +104,8 @@ def _notes(made: Account, why: str) -> list[str]:
     elif made.motion.stride > 1:
         spacing = made.motion.t[1] - made.motion.t[0]
         notes.append(f'animation: every {made.motion.stride}th state, {spacing:.3g} s apart')
+    if made.motion is not None:
+        notes += [f'not drawn: {fault}' for fault in made.motion.missing]
     if not made.is_exact:
         notes.append('singular positions: from the diagnostics, to the second')
     if found.orders.stride > 1:

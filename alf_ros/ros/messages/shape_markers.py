@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -11,6 +10,7 @@ from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
 from alf_ros.arrays import Floats
+from alf_ros.inspection.mesh_triangles import MeshTriangles
 from alf_ros.inspection.shape_places import half_axis_ends
 from alf_ros.mechanism import VisualShape
 from alf_ros.ros.messages.templates import STAMP, WORLD
@@ -22,7 +22,7 @@ _TYPES = {
     'sphere': Marker.SPHERE,
     'mesh': Marker.MESH_RESOURCE,
 }
-_KINDS = {kind: name for name, kind in _TYPES.items() if name != 'mesh'}
+_KINDS = {kind: name for name, kind in _TYPES.items()}
 _GREY = (0.7, 0.72, 0.75, 1.0)
 
 
@@ -51,18 +51,31 @@ def shape_marker(shape: VisualShape, number: int, mark: float) -> Marker:
     return marker
 
 
-def shape_outline(marker: Marker) -> tuple[dict[str, Any], Floats] | None:
+def shape_outline(
+    marker: Marker, mesh: MeshTriangles | None = None
+) -> tuple[dict[str, Any], Floats] | None:
     """Kind and colour of a marker of a shape, and (4, 3) m its middle and the ends of its half
-    axes; None for a mesh, and for a marker of nothing that can be drawn."""
+    axes. mesh: the triangles of a marker of a mesh, whose colour is None if its file has it. None
+    for a mesh without triangles, and for a marker of nothing that can be drawn."""
     kind = _KINDS.get(marker.type)
+    if kind == 'mesh' and mesh is None:
+        return None
     p, r, size, c = marker.pose.position, marker.pose.orientation, marker.scale, marker.color
     pose = np.array([p.x, p.y, p.z, r.x, r.y, r.z, r.w])
     color = [min(max(x, 0.0), 1.0) for x in (c.r, c.g, c.b, c.a)]
-    usable = np.isfinite(pose).all() and pose[3:].any() and all(map(math.isfinite, color))
-    if kind is None or not usable or marker.action != Marker.ADD:
+    extent = np.array([size.x, size.y, size.z])
+    numbers = np.array([*pose, *extent, *color])
+    if kind is None or not np.isfinite(numbers).all() or not pose[3:].any():
         return None
-    halves = 0.5 * np.array([[size.x, size.y, size.z]])
-    return {'kind': kind, 'color': color}, half_axis_ends(pose[None], halves)
+    if marker.action != Marker.ADD:
+        return None
+    if mesh is None:
+        box = np.array([np.zeros(3), 0.5 * extent])
+    else:
+        box = extent * [mesh.middle, mesh.halves]
+    own = mesh is not None and marker.mesh_use_embedded_materials
+    about = {'kind': kind, 'color': None if own else color}
+    return about, half_axis_ends(pose[None], box[None])
 
 
 def nothing() -> MarkerArray:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 
 from alf_ros.ros.view.foxglove import FoxgloveBridge
+from alf_ros.ros.view.mesh_library import MeshLibrary
 from alf_ros.ros.view.operator import Operator
 from alf_ros.ros.view.server import Broadcast, Server
 from alf_ros.ros.view.view_node import ViewNode
@@ -27,11 +28,12 @@ def serve(
     rclpy must be initialised. `say` is called with where each can be opened. Raises InputError if
     a port is taken or foxglove-sdk is not there.
     """
-    node = ViewNode(simulator)
+    meshes = MeshLibrary()
+    node = ViewNode(simulator, meshes)
     operator = Operator(node, simulator)
     broadcast = Broadcast()
     with ExitStack() as serving:
-        server = serving.enter_context(Server(port, broadcast, operator.obey))
+        server = serving.enter_context(Server(port, broadcast, operator.obey, meshes.text))
         say(server.url)
         if foxglove is not None:
             bridge = serving.enter_context(_bridge(simulator, foxglove))

@@ -22,14 +22,17 @@ from typing import Any
 
 from alf_ros.errors import AlfError, InputError
 from alf_ros.logs.report.html import PAGE as SHARED  # so that both look alike
+from alf_ros.logs.report.solid_bodies import three_js
 
 HOST = '127.0.0.1'
+SCRIPT = 'text/javascript; charset=utf-8'
 PAGE = Path(__file__).with_name('page')
 FILES = {
     '/': (PAGE / 'index.html', 'text/html; charset=utf-8'),
     '/look.css': (SHARED / 'look.css', 'text/css; charset=utf-8'),
-    '/stage.js': (SHARED / 'stage.js', 'text/javascript; charset=utf-8'),
-    '/view.js': (PAGE / 'view.js', 'text/javascript; charset=utf-8'),
+    '/stage.js': (SHARED / 'stage.js', SCRIPT),
+    '/solids.js': (SHARED / 'solids.js', SCRIPT),
+    '/view.js': (PAGE / 'view.js', SCRIPT),
 }
 POLICY = (
     "default-src 'self'; img-src data:; style-src 'self' 'unsafe-inline'; frame-ancestors 'none'"
@@ -102,7 +105,7 @@ class Broadcast:
 
 class Server(ThreadingHTTPServer):
     """Serves `broadcast` at `url` while entered; commands go to `obey`, whose AlfErrors are
-    answered.
+    answered. `mesh` gives the JSON of a mesh by its name, None if there is none.
 
     Raises InputError if the port is taken.
     """
@@ -110,8 +113,14 @@ class Server(ThreadingHTTPServer):
     daemon_threads = True
     request_queue_size = MOST_CONNECTIONS
 
-    def __init__(self, port: int, broadcast: Broadcast, obey: Callable[[object], str]) -> None:
-        self.broadcast, self.obey = broadcast, obey
+    def __init__(
+        self,
+        port: int,
+        broadcast: Broadcast,
+        obey: Callable[[object], str],
+        mesh: Callable[[str], bytes | None],
+    ) -> None:
+        self.broadcast, self.obey, self.mesh = broadcast, obey, mesh
         self._open: dict[Any, float] = {}  # sockets, and when their request must be whole (s)
         self._lock = threading.Lock()
         try:
@@ -217,8 +226,16 @@ class _Request(BaseHTTPRequestHandler):
         elif self.path in FILES:
             path, kind = FILES[self.path]
             self._answer(200, path.read_bytes(), kind)
+        elif self.path == '/three.js' and three_js():
+            self._answer(200, three_js().encode(), SCRIPT)
+        elif body := self._mesh():
+            self._answer(200, body, 'application/json')
         else:
             self.send_error(404)
+
+    def _mesh(self) -> bytes | None:
+        before, _, name = self.path.rpartition('/')
+        return self.server.mesh(name) if before == '/mesh' else None
 
     def do_POST(self) -> None:
         if not self._is_ours():

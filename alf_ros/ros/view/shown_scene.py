@@ -8,6 +8,7 @@ from typing import Any
 import yaml
 
 from alf_ros.errors import AlfError, InputError
+from alf_ros.inspection.missing_meshes import shown_parts
 from alf_ros.mechanism import Mechanism
 from alf_ros.model.constraints.drives import motion_names
 from alf_ros.scene.scene import whole_scene
@@ -20,7 +21,7 @@ _READ = ('name', 'mechanism', 'drives')  # no effects: they may be code of a str
 class ShownScene:
     """The scene of a text; nothing is known of a text that is no scene, for anybody may publish.
 
-    No file and no effect is read.
+    No file and no effect is read here.
     """
 
     def __init__(self, text: str) -> None:
@@ -65,6 +66,14 @@ class ShownScene:
             return whole_scene(read).mechanism
         except AlfError:
             return None
+
+    @cached_property
+    def meshes(self) -> dict[str, str]:
+        """The files of its meshes, by the URI that markers have."""
+        if self._mechanism is None:
+            return {}
+        shapes = (shape for _, shapes in shown_parts(self._mechanism) for shape in shapes)
+        return {shape.uri: shape.file for shape in shapes if shape.kind == 'mesh'}
 
     @cached_property
     def units(self) -> dict[str, str]:

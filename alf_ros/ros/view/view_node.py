@@ -19,10 +19,12 @@ from sensor_msgs.msg import JointState, MultiDOFJointState
 from std_msgs.msg import Float64, String
 from visualization_msgs.msg import Marker, MarkerArray
 
+from alf_ros.logs.report.solid_bodies import HINT, three_js
 from alf_ros.resources import library
 from alf_ros.ros.messages.shape_markers import shape_outline
 from alf_ros.ros.messages.topics import BEST_EFFORT, LATCHED
 from alf_ros.ros.parameter_services import ParameterServices
+from alf_ros.ros.view.mesh_library import MeshLibrary
 from alf_ros.ros.view.shown_scene import ShownScene
 from alf_ros.simulation.display_geometry import POINTS_PER_ARROW
 
@@ -36,20 +38,21 @@ Json = dict[str, Any]
 
 
 class ViewNode(Node):
-    """Hears the simulator of that name in its own namespace.
+    """Hears the simulator of that name in its own namespace. `meshes`: of its scenes.
 
     `picture`: the data to draw, None without news; `about`: data that change rarely. `look`
     replaces both and never changes them.
     """
 
-    def __init__(self, simulator: str) -> None:
+    def __init__(self, simulator: str, meshes: MeshLibrary) -> None:
         super().__init__('view', start_parameter_services=False)
         ParameterServices(self)
         self.picture: Json | None = None
         self.about: Json = {}
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self)
-        self._simulator = simulator
+        self._simulator, self._meshes = simulator, meshes
+        self._flat = '' if three_js() else f'outlines only: {HINT}'
         # As in the status names of its diagnostics.
         self._task = f'{self.get_namespace()}/{simulator}: '.lstrip('/')
         self._scenes = list(library('scenes'))
@@ -107,6 +110,7 @@ class ViewNode(Node):
             'run': self._runs,
             'scene': self._scene.name,
             'spatial': self._scene.spatial,
+            'flat': self._flat,
             'joints': self._joints,
             'units': [self._scene.units.get(name, '') for name in self._joints],
             'driven': self._scene.driven,
@@ -167,15 +171,11 @@ class ViewNode(Node):
         self._note(energy=message.data if math.isfinite(message.data) else None)
 
     def _on_markers(self, message: MarkerArray) -> None:
-        drawn: Json = {'shapes': [], 'shape_points': [], 'meshes': 0}
+        drawn: Json = {'shapes': [], 'shape_points': [], 'missing': 0}
         for marker in message.markers:
             points = marker.points
             if marker.ns == 'shapes':
-                drawn['meshes'] += marker.type == Marker.MESH_RESOURCE
-                outlined = shape_outline(marker)
-                if outlined is not None:
-                    drawn['shapes'].append(outlined[0])
-                    drawn['shape_points'] += _short(outlined[1].ravel().tolist())
+                self._draw_shape(marker, drawn)
                 continue
             if marker.ns in ('reactions', 'applied'):  # tail and tip: the page draws the rest
                 starts = range(0, len(points), POINTS_PER_ARROW)
@@ -184,6 +184,19 @@ class ViewNode(Node):
         if message.markers:
             drawn['t'] = _seconds(message.markers[0].header)
         self._note(**drawn)
+
+    def _draw_shape(self, marker: Marker, drawn: Json) -> None:
+        is_mesh = marker.type == Marker.MESH_RESOURCE
+        # Anybody may publish markers: only files that the scene itself names are read.
+        file = self._scene.meshes.get(marker.mesh_resource) if is_mesh else None
+        name, mesh = (self._meshes.find(file) if file else None) or (None, None)
+        outlined = shape_outline(marker, mesh)
+        if outlined is None:
+            drawn['missing'] += is_mesh
+            return
+        about, ends = outlined
+        drawn['shapes'].append(about | {'mesh': name} if is_mesh else about)
+        drawn['shape_points'] += _short(ends.ravel().tolist())
 
     def _on_reports(self, message: DiagnosticArray) -> None:
         found = [status for status in message.status if status.name.startswith(self._task)]

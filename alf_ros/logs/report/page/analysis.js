@@ -1,15 +1,10 @@
 'use strict';
-// One analysis of logs: the mechanism, plots and lists, with one cursor in time. No library.
+// One analysis of logs: the mechanism, plots and lists, with one cursor in time.
 
 const $ = (id) => document.getElementById(id);
 const SMOOTH = 0.05;  // s between frames, up to which what lies between them is drawn
 const TRAIL = 2;  // s
-const data = JSON.parse($('data').textContent, (key, value) => value?.f32 === undefined ? value : unpacked(value.f32));
-
-function unpacked(text) {
-  const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
-  return new Float32Array(bytes.buffer);
-}
+const data = JSON.parse($('data').textContent, unpacked);
 
 const letter = (n) => String.fromCharCode(65 + n % 26);
 
@@ -28,7 +23,8 @@ class Motion {
   constructor(log, number) {
     const {motion} = log;
     Object.assign(this, motion, {number, D: motion.spatial ? 3 : 2, first: log.first});
-    this.untraced = new Set([...motion.wheels, ...motion.shapePoints]);
+    this.untraced = new Set([...motion.wheels, ...motion.symbols, ...motion.shapePoints]);
+    for (const shape of this.shapes) shape.mesh = motion.meshes[shape.mesh];
     this.moving = new Map(motion.moving.map((point, n) => [point, n]));
     const box = this.extent(0, this.frames.t.length), one = this.extent(0, 1);
     this.box = box;
@@ -114,14 +110,27 @@ function drawStage() {
     return;
   }
   const factor = 10 ** Number($('scale').value);
-  stage.countMeshes(motions.reduce((sum, motion) => sum + motion.meshes, 0));
-  for (const motion of motions) {
-    const color = motion.number ? colorOf(`log ${letter(motion.number)}`) : colors.link;
-    const places = motion.places(view.t);
-    if ($('trails').checked) stage.drawTrails(trail(motion), color);
-    stage.drawShapes(motion.pick(places, motion.shapePoints), motion.shapes, color);
-    stage.drawWheels(motion.pick(places, motion.wheels), color);
-    stage.drawLinks(motion.pick(places, motion.links), motion.pick(places, motion.pins), color, motion.shapes.length > 0);
+  stage.drawNotes(motions.reduce((sum, motion) => sum + motion.missing, 0));
+  const seen = motions.map((motion) => ({
+    motion,
+    places: motion.places(view.t),
+    color: motion.number ? colorOf(`log ${letter(motion.number)}`) : colors.link,
+  }));
+  if ($('trails').checked) for (const {motion, color} of seen) stage.drawTrails(trail(motion), color);
+  const bodies = seen.map(({motion, places, color}) => ({
+    points: motion.pick(places, motion.shapePoints),
+    shapes: motion.shapes,
+    color: motion.number ? color : colors.body,
+    opacity: motion.number ? 0.5 : 1,
+  }));
+  stage.drawBodies(bodies, () => {
+    for (const {motion, places, color} of seen) {
+      stage.drawWheels(motion.pick(places, motion.wheels), color);
+      stage.drawLines(motion.pick(places, motion.symbols), color);
+      stage.drawLinks(motion.pick(places, motion.links), motion.pick(places, motion.pins), color, motion.shapes.length > 0);
+    }
+  });
+  for (const {motion, places} of seen) {
     if ($('reactions').checked) stage.drawArrows(motion.reactions(places, view.t), colors.reaction, factor);
     stage.drawArrows(motion.applied(view.t), colors.applied, factor);
   }
@@ -134,6 +143,14 @@ function trail(motion) {
     if (t >= data.logs[motion.number].first) found.push(motion.pick(motion.places(t), points));
   }
   return found;
+}
+
+async function bringThree() {
+  const packed = Uint8Array.from(atob(data.three), (letter) => letter.charCodeAt(0));
+  const text = new Blob([packed]).stream().pipeThrough(new DecompressionStream('gzip'));
+  const script = document.createElement('script');
+  script.textContent = await new Response(text).text();
+  document.head.append(script);
 }
 
 // -------------------------------------------------------------------------------------- timeline
@@ -361,6 +378,8 @@ const plots = [new Timeline($('plots')), ...data.panels.map((panel) =>
   new Plot($('plots'), panel, curves.filter((curve) => curve.panel === panel.key)))];
 data.logs.forEach(describe);
 legend();
+if (data.three) startSolids(stage, bringThree).then(draw);
+else stage.flat = data.flat;
 matchMedia('(prefers-color-scheme: dark)').onchange = onColors;
 new ResizeObserver(onColors).observe($('plots'));
 new ResizeObserver(draw).observe($('stage'));

@@ -5,7 +5,7 @@ const colors = {};
 
 function readColors() {
   const style = getComputedStyle(document.documentElement);
-  for (const name of ['ink', 'faint', 'line', 'link', 'joint', 'reaction', 'applied', 'energy', 'error', 'grid', 'sheet', 'back', 'bad', 'warn', 'good']) {
+  for (const name of ['ink', 'faint', 'line', 'link', 'body', 'joint', 'reaction', 'applied', 'energy', 'error', 'grid', 'sheet', 'back', 'bad', 'warn', 'good']) {
     colors[name] = style.getPropertyValue(`--${name}`).trim();
   }
 }
@@ -27,6 +27,14 @@ function shown(x) {
   const size = Math.abs(x);
   if (!size) return '0';
   return size < 1e-3 || size >= 1e5 ? x.toExponential(2) : x.toPrecision(4);
+}
+
+// For JSON.parse: {f32: text} and {u32: text} are arrays of numbers in base64.
+function unpacked(key, value) {
+  const text = value?.f32 ?? value?.u32;
+  if (text === undefined) return value;
+  const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+  return value.f32 === undefined ? new Uint32Array(bytes.buffer) : new Float32Array(bytes.buffer);
 }
 
 function niceStep(least) {
@@ -58,6 +66,9 @@ class Stage {
   constructor(canvas, changed) {
     this.canvas = canvas;
     this.box = null;  // [low, high] of what is shown, m
+    this.solids = null;  // draws bodies that have shapes, where it can
+    this.flat = '';  // why it cannot
+    this.strength = 1;  // of lines
     this.reset(false);
     canvas.onpointerdown = (event) => canvas.setPointerCapture(event.pointerId);
     canvas.onpointermove = (event) => {
@@ -100,16 +111,16 @@ class Stage {
     return true;
   }
 
-  // `project`: world (m) to screen: [x, y, depth]; depth grows towards the eye.
+  // `project`: world (m) to screen: [x, y, depth]; depth grows towards the eye. `axes`: directions
+  // in the world of right, up and the eye; `scale`: pixels per m; `middle` (m) is in the centre of
+  // the screen until a hand moves it.
   aim() {
     const {width, height, box} = this;
     const {yaw, pitch, zoom, x, y} = this.camera;
     const [cy, sy, cp, sp] = [Math.cos(yaw), Math.sin(yaw), Math.cos(pitch), Math.sin(pitch)];
-    const middle = box[0].map((low, k) => (low + box[1][k]) / 2);
-    const turn = (px, py, pz) => {
-      const along = -sy * px + cy * py;
-      return [cy * px + sy * py, sp * along + cp * pz, -cp * along + sp * pz];
-    };
+    const middle = this.middle = box[0].map((low, k) => (low + box[1][k]) / 2);
+    const axes = this.axes = [[cy, sy, 0], [-sp * sy, sp * cy, cp], [cp * sy, -cp * cy, sp]];
+    const turn = (px, py, pz) => axes.map(([a, b, c]) => a * px + b * py + c * pz);
     // Room for every corner of the box, so that turning changes nothing in size while playing.
     const spans = [0, 0];
     for (let corner = 0; corner < 8; corner++) {
@@ -183,6 +194,7 @@ class Stage {
   drawWheels(list, color = colors.link) {
     const {pen} = this, places = triples(list);
     pen.strokeStyle = color;
+    pen.globalAlpha = this.strength;
     pen.lineWidth = 1.5;
     for (let n = 0; n + 2 < places.length; n += 3) {
       const [centre, a, b] = places.slice(n, n + 3);
@@ -195,30 +207,46 @@ class Stage {
       }
       pen.stroke();
     }
+    pen.globalAlpha = 1;
   }
 
-  // Their files are not read here.
-  countMeshes(count) {
-    if (!count) return;
-    const {pen} = this;
+  // What the picture of bodies lacks: `missing` meshes, and why there are outlines only.
+  drawNotes(missing) {
+    const {pen} = this, notes = this.flat ? [this.flat] : [];
+    if (missing) notes.push(missing === 1 ? '1 mesh is not drawn' : `${missing} meshes are not drawn`);
     pen.fillStyle = colors.faint;
     pen.textAlign = 'left';
-    pen.fillText(count === 1 ? '1 mesh is not drawn' : `${count} meshes are not drawn`, 12, this.height - 14);
+    notes.forEach((note, n) => pen.fillText(note, 12, this.height - 14 - 16 * n, this.width - 120));
   }
 
-  // Of each shape its middle and the ends of its three half axes: a translucent outline. What
-  // overlaps in one colour is filled once.
-  drawShapes(list, shapes, color = colors.link) {
+  // Bodies of groups {points, shapes, color, opacity}, and the lines that `drawLines` draws. Of
+  // each shape `points` has its middle and the ends of its three half axes. Lines under solid
+  // bodies shine through.
+  drawBodies(groups, drawLines) {
+    const some = groups.some(({shapes}) => shapes.length);
+    const picture = some && this.solids ? this.solids.picture(this, groups) : null;
+    if (!picture) for (const {points, shapes, color} of groups) this.drawOutlines(points, shapes, color);
+    drawLines();
+    if (!picture) return;
+    this.pen.drawImage(picture, 0, 0, this.width, this.height);
+    this.strength = 0.35;
+    drawLines();
+    this.strength = 1;
+  }
+
+  // Translucent outlines of shapes. What overlaps in one colour is filled once.
+  drawOutlines(list, shapes, color) {
     const {pen} = this, places = triples(list), fills = new Map();
     shapes.forEach((shape, n) => {
       const ends = places.slice(4 * n, 4 * n + 4);
+      if (shape.kind === 'mesh' && !shape.mesh) return;  // has not come yet
       if (ends.length < 4 || ends.flat().some((x) => !Number.isFinite(x))) return;
       const [r, g, b, opacity] = shape.color ?? [];
       const own = shape.color ? `rgb(${[r, g, b].map((x) => Math.round(255 * x)).join(' ')})` : color;
       const key = `${own} ${opacity ?? 1}`;
       if (!fills.has(key)) fills.set(key, {own, opacity: opacity ?? 1, path: new Path2D()});
       const {path} = fills.get(key);
-      hull(this.silhouette(shape.kind, ends)).forEach(([u, v], k) => path[k ? 'lineTo' : 'moveTo'](u, v));
+      hull(this.silhouette(shape, ends)).forEach(([u, v], k) => path[k ? 'lineTo' : 'moveTo'](u, v));
       path.closePath();
     });
     pen.lineWidth = 1;
@@ -233,10 +261,11 @@ class Stage {
   }
 
   // Places on the screen whose convex hull is the outline of a shape.
-  silhouette(kind, [middle, ...ends]) {
+  silhouette({kind, mesh}, [middle, ...ends]) {
     const axes = ends.map((end) => end.map((x, k) => x - middle[k]));
     const at = (a, b, c) => this.project(...middle.map((x, k) => x + a * axes[0][k] + b * axes[1][k] + c * axes[2][k]));
     const turns = Array.from({length: 48}, (_, k) => [Math.cos(k * Math.PI / 24), Math.sin(k * Math.PI / 24)]);
+    if (mesh) return triples([...mesh.extremes]).map((place) => at(...place));
     if (kind === 'box') return Array.from({length: 8}, (_, k) => at(...[0, 1, 2].map((axis) => k >> axis & 1 ? 1 : -1)));
     if (kind === 'cylinder') return turns.flatMap(([c, s]) => [at(c, s, 1), at(c, s, -1)]);
     const [u, v] = this.project(...middle), radius = this.scale * Math.hypot(...axes[0]);
@@ -247,6 +276,7 @@ class Stage {
   drawLines(list, color = colors.link) {
     const {pen} = this, ends = triples(list);
     pen.strokeStyle = color;
+    pen.globalAlpha = this.strength;
     pen.lineWidth = 1.5;
     pen.beginPath();
     for (let n = 0; n + 1 < ends.length; n += 2) {
@@ -254,6 +284,7 @@ class Stage {
       pen.lineTo(...this.project(...ends[n + 1]).slice(0, 2));
     }
     pen.stroke();
+    pen.globalAlpha = 1;
   }
 
   // Ends of lines in turn, and joints. What is farther away first, and a little paler. Lines are
@@ -274,7 +305,7 @@ class Stage {
     pen.strokeStyle = color;
     pen.fillStyle = colors.joint;
     for (const {depth, line, at} of parts) {
-      pen.globalAlpha = spatial ? 0.78 + 0.22 * Math.tanh(4 * depth / size) : 1;
+      pen.globalAlpha = this.strength * (spatial ? 0.78 + 0.22 * Math.tanh(4 * depth / size) : 1);
       pen.lineWidth = at ? 2.5 : thin ? 2 : 6;
       pen.beginPath();
       if (at) {

@@ -1,5 +1,5 @@
 'use strict';
-// The live view: pictures come as server-sent events, commands go back as posts. No library.
+// The live view: pictures come as server-sent events, commands go back as posts.
 
 const $ = (id) => document.getElementById(id);
 const WINDOW = 20;  // simulated seconds in a plot
@@ -202,6 +202,7 @@ function onPicture(found) {
   if (first || $('range').dataset.run !== String(about.run)) suggestRange();
   $('time').textContent = found.t === undefined ? '' : `${found.t.toFixed(3)} s`;
   showJoints();
+  wantSolids();
   draw();
 }
 
@@ -221,6 +222,37 @@ function connect() {
   source.addEventListener('picture', (event) => onPicture(JSON.parse(event.data)));
   // The browser tries again by itself; another view may have another count of runs.
   source.onerror = () => onAbout({...about, run: -1, state: 'no view', reports: []});
+}
+
+// ---------------------------------------------------------------------------------------- solids
+
+const meshes = new Map();  // by name; null until it came
+let asked = false;
+
+// three.js is loaded for the first scene whose bodies have shapes.
+function wantSolids() {
+  if (asked || !picture.shapes?.length) return;
+  asked = true;
+  if (about.flat) stage.flat = about.flat;
+  else startSolids(stage, bringThree).then(draw);
+}
+
+function bringThree() {
+  return new Promise((done, failed) => {
+    const script = document.createElement('script');
+    Object.assign(script, {src: 'three.js', onload: done, onerror: () => failed(new Error('three.js does not come'))});
+    document.head.append(script);
+  });
+}
+
+function meshOf(name) {
+  if (name && !meshes.has(name)) {
+    meshes.set(name, null);
+    fetch(`mesh/${name}`).then((answer) => answer.text())
+      .then((text) => { meshes.set(name, JSON.parse(text, unpacked)); draw(); })
+      .catch(() => meshes.delete(name));
+  }
+  return meshes.get(name);
 }
 
 // --------------------------------------------------------------------------------------- drawing
@@ -248,10 +280,13 @@ function drawStage() {
   }
   const factor = 10 ** Number($('scale').value);
   if ($('trails').checked) stage.drawTrails(trail);
-  stage.countMeshes(picture.meshes);
-  stage.drawShapes(picture.shape_points, picture.shapes ?? []);
-  stage.drawLines(picture.wheels);
-  stage.drawLinks(picture.links, picture.joints, colors.link, picture.shapes?.length > 0);
+  stage.drawNotes(picture.missing);
+  const shapes = (picture.shapes ?? []).map((shape) => ({...shape, mesh: meshOf(shape.mesh)}));
+  stage.drawBodies([{points: picture.shape_points ?? [], shapes, color: colors.body}], () => {
+    stage.drawLines(picture.wheels);
+    stage.drawLines(picture.symbols);
+    stage.drawLinks(picture.links, picture.joints, colors.link, shapes.length > 0);
+  });
   if ($('reactions').checked) stage.drawArrows(picture.reactions, colors.reaction, factor);
   stage.drawArrows(picture.applied, colors.applied, factor);
 }

@@ -3,14 +3,9 @@
 
 const $ = (id) => document.getElementById(id);
 const PERIOD = 2;  // s, of every mode on the screen
-const data = JSON.parse($('data').textContent, (key, value) => value?.f32 === undefined ? value : unpacked(value.f32));
+const data = JSON.parse($('data').textContent, unpacked);
 const stage = new Stage($('stage'), draw);
 let chosen = 0, phase = 0.25, before = 0, playing = !matchMedia('(prefers-reduced-motion: reduce)').matches;
-
-function unpacked(text) {
-  const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
-  return new Float32Array(bytes.buffer);
-}
 
 // Places of all points, three numbers each, at a part of the amplitude from -1 to 1.
 function places({frames, count}, part) {

@@ -1,0 +1,50 @@
+"""Meshes for the page of the view, each read once, in a thread: a large file takes seconds.
+
+The page asks for them by a name made of their triangles, so that no request contains a path.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import threading
+from queue import SimpleQueue
+
+from alf_ros.errors import InputError
+from alf_ros.inspection.mesh_triangles import MeshTriangles, read_mesh
+from alf_ros.logs.report.solid_bodies import mesh_data
+
+MOST_FILES = 500
+
+
+class MeshLibrary:
+    """Triangles of files, and their text for the page."""
+
+    def __init__(self) -> None:
+        self._read: dict[str, tuple[str, MeshTriangles] | None] = {}
+        self._texts: dict[str, bytes] = {}
+        self._wanted: SimpleQueue[str] = SimpleQueue()
+        threading.Thread(target=self._work, name='meshes', daemon=True).start()
+
+    def find(self, file: str) -> tuple[str, MeshTriangles] | None:
+        """Name and triangles of a file; None until it has been read, and if that fails."""
+        if file not in self._read and len(self._read) < MOST_FILES:
+            self._read[file] = None
+            self._wanted.put(file)
+        return self._read.get(file)
+
+    def text(self, name: str) -> bytes | None:
+        """The JSON of a mesh that has been read; None if none has this name."""
+        return self._texts.get(name)
+
+    def _work(self) -> None:
+        while True:
+            file = self._wanted.get()
+            try:
+                mesh = read_mesh(file)
+            except InputError:
+                continue  # counted on the page; the simulator names files that are not there
+            text = json.dumps(mesh_data(mesh)).encode()
+            name = hashlib.sha256(text).hexdigest()[:24]
+            self._texts[name] = text
+            self._read[file] = name, mesh
