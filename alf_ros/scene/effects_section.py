@@ -42,7 +42,7 @@ def read_effects(
 
 
 def fit(found: Sequence[Effect], cut: Layout) -> bool:
-    """Whether effects that were read before fit a mechanism, cut, that has other masses."""
+    """Whether effects that were read before fit a mechanism, cut, that has other numbers."""
     try:
         for effect in found:
             effects.load(effect.kind).pack([effect], cut)

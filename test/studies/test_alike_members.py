@@ -16,7 +16,7 @@ from alf_ros.simulation.member_numbers import Likeness, unlike
 from alf_ros.simulation.member_readings import readable
 from alf_ros.studies.ensemble import members_together
 from alf_ros.studies.ensemble.distributions import normal, uniform
-from alf_ros.studies.ensemble.member import run_member
+from alf_ros.studies.ensemble.member import Member, run_member
 from alf_ros.studies.ensemble.members_together import run_members
 from alf_ros.studies.ensemble.study import Study
 from alf_ros.studies.ensemble.study_reading import study_of
@@ -102,6 +102,14 @@ def study(scene: Any, vary: dict[str, Any], **more: Any) -> Study:
     return study_of(found, vary, outputs=settings.pop('outputs', KEPT), **settings)
 
 
+def is_as_alone(made: Study, k: int, member: Member) -> None:
+    """Member k has the bits, or the reason, of its single run."""
+    alone = run_member(made, k)
+    assert member.reason == alone.reason
+    for array, own in zip(member.arrays, alone.arrays, strict=True):
+        assert array.tobytes() == own.tobytes()
+
+
 @pytest.mark.parametrize('n', range(len(STUDIES)))
 def test_members_have_the_bits_of_their_single_runs(n: int, monkeypatch: Any) -> None:
     made = study(*STUDIES[n])
@@ -119,10 +127,8 @@ def test_members_have_the_bits_of_their_single_runs(n: int, monkeypatch: Any) ->
     assert sum(counts) == made.members
     assert len(made.idle) == 1 and not pickle.loads(pickle.dumps(made)).idle
     for k in range(0, made.members, 3):
-        alone = run_member(made, k)
-        assert not alone.reason and not found[k].reason
-        for array, own in zip(found[k].arrays, alone.arrays, strict=True):
-            assert array.tobytes() == own.tobytes()
+        assert not found[k].reason
+        is_as_alone(made, k, found[k])
 
 
 @pytest.mark.parametrize('n', range(len(SEVERAL)))
@@ -139,8 +145,7 @@ def test_each_structure_has_members(n: int, monkeypatch: Any) -> None:
     found = run_members(made, range(made.members))
     assert made.idle[0].known > 1 and len(alone) <= 2 * width()
     for k in range(0, made.members, 7):
-        for array, own in zip(found[k].arrays, run_member(made, k).arrays, strict=True):
-            assert array.tobytes() == own.tobytes()
+        is_as_alone(made, k, found[k])
 
 
 def test_a_member_that_fails_or_differs_in_more_is_run_alone() -> None:
@@ -149,10 +154,7 @@ def test_a_member_that_fails_or_differs_in_more_is_run_alone() -> None:
     made = study('slider_crank', vary, sampling='table', members=None, outputs=KEPT[:3])
     found = run_members(made, range(made.members))
     for k, member in enumerate(found):
-        alone = run_member(made, k)
-        assert member.reason == alone.reason
-        for array, own in zip(member.arrays, alone.arrays, strict=True):
-            assert array.tobytes() == own.tobytes()
+        is_as_alone(made, k, member)
     assert 'negative mass' in found[1].reason and not found[2].reason
     assert found[5].reason and not found[6].reason
 
@@ -173,10 +175,7 @@ def test_lengths_that_are_refused(scene: str, name: str, values: list[str], refu
     made = study(scene, vary, sampling='table', members=None, outputs=KEPT[:3])
     found = run_members(made, range(made.members))
     for k, member in enumerate(found):
-        alone = run_member(made, k)
-        assert member.reason == alone.reason
-        for array, own in zip(member.arrays, alone.arrays, strict=True):
-            assert array.tobytes() == own.tobytes()
+        is_as_alone(made, k, member)
     assert sum(bool(each.reason) for each in found) == refused
 
 
@@ -185,8 +184,7 @@ def test_members_that_nobody_is_like_are_built_one_by_one() -> None:
     made = study('slider_crank', vary, members=3 * width(), outputs=KEPT[:2])
     found = run_members(made, range(made.members))
     assert made.idle[0].known == 0
-    for array, own in zip(found[5].arrays, run_member(made, 5).arrays, strict=True):
-        assert array.tobytes() == own.tobytes()
+    is_as_alone(made, 5, found[5])
 
 
 def test_a_structure_whose_members_start_in_other_ways_is_forgotten() -> None:

@@ -58,10 +58,18 @@ class Solids {
     }
     for (const part of parts.splice(count)) this.remove(part);
     this.aim(stage, reach);
-    renderer.setPixelRatio(devicePixelRatio || 1);
-    renderer.setSize(width, height, false);
+    this.resize(width, height, devicePixelRatio || 1);
     renderer.render(scene, this.camera);
     return renderer.domElement;
+  }
+
+  // Only for another size: three.js gives the picture new memory each time it is told one.
+  resize(...size) {
+    if (size.join() === this.size) return;
+    this.size = size.join();
+    const [width, height, ratio] = size;
+    this.renderer.setPixelRatio(ratio);
+    this.renderer.setSize(width, height, false);
   }
 
   // The stage's own camera: what it projects to a place on the screen, this one does too.
