@@ -84,5 +84,7 @@ def writing(option: str, path: str | Path) -> Iterator[None]:
     """Raises InputError that names the option and its path where the block raises OSError."""
     try:
         yield
+    except BrokenPipeError:  # of what is printed: the reader has gone, which `__main__` knows
+        raise
     except OSError as error:
         raise InputError(str(error.strerror), key=option, value=str(path)) from None

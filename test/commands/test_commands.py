@@ -164,6 +164,9 @@ def test_a_file_that_cannot_be_written_is_told_by_its_option(tmp_path):
     with pytest.raises(InputError, match='--folder: No such file'):
         with writing_into(str(tmp_path)) as folder:
             (folder / 'absent' / 'file').write_text('')
+    with pytest.raises(BrokenPipeError):  # of what is printed, not of a file
+        with writing_into(str(tmp_path)):
+            raise BrokenPipeError
 
 
 class Terminal(io.StringIO):
