@@ -54,11 +54,21 @@ def run(name: str, arguments: list[str]) -> int:
     return code
 
 
+def unless_half_made(unraisable: sys.UnraisableHookArgs) -> None:
+    """A hook of what cannot be raised: the usual one, except for what Ctrl-C left half made while
+    machine code was compiled. Such an object of llvmlite misses the handle that it would close."""
+    module = getattr(unraisable.object, '__module__', None) or ''
+    if not (unraisable.exc_type is AttributeError and module.startswith('llvmlite.')):
+        sys.__unraisablehook__(unraisable)
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command `argv[0]` with the rest of `argv` (default: the process's arguments).
 
     Returns the exit code: 2 for a usage or input error or a missing library, told in one line.
     """
+    if sys.unraisablehook is sys.__unraisablehook__:
+        sys.unraisablehook = unless_half_made
     name, *rest = (sys.argv[1:] if argv is None else list(argv)) or ['']
     try:
         code = run(name, rest)

@@ -12,9 +12,14 @@ An implicit method has no `low`, and ε = high. Beyond the stability limit of an
 elements chatter, however small the force and the motion: there ε is not small against h ξ̈.
 `Method.sharp` is the part that it reaches at about 0.7 of that limit.
 
-A step is off by h ε / size. Of that only the part along the free directions counts, which takes a
-solve: it is made where the whole is large enough to matter. Small errors therefore cost one pass
-over the rates of the stages.
+An error of the velocity lasts: on ẍ = -ω² x it has become one of ε / ω when the velocity turns,
+and 1 / ω is longer than a short step. There ρ falls with ω h, so that a step is off by
+
+    h ε max(1, c / ρ) / size
+
+with c = `Method.lasting` such that this is the error of the method far below the limit. Of that
+only the part along the free directions counts, which takes a solve: it is made where the whole is
+large enough to matter. Small errors therefore cost one pass over the rates of the stages.
 """
 
 from __future__ import annotations
@@ -182,8 +187,9 @@ def judge(unit: Unit, system: System, method: Method, work: Work, h: float) -> i
     high, low, first = embedded_errors(method, work)
     moved, sharp = 0.0, False
     if high > NOTHING:
-        error = high * (high * high / (high * high + low * low))
-        moved = h * h * error / system.size
+        part = high * high / (high * high + low * low)
+        error = high * part
+        moved = h * h * (max(high, method.lasting * low) * part) / system.size
         sharp = error > method.sharp * first
         if moved > TELLS or (sharp and moved > FINEST):
             if work.aside[0]:

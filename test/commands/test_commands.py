@@ -108,6 +108,19 @@ def test_ctrl_c_is_quiet(command, capsys):
     assert capsys.readouterr() == ('', '')
 
 
+@pytest.mark.parametrize('command', ['', "main(['--version'])"])
+def test_what_ctrl_c_leaves_half_made_says_nothing(command):
+    """Ctrl-C may come while llvmlite makes an object, whose end then misses the handle."""
+    code = f"""
+from alf_ros.__main__ import main
+from llvmlite.binding.ffi import ObjectRef
+{command}
+ObjectRef.__new__(ObjectRef)
+"""
+    said = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True).stderr
+    assert ('_as_parameter_' in said) == (not command)
+
+
 def test_a_command_gets_its_arguments_and_gives_its_exit_code(command):
     seen = []
 

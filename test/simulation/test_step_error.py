@@ -112,6 +112,22 @@ def test_the_estimate_is_the_error_of_the_method(integrator: str, z: complex) ->
             assert estimate < 3.0 * exact
 
 
+@pytest.mark.parametrize('integrator', ['rk4', 'dop853'])
+def test_errors_that_outlast_their_step_are_counted(integrator: str) -> None:
+    """On ẍ = -ω² x, with short steps: the displacement that the error of a step becomes."""
+    tableau = TABLEAUX[integrator]
+    high, low = tableau.estimate
+    for size in np.linspace(0.25, 1.0, 16):
+        value = 1j * size
+        k = np.linalg.solve(
+            np.eye(tableau.b.size) - value * tableau.a, np.full(tableau.b.size, value)
+        )
+        exact = abs(1.0 + tableau.b @ k - np.exp(value))
+        a, b = abs(high @ k), abs(low @ k)
+        moved = size * max(a, tableau.lasting * b) * a * a / (a * a + b * b)
+        assert 0.75 * exact < moved < 1.35 * exact
+
+
 @pytest.mark.parametrize('name', SCENES)
 def test_no_alarm_in_the_library(name: str) -> None:
     sim = Simulation(load_scene(name))

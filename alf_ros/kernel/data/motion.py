@@ -23,6 +23,7 @@ class Method(Struct):
     # implicit method (stages,)
     estimate: Floats  # (2, stages) weights by which `step_error` judges fixed steps, or (0,)
     sharp: float  # part of h q̈ that an error exceeds where an acceleration is not resolved
+    lasting: float  # the ratio of both estimates above which errors do not outlast their step
     caution: float  # by how much the estimate of `step_error` may be too small
     guess: Floats  # (stages, stages) q̈ of a stage extrapolated from those before; explicit: (0,)
     iterations: np.uint64  # at most, in one solve

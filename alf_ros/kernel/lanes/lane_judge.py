@@ -45,8 +45,10 @@ def judge_lanes(
         return good
     high, low, first = embedded_errors(method, work)
     matters = high > NOTHING
-    error = high * (high * high / (high * high + low * low))
-    moved = pick(matters, h * h * error / system.size, 0.0)
+    part = high * high / (high * high + low * low)
+    error = high * part
+    moved = h * h * (max(high, method.lasting * low) * part) / system.size
+    moved = pick(matters, moved, 0.0)
     sharp = matters & (error > method.sharp * first)
     told = good & matters & ((moved > TELLS) | (sharp & (moved > FINEST)))
     if anywhere(told):
