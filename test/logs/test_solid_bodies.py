@@ -180,6 +180,34 @@ def test_the_page_says_what_is_not_drawn(solid: Browser) -> None:
     assert solid.complaints == []
 
 
+def test_bodies_in_the_plane_keep_their_depth(tmp_path: Path) -> None:
+    """Without it they are black. The view encloses both ends of a shape."""
+    shape = {'box': {'size': [1.4, 0.2, 0.3]}, 'at': [0.5, 0], 'color': RED}
+    bar = {'points': ['O', 'A'], 'mass': 1.0, 'inertia': 'rod', 'shapes': [shape]}
+    given = {
+        'name': 'bar',
+        'mechanism': {
+            'alf': 1,
+            'space': 'planar',
+            'points': {'O': {'at': [0, 0], 'fixed': True}, 'A': {'at': [1, 0]}},
+            'bodies': {'bar': bar},
+            'joints': {'pin': {'type': 'revolute', 'between': ['ground', 'bar'], 'at': 'O'}},
+        },
+    }
+    target = tmp_path / 'page.html'
+    assert main([str(make(tmp_path / 'log', given, ticks=20)[0].parent), '-o', str(target)]) == 0
+    with Browser(target.as_uri(), tmp_path / 'profile') as browser:
+        browser.until('!!stage.solids')
+        browser.run("$('reactions').checked = false; draw()")
+        text = browser.run("$('stage').toDataURL()").partition(',')[2]
+        shown = np.asarray(Image.open(io.BytesIO(base64.b64decode(text))).convert('RGB'))
+        face = outline(browser, box([0.5, 0, 0], [1.4, 0.2, 0]))
+        assert colored(shown, RED)[inside(shown, face, -2.0)].mean() > 0.8  # a line is before it
+        low, high = browser.run('stage.box')
+        assert np.allclose([low, high], [[-0.2, -0.1, -0.15], [1.2, 0.1, 0.15]], atol=1e-3)
+        assert browser.complaints == []
+
+
 @pytest.mark.parametrize('width', [390, 1280])
 def test_without_webgl_there_are_outlines(page: Path, tmp_path: Path, width: int) -> None:
     with Browser(page.as_uri(), tmp_path / 'profile', (width, 800), flat=True) as browser:

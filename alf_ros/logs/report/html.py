@@ -164,7 +164,7 @@ def _motion(motion: DrawnMotion, first: float) -> Json:
     D = 3 if motion.spatial else 2
     moving = np.flatnonzero(np.ptp(motion.places, axis=0).any(axis=1)).tolist()
     still = motion.places[0].astype(object)
-    still[moving] = None
+    still[moving, :D] = None  # in the plane depths of shapes stay
     frames = {
         't': array(motion.t - first),
         'values': array(motion.places[:, moving, :D]),

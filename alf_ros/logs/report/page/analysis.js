@@ -35,20 +35,26 @@ class Motion {
 
   // [low, high] of frames `from` up to `to`, with the fixed points
   extent(from, to) {
-    const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity], {D} = this;
-    const note = (k, x) => { low[k] = Math.min(low[k], x); high[k] = Math.max(high[k], x); };
+    const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
+    const note = (x, n) => { low[n % 3] = Math.min(low[n % 3], x); high[n % 3] = Math.max(high[n % 3], x); };
     const {values, width} = this.frames;
-    for (let n = from * width; n < to * width; n++) note(n % width % D, values[n]);
-    this.still.forEach((x, n) => { if (x !== null) note(n % 3, x); });
-    if (D === 2) note(2, 0);
+    for (let k = from; k < to; k++) {
+      const found = this.placesOf(values.subarray(k * width, (k + 1) * width));
+      found.forEach(note);
+      otherEnds(this.pick(found, this.shapePoints)).forEach(note);
+    }
     return [low, high];
   }
 
   // Places of all points, three numbers each.
   places(time) {
-    const frame = frameAt(this.frames, time - this.first), found = Float32Array.from(this.still), {D} = this;
+    return this.placesOf(frameAt(this.frames, time - this.first));
+  }
+
+  placesOf(frame) {
+    const found = Float32Array.from(this.still), {D} = this;
     for (const [point, n] of this.moving) {
-      for (let k = 0; k < 3; k++) found[3 * point + k] = k < D ? frame[n * D + k] : 0;
+      for (let k = 0; k < D; k++) found[3 * point + k] = frame[n * D + k];
     }
     return found;
   }

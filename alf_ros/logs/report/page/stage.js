@@ -48,6 +48,11 @@ function triples(list) {
   return found;
 }
 
+// The ends of half axes on the other side, of shapes with twelve numbers each: middle and three ends.
+function otherEnds(points) {
+  return points.map((x, n) => (x === null ? null : 2 * points[n - n % 12 + n % 3] - x));
+}
+
 // The convex hull of places on the screen, in order (Andrew's monotone chain).
 function hull(places) {
   const sorted = [...places].sort((one, other) => one[0] - other[0] || one[1] - other[1]);

@@ -198,7 +198,8 @@ function onPicture(found) {
     if (found.joints) trail.push(found.joints);
     if (trail.length > TRAIL) trail.shift();
   }
-  if (found.links) enclose([...found.links, ...found.joints ?? [], ...found.wheels ?? [], ...found.shape_points ?? []]);
+  const ends = found.shape_points ?? [];
+  if (found.links) enclose([...found.links, ...found.joints ?? [], ...found.wheels ?? [], ...ends, ...otherEnds(ends)]);
   if (first || $('range').dataset.run !== String(about.run)) suggestRange();
   $('time').textContent = found.t === undefined ? '' : `${found.t.toFixed(3)} s`;
   showJoints();
