@@ -35,17 +35,17 @@ run: setup
 view: setup
 	@$(BIN)/python -m alf_ros view $(ARGS)
 
-# For every change, before `make test`: quick tests without a node, and the linter of the prose.
-# Coverage is of these tests. What kills processes and waits for them is left to `make test`.
+# For every change, before `make test`: quick tests without a node, the linter of the prose, and the
+# coverage of these tests. What kills processes and waits for them is left to `make test`.
 LONG := test/kernel/test_cache_attacks.py test/scene/test_mutants.py
 CHECKED := $(filter-out $(LONG),$(wildcard $(addsuffix /test_*.py,test/kernel test/mechanism test/scene))) \
 	test/project/test_prose.py test/studies/test_loads.py test/studies/test_alike_members.py \
 	test/simulation/test_bearing_shares.py
 # Plugins are named: a sourced ROS 2 brings some that do not fit this pytest.
-# Three workers keep two cores busy: tests of nodes wait for a part of their time. They take whole
+# Four workers keep two cores busy: tests of nodes wait for a part of their time. They take whole
 # files, in the order of test/conftest.py.
 PYTEST := -m pytest --disable-plugin-autoload -p xdist -p hypothesispytest \
-	-n 3 --dist loadfile --no-loadscope-reorder
+	-n 4 --dist loadfile --no-loadscope-reorder
 COVERAGE := COVERAGE_FILE='$(CURDIR)/.coverage' $(BIN)/coverage
 
 # Every check runs and every failure counts; pytest comes last, so that its summary ends the output.
@@ -54,14 +54,12 @@ check test: setup
 	$(BIN)/ruff check . || failed="$$failed, ruff check"; \
 	$(BIN)/ruff format --check . || failed="$$failed, ruff format"; \
 	$(BIN)/mypy || failed="$$failed, mypy"; \
-	$(if $(ARGS),$(BIN)/python $(PYTEST) $(ARGS) || failed="$$failed$(COMMA) pytest";,$(EVERYTHING)) \
+	$(if $(ARGS)$(filter test,$@),$(BIN)/python $(PYTEST) $(ARGS) || failed="$$failed$(COMMA) pytest";,$(QUICK)) \
 	if [ -n "$$failed" ]; then echo "make $@: failed: $${failed#, }" >&2; exit 1; fi
 
 COMMA := ,
-# What fills the cache of machine code comes first, where both workers have enough to do meanwhile.
-define EVERYTHING
-$(if $(filter test,$@),$(BIN)/python $(PYTEST) $(CHECKED:%=--ignore=%) || failed="$$failed$(COMMA) pytest";) \
-	$(COVERAGE) erase; \
+define QUICK
+$(COVERAGE) erase; \
 	$(COVERAGE) run $(PYTEST) $(CHECKED) || failed="$$failed, pytest"; \
 	$(COVERAGE) combine --quiet; printf 'lines of the library that these tests run, %%: '; \
 	$(COVERAGE) report --format=total || failed="$$failed, coverage";
