@@ -26,8 +26,8 @@ import reference
 import sources
 
 
-def assemble(target: Path, kept: Path, films: bool) -> None:
-    """Write all sources of the site into an empty folder."""
+def assemble(target: Path, kept: Path, films: bool, scenes: list[str] | None = None) -> None:
+    """Write all sources of the site into an empty folder; `scenes`: those of the gallery."""
     sources.copy(target)
     notebooks.write(target)
     pages = {
@@ -40,7 +40,7 @@ def assemble(target: Path, kept: Path, films: bool) -> None:
     (target / 'reference').mkdir()
     for name, text in pages.items():
         (target / 'reference' / f'{name}.md').write_text(text, 'utf-8')
-    gallery.write(target / 'gallery', kept, films)
+    gallery.write(target / 'gallery', kept, films, scenes)
 
 
 def main() -> int:
@@ -48,12 +48,13 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--folder', default=sources.ROOT / 'build' / 'docs', type=Path)
     parser.add_argument('--no-films', action='store_true', help='leave moving pictures out')
+    parser.add_argument('--scenes', nargs='+', help='a gallery of these scenes only')
     options = parser.parse_args()
     folder = options.folder.resolve()
     for part in ('sources', 'html'):
         shutil.rmtree(folder / part, ignore_errors=True)
     (folder / 'sources').mkdir(parents=True)
-    assemble(folder / 'sources', folder / 'pictures', not options.no_films)
+    assemble(folder / 'sources', folder / 'pictures', not options.no_films, options.scenes)
     flags = ['-W', '--keep-going', '-q', '-c', str(sources.HERE), '-d', str(folder / 'doctrees')]
     command = [
         sys.executable,

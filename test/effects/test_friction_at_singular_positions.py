@@ -80,25 +80,34 @@ def balances(angle: float, rate: float, friction: dict[str, float]) -> list[Floa
     K, r, F = newton_euler(angle, rate, friction)
     inverse = np.linalg.inv(K[:5, :5])
 
-    def rest(N: float) -> Floats:
-        loads, x = np.array([abs(N), 1.0, 1.0]), np.zeros(6)
+    def magnitudes(x: Floats) -> Floats:
+        """(k, 3) of (k, 6)."""
+        of_pins = np.hypot(x[:, 1], x[:, 2]), np.hypot(x[:, 3], x[:, 4])
+        return np.column_stack([np.abs(x[:, 5]), *of_pins])
+
+    def rest(N: Floats) -> Floats:
+        """(k, 6) x for reactions of the guide (k,)."""
+        loads = np.column_stack([np.abs(N), np.ones((N.size, 2))])
         for _ in range(500):
-            x[:] = np.append(inverse @ ((r + F @ loads)[:5] - K[:5, 5] * N), N)
-            new = np.array([abs(N), np.hypot(x[1], x[2]), np.hypot(x[3], x[4])])
-            if np.abs(new - loads).max() <= 1e-14 * new.max():
+            known = (r + loads @ F.T)[:, :5] - N[:, None] * K[:5, 5]
+            x = np.column_stack([known @ inverse.T, N])
+            new = magnitudes(x)
+            if (np.abs(new - loads).max(axis=1) <= 1e-14 * new.max(axis=1)).all():
                 break
             loads = new
         return x
 
-    def gap(u: float) -> float:
+    def gaps(u: Floats) -> Floats:
         x = rest(np.sinh(u))
-        loads = np.array([abs(x[5]), np.hypot(x[1], x[2]), np.hypot(x[3], x[4])])
-        return float((K @ x - r - F @ loads)[5] / (1.0 + abs(x[5])))
+        return np.asarray((x @ K.T - r - magnitudes(x) @ F.T)[:, 5] / (1.0 + np.abs(x[:, 5])))
 
-    grid = np.linspace(-9.0, 9.0, 601)
-    values = [gap(u) for u in grid]
+    def gap(u: float) -> float:
+        return float(gaps(np.array([u]))[0])
+
+    grid: Floats = np.linspace(-9.0, 9.0, 601)
+    values = gaps(grid)
     return [
-        rest(np.sinh(brentq(gap, grid[k], grid[k + 1], xtol=1e-15)))
+        rest(np.sinh([brentq(gap, grid[k], grid[k + 1], xtol=1e-15)]))[0]
         for k in range(grid.size - 1)
         if values[k] * values[k + 1] < 0.0
     ]
