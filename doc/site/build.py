@@ -27,7 +27,7 @@ import sources
 
 
 def assemble(target: Path, kept: Path, films: bool, scenes: list[str] | None = None) -> None:
-    """Write all sources of the site into an empty folder; `scenes`: those of the gallery."""
+    """Write all sources of the site into an empty folder; the gallery shows `scenes`, or all."""
     sources.copy(target)
     notebooks.write(target)
     pages = {

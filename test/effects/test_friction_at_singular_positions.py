@@ -97,14 +97,14 @@ def balances(angle: float, rate: float, friction: dict[str, float]) -> list[Floa
             loads = new
         return x
 
-    def gaps(u: Floats) -> Floats:
+    def gaps(u: NDArray[np.floating[Any]]) -> Floats:
         x = rest(np.sinh(u))
         return np.asarray((x @ K.T - r - magnitudes(x) @ F.T)[:, 5] / (1.0 + np.abs(x[:, 5])))
 
     def gap(u: float) -> float:
         return float(gaps(np.array([u]))[0])
 
-    grid: Floats = np.linspace(-9.0, 9.0, 601)
+    grid = np.linspace(-9.0, 9.0, 601, dtype=np.float64)
     values = gaps(grid)
     return [
         rest(np.sinh([brentq(gap, grid[k], grid[k + 1], xtol=1e-15)]))[0]
