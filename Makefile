@@ -48,6 +48,8 @@ PYTEST := -m pytest --disable-plugin-autoload -p xdist -p hypothesispytest \
 	-n 4 --dist loadfile --no-loadscope-reorder
 COVERAGE := COVERAGE_FILE='$(CURDIR)/.coverage' $(BIN)/coverage
 
+# Hundreds of short processes start: each would compile what it imports, where bytecode is not kept.
+check test: export PYTHONDONTWRITEBYTECODE =
 # Every check runs and every failure counts; pytest comes last, so that its summary ends the output.
 check test: setup
 	@failed=''; \

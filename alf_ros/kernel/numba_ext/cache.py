@@ -40,6 +40,7 @@ from typing import Any
 
 from numba.core.caching import _Cache
 from numba.core.compiler_lock import global_compiler_lock
+from numba.core.runtime import rtsys
 from numba.core.serialize import dumps
 
 from alf_ros.gc_pause import paused
@@ -97,7 +98,8 @@ class Cache(_Cache):
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """The code for a signature, or None: then the overload is locked, and nobody has it."""
-        target_context.refresh()
+        # Not all that numba refreshes here: a compilation brings the rest, a tenth of a start.
+        rtsys.initialize(target_context)
         data = self._read(sig, target_context)
         if data is None:
             _misses.append(self._name)
