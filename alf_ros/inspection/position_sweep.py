@@ -14,6 +14,7 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.model.dense_linearisation import DEPENDENT, Linearised
+from alf_ros.model.golden_section import lowest
 
 _STEP = 0.03  # of the shortest bar
 _MOST, _SAMPLE = 1200, 480  # positions: of one way, of several together
@@ -95,24 +96,16 @@ def _walk(start: Linearised, direction: Floats, most: int, found: Sweep) -> None
 
 
 def bottom(back: Linearised, ahead: Linearised, rank: int) -> Linearised | None:
-    """The position between two at which the rank-th singular value is least: golden section."""
-    n, ratio = back.model.n, 0.5 * (math.sqrt(5.0) - 1.0)
+    """The position between two at which the rank-th singular value is least."""
+    n = back.model.n
     span = ahead.q[:n] - back.q[:n]
+    tried: dict[float, Linearised | None] = {}
 
-    def there(s: float) -> tuple[float, Linearised | None]:
-        at = back.closed(s * span, rank)
-        return (math.inf, None) if at is None else (float(at.singular_values[rank - 1]), at)
+    def height(s: float) -> float:
+        at = tried[s] = back.closed(s * span, rank)
+        return math.inf if at is None else float(at.singular_values[rank - 1])
 
-    low, high = 0.0, 1.0
-    left, right = there(high - ratio), there(low + ratio)
-    while high - low > 0.1 * DEPENDENT:
-        if left[0] < right[0]:
-            high, right = low + ratio * (high - low), left
-            left = there(high - ratio * (high - low))
-        else:
-            low, left = high - ratio * (high - low), right
-            right = there(low + ratio * (high - low))
-    return min(left, right, key=lambda found: found[0])[1]
+    return tried[lowest(height, 0.0, 1.0, 0.1 * DEPENDENT)]
 
 
 def approached(at: Linearised, t: Floats, rank: int, h: float, usual: float) -> Linearised | None:

@@ -1,4 +1,4 @@
-"""Newton's iteration that closes a mechanism: q moves along M to where Φ = 0."""
+"""Newton's iteration that closes a mechanism: q moves along M to where Φ = 0, or rows agree."""
 
 from __future__ import annotations
 
@@ -54,6 +54,47 @@ def settle(
             work.q[i] += fraction * work.delta[i]
     opened(unit, system, work, phi, gap)
     return True
+
+
+@compiled
+def settle_as_far_as_rows_agree(
+    unit: Unit,
+    system: System,
+    work: Work,
+    part: float,
+    most: int,
+    best: Floats,
+    phi: Floats,
+    gap: Floats,
+) -> None:
+    """Move work.q by full steps, at most so many, as long as each leaves less than a `part` of the
+    largest gap. A contradiction stays: its σ is as small as its gap.
+
+    best (blocks D,), phi and gap (rows,) are memory.
+    """
+    rows, n = system.rows, work.p.size
+    least = np.inf
+    for _ in range(most):
+        largest = opened(unit, system, work, phi, gap)
+        if not largest < part * least:
+            if not least <= largest:
+                return
+            break
+        least = largest
+        for i in range(best.size):
+            best[i] = work.q[i]
+        if not linearise(unit, system, work, work.q):
+            return
+        for r in range(phi.size):
+            phi[r] *= -rows.alpha[r]
+        for i in range(work.delta.size):
+            work.delta[i] = 0.0
+        add_transposed(unit, rows, work.g, work.g2, phi, work.delta)
+        solve(unit, system.pattern, work.diagonal, work.off, work.delta)
+        for i in range(n):
+            work.q[i] += work.delta[i]
+    for i in range(best.size):
+        work.q[i] = best[i]
 
 
 @compiled

@@ -16,7 +16,9 @@ from alf_ros.arrays import Floats
 from alf_ros.kernel.data import EPS
 from alf_ros.mechanism import Mechanism
 from alf_ros.mechanism.natural_coordinates import Layout
+from alf_ros.model.closing_newton import settle_as_far_as_rows_agree
 from alf_ros.model.compile import Model, allocate, compile_model, hold
+from alf_ros.model.golden_section import lowest
 from alf_ros.model.rank import distance, effective_rank
 from alf_ros.model.shape_fit import Projector, violation
 
@@ -111,23 +113,14 @@ class Walk:
         Newton's method along M. It leaves a contradiction alone: its σ is as small as its gap.
         `soft`: what rows that are about to lose their direction contradict is left alone too.
         """
-        model, work, best, q = self._soft if soft else self.model, self._work, q, q.copy()
-        rows, least = model.system.rows, np.inf
-        for _ in range(200 if soft else 30):
-            gap = self.widest(q)
-            if not gap < (0.9 if soft else 0.5) * least:
-                return best if least <= gap else q
-            best, least = q.copy(), gap
-            if not kernel.linearise(model.unit, model.system, work, q):
-                return best
-            kernel.violation(model.unit, rows, q, work.r2)
-            work.delta[:] = 0.0
-            kernel.add_transposed(
-                model.unit, rows, work.g, work.g2, -rows.alpha * work.r2, work.delta
-            )
-            kernel.solve(model.unit, model.system.pattern, work.diagonal, work.off, work.delta)
-            q[: model.n] += work.delta[: model.n]
-        return best
+        model, work = self._soft if soft else self.model, self._work
+        work.q[:] = q
+        part, most = (0.9, 200) if soft else (0.5, 30)
+        phi, gap = np.empty((2, len(model.row_names)))
+        settle_as_far_as_rows_agree(
+            model.unit, model.system, work, part, most, np.empty(q.size), phi, gap
+        )
+        return work.q.copy()
 
     def is_ordinary(self, q: Floats) -> bool:
         """Whether the residual at q is a contradiction; beside a singular position it is not."""
@@ -165,24 +158,19 @@ class Walk:
         a, b, c = around
         best: list[Floats] = []
 
-        # Here and not above: few starts come here, and SciPy's optimisers take long to import.
-        from scipy.optimize import minimize_scalar
-
         def height(s: float) -> float:
             guess = b + 0.5 * s * (c - a) + 0.5 * s * s * (a - 2.0 * b + c)
             best[:] = [self.settled(guess, soft=True)]
             return 1.0 / max(self._missing(best[0]), 1e-6)
 
-        found = minimize_scalar(
-            height, bounds=(-1.0, 1.0), method='bounded', options={'xatol': 1e-9, 'maxiter': 60}
-        )
-        lost = 1.0 / height(float(found.x))
+        softest = lowest(height, -1.0, 1.0, 1e-9)
+        lost = 1.0 / height(softest)
         if not (lost > 0.5 and abs(lost - round(lost)) < _IN):
             return None
         if self.widest(best[0]) <= _FELT * self.rounding:
             return best[0]
         bend = a - 2.0 * b + c
-        along = 0.5 * (c - a) + float(found.x) * bend
+        along = 0.5 * (c - a) + softest * bend
         usual = max(_CLOSED * self.rounding, 2.0 * self.gap([a, c]))
         wide, narrow = (self._on_branch(best[0], along, bend, s, usual) for s in _SPACINGS)
         if wide is None or narrow is None:
