@@ -83,8 +83,8 @@ class Likeness:
         return MemberNumbers(geometry, masses, bound, params, _given(scene, layout))
 
     def with_masses(self, members: Sequence[Mapping[str, Body]]) -> list[MemberNumbers | None]:
-        """The numbers of scenes that differ from that of the simulation in the masses and inertias
-        of these bodies, by name, alone; None as `numbers_of` says."""
+        """The numbers of scenes that differ from the scene of the simulation in nothing but masses
+        and inertias of these bodies, by name; None as `numbers_of` says."""
         own, fits = self._scene.mechanism, np.ones(len(members), dtype=bool)
         masses: list[Floats] = []
         bound: list[Floats] = []

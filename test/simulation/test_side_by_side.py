@@ -224,7 +224,7 @@ def test_other_refusals():
     with pytest.raises(InputError, match='not a simulation'):
         SideBySide([one, 'slider_crank'])  # type: ignore[list-item]
     assert SideBySide([]).step(3) == {} and SideBySide([]).run(0.1, [0.0]) == []
-    with pytest.raises(InputError, match='2, 4 or 8'):
+    with pytest.raises(InputError, match='2, 4, 8 or 16'):
         SideBySide([one], lanes=3)
     with pytest.raises(InputError, match='n: '):
         SideBySide([one]).step(-1)
