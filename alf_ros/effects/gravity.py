@@ -7,7 +7,7 @@ Systems (1994), ch. 4.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -50,6 +50,21 @@ def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
         for n, force in shares[alike]:
             Q[own[n]] += force
     return contract.Packed(np.array([Q.size], dtype=np.int64), Q.ravel())
+
+
+def params_with_masses(
+    effects: Sequence[contract.Effect], layout: Layout, masses: Mapping[str, Floats]
+) -> Floats:
+    """(members, params) of `pack`, where bodies have other `masses` (members,) kg, by name."""
+    (effect,) = effects
+    g, members = np.asarray(effect.parameters.acceleration), len(next(iter(masses.values())))
+    Q = np.zeros((members, layout.blocks, layout.dimension))
+    for body in layout.bodies:
+        own, centre = layout.of_body[body.name], place(layout.shape(body.name), body.com)
+        mass = masses.get(body.name, np.full(members, body.mass))
+        for n, C in centre.parts.items():
+            Q[:, own[n]] += np.matmul(C.T, (mass[:, None] * g)[:, :, None])[:, :, 0]
+    return Q.reshape(members, -1)
 
 
 @contract.force

@@ -262,6 +262,26 @@ def run_of_arrays(t: Floats, quantities: Mapping[Quantity, Floats]) -> Run:
     return run
 
 
+class RunsTogether:
+    """Runs of members that were read at the same times t (N,) s, with the names of a `Run`."""
+
+    def __init__(self, t: Floats, quantities: Mapping[Quantity, Floats]) -> None:
+        """`quantities`: the values of each, (members, N) or (members, N, components)."""
+        self.t, self._quantities = read_only(t), quantities
+        self._values = {each.name: array for each, array in quantities.items()}
+        self._first = self.run(0)
+
+    def __getitem__(self, name: str) -> Floats:
+        """The values (members, N), or (members, N, components). Raises InputError."""
+        full, component = self._first._found(name)
+        values = self._values[full]
+        return values if component is None else values[:, :, component]
+
+    def run(self, m: int) -> Run:
+        """The run of member m."""
+        return run_of_arrays(self.t, {each: a[m] for each, a in self._quantities.items()})
+
+
 def _wanted(known: Sequence[Group], only: Sequence[str] | None) -> list[tuple[Group, list[int]]]:
     """The groups that are read, and which of their quantities."""
     if only is None:

@@ -183,7 +183,12 @@ def direction(shape: Shape, local: Numbers) -> Form:
 
 @remembered(1024)
 def place(shape: Shape, local: Numbers) -> Form:
-    """A place fixed in a body, from its frame (m), in the body's own blocks."""
+    """A place fixed in a body, from its frame (m), in the body's own blocks. A point that carries
+    the body is its block, exactly."""
+    carrying = (n for n, is_point in zip(shape.ends, shape.is_point, strict=True) if is_point)
+    for n in (0, *carrying):
+        if tuple(shape.local[n].tolist()) == tuple(local):
+            return affine.of_block(n, shape.inverse.shape[1])
     return affine.of_block(0, shape.inverse.shape[1]) + direction(shape, local)
 
 

@@ -14,6 +14,7 @@ from functools import lru_cache
 
 from alf_ros import effects
 from alf_ros.errors import InputError
+from alf_ros.mechanism import Body
 from alf_ros.scene.mechanism_file import read_parameters
 from alf_ros.scene.rereading import reading_of
 from alf_ros.scene.scene import PICKED, Scene, load_scene
@@ -99,6 +100,30 @@ def section(scene: Scene, name: str) -> str:
     """The section of a scene that has the value of this name: 'mechanism', 'effects', 'initial',
     'solver'. Raises InputError for an unknown name."""
     return _place(scene.document.root, name, 'name')[0]
+
+
+def body_of_mass(scene: Scene, name: str) -> str | None:
+    """The body whose mass has this name in a scene; None if the name is of something else. Raises
+    InputError for an unknown name."""
+    place = _place(scene.document.root, name, 'name')
+    of_bodies = len(place) == 4 and place[:2] == ('mechanism', 'bodies')
+    return place[2] if of_bodies and place[3] == 'mass' else None
+
+
+def with_masses(scene: Scene, body: str, masses: Sequence[str]) -> list[Body | None]:
+    """A body of a scene with each of these masses, as text; None where that is no number, or makes
+    another mechanism."""
+    reading = reading_of(scene.document)
+
+    def made(text: str) -> Body | None:
+        if not _NUMBER.fullmatch(text):
+            return None
+        try:
+            return reading.body_with_mass(body, Entry(text, path='mass'))
+        except InputError:
+            return None
+
+    return [made(text) for text in masses]
 
 
 def _place(root: Entry, name: str, said: str) -> tuple[str, ...]:

@@ -33,7 +33,8 @@ from alf_ros.simulation.quantities import Quantity
 from alf_ros.simulation.side_by_side import is_adaptive
 from alf_ros.simulation.simulation import Simulation
 
-_GROUPS = 8  # of members at a time
+_FEW, _MANY = 8, 32  # registers of members at a time
+_OFTEN = 2  # times from which on there are many
 _SYSTEM = tuple(
     f'system.{name}' for name in (*NUMBERS, 'penalty', 'ordinary', 'close', 'patience')
 )
@@ -46,15 +47,21 @@ class AlikeMembers:
     """Members like a simulation, some at a time: `most` of them.
 
     simulation: one for which `member_numbers.unlike` and `side_by_side.no_place` find nothing; it
-    is not to be used elsewhere. quantities: the readings of each member.
+    is not to be used elsewhere. quantities: the readings of each member. `likely`: how many
+    members come at a time.
     """
 
-    def __init__(self, simulation: Simulation, quantities: Sequence[Quantity]) -> None:
-        self.most, self._lanes = _GROUPS * width(), width()
+    def __init__(
+        self, simulation: Simulation, quantities: Sequence[Quantity], likely: int = 0
+    ) -> None:
+        many = likely >= _OFTEN * _MANY * width()
+        self._lanes = 2 * width() if many else width()
+        self.most = (_MANY if many else _FEW) * width()
         self.quantities = tuple(quantities)
         self._of, stepper = simulation, simulation._stepper
         likeness = Likeness(simulation)
-        self.numbers_of, bodies = likeness.numbers_of, [own for _, own in likeness.bodies]
+        self.numbers_of, self.with_masses = likeness.numbers_of, likeness.with_masses
+        bodies = [own for _, own in likeness.bodies]
         given, penalty = simulation.scene.velocities, simulation.solver.penalty
         self._systems = MemberSystems(
             simulation.model,
@@ -79,7 +86,7 @@ class AlikeMembers:
         self._of_phases = LanesOfMembers(self._phases, self._lanes)
         self._progress = LanesOfMembers(progress, self._lanes)
         self._adaptive = is_adaptive(simulation)
-        self._crews = [self._crew(g) for g in range(_GROUPS)]
+        self._crews = [self._crew(g) for g in range(self.most // self._lanes)]
         self._where = LaneGroups(
             problem=self._of_problems.addresses,
             phase=self._of_phases.addresses,

@@ -3,17 +3,25 @@ velocities."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from alf_ros.arrays import Floats
+from alf_ros.effects import Effect
 from alf_ros.errors import AlfError
+from alf_ros.mechanism import Body
 from alf_ros.mechanism.natural_coordinates import Layout
-from alf_ros.model.mass import BodyMasses, masses_of
+from alf_ros.model.mass import BodyMasses, masses_of, masses_of_members
 from alf_ros.model.member_rows import Geometry, MemberRows, are_rows_of
 from alf_ros.scene.scene import Scene
-from alf_ros.simulation.packed_effects import AskedFunctions, PackedKind, kinds_of
+from alf_ros.simulation.packed_effects import (
+    AskedFunctions,
+    PackedKind,
+    kinds_of,
+    params_with_masses,
+)
 from alf_ros.simulation.simulation import Simulation
 
 
@@ -23,8 +31,8 @@ class MemberNumbers(NamedTuple):
     which rows hold them."""
 
     geometry: Geometry
-    masses: list[float]
-    bound: list[tuple[float, float]]
+    masses: Sequence[float] | Floats
+    bound: Sequence[tuple[float, float]] | Floats
     params: Floats
     given: Floats
 
@@ -44,6 +52,7 @@ class Likeness:
         self._kinds = [_structure(kind) for kind in kinds]
         self.bodies = [(body, masses_of(body, self.layout)) for body in mechanism.bodies]
         self._velocities = _places(self._scene)
+        self._given = _given(self._scene, self.layout)
 
     def numbers_of(self, scene: Scene) -> MemberNumbers | None:
         """The numbers of a scene; None if it is another one in more than numbers."""
@@ -68,14 +77,61 @@ class Likeness:
                 return None
             masses += found.masses
             bound += found.bound
+        params = self._params(scene.effects, layout)
+        if params is None:
+            return None
+        return MemberNumbers(geometry, masses, bound, params, _given(scene, layout))
+
+    def with_masses(self, members: Sequence[Mapping[str, Body]]) -> list[MemberNumbers | None]:
+        """The numbers of scenes that differ from the scene of the simulation in nothing but masses
+        and inertias of these bodies, by name; None as `numbers_of` says."""
+        own, fits = self._scene.mechanism, np.ones(len(members), dtype=bool)
+        masses: list[Floats] = []
+        bound: list[Floats] = []
+        for body, (_, known) in zip(own.bodies, self.bodies, strict=True):
+            here = np.array(known.bound).reshape(-1, 2)
+            if body.name in members[0]:
+                others = [each[body.name] for each in members]
+                of_body, there = masses_of_members(others, self.layout)
+                fits &= ((there == 0.0) == (here == 0.0)).all(axis=(1, 2))
+            else:
+                of_body = np.tile(known.masses, (len(members), 1))
+                there = np.tile(here, (len(members), 1, 1))
+            masses.append(of_body)
+            bound.append(there)
+        rows, pairs = np.concatenate(masses, axis=1), np.concatenate(bound, axis=1)
+        params, found = self._params_with_masses(members), list[MemberNumbers | None]()
+        for m, own_params in enumerate(params):
+            if own_params is None or not fits[m] or self._geometry is None:
+                found.append(None)
+                continue
+            of_member = self._geometry, rows[m], pairs[m], own_params, self._given
+            found.append(MemberNumbers(*of_member))
+        return found
+
+    def _params_with_masses(self, members: Sequence[Mapping[str, Body]]) -> list[Floats | None]:
+        """The numbers of effects, likewise."""
+        weights = {name: np.array([each[name].mass for each in members]) for name in members[0]}
+        params = params_with_masses(self._scene.effects, self.layout, weights)
+        if params is not None:
+            return list(params)
+        return [self._params(self._scene.effects, self._massive(each)) for each in members]
+
+    def _massive(self, others: Mapping[str, Body]) -> Layout:
+        """The layout of a mechanism in which these bodies, by name, have other masses."""
+        own = self._scene.mechanism
+        bodies = tuple(others.get(body.name, body) for body in own.bodies)
+        return self.layout.like(own.with_bodies(bodies))
+
+    def _params(self, effects: Sequence[Effect], layout: Layout) -> Floats | None:
+        """The numbers of effects on a layout; None if they are others in more than numbers."""
         try:
-            kinds = kinds_of(scene.effects, layout, self._asked)
+            kinds = kinds_of(effects, layout, self._asked)
         except (AlfError, ArithmeticError):
             return None  # alone it fails again, and says why
         if [_structure(kind) for kind in kinds] != self._kinds:
             return None
-        params = np.concatenate([np.zeros(0), *(kind.packed.params for kind in kinds)])
-        return MemberNumbers(geometry, masses, bound, params, _given(scene, layout))
+        return np.concatenate([np.zeros(0), *(kind.packed.params for kind in kinds)])
 
 
 def unlike(simulation: Simulation) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -84,11 +84,8 @@ def kinds_of(
     effects: Sequence[Effect], layout: Layout, asked: AskedFunctions = NOTHING
 ) -> list[PackedKind]:
     """Effects, kind after kind. Raises InputError if one does not fit the mechanism."""
-    by_kind: dict[str, list[Effect]] = {}
-    for effect in effects:
-        by_kind.setdefault(effect.kind, []).append(effect)
     kinds = []
-    for kind, instances in by_kind.items():
+    for kind, instances in _by_kind(effects).items():
         module = registry.load(kind)
         try:
             packed = module.pack(instances, layout)
@@ -106,6 +103,28 @@ def kinds_of(
         addresses = module.force.address, potential, friction, tangent, side, interval
         kinds.append(PackedKind(kind, *addresses, packed, rubbing))
     return kinds
+
+
+def params_with_masses(
+    effects: Sequence[Effect], layout: Layout, masses: Mapping[str, Floats]
+) -> Floats | None:
+    """(members, params) of the kinds of effects, kind after kind, where bodies have other masses
+    (members,) kg, by name; None if an effect does not say how its numbers depend on them."""
+    found = []
+    for kind, instances in _by_kind(effects).items():
+        module = registry.load(kind)
+        if not hasattr(module, 'params_with_masses'):
+            return None
+        found.append(module.params_with_masses(instances, layout, masses))
+    members = len(next(iter(masses.values())))
+    return np.concatenate([np.zeros((members, 0)), *found], axis=1)
+
+
+def _by_kind(effects: Sequence[Effect]) -> dict[str, list[Effect]]:
+    by_kind: dict[str, list[Effect]] = {}
+    for effect in effects:
+        by_kind.setdefault(effect.kind, []).append(effect)
+    return by_kind
 
 
 def loaded(effect: Effect) -> str | None:

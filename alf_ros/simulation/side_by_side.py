@@ -30,7 +30,7 @@ from alf_ros.simulation.listening import Listener
 from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.simulation import Simulation
 
-WIDTHS = 2, 4, 8  # members that a register may hold
+WIDTHS = 2, 4, 8, 16  # members of a group: one register of them, or two
 _PARTS = 'problem', 'phase', 'progress', 'crew'  # of `LaneGroups`
 
 
@@ -140,7 +140,7 @@ class SideBySide:
         self.simulations = tuple(simulations)
         self.lanes = width() if lanes is None else lanes
         if self.lanes not in WIDTHS:
-            raise InputError('not usable', key='lanes', value=lanes, expected='2, 4 or 8')
+            raise InputError('not usable', key='lanes', value=lanes, expected='2, 4, 8 or 16')
         patterns: dict[bytes, list[int]] = {}
         if len({id(each) for each in self.simulations}) < len(self.simulations):
             raise InputError('a simulation is given twice', key='simulations')

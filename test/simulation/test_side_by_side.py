@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from alf_ros import BusyError, InputError, Simulation, StepError, load_scene
+from alf_ros.kernel.numba_ext.lane_numbers import width
 from alf_ros.kernel.numba_ext.plain import PLAIN
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation.side_by_side import SideBySide, no_place
@@ -48,7 +49,7 @@ def test_members_have_the_bits_of_their_single_runs(name):
         check(made, alone)
 
 
-@pytest.mark.parametrize('lanes', [4, 8])
+@pytest.mark.parametrize('lanes', [width(), 2 * width()])
 @pytest.mark.parametrize('integrator', ['rk4', 'dop853'])
 def test_registers_of_other_widths_and_every_integrator_of_fixed_steps(lanes, integrator):
     made = [
@@ -224,7 +225,7 @@ def test_other_refusals():
     with pytest.raises(InputError, match='not a simulation'):
         SideBySide([one, 'slider_crank'])  # type: ignore[list-item]
     assert SideBySide([]).step(3) == {} and SideBySide([]).run(0.1, [0.0]) == []
-    with pytest.raises(InputError, match='2, 4 or 8'):
+    with pytest.raises(InputError, match='2, 4, 8 or 16'):
         SideBySide([one], lanes=3)
     with pytest.raises(InputError, match='n: '):
         SideBySide([one]).step(-1)

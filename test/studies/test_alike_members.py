@@ -11,6 +11,7 @@ import pytest
 from alf_ros import Simulation, load_scene
 from alf_ros.kernel.numba_ext.lane_numbers import width
 from alf_ros.scene.overrides import with_changes
+from alf_ros.simulation import alike_members
 from alf_ros.simulation.alike_members import AlikeMembers
 from alf_ros.simulation.member_numbers import Likeness, unlike
 from alf_ros.simulation.member_readings import readable
@@ -88,11 +89,26 @@ STUDIES: list[tuple[Any, dict[str, Any]]] = [
 ]
 
 
-# lengths of which rounding, or a place on an axis, makes several structures
-SEVERAL: list[tuple[Any, dict[str, Any]]] = [
+# lengths, and places of which one on an axis makes another structure
+LENGTHS: list[tuple[Any, dict[str, Any]]] = [
     ('slider_crank', {'L': normal(1, 0.05), 'coupler.mass': normal(1, 0.05), **FIXED}),
     ('slider_crank', {'L': normal(1, 0.05), DOWN: uniform(-10, -9), **ADAPTIVE}),
     (FIVE, {'C.at.1': uniform(0.1, 0.6), 'arm.com.1': ['0', '0.2'], **FIXED}),
+]
+
+
+# masses alone, of which no scenes are made
+WEIGHED: list[tuple[Any, dict[str, Any]]] = [
+    ('slider_crank', {'coupler.mass': normal(1, 0.05), 'crank.mass': uniform(0.5, 2)}),
+    ('spatial_slider_crank', {'coupler.mass': uniform(0.4, 0.6), 'slider.mass': uniform(1, 3)}),
+    (FIVE, {'arm.mass': uniform(1, 2), DOWN: ['-9.7']}),
+]
+READ_TOGETHER = [
+    'final(energy)',
+    'max(norm(velocities.A))',
+    'min(points.A)',
+    'points.A.x',
+    {'at': [0.2, 0.4], 'of': 'norm(points.A)'},
 ]
 
 
@@ -131,9 +147,9 @@ def test_members_have_the_bits_of_their_single_runs(n: int, monkeypatch: Any) ->
         is_as_alone(made, k, found[k])
 
 
-@pytest.mark.parametrize('n', range(len(SEVERAL)))
+@pytest.mark.parametrize('n', range(len(LENGTHS)))
 def test_each_structure_has_members(n: int, monkeypatch: Any) -> None:
-    made = study(*SEVERAL[n], members=16 * width())
+    made = study(*LENGTHS[n], members=16 * width())
     monkeypatch.setattr(members_together, '_side_by_side', lambda study, members: {})
     alone: list[int] = []
 
@@ -143,9 +159,49 @@ def test_each_structure_has_members(n: int, monkeypatch: Any) -> None:
 
     monkeypatch.setattr(members_together, 'run_member', counted)
     found = run_members(made, range(made.members))
-    assert made.idle[0].known > 1 and len(alone) <= 2 * width()
+    # a crank's end is its point, also where the length has no exact inverse
+    assert made.idle[0].known == (1 if made.name == 'slider_crank' else 2)
+    assert len(alone) <= 2 * width()
     for k in range(0, made.members, 7):
         is_as_alone(made, k, found[k])
+
+
+@pytest.mark.parametrize('n', range(len(WEIGHED)))
+def test_members_with_other_masses_need_no_scenes(n: int, monkeypatch: Any) -> None:
+    scene, vary = WEIGHED[n]
+    made = study(scene, {**vary, **FIXED}, members=5 * width(), outputs=READ_TOGETHER)
+    scenes: list[int] = []
+    of = Study.scene_of
+
+    def counted(self: Study, k: int) -> Any:
+        scenes.append(k)
+        return of(self, k)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Study, 'scene_of', counted)
+        found = run_members(made, range(made.members))
+    assert len(scenes) == 2 * width()
+    for k in range(1, made.members, 7):
+        is_as_alone(made, k, found[k])
+
+
+def test_two_registers_of_members_at_once(monkeypatch: Any) -> None:
+    half = width() // 2  # two of these are one register here, for which code exists
+    monkeypatch.setattr(alike_members, 'width', lambda: half)
+    vary = {'coupler.mass': normal(1, 0.05), **FIXED}
+    count = 70 * half
+    made = study('slider_crank', vary, members=count, outputs=READ_TOGETHER, duration=0.4)
+    found = run_members(made, range(made.members))
+    assert made.idle[0].most == 32 * half
+    for k in (0, 1, 2 * width() + 1, 32 * half, count - 1):
+        is_as_alone(made, k, found[k])
+
+
+def test_studies_of_more_than_masses() -> None:
+    assert study('slider_crank', {'m': uniform(1, 2), **FIXED}).masses is None
+    assert study('slider_crank', {'coupler.mass': uniform(1, 2), 'L': ['1.1']}).masses is None
+    assert study('slider_crank', {'coupler.mass': uniform(1, 2), DOWN: ['1', '2']}).masses is None
+    assert study('slider_crank', FIXED).masses is None
 
 
 def test_a_member_that_fails_or_differs_in_more_is_run_alone() -> None:

@@ -38,7 +38,7 @@ def run_chunk(study: Study, number: int) -> Chunk:
         variable.name: np.array([member.arrays[n] for member in members], dtype=np.float64)
         for n, variable in enumerate(study.variables)
     }
-    values = [study.samples.values(k) for k in study.indices(number)]
+    values = [study.values(k) for k in study.indices(number)]
     for parameter in study.parameters:
         texts = [value[parameter.name] for value in values]
         given = texts if parameter.text else [float(text) for text in texts]

@@ -25,12 +25,13 @@ import numpy as np
 
 from alf_ros.arrays import Floats, Integers
 from alf_ros.errors import InputError
-from alf_ros.inspection.run import Run
+from alf_ros.inspection.run import Run, RunsTogether
 from alf_ros.simulation.singular_passes import Pass
 from alf_ros.studies.ensemble.user_function import UserFunction
 
 _CALL = re.compile(r'(\w+)\((.+)\)')
 _FOLDED = ('max', 'min', 'final', 'mean', 'integral')
+_TOGETHER = ('history', 'final', 'max', 'min', 'at')  # read of many members at once
 _KEYS = ('at', 'crossing', 'passes', 'function')
 _OPTIONS = {
     'at': ('of',),
@@ -169,6 +170,24 @@ class KeptOutput:
             return np.take_along_axis(values, place[None], axis=0)[0], t[place]
         total = integral(t, values)
         return (total / (t[-1] - t[0]) if self.kind == 'mean' else total,)
+
+    def read_together(self, runs: RunsTogether, grid: Integers) -> tuple[Floats, ...] | None:
+        """`read` of many members, with members first; None if each is read by itself."""
+        if self.kind not in _TOGETHER:
+            return None
+        t, values = runs.t, runs[self.quantity]
+        if self.norm:
+            values = np.ascontiguousarray(values)  # a sum in the order of one member
+            values = np.sqrt((values * values).sum(axis=2))
+        if self.kind == 'at':
+            return (values[:, np.searchsorted(t, np.array(self.times) - SAME)],)
+        t, values = t[grid], values[:, grid]
+        if self.kind == 'history':
+            return (values,)
+        if self.kind == 'final':
+            return (values[:, -1],)
+        place = values.argmax(axis=1) if self.kind == 'max' else values.argmin(axis=1)
+        return np.take_along_axis(values, place[:, None], axis=1)[:, 0], t[place]
 
     def _crossings(self, t: Floats, values: Floats) -> list[float]:
         """When the values go through `value`: of the cubic through the four nearest samples."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import AlfError, StoppedError, printable
-from alf_ros.inspection.run import Run
+from alf_ros.inspection.run import Run, RunsTogether
 from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.simulation.singular_passes import Pass
@@ -61,6 +61,15 @@ def member_of(
     except _FunctionError as error:
         reason = str(error)
     return failed(study, reason)
+
+
+def members_of(study: Study, runs: RunsTogether, count: int) -> list[Member]:
+    """`member_of` of so many members that were read together."""
+    known = [output.read_together(runs, study.instants[1]) for output in study.outputs]
+    if any(each is None for each in known):
+        return [member_of(study, runs.run(m)) for m in range(count)]
+    arrays = [array for each in known if each is not None for array in each]
+    return [Member(own) for own in zip(*arrays, strict=True)]
 
 
 def trouble_of(study: Study, k: int) -> str:

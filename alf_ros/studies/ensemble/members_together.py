@@ -14,8 +14,14 @@ from alf_ros.scene.scene import Scene
 from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.side_by_side import SideBySide, no_place
 from alf_ros.simulation.simulation import Simulation
-from alf_ros.studies.ensemble.member import Member, member_of, run_member, simulation_of
-from alf_ros.studies.ensemble.structures import Structures
+from alf_ros.studies.ensemble.member import (
+    Member,
+    member_of,
+    members_of,
+    run_member,
+    simulation_of,
+)
+from alf_ros.studies.ensemble.structures import Runs, Structures
 from alf_ros.studies.ensemble.study import Study
 
 _REGISTERS = 8  # of members at a time
@@ -38,9 +44,26 @@ def _of_known_structure(study: Study, members: Sequence[int]) -> dict[int, Membe
     try:  # another thread may take the last one
         structures = study.idle.pop()
     except IndexError:
-        structures = Structures(study.quantities, study.duration, study.instants[0].tolist())
-    runs = structures.run(_scenes(study, members))
-    done = {k: member_of(study, run) for k, run in runs}
+        at = study.instants[0].tolist()
+        structures = Structures(study.quantities, study.duration, at, len(members))
+    done: dict[int, Member] = {}
+
+    def take(found: Iterator[Runs]) -> None:
+        for own, runs in found:
+            done.update(zip(own, members_of(study, runs, len(own)), strict=True))
+
+    left = list(members)
+    if study.masses is not None:
+        if not structures.known:
+            take(structures.run(_scenes(study, left[: 2 * width()])))
+            left = left[2 * width() :]
+        if structures.known:
+            bodies = study.masses.bodies([study.values(k) for k in left])
+            known = {k: own for k, own in zip(left, bodies, strict=True) if own is not None}
+            take(structures.run_with_masses(known))
+            left = [k for k in left if k not in known]
+    if left:
+        take(structures.run(_scenes(study, left)))
     study.idle.append(structures)
     return done
 

@@ -7,18 +7,21 @@ Members of a rare structure, and those that nobody is like, are left to be built
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from alf_ros.errors import AlfError, StoppedError
-from alf_ros.inspection.run import Run, run_of_arrays
+from alf_ros.inspection.run import RunsTogether
 from alf_ros.kernel.numba_ext.lane_numbers import width
+from alf_ros.mechanism import Body
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation.alike_members import AlikeMembers
 from alf_ros.simulation.member_numbers import MemberNumbers, unlike
 from alf_ros.simulation.member_readings import readable
 from alf_ros.simulation.side_by_side import no_place
 from alf_ros.simulation.simulation import Simulation
+
+Runs = tuple[list[int], RunsTogether]  # of these members
 
 _MOST = 8  # structures of a study
 _TRIED = 3  # members from which one structure is to be learnt
@@ -43,11 +46,15 @@ class _Structure:
         """Whether member k is of this structure; then it waits."""
         own = self.alike.numbers_of(scene)
         if own is not None:
-            self.waiting[k] = own
-            self.count += 1
+            self.waits(k, own)
         return own is not None
 
-    def run(self, duration: float, at: Sequence[float]) -> Iterator[tuple[int, Run]]:
+    def waits(self, k: int, own: MemberNumbers) -> None:
+        """Member k, which has these numbers, waits."""
+        self.waiting[k] = own
+        self.count += 1
+
+    def run(self, duration: float, at: Sequence[float]) -> Iterator[Runs]:
         """Run the members that wait; those that come to the end in the usual way."""
         numbers, self.waiting = self.waiting, {}
         if not numbers:
@@ -59,21 +66,25 @@ class _Structure:
         except AlfError:
             return
         self.done += int(good.sum())
-        for m, k in enumerate(numbers):
-            if good[m]:
-                own = [each[m] for each in values]
-                yield k, run_of_arrays(t, dict(zip(self.alike.quantities, own, strict=True)))
+        if good.any():
+            arrays = [each[good] for each in values]
+            quantities = dict(zip(self.alike.quantities, arrays, strict=True))
+            members = [k for k, came in zip(numbers, good.tolist(), strict=True) if came]
+            yield members, RunsTogether(t, quantities)
 
 
 class Structures:
     """The structures that members of a study are known to have, as they come. One thread at a time
     uses it.
 
-    names: the quantities to be read; duration (s); `at`: the instants (s) at which they are read.
+    names: the quantities to be read; duration (s); `at`: the instants (s) at which they are read;
+    `likely`: how many members come at a time.
     """
 
-    def __init__(self, names: Sequence[str], duration: float, at: Sequence[float]) -> None:
-        self._names, self._duration, self._at = names, duration, at
+    def __init__(
+        self, names: Sequence[str], duration: float, at: Sequence[float], likely: int
+    ) -> None:
+        self._names, self._duration, self._at, self._likely = names, duration, at, likely
         self._known: list[_Structure] = []
         self._learning = True
 
@@ -82,7 +93,12 @@ class Structures:
         """How many structures are known."""
         return len(self._known)
 
-    def run(self, scenes: Iterable[tuple[int, Scene]]) -> Iterator[tuple[int, Run]]:
+    @property
+    def most(self) -> int:
+        """How many members of a structure are run at a time, of those that are known."""
+        return max((each.alike.most for each in self._known), default=0)
+
+    def run(self, scenes: Iterable[tuple[int, Scene]]) -> Iterator[Runs]:
         """Members with their scenes, in: those that are run together with others, with their
         runs."""
         others: dict[int, Scene] = {}
@@ -98,6 +114,24 @@ class Structures:
                 return
         if not self._known and self._learning:
             self._learn(others)
+        yield from self._ended()
+
+    def run_with_masses(self, members: Mapping[int, Mapping[str, Body]]) -> Iterator[Runs]:
+        """`run` of members that differ from the first one that is known in the masses of these
+        bodies alone."""
+        first, most, every = self._known[0], self._known[0].alike.most, list(members.items())
+        for begin in range(0, len(every), most):
+            some = every[begin : begin + most]
+            numbers = first.alike.with_masses([bodies for _, bodies in some])
+            for (k, _), own in zip(some, numbers, strict=True):
+                if own is not None:
+                    first.waits(k, own)
+                if len(first.waiting) == most:
+                    yield from first.run(self._duration, self._at)
+        yield from self._ended()
+
+    def _ended(self) -> Iterator[Runs]:
+        """Run all members that wait; forget structures of no use."""
         for each in self._known:
             yield from each.run(self._duration, self._at)
         if not all(each.is_of_use for each in self._known):
@@ -130,5 +164,5 @@ class Structures:
         quantities = readable(first, self._names)
         if quantities is None or unlike(first) or no_place(first):
             return None
-        alike = AlikeMembers(first, quantities)
+        alike = AlikeMembers(first, quantities, self._likely)
         return alike if alike.reads_at(self._at) else None

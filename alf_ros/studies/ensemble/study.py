@@ -18,11 +18,14 @@ from alf_ros.scene import overrides
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation import input_checks as check
 from alf_ros.simulation.simulation import Simulation
-from alf_ros.studies.ensemble.distributions import Distribution
+from alf_ros.studies.ensemble.distributions import Distribution, Value
 from alf_ros.studies.ensemble.kept_outputs import SAME, KeptOutput, LabelledArray
 from alf_ros.studies.ensemble.sampling import Sampling, Varied
 from alf_ros.studies.ensemble.structures import Structures
+from alf_ros.studies.ensemble.varied_masses import VariedMasses, varied_masses
 from alf_ros.studies.sent_scene import SentScene
+
+_KEPT = 4096  # members whose values are kept
 
 
 @dataclass(frozen=True)
@@ -49,7 +52,21 @@ class Study(SentScene):
 
     def scene_of(self, k: int) -> Scene:
         """The scene of member k. Raises InputError for values that cannot be."""
-        return overrides.with_changes(self.scene, self.samples.values(k), prefix='vary.')
+        return overrides.with_changes(self.scene, self.values(k), prefix='vary.')
+
+    def values(self, k: int) -> dict[str, Value]:
+        """The values of member k by name, as text."""
+        found = self._values.get(k)
+        if found is None:
+            if len(self._values) >= _KEPT:
+                self._values.clear()
+            found = self._values[k] = self.samples.values(k)
+        return found
+
+    @cached_property
+    def _values(self) -> dict[int, dict[str, Value]]:
+        """Of the members asked for last."""
+        return {}
 
     @cached_property
     def times(self) -> Floats:
@@ -86,6 +103,11 @@ class Study(SentScene):
         if any(o.kind == 'function' and not o.reads for o in self.outputs):
             return None
         return tuple(name for output in self.outputs for name in output.quantities)
+
+    @cached_property
+    def masses(self) -> VariedMasses | None:
+        """The masses of bodies that vary; None if anything else does."""
+        return varied_masses(self.scene, self.vary)
 
     @cached_property
     def idle(self) -> list[Structures]:
