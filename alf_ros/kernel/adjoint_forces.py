@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from alf_ros.arrays import Floats
 from alf_ros.kernel.data import Adjoint
-from alf_ros.kernel.force_trace import read_backwards, trace_forces
+from alf_ros.kernel.force_tracing import read_backwards, trace_forces
 from alf_ros.kernel.numba_ext.jit import inner
 
 

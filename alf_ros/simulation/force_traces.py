@@ -1,4 +1,4 @@
-"""Traces of all forces, for the derivatives of a run (`kernel/force_trace`)."""
+"""Traces of all forces, for the derivatives of a run (`kernel/force_tracing`)."""
 
 from __future__ import annotations
 

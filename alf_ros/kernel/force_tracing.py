@@ -45,8 +45,8 @@ def trace_forces(trace: ForceTrace, effects: Effects, work: Work, t: float) -> b
 
 @inner
 def read_backwards(trace: ForceTrace, by_force: Floats, n: np.uint64, bar: Floats) -> None:
-    """∂J/∂ of the leaves and operations, added to `bar`, from ∂J/∂Q (n,). Those of the operations
-    are zeroed first."""
+    """∂J/∂ of the leaves and operations, added to `bar`, from ∂J/∂Q (n,). The part of the
+    operations is zeroed first."""
     words, slopes = trace.words, trace.slopes
     leaves, count = words[ARGUMENTS], words[COUNT]
     for k in range(count):
