@@ -17,7 +17,7 @@ from alf_ros.kernel.data import Adjoint
 from alf_ros.kernel.numba_ext.block import add, block, dot, put, subtract
 from alf_ros.kernel.numba_ext.jit import ONE, inner
 from alf_ros.kernel.numba_ext.plain_loops import each
-from alf_ros.kernel.numba_ext.vectors import zero
+from alf_ros.kernel.numba_ext.vectors import copy, zero
 
 
 @inner
@@ -29,10 +29,11 @@ def _solve_back(adjoint: Adjoint, bar: Floats) -> int:
     zero(f)
     for a in range(work.p.size):
         f[a] = bar[a]
+    copy(f, work.delta)
     zero(u)
     zero(work.y)
     zero(work.r2)
-    count, _sigma = solved(problem, f, u, True, False)
+    count, _sigma = solved(problem, f, u, True, True)
     return count
 
 

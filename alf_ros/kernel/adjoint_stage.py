@@ -16,16 +16,19 @@ from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.numba_ext.jit import inner
 from alf_ros.kernel.numba_ext.vectors import copy, zero
 from alf_ros.kernel.prescribed import prescribe
-from alf_ros.kernel.step_tape import INTERPOLATED, PROJECTED, restore_stage
+from alf_ros.kernel.step_tape import INTERPOLATED, PROJECTED, restore_recorded, restore_stage
 from alf_ros.kernel.tangent_stage import store_multipliers
 
 
 @inner
-def take_stage_back(adjoint: Adjoint, t: float, s: np.uint64) -> int:
-    """∂J/∂(δq, δq̇, δq̈) of stage s, in `q`, `qd` and `qdd`, into ∂J/∂(δq, δq̇) as the step adds
-    them up, in `q` and `qd`. 0 or less if it is not determined."""
-    problem = adjoint.tangents.problem
-    restore_stage(adjoint.tape, adjoint.tangents, s)
+def take_stage_back(adjoint: Adjoint, t: float, k: np.uint64, s: np.uint64) -> int:
+    """∂J/∂(δq, δq̇, δq̈) of stage s of step k, in `q`, `qd` and `qdd`, into ∂J/∂(δq, δq̇) as the step
+    adds them up, in `q` and `qd`. 0 or less if it is not determined."""
+    problem, stages = adjoint.tangents.problem, adjoint.tape.kind.size
+    if adjoint.record.regular[k] != 0:
+        restore_recorded(adjoint.record, adjoint.tangents, stages, k, s)
+    else:
+        restore_stage(adjoint.tape, adjoint.tangents, s)
     if adjoint.tape.kind[s] == INTERPOLATED:
         return _take_places_back(adjoint, t)
     if not linearise(problem.unit, problem.system, problem.work, problem.work.q):

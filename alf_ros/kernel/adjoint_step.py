@@ -19,6 +19,7 @@ from alf_ros.kernel.data import ORIGIN, Adjoint
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.numba_ext.block import add, block, put, subtract
 from alf_ros.kernel.numba_ext.jit import ONE, THREE, TWO, compiled, inner
+from alf_ros.kernel.numba_ext.lane_structs import section
 from alf_ros.kernel.numba_ext.plain_loops import each
 from alf_ros.kernel.numba_ext.vectors import copy, zero
 from alf_ros.kernel.status import NO_ROOM, OK, STOPPED, UNFOLLOWED
@@ -63,8 +64,8 @@ def _take_step_back(adjoint: Adjoint, k: np.uint64) -> int:
     )
     sigma, nearest = span[at + np.uint64(SIGMA)], span[at + np.uint64(NEAREST)]
     restore_step(record, k, phase)
-    for a in range(whole):
-        adjoint.x[a], adjoint.u[a] = record.ended_q[k * whole + a], record.ended_qd[k * whole + a]
+    copy(section(record.ended_q, k * whole, whole), adjoint.x)
+    copy(section(record.ended_qd, k * whole, whole), adjoint.u)
     if record.regular[k] != 0:
         restore_stages(record, tape, work, k)
         store_angles(problem.unit, problem.system, work, phase)
@@ -91,7 +92,7 @@ def _take_step_back(adjoint: Adjoint, k: np.uint64) -> int:
         s = stages - ONE - back
         ts = min(t + method.c[s] * h, end)
         _fold_back(adjoint, s)
-        count = take_stage_back(adjoint, ts, s)
+        count = take_stage_back(adjoint, ts, k, s)
         if count <= 0:
             return NO_ROOM if count < 0 else UNFOLLOWED
         _add_up_back(adjoint, s, h)

@@ -6,6 +6,8 @@ import numpy as np
 
 from alf_ros.kernel.data import Phase, StepRecord, Tangents, Tape, Work
 from alf_ros.kernel.numba_ext.jit import ONE, THREE, TWO, inner
+from alf_ros.kernel.numba_ext.lane_structs import section
+from alf_ros.kernel.numba_ext.vectors import copy
 
 # of a stage: its tangents are taken as the step adds them up; projected; interpolated
 REGULAR, PROJECTED, INTERPOLATED = 0, 1, 2
@@ -32,10 +34,10 @@ def record_step(
     record.count[0] += 1
     if (k + ONE) * whole > record.q.size:
         return
-    for a in range(whole):
-        at = k * whole + a
-        record.q[at], record.qd[at] = phase.q[a], phase.qd[a]
-        record.ended_q[at], record.ended_qd[at] = work.q[a], work.qd[a]
+    copy(phase.q, section(record.q, k * whole, whole))
+    copy(phase.qd, section(record.qd, k * whole, whole))
+    copy(work.q, section(record.ended_q, k * whole, whole))
+    copy(work.qd, section(record.ended_qd, k * whole, whole))
     for a in range(phase.turns.size):
         record.turns[k * phase.turns.size + a] = phase.turns[a]
     for a in range(phase.sums.size):
@@ -96,10 +98,9 @@ def record_stage(
         return
     whole, rows = work.q.size, work.y.size
     at = np.uint64(record.count[0]) * stages + s
-    for a in range(whole):
-        record.stage_q[at * whole + a] = work.q[a]
-        record.stage_qd[at * whole + a] = work.qd[a]
-        record.stage_qdd[at * whole + a] = work.qdd[a]
+    copy(work.q, section(record.stage_q, at * whole, whole))
+    copy(work.qd, section(record.stage_qd, at * whole, whole))
+    copy(work.qdd, section(record.stage_qdd, at * whole, whole))
     for r in range(rows):
         record.stage_lam[at * rows + r] = -work.y[r] if s > 0 else record.lam[r]
     record_axes(record, work, stages, s)
@@ -118,15 +119,10 @@ def record_axes(record: StepRecord, work: Work, stages: np.uint64, s: np.uint64)
 
 @inner
 def restore_stages(record: StepRecord, tape: Tape, work: Work, k: np.uint64) -> None:
-    """The stages of step k on the tape, and its coordinates into `work`."""
-    chart, n, whole = work.chart, work.p.size, work.q.size
-    blocks, stages, rows = chart.sin.size, tape.kind.size, work.y.size
-    first = k * stages * whole
-    for a in range(stages * whole):
-        tape.q[a], tape.qd[a] = record.stage_q[first + a], record.stage_qd[first + a]
-        tape.qdd[a] = record.stage_qdd[first + a]
-    for r in range(stages * rows):
-        tape.lam[r] = record.stage_lam[k * stages * rows + r]
+    """Step k, whose stages are read from the record (`restore_recorded`): its coordinates into
+    `work`, and on the tape how they turn."""
+    chart, n = work.chart, work.p.size
+    blocks, stages = chart.sin.size, tape.kind.size
     for s in range(stages):
         tape.kind[s] = REGULAR
     tape.projected[0] = 1
@@ -150,11 +146,24 @@ def restore_stages(record: StepRecord, tape: Tape, work: Work, k: np.uint64) -> 
 
 
 @inner
+def restore_recorded(
+    record: StepRecord, tangents: Tangents, stages: np.uint64, k: np.uint64, s: np.uint64
+) -> None:
+    """Stage s of step k into `work`."""
+    work = tangents.problem.work
+    whole, rows, at = work.q.size, tangents.lam.size, k * stages + s
+    copy(section(record.stage_q, at * whole, whole), work.q)
+    copy(section(record.stage_qd, at * whole, whole), work.qd)
+    copy(section(record.stage_qdd, at * whole, whole), work.qdd)
+    copy(section(record.stage_lam, at * rows, rows), tangents.lam)
+
+
+@inner
 def restore_step(record: StepRecord, k: np.uint64, phase: Phase) -> None:
     """The state where step k began, into `phase`."""
     whole = phase.q.size
-    for a in range(whole):
-        phase.q[a], phase.qd[a] = record.q[k * whole + a], record.qd[k * whole + a]
+    copy(section(record.q, k * whole, whole), phase.q)
+    copy(section(record.qd, k * whole, whole), phase.qd)
     for a in range(phase.turns.size):
         phase.turns[a] = record.turns[k * phase.turns.size + a]
     for a in range(phase.sums.size):

@@ -7,25 +7,35 @@ import numpy as np
 from alf_ros.kernel.augmented_residuals import residuals, update_rows
 from alf_ros.kernel.augmented_solve import NOISE, solved
 from alf_ros.kernel.data import EPS, NOTHING, SOLVED, FollowedStage, Problem, Tangents
+from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.numba_ext.jit import inner
 from alf_ros.kernel.numba_ext.lane_numbers import everywhere, nowhere, pick, unless
 from alf_ros.kernel.numba_ext.lane_structs import lane, lanes_of, set_lane
 from alf_ros.kernel.numba_ext.structs import Lanes
-from alf_ros.kernel.numba_ext.vectors import largest
+from alf_ros.kernel.numba_ext.vectors import largest, zero
 from alf_ros.kernel.triangular_solve import step_by
 
 # what is done about slow modes; no truth values, each of which would be compiled for itself
 LEAVE, FINISH = np.uint64(0), np.uint64(1)
+# what f is: M x of the x on entry, or what stands in `Tangents.f`
+ALONG_MASS, UNDER_FORCES = np.uint64(0), np.uint64(1)
 
 
 @inner
 def solved_together(
-    tangents: Tangents, problem: Problem, at: FollowedStage, x: Lanes, slow_modes: np.uint64
+    tangents: Tangents,
+    problem: Problem,
+    at: FollowedStage,
+    x: Lanes,
+    slow_modes: np.uint64,
+    forces: np.uint64,
+    before: Lanes,
 ) -> bool:
-    """x (all blocks D,) for f in `tangents`.
+    """x (all blocks D,) for the f that `forces` says, in `tangents`.
 
-    The right-hand side of the first δ, r2 = -c - Φ_q x and a first guess of y stand in `at`, a
-    stage of `problem`. Returns whether no lane is left in which a mode is slow.
+    The right-hand side of the first δ, r2 = -c - Φ_q x and y = 0 stand in `at`, a stage of
+    `problem`. before: the largest of r2, rows scaled to lengths, or infinite if it is not small.
+    Returns whether no lane is left in which a mode is slow.
 
     The iteration follows `augmented_solve.augmented`, and ends when it does in all lanes. But
     where r2 is small beside what f would do to the masses alone and not beside x, one more round
@@ -36,10 +46,10 @@ def solved_together(
     """
     unit, system, f = problem.unit, problem.system, tangents.f
     n, iterations = at.work.p.size, problem.method.iterations
-    alone = largest(f, n) / system.mean
     fine = max(SOLVED, NOISE * np.sqrt(system.penalty))
-    slowest = before = 0.0 * alone
-    met = alone < 0.0
+    before *= np.sqrt(system.penalty)
+    slowest = alone = 0.0 * at.delta[0]
+    met = before < 0.0
     going = unless(met)
     for count in range(1, iterations + 1):
         if count > 1:
@@ -47,12 +57,18 @@ def solved_together(
         step, size = step_by(unit, system, at, x)  # A δ = …, x += δ: (26), (33)
         step *= EPS * system.penalty
         own = max(size, NOTHING)
-        usual = max(own, alone)
-        if count > 1 and slow_modes == LEAVE:
+        if slow_modes == LEAVE:
             # a round leaves a part `patience` of r2 at most, unless a mode is slow
             last = (system.patience * before <= fine * own) & (step <= SOLVED * own)
             if everywhere(last | unless(going)):
                 break
+        if count == 1:
+            if forces == ALONG_MASS:
+                zero(f)
+                add_mass_times(unit, system.mass, 1.0, x, f)
+                add_mass_times(unit, system.mass, -1.0, at.delta, f)
+            alone = largest(f, n) / system.mean
+        usual = max(own, alone)
         left = np.sqrt(system.penalty) * update_rows(unit, system.rows, at)
         closed = left <= fine * usual
         ended = met | ((left <= fine * own) & (step <= SOLVED * own))

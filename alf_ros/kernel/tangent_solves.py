@@ -17,10 +17,8 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Floats, Unit
-from alf_ros.kernel.augmented_residuals import residuals
 from alf_ros.kernel.constraints import jacobian_rate
 from alf_ros.kernel.data import FollowedStage, Problem, Rows, Tangents
-from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.numba_ext.block import add, block, dot, put, subtract, times
 from alf_ros.kernel.numba_ext.calls import call
 from alf_ros.kernel.numba_ext.jit import ONE, TWO, expanded, inner
@@ -28,7 +26,7 @@ from alf_ros.kernel.numba_ext.lane_structs import section
 from alf_ros.kernel.numba_ext.plain_loops import each
 from alf_ros.kernel.numba_ext.structs import Lanes
 from alf_ros.kernel.numba_ext.vectors import copy, zero
-from alf_ros.kernel.tangent_lane_solve import solved_together
+from alf_ros.kernel.tangent_lane_solve import ALONG_MASS, UNDER_FORCES, solved_together
 
 
 @inner
@@ -102,11 +100,14 @@ def _solve_along_mass(
     tangents: Tangents, problem: Problem, at: FollowedStage, x: Lanes, slow_modes: np.uint64
 ) -> bool:
     """Move x (all blocks D,) along M by what r2 of the stage says."""
+    scale = problem.system.rows.scale
     zero(at.y)
-    zero(tangents.f)
-    add_mass_times(problem.unit, problem.system.mass, 1.0, x, tangents.f)
-    residuals(problem.unit, problem.system, at, tangents.f, x)
-    return solved_together(tangents, problem, at, x, slow_modes)
+    zero(at.delta)
+    _add_rows(problem, at)
+    open_by = 0.0 * at.delta[0]
+    for r in range(at.r2.size):
+        open_by = max(open_by, abs(scale[r] * at.r2[r]))
+    return solved_together(tangents, problem, at, x, slow_modes, ALONG_MASS, open_by)
 
 
 @inner
@@ -182,10 +183,12 @@ def accelerate_tangents(
         at.r2[m1 + r], at.y[m1 + r] = s, 0.0
     if tangents.rows_change[k] != 0:
         _add_changed_rows(tangents, problem, at, k)
-    _begin_residuals(tangents, problem, at)
+    copy(f, at.delta)
+    _add_rows(problem, at)
     dqdd = group_of(tangents, tangents.qdd, k)
     zero(dqdd)
-    return solved_together(tangents, problem, at, dqdd, slow_modes)  # (26)
+    unknown = 0.0 * f[0] + np.inf
+    return solved_together(tangents, problem, at, dqdd, slow_modes, UNDER_FORCES, unknown)  # (26)
 
 
 @expanded
@@ -207,11 +210,10 @@ def _add_changed_rows(
         at.r2[m1 + r] = s
 
 
-@expanded
-def _begin_residuals(tangents: Tangents, problem: Problem, at: FollowedStage) -> None:
-    """δ = f + Φ_qᵀ α r2 with the Φ_q of the factor, for x = 0 and y = 0."""
+@inner
+def _add_rows(problem: Problem, at: FollowedStage) -> None:
+    """δ += Φ_qᵀ α r2 with the Φ_q of the factor."""
     unit, rows, m1 = problem.unit, problem.system.rows, problem.system.rows.i.size
-    copy(tangents.f, at.delta)
     for r in each(0, m1):
         v = (rows.alpha[r] * at.r2[r]) * block(unit, at.gf, r)
         add(at.delta, rows.i[r], v)

@@ -8,19 +8,19 @@ from typing import NamedTuple
 import numpy as np
 
 from alf_ros import kernel
-from alf_ros.arrays import Addresses, Floats, Integers
-from alf_ros.effects.contract.traced_force import traced_force
+from alf_ros.arrays import Floats, Integers
 from alf_ros.errors import AlfError, StepError
 from alf_ros.kernel import Adjoint, Problem, Status, StepRecord, Tape
 from alf_ros.kernel.step_tape import SPAN
 from alf_ros.model.compile import Model
 from alf_ros.simulation.applied import Applied
+from alf_ros.simulation.force_traces import OPERATIONS, empty_trace, leaves_of, traced_forces
 from alf_ros.simulation.present import Present
+from alf_ros.simulation.slope_products import SlopeProducts
 from alf_ros.simulation.stepping import Stepper
-from alf_ros.simulation.tangent_following import forces_for, tangents_of
+from alf_ros.simulation.tangent_following import tangents_of
 
 SUMS = ('mass_diagonal', 'mass_k', 'mass_w', 'length2', 'b', 'term', 'c')
-_ROOM = 4096  # operations of a trace, at first
 
 
 class NoRoom(AlfError):
@@ -53,18 +53,20 @@ class Begun(NamedTuple):
 class AdjointFollowing:
     """Takes steps of a stepper, and takes them back. The steps stay as they are, bit for bit.
 
-    Raises InputError for an effect without a derivative.
+    products: of the numbers of the scene that count; without them all arrays do. Raises InputError
+    for an effect without a derivative.
     """
 
-    def __init__(self, stepper: Stepper, model: Model) -> None:
-        self._stepper, self._model = stepper, model
+    def __init__(
+        self, stepper: Stepper, model: Model, products: SlopeProducts | None = None
+    ) -> None:
+        self._stepper, self._model, self._products = stepper, model, products
         self._stages = stepper.method.b.size
-        self._steps, self._operations = 0, _ROOM
+        self._steps, self._operations = 0, OPERATIONS
         self._record = self._empty_record()
         self._adjoint: Adjoint | None = None
         self._made_for: tuple[Applied, StepRecord, int] | None = None
-        self._forces: tuple[Applied, Addresses] | None = None
-        self._force_of(stepper.applied)
+        traced_forces(stepper.applied)
 
     @property
     def bytes_of_step(self) -> int:
@@ -101,8 +103,7 @@ class AdjointFollowing:
             for name in (*SUMS, 'of_trace'):
                 getattr(self._adjoint, name)[:] = 0.0
             return
-        force = self._force_of(present.applied)
-        self._adjoint = self._made(self._stepper.problem_aside(present), force)
+        self._adjoint = self._made(self._stepper.problem_aside(present), present.applied)
         self._made_for = made
 
     def ends(self) -> Floats:
@@ -156,25 +157,17 @@ class AdjointFollowing:
         arrays = {name: getattr(of, name).copy() for name in SUMS}
         return TakenBack(of.bar_q.copy(), of.bar_qd.copy(), arrays, params)
 
-    def _force_of(self, applied: Applied) -> Addresses:
-        """Of the effects, to which held inputs belong."""
-        if self._forces is None or self._forces[0] is not applied:
-            self._forces = applied, forces_for(applied, traced_force)
-        return self._forces[1]
-
-    def _made(self, problem: Problem, force: Addresses) -> Adjoint:
+    def _made(self, problem: Problem, applied: Applied) -> Adjoint:
         model, work = self._model, problem.work
         system, stages = problem.system, problem.method.b.size
         n, whole, blocks = model.n, model.q.size, work.chart.sin.size
-        leaves, room = 2 * whole + problem.forces.effects.params.size, self._operations
-        words = np.zeros(3 + 2 * room, dtype=np.int64)
-        words[1:3] = room, leaves
+        room, force = self._operations, traced_forces(applied)
+        numbers = leaves_of(model, applied, self._products)
         angles = system.angles.c.size // 2
         sizes = {
             **{name: getattr(system.mass, name.removeprefix('mass_')).size for name in SUMS[:3]},
             **{name: getattr(system.rows, name).size for name in SUMS[3:]},
-            'of_trace': leaves + room,
-            'slopes': 2 * room,
+            'of_trace': numbers.size + room,
             'start': 2 * n,
             'rates': 2 * stages * n,
             'g': work.g.size,
@@ -208,16 +201,14 @@ class AdjointFollowing:
                 projected=np.zeros(1, dtype=np.int64),
                 **{name: np.zeros(size) for name, size in tape.items()},
             ),
-            force=force,
-            words=words,
-            made=np.zeros(whole, dtype=np.int64),
+            trace=empty_trace(model, force, numbers, room),
             **{name: np.zeros(size) for name, size in sizes.items()},
         )
 
 
 _WHOLE = (
     *('bar_q', 'bar_qd', 'q', 'qd', 'qdd', 'whole_q', 'whole_qd', 'whole_qdd'),
-    *('begun_q', 'begun_qd', 'pushed', 'u', 'f', 'Q', 'x'),
+    *('begun_q', 'begun_qd', 'pushed', 'u', 'f', 'x'),
 )
 
 

@@ -268,8 +268,11 @@ class ParameterSlopes:
         """
         if self._kept is not None and not inputs.wrenches:  # these may act where a mass is
             return self._kept.params(inputs)
-        alone = {each.name for each in self._start.model.coordinates if each.freedom.alone}
-        steady = {n: x for n, x in inputs.efforts.items() if isinstance(x, float) and n in alone}
+        steady: dict[str, float] = {}
+        if inputs.efforts:
+            alone = {each.name for each in self._start.model.coordinates if each.freedom.alone}
+            efforts = inputs.efforts.items()
+            steady = {n: x for n, x in efforts if isinstance(x, float) and n in alone}
         if len(steady) < len(inputs.efforts):
             return self._params(inputs)
         still = replace(inputs, efforts={})

@@ -187,7 +187,10 @@ def _followed_stage(work: Work, shared: Mapping[str, Floats]) -> FollowedStage:
 
 
 def _lanes_for(count: int) -> int:
-    """How many of so many parameters are taken at once: a register of them, or two."""
+    """How many of so many parameters are taken at once: a register of them, or two, or 12, which
+    leave fewer lanes empty."""
+    if max(8, width()) < count <= 12 and width() > 2:
+        return 12
     return width() if count <= width() else 2 * width()
 
 

@@ -14,6 +14,7 @@ import pytest
 from alf_ros import effects
 from alf_ros.arrays import Floats
 from alf_ros.effects.contract.dual_force import dual_force
+from alf_ros.effects.contract.traced_force import traced_force
 from support.effect_examples import CASES, simulation
 
 _WEIGHTS = (4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0)
@@ -88,37 +89,47 @@ def test_every_effect_has_examples() -> None:
     assert set(effects.own()) <= named
 
 
-def test_slopes_along_several_directions_are_those_along_each() -> None:
-    """Also where a root or a power has a slope of 0 by convention, and where values decide."""
+def test_a_trace_has_the_slopes_of_dual_numbers() -> None:
+    """Also where a root or a power has a slope of 0 by convention, where values decide, and where
+    arguments are constant."""
 
     def force(t: Any, q: Any, qd: Any, near: Any, slots: Any, params: Any, Q: Any) -> None:
-        Q[0] += math.sqrt(q[0]) + q[1] ** params[0] - 2.0 * q[2] / params[1]
+        Q[0] += math.sqrt(q[0] * q[0] + q[3] * q[3]) * q[0] + q[1] ** params[0] - 2.0 * q[2] / q[1]
         Q[1] += math.hypot(q[0], q[3]) * max(q[1], 3 * q[2]) + (1 - abs(qd[0])) * t
         if q[2] > 0.0:
             Q[2] -= math.sin(qd[1]) ** 2 * params[1]
+        Q[1] += 2.0 * Q[2] + Q[1] * q[1]
 
-    lanes, sizes = 4, (4, 4, 2)  # of q, qd and params
-    q, qd, params = (
-        np.array([0.0, 1.5, 0.7, 0.0]),
-        np.array([-0.3, 0.4, 0, 0]),
-        np.array([1.2, 2.0]),
-    )
-    changes = [np.random.default_rng(3).normal(size=(size, lanes)) for size in sizes]
-    changes[0][0, :2], changes[0][3, 1:] = 0.0, 0.0
-
-    def slopes(lanes: int, along: list[Floats]) -> Floats:
-        types = (None, _NUMBER, *(10 * [_POINTER]))
-        address = dual_force(force, lanes).address
-        none, Q, dQ = np.zeros(1, dtype=np.int64), np.zeros(4), np.zeros((4, max(lanes, 1)))
-        dq, dqd, dparams = (np.ascontiguousarray(each) for each in along)
-        given = (q, dq, qd, dqd, none, none, params, dparams, Q, dQ)
-        ctypes.CFUNCTYPE(*types)(address)(0.5, *(each.ctypes.data for each in given))
-        return dQ
-
-    together = slopes(lanes, changes)
-    for m in range(lanes):
-        alone = slopes(0, [each[:, m : m + 1] for each in changes])
-        np.testing.assert_array_equal(together[:, m], alone[:, 0])
+    q, qd = np.array([0.0, 1.5, 0.7, 0.0]), np.array([-0.3, 0.4, 0.0, 0.0])
+    params = np.array([1.2, 2.0])
+    leaves, room = 10, 50
+    numbers = np.arange(leaves)
+    numbers[9] = -1  # params[1]
+    words, slopes = np.zeros(3 + 2 * room, dtype=np.int64), np.zeros(2 * room)
+    words[1:3] = room, leaves
+    none, Q, along = np.zeros(1, dtype=np.int64), np.zeros(4), np.zeros(4)
+    made = np.full(4, -1)
+    types = (None, _NUMBER, *(13 * [_POINTER]))
+    of_state = (q, qd, none, none, params, numbers, numbers[4:], numbers[8:])
+    given = (*of_state, Q, made, along, words, slopes)
+    address = traced_force(force).address
+    ctypes.CFUNCTYPE(*types)(address)(0.5, *(each.ctypes.data for each in given))
+    assert 0 < words[0] < 12  # operations on one number are not written down
+    for direction in np.eye(leaves)[:9]:
+        moves = np.concatenate([direction, np.zeros(room)])
+        for k in range(words[0]):
+            for m in range(2):
+                number = words[3 + 2 * k + m]
+                if number >= 0 and moves[number] != 0.0:
+                    moves[leaves + k] += slopes[2 * k + m] * moves[number]
+        found = np.where(made >= 0, along * moves[made], 0.0)
+        dQ, beside = np.zeros(4), np.zeros(4)
+        parts = (direction[:4].copy(), direction[4:8].copy(), direction[8:].copy())
+        alike = (q, parts[0], qd, parts[1], none, none, params, parts[2], beside, dQ)
+        duals = ctypes.CFUNCTYPE(None, _NUMBER, *(10 * [_POINTER]))(dual_force(force).address)
+        duals(0.5, *(each.ctypes.data for each in alike))
+        np.testing.assert_allclose(found, dQ, rtol=1e-14, atol=1e-15)
+        np.testing.assert_array_equal(Q, beside)
 
 
 def test_a_function_without_derivative_is_refused() -> None:

@@ -213,7 +213,7 @@ def test_traces_and_records_grow(robot: Scene, monkeypatch: pytest.MonkeyPatch) 
     """Too little memory is noticed, and the leg repeated."""
     names, settings = NUMBERS[:3], {**ADAPTIVE, 'step': 0.05}
     expected = gradient(Simulation(robot, **settings), OBSERVED[0], names, duration=0.2)
-    monkeypatch.setattr('alf_ros.simulation.adjoint_following._ROOM', 8)
+    monkeypatch.setattr('alf_ros.simulation.adjoint_following.OPERATIONS', 1)
     monkeypatch.setattr('alf_ros.studies.gradients.taped_run._INNER', 1)
     assert gradient(Simulation(robot, **settings), OBSERVED[0], names, duration=0.2) == expected
 

@@ -24,9 +24,11 @@ TRACED_FORCE = types.void(
     *(3 * [_numbers]),
     _integers,
     _numbers,
-    *(2 * [types.int64]),
+    *(3 * [_integers]),
     _numbers,
-    *(2 * [_integers]),
+    _integers,
+    _numbers,
+    _integers,
     _numbers,
 )
 
@@ -34,11 +36,12 @@ TRACED_FORCE = types.void(
 @cache
 def traced_force(function: Callable[..., None]) -> Any:
     """`force(t, q, qd, near, slots, params, Q)` of an effect, the plain function, as a C function
-    (t, q, qd, near, slots, params, numbers, first, Q, made, words, slopes).
+    (t, q, qd, near, slots, params, of_q, of_qd, of_params, Q, made, along, words, slopes).
 
-    It adds into Q and writes the trace of Q into words and slopes (`traced_numbers`). q and qd
-    have `numbers` arguments each, the first of params has the number `first`; made: the number of
-    what made each of Q. Raises TypeError where it does not compile for traced numbers.
+    It adds into Q and writes the trace of Q into words and slopes (`traced_numbers`). of_q, of_qd,
+    of_params: the numbers of the arguments, -1 for a constant; made, along: the number that each
+    of Q follows from, and the slope along it. Raises TypeError where it does not compile for
+    traced numbers.
     """
     inside = shared(function)
 
@@ -49,21 +52,23 @@ def traced_force(function: Callable[..., None]) -> Any:
         near: Floats,
         slots: Integers,
         params: Floats,
-        numbers: int,
-        first: int,
+        of_q: Integers,
+        of_qd: Integers,
+        of_params: Integers,
         Q: Floats,
         made: Integers,
+        along: Floats,
         words: Integers,
         slopes: Floats,
     ) -> None:
         inside(
             t,
-            arguments(q, 0, words, slopes),
-            arguments(qd, numbers, words, slopes),
+            arguments(q, of_q, words, slopes),
+            arguments(qd, of_qd, words, slopes),
             near,
             slots,
-            arguments(params, first, words, slopes),
-            sums(Q, made, words, slopes),
+            arguments(params, of_params, words, slopes),
+            sums(Q, made, along, words, slopes),
         )
 
     try:

@@ -5,7 +5,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from alf_ros.arrays import Addresses, Floats, Integers, Unit
+from alf_ros.arrays import Floats, Integers, Unit
+from alf_ros.kernel.data.force_trace import ForceTrace
 from alf_ros.kernel.data.motion import Phase
 from alf_ros.kernel.data.tangents import Tangents
 from alf_ros.kernel.numba_ext.structs import Struct
@@ -68,14 +69,12 @@ class Adjoint(Struct):
     Fields with the names of arrays of the problem are ∂J/∂ that array, summed up over the steps.
     """
 
-    addresses = ('force',)
-
     unit: Unit
     tangents: Tangents  # of no parameter: problem and workspace
     phase: Phase  # where a step began
     record: StepRecord
     tape: Tape
-    force: Addresses  # (effects,) of the forces for traced numbers
+    trace: ForceTrace
     bar_q: Floats  # (all blocks D,) ∂J/∂q of the state; of fixed blocks the sum over all stages
     bar_qd: Floats  # (all blocks D,) ∂J/∂q̇
     mass_diagonal: Floats  # (movable,) of `Mass`
@@ -85,12 +84,9 @@ class Adjoint(Struct):
     b: Floats  # (entries D,)
     term: Floats  # (terms D D,)
     c: Floats  # (quadratic rows,)
-    # ∂J/∂ of the numbers of a trace: q and q̇ of the stage, `Effects.params` summed up over all
+    # ∂J/∂ of the numbers of the trace: q and q̇ of the stage, `Effects.params` summed up over all
     # stages, and the operations
     of_trace: Floats
-    words: Integers  # of the trace, see `traced_numbers`
-    slopes: Floats  # (2 operations,)
-    made: Integers  # (all blocks D,) the numbers of what made each of Q
     start: Floats  # (2, movable D) of δq and δq̇ where the step begins, in the axes of the arcs
     rates: Floats  # (stages, 2, movable D) of their rates in the stages
     q: Floats  # (all blocks D,) of δq of the stage
@@ -104,7 +100,6 @@ class Adjoint(Struct):
     pushed: Floats  # (all blocks D,) of δQ of that stage
     u: Floats  # (all blocks D,) of the forces of a solve
     f: Floats  # (all blocks D,) right-hand side of a solve
-    Q: Floats  # (all blocks D,) forces beside their traces
     g: Floats  # (distance rows D,) of δΦ_q
     g2: Floats  # (entries D,)
     g2v: Floats  # (entries D,) of δΦ̇_q

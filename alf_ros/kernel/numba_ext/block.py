@@ -23,7 +23,7 @@ from numba.extending import lower_builtin, lower_cast, models, register_model
 
 from alf_ros.arrays import Floats, Unit
 from alf_ros.kernel.numba_ext.jit import ONE, THREE, TWO, inlined
-from alf_ros.kernel.numba_ext.lane_numbers import LanesType, lanes_among
+from alf_ros.kernel.numba_ext.lane_numbers import LanesType, by_parts, lanes_among, stored
 from alf_ros.kernel.numba_ext.plain import lowered
 from alf_ros.kernel.numba_ext.structs import VectorType, element, load
 
@@ -108,7 +108,7 @@ class _BlockModel(models.PrimitiveModel):
 def _stored(kind: BlockType) -> Any:
     """Its type for LLVM, in a register and in memory."""
     if kind.in_lanes:
-        return ir.ArrayType(ir.VectorType(_number, kind.number.W), kind.D)
+        return ir.ArrayType(stored(_number, kind.number.W), kind.D)
     return ir.VectorType(_number, kind.D)
 
 
@@ -125,7 +125,7 @@ def _each(kind: BlockType, code: Any, builder: Any, *blocks: Any) -> Any:
     value = ir.Constant(_stored(kind), ir.Undefined)
     for a in range(kind.D):
         of = [builder.extract_value(b, a) if b.type == value.type else b for b in blocks]
-        value = builder.insert_value(value, code(builder, *of), a)
+        value = builder.insert_value(value, by_parts(builder, code, *of), a)
     return value
 
 
@@ -180,15 +180,15 @@ def _stored_in(v: Any, b: Any) -> Any:
 def _changed(operation: str, context: Any, builder: Any, sig: Any, args: Any) -> Any:
     of = sig.args[2]
     pointer = _place(context, builder, sig.args[0], args[0], args[1], of)
-    change = getattr(builder, operation)
+    change = getattr(ir.IRBuilder, operation)
     if not of.in_lanes:
-        value = change(builder.load(pointer, align=_ALIGNED), args[2])
+        value = change(builder, builder.load(pointer, align=_ALIGNED), args[2])
         builder.store(value, pointer, align=_ALIGNED)
         return context.get_dummy_value()
     for a in range(of.D):
         at = builder.gep(pointer, [_index(0), _index(a)])
         value = builder.load(at, align=_ALIGNED)
-        value = change(value, builder.extract_value(args[2], a))
+        value = by_parts(builder, change, value, builder.extract_value(args[2], a))
         builder.store(value, at, align=_ALIGNED)
     return context.get_dummy_value()
 
@@ -238,7 +238,7 @@ def dot(typing: Any, b: Any, c: Any) -> Any:
 
         s = of(0)
         for a in range(1, kind.D):
-            s = builder.fadd(s, of(a))
+            s = by_parts(builder, ir.IRBuilder.fadd, s, of(a))
         return s
 
     kind = c if c.in_lanes else b

@@ -9,6 +9,9 @@ lane.
 A comparison gives a `Mask`, a truth value for each lane. Code that branches on it says what holds
 for a group: `everywhere` and `anywhere`; and `pick` chooses lane by lane. For a single number they
 are the comparison itself and a plain choice.
+
+If W is a power of two, the numbers are one vector for LLVM. It would widen a vector of 12 to one
+of 16 and compute with all of them. So other W, multiples of 4, are vectors of 4 (`by_parts`).
 """
 
 from __future__ import annotations
@@ -17,7 +20,7 @@ import builtins
 import math
 import operator
 from collections.abc import Callable
-from functools import cache
+from functools import cache, reduce
 from typing import Any
 
 import numpy as np
@@ -32,6 +35,7 @@ from alf_ros.kernel.numba_ext.plain import lowered
 
 _REAL = (types.Float, types.Integer, types.Boolean)
 _number, _whole, _index = ir.DoubleType(), ir.IntType(64), ir.IntType(32)
+_PART = 4  # numbers of a vector, if W is no power of two
 
 
 @cache
@@ -75,23 +79,54 @@ class MaskType(types.Type):
         return self if isinstance(other, types.Boolean) else None
 
 
+def stored(number: Any, W: int) -> Any:
+    """The type of W numbers for LLVM."""
+    if W & (W - 1) == 0:
+        return ir.VectorType(number, W)
+    return ir.ArrayType(ir.VectorType(number, _PART), W // _PART)
+
+
+def _parts(builder: Any, value: Any) -> list[Any]:
+    """The vectors of lanes or a mask; of anything else the value itself."""
+    if not isinstance(value.type, ir.ArrayType):
+        return [value]
+    return [builder.extract_value(value, n) for n in range(value.type.count)]
+
+
+def by_parts(builder: Any, code: Callable[..., Any], *values: Any) -> Any:
+    """`code`(builder, vectors) of lanes and masks, vector by vector."""
+    vectors = [_parts(builder, value) for value in values]
+    found = [code(builder, *each) for each in zip(*vectors, strict=True)]
+    if not isinstance(values[0].type, ir.ArrayType):
+        return found[0]
+    made = ir.Constant(ir.ArrayType(found[0].type, len(found)), ir.Undefined)
+    for n, part in enumerate(found):
+        made = builder.insert_value(made, part, n)
+    return made
+
+
 @register_model(LanesType)
 class _LanesModel(models.PrimitiveModel):
     def __init__(self, manager: Any, kind: LanesType) -> None:
-        super().__init__(manager, kind, ir.VectorType(_number, kind.W))
+        super().__init__(manager, kind, stored(_number, kind.W))
 
 
 @register_model(MaskType)
 class _MaskModel(models.PrimitiveModel):
     def __init__(self, manager: Any, kind: MaskType) -> None:
-        super().__init__(manager, kind, ir.VectorType(_whole, kind.W))
+        super().__init__(manager, kind, stored(_whole, kind.W))
 
 
 def _equal(builder: Any, value: Any, W: int) -> Any:
-    """A vector of W times a value."""
-    empty = ir.Constant(ir.VectorType(value.type, W), ir.Undefined)
-    one = builder.insert_element(empty, value, _index(0))
-    return builder.shuffle_vector(one, one, ir.Constant(ir.VectorType(_index, W), [0] * W))
+    """W times a value."""
+
+    def code(builder: Any, empty: Any) -> Any:
+        count = empty.type.count
+        one = builder.insert_element(empty, value, _index(0))
+        firsts = ir.Constant(ir.VectorType(_index, count), [0] * count)
+        return builder.shuffle_vector(one, one, firsts)
+
+    return by_parts(builder, code, ir.Constant(stored(value.type, W), ir.Undefined))
 
 
 @lower_cast(types.Float, LanesType)
@@ -125,8 +160,8 @@ def _typed(function: Any, typing: Any) -> None:
 # ------------------------------------------------------------------------------- arithmetic
 
 
-def _operation(code: Callable[[Any, Any], Any], count: int, *functions: Any) -> None:
-    """Take `code`(builder, values) for these functions of `count` lanes."""
+def _operation(code: Callable[..., Any], count: int, *functions: Any) -> None:
+    """Take `code`(builder, vectors) for these functions of `count` lanes."""
 
     class _Operation(AbstractTemplate):
         def generic(self, args: Any, kws: Any) -> Any:
@@ -134,7 +169,7 @@ def _operation(code: Callable[[Any, Any], Any], count: int, *functions: Any) -> 
             return signature(kind, *[kind] * count) if kind else None
 
     def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return code(builder, args)
+        return by_parts(builder, code, *args)
 
     for function in functions:
         _typed(function, _Operation)
@@ -147,38 +182,40 @@ def _comparison(sign: str, function: Any) -> None:
             kind = lanes_among(args)
             return signature(MaskType(kind.W), kind, kind) if kind else None
 
-    def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    def code(builder: Any, x: Any, y: Any) -> Any:
         compare = builder.fcmp_unordered if sign == '!=' else builder.fcmp_ordered
-        return builder.sext(compare(sign, *args), context.get_value_type(sig.return_type))
+        return builder.sext(compare(sign, x, y), ir.VectorType(_whole, x.type.count))
+
+    def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return by_parts(builder, code, *args)
 
     _typed(function, _Comparison)
     lower_builtin(function, LanesType, LanesType)(lower)
 
 
 def _vector_function(name: str) -> Callable[[Any, Any], Any]:
-    def code(builder: Any, args: Any) -> Any:
-        kind = args[0].type
-        full = f'{name}.v{kind.count}f64'
-        declared = ir.FunctionType(kind, [kind])
-        return builder.call(cgutils.get_or_insert_function(builder.module, declared, full), args)
+    def code(builder: Any, x: Any) -> Any:
+        full = f'{name}.v{x.type.count}f64'
+        declared = ir.FunctionType(x.type, [x.type])
+        return builder.call(cgutils.get_or_insert_function(builder.module, declared, full), [x])
 
     return code
 
 
-def _larger(builder: Any, args: Any) -> Any:
+def _larger(builder: Any, x: Any, y: Any) -> Any:
     """As numba has it for two numbers: the second if it is larger."""
-    return builder.select(builder.fcmp_ordered('>', args[1], args[0]), args[1], args[0])
+    return builder.select(builder.fcmp_ordered('>', y, x), y, x)
 
 
-def _smaller(builder: Any, args: Any) -> Any:
-    return builder.select(builder.fcmp_ordered('<', args[1], args[0]), args[1], args[0])
+def _smaller(builder: Any, x: Any, y: Any) -> Any:
+    return builder.select(builder.fcmp_ordered('<', y, x), y, x)
 
 
-_operation(lambda builder, args: builder.fadd(*args), 2, operator.add, operator.iadd)
-_operation(lambda builder, args: builder.fsub(*args), 2, operator.sub, operator.isub)
-_operation(lambda builder, args: builder.fmul(*args), 2, operator.mul, operator.imul)
-_operation(lambda builder, args: builder.fdiv(*args), 2, operator.truediv, operator.itruediv)
-_operation(lambda builder, args: builder.fneg(*args), 1, operator.neg)
+_operation(ir.IRBuilder.fadd, 2, operator.add, operator.iadd)
+_operation(ir.IRBuilder.fsub, 2, operator.sub, operator.isub)
+_operation(ir.IRBuilder.fmul, 2, operator.mul, operator.imul)
+_operation(ir.IRBuilder.fdiv, 2, operator.truediv, operator.itruediv)
+_operation(ir.IRBuilder.fneg, 1, operator.neg)
 _operation(_vector_function('llvm.fabs'), 1, builtins.abs, math.fabs)
 _operation(_vector_function('llvm.sqrt'), 1, np.sqrt, math.sqrt)
 _operation(_vector_function('llvm.ceil'), 1, np.ceil)
@@ -211,13 +248,18 @@ def _lane_by_lane(function: Any, count: int = 1) -> None:
         return function(x, y)
 
     def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        value, one = args[0], signature(types.float64, *[types.float64] * count)
-        for m in range(sig.return_type.W):
-            numbers = [builder.extract_element(lanes, _index(m)) for lanes in args]
-            single = of_one if count == 1 else of_two
-            number = context.compile_internal(builder, single, one, numbers)
-            value = builder.insert_element(value, number, _index(m))
-        return value
+        single = of_one if count == 1 else of_two
+        one = signature(types.float64, *[types.float64] * count)
+
+        def code(builder: Any, *vectors: Any) -> Any:
+            value = vectors[0]
+            for m in range(value.type.count):
+                numbers = [builder.extract_element(vector, _index(m)) for vector in vectors]
+                number = context.compile_internal(builder, single, one, numbers)
+                value = builder.insert_element(value, number, _index(m))
+            return value
+
+        return by_parts(builder, code, *args)
 
     _typed(function, _LaneByLane)
     lower_builtin(function, *[LanesType] * count)(lower)
@@ -232,7 +274,7 @@ _lane_by_lane(operator.pow, 2)
 # ------------------------------------------------------------------------------------ masks
 
 
-def _mask_operation(code: Callable[[Any, Any], Any], function: Any) -> None:
+def _mask_operation(code: Callable[..., Any], function: Any) -> None:
     class _MaskOperation(AbstractTemplate):
         def generic(self, args: Any, kws: Any) -> Any:
             kinds = [kind for kind in args if isinstance(kind, MaskType)]
@@ -240,21 +282,29 @@ def _mask_operation(code: Callable[[Any, Any], Any], function: Any) -> None:
             return signature(kinds[0], *[kinds[0]] * len(args)) if kinds and fits else None
 
     def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return code(builder, args)
+        return by_parts(builder, code, *args)
 
     _typed(function, _MaskOperation)
     lower_builtin(function, MaskType, MaskType)(lower)
 
 
-_mask_operation(lambda builder, args: builder.and_(*args), operator.and_)
-_mask_operation(lambda builder, args: builder.or_(*args), operator.or_)
-_mask_operation(lambda builder, args: builder.xor(*args), operator.xor)
+_mask_operation(ir.IRBuilder.and_, operator.and_)
+_mask_operation(ir.IRBuilder.or_, operator.or_)
+_mask_operation(ir.IRBuilder.xor, operator.xor)
 
 
-def _bits(builder: Any, mask: Any, W: int) -> Any:
-    """The lanes of a mask, as W bits of one whole number."""
-    truth = builder.icmp_signed('<', mask, ir.Constant(mask.type, [0] * W))
-    return builder.bitcast(truth, ir.IntType(W))
+def _truth(builder: Any, mask: Any) -> Any:
+    """A vector of a mask, a bit for each lane."""
+    return builder.icmp_signed('<', mask, ir.Constant(mask.type, [0] * mask.type.count))
+
+
+def _are_all(builder: Any, mask: Any, value: bool) -> Any:
+    """Whether a mask has this value in all lanes."""
+    found = []
+    for part in _parts(builder, mask):
+        bits = builder.bitcast(_truth(builder, part), ir.IntType(part.type.count))
+        found.append(builder.icmp_unsigned('==', bits, ir.Constant(bits.type, -int(value))))
+    return reduce(builder.and_, found)
 
 
 def _plainly_all(m: Any) -> Any:
@@ -270,10 +320,9 @@ def _asked(m: Any, full: bool) -> Any:
         return types.boolean(m), lambda context, builder, sig, args: args[0]
 
     def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        bits = _bits(builder, args[0], sig.args[0].W)
         if full:
-            return builder.icmp_unsigned('==', bits, ir.Constant(bits.type, -1))
-        return builder.icmp_unsigned('!=', bits, ir.Constant(bits.type, 0))
+            return _are_all(builder, args[0], True)
+        return builder.not_(_are_all(builder, args[0], False))
 
     return (types.boolean(m), code) if isinstance(m, MaskType) else None
 
@@ -301,8 +350,7 @@ def nowhere(typing: Any, m: Any) -> Any:
         return _negation(m)
 
     def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        bits = _bits(builder, args[0], sig.args[0].W)
-        return builder.icmp_unsigned('==', bits, ir.Constant(bits.type, 0))
+        return _are_all(builder, args[0], False)
 
     return types.boolean(m), code
 
@@ -323,22 +371,23 @@ def pick(typing: Any, m: Any, a: Any, b: Any) -> Any:
         return kind(types.boolean, kind, kind), choose
     kind = next((k for k in (a, b) if not isinstance(k, _REAL)), LanesType(m.W))
 
+    def chosen(builder: Any, mask: Any, x: Any, y: Any) -> Any:
+        return builder.select(_truth(builder, mask), x, y)
+
     def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        W = sig.args[0].W
-        truth = builder.icmp_signed('<', args[0], ir.Constant(args[0].type, [0] * W))
-        if not isinstance(args[1].type, ir.ArrayType):
-            return builder.select(truth, args[1], args[2])
+        if isinstance(kind, (LanesType, MaskType)):
+            return by_parts(builder, chosen, *args)
         value = args[2]
-        for a in range(args[1].type.count):
-            one, other = (builder.extract_value(arg, a) for arg in args[1:])
-            value = builder.insert_value(value, builder.select(truth, one, other), a)
+        for n in range(value.type.count):
+            x, y = (builder.extract_value(arg, n) for arg in args[1:])
+            value = builder.insert_value(value, by_parts(builder, chosen, args[0], x, y), n)
         return value
 
     return kind(m, kind, kind), code
 
 
 def _negation(m: Any) -> Any:
-    return m(m), lambda context, builder, sig, args: builder.not_(args[0])
+    return m(m), lambda context, builder, sig, args: by_parts(builder, ir.IRBuilder.not_, *args)
 
 
 def _plainly_not(m: Any) -> Any:

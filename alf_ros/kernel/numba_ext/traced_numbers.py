@@ -1,10 +1,15 @@
-"""Traced numbers in compiled code: a value, and the number of the operation that made it.
+"""Traced numbers in compiled code: a value, and its slope along one number of a trace.
 
-A function of numbers that is compiled for traced numbers returns its values, and writes each of
-its operations down: on which numbers it was done, and its derivatives by these. Read backwards,
-this trace gives the derivatives of a weighted sum of all results by all arguments at once: reverse
+A function of numbers that is compiled for traced numbers returns its values, and writes operations
+down: on which two numbers each was done, and its derivatives by these. Read backwards, this trace
+gives the derivatives of a weighted sum of all results by all arguments at once: reverse
 differentiation, exact to rounding (Griewank & Walther, Evaluating Derivatives, 2008, ch. 3). The
 operations are differentiated as with dual numbers (`dual_numbers`), so both agree.
+
+An operation on one number of the trace alone, such as a sine or a product with a constant, changes
+the slope and is not written down: most operations of a force are such ones. It is written down if
+the slope is not finite. Reading backwards passes over it then where it does not count, as in
+v √v² at rest.
 
 The arguments have the first numbers of a trace, operations follow (`traced_words`). `arguments`
 makes a vector of arguments, `sums` a vector of results.
@@ -38,13 +43,14 @@ from alf_ros.kernel.numba_ext.dual_numbers import (
 )
 from alf_ros.kernel.numba_ext.traced_words import ARGUMENTS, COUNT, FIRST, ROOM
 
+_FINITE = (operator.add, operator.sub, operator.mul)
 _REAL = (types.Float, types.Integer, types.Boolean)
 _OPTIONS: dict[str, Any] = {'strict': False, 'jit_options': {'error_model': 'numpy'}}
 _numbers, _words = types.CPointer(types.float64), types.CPointer(types.int64)
 
 
 class TracedType(types.Type):
-    """A traced number. A plain number becomes a constant one, which no operation made."""
+    """A traced number. A plain number becomes a constant one: number -1, slope 0."""
 
     def __init__(self) -> None:
         super().__init__('traced')
@@ -59,14 +65,15 @@ class TracedType(types.Type):
 
 
 class ArgumentsType(types.Type):
-    """Arguments: pointer to their values, and the number of the first."""
+    """Arguments: pointers to their values and to their numbers, -1 for a constant."""
 
     def __init__(self) -> None:
         super().__init__('arguments')
 
 
 class SumsType(types.Type):
-    """Results: pointers to their values, and to the numbers of what made them."""
+    """Results: pointers to their values, to the numbers that they follow from, and to their slopes
+    along these."""
 
     def __init__(self) -> None:
         super().__init__('sums')
@@ -75,9 +82,14 @@ class SumsType(types.Type):
 TRACED, ARGUMENTS_OF, SUMS = TracedType(), ArgumentsType(), SumsType()
 _TRACE = [('words', _words), ('slopes', _numbers)]
 _PARTS: dict[Any, list[tuple[str, Any]]] = {
-    TracedType: [('value', types.float64), ('number', types.int64), *_TRACE],
-    ArgumentsType: [('values', _numbers), ('first', types.int64), *_TRACE],
-    SumsType: [('values', _numbers), ('numbers', _words), *_TRACE],
+    TracedType: [
+        ('value', types.float64),
+        ('number', types.int64),
+        ('slope', types.float64),
+        *_TRACE,
+    ],
+    ArgumentsType: [('values', _numbers), ('numbers', _words), *_TRACE],
+    SumsType: [('values', _numbers), ('numbers', _words), ('along', _numbers), *_TRACE],
 }
 
 
@@ -108,18 +120,18 @@ def _made(kind: Any) -> Any:
 
 
 @intrinsic
-def _traced(typing: Any, value: Any, number: Any, words: Any, slopes: Any) -> Any:
+def _traced(typing: Any, value: Any, number: Any, slope: Any, words: Any, slopes: Any) -> Any:
     return _made(TRACED)
 
 
 @intrinsic
-def arguments(typing: Any, values: Any, first: Any, words: Any, slopes: Any) -> Any:
-    """A vector of arguments, the first of them with this number."""
+def arguments(typing: Any, values: Any, numbers: Any, words: Any, slopes: Any) -> Any:
+    """A vector of arguments."""
     return _made(ARGUMENTS_OF)
 
 
 @intrinsic
-def sums(typing: Any, values: Any, numbers: Any, words: Any, slopes: Any) -> Any:
+def sums(typing: Any, values: Any, numbers: Any, along: Any, words: Any, slopes: Any) -> Any:
     """A vector of results."""
     return _made(SUMS)
 
@@ -131,6 +143,7 @@ def _constant(context: Any, builder: Any, of: Any, to: Any, value: Any) -> Any:
     made = cgutils.create_struct_proxy(to)(context, builder)
     made.value = context.cast(builder, value, of, types.float64)
     made.number = context.get_constant(types.int64, -1)
+    made.slope = context.get_constant(types.float64, 0.0)
     made.words = cgutils.get_null_value(made.words.type)
     made.slopes = cgutils.get_null_value(made.slopes.type)
     return made._getvalue()
@@ -149,23 +162,42 @@ def _as_traced(typing: Any, x: Any) -> Any:
 def _rule(function: Callable[..., Any]) -> Any:
     from numba import njit
 
+    return njit(function, error_model='numpy', forceinline=True)
+
+
+def _called(function: Callable[..., Any]) -> Any:
+    from numba import njit
+
     return njit(function, error_model='numpy')
 
 
-@_rule
-def _written(value: Any, x: Any, by_x: Any, y: Any, by_y: Any) -> Any:
-    """The value, as the next operation of the trace, on x and y; when it is full, operations are
-    only counted."""
-    if x.number < 0 and y.number < 0:
-        return _as_traced(value)
-    words, slopes = (x.words, x.slopes) if x.number >= 0 else (y.words, y.slopes)
+@_called
+def _written(value: Any, x: Any, by_x: Any, other: Any, by_other: Any) -> Any:
+    """The value, as the next operation of the trace, on x and a number, or -1; when the trace is
+    full, operations are only counted."""
+    words, slopes = x.words, x.slopes
     k = words[COUNT]
     words[COUNT] = k + 1
     if k >= words[ROOM]:
-        return _traced(value, np.int64(0), words, slopes)
-    words[FIRST + 2 * k], words[FIRST + 2 * k + 1] = x.number, y.number
-    slopes[2 * k], slopes[2 * k + 1] = by_x, by_y
-    return _traced(value, words[ARGUMENTS] + k, words, slopes)
+        return _traced(value, np.int64(0), 1.0, words, slopes)
+    words[FIRST + 2 * k], words[FIRST + 2 * k + 1] = x.number, other
+    slopes[2 * k], slopes[2 * k + 1] = by_x, by_other
+    return _traced(value, words[ARGUMENTS] + k, 1.0, words, slopes)
+
+
+@_rule
+def _simply(value: Any, x: Any, slope: Any) -> Any:
+    """The value, with its slope along the number of x."""
+    number = x.number if slope != 0.0 else np.int64(-1)
+    return _traced(value, number, slope if number >= 0 else 0.0, x.words, x.slopes)
+
+
+@_rule
+def _following(value: Any, x: Any, slope: Any) -> Any:
+    """The same, of an operation that may have infinite slopes."""
+    if x.number < 0 or abs(slope) < np.inf:
+        return _simply(value, x, slope)
+    return _written(value, x, slope, np.int64(-1), 0.0)
 
 
 def _some_traced(*kinds: Any) -> bool:
@@ -175,21 +207,21 @@ def _some_traced(*kinds: Any) -> bool:
 
 def _of_two(rule: Any, functions: tuple[Any, ...]) -> None:
     """Take the rule of dual numbers for these functions."""
+    followed = _simply if functions[0] in _FINITE else _following
 
     @_rule
-    def written(x: Any, y: Any) -> Any:
-        by_x, by_y = 0.0, 0.0
-        value = rule(dual(x.value, 0.0), dual(y.value, 0.0)).value
-        if x.number >= 0:
-            by_x = rule(dual(x.value, 1.0), dual(y.value, 0.0)).slope
-        if y.number >= 0:
-            by_y = rule(dual(x.value, 0.0), dual(y.value, 1.0)).slope
-        return _written(value, x, by_x, y, by_y)
+    def made(x: Any, y: Any) -> Any:
+        if (x.number < 0) | (y.number < 0) | (x.number == y.number):
+            of = rule(dual(x.value, x.slope), dual(y.value, y.slope))
+            return followed(of.value, y if x.number < 0 else x, of.slope)
+        of = rule(dual(x.value, x.slope), dual(y.value, 0.0))
+        by_y = rule(dual(x.value, 0.0), dual(y.value, y.slope)).slope
+        return _written(of.value, x, of.slope, y.number, by_y)
 
     def matching(x: Any, y: Any) -> Any:
         if not _some_traced(x, y):
             return None
-        return lambda x, y: written(_as_traced(x), _as_traced(y))
+        return lambda x, y: made(_as_traced(x), _as_traced(y))
 
     for function in functions:
         overload(function, **_OPTIONS)(matching)
@@ -197,12 +229,12 @@ def _of_two(rule: Any, functions: tuple[Any, ...]) -> None:
 
 def _of_one(rule: Any, functions: tuple[Any, ...]) -> None:
     @_rule
-    def written(x: Any) -> Any:
-        of = rule(dual(x.value, 1.0 if x.number >= 0 else 0.0))
-        return _written(of.value, x, of.slope, _as_traced(0.0), 0.0)
+    def made(x: Any) -> Any:
+        of = rule(dual(x.value, x.slope))
+        return _following(of.value, x, of.slope)
 
     def matching(x: Any) -> Any:
-        return (lambda x: written(x)) if x == TRACED else None
+        return (lambda x: made(x)) if x == TRACED else None
 
     for function in functions:
         overload(function, **_OPTIONS)(matching)
@@ -233,12 +265,17 @@ for _each, _functions in UNCHANGED:
     _untraced(_each, _functions, 1)
 
 
+@_rule
+def _argument(value: Any, number: Any, words: Any, slopes: Any) -> Any:
+    return _traced(value, number, 1.0 if number >= 0 else 0.0, words, slopes)
+
+
 @overload(operator.getitem, **_OPTIONS)
 def _get(v: Any, i: Any) -> Any:
     if v == ARGUMENTS_OF:
-        return lambda v, i: _traced(v.values[i], v.first + i, v.words, v.slopes)
+        return lambda v, i: _argument(v.values[i], v.numbers[i], v.words, v.slopes)
     if v == SUMS:
-        return lambda v, i: _traced(v.values[i], v.numbers[i], v.words, v.slopes)
+        return lambda v, i: _traced(v.values[i], v.numbers[i], v.along[i], v.words, v.slopes)
     return None
 
 
@@ -251,5 +288,6 @@ def _set(v: Any, i: Any, x: Any) -> Any:
         number = _as_traced(x)
         v.values[i] = number.value
         v.numbers[i] = number.number
+        v.along[i] = number.slope
 
     return put

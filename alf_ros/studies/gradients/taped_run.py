@@ -14,11 +14,12 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
-from alf_ros.simulation.adjoint_following import AdjointFollowing, NoRoom, TakenBack
+from alf_ros.simulation.adjoint_following import SUMS, AdjointFollowing, NoRoom, TakenBack
 from alf_ros.simulation.displaced_scenes import Middle
 from alf_ros.simulation.quantity_tangents import QuantityTangents
 from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.simulation import Simulation
+from alf_ros.simulation.slope_products import SlopeProducts
 from alf_ros.simulation.state import State
 from alf_ros.simulation.tangent_following import TangentFollowing
 from alf_ros.studies.gradients.bars import Bars
@@ -26,6 +27,8 @@ from alf_ros.studies.gradients.observed_number import ObservedNumber
 
 _MEMORY = 256e6  # bytes for the steps of a leg
 _INNER = 16  # steps of an adaptive method for one of the grid, at first
+_FORMS = ('angle_b', 'angle_c', 'angle_term', 'length_b', 'length_c', 'length_term')
+_ARRAYS = (*SUMS, *_FORMS, 'q', 'qd')
 
 
 class Leg(NamedTuple):
@@ -54,7 +57,8 @@ class TapedRun:
         self.following = TangentFollowing(names, simulation.scene, solver, start)
         self.displaced = QuantityTangents(self.following, Middle.of(simulation)).displaced
         self._check_begin()
-        self._adjoint = AdjointFollowing(simulation._stepper, simulation.model)
+        self._products = SlopeProducts(self.following.slopes, _ARRAYS)
+        self._adjoint = AdjointFollowing(simulation._stepper, simulation.model, self._products)
         per_step = _INNER if solver.method.embedded.size else 1
         self._longest = max(1, int(memory / (self._adjoint.bytes_of_step * per_step)))
         self._per_step = per_step
@@ -130,30 +134,18 @@ class TapedRun:
         """(names,) the derivatives of the sum of `weights` times the number at their steps, by the
         numbers of the scene. Raises StepError, and InputError by a name without a derivative."""
         self._check_unfolding(max(weights))
-        model, found = self._simulation.model, np.zeros(len(self.following.names))
-        bars = Bars.of(model, len(self.following.names))
+        bars = Bars.of(self._simulation.model, len(self.following.names))
+        sums: dict[str, Floats] = {}
         for leg in reversed(self._legs):
             if leg is not self._legs[-1]:
                 self._repeat(leg)
             back = self._leg_back(leg, number, weights, bars)
             bars.q[:], bars.qd[:] = back.q, back.qd
-            found += self._by_arrays(back.arrays)
-            for k, slopes in enumerate(self.following.slopes):
-                by = slopes.params(leg.state.inputs)
-                found[k] += by[by != 0.0] @ back.params[by != 0.0]
-        found += bars.numbers + self._by_arrays(bars.arrays)
-        if self._from_start:
-            found += self._by_arrays({'q': bars.q, 'qd': bars.qd})
-        return found
-
-    def _by_arrays(self, bars: Mapping[str, Floats]) -> Floats:
-        """(names,) of ∂J/∂ arrays."""
-        return np.array(
-            [
-                sum(slopes.arrays[name].ravel() @ bar.ravel() for name, bar in bars.items())
-                for slopes in self.following.slopes
-            ]
-        )
+            for name, array in back.arrays.items():
+                sums[name] = sums.get(name, 0.0) + array
+            bars.numbers[:] += self._products.by_params(leg.state.inputs, back.params)
+        begin = {'q': bars.q, 'qd': bars.qd} if self._from_start else {}
+        return bars.numbers + self._products.by_arrays({**sums, **bars.arrays, **begin})
 
     def _repeat(self, leg: Leg) -> None:
         self._simulation.restore(leg.state)
