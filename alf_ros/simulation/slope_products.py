@@ -3,41 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from alf_ros.arrays import Floats, Integers
 from alf_ros.simulation.applied import Inputs
 from alf_ros.simulation.tangent_following import Slopes
 
 
-class _Matrix(NamedTuple):
-    """(rows, columns), of which the numbers that are not zero are kept."""
-
-    rows: int
-    row: Integers
-    column: Integers
-    value: Floats
-
-    @classmethod
-    def of(cls, rows: Sequence[Floats]) -> _Matrix:
-        """Of rows (columns,)."""
-        columns = [np.flatnonzero(each) for each in rows]
-        none = np.zeros(0, dtype=np.int64)
-        return cls(
-            len(rows),
-            np.concatenate([none, *(np.full(each.size, k) for k, each in enumerate(columns))]),
-            np.concatenate([none, *columns]),
-            np.concatenate([np.zeros(0), *(v[c] for v, c in zip(rows, columns, strict=True))]),
-        )
-
-    def times(self, vector: Floats) -> Floats:
-        """(rows,) the product with a vector (columns,)."""
-        each = self.value * vector[self.column]
-        summed: Floats = np.zeros(self.rows)
-        np.add.at(summed, self.row, each)
-        return summed
+def _matrix(rows: Sequence[Floats]) -> csr_array:
+    """Of rows (columns,), most of which are zero."""
+    return csr_array(np.array(rows) if rows else np.zeros((0, 0)))
 
 
 class SlopeProducts:
@@ -54,32 +31,30 @@ class SlopeProducts:
             self._at[name] = slice(self._size, self._size + slopes[0].arrays[name].size)
             self._size = self._at[name].stop
         none = np.zeros(0)
-        self._arrays = _Matrix.of(
-            [np.concatenate([none, *(s.arrays[n].ravel() for n in self._at)]) for s in slopes]
-        )
-        self._params: tuple[Inputs, _Matrix] | None = None
+        rows = [np.concatenate([none, *(s.arrays[n].ravel() for n in self._at)]) for s in slopes]
+        self._arrays = _matrix(rows)
+        self._params: tuple[Inputs, csr_array] | None = None
 
     def by_arrays(self, bars: Mapping[str, Floats]) -> Floats:
         """(K,) of ∂J/∂ arrays by their names; those that are absent are zero."""
         whole = np.zeros(self._size)
         for name, bar in bars.items():
             whole[self._at[name]] = bar.ravel()
-        return self._arrays.times(whole)
+        return np.asarray(self._arrays @ whole) if self._slopes else np.zeros(0)
 
     def by_params(self, inputs: Inputs, bar: Floats) -> Floats:
         """(K,) of ∂J/∂ the data of the effects, with inputs held."""
-        return self._of_params(inputs).times(bar)
+        return np.asarray(self._of_params(inputs) @ bar) if self._slopes else np.zeros(0)
 
     def changed_params(self, inputs: Inputs) -> Integers:
         """Which of the data of the effects the numbers change."""
-        return self._of_params(inputs).column
+        return np.asarray(self._of_params(inputs).indices)
 
     def changes_fixed(self, n: int) -> bool:
         """Whether a number moves a fixed block, from number n of q on."""
         return any(bool(each.arrays['q'][n:].any()) for each in self._slopes)
 
-    def _of_params(self, inputs: Inputs) -> _Matrix:
+    def _of_params(self, inputs: Inputs) -> csr_array:
         if self._params is None or self._params[0] != inputs:
-            rows = [each.params(inputs) for each in self._slopes]
-            self._params = inputs, _Matrix.of(rows)
+            self._params = inputs, _matrix([each.params(inputs) for each in self._slopes])
         return self._params[1]
