@@ -8,7 +8,7 @@ from alf_ros.arrays import Floats, Unit
 from alf_ros.kernel import System, Work
 from alf_ros.kernel.constraints import add_transposed, violation
 from alf_ros.kernel.ldl import linearise
-from alf_ros.kernel.numba_ext.jit import compiled
+from alf_ros.kernel.numba_ext.jit import compiled, expanded
 from alf_ros.kernel.triangular_solve import solve
 
 _MOST = 200  # iterations
@@ -44,12 +44,7 @@ def settle(
             violation(unit, rows, work.q, phi)
         if not linearise(unit, system, work, work.q):
             return False
-        for r in range(phi.size):
-            phi[r] *= -rows.alpha[r]
-        for i in range(work.delta.size):
-            work.delta[i] = 0.0
-        add_transposed(unit, rows, work.g, work.g2, phi, work.delta)
-        solve(unit, system.pattern, work.diagonal, work.off, work.delta)
+        _turn_into_step(unit, system, work, phi)
         for i in range(n):
             work.q[i] += fraction * work.delta[i]
     opened(unit, system, work, phi, gap)
@@ -72,8 +67,7 @@ def settle_as_far_as_rows_agree(
 
     best (blocks D,), phi and gap (rows,) are memory.
     """
-    rows, n = system.rows, work.p.size
-    least = np.inf
+    n, least = work.p.size, np.inf
     for _ in range(most):
         largest = opened(unit, system, work, phi, gap)
         if not largest < part * least:
@@ -85,16 +79,23 @@ def settle_as_far_as_rows_agree(
             best[i] = work.q[i]
         if not linearise(unit, system, work, work.q):
             return
-        for r in range(phi.size):
-            phi[r] *= -rows.alpha[r]
-        for i in range(work.delta.size):
-            work.delta[i] = 0.0
-        add_transposed(unit, rows, work.g, work.g2, phi, work.delta)
-        solve(unit, system.pattern, work.diagonal, work.off, work.delta)
+        _turn_into_step(unit, system, work, phi)
         for i in range(n):
             work.q[i] += work.delta[i]
     for i in range(best.size):
         work.q[i] = best[i]
+
+
+@expanded
+def _turn_into_step(unit: Unit, system: System, work: Work, phi: Floats) -> None:
+    """Φ into δ = -A⁻¹ Φ_qᵀ α Φ, in `work`."""
+    rows = system.rows
+    for r in range(phi.size):
+        phi[r] *= -rows.alpha[r]
+    for i in range(work.delta.size):
+        work.delta[i] = 0.0
+    add_transposed(unit, rows, work.g, work.g2, phi, work.delta)
+    solve(unit, system.pattern, work.diagonal, work.off, work.delta)
 
 
 @compiled

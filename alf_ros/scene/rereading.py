@@ -167,8 +167,9 @@ class ReadDocument:
         scene, bare = self._scene, self._bare
         if bare.drives or bare.couplings or scene.sensors or scene.diff_drive is not None:
             return None
-        if bare.shapes or any(body.shapes for body in bare.bodies):
-            return None
+        shown = (bare.shapes, *(body.shapes for body in bare.bodies))
+        if any(shape.kind == 'mesh' for shapes in shown for shape in shapes):
+            return None  # their files are named relative to others
         values = read_parameters(fields.get('parameters'), {})
         shapes = ShapeReader(bare.dimension, References())
         mechanism, parts = read_parts(fields, bare.name, values, bare.dimension, shapes)

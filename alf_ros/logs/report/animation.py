@@ -122,12 +122,20 @@ def write(
 def _box(films: Sequence[Film]) -> tuple[Floats, Floats]:
     """The corners (2,) m of what the films need, with a margin."""
     rims = [_rims(each.places, each.motion.wheels, 8) for each in films]
-    shown = [*(each.places for each in films), *rims]
+    others = [_other_ends(each.places[:, each.motion.shape_points]) for each in films]
+    shown = [*(each.places for each in films), *rims, *others]
     places = np.concatenate([each.reshape(-1, 2) for each in shown])
     places = places[np.isfinite(places).all(axis=1)]
     low, high = places.min(axis=0), places.max(axis=0)
     margin = 0.06 * max(high - low) or 1.0
     return low - margin, high + margin
+
+
+def _other_ends(places: Floats) -> Floats:
+    """The ends of half axes on the other side, of shapes with four places each, middle and ends:
+    (…, shapes, 4, 2) of (…, 4 shapes, 2)."""
+    ends = places.reshape(*places.shape[:-2], -1, 4, 2)
+    return 2.0 * ends[..., :1, :] - ends
 
 
 def _rims(places: Floats, wheels: list[int], parts: int) -> Floats:
