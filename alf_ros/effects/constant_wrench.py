@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from alf_ros import columns
 from alf_ros.effects import contract
 from alf_ros.effects.contract import affine_force
 from alf_ros.effects.contract.affine_force import Affine
@@ -70,7 +71,7 @@ def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
     Q = Affine(layout.dimension)
     for effect in effects:
         p: Parameters = effect.parameters
-        torque = np.atleast_1d(np.asarray(p.torque, dtype=float))
+        torque = np.atleast_1d(columns.array(p.torque))
         if not layout.turns(p.on) and (np.any(torque) or p.frame == 'body'):
             raise ValueError(
                 f'{p.on!r} has no orientation: no torque on it, and no frame of its own'

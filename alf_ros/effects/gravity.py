@@ -7,12 +7,13 @@ Systems (1994), ch. 4.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from alf_ros.arrays import Floats, Integers
+from alf_ros.columns import concatenated, dot
 from alf_ros.effects import contract
 from alf_ros.mechanism.natural_coordinates import Layout, place
 
@@ -40,31 +41,17 @@ def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
     """slots: [length of Q]; params: Q itself."""
     (effect,) = effects
     g = np.asarray(effect.parameters.acceleration)
-    Q = np.zeros((layout.blocks, layout.dimension))
+    Q: list[Floats] = [np.zeros(layout.dimension) for _ in range(layout.blocks)]
     shares: dict[tuple[object, ...], list[tuple[int, Floats]]] = {}  # of bodies that are alike
     for body in layout.bodies:
         own, alike = layout.of_body[body.name], (layout.shape(body.name), body.com, body.mass)
         if alike not in shares:
             centre = place(layout.shape(body.name), body.com)
-            shares[alike] = [(n, C.T @ (body.mass * g)) for n, C in centre.parts.items()]
+            shares[alike] = [(n, dot(C.T, body.mass * g)) for n, C in centre.parts.items()]
         for n, force in shares[alike]:
-            Q[own[n]] += force
-    return contract.Packed(np.array([Q.size], dtype=np.int64), Q.ravel())
-
-
-def params_with_masses(
-    effects: Sequence[contract.Effect], layout: Layout, masses: Mapping[str, Floats]
-) -> Floats:
-    """(members, params) of `pack`, where bodies have other `masses` (members,) kg, by name."""
-    (effect,) = effects
-    g, members = np.asarray(effect.parameters.acceleration), len(next(iter(masses.values())))
-    Q = np.zeros((members, layout.blocks, layout.dimension))
-    for body in layout.bodies:
-        own, centre = layout.of_body[body.name], place(layout.shape(body.name), body.com)
-        mass = masses.get(body.name, np.full(members, body.mass))
-        for n, C in centre.parts.items():
-            Q[:, own[n]] += np.matmul(C.T, (mass[:, None] * g)[:, :, None])[:, :, 0]
-    return Q.reshape(members, -1)
+            Q[own[n]] = Q[own[n]] + force
+    params = concatenated(Q)
+    return contract.Packed(np.array([params.size], dtype=np.int64), params)
 
 
 @contract.force

@@ -15,6 +15,7 @@ from math import inf, sqrt
 
 import numpy as np
 
+from alf_ros import columns
 from alf_ros.arrays import Floats, Integers
 from alf_ros.effects import contract
 from alf_ros.effects.contract.scalars import (
@@ -99,8 +100,8 @@ def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
         arms = [layout.direction(p.on, tuple(e)) for e in np.eye(D)] if round_one else []
         measures.add_place(place(layout, p.on, p.at), arms)
         normal = np.array(p.normal or (0.0,) * (D - 1) + (1.0,))
-        normal /= np.linalg.norm(normal)
-        height = float(normal @ (p.through or np.zeros(D)))
+        normal = normal / columns.norm(normal)
+        height = columns.dot(normal, columns.array(p.through or np.zeros(D)))
         law = [p.stiffness, p.exponent, p.damping, p.friction, p.slip, p.radius]
         measures.give([*law, len(arms), height, *normal])
     return measures.packed(directions=D, intervals=True)

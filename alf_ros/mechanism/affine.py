@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from alf_ros import columns
 from alf_ros.arrays import Floats
 
 _EYE = {D: np.eye(D) for D in (2, 3)}  # nobody writes into a form
@@ -40,8 +41,8 @@ class Form:
     def times(self, factor: Floats | float) -> Form:
         """The form multiplied from the left, by a number or a (D, D) matrix."""
         if isinstance(factor, np.ndarray):
-            parts = {block: factor @ C for block, C in self.parts.items()}
-            return Form(parts, factor @ self.constant)
+            parts = {block: columns.dot(factor, C) for block, C in self.parts.items()}
+            return Form(parts, columns.dot(factor, self.constant))
         parts = {block: factor * C for block, C in self.parts.items()}
         return Form(parts, factor * self.constant)
 
@@ -74,7 +75,7 @@ class FormArray:
 
 def constant(value: tuple[float, ...]) -> Form:
     """A place or direction in the world."""
-    return Form({}, np.array(value, dtype=float))
+    return Form({}, columns.array(value))
 
 
 def of_block(block: int, dimension: int) -> Form:

@@ -18,6 +18,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from alf_ros.columns import of_columns
+
 F = TypeVar('F', bound=Callable[..., Any])
 T = TypeVar('T')
 
@@ -53,7 +55,8 @@ class ResultMemory:
 
 
 def exactly(value: Any) -> bytes:
-    """Numbers, texts and nested tuples of them as a part of a key."""
+    """Numbers, texts and nested tuples of them as a part of a key. Raises ValueError for numbers
+    of many members."""
     return marshal.dumps(value, _FORMAT)
 
 
@@ -61,7 +64,7 @@ def remembered(most: int) -> Callable[[F], F]:
     """A function whose results are kept in a `ResultMemory`.
 
     Its arguments are numbers, arrays, nested tuples of these, or objects that are compared by
-    identity.
+    identity. Nothing is kept of arguments with numbers of many members (`columns`).
     """
 
     def of(function: F) -> F:
@@ -72,9 +75,16 @@ def remembered(most: int) -> Callable[[F], F]:
             key: list[Any] = []
             for argument in arguments:
                 if isinstance(argument, np.ndarray):
+                    if of_columns(argument):
+                        return function(*arguments)
                     key += argument.dtype.char, argument.shape, argument.tobytes()
                 elif isinstance(argument, (float, int, tuple)):
-                    key.append(exactly(argument))
+                    try:
+                        key.append(exactly(argument))
+                    except ValueError:
+                        return function(*arguments)
+                elif getattr(argument, 'of_columns', False):
+                    return function(*arguments)
                 else:
                     key.append(argument)
             return memory.found(tuple(key), lambda: function(*arguments))

@@ -15,6 +15,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
+from alf_ros import columns
 from alf_ros.arrays import Floats
 from alf_ros.mechanism import affine
 from alf_ros.mechanism.affine import Form
@@ -46,6 +47,11 @@ class Shape:
     def is_point(self) -> tuple[bool, ...]:
         """Of each end."""
         return tuple(n < self.points for n in self.ends)
+
+    @cached_property
+    def of_columns(self) -> bool:
+        """Whether it is of many members at once."""
+        return any(map(columns.of_columns, (*self.local, self.inverse)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +109,7 @@ class Layout:
         """Length of the blocks of unit vectors, m, as in the drawing, so that every natural
         coordinate is a length, and every mass one."""
         places = np.array([point.at for point in self.mechanism.points])
-        return float(np.ptp(places, axis=0).max(initial=0.0)) or 1.0
+        return columns.extent(places) or 1.0
 
     @property
     def bodies(self) -> tuple[Body, ...]:
@@ -160,7 +166,7 @@ class Layout:
 
 def vector(shape: Shape, local: Numbers) -> Form:
     """A vector fixed in a body, from its frame, in the body's own blocks."""
-    c, D = shape.inverse @ np.asarray(local, dtype=float), shape.inverse.shape[1]
+    c, D = columns.dot(shape.inverse, columns.array(local)), shape.inverse.shape[1]
     total = Form({}, np.zeros(D))
     for end, is_point, weight in zip(shape.ends, shape.is_point, c, strict=False):
         d = carrier(end, is_point, D)
@@ -199,7 +205,7 @@ def _shape(
     """The shape of bodies whose points and vectors are there in their frame, the vectors of a
     length, m."""
     points = len(local)
-    places = [np.array(place, dtype=float) for place in local]
+    places = [columns.array(place) for place in local]
     places += [length * np.array(axis) for axis in axes]
     # the second point, then vectors, then further points: independent ones span the body
     order = [*range(1, min(2, points)), *range(points, len(places)), *range(2, points)]
@@ -207,10 +213,10 @@ def _shape(
     ends = tuple(order[k] for k in found)
     directions = [places[n] for n in ends]
     if dimension == 2 and directions:
-        directions.append(TURN @ directions[0])
+        directions.append(columns.dot(TURN, directions[0]))
     inverse: Floats = np.zeros((0, dimension))
     if directions:
-        inverse = np.asarray(np.linalg.pinv(np.array(directions).T), dtype=float)
+        inverse = columns.pseudoinverse(np.array(directions).T)
     inverse.flags.writeable = False
     return Shape(tuple(places), points, ends, inverse)
 
@@ -221,7 +227,7 @@ def independent(directions: Sequence[Floats], most: int, least: float = 1e-6) ->
 
     `least` is the sine below which a direction counts as dependent.
     """
-    if len(directions) == 1 and most and _SHORT < np.linalg.norm(directions[0]) < math.inf:
+    if len(directions) == 1 and most and _SHORT < columns.norm(directions[0]) < math.inf:
         return (0,)
     return _independent(np.array(directions), most, least) if directions else ()
 
@@ -234,19 +240,18 @@ def _independent(directions: Floats, most: int, least: float) -> tuple[int, ...]
     while len(chosen) < most:
         apart = []
         for d in directions:
-            size = np.linalg.norm(d)
+            size = columns.norm(d)
             unit = d / size if size > 0.0 else d
-            apart.append(
-                float(np.linalg.norm(unit - sum(((unit @ a) * a for a in axes), 0.0 * d)))
-            )
+            across = unit - sum((columns.dot(unit, a) * a for a in axes), 0.0 * d)
+            apart.append(columns.real(columns.norm(across)))
         good = [k for k, sine in enumerate(apart) if sine > _APART]
-        best = good[0] if good else int(np.argmax(apart)) if apart else -1
-        if best < 0 or apart[best] < least:
+        if not good and columns.largest(apart) < least:
             break
-        d = directions[best] / np.linalg.norm(directions[best])
-        d = d - sum(((d @ a) * a for a in axes), 0.0 * d)
+        best = good[0] if good else int(np.argmax(apart))
+        d = directions[best] / columns.norm(directions[best])
+        d = d - sum((columns.dot(d, a) * a for a in axes), 0.0 * d)
         chosen.append(best)
-        axes.append(d / np.linalg.norm(d))
+        axes.append(d / columns.norm(d))
     return tuple(chosen)
 
 

@@ -269,7 +269,8 @@ class Mechanism:
     @cached_property
     def geometry(self) -> bytes | None:
         """The parts that coordinates and rows depend on, exactly, as a key: all but masses,
-        stiffnesses and functions of time. None where functions of time turn or carry joints."""
+        stiffnesses and functions of time. None where functions of time turn or carry joints, and
+        of many members at once (`columns`)."""
         if any(joint.motion for joint in self.joints):
             return None
         items = [(item.name, item.at, item.fixed) for item in self.points]
@@ -290,7 +291,10 @@ class Mechanism:
         rotors = [(rotor.name, rotor.of) for rotor in self.rotors]
         couplings = [(coupling.name, coupling.of) for coupling in self.couplings]
         parts = (items, bodies, joints, drives, rotors, couplings)
-        return exactly((self.dimension, *(tuple(part) for part in parts)))
+        try:
+            return exactly((self.dimension, *(tuple(part) for part in parts)))
+        except ValueError:
+            return None
 
     @property
     def blocks(self) -> tuple[Point | Vector, ...]:

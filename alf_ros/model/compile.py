@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from alf_ros import columns
 from alf_ros.arrays import Floats, Integers, Unit
 from alf_ros.errors import AssemblyError
 from alf_ros.gc_pause import paused
@@ -280,12 +281,12 @@ def _draft(mechanism: Mechanism) -> Layout:
 
 def drawn(layout: Layout) -> Floats:
     """(blocks D,) points and vectors as drawn; other blocks are zero."""
-    q = np.zeros((layout.blocks, layout.dimension))
+    q: list[Sequence[float]] = [[0.0] * layout.dimension for _ in range(layout.blocks)]
     for point in layout.mechanism.points:
         q[layout.of_point[point.name]] = point.at
     for vector in layout.mechanism.vectors:
-        q[layout.of_vector[vector.name]] = layout.length * np.array(vector.along)
-    return q.ravel()
+        q[layout.of_vector[vector.name]] = [layout.length * x for x in vector.along]
+    return np.asarray(columns.array(q).ravel())
 
 
 def hold(model: Model, extra: Sequence[Row], velocities: bool) -> tuple[System, list[str], slice]:

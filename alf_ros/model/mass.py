@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from alf_ros.arrays import Floats, Integers
+from alf_ros.columns import array, dot, mapped, real
 from alf_ros.kernel import Mass
 from alf_ros.mechanism import Body, Numbers
 from alf_ros.mechanism.memory import remembered
@@ -49,22 +50,6 @@ def masses_of(body: Body, layout: Layout, known: bool = True) -> BodyMasses:
         bound.append((k, -w if above else w))
     blocks = tuple(own[n] for n, _ in diagonal)
     return BodyMasses(blocks, tuple(m for _, m in diagonal), tuple(pairs), tuple(bound))
-
-
-def masses_of_members(bodies: Sequence[Body], layout: Layout) -> tuple[Floats, Floats]:
-    """The `masses` (members, blocks) and `bound` (members, pairs, 2) of `masses_of`, of bodies
-    that differ in mass and inertia alone."""
-    own, shape = layout.of_body[bodies[0].name], layout.shape(bodies[0].name)
-    mass, inertia = np.array([b.mass for b in bodies]), np.array([b.inertia for b in bodies])
-    M, w = _of_bodies(shape, mass, bodies[0].com, inertia)
-    blocks = (0, *shape.ends)
-    bound = [
-        np.stack([M[:, a, b], -w if own[n] > own[other] else w], axis=1)
-        for a, n in enumerate(blocks)
-        for b, other in enumerate(blocks[:a])
-    ]
-    pairs = np.array(bound).reshape(-1, mass.size, 2)
-    return np.diagonal(M, axis1=1, axis2=2), pairs.transpose(1, 0, 2)
 
 
 def mass_of(layout: Layout) -> Mass:
@@ -146,8 +131,8 @@ def _of_body(
 ) -> tuple[list[tuple[int, float]], list[tuple[int, int, float, float]]]:
     """M of a body, without the D equal axes: diagonal blocks; blocks below, with k and w; on the
     body's own blocks."""
-    moments, skew = _of_bodies(shape, np.array([m]), com, np.array([inertia], dtype=float))
-    blocks, M, w = (0, *shape.ends), moments[0].tolist(), float(skew[0])
+    moments, skew = _of_bodies(shape, array([m]), com, array([inertia]))
+    blocks, M, (w,) = (0, *shape.ends), moments[0].tolist(), skew.tolist()
     diagonal = [(n, M[a][a]) for a, n in enumerate(blocks)]
     below = [
         (n, other, M[a][b], w) for a, n in enumerate(blocks) for b, other in enumerate(blocks[:a])
@@ -159,15 +144,15 @@ def _of_bodies(shape: Shape, m: Floats, com: Numbers, inertia: Floats) -> tuple[
     """M (members, blocks, blocks) between the carrying blocks of bodies of one shape and centre of
     mass, and its skew part w (members,); m (members,) kg, inertia (members, ...) kg m²."""
     from_local, D, place = shape.inverse, shape.inverse.shape[1], np.array(com)
-    c, second = from_local @ place, _second_moments(D, m, place, inertia, from_local)
+    c, second = dot(from_local, place), _second_moments(D, m, place, inertia, from_local)
     w: Floats = np.zeros(m.size)
     if D == 2 and c.size:  # J makes the second direction of the first
-        second, w, c = second[:, :1, :1] + second[:, 1:, 1:], m * float(c[1]), c[:1]
-    moments = np.empty((m.size, 1 + c.size, 1 + c.size))
+        second, w, c = second[:, :1, :1] + second[:, 1:, 1:], m * real(c[1]), c[:1]
+    moments = np.empty((m.size, 1 + c.size, 1 + c.size), dtype=np.result_type(m, c, second))
     moments[:, 0, 0], moments[:, 1:, 1:] = m, second
     moments[:, 0, 1:] = moments[:, 1:, 0] = m[:, None] * c
     ends = _ends(shape.is_point, c.size)
-    return ends @ moments @ ends.T, w
+    return dot(dot(ends, moments), ends.T), w
 
 
 # of all bodies that are alike at once: large mechanisms have many
@@ -190,8 +175,14 @@ def _second_moments(D: int, m: Floats, com: Floats, inertia: Floats, from_local:
     else:
         trace = inertia[:, 0, 0] + inertia[:, 1, 1] + inertia[:, 2, 2]
         about = (0.5 * trace)[:, None, None] * _EYE[3] - inertia
-    second = from_local @ (about + m[:, None, None] * (com[:, None] * com)) @ from_local.T
-    # a thin disk has none along its axle: not what rounding leaves of it
+    place = about + m[:, None, None] * (com[:, None] * com)
+    second = dot(dot(from_local, place), from_local.T)
+    return np.asarray(mapped(_without_rounding, second))
+
+
+def _without_rounding(second: Floats) -> Floats:
+    """Moments (..., k, k) without what rounding leaves of those that are none, as of a thin disk
+    along its axle."""
     size = np.abs(second)
-    second[size < _NOTHING * size.max(axis=(1, 2), initial=0.0)[:, None, None]] = 0.0
-    return np.asarray(second)
+    second[size < _NOTHING * size.max(axis=(-2, -1), initial=0.0)[..., None, None]] = 0.0
+    return second

@@ -12,9 +12,11 @@ import re
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 
+import numpy as np
+
 from alf_ros import effects
+from alf_ros.columns import ColumnText
 from alf_ros.errors import InputError
-from alf_ros.mechanism import Body
 from alf_ros.scene.mechanism_file import read_parameters
 from alf_ros.scene.rereading import reading_of
 from alf_ros.scene.scene import PICKED, Scene, load_scene
@@ -43,20 +45,14 @@ def with_changes(scene: Scene, changes: Mapping[str, str], prefix: str = '--set 
     `prefix`."""
     if not changes:
         return scene
-    base = reading_of(scene.document)
-    root, sources = base.root, [f'{prefix}{name}' for name in changes]
-    said, alike = prefix.rstrip(' .'), True  # whether all names mean what they do in the scene
+    sources = [f'{prefix}{name}' for name in changes]
     try:
-        for (name, text), source in zip(changes.items(), sources, strict=True):
-            value = _value(text, source)
-            place = base.places.get(name) if alike else None
-            if place is None:
-                place = _place(root, name, said)
-                if alike:
-                    base.places[name] = place
-            alike = alike and not isinstance(value.value, dict)
-            root = _replaced(_without_rivals(root, place), place, value, name)
-        again = base.again(root, scene.file)
+        values = {
+            name: _value(text, source)
+            for (name, text), source in zip(changes.items(), sources, strict=True)
+        }
+        root = _with_values(scene, values, prefix.rstrip(' .'))
+        again = reading_of(scene.document).again(root, scene.file)
         changed = again or dataclasses.replace(load_scene(root.mapping()), file=scene.file)
     except InputError as error:
         if error.file not in sources:
@@ -64,6 +60,41 @@ def with_changes(scene: Scene, changes: Mapping[str, str], prefix: str = '--set 
         # the text of a change is no file with lines and keys
         raise error.about(error.file) from None
     return changed
+
+
+def of_members(scene: Scene, changes: Sequence[Mapping[str, str]]) -> Scene | None:
+    """`with_changes` of many members at once, whose numbers are columns (`alf_ros.columns`); None
+    where something else than numbers differs.
+
+    Raises Divided where the members differ in more than numbers; InputError, ArithmeticError,
+    TypeError and ValueError where some of them cannot be read, or all only one by one.
+    """
+    values: dict[str, Entry] = {}
+    for name, first in changes[0].items():
+        texts = [each[name] for each in changes]
+        if texts.count(first) == len(texts):
+            values[name] = _value(first, name)
+        elif all(map(_NUMBER.fullmatch, texts)):
+            values[name] = Entry(ColumnText(np.array([float(text) for text in texts])), path=name)
+        else:
+            return None
+    root = _with_values(scene, values, 'vary')
+    return reading_of(scene.document).again(root, scene.file)
+
+
+def _with_values(scene: Scene, values: Mapping[str, Entry], said: str) -> Entry:
+    """The document of a scene with other values by name."""
+    base = reading_of(scene.document)
+    root, alike = base.root, True  # whether all names mean what they do in the scene
+    for name, value in values.items():
+        place = base.places.get(name) if alike else None
+        if place is None:
+            place = _place(root, name, said)
+            if alike:
+                base.places[name] = place
+        alike = alike and not isinstance(value.value, dict)
+        root = _replaced(_without_rivals(root, place), place, value, name)
+    return root
 
 
 @lru_cache(maxsize=256)
@@ -100,30 +131,6 @@ def section(scene: Scene, name: str) -> str:
     """The section of a scene that has the value of this name: 'mechanism', 'effects', 'initial',
     'solver'. Raises InputError for an unknown name."""
     return _place(scene.document.root, name, 'name')[0]
-
-
-def body_of_mass(scene: Scene, name: str) -> str | None:
-    """The body whose mass has this name in a scene; None if the name is of something else. Raises
-    InputError for an unknown name."""
-    place = _place(scene.document.root, name, 'name')
-    of_bodies = len(place) == 4 and place[:2] == ('mechanism', 'bodies')
-    return place[2] if of_bodies and place[3] == 'mass' else None
-
-
-def with_masses(scene: Scene, body: str, masses: Sequence[str]) -> list[Body | None]:
-    """A body of a scene with each of these masses, as text; None where that is no number, or makes
-    another mechanism."""
-    reading = reading_of(scene.document)
-
-    def made(text: str) -> Body | None:
-        if not _NUMBER.fullmatch(text):
-            return None
-        try:
-            return reading.body_with_mass(body, Entry(text, path='mass'))
-        except InputError:
-            return None
-
-    return [made(text) for text in masses]
 
 
 def _place(root: Entry, name: str, said: str) -> tuple[str, ...]:

@@ -193,11 +193,6 @@ class ReadDocument:
                 found[name] = body
         return tuple(found.values())
 
-    def body_with_mass(self, name: str, mass: Entry) -> Body | None:
-        """A body with another mass; None if that makes another mechanism. Raises InputError."""
-        old = self._fields['mechanism'].mapping()['bodies'].mapping()[name]
-        return self._other_body(name, old, old.having({**old.mapping(), 'mass': mass}))
-
     def _other_body(self, name: str, old: Entry, new: Entry) -> Body | None:
         """A body with other masses; None if more than these differ, or if its orientation would
         be carried otherwise."""

@@ -60,7 +60,8 @@ class AlikeMembers:
         self.quantities = tuple(quantities)
         self._of, stepper = simulation, simulation._stepper
         likeness = Likeness(simulation)
-        self.numbers_of, self.with_masses = likeness.numbers_of, likeness.with_masses
+        self.numbers_of = likeness.numbers_of
+        self.numbers_of_columns = likeness.numbers_of_columns
         bodies = [own for _, own in likeness.bodies]
         given, penalty = simulation.scene.velocities, simulation.solver.penalty
         self._systems = MemberSystems(

@@ -3,25 +3,22 @@ velocities."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from alf_ros import columns
 from alf_ros.arrays import Floats
+from alf_ros.columns import Divided, spread
 from alf_ros.effects import Effect
 from alf_ros.errors import AlfError
-from alf_ros.mechanism import Body
 from alf_ros.mechanism.natural_coordinates import Layout
-from alf_ros.model.mass import BodyMasses, masses_of, masses_of_members
+from alf_ros.model.constraints.packing import RowNumbers
+from alf_ros.model.mass import BodyMasses, masses_of
 from alf_ros.model.member_rows import Geometry, MemberRows, are_rows_of
 from alf_ros.scene.scene import Scene
-from alf_ros.simulation.packed_effects import (
-    AskedFunctions,
-    PackedKind,
-    kinds_of,
-    params_with_masses,
-)
+from alf_ros.simulation.packed_effects import AskedFunctions, PackedKind, kinds_of
 from alf_ros.simulation.simulation import Simulation
 
 
@@ -35,6 +32,17 @@ class MemberNumbers(NamedTuple):
     bound: Sequence[tuple[float, float]] | Floats
     params: Floats
     given: Floats
+
+
+def is_same(one: MemberNumbers, other: MemberNumbers | None) -> bool:
+    """Whether the numbers of two members are the same, in all bits."""
+    return other is not None and _bits(one) == _bits(other)
+
+
+def _bits(numbers: MemberNumbers) -> list[bytes]:
+    geometry, *others = numbers
+    parts = (geometry.size, geometry.drawn, *geometry.rows, *others)
+    return [np.asarray(part, dtype=float).tobytes() for part in parts]
 
 
 class Likeness:
@@ -82,56 +90,34 @@ class Likeness:
             return None
         return MemberNumbers(geometry, masses, bound, params, _given(scene, layout))
 
-    def with_masses(self, members: Sequence[Mapping[str, Body]]) -> list[MemberNumbers | None]:
-        """The numbers of scenes that differ from the scene of the simulation in nothing but masses
-        and inertias of these bodies, by name; None as `numbers_of` says."""
-        own, fits = self._scene.mechanism, np.ones(len(members), dtype=bool)
-        masses: list[Floats] = []
-        bound: list[Floats] = []
-        for body, (_, known) in zip(own.bodies, self.bodies, strict=True):
-            here = np.array(known.bound).reshape(-1, 2)
-            if body.name in members[0]:
-                others = [each[body.name] for each in members]
-                of_body, there = masses_of_members(others, self.layout)
-                fits &= ((there == 0.0) == (here == 0.0)).all(axis=(1, 2))
-            else:
-                of_body = np.tile(known.masses, (len(members), 1))
-                there = np.tile(here, (len(members), 1, 1))
-            masses.append(of_body)
-            bound.append(there)
-        rows, pairs = np.concatenate(masses, axis=1), np.concatenate(bound, axis=1)
-        params, found = self._params_with_masses(members), list[MemberNumbers | None]()
-        for m, own_params in enumerate(params):
-            if own_params is None or not fits[m] or self._geometry is None:
-                found.append(None)
-                continue
-            of_member = self._geometry, rows[m], pairs[m], own_params, self._given
-            found.append(MemberNumbers(*of_member))
-        return found
-
-    def _params_with_masses(self, members: Sequence[Mapping[str, Body]]) -> list[Floats | None]:
-        """The numbers of effects, likewise."""
-        weights = {name: np.array([each[name].mass for each in members]) for name in members[0]}
-        params = params_with_masses(self._scene.effects, self.layout, weights)
-        if params is not None:
-            return list(params)
-        return [self._params(self._scene.effects, self._massive(each)) for each in members]
-
-    def _massive(self, others: Mapping[str, Body]) -> Layout:
-        """The layout of a mechanism in which these bodies, by name, have other masses."""
-        own = self._scene.mechanism
-        bodies = tuple(others.get(body.name, body) for body in own.bodies)
-        return self.layout.like(own.with_bodies(bodies))
+    def numbers_of_columns(self, scene: Scene, members: int) -> list[MemberNumbers] | None:
+        """The numbers of each member of a scene whose numbers are columns; None if it is another
+        one in more than numbers. Raises what `overrides.of_members` does."""
+        found = self.numbers_of(scene)
+        if found is None:
+            return None
+        geometry, masses = found.geometry, columns.array(found.masses)
+        bound, size = columns.array(found.bound).reshape(-1, 2), columns.array([geometry.size])
+        parts = (size, geometry.drawn, *geometry.rows, masses, bound, found.params, found.given)
+        every = []
+        for (size,), drawn, *numbers in zip(
+            *(spread(each, members) for each in parts), strict=True
+        ):
+            shape = Geometry(float(size), drawn, RowNumbers(*numbers[:4]))
+            every.append(MemberNumbers(shape, *numbers[4:]))
+        return every
 
     def _params(self, effects: Sequence[Effect], layout: Layout) -> Floats | None:
         """The numbers of effects on a layout; None if they are others in more than numbers."""
         try:
             kinds = kinds_of(effects, layout, self._asked)
+        except Divided:
+            raise
         except (AlfError, ArithmeticError):
             return None  # alone it fails again, and says why
         if [_structure(kind) for kind in kinds] != self._kinds:
             return None
-        return np.concatenate([np.zeros(0), *(kind.packed.params for kind in kinds)])
+        return np.asarray(columns.concatenated([kind.packed.params for kind in kinds]))
 
 
 def unlike(simulation: Simulation) -> str:
@@ -184,4 +170,4 @@ def _given(scene: Scene, layout: Layout) -> Floats:
         unit = 1.0 if name in layout.of_point else layout.length
         # as from the constant of a row, where zero has the other sign
         found += [-(0.0 - unit * value) for value in values if value is not None]
-    return np.array(found)
+    return np.asarray(columns.array(found))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -103,21 +103,6 @@ def kinds_of(
         addresses = module.force.address, potential, friction, tangent, side, interval
         kinds.append(PackedKind(kind, *addresses, packed, rubbing))
     return kinds
-
-
-def params_with_masses(
-    effects: Sequence[Effect], layout: Layout, masses: Mapping[str, Floats]
-) -> Floats | None:
-    """(members, params) of the kinds of effects, kind after kind, where bodies have other masses
-    (members,) kg, by name; None if an effect does not say how its numbers depend on them."""
-    found = []
-    for kind, instances in _by_kind(effects).items():
-        module = registry.load(kind)
-        if not hasattr(module, 'params_with_masses'):
-            return None
-        found.append(module.params_with_masses(instances, layout, masses))
-    members = len(next(iter(masses.values())))
-    return np.concatenate([np.zeros((members, 0)), *found], axis=1)
 
 
 def _by_kind(effects: Sequence[Effect]) -> dict[str, list[Effect]]:

@@ -1,5 +1,7 @@
 """The coordinates of a step: what turns uniformly is exact, and their rates are what they say."""
 
+import math
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -236,3 +238,18 @@ def test_rounding_goes_no_way(name):
     before = simulation.sample().energy
     simulation.step(240_000)
     assert simulation.sample().energy == pytest.approx(before, rel=5e-12)
+
+
+@njit
+def short_sine(x):
+    return chart._short_sine(x)
+
+
+def test_the_sine_of_a_short_turn_is_right_to_its_last_digit():
+    """Against the series in rational numbers, whose error is below 1e-30."""
+    for x in np.random.default_rng(2).uniform(-0.8, 0.8, 300).tolist():
+        exact = term = Fraction(x)
+        for k in range(1, 16):
+            term *= -(Fraction(x) ** 2) / (2 * k * (2 * k + 1))
+            exact += term
+        assert abs(Fraction(short_sine(x)) - exact) <= Fraction(0.75 * math.ulp(float(exact)))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -12,7 +10,6 @@ from alf_ros import Simulation, kernel
 from alf_ros.arrays import Floats
 from alf_ros.model.compile import Model, compile_model
 from alf_ros.model.dense_linearisation import Linearised
-from alf_ros.model.mass import masses_of, masses_of_members
 from alf_ros.scene.overrides import with_changes
 from alf_ros.scene.scene import load_scene, scene_from_text
 
@@ -219,23 +216,6 @@ initial:
         assert last.energy == pytest.approx(first.energy, rel=1e-10)
         assert last.diagnostics.redundant == 0
         assert last.diagnostics.position_violation < 1e-13
-
-
-@pytest.mark.parametrize('name', ['slider_crank', 'stewart_platform', 'delta_robot'])
-def test_masses_of_many_members_are_those_of_each(name: str) -> None:
-    layout = compile_model(load_scene(name).mechanism, 1e8).layout
-    random = np.random.default_rng(2)
-    for body in layout.bodies[:6]:
-        factors = random.uniform(0.5, 2.0, 9).tolist()
-        made = [
-            replace(body, mass=m * body.mass, inertia=(m * np.array(body.inertia)).tolist())
-            for m in factors
-        ]
-        masses, bound = masses_of_members(made, layout)
-        for m, each in enumerate(made):
-            alone = masses_of(each, layout, known=False)
-            assert masses[m].tobytes() == np.array(alone.masses).tobytes()
-            assert bound[m].tobytes() == np.array(alone.bound).reshape(-1, 2).tobytes()
 
 
 @pytest.mark.parametrize('length', [0.1, 1 / 3, 0.7, 1.1, 49.0])

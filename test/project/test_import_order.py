@@ -16,6 +16,7 @@ PACKAGE = ROOT / 'alf_ros'
 ROOMS = (
     'errors',
     'arrays',
+    'columns',
     'splines',
     'resources',
     'digest',

@@ -47,9 +47,6 @@
     of an effect on several joint coordinates: parameters of its part on one of them.
 `CONSTANT` (optional)
     True if the force depends neither on time nor on the motion.
-`params_with_masses(effects, layout, masses)` (optional)
-    `pack(effects, layout).params` of many mechanisms (members, params), where bodies have other
-    `masses` (members,) kg, by name; each with the bits of `pack`.
 `free_fall(parameters)` (optional)
     the acceleration, m/s², that it gives every mass alike: accelerometers do not feel it.
 `AT_REST` (optional)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from alf_ros import columns
 from alf_ros.arrays import Floats, Integers
 from alf_ros.effects import contract
 from alf_ros.mechanism.affine import Form
@@ -35,11 +36,11 @@ class Affine:
         for n, (end, is_point) in enumerate(zip(shape.ends, shape.is_point, strict=True)):
             dual = shape.inverse[n]  # in the body frame: its product with a local place is c_n
             if layout.dimension == 2:
-                Q = layout.vector(body, tuple(torque[0] * TURN @ dual))
+                Q = layout.vector(body, tuple(columns.dot(torque[0] * TURN, dual)))
             elif turned:
                 Q = layout.vector(body, tuple(0.5 * np.cross(torque, dual)))
             else:
-                cross = np.asarray(np.cross(torque, np.eye(3)).T, dtype=float)  # [τ]×
+                cross = columns.array(np.cross(torque, np.eye(3)).T)  # [τ]×
                 Q = layout.direction(body, tuple(dual)).times(0.5 * cross)
             self._add(blocks[end], Q)
             if is_point:

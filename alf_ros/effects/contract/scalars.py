@@ -13,9 +13,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 
+from alf_ros import columns
 from alf_ros.arrays import Floats, Integers
 from alf_ros.effects.contract import Packed
 from alf_ros.kernel.numba_ext.jit import shared as shared
@@ -92,7 +94,7 @@ class Measures:
     def drawn(self, n: int = -1) -> float:
         """The n-th scalar, as the mechanism is drawn."""
         layout = self._layout
-        q = np.zeros((layout.blocks, layout.dimension))
+        q: list[Any] = [np.zeros(layout.dimension) for _ in range(layout.blocks)]
         at = {point.name: np.array(point.at) for point in layout.mechanism.points}
         along = {v.name: layout.length * np.array(v.along) for v in layout.mechanism.vectors}
         for name, block in (*layout.of_point.items(), *layout.of_vector.items()):
@@ -104,13 +106,18 @@ class Measures:
         kind, _, less, first = self._words[n]
         value = [_value(row, q) for row in self._rows[first:]]
         if kind == ANGLE:
-            other = math.atan2(value[3], value[2]) if less >= 0 else 0.0
-            return math.atan2(value[1], value[0]) - other
-        return value[0] if kind == LENGTH else float(np.linalg.norm(value[: layout.dimension]))
+            other = columns.each(math.atan2, *value[3:1:-1]) if less >= 0 else 0.0
+            drawn: float = columns.each(math.atan2, value[1], value[0]) - other
+        elif kind == LENGTH:
+            drawn = value[0]
+        else:
+            gap = columns.array(value[: layout.dimension])
+            drawn = columns.real(columns.norm(gap))
+        return drawn
 
     def give(self, numbers: Iterable[float]) -> None:
         """The numbers of the effect that go with the scalar added last."""
-        self._numbers[-1] = np.array([float(number) for number in numbers])
+        self._numbers[-1] = columns.array(list(numbers))
 
     def packed(self, directions: int = 1, intervals: bool = False) -> Packed:
         """All of it, for the functions below; an effect yields in so many directions of each
@@ -146,11 +153,12 @@ class Measures:
         return Packed(whole, np.concatenate([*params, *self._numbers]), tuple(moved), known)
 
 
-def _value(row: Row, q: Floats) -> float:
+def _value(row: Row, q: Sequence[Floats]) -> float:
     total = row.c
     for block, b in row.b.items():
         terms = row.terms.get(block, {}).items()
-        total += float((b + 0.5 * sum(T @ q[other] for other, T in terms)) @ q[block])
+        turned = sum(columns.dot(T, q[other]) for other, T in terms)
+        total += columns.real(columns.dot(b + 0.5 * turned, q[block]))
     return total
 
 

@@ -8,13 +8,12 @@ the joint, so that the coordinate is zero as drawn.
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 
 from alf_ros.kernel import Rows
 from alf_ros.mechanism import GROUND, Coordinate, Joint, affine
 from alf_ros.mechanism.affine import Form
+from alf_ros.mechanism.memory import remembered
 from alf_ros.mechanism.natural_coordinates import Layout, Shape, direction
 from alf_ros.model.constraints.packing import of_shapes, rows_of
 from alf_ros.model.constraints.row import Row, linear, product
@@ -49,7 +48,7 @@ def angle_rows(coordinate: Coordinate, layout: Layout) -> list[Row]:
     return [product('x', X, d), product('y', Y, d)]
 
 
-@lru_cache(maxsize=1024)
+@remembered(1024)
 def _turned(shape: Shape) -> list[Row]:
     """x, y of the x axis of bodies of a shape in the plane, on their own blocks."""
     d = direction(shape, (1.0, 0.0)) if shape.ends else affine.constant((1.0, 0.0))

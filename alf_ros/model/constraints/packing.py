@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from alf_ros.arrays import Floats, Indices, Integers
+from alf_ros.columns import array, concatenated
 from alf_ros.kernel import Forms, Rows
 from alf_ros.mechanism.affine import Form
 from alf_ros.mechanism.memory import remembered
@@ -60,10 +61,10 @@ def parts_of(rows: Sequence[Constraint]) -> tuple[RowStructure, RowNumbers]:
         tuple(bound),
     )
     return structure, RowNumbers(
-        length=np.array([row.length for _, row in bars], dtype=float),
-        b=np.concatenate(numbers, dtype=float) if numbers else np.zeros(0),
-        term=np.concatenate(products, dtype=float).ravel() if products else np.zeros(0),
-        c=np.array([row.c for _, row in forms if not row.velocity], dtype=float),
+        length=array([row.length for _, row in bars]),
+        b=concatenated(numbers),
+        term=concatenated(products).ravel(),
+        c=array([row.c for _, row in forms if not row.velocity]),
     )
 
 
@@ -135,8 +136,8 @@ def forms_of(forms: Sequence[Form], D: int) -> Forms:
     return Forms(
         first=_starts(np.array([len(form.parts) for form in forms], dtype=np.int64)),
         block=indices(block for block, _ in parts),
-        C=np.array([C for _, C in parts], dtype=float).reshape(-1, D * D).ravel(),
-        c=np.array([form.constant for form in forms], dtype=float).ravel(),
+        C=array([C for _, C in parts]).reshape(-1, D * D).ravel(),
+        c=array([form.constant for form in forms]).ravel(),
     )
 
 

@@ -12,6 +12,7 @@ from typing import NamedTuple
 from numpy import count_nonzero  # of small arrays in a third of the time of `any`
 
 from alf_ros.arrays import Floats
+from alf_ros.columns import dot, real
 from alf_ros.mechanism.affine import Form
 
 Terms = dict[int, dict[int, Floats]]
@@ -59,8 +60,8 @@ Constraint = Distance | Row
 
 def linear(name: str, along: Floats, f: Form, offset: float = 0.0) -> Row:
     """along · f = offset."""
-    b = {block: C.T @ along for block, C in f.parts.items()}
-    return Row(name, _kept(b), c=float(along @ f.constant) - offset)
+    b = {block: dot(C.T, along) for block, C in f.parts.items()}
+    return Row(name, _kept(b), c=real(dot(along, f.constant)) - offset)
 
 
 def product(name: str, f: Form, g: Form, offset: float = 0.0) -> Row:
@@ -69,13 +70,13 @@ def product(name: str, f: Form, g: Form, offset: float = 0.0) -> Row:
     terms: Terms = {}
     for first, second in ((f, g), (g, f)):
         for i, C in first.parts.items():
-            b[i] = b.get(i, 0.0) + C.T @ second.constant
+            b[i] = b.get(i, 0.0) + dot(C.T, second.constant)
             for j, G in second.parts.items():
                 row = terms.setdefault(i, {})
-                row[j] = row.get(j, 0.0) + C.T @ G
+                row[j] = row.get(j, 0.0) + dot(C.T, G)
     terms = {i: {j: T for j, T in row.items() if count_nonzero(T)} for i, row in terms.items()}
     b = {i: v for i, v in b.items() if terms.get(i) or count_nonzero(v)}
-    return Row(name, b, terms, float(f.constant @ g.constant) - offset)
+    return Row(name, b, terms, real(dot(f.constant, g.constant)) - offset)
 
 
 def motion(name: str, *pairs: tuple[Form, Form]) -> Row:
@@ -84,10 +85,10 @@ def motion(name: str, *pairs: tuple[Form, Form]) -> Row:
     terms: Terms = {}
     for f, g in pairs:
         for i, C in g.parts.items():
-            b[i] = b.get(i, 0.0) + C.T @ f.constant
+            b[i] = b.get(i, 0.0) + dot(C.T, f.constant)
             for j, F in f.parts.items():
                 row = terms.setdefault(i, {})
-                row[j] = row.get(j, 0.0) + C.T @ F
+                row[j] = row.get(j, 0.0) + dot(C.T, F)
     return Row(name, b, terms, velocity=True)
 
 

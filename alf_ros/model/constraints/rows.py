@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import lru_cache
 
 import numpy as np
 
+from alf_ros import columns
 from alf_ros.mechanism import Body, Joint, affine
 from alf_ros.mechanism.affine import Form
+from alf_ros.mechanism.memory import remembered
 from alf_ros.mechanism.natural_coordinates import Layout, Shape, carrier, direction
 from alf_ros.model.constraints.row import (
     Constraint,
@@ -63,14 +64,14 @@ def _held(row: Row, movable: int) -> Row:
     third point on a line of fixed points would be held by such a part alone."""
     if row.terms or min(row.b, default=0) >= movable or max(row.b, default=0) < movable:
         return row
-    most = max(float(np.abs(b).max()) for b in row.b.values())
-    moves = max(float(np.abs(b).max()) for block, b in row.b.items() if block < movable)
+    most = columns.largest(abs(x) for b in row.b.values() for x in b)
+    moves = columns.largest(abs(x) for block, b in row.b.items() if block < movable for x in b)
     if moves > _ROUNDED * most:
         return row
     return replace(row, b={block: b for block, b in row.b.items() if block >= movable})
 
 
-@lru_cache(maxsize=1024)
+@remembered(1024)
 def _rigid(shape: Shape) -> tuple[Constraint, ...]:
     """The rows of every body of a shape, on its own blocks, of which {n} in a name is the n-th."""
     D, local = shape.inverse.shape[1], shape.local
@@ -80,10 +81,10 @@ def _rigid(shape: Shape) -> tuple[Constraint, ...]:
         d = carrier(end, is_point, D)
         if is_point:
             name = 'length' if n == 0 else f'{{{end}}}_length'
-            found.append(Distance(name, 0, end, float(np.linalg.norm(local[end]))))
+            found.append(Distance(name, 0, end, columns.real(columns.norm(local[end]))))
         for other, e in before:
             name = f'{{{other}}}_{{{end}}}'
-            found.append(product(name, e, d, float(local[end] @ local[other])))
+            found.append(product(name, e, d, columns.real(columns.dot(local[end], local[other]))))
         before.append((end, d))
     for n, place in enumerate(local):  # what does not carry follows
         if n in (0, *shape.ends):

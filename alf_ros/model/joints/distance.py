@@ -3,10 +3,9 @@
 ½ (|gap|² - length²) = 0.
 """
 
-import math
-
 import numpy as np
 
+from alf_ros import columns
 from alf_ros.mechanism import Joint
 from alf_ros.model.constraints.row import Row, product, scaled
 from alf_ros.model.joints.contract import Frames, Given, JointType, Key, Pen
@@ -16,7 +15,7 @@ def _read(given: Given) -> Joint:
     ends = given.points('points')
     for n, (point, body) in enumerate(zip(ends, (given.parent, given.child), strict=True)):
         given.check_carries('points', point, body, n)
-    length = math.dist(*(given.place(point) for point in ends))
+    length = columns.distance(*(given.place(point) for point in ends))
     if given.has('length'):
         length = given.number('length')
     if not length > 0.0:

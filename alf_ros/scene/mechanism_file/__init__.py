@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
+from alf_ros import columns
 from alf_ros.mechanism import GROUND, Body, Coupling, Drive, Joint, Mechanism, Point, Vector
 from alf_ros.mechanism.natural_coordinates import Layout, cut
 from alf_ros.scene.mechanism_file import couplings
@@ -198,7 +199,7 @@ def _vectors(section: Entry, values: Mapping[str, float], parts: Parts) -> Itera
     for item in repetition.repeated(section, repetition.keys(VECTOR, VECTOR[:1]), values):
         parts.declare(item)
         along = unit(item.fields['along'], 3, item.names)
-        yield Vector(item.name, tuple(map(float, along)), _fixed(item))
+        yield Vector(item.name, tuple(map(columns.real, along)), _fixed(item))
 
 
 def _fixed(item: Item) -> bool:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
+from alf_ros import columns
 from alf_ros.arrays import Floats
 from alf_ros.mechanism import Body, Numbers, Point, Vector
 from alf_ros.mechanism.memory import remembered
@@ -37,11 +36,11 @@ class Pose:
 
     def place(self, world: Numbers) -> Numbers:
         """A place of the world (m) in the body frame."""
-        return _numbers(np.array(self.axes) @ (np.array(world) - self.origin))
+        return _numbers(columns.dot(np.array(self.axes), np.array(world) - self.origin))
 
     def direction(self, world: Numbers | Floats) -> Numbers:
         """A direction of the world in the body frame."""
-        return _numbers(np.array(self.axes) @ np.array(world))
+        return _numbers(columns.dot(np.array(self.axes), np.array(world)))
 
     @property
     def of_world(self) -> tuple[Numbers, ...]:
@@ -63,7 +62,7 @@ class BodyReader:
         self.shapes = shapes
         self.poses: dict[str, Pose] = {}
         self.alike: dict[tuple[Numbers, ...], tuple[Numbers, ...]] = {}  # kept once: many bodies
-        self.size = max((abs(x) for point in points.values() for x in point.at), default=0.0)
+        self.size = columns.largest(abs(x) for point in points.values() for x in point.at)
 
     def read(self, section: Entry, names: Mapping[str, float]) -> Iterator[tuple[Item, Body]]:
         """Yield the bodies of a section; `names` are parameters. Raises InputError."""
@@ -120,7 +119,7 @@ class BodyReader:
             if len(points) != 2:
                 raise item.fields['length'].error('a length is for bodies of two points')
             span = item.fields['length'].number(item.names)
-            if span <= max(_LOST * self.size, _SHORTEST):
+            if span <= columns.largest((_LOST * self.size, _SHORTEST)):
                 raise item.fields['length'].error('not a length', expected='m, more than zero')
         second = ((span, *zero[1:]),) if len(points) > 1 else ()
         further = tuple(map(pose.place, drawn[2:]))
@@ -131,9 +130,9 @@ class BodyReader:
         """Distance of the first two points, m; zero for a body of one."""
         if len(drawn) == 1:
             return 0.0
-        span = math.dist(drawn[0], drawn[1])
-        own = _COINCIDENT * max(map(abs, (*drawn[0], *drawn[1])))
-        if span <= max(own, _LOST * self.size, _SHORTEST):
+        span: float = columns.distance(drawn[0], drawn[1])
+        own = _COINCIDENT * columns.largest(map(abs, (*drawn[0], *drawn[1])))
+        if span <= columns.largest((own, _LOST * self.size, _SHORTEST)):
             raise item.fields['points'].error(
                 f'the first two points of {item.name!r} are drawn at the same place'
             )
@@ -214,17 +213,15 @@ def _tensor(entry: Entry, names: Mapping[str, float]) -> tuple[Numbers, ...]:
     parts = entry.sequence()
     expected = '[Jxx, Jyy, Jzz], [Jxx, Jyy, Jzz, Jxy, Jxz, Jyz] or three rows of three'
     if len(parts) == 3 and isinstance(parts[0].value, tuple):
-        J = np.array([row.vector(3, names) for row in parts])
+        J = columns.array([row.vector(3, names) for row in parts])
     elif len(parts) in (3, 6):
-        J = np.diag([part.number(names) for part in parts[:3]])
-        if len(parts) == 6:
-            J[[0, 0, 1], [1, 2, 2]] = [part.number(names) for part in parts[3:]]
-            J[[1, 2, 2], [0, 0, 1]] = J[[0, 0, 1], [1, 2, 2]]
+        xx, yy, zz, xy, xz, yz = [*(part.number(names) for part in parts), 0.0, 0.0, 0.0][:6]
+        J = columns.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     else:
         raise entry.error('not an inertia', expected=expected)
     if not np.array_equal(J, J.T):
         raise entry.error('not symmetric', expected=expected)
-    moments = np.linalg.eigvalsh(J)
+    moments = columns.eigenvalues(J)
     # a slender rod has a moment of zero: turning it leaves rounding
     if moments[0] < -_ROUNDING * moments[2] or moments[0] + moments[1] < moments[2] * (1.0 - 1e-9):
         message = 'no body has such an inertia: each principal moment is at most the sum of others'
@@ -238,15 +235,15 @@ def frame_axes(directions: Floats) -> Floats:
     next."""
     axes: list[Floats] = []
     for d in [*directions, *np.eye(3)]:
-        size = np.linalg.norm(d)
-        rest = d - sum(((d @ axis) * axis for axis in axes), np.zeros(3))
-        if len(axes) < 2 and size > 0.0 and np.linalg.norm(rest) > _PARALLEL * size:
-            axes.append(rest / np.linalg.norm(rest))
+        size = columns.norm(d)
+        rest = d - sum((columns.dot(d, axis) * axis for axis in axes), np.zeros(3))
+        if len(axes) < 2 and size > 0.0 and columns.norm(rest) > _PARALLEL * size:
+            axes.append(rest / columns.norm(rest))
     x, y = axes
     return np.array([x, y, np.cross(x, y)])
 
 
-@lru_cache(maxsize=1024)
+@remembered(1024)
 def _transposed(axes: tuple[Numbers, ...]) -> tuple[Numbers, ...]:
     """Columns for rows; of all bodies that stand alike at once."""
     return tuple(tuple(x + 0.0 for x in column) for column in zip(*axes, strict=True))

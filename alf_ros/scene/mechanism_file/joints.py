@@ -9,11 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
-from functools import cache, cached_property, lru_cache
+from functools import cache, cached_property
 from typing import Any, NoReturn
 
 import numpy as np
 
+from alf_ros import columns
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.mechanism import GROUND, Body, Frame, Joint, Numbers, Point, Vector
@@ -339,7 +340,7 @@ def _moving(on: Mapping[str, Entry], axes: Floats, item: Item) -> tuple[Signal, 
     return x, y, spin
 
 
-@lru_cache(maxsize=1024)
+@remembered(1024)
 def _kept(origin: Numbers, axes: tuple[Numbers, ...]) -> Frame:
     """A frame, of all bodies that are alike at once."""
     return Frame(origin, axes)
@@ -348,11 +349,11 @@ def _kept(origin: Numbers, axes: tuple[Numbers, ...]) -> Frame:
 def unit(entry: Entry, dimension: int, names: Mapping[str, float]) -> Floats:
     """A direction, normalised; scaled first, so that no square over- or underflows."""
     d = np.array(entry.vector(dimension, names))
-    scale = float(np.abs(d).max())
+    scale = columns.real(columns.largest(np.abs(d)))
     if scale == 0.0:
         raise entry.error('zero is no direction')
     d = d / scale
-    return d / math.hypot(*d)
+    return np.asarray(d / columns.each(math.hypot, *d))
 
 
 @remembered(1024)
@@ -361,5 +362,5 @@ def frame_axes(along: Floats) -> Floats:
     if along.size == 2:
         return np.array([along, [-along[1], along[0]]])
     x = np.cross(along, np.eye(3)[int(np.argmin(np.abs(along)))])
-    x = x / np.linalg.norm(x)
+    x = x / columns.norm(x)
     return np.array([x, np.cross(along, x), along])

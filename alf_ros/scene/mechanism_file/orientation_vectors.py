@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from alf_ros import columns
 from alf_ros.arrays import Floats
 from alf_ros.mechanism import Body, Joint, Vector
 from alf_ros.mechanism.natural_coordinates import independent
@@ -48,8 +49,8 @@ def orient(
             if vector in entries:
                 message = f'{name!r} needs a vector of this name for its orientation: rename it'
                 raise entries[vector].error(message, value=vector)
-            along = np.array(poses[name].axes).T @ e
-            vectors[vector] = Vector(vector, tuple(map(float, along)))
+            along = columns.dot(np.array(poses[name].axes).T, e)
+            vectors[vector] = Vector(vector, tuple(map(columns.real, along)))
             entries[vector] = entries[name]
             body = replace(
                 body,

@@ -17,6 +17,8 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import lru_cache
 from typing import Any
 
+from alf_ros import columns
+from alf_ros.columns import Column
 from alf_ros.errors import shortened
 from alf_ros.mechanism import time_function
 from alf_ros.mechanism.time_function import NotSmooth, Signal
@@ -50,7 +52,8 @@ FUNCTIONS: dict[str, Callable[..., float]] = {
 def _power(base: Any, exponent: Any) -> Any:
     if isinstance(base, Signal) or isinstance(exponent, Signal):
         return base**exponent
-    return math.pow(base, exponent)  # refuses (-8)**(1/3), where ** would answer with a complex
+    # `pow` refuses (-8)**(1/3), where ** would answer with a complex number
+    return columns.each(math.pow, base, exponent)
 
 
 _BINARY: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
@@ -90,8 +93,8 @@ def evaluate(text: str, names: Mapping[str, float]) -> float:
     >>> evaluate('2*L*sin(pi/2)', {'L': 1.5})
     3.0
     """
-    value = float(_evaluated(text.strip(), names))
-    if not math.isfinite(value):
+    value = columns.real(_evaluated(text.strip(), names))
+    if not isinstance(value, Column) and not math.isfinite(value):
         raise ExpressionError('not a finite number')
     return value
 
@@ -180,7 +183,7 @@ def _function(node: ast.expr, depth: int) -> Evaluator:
 def _called(name: str, call: Callable[..., float], arguments: list[Any]) -> Any:
     if any(isinstance(argument, Signal) for argument in arguments):
         return time_function.call(name, *arguments)
-    return call(*arguments)
+    return columns.each(call, *arguments)
 
 
 def _constant_or_parameter(name: str) -> Evaluator:

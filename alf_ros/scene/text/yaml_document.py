@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 import yaml
 
 from alf_ros import paths
+from alf_ros.columns import ColumnText
 from alf_ros.errors import InputError, shortened
 from alf_ros.mechanism.time_function import Signal
 from alf_ros.scene.text.expression import ExpressionError, evaluate, motion
@@ -125,7 +126,10 @@ class Entry:
 
     def number(self, names: Mapping[str, float]) -> float:
         """The value of a number or an expression of `names`, and of a usable size."""
-        value = self._evaluated(evaluate, names)
+        if isinstance(self.value, ColumnText):
+            value = self.value.column
+        else:
+            value = self._evaluated(evaluate, names)
         if abs(value) > LARGEST:
             raise self.error('too large', expected=f'{LARGEST:g} at most')
         if 0.0 < abs(value) < SMALLEST:

@@ -53,15 +53,12 @@ def _of_known_structure(study: Study, members: Sequence[int]) -> dict[int, Membe
             done.update(zip(own, members_of(study, runs, len(own)), strict=True))
 
     left = list(members)
-    if study.masses is not None:
-        if not structures.known:
-            take(structures.run(_scenes(study, left[: 2 * width()])))
-            left = left[2 * width() :]
-        if structures.known:
-            bodies = study.masses.bodies([study.values(k) for k in left])
-            known = {k: own for k, own in zip(left, bodies, strict=True) if own is not None}
-            take(structures.run_with_masses(known))
-            left = [k for k in left if k not in known]
+    if not structures.known:
+        take(structures.run(_scenes(study, left[: 2 * width()])))
+        left = left[2 * width() :]
+    if left and structures.known:
+        take(structures.run_read_together(left, study.scene_of_members, study.scene_of))
+        left = [k for k in left if k not in done]
     if left:
         take(structures.run(_scenes(study, left)))
     study.idle.append(structures)

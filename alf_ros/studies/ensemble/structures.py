@@ -7,16 +7,18 @@ Members of a rare structure, and those that nobody is like, are left to be built
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
+from alf_ros.columns import Divided
 from alf_ros.errors import AlfError, StoppedError
 from alf_ros.inspection.run import RunsTogether
 from alf_ros.kernel.numba_ext.lane_numbers import width
-from alf_ros.mechanism import Body
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation.alike_members import AlikeMembers
-from alf_ros.simulation.member_numbers import MemberNumbers, unlike
+from alf_ros.simulation.member_numbers import MemberNumbers, is_same, unlike
 from alf_ros.simulation.member_readings import readable
 from alf_ros.simulation.side_by_side import no_place
 from alf_ros.simulation.simulation import Simulation
@@ -25,6 +27,8 @@ Runs = tuple[list[int], RunsTogether]  # of these members
 
 _MOST = 8  # structures of a study
 _TRIED = 3  # members from which one structure is to be learnt
+_COMPARED = 8  # members that are read in both ways, before others are read together
+_TRIES = 16  # groups of members that are read together: they are divided by structure
 
 
 @dataclass
@@ -73,6 +77,17 @@ class _Structure:
             yield members, RunsTogether(t, quantities)
 
 
+def _are_same(
+    of: _Structure, members: Sequence[tuple[int, MemberNumbers]], read_one: Callable[[int], Scene]
+) -> bool:
+    """Whether the numbers of members that were read together have the bits of those read one by
+    one. They have where numpy's library multiplies matrices in a stack as it does single ones."""
+    try:
+        return all(is_same(own, of.alike.numbers_of(read_one(k))) for k, own in members)
+    except AlfError:
+        return False
+
+
 class Structures:
     """The structures that members of a study are known to have, as they come. One thread at a time
     uses it.
@@ -87,6 +102,7 @@ class Structures:
         self._names, self._duration, self._at, self._likely = names, duration, at, likely
         self._known: list[_Structure] = []
         self._learning = True
+        self._trusted: bool | None = None
 
     @property
     def known(self) -> int:
@@ -116,19 +132,47 @@ class Structures:
             self._learn(others)
         yield from self._ended()
 
-    def run_with_masses(self, members: Mapping[int, Mapping[str, Body]]) -> Iterator[Runs]:
-        """`run` of members that differ from the first one that is known in the masses of these
-        bodies alone."""
-        first, most, every = self._known[0], self._known[0].alike.most, list(members.items())
-        for begin in range(0, len(every), most):
-            some = every[begin : begin + most]
-            numbers = first.alike.with_masses([bodies for _, bodies in some])
-            for (k, _), own in zip(some, numbers, strict=True):
-                if own is not None:
-                    first.waits(k, own)
-                if len(first.waiting) == most:
-                    yield from first.run(self._duration, self._at)
+    def run_read_together(
+        self,
+        members: Sequence[int],
+        read: Callable[[Sequence[int]], Scene | None],
+        read_one: Callable[[int], Scene],
+    ) -> Iterator[Runs]:
+        """`run` of members that are read together, of structures that are known. `read` gives the
+        scene of some of them, whose numbers are columns (`overrides.of_members`); `read_one` the
+        scene of one."""
+        for each, numbers in self._read(members, read):
+            if self._trusted is None:
+                self._trusted = _are_same(each, numbers[:_COMPARED], read_one)
+            if not self._trusted:
+                break
+            for k, own in numbers:
+                each.waits(k, own)
+                if len(each.waiting) == each.alike.most:
+                    yield from each.run(self._duration, self._at)
         yield from self._ended()
+
+    def _read(
+        self, members: Sequence[int], read: Callable[[Sequence[int]], Scene | None]
+    ) -> Iterator[tuple[_Structure, list[tuple[int, MemberNumbers]]]]:
+        """The members that can be read together, structure by structure, with their numbers."""
+        groups, tries = [np.array(members)], 0
+        while groups and tries < _TRIES:
+            group, tries = groups.pop(0), tries + 1
+            try:
+                scene = read(group.tolist())
+                if scene is None:
+                    continue
+                for each in self._known:
+                    found = each.alike.numbers_of_columns(scene, group.size)
+                    if found is not None:
+                        yield each, list(zip(group.tolist(), found, strict=True))
+                        break
+            except Divided as divided:
+                parts = group[divided.agreeing], group[~divided.agreeing]
+                groups += [part for part in parts if width() <= part.size < group.size]
+            except (AlfError, ArithmeticError, MemoryError, TypeError, ValueError):
+                continue  # one by one they say why
 
     def _ended(self) -> Iterator[Runs]:
         """Run all members that wait; forget structures of no use."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -22,7 +23,6 @@ from alf_ros.studies.ensemble.distributions import Distribution, Value
 from alf_ros.studies.ensemble.kept_outputs import SAME, KeptOutput, LabelledArray
 from alf_ros.studies.ensemble.sampling import Sampling, Varied
 from alf_ros.studies.ensemble.structures import Structures
-from alf_ros.studies.ensemble.varied_masses import VariedMasses, varied_masses
 from alf_ros.studies.sent_scene import SentScene
 
 _KEPT = 4096  # members whose values are kept
@@ -53,6 +53,11 @@ class Study(SentScene):
     def scene_of(self, k: int) -> Scene:
         """The scene of member k. Raises InputError for values that cannot be."""
         return overrides.with_changes(self.scene, self.values(k), prefix='vary.')
+
+    def scene_of_members(self, members: Sequence[int]) -> Scene | None:
+        """The scene of several members, whose numbers are columns; None if more than numbers
+        differs. Raises what `overrides.of_members` does."""
+        return overrides.of_members(self.scene, [self.values(k) for k in members])
 
     def values(self, k: int) -> dict[str, Value]:
         """The values of member k by name, as text."""
@@ -103,11 +108,6 @@ class Study(SentScene):
         if any(o.kind == 'function' and not o.reads for o in self.outputs):
             return None
         return tuple(name for output in self.outputs for name in output.quantities)
-
-    @cached_property
-    def masses(self) -> VariedMasses | None:
-        """The masses of bodies that vary; None if anything else does."""
-        return varied_masses(self.scene, self.vary)
 
     @cached_property
     def idle(self) -> list[Structures]:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
+from alf_ros import columns
 from alf_ros.mechanism import GROUND, Joint
 from alf_ros.model.joints.contract.given import Given, Surface
 
@@ -21,7 +20,7 @@ def pair(given: Given) -> Joint:
     R, r = given.radius('radii', 0), given.radius('radii', 1)
     if given.boolean('internal'):
         R, r = (R, -r) if R > r else (-R, r)
-    drawn = math.dist(*(given.place(point) for point in centres))
+    drawn = columns.distance(*(given.place(point) for point in centres))
     if not drawn > 0.0 or abs(drawn - R - r) > _FITS * max(abs(R), abs(r)):
         message = f'the centres are drawn {drawn:.6g} m apart, the radii ask for {R + r:.6g} m'
         raise given.error('radii', message)
