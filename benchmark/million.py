@@ -31,7 +31,11 @@ SOLVER = {
     'solver.tolerance': [1e-8],
     'solver.penalty': ['3e9'],
 }
-VARIED = {'coupler.mass': normal(1.0, 0.05), 'L': normal(1.0, 0.05)}
+VARIED = {
+    'coupler.mass': normal(1.0, 0.05),
+    'L': normal(1.0, 0.05),  # of both bodies: they still pass singular positions
+    'coupler.length': normal(1.0, 0.05),  # they pass beside them, or turn back
+}
 ENERGIES = 'final(energy)', 'max(energy)'
 COMPARED, INSTANTS = 256, 100
 CHUNK = 1024  # members that a worker gets at once

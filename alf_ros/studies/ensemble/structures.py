@@ -91,7 +91,8 @@ def _are_same(
 def _neighbourhood(member: tuple[int, MemberNumbers]) -> list[float]:
     """Members whose lists are close in order are alike in the first number in which any differ."""
     geometry, masses, _, params, given = member[1]
-    return [geometry.size, *given, *geometry.drawn, *masses, *params]
+    rows = (each for part in geometry.rows for each in part)
+    return [geometry.size, *given, *geometry.drawn, *rows, *masses, *params]
 
 
 class Structures:
