@@ -15,6 +15,8 @@ from dataclasses import dataclass, field, replace
 
 from alf_ros.arrays import Floats, Integers
 from alf_ros.effects import contract
+from alf_ros.effects.contract.controlled import aimed as aimed
+from alf_ros.effects.contract.controlled import follows as follows
 from alf_ros.effects.contract.piecewise import Points, instants, interpolate, signal, slope
 from alf_ros.effects.contract.scalars import Measures, numbers_of, push, scalar, shared
 from alf_ros.mechanism.natural_coordinates import Layout
@@ -84,22 +86,6 @@ class Parameters:
 def held(name: str, what: float | Points) -> Parameters:
     """Of an effort (N m or N), or one over time, on a joint coordinate: without a controller."""
     return Parameters(joint=name, effort=what)
-
-
-def follows(parameters: Parameters) -> tuple[bool, bool]:
-    """Whether it follows positions, and velocities."""
-    return bool(parameters.position_gain), bool(parameters.velocity_gain)
-
-
-def aimed(
-    parameters: Parameters, position: float | Points | None, velocity: float | None
-) -> Parameters:
-    """With a target in place of its own, as far as it follows one."""
-    if position is not None and parameters.position_gain:
-        return replace(parameters, position=position, velocity=velocity)
-    if velocity is not None and parameters.velocity_gain:
-        return replace(parameters, velocity=velocity)
-    return parameters
 
 
 def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:

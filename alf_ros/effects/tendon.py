@@ -18,6 +18,8 @@ import numpy as np
 
 from alf_ros.arrays import Floats, Integers
 from alf_ros.effects import contract
+from alf_ros.effects.contract.controlled import aimed as aimed
+from alf_ros.effects.contract.controlled import follows as follows
 from alf_ros.effects.contract.piecewise import (
     Points,
     instants,

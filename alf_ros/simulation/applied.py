@@ -50,8 +50,8 @@ class Wrench:
 
 @dataclass(frozen=True)
 class Target:
-    """Target of the motor on a joint, in place of the target in the scene: x* (rad or m), and ẋ*
-    (rad/s or m/s) if not the slope of x*."""
+    """Target of the motor on a joint, or of a tendon, in place of the target in the scene: x* (rad
+    or m), and ẋ* (rad/s or m/s) if not the slope of x*."""
 
     position: float | Curve | None = None
     velocity: float | None = None
@@ -59,8 +59,8 @@ class Target:
 
 @dataclass(frozen=True)
 class Inputs:
-    """All that is held from outside: wrenches by body or point, efforts (N m or N) and targets of
-    motors by joint."""
+    """All that is held from outside: wrenches by body or point, efforts (N m or N) by joint, and
+    targets of motors by joint, of tendons by their names."""
 
     wrenches: Mapping[str, Wrench]
     efforts: Mapping[str, float | Curve]
@@ -364,8 +364,8 @@ def _aimed(effect: Effect, targets: Mapping[str, Target]) -> Effect:
     if not targets:
         return effect
     module = registry.load(effect.kind)
-    if not hasattr(module, 'aimed') or effect.parameters.joint not in targets:
+    if not hasattr(module, 'aimed') or effect.target not in targets:
         return effect
-    target = targets[effect.parameters.joint]
+    target = targets[effect.target]
     aimed = module.aimed(effect.parameters, target.position, target.velocity)
     return replace(effect, parameters=aimed)

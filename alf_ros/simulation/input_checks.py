@@ -199,25 +199,28 @@ def _is_finite(array: Floats) -> bool:
     return array.dtype.kind in 'fi' and bool(np.isfinite(array).all())
 
 
-def follows(effects: Sequence[Effect], joint: str) -> tuple[bool, bool]:
-    """Whether an effect on this joint coordinate follows positions, and velocities."""
-    positions, velocities = False, False
+def controlled(model: Model, effects: Sequence[Effect]) -> dict[str, tuple[bool, bool]]:
+    """Of each joint coordinate, and of each tendon that is controlled, whether an effect follows
+    positions, and velocities."""
+    found = dict.fromkeys(model.coordinate_names, (False, False))
     for effect in effects:
         module = registry.load(effect.kind)
-        if hasattr(module, 'follows') and effect.parameters.joint == joint:
-            both = module.follows(effect.parameters)
-            positions, velocities = positions or both[0], velocities or both[1]
-    return positions, velocities
+        if hasattr(module, 'follows'):
+            positions, velocities = module.follows(effect.parameters)
+            known = found.get(effect.target, (False, False))
+            if effect.target in found or positions or velocities:
+                found[effect.target] = positions or known[0], velocities or known[1]
+    return found
 
 
 def checked_target(model: Model, effects: Sequence[Effect], joint: str, target: Target) -> Target:
     """The target, if a motor on that joint can follow it. Raises InputError otherwise."""
-    names = model.coordinate_names
-    if joint not in names:
-        raise InputError('unknown joint', key='target', value=joint, choices=names)
+    known = controlled(model, effects)
+    if joint not in known:
+        raise InputError('unknown joint', key='target', value=joint, choices=known)
     for wanted, found, gain in zip(
         (target.position, target.velocity),
-        follows(effects, joint),
+        known[joint],
         ('position_gain', 'velocity_gain'),
         strict=True,
     ):

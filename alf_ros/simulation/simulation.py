@@ -534,8 +534,9 @@ class Simulation:
     def apply_target(
         self, joint: str, position: float | Curve | None = None, velocity: float | None = None
     ) -> None:
-        """Give the motor on a joint another x* (rad or m, or a curve over the simulated time) and
-        ẋ* (rad/s or m/s; the slope of x* if absent), in place of the ones before.
+        """Give the motor on a joint, or the tendon of that name, another x* (rad or m, or a curve
+        over the simulated time) and ẋ* (rad/s or m/s; the slope of x* if absent), in place of the
+        ones before.
 
         Raises InputError, and changes nothing, for an unknown joint, one on which no motor of the
         scene controls that, or a number that is not finite.

@@ -17,13 +17,13 @@ from std_msgs.msg import Header
 from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from alf_ros import load_scene, resources
+from alf_ros import Simulation, load_scene, resources
 from alf_ros.exchange.urdf_export import urdf
 from alf_ros.logs import load
 from alf_ros.logs.cdr import STAMP, Encoder
 from alf_ros.logs.comparison import compare
 from alf_ros.ros.simulator.command_messages import Refused, read_joints
-from alf_ros.simulation.input_checks import follows
+from alf_ros.simulation import input_checks as check
 from support.paths import ROOT
 from support.ros_node import Diagnostics, SimulatorProcess, journal, read_log
 
@@ -179,11 +179,12 @@ def test_the_bytes_are_those_of_the_middleware(mechanism):
 @pytest.mark.parametrize('mechanism', MECHANISMS)
 def test_the_block_and_the_controllers_fit_the_scene(mechanism, tmp_path):
     plugin, scene = Plugin(mechanism), load_scene(scene_of(mechanism))
+    known = check.controlled(Simulation(scene).model, scene.effects)
     robot = ElementTree.fromstring(urdf(scene.mechanism, keep=plugin.joints.keys()))
     assert plugin.joints.keys() <= {joint.get('name') for joint in robot.iter('joint')}
     for name, interfaces in plugin.joints.items():
         if interfaces:
-            assert interfaces == ['position'] and follows(scene.effects, name)[0]
+            assert interfaces == ['position'] and known[name][0]
     file = FOLDER / f'{mechanism}.yaml'
     controller = yaml.safe_load(file.read_text())['/**/joint_trajectory_controller']
     joints = controller['ros__parameters']['joints']

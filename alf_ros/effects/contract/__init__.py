@@ -40,9 +40,10 @@
     the roles of an effect for held commands, and its parameters then:
     WRENCH on a body or point, EFFORT on a joint that has one free axis, EFFORT_OVER_TIME on any
     joint coordinate. `effects.ROLES` says which file plays which.
-`follows(parameters)` and `aimed(parameters, position, velocity)` (optional)
-    whether the effect, on the coordinate `parameters.joint`, follows a position and a velocity
-    from outside, and its parameters when it is given them.
+`follows(parameters)` and `aimed(parameters, position, velocity)` (optional, see `controlled`)
+    whether the effect follows a position and a velocity from outside, and its parameters when it
+    is given them. They are given by the name of the coordinate `parameters.joint`, or else by its
+    own.
 `on_axis(parameters, coordinate)` (optional)
     of an effect on several joint coordinates: parameters of its part on one of them.
 `CONSTANT` (optional)
@@ -128,6 +129,12 @@ class Effect:
             elif kind == 'factors':
                 found += (name for name, _ in value or ())
         return tuple(found)
+
+    @property
+    def target(self) -> str:
+        """The name that targets for it have: of its joint coordinate, or else its own."""
+        joint: str | None = getattr(self.parameters, 'joint', None)
+        return self.name if joint is None else joint
 
     @property
     def label(self) -> str:

@@ -31,7 +31,7 @@ REASONS = (
 )
 
 
-# By joint: whether a motor controls its position, and its velocity.
+# By joint, or tendon: whether its position is controlled, and its velocity.
 Controlled = Mapping[str, tuple[bool, bool]]
 
 
@@ -117,7 +117,8 @@ def check_names(topic: str, names: Sequence[str], joints: Collection[str]) -> No
 def read_joints(
     message: JointState, joints: Collection[str], controlled: Controlled
 ) -> dict[str, dict[str, float]]:
-    """Commands by joint: `effort` (N m or N), `position` (rad or m), `velocity`.
+    """Commands by joint: `effort` (N m or N), `position` (rad or m), `velocity`. `controlled` may
+    have tendons besides the joints.
 
     NaN is no command, as ros2_control has it, and a message with NaN only has no effect. A
     position or velocity that no motor controls is refused, unless the joint has an effort: a
@@ -130,13 +131,15 @@ def read_joints(
     for field, values in given.items():
         if any(map(math.isinf, values)):
             raise Refused('not_finite', f'joint_commands: {field} must be finite')
-    check_names('joint_commands', message.name, joints)
+    check_names('joint_commands', message.name, controlled)
     commands: dict[str, dict[str, float]] = {name: {} for name in message.name}
     for field, names in _places(message, controlled).items():
         for name, value in zip(names, given[field], strict=True):
             if not math.isnan(value):
                 commands[name][field] = value
     for name, command in commands.items():
+        if 'effort' in command and name not in joints:
+            raise Refused('not_controlled', f'no effort on {name!r}, which is a tendon')
         for field, followed in zip(('position', 'velocity'), controlled[name], strict=True):
             if field in command and not followed:
                 if 'effort' not in command:

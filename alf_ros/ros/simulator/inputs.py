@@ -35,7 +35,7 @@ from alf_ros.ros.simulator.command_messages import (
 from alf_ros.ros.simulator.trajectory_command import Trajectory, read_trajectory
 from alf_ros.ros.simulator.trajectory_tracking import Tracking
 from alf_ros.simulation.applied import Inputs
-from alf_ros.simulation.input_checks import follows
+from alf_ros.simulation.input_checks import controlled
 from alf_ros.simulation.simulation import Simulation
 
 if TYPE_CHECKING:
@@ -120,8 +120,7 @@ class CommandSubscriber:
     def use(self, simulation: Simulation) -> None:
         """Apply commands to this simulation of the same mechanism from now on."""
         self._simulation = simulation
-        names, effects = simulation.model.coordinate_names, simulation.scene.effects
-        self._controlled = {name: follows(effects, name) for name in names}
+        self._controlled = controlled(simulation.model, simulation.scene.effects)
 
     def hold(self, inputs: Inputs) -> None:
         """Count the held inputs of a restored state as commanded now."""

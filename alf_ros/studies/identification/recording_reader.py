@@ -22,7 +22,7 @@ from alf_ros.logs import journal, log, mcap_chunks
 from alf_ros.logs.mcap_chunks import Contents
 from alf_ros.logs.series import ChannelReader, Series
 from alf_ros.scene.scene import Scene
-from alf_ros.simulation.input_checks import follows
+from alf_ros.simulation.input_checks import controlled
 from alf_ros.simulation.saved_states import read_curve
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.studies.identification.recording import KINDS, HeldInput, MeasuredChannel, Recording
@@ -163,14 +163,15 @@ class _Reader:
         return self._topics.name(recorded)
 
     def _commanded(self, series: Series) -> None:
-        known, effects = self._simulation.model.coordinate_names, self._simulation.scene.effects
+        joints = self._simulation.model.coordinate_names
+        known = controlled(self._simulation.model, self._simulation.scene.effects)
         for k, recorded in enumerate(series.names):
             name = self._renamed(recorded)
             if not name:
                 continue
             if name not in known:
                 self._refuse('an effort on a joint that the scene lacks', recorded, name, known)
-            controls = dict(zip(KINDS, follows(effects, name), strict=True))
+            controls = dict(zip(KINDS, known[name], strict=True), effort=name in joints)
             if _is(series.topic, self._topics.joints):
                 controls = dict.fromkeys(KINDS, False)  # measured there, not commanded
             given = {

@@ -1,4 +1,4 @@
-"""The inputs of a linear model by name: efforts, wrenches, targets of motors.
+"""The inputs of a linear model by name: efforts, wrenches, targets of motors and tendons.
 
 - `joints.crank_pin.effort`: N m, or N of a length;
 - `wrenches.coupler.force.x`, `wrenches.coupler.torque` (in space `.torque.x`): N, N m, in the
@@ -66,13 +66,14 @@ def _all(loads: Loads, t: float) -> list[NamedInput]:
     for effect in loads.effects:
         module = registry.load(effect.kind)
         if hasattr(module, 'follows'):
-            joint = effect.parameters.joint
             follows = zip(('position', 'velocity'), module.follows(effect.parameters), strict=True)
-            angle = model.mechanism.coordinate[joint].is_angle
+            known = model.mechanism.coordinate
+            joints = effect.coordinates  # none: a tendon over places
+            angle = bool(joints) and all(known[joint].is_angle for joint in joints)
             for what, does in follows:
                 if does:
                     unit = ('rad' if angle else 'm') + '/s' * (what == 'velocity')
-                    path = f'targets.{joint}.{what}'
+                    path = f'targets.{effect.target}.{what}'
                     found.append(NamedInput(path, unit, _TARGET, _target(effect, what, t)))
     return found
 
@@ -113,7 +114,7 @@ def _wrench(
 
 
 def _target(effect: registry.Effect, what: str, t: float) -> Callable[[Inputs, float], Inputs]:
-    joint = effect.parameters.joint
+    joint = effect.target
 
     def added(inputs: Inputs, value: float) -> Inputs:
         given = inputs.targets.get(joint, Target())

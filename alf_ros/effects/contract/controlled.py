@@ -1,0 +1,40 @@
+"""Effects with a controller, k_p (x* - x) + k_v (ẋ* - ẋ): what they follow, and targets from
+outside."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Protocol, TypeVar
+
+from alf_ros.effects.contract.piecewise import Points
+
+
+class Controller(Protocol):
+    """Parameters of such an effect."""
+
+    @property
+    def position_gain(self) -> float:
+        """k_p; 0 if it follows no position."""
+        ...
+
+    @property
+    def velocity_gain(self) -> float:
+        """k_v; 0 if it follows no velocity."""
+        ...
+
+
+C = TypeVar('C', bound=Controller)
+
+
+def follows(parameters: Controller) -> tuple[bool, bool]:
+    """Whether it follows positions, and velocities."""
+    return bool(parameters.position_gain), bool(parameters.velocity_gain)
+
+
+def aimed(parameters: C, position: float | Points | None, velocity: float | None) -> C:
+    """With a target in place of its own, as far as it follows one."""
+    if position is not None and parameters.position_gain:
+        return replace(parameters, position=position, velocity=velocity)  # type: ignore[type-var]
+    if velocity is not None and parameters.velocity_gain:
+        return replace(parameters, velocity=velocity)  # type: ignore[type-var]
+    return parameters
