@@ -12,6 +12,7 @@ SCENE = """
 mechanism: four_bar
 effects:
   motor: {joint: crank_pin, position: 1, position_gain: 5, velocity_gain: 0.2}
+  tendon: {belt: {joints: [[knee, 2]], position: 0, position_gain: 1.0e-4}}
 solver: {step: 1.0e-3, integrator: rk4}
 """
 NAN = float('nan')
@@ -79,10 +80,13 @@ def test_targets_as_ros2_control_sends_them(started, peer):
     nothing = [NAN] * len(names)
     publisher.publish(JointState(name=names, position=values, velocity=nothing, effort=nothing))
     peer.until(lambda: abs(heard[-1].position[crank] - 0.4) < 1e-2, 'the position')
+    publisher.publish(JointState(name=['belt'], position=[1.5]))  # a tendon, by its name
+    peer.until(lambda: found.value('commands', 'held') == '2', 'the tendon')
     assert found.value('commands', 'last_trouble') == ''
     assert node.stop() == 0, node.output
     log = read_log(node.logs[0])
-    (entry,) = journal(log)[1:]
+    entry, second = journal(log)[1:]
+    assert (second['kind'], second['name'], second['position']) == ('target', 'belt', 1.5)
     assert (entry['kind'], entry['name']) == ('target', 'crank_pin')
     assert (entry['position'], entry['velocity']) == (0.4, None)
     assert repeat(log)[log['/joint_states'][-1][0]] == list(log['/joint_states'][-1][1].position)
