@@ -36,7 +36,7 @@ class UsdBodies:
         self.prims: dict[str, Any] = {}
         self.shapes: dict[str, list[Any]] = {}
         for prim in stage.prims():
-            path, schemas = str(prim.GetPath()), prim.GetAppliedSchemas()
+            path, schemas = str(prim.GetPath()), stage.schemas(prim)
             owner = self._owner[str(prim.GetPath().GetParentPath())]
             if 'PhysicsRigidBodyAPI' in schemas and self._enabled(prim):
                 owner = GROUND if self._is_kinematic(prim) else path

@@ -24,7 +24,7 @@ def limits(stage: UsdStage, joint: UsdJoint) -> tuple[float, float] | None:
     """Of a joint with one coordinate, rad or m; None without limits. Raises InputError."""
     prefix, names = 'physics:', ('lowerLimit', 'upperLimit')
     if str(joint.prim.GetTypeName()) == 'PhysicsJoint':
-        if f'PhysicsLimitAPI:{joint.degree}' not in joint.prim.GetAppliedSchemas():
+        if f'PhysicsLimitAPI:{joint.degree}' not in stage.schemas(joint.prim):
             return None
         prefix, names = f'limit:{joint.degree}:physics:', ('low', 'high')
     low, high = (_unit(stage, joint) * x for x in bounds(stage, joint.prim, prefix, names))
@@ -47,7 +47,7 @@ def armature(stage: UsdStage, joint: UsdJoint) -> float:
 def add_actuators(stage: UsdStage, robot: Robot, joint: UsdJoint) -> None:
     """Add the drives of a joint to its robot; list those that apply no force here. Raises
     InputError."""
-    schemas = [str(each) for each in joint.prim.GetAppliedSchemas()]
+    schemas = stage.schemas(joint.prim)
     for schema in schemas:
         drive = schema.removeprefix('PhysicsDriveAPI:')
         if drive == schema:

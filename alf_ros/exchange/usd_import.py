@@ -16,7 +16,7 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
-from alf_ros.exchange import usd_dynamics, usd_posture, usd_visuals
+from alf_ros.exchange import usd_dynamics, usd_mimics, usd_posture, usd_visuals
 from alf_ros.exchange.robot import BodyVelocity, Connection, FramePose, Robot, RobotPart
 from alf_ros.exchange.usd_bodies import UsdBodies
 from alf_ros.exchange.usd_joints import UsdJoint, joints
@@ -59,6 +59,7 @@ class _Reader:
         self.axes: list[Floats] = []
         for joint in found:
             self._connect(joint)
+        usd_mimics.couple(stage, self.robot, found)
         self._leave()
 
     def _gravity(self) -> tuple[float, ...]:
@@ -162,7 +163,7 @@ class _Reader:
             owner = self.bodies.owner(path)
             part = self.part_of[owner]
             usd_visuals.add(stage, self.robot, prim, part, self.motion[owner])
-            schemas = [str(each) for each in prim.GetAppliedSchemas()]
+            schemas = stage.schemas(prim)
             collides = 'PhysicsCollisionAPI' in schemas
             if collides and stage.holds(prim, 'physics:collisionEnabled', True):
                 leave('contact in USD', part)

@@ -195,7 +195,7 @@ class _Reader:
         return (kind + (axis if axis in 'XYZ' else 'X'),)
 
     def _is_locked(self, prim: Any, degree: str) -> bool:
-        if f'PhysicsLimitAPI:{degree}' not in prim.GetAppliedSchemas():
+        if f'PhysicsLimitAPI:{degree}' not in self._stage.schemas(prim):
             return False
         low, high = bounds(self._stage, prim, f'limit:{degree}:physics:', ('low', 'high'))
         return low > high or low == high == 0.0
@@ -210,14 +210,12 @@ class _Reader:
             leave('friction coefficients of PhysX', name)
         if stage.number(prim, 'physxJoint:maxJointVelocity', np.inf, endless=True) < np.inf:
             leave('limits of velocity', name)
-        if any(schema.startswith('PhysxMimicJointAPI') for schema in prim.GetAppliedSchemas()):
-            leave('mimic', name)
         cones = (
             stage.number(prim, f'physics:coneAngle{n}Limit', -1.0, endless=True) for n in (0, 1)
         )
         limited = any(
             schema.startswith('PhysicsLimitAPI:') and not self._is_locked(prim, schema[16:])
-            for schema in prim.GetAppliedSchemas()
+            for schema in stage.schemas(prim)
         )
         limited |= any(0.0 <= x < np.inf for x in cones)
         if not single and (limited or stage.number(prim, 'physxJoint:armature')):

@@ -148,6 +148,12 @@ class UsdStage:
             found[np.abs(found) >= ENDLESS] *= np.inf
         return found
 
+    def schemas(self, prim: Any) -> list[str]:
+        """The schemas applied to a prim, as written: usd-core keeps back those that it does not
+        know, such as all of PhysX."""
+        written = prim.GetMetadata('apiSchemas')
+        return [] if written is None else [str(each) for each in written.GetAppliedItems()]
+
     def array(self, prim: Any, name: str, kind: type) -> NDArray[Any]:
         """An attribute with any count of numbers of a kind; empty where it has none."""
         attribute = prim.GetAttribute(name)

@@ -1,0 +1,56 @@
+"""Mimic joints of PhysX in a USD stage, as couplings: x + gearing · y + offset = 0.
+
+The schema `PhysxMimicJointAPI` stands at the joint x, with an instance for each freedom, and names
+the joint y. An offset of an angle is in degrees. A coupling keeps the phase as drawn.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from alf_ros.exchange.robot import Coupled, Robot
+from alf_ros.exchange.usd_joints import UsdJoint
+from alf_ros.exchange.usd_stage import UsdStage
+
+_SCHEMA = 'PhysxMimicJointAPI:'
+_OFF = 1e-5  # rad, or parts of the length of a slide: seven digits are written
+
+
+def couple(stage: UsdStage, robot: Robot, joints: Sequence[UsdJoint]) -> None:
+    """Add the couplings of joints that are connected; list the mimics of other joints. Raises
+    InputError."""
+    known = {each.name for each in robot.connections}
+    single = {str(j.prim.GetPath()): j for j in joints if j.degree and j.name in known}
+    for joint in joints:
+        for schema in stage.schemas(joint.prim):
+            if schema.startswith(_SCHEMA):
+                other = single.get(_reference(joint, schema.removeprefix(_SCHEMA)))
+                if other is None or str(joint.prim.GetPath()) not in single:
+                    robot.leave('mimic', joint.name)
+                elif other.kind != joint.kind:
+                    robot.leave('mimic', f'{joint.name}, a {joint.kind} of a {other.kind}')
+                else:
+                    _add(stage, robot, joint, other, schema.removeprefix(_SCHEMA))
+
+
+def _reference(joint: UsdJoint, instance: str) -> str:
+    """The path of the joint that it mimics."""
+    relation = joint.prim.GetRelationship(f'physxMimicJoint:{instance}:referenceJoint')
+    targets = [str(each) for each in relation.GetForwardedTargets()] if relation else []
+    return targets[0] if len(targets) == 1 else ''
+
+
+def _add(stage: UsdStage, robot: Robot, joint: UsdJoint, other: UsdJoint, instance: str) -> None:
+    gearing, offset = (
+        stage.number(joint.prim, f'physxMimicJoint:{instance}:{name}')
+        for name in ('gearing', 'offset')
+    )
+    unit = math.radians(1.0) if joint.kind == 'revolute' else stage.metre
+    drawn = {each.name: each.drawn for each in robot.connections}
+    x, y = drawn[joint.name], drawn[other.name]
+    off = abs(x + gearing * y + unit * offset)
+    if off > _OFF * max(1.0, abs(gearing)):
+        robot.leave('phase of mimic', joint.name)
+    of = {joint.name: 1.0} | ({other.name: gearing} if gearing else {})
+    robot.couplings.append(Coupled(f'{joint.name}_mimic', of))
