@@ -1,11 +1,12 @@
 """The time of a million slider-cranks: python benchmark/million.py [--members N] [--workers N]
 
-Slider-cranks of ten seconds, each with another mass of the coupler (or, with `--vary L`, other
-lengths), go through about eleven singular positions. They are members of a study that worker
-processes run; their final and largest energies are kept. Prints the largest distance of the two
-points from the same motion with steps of 1 ms, of some members; the members per second and the
-processor time of a member, without the start of the workers; and how long a million takes at this
-rate, and at this processor time on processors that nothing else uses.
+Slider-cranks of ten seconds, each with another mass of the coupler, go through about eleven
+singular positions; likewise with other lengths (`--vary L`). With another length of the coupler
+alone (`--vary coupler.length`) they pass beside them, or turn back. They are members of a study
+that worker processes run; their final and largest energies are kept. Prints the largest distance of
+the two points from the same motion with steps of 1 ms, of some members; the members per second and
+the processor time of a member, without the start of the workers; and how long a million takes at
+this rate, and at this processor time on processors that nothing else uses.
 """
 
 from __future__ import annotations
@@ -26,16 +27,13 @@ from alf_ros.studies.ensemble.study_reading import study_of
 
 DURATION, H = 10.0, 0.1  # s; adaptive steps between
 # a large penalty: solves take fewer rounds, and fewer steps beside singular positions are alone
-SOLVER = {
-    'solver.integrator': ['dop853_adaptive'],
-    'solver.tolerance': [1e-8],
-    'solver.penalty': ['3e9'],
-}
+SOLVER = {'solver.integrator': ['dop853_adaptive'], 'solver.penalty': ['3e9']}
 VARIED = {
     'coupler.mass': normal(1.0, 0.05),
     'L': normal(1.0, 0.05),  # of both bodies: they still pass singular positions
     'coupler.length': normal(1.0, 0.05),  # they pass beside them, or turn back
 }
+TOLERANCES = {'coupler.mass': 1e-8, 'L': 1e-8, 'coupler.length': 4e-9}
 ENERGIES = 'final(energy)', 'max(energy)'
 COMPARED, INSTANTS = 256, 100
 CHUNK = 1024  # members that a worker gets at once
@@ -57,7 +55,12 @@ def study(members: int, name: str, outputs: Any = ENERGIES, step: float = H) -> 
     """Members that differ in one number."""
     return study_of(
         'slider_crank',
-        {name: VARIED[name], **SOLVER, 'solver.step': [step]},
+        {
+            name: VARIED[name],
+            **SOLVER,
+            'solver.tolerance': [TOLERANCES[name]],
+            'solver.step': [step],
+        },
         members=members,
         outputs=outputs,
         duration=DURATION,
