@@ -3,10 +3,10 @@
 Slider-cranks of ten seconds, each with another mass of the coupler, go through about eleven
 singular positions; likewise with other lengths (`--vary L`). With another length of the coupler
 alone (`--vary coupler.length`) they pass beside them, or turn back. They are members of a study
-that worker processes run; their final and largest energies are kept. Prints the largest distance of
-the two points from the same motion with steps of 1 ms, of some members; the members per second and
-the processor time of a member, without the start of the workers; and how long a million takes at
-this rate, and at this processor time on processors that nothing else uses.
+that worker processes run; their final and largest energies are kept. Prints the largest
+distance of the two points from the same motion with steps of 1 ms, of some members; the members
+per second and the processor time of a member, without the start of the workers; and how long a
+million takes at this rate, and at this processor time on processors that nothing else uses.
 """
 
 from __future__ import annotations
