@@ -103,7 +103,7 @@ def misspelt(text: str, key: str, line: int) -> Iterator[str]:
 def different_keys(kind: str) -> Iterator[tuple[Path, str, str, int]]:
     """File, its text, key and line of every key of the library's files.
 
-    In all files together, a key of a section is there once beside the same other keys.
+    A key of a section comes once beside the same other keys, in all files together.
     """
     known = set[tuple[object, ...]]()
     for path in (path for of, path in FILES if of == kind):

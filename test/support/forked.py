@@ -113,11 +113,12 @@ def started(
     folder: Path | str,
     environment: dict[str, str],
     output: IO[str],
+    errors: IO[str] | None = None,
     *,
     new: bool = False,
 ) -> Process:
-    """`python` with arguments (`-m module ...` or a file), in a session of its own; it writes both
-    streams to a file.
+    """`python` with arguments (`-m module ...` or a file), in a session of its own; it writes to
+    the files `output` and `errors` (or both streams to `output`).
 
     It is a new process if that is asked for, and where a variable differs that is read while the
     package is imported.
@@ -129,11 +130,11 @@ def started(
             env=environment,
             stdin=subprocess.DEVNULL,
             stdout=output,
-            stderr=output,
+            stderr=errors or output,
             start_new_session=True,
         )
     with open(os.devnull) as nothing:
-        streams = nothing.fileno(), output.fileno(), output.fileno()
+        streams = nothing.fileno(), output.fileno(), (errors or output).fileno()
         return ForkedProcess(arguments, folder, environment, streams)
 
 
