@@ -77,7 +77,10 @@ class ForkedProcess:
 
     def _number(self) -> int:
         number: int
-        (number,) = NUMBER.unpack(self._status.recv(NUMBER.size))
+        told = self._status.recv(NUMBER.size)
+        if not told:
+            raise RuntimeError(f'{ROOT}/test/support/fork_server.py has ended')
+        (number,) = NUMBER.unpack(told)
         return number
 
     def poll(self) -> int | None:
