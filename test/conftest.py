@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import fcntl
+import importlib
 import os
 import signal
+import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -97,6 +99,27 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     place = {path: (n + 0.5) / len(kind) for kind in kinds for n, path in enumerate(kind)}
     place |= {folder / name: n - len(_FIRST) for n, name in enumerate(_FIRST)}
     items.sort(key=lambda item: place[item.path])
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Import the test files, each worker in another order.
+
+    pytest keeps the code of a file after it has rewritten its assertions, half of the time of a
+    first collection. All workers collect in one order, so that each would rewrite each file.
+    """
+    worker = getattr(session.config, 'workerinput', None)
+    if worker is None:
+        return
+    named = [Path(argument.partition('::')[0]).absolute() for argument in session.config.args]
+    files = [file for path in named for file in sorted(path.rglob('test_*.py')) or [path]]
+    start = len(files) * int(worker['workerid'].removeprefix('gw')) // worker['workercount']
+    for path in files[start:] + files[:start]:
+        if str(path.parent) not in sys.path:
+            sys.path.insert(0, str(path.parent))
+        try:
+            importlib.import_module(path.stem)
+        except (Exception, pytest.skip.Exception):
+            pass  # the collection meets it again, and says it
 
 
 @pytest.fixture

@@ -48,29 +48,53 @@ def up(x):
 def down(x):
     return half(twice(x))
 """
-# Waits for a line, so that all begin at once. Every other process begins at the other end. Prints
-# what it computed and how much it compiled.
+# A process that has imported the compiler, and forks others. They begin to compile at once, every
+# other one at the other end. Prints what each computed and how much it compiled.
 SCRIPT = """
 import ctypes, json, os, sys
-import sums
 from numba.core import event, types
+import alf_ros.kernel.numba_ext.jit
 
-if 'edit' in sys.argv:
-    with open('helper.py', 'w') as file:
-        file.write('FACTOR = 7.0\\n')
-print(flush=True)
-sys.stdin.readline()
-if 'read-only' in sys.argv and os.geteuid() == 0:  # from now on permissions bind root too
-    ctypes.CDLL(None).capset((ctypes.c_uint32 * 2)(0x20080522, 0), (ctypes.c_uint32 * 6)())
-calls = [lambda: sums.total(4), lambda: sums.total(4.5 > 3), lambda: sums.up(1.0) - sums.down(1.0)]
-with event.install_recorder('numba:compile') as recorder:
-    if int(sys.argv[-1]) % 2:
-        values = [call() for call in calls[::-1]][::-1]
-    else:
-        values = [call() for call in calls]
-    noted = sums.by_address(types.float64(types.float64))(sums.note)
-starts = [e for _, e in recorder.buffer if e.is_start]
-print(json.dumps([values, noted.ctypes(3.0), len(starts)]))
+imported, told = os.pipe()
+waiting, begin = os.pipe()
+
+def compute(n):
+    try:
+        import sums
+        if 'edit' in sys.argv:
+            with open('helper.py', 'w') as file:
+                file.write('FACTOR = 7.0\\n')
+    finally:
+        os.write(told, b'.')
+    os.read(waiting, 1)
+    if 'read-only' in sys.argv and os.geteuid() == 0:  # from now on permissions bind root too
+        ctypes.CDLL(None).capset((ctypes.c_uint32 * 2)(0x20080522, 0), (ctypes.c_uint32 * 6)())
+    calls = [
+        lambda: sums.total(4), lambda: sums.total(4.5 > 3), lambda: sums.up(1.0) - sums.down(1.0)
+    ]
+    with event.install_recorder('numba:compile') as recorder:
+        if n % 2:
+            values = [call() for call in calls[::-1]][::-1]
+        else:
+            values = [call() for call in calls]
+        noted = sums.by_address(types.float64(types.float64))(sums.note)
+    starts = [e for _, e in recorder.buffer if e.is_start]
+    return [values, noted.ctypes(3.0), len(starts)]
+
+answers = []
+for n in range(int(sys.argv[-1])):
+    answer, given = os.pipe()
+    child = os.fork()
+    if not child:
+        os.write(given, json.dumps(compute(n)).encode())
+        sys.exit(0)
+    answers.append((child, answer))
+for _ in answers:
+    os.read(imported, 1)
+os.write(begin, b'.' * len(answers))
+for child, answer in answers:
+    assert os.waitpid(child, 0)[1] == 0
+    print(os.read(answer, 999).decode())
 """
 # total of int64 and of bool, twice of what their ranges count, and of float64; half, up and down
 COMPILED = 8
@@ -96,28 +120,11 @@ def run(folder, *arguments, processes=4):
         'NUMBA_CACHE_DIR': str(folder / 'cache'),
     }
     env['PYTHONDONTWRITEBYTECODE'] = '1'  # Python's cache knows the time of a file to the second
-    started = [
-        subprocess.Popen(
-            [sys.executable, 'main.py', *arguments, str(n)],
-            cwd=folder,
-            env=env,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-        for n in range(processes)
-    ]
-    for process in started:
-        process.stdout.readline()
-    for process in started:
-        process.stdin.write('\n')
-        process.stdin.flush()
-    told = []
-    for process in started:
-        out, errors = process.communicate()
-        assert process.returncode == 0, errors
-        told.append(json.loads(out))
+    command = [sys.executable, 'main.py', *arguments, str(processes)]
+    done = subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    told = [json.loads(line) for line in done.stdout.splitlines()]
+    assert len(told) == processes
     assert all(one[:2] == told[0][:2] for one in told)
     return told[0][0], told[0][1], sum(one[2] for one in told)
 

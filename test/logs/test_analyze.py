@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+import os
 import re
 import shutil
 import subprocess
@@ -27,9 +28,10 @@ from alf_ros.logs.report.singularity_distance import distances
 from alf_ros.logs.report.summary import account
 from alf_ros.ros.recording.fork import fork
 from support.browser import CHROMIUM, Browser
+from support.forked import ended
 from support.log_files import Retold, make, rewritten
 from support.paths import ROOT
-from support.ros_node import SimulatorProcess
+from support.ros_node import START_LIMIT, SimulatorProcess
 
 needs_chromium = pytest.mark.skipif(not CHROMIUM, reason='no chromium here: apt install chromium')
 
@@ -311,12 +313,8 @@ def test_it_stands_beside_the_log(planar, tmp_path):
 
 def test_what_cannot_be_done_is_one_line(planar, tmp_path):
     for arguments in ([], [tmp_path / 'none'], [planar, '-o', tmp_path / 'no' / 'page.html']):
-        done = subprocess.run(
-            [sys.executable, '-m', 'alf_ros', 'analyze', *map(str, arguments)],
-            capture_output=True,
-            text=True,
-            cwd=ROOT,
-        )
+        command = ['-m', 'alf_ros', 'analyze', *map(str, arguments)]
+        done = ended(command, ROOT, dict(os.environ), START_LIMIT)
         assert done.returncode == 2
         assert len(done.stderr.splitlines()) == 1
 

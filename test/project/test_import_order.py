@@ -1,11 +1,10 @@
 """Imports follow the order in doc/design.md, and only the last packages of it import ROS."""
 
 import ast
+import functools
 import re
 import subprocess
 import sys
-
-import pytest
 
 from support.paths import ROOT
 
@@ -60,6 +59,13 @@ def room(module):
     return ROOMS.index(module.partition('.')[0])
 
 
+@functools.cache
+def parsed(path):
+    """The syntax tree of a file."""
+    return ast.parse(path.read_text(encoding='utf-8'))
+
+
+@functools.cache
 def imports(path, at_import=False):
     """Return the dotted names a file imports; with `at_import` only what importing it needs."""
     found: set[str] = set()
@@ -77,7 +83,7 @@ def imports(path, at_import=False):
         for child in ast.iter_child_nodes(node):
             visit(child)
 
-    visit(ast.parse(path.read_text(encoding='utf-8')))
+    visit(parsed(path))
     return found
 
 
@@ -103,19 +109,27 @@ def test_the_rooms_are_those_of_the_package():
     assert line.group().split(' <- ') == packages and len(packages) == 12
 
 
-@pytest.mark.parametrize('module', MODULES)
-def test_a_module_imports_only_from_its_room_and_earlier_ones(module):
-    late = {other for other in ours(MODULES[module]) if room(other) > room(module)}
-    assert not late, f'{module} imports {late}'
+def test_modules_import_only_from_their_rooms_and_earlier_ones():
+    late = [
+        f'{module} imports {other}'
+        for module, path in MODULES.items()
+        for other in sorted(ours(path))
+        if room(other) > room(module)
+    ]
+    assert not late, '\n'.join(late)
 
 
-@pytest.mark.parametrize(
-    'module', sorted(set(MODULES) - {'__init__'})
-)  # that one imports when asked
-def test_nothing_of_ours_is_hidden_from_the_interpreter(module):
-    for node in ast.walk(ast.parse(MODULES[module].read_text(encoding='utf-8'))):
-        if isinstance(node, ast.If) and 'TYPE_CHECKING' in ast.unparse(node.test):
-            assert 'alf_ros' not in ast.unparse(node)
+def test_nothing_of_ours_is_hidden_from_the_interpreter():
+    hidden = [
+        f'{module}:{node.lineno}: {ast.unparse(node)}'
+        for module, path in MODULES.items()
+        if module != '__init__'  # it imports when asked
+        for node in ast.walk(parsed(path))
+        if isinstance(node, ast.If)
+        and 'TYPE_CHECKING' in ast.unparse(node.test)
+        and 'alf_ros' in ast.unparse(node)
+    ]
+    assert not hidden, '\n'.join(hidden)
 
 
 def test_no_circle():
@@ -126,10 +140,15 @@ def test_no_circle():
     assert not graph, f'these import each other: {sorted(graph)}'
 
 
-@pytest.mark.parametrize('module', MODULES)
-def test_only_the_last_rooms_know_ros(module):
-    known = {name for name in imports(MODULES[module]) if ROS.fullmatch(name.partition('.')[0])}
-    assert not known or module.partition('.')[0] in ROS_ROOMS
+def test_only_the_last_rooms_know_ros():
+    known = [
+        f'{module} imports {name}'
+        for module, path in MODULES.items()
+        if module.partition('.')[0] not in ROS_ROOMS
+        for name in sorted(imports(path))
+        if ROS.fullmatch(name.partition('.')[0])
+    ]
+    assert not known, '\n'.join(known)
 
 
 WITHOUT_ROS = """

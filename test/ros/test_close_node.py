@@ -6,8 +6,6 @@ import math
 import os
 import re
 import signal
-import subprocess
-import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -21,6 +19,7 @@ from std_msgs.msg import Float64MultiArray
 
 from alf_ros import InputError
 from alf_ros.ros.closing.active_input import ActiveInput, renamed
+from support.forked import ended, started
 from support.paths import ROOT
 from support.ros_node import LIMIT, SPEAKS, START_LIMIT, Peer, stacks
 
@@ -34,13 +33,12 @@ class ClosingProcess:
         self.output_path = folder / 'output.txt'
         paths = [str(ROOT), os.environ.get('PYTHONPATH', '')]
         with open(self.output_path, 'w') as output:
-            self.process = subprocess.Popen(
-                [sys.executable, '-m', 'alf_ros', 'close', *arguments],
-                stdout=output,
-                stderr=subprocess.STDOUT,
-                cwd=folder,
-                env={**os.environ, **SPEAKS, 'PYTHONPATH': os.pathsep.join(filter(None, paths))},
-                start_new_session=True,
+            self.process = started(
+                ['-m', 'alf_ros', 'close', *arguments],
+                folder,
+                {**os.environ, **SPEAKS, 'PYTHONPATH': os.pathsep.join(filter(None, paths))},
+                output,
+                new=True,
             )
 
     def __enter__(self) -> ClosingProcess:
@@ -182,14 +180,8 @@ def test_a_slider_goes_through_its_dead_point(tmp_path: Path, peer: Peer) -> Non
 def test_a_wrong_start_is_refused_in_one_line(
     arguments: list[str], said: str, tmp_path: Path
 ) -> None:
-    done = subprocess.run(
-        [sys.executable, '-m', 'alf_ros', 'close', *arguments],
-        capture_output=True,
-        text=True,
-        cwd=tmp_path,
-        env={**os.environ, 'PYTHONPATH': str(ROOT)},
-        timeout=START_LIMIT,
-    )
+    environment = {**os.environ, 'PYTHONPATH': str(ROOT)}
+    done = ended(['-m', 'alf_ros', 'close', *arguments], tmp_path, environment, START_LIMIT)
     assert done.returncode == 2 and said in done.stderr, done
     assert done.stderr.count('\n') == 1
 

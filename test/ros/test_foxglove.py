@@ -83,7 +83,7 @@ def test_messages_are_those_of_the_simulator(tmp_path, peer):
     pytest.importorskip('foxglove', reason='pip install -r requirements/view.txt')
     found = Diagnostics(peer)
     with SimulatorProcess(tmp_path).wait_running(), ViewProcess('--foxglove', '0') as process:
-        port = int(process.process.stdout.readline().rpartition(':')[2])
+        port = int(process.said.readline().rpartition(':')[2])
         client = Socket(port, 'foxglove.sdk.v1')
         assert client.until(operation('serverInfo'))['capabilities'] == ['time']
         channels: dict[str, Any] = {}

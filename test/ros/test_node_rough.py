@@ -19,7 +19,14 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 from support.journal_run import repeat
-from support.ros_node import Diagnostics, SimulatorProcess, journal, read_log, wrench
+from support.ros_node import (
+    Diagnostics,
+    NewSimulatorProcess,
+    SimulatorProcess,
+    journal,
+    read_log,
+    wrench,
+)
 
 BEST_EFFORT = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
 READER = """
@@ -141,7 +148,7 @@ def test_a_signal_at_any_instant_leaves_a_whole_log(tmp_path, number, seed):
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_while_it_prepares_ends_it_without_a_word(tmp_path, number):
-    with SimulatorProcess(tmp_path) as node:
+    with NewSimulatorProcess(tmp_path) as node:
         while 'preparing' not in node.output:
             assert node.process.poll() is None
             time.sleep(0.001)

@@ -3,8 +3,6 @@
 import os
 import re
 import signal
-import subprocess
-import sys
 from typing import Any
 
 import numpy as np
@@ -20,6 +18,7 @@ from std_srvs.srv import SetBool
 
 from alf_ros.__main__ import main
 from alf_ros.logs import load
+from support.forked import started
 from support.log_files import make, read_by_others
 from support.paths import ROOT
 from support.ros_node import LIMIT, START_LIMIT
@@ -44,21 +43,18 @@ class Replayed:
         self.clock = peer.listen('/clock', Clock, LOSSY)
         self.inputs = peer.listen('/simulator/inputs', String)
         self.scene = peer.listen('/simulator/scene', String, LATCHED)
-        command = [sys.executable, '-m', 'alf_ros', 'replay', str(log.path), '--paused', *options]
-        self.process = subprocess.Popen(
-            command,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            env={**os.environ, 'PYTHONPATH': str(ROOT)},
-            start_new_session=True,
-        )
+        command = ['-m', 'alf_ros', 'replay', str(log.path), '--paused', *options]
+        environment = {**os.environ, 'PYTHONPATH': str(ROOT)}
+        reader, writer = os.pipe()
+        self.said = open(reader)
+        with open(writer, 'w') as output:
+            self.process = started(command, ROOT, environment, output)
 
     def __enter__(self):
         names = ('/joint_states', '/clock', '/simulator/inputs', '/simulator/scene')
 
         def matched():
-            assert self.process.poll() is None, self.process.stdout.read()
+            assert self.process.poll() is None, self.said.read()
             return all(map(self.peer.node.count_publishers, names))
 
         self.peer.until(matched, 'the topics', START_LIMIT)
@@ -68,7 +64,7 @@ class Replayed:
         if self.process.poll() is None:
             os.killpg(self.process.pid, signal.SIGKILL)
         self.process.wait()
-        self.process.stdout.close()
+        self.said.close()
 
     def play(self, on=True):
         answer = self.peer.call(SetBool, '/replay/pause', data=not on)
@@ -109,7 +105,7 @@ def test_everything_comes_again(peer, log, options):
         assert replayed.play().startswith('playing at t = 0 s')
         assert replayed.wait() == 0
         peer.until(lambda: len(replayed.heard) == 501, 'the last of them')
-        said = replayed.process.stdout.read()
+        said = replayed.said.read()
     check_heard(replayed, log)
     others = read_by_others(log.files[0])['/simulator/inputs']
     assert [m.data for m in replayed.inputs] == [message.data for _, message in others]

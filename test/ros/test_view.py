@@ -123,7 +123,7 @@ def test_a_port_that_is_none_is_one_line():
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_it(number):
-    with ViewProcess() as process:
+    with ViewProcess(new=True) as process:
         assert process.stop(number) == 0
 
 

@@ -75,15 +75,15 @@ def test_a_folder_that_cannot_be_is_one_line(tmp_path: Path) -> None:
         schema_command.main(['--folder', str(tmp_path / 'file' / 'below')])
 
 
-def keys(entry: Entry) -> Iterator[tuple[str, Entry]]:
-    """Every key of the format in a document, with its entry."""
+def keys(entry: Entry) -> Iterator[tuple[str, Entry, tuple[str, ...]]]:
+    """Every key of the format in a document, with its entry, and all keys beside it."""
     if isinstance(entry.value, dict):
         for key, item in entry.value.items():
             one_of_several = re.fullmatch(r'effects\.[^.]+\.[^.]+', item.path)
             if not NAMED.fullmatch(item.path) and not (
                 one_of_several and isinstance(item.value, dict)
             ):
-                yield key, item
+                yield key, item, tuple(sorted(entry.value))
             yield from keys(item)
     elif isinstance(entry.value, tuple):
         for item in entry.value:
@@ -100,25 +100,36 @@ def misspelt(text: str, key: str, line: int) -> Iterator[str]:
         yield '\n'.join([*lines[: line - 1], changed, *lines[line:]])
 
 
-@EACH_FILE
-def test_every_misspelt_key_has_line_and_suggestion(kind: str, path: Path, tmp_path: Path) -> None:
-    """By the loader; and an editor underlines it. Equal keys in equal places are tried once."""
-    text = path.read_text(encoding='utf-8')
-    source = tmp_path / path.name
-    found, tried = 0, set[tuple[str, int, str]]()
-    for key, entry in keys(yaml_document.parse(text, None)):
-        place = (entry.path.partition('.')[0], entry.path.count('.'), key)
-        if place in tried:
-            continue
-        tried.add(place)
-        assert entry.line is not None
-        for wrong in misspelt(text, key, entry.line):
+def different_keys(kind: str) -> Iterator[tuple[Path, str, str, int]]:
+    """File, its text, key and line of every key of the library's files.
+
+    A key of a section comes once beside the same other keys, in all files together.
+    """
+    known = set[tuple[object, ...]]()
+    for path in (path for of, path in FILES if of == kind):
+        text = path.read_text(encoding='utf-8')
+        for key, entry, beside in keys(yaml_document.parse(text, None)):
+            section, depth = entry.path.partition('.')[0], entry.path.count('.')
+            place = section, depth, key, beside if depth > 1 else ()
+            if place not in known:
+                known.add(place)
+                assert entry.line is not None
+                yield path, text, key, entry.line
+
+
+@pytest.mark.parametrize(('kind', 'least'), [('mechanism', 150), ('scene', 100)])
+def test_every_misspelt_key_has_line_and_suggestion(kind: str, least: int, tmp_path: Path) -> None:
+    """By the loader; and an editor underlines it."""
+    found = 0
+    for path, text, key, line in different_keys(kind):
+        source = tmp_path / path.name
+        for wrong in misspelt(text, key, line):
             source.write_text(wrong, encoding='utf-8')
             with pytest.raises(InputError) as caught:
                 load_scene(source if kind == 'scene' else {'mechanism': str(source)})
             said = str(caught.value)
-            assert said.startswith(f'{source}:{entry.line}: ') and '\n' not in said
+            assert said.startswith(f'{source}:{line}: ') and '\n' not in said
             assert f'did you mean {key!r}?' in said, said
             assert not JUDGE[kind].is_valid(data(yaml_document.parse(wrong, None))), said
             found += 1
-    assert found >= 1
+    assert found >= least

@@ -7,11 +7,13 @@ How soon is judged by processor time, which does not depend on what else runs;
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -23,7 +25,9 @@ from alf_ros.kernel import Work
 from alf_ros.kernel.stopping import GIVEN
 from alf_ros.simulation import listening
 from alf_ros.simulation.listening import Listener
+from support.forked import started
 from support.paths import ROOT
+from support.reader import environment
 from support.runs import bits, made
 
 FOREVER = 10**12  # steps: days
@@ -87,29 +91,32 @@ CASES: list[tuple[str, dict[str, Any], str, int]] = [
 ]
 
 
-def interrupted(script: str, argument: str, after: float) -> tuple[str, str, int]:
-    """The stdout, stderr and exit code of a script that gets a SIGINT after `after` s."""
-    with subprocess.Popen(
-        [sys.executable, '-c', script, argument],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        cwd=ROOT,
-    ) as process:
-        assert process.stdout is not None
+def interrupted(
+    script: str, argument: str, after: float, folder: Path
+) -> tuple[str, str, int | None]:
+    """The stdout, stderr and exit code of a script that gets a SIGINT `after` s after it is ready.
+
+    folder: for its files.
+    """
+    (folder / 'script.py').write_text(script, 'utf-8')
+    reader, writer = os.pipe()
+    with open(reader) as said, open(folder / 'errors', 'w+') as errors:
+        with open(writer, 'w') as output:
+            command = [str(folder / 'script.py'), argument]
+            process = started(command, ROOT, environment(), output, errors)
         try:
-            assert process.stdout.readline() == 'ready\n'
+            assert said.readline() == 'ready\n'
             time.sleep(after)
             process.send_signal(signal.SIGINT)
-            out, said = process.communicate(timeout=PATIENCE)
+            code = process.wait(PATIENCE)
+            return said.read(), (folder / 'errors').read_text('utf-8'), code
         finally:
             process.kill()
-    return out, said, process.returncode
 
 
 @pytest.mark.parametrize('case', CASES, ids=lambda case: f'{case[0]}-{case[2]}-{case[1]}')
-def test_a_signal_ends_a_call_between_two_steps(case: Any) -> None:
-    out, said, code = interrupted(SCRIPT, json.dumps(case), 0.3)
+def test_a_signal_ends_a_call_between_two_steps(case: Any, tmp_path: Path) -> None:
+    out, said, code = interrupted(SCRIPT, json.dumps(case), 0.3, tmp_path)
     k, same, together, works = json.loads(out)
     assert k >= 0 and same and together and works
     assert code == 0, said
@@ -208,8 +215,8 @@ except KeyboardInterrupt:
 
 
 @pytest.mark.parametrize('how', ['pool', 'joined', 'left'])
-def test_a_signal_ends_the_steps_of_other_threads(how: str) -> None:
-    out, said, _ = interrupted(THREADS, how, 1.0)
+def test_a_signal_ends_the_steps_of_other_threads(how: str, tmp_path: Path) -> None:
+    out, said, _ = interrupted(THREADS, how, 1.0, tmp_path)
     assert json.loads(out) == [True, True], said
 
 

@@ -2,10 +2,9 @@
 
 import os
 import re
-import subprocess
-import sys
 from pathlib import Path
 
+from support.forked import ended
 from support.paths import ROOT
 
 # With a cold cache a program compiles for most of a minute.
@@ -26,13 +25,8 @@ def programs(text: str) -> list[tuple[str, str, str]]:
 
 
 def shown_by(arguments: list[str], folder: Path, **variables: str) -> tuple[str, str]:
-    """The output and the errors of Python with these arguments, in a folder."""
-    done = subprocess.run(
-        [sys.executable, *arguments],
-        cwd=folder,
-        env={**environment(), **variables},
-        capture_output=True,
-        text=True,
-        timeout=START_LIMIT,
-    )
+    """The output and the errors of Python with these arguments, in a folder. A command is a new
+    process, a program is forked."""
+    new = arguments[0] == '-m'
+    done = ended(arguments, folder, {**environment(), **variables}, START_LIMIT, new=new)
     return done.stdout, done.stderr

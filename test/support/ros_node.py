@@ -6,7 +6,6 @@ import json
 import os
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -25,6 +24,7 @@ from rclpy.node import NodeNameNonExistentError
 from rclpy.qos import QoSProfile
 
 from alf_ros.ros import unborn_ports
+from support.forked import Process, started
 from support.paths import ROOT
 
 T = TypeVar('T')
@@ -36,7 +36,7 @@ START_LIMIT = 180.0
 LIMIT = 120.0
 
 
-def stacks(process: subprocess.Popen[Any]) -> str:
+def stacks(process: Process) -> str:
     """End a process, which writes to its output where each of its threads stands; what to look for
     there. Needs `SPEAKS` in its environment."""
     os.kill(process.pid, signal.SIGABRT)
@@ -50,6 +50,8 @@ SPEAKS = {'PYTHONFAULTHANDLER': '1'}
 class SimulatorProcess:
     """`python -m alf_ros simulator` in a session of its own, logging below `folder`."""
 
+    imports = False  # whether it imports the package itself
+
     def __init__(self, folder: Path | str, *options: str, **parameters: object) -> None:
         self.folder = Path(folder)
         arguments = ['--log-folder', str(self.folder), *options]
@@ -62,13 +64,12 @@ class SimulatorProcess:
         # A sourced ROS 2 is on PYTHONPATH too.
         paths = [str(ROOT), os.environ.get('PYTHONPATH', '')]
         with open(self.output_path, 'w') as output:
-            self.process = subprocess.Popen(
-                [sys.executable, '-m', 'alf_ros', 'simulator', *arguments],
-                stdout=output,
-                stderr=subprocess.STDOUT,
-                cwd=self.folder,
-                env={**os.environ, **SPEAKS, 'PYTHONPATH': os.pathsep.join(filter(None, paths))},
-                start_new_session=True,
+            self.process = started(
+                ['-m', 'alf_ros', 'simulator', *arguments],
+                self.folder,
+                {**os.environ, **SPEAKS, 'PYTHONPATH': os.pathsep.join(filter(None, paths))},
+                output,
+                new=self.imports,
             )
 
     def __enter__(self) -> SimulatorProcess:
@@ -108,6 +109,12 @@ class SimulatorProcess:
     def logs(self) -> list[Path]:
         """Log files, oldest first."""
         return sorted(self.folder.glob('*/*.mcap'), key=lambda path: path.stat().st_ctime_ns)
+
+
+class NewSimulatorProcess(SimulatorProcess):
+    """The same, as a shell starts it."""
+
+    imports = True
 
 
 class Peer:

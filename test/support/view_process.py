@@ -2,26 +2,28 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
-import sys
 
+from support.forked import ended, started
 from support.paths import ROOT
 from support.ros_node import LIMIT, START_LIMIT
 
 
 class ViewProcess:
-    """`python -m alf_ros view` at any free port; `url`."""
+    """`python -m alf_ros view` at any free port; `url`.
 
-    def __init__(self, *options: str) -> None:
-        self.process = subprocess.Popen(
-            [sys.executable, '-m', 'alf_ros', 'view', '--port', '0', *options],
-            stdout=subprocess.PIPE,
-            text=True,
-            cwd=ROOT,
-        )
-        assert self.process.stdout is not None
-        self.url = self.process.stdout.readline().split()[-1]
+    new: it imports the package itself.
+    """
+
+    def __init__(self, *options: str, new: bool = False) -> None:
+        reader, writer = os.pipe()
+        self.said = open(reader)
+        with open(writer, 'w') as output:
+            command = ['-m', 'alf_ros', 'view', '--port', '0', *options]
+            self.process = started(command, ROOT, dict(os.environ), output, new=new)
+        self.url = self.said.readline().split()[-1]
 
     def __enter__(self) -> ViewProcess:
         return self
@@ -29,8 +31,7 @@ class ViewProcess:
     def __exit__(self, *_: object) -> None:
         self.process.kill()
         self.process.wait()
-        if self.process.stdout is not None:
-            self.process.stdout.close()
+        self.said.close()
 
     def stop(self, number: int = signal.SIGTERM) -> int:
         self.process.send_signal(number)
@@ -39,10 +40,5 @@ class ViewProcess:
 
 def view(*options: str) -> subprocess.CompletedProcess[str]:
     """Run the command to its end."""
-    return subprocess.run(
-        [sys.executable, '-m', 'alf_ros', 'view', *options],
-        capture_output=True,
-        text=True,
-        cwd=ROOT,
-        timeout=START_LIMIT,
-    )
+    command = ['-m', 'alf_ros', 'view', *options]
+    return ended(command, ROOT, dict(os.environ), START_LIMIT)
