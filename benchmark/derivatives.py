@@ -150,7 +150,6 @@ def cost(scene: Scene, names: tuple[str, ...], of: str, steps: int) -> tuple[flo
     reading = seconds(lambda: Simulation(scene, tangents=names)) / len(names)
 
     def back() -> None:
-        run.restart()
         for _ in run.go_on(steps):
             pass
         run.derivatives(number, {steps: 1.0})
@@ -161,6 +160,7 @@ def cost(scene: Scene, names: tuple[str, ...], of: str, steps: int) -> tuple[flo
     for turn in range(8):
         for each in (alone, one, followed):
             each.reset()
+        run.restart()
         times = [seconds(partial(each.step, steps)) for each in (alone, one, followed)]
         times.append(seconds(back))
         if turn > 0:  # the first one compiles

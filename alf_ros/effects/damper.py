@@ -11,13 +11,13 @@ from dataclasses import dataclass, field
 
 from alf_ros.arrays import Floats, Integers
 from alf_ros.effects import contract
+from alf_ros.effects.contract.gap_vectors import push_distance, size, vector, vector_rate
 from alf_ros.effects.contract.piecewise import Points, interpolate, law, side_of, slope
 from alf_ros.effects.contract.scalars import (
     Measures,
     numbers_of,
     place,
     push,
-    push_distance,
     scalar,
 )
 from alf_ros.mechanism.natural_coordinates import Layout
@@ -78,9 +78,13 @@ def force(
     Q: Floats,
 ) -> None:
     for n in range(slots[1]):
-        length, speed = scalar(q, qd, near, slots, params, n)
-        tension = interpolate(params, numbers_of(slots, n), speed)
-        push_distance(q, slots, params, n, -tension, length, Q)
+        x, y, z = vector(q, slots, params, n)
+        xd, yd, zd = vector_rate(qd, slots, params, n)
+        length = size(x, y, z)
+        if length > 0.0:
+            speed = (x * xd + y * yd + z * zd) / length
+            tension = interpolate(params, numbers_of(slots, n), speed)
+            push_distance(slots, params, n, -tension, length, x, y, z, Q)
 
 
 @contract.side

@@ -15,7 +15,14 @@ import numpy as np
 
 from alf_ros.arrays import Floats, Integers
 from alf_ros.effects import contract
-from alf_ros.effects.contract.scalars import Measures, component, numbers_of, place, push_component
+from alf_ros.effects.contract.gap_vectors import push_vector, size, vector_rate
+from alf_ros.effects.contract.scalars import (
+    Measures,
+    component,
+    numbers_of,
+    place,
+    push_component,
+)
 from alf_ros.mechanism.natural_coordinates import Layout
 
 MULTIPLE = True
@@ -81,14 +88,13 @@ def force(
     D = slots[0]
     for n in range(slots[1]):
         at = numbers_of(slots, n)
-        square = 0.0
-        for a in range(D):
-            _, v = component(q, qd, slots, params, n, a)
-            square += (v - params[at + 4 + a]) * (v - params[at + 4 + a])
-        factor = params[at] + params[at + 1] * sqrt(square)
-        for a in range(D):
-            _, v = component(q, qd, slots, params, n, a)
-            push_component(q, slots, params, n, a, -factor * (v - params[at + 4 + a]), Q)
+        x, y, z = vector_rate(qd, slots, params, n)
+        x -= params[at + 4]
+        y -= params[at + 5]
+        if D == 3:
+            z -= params[at + 6]
+        factor = -(params[at] + params[at + 1] * size(x, y, z))
+        push_vector(slots, params, n, factor * x, factor * y, factor * z, Q)
         for a in range(D, D + D * int(params[at + 3])):  # directions u_k: Σ |u̇_k|² = 2 ω²
             _, ud = component(q, qd, slots, params, n, a)
             push_component(q, slots, params, n, a, -0.5 * params[at + 2] * ud, Q)

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 
 from alf_ros.arrays import Floats, Integers
 from alf_ros.effects import contract
+from alf_ros.effects.contract.gap_vectors import push_distance, size, vector
 from alf_ros.effects.contract.piecewise import (
     Points,
     integral,
@@ -26,7 +27,6 @@ from alf_ros.effects.contract.scalars import (
     place,
     push,
     push_component,
-    push_distance,
     scalar,
 )
 from alf_ros.mechanism.natural_coordinates import Layout
@@ -98,9 +98,10 @@ def force(
 ) -> None:
     for n in range(slots[1]):
         at = numbers_of(slots, n)
-        length, _ = scalar(q, qd, near, slots, params, n)
+        x, y, z = vector(q, slots, params, n)
+        length = size(x, y, z)
         tension = interpolate(params, at + 1, length - params[at])
-        push_distance(q, slots, params, n, -tension, length, Q)
+        push_distance(slots, params, n, -tension, length, x, y, z, Q)
 
 
 @contract.side

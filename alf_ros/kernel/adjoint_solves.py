@@ -26,8 +26,7 @@ def _solve_back(adjoint: Adjoint, bar: Floats) -> int:
     iterations."""
     problem, u = adjoint.tangents.problem, adjoint.u
     work, f = problem.work, adjoint.f
-    zero(f)
-    for a in range(work.p.size):
+    for a in range(work.p.size):  # fixed blocks are 0
         f[a] = bar[a]
     copy(f, work.delta)
     zero(u)
@@ -130,9 +129,11 @@ def _take_rows_back(adjoint: Adjoint) -> None:
 
 @inner
 def _take_entry_back(adjoint: Adjoint, e: np.uint64, g: Floats, v: Floats) -> None:
-    """∂J/∂(T v) of entry e, in g, into ∂J/∂T."""
+    """∂J/∂(T v) of entry e, in g, into ∂J/∂T, if that is wanted."""
     problem = adjoint.tangents.problem
     rows, D = problem.system.rows, np.uint64(len(problem.unit))
+    if adjoint.terms_count[0] == 0:
+        return
     for s in each(rows.first_term[e], rows.first_term[e + ONE]):
         at = rows.term_block[s] * D
         for a in range(D):
@@ -143,10 +144,14 @@ def _take_entry_back(adjoint: Adjoint, e: np.uint64, g: Floats, v: Floats) -> No
 @inner
 def _take_terms_back(adjoint: Adjoint, e: np.uint64, g: Floats, v: Floats, bar: Floats) -> None:
     """∂J/∂(T v) of entry e, in g, into ∂J/∂T, and into ∂J/∂v, in `bar`."""
-    problem = adjoint.tangents.problem
-    rows, D = problem.system.rows, np.uint64(len(problem.unit))
+    unit, rows = adjoint.tangents.problem.unit, adjoint.tangents.problem.system.rows
+    D = np.uint64(len(unit))
     _take_entry_back(adjoint, e, g, v)
     for s in each(rows.first_term[e], rows.first_term[e + ONE]):
+        even = adjoint.tangents.even[s]
+        if even == even:
+            add(bar, rows.term_block[s], even * block(unit, g, e))
+            continue
         at = rows.term_block[s] * D
         for a in range(D):
             for c in range(D):

@@ -44,14 +44,15 @@ def take_steps_back(adjoint: Adjoint, last: int, first: int) -> int:
     """∂J/∂(q, q̇) behind step `last` of the record, in `bar_q` and `bar_qd`, into that before step
     `first`; returns the result."""
     for back in range(last + 1 - first):
-        result = _take_step_back(adjoint, np.uint64(last - back))
+        result = _take_step_back(adjoint, np.uint64(last - back), back > 0)
         if result != OK:
             return result
     return OK
 
 
 @inner
-def _take_step_back(adjoint: Adjoint, k: np.uint64) -> int:
+def _take_step_back(adjoint: Adjoint, k: np.uint64, linear: bool) -> int:
+    """Step k; `linear`: Φ_q and factor stand in `work`, at the q there."""
     tangents, record, phase, tape = adjoint.tangents, adjoint.record, adjoint.phase, adjoint.tape
     problem = tangents.problem
     method, work = problem.method, problem.work
@@ -69,9 +70,11 @@ def _take_step_back(adjoint: Adjoint, k: np.uint64) -> int:
     if record.regular[k] != 0:
         restore_stages(record, tape, work, k)
         store_angles(problem.unit, problem.system, work, phase)
+        for a in range(whole):  # mostly the first stage of the step behind it
+            linear = linear and work.q[a] == adjoint.x[a]
         copy(adjoint.x, work.q)
         copy(adjoint.u, work.qd)
-        if not linearise(problem.unit, problem.system, work, work.q):
+        if not linear and not linearise(problem.unit, problem.system, work, work.q):
             return UNFOLLOWED
     else:
         ended = adjoint.x, adjoint.u, nearest

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from alf_ros.kernel.augmented_residuals import residuals, update_rows
 from alf_ros.kernel.augmented_solve import NOISE, solved
-from alf_ros.kernel.data import EPS, NOTHING, SOLVED, FollowedStage, Problem, Tangents
+from alf_ros.kernel.data import EPS, NOTHING, SOLVED, FollowedStage, Problem, System, Tangents
 from alf_ros.kernel.mass import add_mass_times
-from alf_ros.kernel.numba_ext.jit import inner
+from alf_ros.kernel.numba_ext.jit import inlined, inner
 from alf_ros.kernel.numba_ext.lane_numbers import everywhere, nowhere, pick, unless
 from alf_ros.kernel.numba_ext.lane_structs import lane, lanes_of, set_lane
 from alf_ros.kernel.numba_ext.structs import Lanes
 from alf_ros.kernel.numba_ext.vectors import largest, zero
 from alf_ros.kernel.triangular_solve import step_by
+
+Mask = Any  # a truth value for each lane
 
 # what is done about slow modes; no truth values, each of which would be compiled for itself
 LEAVE, FINISH = np.uint64(0), np.uint64(1)
@@ -46,34 +50,51 @@ def solved_together(
     """
     unit, system, f = problem.unit, problem.system, tangents.f
     n, iterations = at.work.p.size, problem.method.iterations
-    fine = max(SOLVED, NOISE * np.sqrt(system.penalty))
-    before *= np.sqrt(system.penalty)
-    slowest = alone = 0.0 * at.delta[0]
-    met = before < 0.0
-    going = unless(met)
-    for count in range(1, iterations + 1):
-        if count > 1:
+    root = np.sqrt(system.penalty)
+    fine = max(SOLVED, NOISE * root)
+    before *= root
+    # a projection mostly takes one round, and other solves two: how the first one of these ended
+    # is judged only if that is not all
+    first_step, first_size = step_by(unit, system, at, x)  # A δ = …, x += δ: (26), (33)
+    first_step *= EPS * system.penalty
+    first_own = max(first_size, NOTHING)
+    if slow_modes == LEAVE and forces == ALONG_MASS:
+        if everywhere(_are_last(system, fine, before, first_step, first_own)):
+            return True
+    before = root * update_rows(unit, system.rows, at)
+    if forces == ALONG_MASS:
+        if everywhere((before <= fine * first_own) & (first_step <= SOLVED * first_own)):
+            return True
+        zero(f)
+        add_mass_times(unit, system.mass, 1.0, x, f)
+        add_mass_times(unit, system.mass, -1.0, at.delta, f)
+    residuals(unit, system, at, f, x)
+    step, size = step_by(unit, system, at, x)
+    step *= EPS * system.penalty
+    own = max(size, NOTHING)
+    if slow_modes == LEAVE and everywhere(_are_last(system, fine, before, step, own)):
+        return True
+    alone = largest(f, n) / system.mean
+    usual = max(first_own, alone)
+    met = (before <= fine * usual) & (first_step <= SOLVED * usual)
+    going = unless((before <= fine * first_own) & (first_step <= SOLVED * first_own))
+    slowest = 0.0 * at.delta[0]
+    for count in range(2, iterations + 1):
+        if count > 2:
             residuals(unit, system, at, f, x)
-        step, size = step_by(unit, system, at, x)  # A δ = …, x += δ: (26), (33)
-        step *= EPS * system.penalty
-        own = max(size, NOTHING)
-        if slow_modes == LEAVE:
-            # a round leaves a part `patience` of r2 at most, unless a mode is slow
-            last = (system.patience * before <= fine * own) & (step <= SOLVED * own)
-            if everywhere(last | unless(going)):
+            step, size = step_by(unit, system, at, x)
+            step *= EPS * system.penalty
+            own = max(size, NOTHING)
+            if slow_modes == LEAVE and nowhere(
+                going & unless(_are_last(system, fine, before, step, own))
+            ):
                 break
-        if count == 1:
-            if forces == ALONG_MASS:
-                zero(f)
-                add_mass_times(unit, system.mass, 1.0, x, f)
-                add_mass_times(unit, system.mass, -1.0, at.delta, f)
-            alone = largest(f, n) / system.mean
         usual = max(own, alone)
-        left = np.sqrt(system.penalty) * update_rows(unit, system.rows, at)
+        left = root * update_rows(unit, system.rows, at)
         closed = left <= fine * usual
         ended = met | ((left <= fine * own) & (step <= SOLVED * own))
         met = closed & (step <= SOLVED * usual)
-        if count > 1 and not everywhere(ended | closed):
+        if not everywhere(ended | closed):
             slow = going & unless(ended | closed)
             ratio = min(1.0, left / pick(slow, before, 1.0))
             if count == 2 and iterations != 2:
@@ -92,6 +113,13 @@ def solved_together(
     for m in range(lanes_of(x)):
         _finish(tangents, problem, at, x, m)
     return True
+
+
+@inlined
+def _are_last(system: System, fine: float, before: Lanes, step: Lanes, own: Lanes) -> Mask:
+    """In which lanes a round is certain to close the rows: it leaves a part `patience` of r2 at
+    most, unless a mode is slow."""
+    return (system.patience * before <= fine * own) & (step <= SOLVED * own)
 
 
 @inner

@@ -116,23 +116,28 @@ def begin_rates(tangents: Tangents, problem: Problem, at: FollowedStage) -> None
     rows = problem.system.rows
     if rows.movable.size > 0:
         jacobian_rate(problem.unit, rows, at.work.qd, tangents.g2d)
-        _times_terms(problem.unit, rows, at.work.qd, tangents.term_qd)
+        _times_terms(problem.unit, rows, tangents.even, at.work.qd, tangents.term_qd)
 
 
 @inner
 def begin_stage(tangents: Tangents, problem: Problem, at: FollowedStage) -> None:
     """Φ̇_q, Tᵀ q̇ and Tᵀ q̈ of a stage, for all groups."""
     begin_rates(tangents, problem, at)
-    if problem.system.rows.movable.size > 0:
-        _times_terms(problem.unit, problem.system.rows, at.work.qdd, tangents.term_qdd)
+    rows = problem.system.rows
+    if rows.movable.size > 0:
+        _times_terms(problem.unit, rows, tangents.even, at.work.qdd, tangents.term_qdd)
 
 
 @inner
-def _times_terms(unit: Unit, rows: Rows, v: Floats, out: Floats) -> None:
-    """Tᵀ v of each term, for v (all blocks D,) of the block of its entry."""
+def _times_terms(unit: Unit, rows: Rows, even: Floats, v: Floats, out: Floats) -> None:
+    """Tᵀ v of each term, for v (all blocks D,) of the block of its entry; `even` as in
+    `Tangents`."""
     D = np.uint64(len(unit))
     for e in each(0, rows.block.size):
         for n in each(rows.first_term[e], rows.first_term[e + ONE]):
+            if even[n] == even[n]:
+                put(out, n, even[n] * block(unit, v, rows.block[e]))
+                continue
             b = rows.block[e] * D
             u = v[b] * block(unit, rows.term, n * D) + v[b + ONE] * block(
                 unit, rows.term, n * D + ONE

@@ -201,6 +201,9 @@ class AdjointFollowing:
                 projected=np.zeros(1, dtype=np.int64),
                 **{name: np.zeros(size) for name, size in tape.items()},
             ),
+            terms_count=np.array(
+                [self._products is None or self._products.changes('term')]
+            ).astype(np.int64),
             trace=empty_trace(model, force, numbers, room),
             **{name: np.zeros(size) for name, size in sizes.items()},
         )

@@ -50,6 +50,10 @@ class SlopeProducts:
         """Which of the data of the effects the numbers change."""
         return np.asarray(self._of_params(inputs).indices)
 
+    def changes(self, name: str) -> bool:
+        """Whether a number changes an array."""
+        return any(bool(each.arrays[name].any()) for each in self._slopes)
+
     def changes_fixed(self, n: int) -> bool:
         """Whether a number moves a fixed block, from number n of q on."""
         return any(bool(each.arrays['q'][n:].any()) for each in self._slopes)

@@ -52,7 +52,7 @@ def test_compiled_is_what_is_written(
     packed = module.pack(list(sim.scene.effects), sim.model.layout)
     shared = [
         importlib.import_module(f'alf_ros.effects.contract.{name}')
-        for name in ('scalars', 'piecewise')
+        for name in ('scalars', 'gap_vectors', 'piecewise', 'affine_force')
     ]
     as_python(monkeypatch, module, *shared)
     near, data, python = sample._near, (packed.slots, packed.params), np.zeros(q.size)
@@ -153,7 +153,7 @@ def test_a_run_in_python_is_the_compiled_run(
             monkeypatch.setattr(module, name, InPython(getattr(module, name)))
     shared = [
         importlib.import_module(f'alf_ros.effects.contract.{name}')
-        for name in ('scalars', 'piecewise')
+        for name in ('scalars', 'gap_vectors', 'piecewise', 'affine_force')
     ]
     as_python(monkeypatch, module, *shared)
     python = simulation(kind, which)

@@ -51,7 +51,7 @@ class Alone:
 def written(monkeypatch: pytest.MonkeyPatch, kind: str) -> None:
     shared = [
         importlib.import_module(f'alf_ros.effects.contract.{name}')
-        for name in ('scalars', 'piecewise')
+        for name in ('scalars', 'gap_vectors', 'piecewise', 'affine_force')
     ]
     as_python(monkeypatch, effects.load(kind), *shared)
 

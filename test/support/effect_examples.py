@@ -8,6 +8,7 @@ import pytest
 from numba.core.registry import CPUDispatcher
 
 from alf_ros import Simulation, load_scene
+from alf_ros.kernel.numba_ext.plain_loops import each
 from alf_ros.scene.text import yaml_document
 from support.paths import DATA
 
@@ -73,8 +74,10 @@ def simulation(kind: str, which: str, **options: Any) -> Simulation:
 
 
 def as_python(monkeypatch: pytest.MonkeyPatch, *modules: object) -> None:
-    """Replace compiled functions by their Python source."""
+    """Replace compiled functions by their Python source, and loops for LLVM by ranges."""
     for module in modules:
         for name, value in list(vars(module).items()):
             if isinstance(value, CPUDispatcher):
                 monkeypatch.setattr(module, name, value.py_func)
+            elif value is each:
+                monkeypatch.setattr(module, name, range)

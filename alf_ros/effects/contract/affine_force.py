@@ -13,6 +13,8 @@ import numpy as np
 from alf_ros import columns
 from alf_ros.arrays import Floats, Integers
 from alf_ros.effects import contract
+from alf_ros.kernel.numba_ext.fused_product import plus_product
+from alf_ros.kernel.numba_ext.plain_loops import each
 from alf_ros.mechanism.affine import Form
 from alf_ros.mechanism.natural_coordinates import TURN, Layout
 
@@ -73,11 +75,17 @@ def force(
     """Add K q + k to Q (blocks D,), N; `slots` and `params` come from `Affine.packed`."""
     D = slots[0]
     for n in range(slots[1]):
-        for a in range(D):
-            Q[slots[3 + n] * D + a] += params[n * D + a]
+        at = slots[3 + n] * D
+        for a in each(0, D):
+            a = np.int64(a)
+            Q[at + a] += params[n * D + a]
     for n in range(slots[2]):
         at = 3 + slots[1] + 2 * n
         b, m, K = slots[at] * D, slots[at + 1] * D, (slots[1] + n * D) * D
-        for a in range(D):
-            for c in range(D):
-                Q[b + a] += params[K + a * D + c] * q[m + c]
+        for a in each(0, D):
+            a = np.int64(a)
+            total = Q[b + a]
+            for c in each(0, D):
+                c = np.int64(c)
+                total = plus_product(total, params[K + a * D + c], q[m + c])
+            Q[b + a] = total

@@ -16,6 +16,7 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.effects.contract.scalars import shared
 from alf_ros.effects.contract.trajectory import Curve
+from alf_ros.kernel.numba_ext.fused_product import plus_product
 from alf_ros.splines import cubic_spline
 
 if TYPE_CHECKING:
@@ -136,8 +137,11 @@ def interpolate(params: Floats, at: int, x: float) -> float:
     """f(x) of the table at params[at]."""
     p = _piece(params, at, x)
     d = x - params[p]
-    upper = params[p + 4] + d * (params[p + 5] + d * params[p + 6])
-    return params[p + 1] + d * (params[p + 2] + d * (params[p + 3] + d * upper))
+    upper = plus_product(params[p + 5], params[p + 6], d)
+    upper = plus_product(params[p + 4], upper, d)
+    upper = plus_product(params[p + 3], upper, d)
+    upper = plus_product(params[p + 2], upper, d)
+    return plus_product(params[p + 1], upper, d)
 
 
 @shared

@@ -20,7 +20,10 @@ import numpy as np
 from alf_ros import columns
 from alf_ros.arrays import Floats, Integers
 from alf_ros.effects.contract import Packed
+from alf_ros.effects.contract.gap_vectors import push_distance, size, vector, vector_rate
+from alf_ros.kernel.numba_ext.fused_product import plus_product
 from alf_ros.kernel.numba_ext.jit import shared as shared
+from alf_ros.kernel.numba_ext.plain_loops import each
 from alf_ros.mechanism import GROUND, Numbers
 from alf_ros.mechanism.affine import Form, constant
 from alf_ros.mechanism.natural_coordinates import Layout
@@ -183,17 +186,20 @@ def component(
     entries = slots[i]
     i += 1
     j += 1
-    for _ in range(entries):
+    for _ in each(0, entries):
         b, terms = slots[i] * D, slots[i + 1]
-        for c in range(D):
+        for c in each(0, D):
+            c = np.int64(c)
             half = full = params[j + c]
-            for s in range(terms):
+            for s in each(0, terms):
+                s = np.int64(s)
                 m, T = slots[i + 2 + s] * D, j + D + (s * D + c) * D
-                for d in range(D):
-                    half += 0.5 * params[T + d] * q[m + d]
-                    full += params[T + d] * q[m + d]
-            value += half * q[b + c]
-            rate += full * qd[b + c]
+                for d in each(0, D):
+                    d = np.int64(d)
+                    half = plus_product(half, 0.5 * params[T + d], q[m + d])
+                    full = plus_product(full, params[T + d], q[m + d])
+            value = plus_product(value, half, q[b + c])
+            rate = plus_product(rate, full, qd[b + c])
         i += 2 + terms
         j += D + terms * D * D
     return value, rate
@@ -209,15 +215,18 @@ def component_value(q: Floats, slots: Integers, params: Floats, n: int, a: int) 
     entries = slots[i]
     i += 1
     j += 1
-    for _ in range(entries):
+    for _ in each(0, entries):
         b, terms = slots[i] * D, slots[i + 1]
-        for c in range(D):
+        for c in each(0, D):
+            c = np.int64(c)
             half = params[j + c]
-            for s in range(terms):
+            for s in each(0, terms):
+                s = np.int64(s)
                 m, T = slots[i + 2 + s] * D, j + D + (s * D + c) * D
-                for d in range(D):
-                    half += 0.5 * params[T + d] * q[m + d]
-            value += half * q[b + c]
+                for d in each(0, D):
+                    d = np.int64(d)
+                    half = plus_product(half, 0.5 * params[T + d], q[m + d])
+            value = plus_product(value, half, q[b + c])
         i += 2 + terms
         j += D + terms * D * D
     return value
@@ -233,15 +242,18 @@ def push_component(
     i, j = slots[row], slots[row + 1] + 1
     entries = slots[i]
     i += 1
-    for _ in range(entries):
+    for _ in each(0, entries):
         b, terms = slots[i] * D, slots[i + 1]
-        for c in range(D):
+        for c in each(0, D):
+            c = np.int64(c)
             full = params[j + c]
-            for s in range(terms):
+            for s in each(0, terms):
+                s = np.int64(s)
                 m, T = slots[i + 2 + s] * D, j + D + (s * D + c) * D
-                for d in range(D):
-                    full += params[T + d] * q[m + d]
-            Q[b + c] += F * full
+                for d in each(0, D):
+                    d = np.int64(d)
+                    full = plus_product(full, params[T + d], q[m + d])
+            Q[b + c] = plus_product(Q[b + c], full, F)
         i += 2 + terms
         j += D + terms * D * D
 
@@ -291,12 +303,10 @@ def scalar(
             x -= other
             rate -= other_rate
         return x, rate
-    square, half_rate = 0.0, 0.0
-    for a in range(slots[0]):
-        gap, gap_rate = component(q, qd, slots, params, n, a)
-        square += gap * gap
-        half_rate += gap * gap_rate
-    distance = math.sqrt(square)
+    x, y, z = vector(q, slots, params, n)
+    xd, yd, zd = vector_rate(qd, slots, params, n)
+    distance = size(x, y, z)
+    half_rate = x * xd + y * yd + z * zd
     return distance, half_rate / distance if distance > 0.0 else 0.0
 
 
@@ -314,20 +324,5 @@ def push(q: Floats, slots: Integers, params: Floats, n: int, F: float, Q: Floats
         if less >= 0:
             _push_angle(q, slots, params, n, 2, -F, Q)
     else:
-        square = 0.0
-        for a in range(slots[0]):
-            gap = component_value(q, slots, params, n, a)
-            square += gap * gap
-        push_distance(q, slots, params, n, F, math.sqrt(square), Q)
-
-
-@shared
-def push_distance(
-    q: Floats, slots: Integers, params: Floats, n: int, F: float, length: float, Q: Floats
-) -> None:
-    """`push` on a distance of known length (m), as `scalar` gives it."""
-    if length > 0.0:
-        F /= length
-        for a in range(slots[0]):
-            gap = component_value(q, slots, params, n, a)
-            push_component(q, slots, params, n, a, F * gap, Q)
+        x, y, z = vector(q, slots, params, n)
+        push_distance(slots, params, n, F, size(x, y, z), x, y, z, Q)

@@ -84,6 +84,7 @@ class Adjoint(Struct):
     b: Floats  # (entries D,)
     term: Floats  # (terms D D,)
     c: Floats  # (quadratic rows,)
+    terms_count: Integers  # whether ∂J/∂`term` is wanted
     # ∂J/∂ of the numbers of the trace: q and q̇ of the stage, `Effects.params` summed up over all
     # stages, and the operations
     of_trace: Floats

@@ -36,6 +36,7 @@ from numba.extending import (
     register_model,
 )
 
+from alf_ros.kernel.numba_ext.fused_product import plus_product
 from alf_ros.kernel.numba_ext.lane_numbers import LanesType, anywhere, pick
 
 _REAL = (types.Float, types.Integer, types.Boolean)
@@ -246,8 +247,8 @@ _binary(
 
 @_rule
 def _quotient(x: Any, y: Any) -> Any:
-    value = x.value / y.value
-    return dual(value, (x.slope - value * y.slope) / y.value)
+    value, factor = x.value / y.value, 1.0 / y.value  # one division for all directions
+    return dual(value, (x.slope - value * y.slope) * factor)
 
 
 _binary(_quotient, operator.truediv, operator.itruediv)
@@ -273,7 +274,7 @@ _binary(_power, operator.pow, operator.ipow, builtins.pow, math.pow)
 def _root(x: Any) -> Any:
     """√x; what does not change has the slope 0 at x = 0 too, as in v √v² at rest."""
     value = math.sqrt(x.value)
-    return dual(value, pick(x.slope == 0.0, 0.0, 0.5 * x.slope / value))
+    return dual(value, pick(x.slope == 0.0, 0.0, x.slope * (0.5 / value)))
 
 
 @_rule
@@ -344,6 +345,13 @@ _comparison(_rule(lambda x, y: x.value > y.value), operator.gt)
 _comparison(_rule(lambda x, y: x.value >= y.value), operator.ge)
 _comparison(_rule(lambda x, y: x.value == y.value), operator.eq)
 _comparison(_rule(lambda x, y: x.value != y.value), operator.ne)
+
+
+@overload(plus_product, **_OPTIONS)
+def _plus_product(total: Any, factor: Any, x: Any) -> Any:
+    if _some_dual(total, factor, x):
+        return lambda total, factor, x: total + factor * x
+    return None
 
 
 @overload(operator.getitem, **_OPTIONS)

@@ -41,11 +41,13 @@ from alf_ros.kernel.numba_ext.dual_numbers import (
     UNCHANGED,
     dual,
 )
+from alf_ros.kernel.numba_ext.fused_product import plus_product
 from alf_ros.kernel.numba_ext.traced_words import ARGUMENTS, COUNT, FIRST, ROOM
 
 _FINITE = (operator.add, operator.sub, operator.mul)
 _REAL = (types.Float, types.Integer, types.Boolean)
-_OPTIONS: dict[str, Any] = {'strict': False, 'jit_options': {'error_model': 'numpy'}}
+_INLINED = {'error_model': 'numpy', 'forceinline': True}
+_OPTIONS: dict[str, Any] = {'strict': False, 'jit_options': _INLINED}
 _numbers, _words = types.CPointer(types.float64), types.CPointer(types.int64)
 
 
@@ -263,6 +265,29 @@ for _each, _functions in COMPARED:
     _untraced(_each, _functions, 2)
 for _each, _functions in UNCHANGED:
     _untraced(_each, _functions, 1)
+
+
+@_rule
+def _sum_of(total: Any, factor: Any, x: Any) -> Any:
+    """total + factor x; the usual case, a constant factor, without a look at the product."""
+    if factor.number >= 0:
+        return total + factor * x
+    value = total.value + factor.value * x.value
+    slope = factor.value * x.slope
+    if slope == 0.0:
+        return _traced(value, total.number, total.slope, total.words, total.slopes)
+    if total.number < 0:
+        return _traced(value, x.number, slope, x.words, x.slopes)
+    if total.number == x.number:
+        return _traced(value, x.number, total.slope + slope, x.words, x.slopes)
+    return _written(value, total, total.slope, x.number, slope)
+
+
+@overload(plus_product, **_OPTIONS)
+def _plus_product(total: Any, factor: Any, x: Any) -> Any:
+    if not (_some_traced(total, factor) or _some_traced(factor, x)):
+        return None
+    return lambda total, factor, x: _sum_of(_as_traced(total), _as_traced(factor), _as_traced(x))
 
 
 @_rule

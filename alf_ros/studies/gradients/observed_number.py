@@ -50,9 +50,9 @@ class ObservedNumber:
     def add(self, sample: Sample, weight: float, to: Bars) -> None:
         """Add `weight` times its derivatives at a sample. A magnitude has none where it is zero:
         raises InputError."""
-        here = self._read(sample)
         along: Floats = np.ones(1)
         if self.is_size:
+            here = self._read(sample)
             size = self._of(here)
             if size == 0.0:
                 where = f'zero at t = {sample.t:.6g} s'
