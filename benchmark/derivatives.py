@@ -4,7 +4,8 @@
 
 Cost, in benchmark/results/derivatives.csv: the processor time of a run with one tangent, with all
 tangents, and of a run that is written down and taken back, over the time of the run without them,
-in turns, medians of seven; and the time of reading the scene around a number, which is spent once.
+in turns, medians of 21 such ratios; and the time of reading the scene around a number, which is
+spent once.
 Errors, in derivative_errors.csv: the largest error of the positions of a run of 10 s and 11 or 10
 singular passes; the largest error of each tangent beside the variational equation of the one
 angle, both in parts of the largest value; and the ratio of these two.
@@ -157,7 +158,7 @@ def cost(scene: Scene, names: tuple[str, ...], of: str, steps: int) -> tuple[flo
     run = TapedRun(Simulation(scene), names)
     number = observed_number(of, 'of', alone.sample(), run.displaced)
     found = []
-    for turn in range(8):
+    for turn in range(22):
         for each in (alone, one, followed):
             each.reset()
         run.restart()
@@ -165,8 +166,8 @@ def cost(scene: Scene, names: tuple[str, ...], of: str, steps: int) -> tuple[flo
         times.append(seconds(back))
         if turn > 0:  # the first one compiles
             found.append(times)
-    run_alone, *others = (median(each) for each in zip(*found, strict=True))
-    return run_alone / steps, *(each / run_alone for each in others), reading
+    ratios = zip(*([each / times[0] for each in times[1:]] for times in found), strict=True)
+    return median(times[0] for times in found) / steps, *map(median, ratios), reading
 
 
 def print_cost() -> None:

@@ -12,7 +12,9 @@ import pytest
 
 from alf_ros import InputError, Simulation, effects, load_scene
 from alf_ros.effects import Effect, contract, load
+from alf_ros.effects.contract import affine_force
 from alf_ros.scene.scene import scene_from_text
+from support.effect_examples import as_python
 from support.effect_scenes import PENDULUM
 
 FRAMES = """
@@ -25,7 +27,7 @@ effects:
 """
 
 
-def test_compiled_force_is_the_python_force() -> None:
+def test_compiled_force_is_the_python_force(monkeypatch: pytest.MonkeyPatch) -> None:
     """The C function called by its address gives what the file gives as Python."""
     scene = scene_from_text(PENDULUM + FRAMES)
     sim = Simulation(scene)
@@ -37,6 +39,7 @@ def test_compiled_force_is_the_python_force() -> None:
     near = np.zeros(sim.state.turns.size)
     kernel.applied_forces(forces, 0.0, q, qd, near, compiled)
     module, python = load('constant_wrench'), np.zeros(q.size)
+    as_python(monkeypatch, affine_force)
     packed = module.pack(list(scene.effects), model.layout)
     module.force.__wrapped__(0.0, q, qd, near, packed.slots, packed.params, python)
     # the compiler may fuse a product and a sum: the last bit may differ
