@@ -65,11 +65,13 @@ T = TypeVar('T')
 class Lent(Generic[T]):
     """A workspace in use; it goes back when nobody has this any more."""
 
+    _back: list[T] | None = None  # where Ctrl-C ends the constructor before it has begun
+
     def __init__(self, workspace: T, back: list[T]) -> None:
         self.workspace, self._back = workspace, back
 
     def __del__(self) -> None:
-        if len(self._back) < _KEPT:
+        if self._back is not None and len(self._back) < _KEPT:
             self._back.append(self.workspace)
 
 

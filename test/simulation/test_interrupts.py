@@ -24,6 +24,7 @@ from alf_ros import BusyError, Simulation, StepError, StoppedError, load_scene
 from alf_ros.kernel import Work
 from alf_ros.kernel.stopping import GIVEN
 from alf_ros.simulation import listening
+from alf_ros.simulation.instruments import Lent
 from alf_ros.simulation.listening import Listener
 from support.forked import started
 from support.paths import ROOT
@@ -349,3 +350,16 @@ def test_time_that_others_take_makes_no_stage_long() -> None:
     time.sleep(0.2)
     listener()
     assert work.pulse[GIVEN] > given
+
+
+def test_a_workspace_whose_lending_was_interrupted_is_silent(monkeypatch: Any) -> None:
+    """As Ctrl-C leaves it between its creation and its constructor."""
+    said: list[Any] = []
+    monkeypatch.setattr(sys, 'unraisablehook', said.append)
+    lent = Lent.__new__(Lent)
+    del lent
+    assert not said
+    back: list[str] = []
+    whole = Lent('workspace', back)
+    del whole
+    assert back == ['workspace'] and not said

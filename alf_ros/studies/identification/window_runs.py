@@ -239,7 +239,8 @@ def passed(simulation: Simulation, window: Window, steps: Integers) -> list[Stat
     for step in steps.tolist():
         while inputs and inputs[0][0] < step:
             at, held = inputs.pop(0)
-            simulation.step(at - simulation.step_index)
+            if at > simulation.step_index:  # several at once are packed once
+                simulation.step(at - simulation.step_index)
             held.apply(simulation)
         simulation.step(step - simulation.step_index)
         states.append(simulation.state)
