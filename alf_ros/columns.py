@@ -191,7 +191,7 @@ def distance(first: Sequence[Any], second: Sequence[Any]) -> Any:
 def array(values: Any) -> Any:
     """An array of numbers: of floats, or of objects if some are columns."""
     found = np.array(values)
-    return found if found.dtype == object else np.asarray(found, dtype=float)
+    return found if of_columns(found) else np.asarray(found, dtype=float)
 
 
 def concatenated(arrays: Sequence[Any]) -> Any:
@@ -207,7 +207,7 @@ def real(value: Any) -> Any:
 
 def of_columns(numbers: Any) -> bool:
     """Whether an array has columns."""
-    return bool(numbers.dtype == object)
+    return bool(numbers.dtype.hasobject)
 
 
 def spread(numbers: Any, members: int) -> Floats:

@@ -9,6 +9,7 @@ import signal
 import sys
 import tempfile
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
@@ -116,10 +117,9 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     for path in files[start:] + files[:start]:
         if str(path.parent) not in sys.path:
             sys.path.insert(0, str(path.parent))
-        try:
+        # whatever a file raises, it raises again when it is collected, and that says it
+        with suppress(Exception, pytest.skip.Exception):
             importlib.import_module(path.stem)
-        except (Exception, pytest.skip.Exception):
-            pass  # the collection meets it again, and says it
 
 
 @pytest.fixture

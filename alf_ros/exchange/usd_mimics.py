@@ -20,18 +20,25 @@ _OFF = 1e-5  # rad, or parts of the length of a slide: seven digits are written
 def couple(stage: UsdStage, robot: Robot, joints: Sequence[UsdJoint]) -> None:
     """Add the couplings of joints that are connected; list the mimics of other joints. Raises
     InputError."""
-    known = {each.name for each in robot.connections}
-    single = {str(j.prim.GetPath()): j for j in joints if j.degree and j.name in known}
+    moving = {each.name for each in robot.connections}
+    single = {str(j.prim.GetPath()): j for j in joints if j.degree and j.name in moving}
     for joint in joints:
-        for schema in stage.schemas(joint.prim):
-            if schema.startswith(_SCHEMA):
-                other = single.get(_reference(joint, schema.removeprefix(_SCHEMA)))
-                if other is None or str(joint.prim.GetPath()) not in single:
-                    robot.leave('mimic', joint.name)
-                elif other.kind != joint.kind:
-                    robot.leave('mimic', f'{joint.name}, a {joint.kind} of a {other.kind}')
-                else:
-                    _add(stage, robot, joint, other, schema.removeprefix(_SCHEMA))
+        schemas = stage.schemas(joint.prim)
+        for instance in (s.removeprefix(_SCHEMA) for s in schemas if s.startswith(_SCHEMA)):
+            other = single.get(_reference(joint, instance))
+            if other is None or other is joint or str(joint.prim.GetPath()) not in single:
+                robot.leave('mimic', joint.name)
+            elif other.kind != joint.kind:
+                robot.leave('mimic', f'{joint.name}, a {joint.kind} of a {other.kind}')
+            elif any(each.name == _name(joint) for each in robot.couplings):
+                robot.leave('mimic', f'{joint.name}, a second one')
+            else:
+                _add(stage, robot, joint, other, instance)
+
+
+def _name(joint: UsdJoint) -> str:
+    """Of the coupling of a joint."""
+    return f'{joint.name}_mimic'
 
 
 def _reference(joint: UsdJoint, instance: str) -> str:
@@ -53,4 +60,4 @@ def _add(stage: UsdStage, robot: Robot, joint: UsdJoint, other: UsdJoint, instan
     if off > _OFF * max(1.0, abs(gearing)):
         robot.leave('phase of mimic', joint.name)
     of = {joint.name: 1.0} | ({other.name: gearing} if gearing else {})
-    robot.couplings.append(Coupled(f'{joint.name}_mimic', of))
+    robot.couplings.append(Coupled(_name(joint), of))

@@ -184,6 +184,7 @@ class AdjointFollowing:
             **dict.fromkeys(('place_step', 'place_shift'), stages),
             **dict.fromkeys(('sum_q', 'sum_qd'), stages * n),
         }
+        terms = self._products is None or self._products.changes('term')
         return Adjoint(
             unit=model.unit,
             tangents=tangents_of(model, problem, work, 0, np.zeros_like(force)),
@@ -201,9 +202,7 @@ class AdjointFollowing:
                 projected=np.zeros(1, dtype=np.int64),
                 **{name: np.zeros(size) for name, size in tape.items()},
             ),
-            terms_count=np.array(
-                [self._products is None or self._products.changes('term')]
-            ).astype(np.int64),
+            terms_count=np.array([int(terms)]),
             trace=empty_trace(model, force, numbers, room),
             **{name: np.zeros(size) for name, size in sizes.items()},
         )

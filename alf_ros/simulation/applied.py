@@ -209,7 +209,8 @@ class Applied:
         if before is not None and before.inputs.targets == inputs.targets:
             self._scene = before._scene
         else:
-            aimed = [_aimed(each, inputs.targets) for each in effects]
+            names = model.coordinate_names
+            aimed = [_aimed(each, inputs.targets, names) for each in effects]
             self._scene = _Scene(model, aimed, reactions, asked)
         self._elsewhere: tuple[Layout, Effects] | None = None
         known = before._held if before is not None else {}
@@ -359,13 +360,13 @@ def _steady(coordinate: Coordinate) -> str:
     return EFFORT if coordinate.freedom.alone else EFFORT_OVER_TIME
 
 
-def _aimed(effect: Effect, targets: Mapping[str, Target]) -> Effect:
+def _aimed(effect: Effect, targets: Mapping[str, Target], coordinates: Sequence[str]) -> Effect:
     """The effect, with its target if it follows one."""
     if not targets:
         return effect
-    module = registry.load(effect.kind)
-    if not hasattr(module, 'aimed') or effect.target not in targets:
+    module, name = registry.load(effect.kind), effect.target(coordinates)
+    if name is None or not hasattr(module, 'aimed') or name not in targets:
         return effect
-    target = targets[effect.target]
+    target = targets[name]
     aimed = module.aimed(effect.parameters, target.position, target.velocity)
     return replace(effect, parameters=aimed)

@@ -204,12 +204,12 @@ def controlled(model: Model, effects: Sequence[Effect]) -> dict[str, tuple[bool,
     positions, and velocities."""
     found = dict.fromkeys(model.coordinate_names, (False, False))
     for effect in effects:
-        module = registry.load(effect.kind)
-        if hasattr(module, 'follows'):
+        module, name = registry.load(effect.kind), effect.target(model.coordinate_names)
+        if hasattr(module, 'follows') and name is not None:
             positions, velocities = module.follows(effect.parameters)
-            known = found.get(effect.target, (False, False))
-            if effect.target in found or positions or velocities:
-                found[effect.target] = positions or known[0], velocities or known[1]
+            known = found.get(name, (False, False))
+            if name in found or positions or velocities:
+                found[name] = positions or known[0], velocities or known[1]
     return found
 
 

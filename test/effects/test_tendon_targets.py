@@ -89,6 +89,20 @@ def test_what_no_tendon_follows_is_refused() -> None:
     assert 'cord' not in controlled(plain.model, plain.scene.effects)
 
 
+def test_a_target_of_a_joint_is_not_one_of_a_tendon_of_its_name() -> None:
+    of_joint = {'joint': 'elbow', 'position': 0.1, 'position_gain': 3}
+    effects = {
+        'tendon': {'elbow': SUM | {'position': 0.2, 'position_gain': 40}},
+        'motor': {'drive': of_joint},
+    }
+    simulation = Simulation(
+        load_scene({'mechanism': MECHANISM, 'effects': effects, 'solver': {'step': 5e-4}})
+    )
+    simulation.apply_target('elbow', position=0.4)
+    wanted = {effect.kind: effect.parameters.position for effect in simulation._applied.effects}
+    assert wanted == {'tendon': 0.2, 'motor': 0.4}
+
+
 def test_joint_commands_name_tendons_beside_joints() -> None:
     simulation = Simulation(scene({'position': 0.0}))
     joints = simulation.model.coordinate_names

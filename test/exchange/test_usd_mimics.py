@@ -71,6 +71,7 @@ def test_mimics_that_cannot_be_kept_are_listed(tmp_path: Path) -> None:
         mimic('Prismatic', '/pin', 2.0): 'gear, a prismatic of a revolute',
         mimic('Revolute', '/nowhere', 2.0): 'gear',
         mimic('Spherical', '/pin', 2.0): 'gear',
+        mimic('Revolute', '/gear', 2.0): 'gear',  # itself
     }
     for second, line in lines.items():
         text = made(tmp_path, two(second), scene=True)

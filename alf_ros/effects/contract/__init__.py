@@ -61,7 +61,7 @@ allocated. What several effects call (`scalars`, `piecewise`) becomes part of ea
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
@@ -130,11 +130,13 @@ class Effect:
                 found += (name for name, _ in value or ())
         return tuple(found)
 
-    @property
-    def target(self) -> str:
-        """The name that targets for it have: of its joint coordinate, or else its own."""
+    def target(self, coordinates: Collection[str]) -> str | None:
+        """The name that targets for it have, on a mechanism with these joint coordinates: of its
+        own, or else its name. None if a coordinate has that: targets of the name are of it."""
         joint: str | None = getattr(self.parameters, 'joint', None)
-        return self.name if joint is None else joint
+        if joint is not None:
+            return joint
+        return None if self.name in coordinates else self.name
 
     @property
     def label(self) -> str:

@@ -23,51 +23,44 @@ def size(x: float, y: float, z: float) -> float:
 
 
 @shared
-def vector(q: Floats, slots: Integers, params: Floats, n: int) -> tuple[float, float, float]:
-    """c + Σ C q of instance n, m: the gap of a distance, or the place."""
+def _plus_sum(
+    u: Floats, slots: Integers, params: Floats, n: int, x: float, y: float, z: float
+) -> tuple[float, float, float]:
+    """(x, y, z) + Σ C u of instance n."""
     D = slots[0]
     row = slots[2 + 5 * n + 3]
     i, j = slots[row], slots[row + 1]
     entries = slots[i]
     whole = 1 + entries * D  # params of a row
-    x, y, z = params[j], params[j + whole], 0.0
-    if D == 3:
-        z = params[j + 2 * whole]
     for _ in each(0, entries):
         i += 1
         b = slots[i] * D
         i += 1
         for c in each(0, D):
             j += 1
-            u = q[b + np.int64(c)]
-            x = plus_product(x, params[j], u)
-            y = plus_product(y, params[j + whole], u)
-            if D == 3:
-                z = plus_product(z, params[j + 2 * whole], u)
-    return x, y, z
-
-
-@shared
-def vector_rate(qd: Floats, slots: Integers, params: Floats, n: int) -> tuple[float, float, float]:
-    """Σ C q̇ of instance n, m/s."""
-    D = slots[0]
-    row = slots[2 + 5 * n + 3]
-    i, j = slots[row], slots[row + 1]
-    entries = slots[i]
-    whole = 1 + entries * D
-    x = y = z = 0.0
-    for _ in each(0, entries):
-        i += 1
-        b = slots[i] * D
-        i += 1
-        for c in each(0, D):
-            j += 1
-            v = qd[b + np.int64(c)]
+            v = u[b + np.int64(c)]
             x = plus_product(x, params[j], v)
             y = plus_product(y, params[j + whole], v)
             if D == 3:
                 z = plus_product(z, params[j + 2 * whole], v)
     return x, y, z
+
+
+@shared
+def vector(q: Floats, slots: Integers, params: Floats, n: int) -> tuple[float, float, float]:
+    """c + Σ C q of instance n, m: the gap of a distance, or the place."""
+    row = slots[2 + 5 * n + 3]
+    j, whole = slots[row + 1], 1 + slots[slots[row]] * slots[0]
+    z = 0.0
+    if slots[0] == 3:
+        z = params[j + 2 * whole]
+    return _plus_sum(q, slots, params, n, params[j], params[j + whole], z)
+
+
+@shared
+def vector_rate(qd: Floats, slots: Integers, params: Floats, n: int) -> tuple[float, float, float]:
+    """Σ C q̇ of instance n, m/s."""
+    return _plus_sum(qd, slots, params, n, 0.0, 0.0, 0.0)
 
 
 @shared

@@ -65,7 +65,8 @@ def _all(loads: Loads, t: float) -> list[NamedInput]:
                 )
     for effect in loads.effects:
         module = registry.load(effect.kind)
-        if hasattr(module, 'follows'):
+        target = effect.target(model.coordinate_names)
+        if hasattr(module, 'follows') and target is not None:
             follows = zip(('position', 'velocity'), module.follows(effect.parameters), strict=True)
             known = model.mechanism.coordinate
             joints = effect.coordinates  # none: a tendon over places
@@ -73,8 +74,8 @@ def _all(loads: Loads, t: float) -> list[NamedInput]:
             for what, does in follows:
                 if does:
                     unit = ('rad' if angle else 'm') + '/s' * (what == 'velocity')
-                    path = f'targets.{effect.target}.{what}'
-                    found.append(NamedInput(path, unit, _TARGET, _target(effect, what, t)))
+                    path = f'targets.{target}.{what}'
+                    found.append(NamedInput(path, unit, _TARGET, _target(effect, target, what, t)))
     return found
 
 
@@ -113,9 +114,9 @@ def _wrench(
     return added
 
 
-def _target(effect: registry.Effect, what: str, t: float) -> Callable[[Inputs, float], Inputs]:
-    joint = effect.target
-
+def _target(
+    effect: registry.Effect, joint: str, what: str, t: float
+) -> Callable[[Inputs, float], Inputs]:
     def added(inputs: Inputs, value: float) -> Inputs:
         given = inputs.targets.get(joint, Target())
         own = getattr(given, what)
