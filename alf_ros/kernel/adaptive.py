@@ -62,6 +62,7 @@ from alf_ros.kernel.step_tape import record_step
 from alf_ros.kernel.stopping import told_to_stop
 from alf_ros.kernel.tangent_axes import read_tangents
 from alf_ros.kernel.tangent_step import carry_tangents
+from alf_ros.kernel.trail import leave_trail
 from alf_ros.kernel.work_ledger import ALL_FORCES, record_power
 
 ENDED = 1e-6  # part of the step of the grid up to which the end of a balance is found
@@ -213,6 +214,7 @@ def advance_adaptively(
         if tangents is not None:
             copy(phase.tangents, tangents.good)
         phase.step[0] = first + taken + 1
+        leave_trail(work.trail, phase)
         good_pace = pace[0]
         if watch is not None:  # known at compilation: code without watching omits it
             if may_have_passed(problem, phase, watch, end):

@@ -21,6 +21,7 @@ from alf_ros.kernel.step_tape import record_step
 from alf_ros.kernel.stopping import told_to_stop
 from alf_ros.kernel.tangent_axes import read_tangents
 from alf_ros.kernel.tangent_step import carry_tangents
+from alf_ros.kernel.trail import leave_trail
 from alf_ros.kernel.work_ledger import ALL_FORCES, record_power
 
 PIECES = 50  # of a step, at most
@@ -93,6 +94,7 @@ def advance(
                 break
             done, aim, begun = aim, h, False
         phase.step[0] = first + taken + 1
+        leave_trail(work.trail, phase)
         if watch is not None:  # known when it is compiled: without a watch there is no code for it
             if may_have_passed(problem, phase, watch, end):
                 return OK, taken + 1, most

@@ -55,6 +55,7 @@ from alf_ros.kernel.step import (
 from alf_ros.kernel.step_error import free_part, judge
 from alf_ros.kernel.step_length import MOST, embedded, relative
 from alf_ros.kernel.stopping import told_to_stop
+from alf_ros.kernel.trail import leave_trail
 from alf_ros.kernel.work_ledger import ALL_FORCES, record_power
 
 _PASSES = 30  # of Newton's method, at most
@@ -352,6 +353,7 @@ def advance_implicitly(
             return result, taken, most
         save_grid_point(problem, phase)
         phase.step[0] = first + taken + 1
+        leave_trail(work.trail, phase)
         good_pace = pace[0]
         if watch is not None:  # known at compilation: code without watching omits it
             zero(system.soft.weight)

@@ -96,6 +96,21 @@ class _Held:
         return once(self._kinds, (self._effect,), layout)
 
 
+class _SteadyEffort:
+    """A steady effort: its data is that of 1 N m, or 1 N, times the effort. So an effort that
+    changes often is packed once."""
+
+    def __init__(self, what: float, one: _Held) -> None:
+        self.what, self.one = what, one
+
+    def kinds(self, layout: Layout) -> list[PackedKind]:
+        return [_times(self.what, kind) for kind in self.one.kinds(layout)]
+
+
+def _times(effort: float, kind: PackedKind) -> PackedKind:
+    return replace(kind, packed=replace(kind.packed, params=effort * kind.packed.params))
+
+
 class _Scene:
     """The effects of a scene, packed once for each layout that asks, whatever is held."""
 
@@ -216,10 +231,9 @@ class Applied:
         known = before._held if before is not None else {}
         wanted = {('wrench', name): wrench for name, wrench in inputs.wrenches.items()}
         efforts = {('effort', joint): effort for joint, effort in inputs.efforts.items()}
-        self._held: dict[tuple[str, str], _Held] = {}
+        self._held: dict[tuple[str, str], _Held | _SteadyEffort] = {}
         for key, what in {**wanted, **efforts}.items():
-            again = key in known and known[key].what == what
-            self._held[key] = known[key] if again else _held(model, key[1], what)
+            self._held[key] = _held(model, key[1], what, known.get(key))
 
     def __reduce__(self) -> tuple[Any, ...]:
         """State without the addresses of compiled code, which belong to this process."""
@@ -331,13 +345,24 @@ def _no_ledger() -> Ledger:
     return Ledger.empty()
 
 
-def _held(model: Model, name: str, what: Wrench | float | Curve) -> _Held:
-    """The held command on a body, point or joint, as an effect."""
+def _held(
+    model: Model,
+    name: str,
+    what: Wrench | float | Curve,
+    before: _Held | _SteadyEffort | None = None,
+) -> _Held | _SteadyEffort:
+    """The held command on a body, point or joint, as an effect; `before`: the one that it takes
+    the place of."""
+    if before is not None and before.what == what:
+        return before
     if isinstance(what, Wrench):
         return _Held(what, registry.held(WRENCH, name, what))
     coordinate = model.coordinates[model.coordinate_names.index(name)]
     role = EFFORT_OVER_TIME if isinstance(what, Curve) else _steady(coordinate)
-    return _Held(what, registry.held(role, name, what))
+    if role != EFFORT or isinstance(what, Curve):
+        return _Held(what, registry.held(role, name, what))
+    one = before.one if isinstance(before, _SteadyEffort) else None
+    return _SteadyEffort(what, one or _Held(1.0, registry.held(EFFORT, name, 1.0)))
 
 
 def one_by_one(model: Model, each: Sequence[Inputs]) -> Effects:

@@ -12,7 +12,7 @@ the motion, is differentiated exactly.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -62,7 +62,7 @@ class Neighbour:
 
     start: Start
     scene: Scene
-    _counts: dict[tuple[str, ...], int] = field(default_factory=dict, repr=False)
+    _efforts: dict[str, Floats] = field(default_factory=dict, repr=False)
 
     def arrays(self) -> tuple[Floats, ...]:
         """In the order of `ARRAYS`."""
@@ -111,16 +111,12 @@ class Neighbour:
         """Its effects, with inputs held."""
         return self._applied.holding(inputs).assembled.effects
 
-    def count(self, inputs: Inputs) -> int:
-        """How many numbers the data of its effects has. Steady efforts of any size have the same
-        count, so that it is known without packing them again."""
-        steady = all(isinstance(x, float) for x in inputs.efforts.values())
-        if inputs.wrenches or inputs.targets or not steady:
-            return self.effects(inputs).params.size
-        key = tuple(inputs.efforts)
-        if key not in self._counts:
-            self._counts[key] = self.effects(inputs).params.size
-        return self._counts[key]
+    def effort(self, joint: str) -> Floats:
+        """The data of an effort of 1 N m or 1 N on a joint, behind those of its effects."""
+        if joint not in self._efforts:
+            whole = self.effects(Inputs({}, {joint: 1.0})).params
+            self._efforts[joint] = whole[self.effects(NO_INPUTS).params.size :]
+        return self._efforts[joint]
 
 
 class ParameterSlopes:
@@ -133,20 +129,22 @@ class ParameterSlopes:
     def __init__(
         self,
         name: str,
-        scene: Scene,
+        here: Neighbour,
         solver: Solver,
-        start: Start,
         before: ParameterSlopes | None = None,
     ) -> None:
-        """`before`: the slopes by this number in the scene with other numbers."""
+        """`here`: the scene itself; `before`: the slopes by this number in the scene with other
+        numbers."""
         self.name, self._before = name, before
         if name.partition('.')[0] == 'solver':
             raise InputError('no tangent by a number of the solver', key='tangents', value=name)
-        self.value = overrides.number(scene, name)
-        self._scene, self._solver, self._start = scene, replace(solver, accuracy=None), start
-        self._still: tuple[Inputs, Floats] | None = None  # without efforts
-        self._by_effort: dict[str, Floats] = {}
+        self.value = overrides.number(here.scene, name)
+        self._here, self._solver = here, replace(solver, accuracy=None)
         self._beside: dict[float, Neighbour] = {}
+        self._by_effort: dict[str, Floats] = {}
+        self._is_of_effects = (
+            overrides.section(here.scene, name) == 'effects'
+        )  # so of nothing else
 
     def __getstate__(self) -> dict[str, Any]:
         """Without the neighbours, which are made again if they are needed."""
@@ -160,18 +158,23 @@ class ParameterSlopes:
         and the difference of two neighbours agrees. So their arrays are linear in the number,
         and eight times fewer scenes are read."""
         before = self._before
-        if before is None or any(before.arrays[name].any() for name in _SHAPES):
+        if before is None:
+            return None
+        if not self._is_of_effects and any(before.arrays[name].any() for name in _SHAPES):
             return None
         step = LONGEST * (abs(self.value) or 1.0)
         try:
             beside = [self._neighbour(change) for change in (-step, step)]
         except InputError:
             return None
-        here = Neighbour(self._start, self._scene).structure
-        if not all(all(map(np.array_equal, each.structure, here)) for each in beside):
+        if not self._have_form(beside):
             return None
-        less, more = ((*each.arrays(), each.effects(NO_INPUTS).params) for each in beside)
-        slopes = (*before.arrays.values(), before.params())
+        less, more = ([each.effects(NO_INPUTS).params] for each in beside)
+        slopes = [before.params()]
+        if not self._is_of_effects:
+            less += beside[0].arrays()
+            more += beside[1].arrays()
+            slopes += before.arrays.values()
         for slope, low, high in zip(slopes, less, more, strict=True):
             if low.shape != slope.shape or not _agree(slope, low, high, step):
                 return None
@@ -186,8 +189,7 @@ class ParameterSlopes:
             beside = [self._neighbour(k * step) for k in _FEW]
         except InputError:
             return None  # the number may be at its limit
-        here = Neighbour(self._start, self._scene).structure
-        if not all(all(map(np.array_equal, each.structure, here)) for each in beside):
+        if not self._have_form(beside):
             return None
         return _FEW[1] * step, beside
 
@@ -196,7 +198,7 @@ class ParameterSlopes:
         if self._few is None:
             return None
         step, beside = self._few
-        here = values(Neighbour(self._start, self._scene))
+        here = values(self._here)
         found = []
         for middle, less, more, twice in zip(here, *map(values, beside), strict=True):
             if not middle.shape == less.shape == more.shape == twice.shape:
@@ -218,16 +220,23 @@ class ParameterSlopes:
         They must have its form. Where a number of a row is zero but for rounding, some have an
         entry more: then other lengths are taken.
         """
-        here, found = Neighbour(self._start, self._scene).structure, {}
+        found = {}
         step = LONGEST * (abs(self.value) or 1.0)
         for _ in range(_MOST):
             beside = [self._neighbour(k * step) for k in _offsets()]
-            if all(all(map(np.array_equal, each.structure, here)) for each in beside):
+            if self._have_form(beside):
                 found[step] = beside
                 if len(found) == _TWO:
                     return found
             step *= _SHORTER
         raise self._none('the equations have another form beside this value')
+
+    def _have_form(self, beside: Sequence[Neighbour]) -> bool:
+        """Whether scenes have the form of this one."""
+        if self._is_of_effects:
+            return True
+        here = self._here.structure
+        return all(all(map(np.array_equal, each.structure, here)) for each in beside)
 
     def _none(self, why: str) -> InputError:
         return InputError(f'no tangent: {why}', key=self.name, value=self.value)
@@ -237,8 +246,9 @@ class ParameterSlopes:
             return self._beside[change]
         text = repr(self.value + change)
         try:
-            other = overrides.with_changes(self._scene, {self.name: text})
-            found = Neighbour(started(other, self._solver), other)
+            other = overrides.with_changes(self._here.scene, {self.name: text})
+            start = self._here.start if self._is_of_effects else started(other, self._solver)
+            found = Neighbour(start, other)
         except AlfError as error:
             raise self._none(f'with {text} the scene is refused ({error})') from None
         self._beside[change] = found
@@ -247,6 +257,9 @@ class ParameterSlopes:
     @cached_property
     def arrays(self) -> dict[str, Floats]:
         """The slope of each of `ARRAYS`, per unit of the number."""
+        if self._is_of_effects:
+            here = zip(ARRAYS, self._here.arrays(), strict=True)
+            return {name: np.zeros_like(each) for name, each in here}
         if self._kept is not None:
             return self._kept.arrays
         quadratic = self._quadratic(Neighbour.arrays)
@@ -261,42 +274,35 @@ class ParameterSlopes:
         }
 
     def params(self, inputs: Inputs = NO_INPUTS) -> Floats:
-        """The slope of the data of the effects, with inputs held.
-
-        The data of a steady effort is linear in the effort. So with efforts that change often, the
-        slope is computed once.
-        """
+        """The slope of the data of the effects, with inputs held."""
         if self._kept is not None and not inputs.wrenches:  # these may act where a mass is
             return self._kept.params(inputs)
-        steady: dict[str, float] = {}
-        if inputs.efforts:
-            alone = {each.name for each in self._start.model.coordinates if each.freedom.alone}
-            efforts = inputs.efforts.items()
-            steady = {n: x for n, x in efforts if isinstance(x, float) and n in alone}
-        if len(steady) < len(inputs.efforts):
-            return self._params(inputs)
-        still = replace(inputs, efforts={})
-        if self._still is None or self._still[0] != still:
-            self._still = still, self._params(still)
-        parts = [self._still[1]]
-        for name, effort in steady.items():
-            if name not in self._by_effort:
-                whole = self._params(Inputs({}, {name: 1.0}))
-                self._by_effort[name] = whole[self._params(NO_INPUTS).size :]
-            parts.append(effort * self._by_effort[name])
-        return np.concatenate(parts)
+        return self._still if inputs == NO_INPUTS else self._params(inputs)
+
+    @cached_property
+    def _still(self) -> Floats:
+        return self._params(NO_INPUTS)
+
+    def by_effort(self, joint: str) -> Floats:
+        """The slope of the data of an effort of 1 N m or 1 N on a joint."""
+        if self._is_of_effects:
+            return np.zeros_like(self._here.effort(joint))
+        if self._kept is not None:
+            return self._kept.by_effort(joint)
+        if joint not in self._by_effort:
+            self._by_effort[joint] = self._of_effects(lambda each: each.effort(joint))
+        return self._by_effort[joint]
 
     def _params(self, inputs: Inputs) -> Floats:
-        quadratic = self._quadratic(lambda each: [each.effects(inputs).params])
+        return self._of_effects(lambda each: each.effects(inputs).params)
+
+    def _of_effects(self, data: Callable[[Neighbour], Floats]) -> Floats:
+        """The slope of such data."""
+        quadratic = self._quadratic(lambda each: [data(each)])
         if quadratic is not None:
             return quadratic[0]
-        return self._slope(
-            'effects',
-            {
-                step: [each.effects(inputs).params for each in beside]
-                for step, beside in self._neighbours.items()
-            },
-        )
+        around = {step: [*map(data, beside)] for step, beside in self._neighbours.items()}
+        return self._slope('effects', around)
 
     def opening(self, model: Model, q: Floats) -> Floats:
         """(rows,) ∂Φ/∂θ at q (blocks D, m), per unit of the number, where the free blocks stay."""
@@ -313,7 +319,7 @@ class ParameterSlopes:
         kernel.times_jacobian(model.unit, rows, g, g2, fixed, gaps)
         return opened + gaps
 
-    def _slope(self, what: str, values: dict[float, Sequence[Floats]]) -> Floats:
+    def _slope(self, what: str, values: Mapping[float, Sequence[Floats]]) -> Floats:
         """Of arrays at the offsets of each step."""
         found, largest = [], 0.0
         for step, each in values.items():

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from alf_ros.arrays import Integers
 from alf_ros.effects.contract.trajectory import Curve
 from alf_ros.errors import AssemblyError, InputError
 from alf_ros.kernel import Phase, Status, Watch
@@ -35,6 +36,7 @@ from alf_ros.simulation.singular_passes import Pass, Watcher
 from alf_ros.simulation.solver_choice import chosen
 from alf_ros.simulation.start import started
 from alf_ros.simulation.state import State
+from alf_ros.simulation.state_trail import StateTrail
 from alf_ros.simulation.stepping import Stepper
 from alf_ros.simulation.tangent_following import Followed, TangentFollowing, checked_names
 from alf_ros.simulation.work_ledger import named_accounts
@@ -301,6 +303,18 @@ class Simulation:
         Raises StepError if one fails, and StoppedError or the exception of a signal handler if one
         is interrupted; the state is then the end of the last whole step.
         """
+        self._advance(n)
+
+    @by_one_thread
+    def _step_along(self, n: int, trail: StateTrail) -> None:
+        """n steps, with the states on the way. Raises as `step` does."""
+        self._stepper.trail = trail.trail
+        try:
+            self._advance(n)
+        finally:
+            self._stepper.trail = None
+
+    def _advance(self, n: int) -> None:
         started, present = time.perf_counter(), self._present
         first = present.step
         n = check.whole(n, 'n', 0, check.MOST_STEPS - first)
@@ -352,6 +366,10 @@ class Simulation:
             yield self._sample_at(t)
         if self.step_index < last:
             self.step(last - self.step_index)
+
+    def _trail(self, steps: Integers) -> StateTrail:
+        """For `_step_along`, at these steps."""
+        return StateTrail(steps, self._present.phase)
 
     @by_one_thread
     def _write_down(self, adjoint: AdjointFollowing, n: int) -> None:

@@ -8,7 +8,9 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from alf_ros.arrays import Floats, Integers
+from alf_ros.model.compile import Model
 from alf_ros.simulation.applied import Inputs
+from alf_ros.simulation.effect_slopes import EffectSlopes
 from alf_ros.simulation.tangent_following import Slopes
 
 
@@ -23,8 +25,8 @@ class SlopeProducts:
     names: the arrays, as `ParameterSlopes.arrays` names them.
     """
 
-    def __init__(self, slopes: Sequence[Slopes], names: Sequence[str]) -> None:
-        self._slopes = tuple(slopes)
+    def __init__(self, model: Model, slopes: Sequence[Slopes], names: Sequence[str]) -> None:
+        self._slopes, self._effects = tuple(slopes), EffectSlopes(model, slopes)
         self._at: dict[str, slice] = {}
         self._size = 0
         for name in names if slopes else ():
@@ -60,5 +62,5 @@ class SlopeProducts:
 
     def _of_params(self, inputs: Inputs) -> csr_array:
         if self._params is None or self._params[0] != inputs:
-            self._params = inputs, _matrix([each.params(inputs) for each in self._slopes])
+            self._params = inputs, csr_array(self._effects.at(inputs))
         return self._params[1]

@@ -36,7 +36,11 @@ class StateDirection:
 
     def params(self, inputs: Inputs = NO_INPUTS) -> Floats:
         """Zero, as many as the data of the effects with inputs held has numbers."""
-        return np.zeros(self._here.count(inputs))
+        return np.zeros_like(self._here.effects(inputs).params)
+
+    def by_effort(self, joint: str) -> Floats:
+        """Zero, as many as the data of an effort on a joint has numbers."""
+        return np.zeros_like(self._here.effort(joint))
 
     def opening(self, model: Model, q: Floats) -> Floats:
         """(rows,) zero: no row changes."""

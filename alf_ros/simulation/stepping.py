@@ -13,12 +13,13 @@ import numpy as np
 from alf_ros import kernel
 from alf_ros.arrays import Floats
 from alf_ros.effects.contract import Effect
-from alf_ros.errors import StepError
-from alf_ros.kernel import Forces, Problem, Span, Status, StepRecord, Tangents, Watch, Work
+from alf_ros.errors import InputError, StepError
+from alf_ros.kernel import Forces, Problem, Span, Status, StepRecord, Tangents, Trail, Watch, Work
 from alf_ros.model import singular_start
 from alf_ros.model.compile import allocate
 from alf_ros.model.effect_directions import softened
 from alf_ros.model.singular_branches import Branch
+from alf_ros.model.struct_memory import changed
 from alf_ros.model.tableaux import TABLEAUX, first_pace
 from alf_ros.scene.scene import Solver
 from alf_ros.simulation import locked_rows, stiff_failures
@@ -95,6 +96,7 @@ class Stepper:
         self._behind: Work | None = None  # of tangents
         self._tangents: dict[bool, tuple[Problem, Tangents]] = {}  # of the run, and aside
         self._problems: dict[bool, Problem] = {}  # of the run, and aside
+        self.trail: Trail | None = None  # on which the steps of the run are written down
         self.formulation = formulation
         if solver.formulation != 'alf2' and formulation is None:
             self.formulation = Formulation(self._model, solver, start.q)
@@ -175,6 +177,8 @@ class Stepper:
         """n steps of h from `start` + `first` h (s); tangents follow if `followed`."""
         forces, phase = present.applied.assembled, present.phase
         if self.formulation is not None:
+            if self.trail is not None:
+                raise InputError('alf2 alone leaves a trail', key='formulation')
             result, _, self.iterations = self.formulation.advance(
                 forces, work, phase, present.carried, start, first, n, h
             )
@@ -185,6 +189,8 @@ class Stepper:
         follow: tuple[Tangents, ...] = ()
         if followed and self._following is not None:
             follow = (self._followed(present.applied, problem),)
+        if self.trail is not None and work is self.work:
+            problem = changed(problem, work=changed(work, trail=self.trail))
         result, _, self.iterations = self._kernel(problem, phase, watch, span, within, *follow)
         return Status(result)
 
@@ -203,7 +209,9 @@ class Stepper:
             if self._behind is None:
                 self._behind = self._allocated()
             assert self._following is not None
-            known = problem, self._following.tangents(applied, problem, self._behind)
+            before = known[1] if known is not None else None
+            tangents = self._following.tangents(applied, problem, self._behind, before)
+            known = problem, tangents
             self._tangents[of_run] = known
         return known[1]
 

@@ -42,7 +42,7 @@ from alf_ros.kernel.data.system import (
     System,
 )
 from alf_ros.kernel.data.tangents import FollowedStage, Tangents
-from alf_ros.kernel.data.work import Chart, StepEnd, Work
+from alf_ros.kernel.data.work import Chart, StepEnd, Trail, Work
 
 SOLVED = 1e-12  # relative change at which a solve is finished
 EPS = float(np.finfo(np.float64).eps)
@@ -92,6 +92,7 @@ __all__ = [
     'System',
     'Tape',
     'Tangents',
+    'Trail',
     'Until',
     'Watch',
     'Work',

@@ -43,6 +43,20 @@ class StepEnd(Struct):
 
 
 @dataclass(frozen=True, eq=False)
+class Trail(Struct):
+    """States at the ends of N steps of a run; empty where nobody asks for them."""
+
+    common = True
+
+    steps: Integers  # (N,) numbers of the steps, ascending
+    count: Integers  # (1,) how many are written down
+    q: Floats  # (N, all blocks D) m
+    qd: Floats  # (N, all blocks D) m/s
+    turns: Integers  # (N, angles)
+    tangents: Floats  # (N, K, 2, all blocks D)
+
+
+@dataclass(frozen=True, eq=False)
 class Work(Struct):
     """Workspace of the kernel: allocated once by the caller."""
 
@@ -113,3 +127,4 @@ class Work(Struct):
     begun: Floats  # (angles of integrals,) rad, turns counted: where the step began
     measured: Floats  # (angles of integrals, 2) remainder, rad, and turns, as measured last
     sums: Floats  # (integrals,) m, their values
+    trail: Trail

@@ -57,7 +57,7 @@ class TapedRun:
         self.following = TangentFollowing(names, simulation.scene, solver, start)
         self.displaced = QuantityTangents(self.following, Middle.of(simulation)).displaced
         self._check_begin()
-        self._products = SlopeProducts(self.following.slopes, _ARRAYS)
+        self._products = SlopeProducts(simulation.model, self.following.slopes, _ARRAYS)
         self._adjoint = AdjointFollowing(simulation._stepper, simulation.model, self._products)
         per_step = _INNER if solver.method.embedded.size else 1
         self._longest = max(1, int(memory / (self._adjoint.bytes_of_step * per_step)))

@@ -14,7 +14,8 @@ import numpy as np
 from alf_ros.arrays import Floats, Integers
 from alf_ros.errors import InputError
 from alf_ros.simulation.simulation import Simulation
-from alf_ros.studies.identification.joint_readings import JointMotion, JointReadings, StateArrays
+from alf_ros.simulation.state_trail import StateArrays
+from alf_ros.studies.identification.joint_readings import JointMotion, JointReadings
 from alf_ros.studies.identification.recording import MeasuredChannel
 from alf_ros.studies.identification.window_start import DenseRows, StartChart
 from alf_ros.studies.statics.instant import counted
@@ -34,15 +35,17 @@ class PostureTrack:
 
     def __init__(self, simulation: Simulation, channels: Sequence[MeasuredChannel]) -> None:
         state, model = simulation.state, simulation.model
-        self._model, self._readings = model, JointReadings(model)
-        self._q, self._turns = state.q, state.turns
+        self._model = model
         names = list(model.coordinate_names)
         self._of = [(names.index(c.joint), c) for c in channels if c.kind == 'position']
         self._rates = {names.index(c.joint): c for c in channels if c.kind == 'velocity'}
         self._joints = np.array([n for n, _ in self._of], dtype=np.int64)
-        self._angles = self._readings.is_angle[self._joints]
+        self._readings = JointReadings(model, (), self._joints.tolist())
+        self._angles = self._readings.is_angle
         self._times = np.unique(np.concatenate([c.t for _, c in self._of]))
         self._t: float | None = None
+        self._q, self._turns = state.q, state.turns
+        self._x = self._read(self._q).x[0]  # the joints there
 
     def start(self, t: float) -> StartChart:
         """The free start of a window at t (s), which must not be before the last one. Raises
@@ -60,8 +63,7 @@ class PostureTrack:
         J = rows.jacobian(whole)
         moved[:n] = np.linalg.lstsq(J[:, :n], -J[:, n:] @ moved[n:], rcond=1e-9)[0]
         own = self._rate_of(moved)
-        A = motion.dx[0][self._joints] @ Z
-        moved[:n] += Z @ _least(A, rate - own[self._joints])
+        moved[:n] += Z @ _least(motion.dx[0] @ Z, rate - own)
         return StartChart(self._model, t, whole, moved, self._turns.copy())
 
     def _rate_of(self, qd: Floats) -> Floats:
@@ -73,11 +75,11 @@ class PostureTrack:
             self._t = t
             self._count_turns(self._smooth(t)[0])
         between = self._times[(self._times > self._t) & (self._times < t)]
-        for at in (*between.tolist(), t):
-            want = self._smooth(at)[0]
-            far = np.abs(self._off(want)).max(initial=0.0)
-            if far > _TURN or at == t:
-                self._go(want, at)
+        raw = np.array([np.interp(between, c.t, c.values) for _, c in self._of]).T
+        for at, measured in zip(between.tolist(), raw, strict=True):
+            if np.abs(self._off(measured)).max(initial=0.0) > _TURN:
+                self._go(self._smooth(at)[0], at, 0.5 * _TURN)
+        self._go(self._smooth(t)[0], t, 0.0)
         self._t = t
         self._check(self._off(self._smooth(t)[0]))
 
@@ -95,12 +97,13 @@ class PostureTrack:
                 expected='the joint of the scene, in its sense, unit and zero',
             )
 
-    def _go(self, want: Floats, t: float) -> None:
+    def _go(self, want: Floats, t: float, near: float) -> None:
+        """Until no joint is off by more than `near`, or they come no nearer."""
         rows, n = DenseRows(self._model, t), self._model.n
         for _ in range(_ROUNDS):
             off = self._off(want)
             Y = rows.null_space(self._q, rows.binds)
-            A = self._read(self._q).dx[0][self._joints] @ Y
+            A = self._read(self._q).dx[0] @ Y
             far = np.abs(off).max(initial=0.0)
             y = _least(A, off * min(1.0, 2.0 * _TURN / max(far, 1e-300)))
             moved = self._q.copy()
@@ -109,7 +112,10 @@ class PostureTrack:
             before = self._q
             self._turns = counted(self._model, before, self._turns, moved)
             self._q = moved
+            self._x = self._read(moved).x[0]
             if np.abs(moved - before).max(initial=0.0) < _NEAR_ENOUGH * self._model.size:
+                return
+            if np.abs(self._off(want)).max(initial=0.0) <= near:
                 return
 
     def _closed(self, rows: DenseRows, q: Floats) -> Floats:
@@ -129,18 +135,18 @@ class PostureTrack:
 
     def _off(self, want: Floats) -> Floats:
         """By how much the joints are off, angles to half a turn."""
-        off = want - self._read(self._q).x[0][self._joints]
+        off = want - self._x
         return np.where(self._angles, wrapped(off), off)
 
     def _count_turns(self, want: Floats) -> None:
         """Begin with the turns of the recorded angles."""
         found = self._turns.copy()
-        for k, joint in enumerate(self._joints.tolist()):
+        for joint, is_, wanted in zip(self._joints.tolist(), self._x, want, strict=True):
             of = self._model.coordinates[joint]
             if of.is_angle and of.less < 0:
-                is_ = self._read(self._q).x[0][joint]
-                found[of.place] += round((want[k] - is_) / (2.0 * np.pi))
+                found[of.place] += round((wanted - is_) / (2.0 * np.pi))
         self._turns = found
+        self._x = self._read(self._q).x[0]
 
     def _smooth(self, t: float) -> tuple[Floats, Floats]:
         each = [

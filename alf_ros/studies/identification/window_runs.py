@@ -20,8 +20,9 @@ from alf_ros.simulation.applied import NO_INPUTS
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.simulation.state import State
 from alf_ros.simulation.state_direction import is_direction
+from alf_ros.simulation.state_trail import StateArrays
 from alf_ros.simulation.tangent_following import Slopes
-from alf_ros.studies.identification.joint_readings import JointMotion, JointReadings, StateArrays
+from alf_ros.studies.identification.joint_readings import JointMotion, JointReadings
 from alf_ros.studies.identification.posture_track import wrapped
 from alf_ros.studies.identification.recording import MeasuredChannel
 from alf_ros.studies.identification.window import Measurements, Window, below, grid
@@ -66,6 +67,7 @@ class WindowRuns:
                     value=each.joint,
                     choices=self._joints,
                 )
+        self._measured = sorted({self._joints.index(each.joint) for each in self.channels})
         self._known: dict[tuple[int, bool], tuple[tuple[float, ...], Simulation]] = {}
         self._found: dict[tuple[int, int, bool], tuple[Any, Misfit]] = {}  # the last of a window
 
@@ -164,18 +166,8 @@ class WindowRuns:
             for name in following.lengths:
                 if name in self.names:
                     _ = tangents[name]  # refused if it unfolds a singular position
-        columns = len(slopes)
-        carried = np.array([each.tangents for each in states])
-        carried = carried.reshape(len(states), columns, 2, -1 if columns else begun.q.size)
-        return JointReadings(simulation.model, [each.arrays for each in slopes]).read(
-            StateArrays(
-                np.array([each.q for each in states]),
-                np.array([each.qd for each in states]),
-                np.array([each.turns for each in states]),
-                carried[:, :, 0],
-                carried[:, :, 1],
-            )
-        )
+        arrays = [each.arrays for each in slopes]
+        return JointReadings(simulation.model, arrays, self._measured).read(states)
 
     def _part(
         self,
@@ -188,7 +180,7 @@ class WindowRuns:
     ) -> tuple[Floats, Floats]:
         """Residuals (N,) and their derivatives, by so many numbers of the scene first."""
         channel = self.channels[part.channel]
-        joint = self._joints.index(channel.joint)
+        joint = self._measured.index(self._joints.index(channel.joint))
         first = below(window, part, delay, self.h)
         k = np.searchsorted(steps, first)
         weights = _hermite((part.t - delay) / self.h - first, self.h)
@@ -196,7 +188,7 @@ class WindowRuns:
         each = [_mixed(w, k, x, v) for w in weights]
         order = 0 if channel.kind == 'position' else 1
         residuals = part.values - each[order]
-        if order == 0 and self.reference.model.coordinates[joint].is_angle:
+        if order == 0 and self.reference.model.coordinates[self._measured[joint]].is_angle:
             residuals = wrapped(residuals)
         slopes = -_mixed(weights[order], k, motion.dx[:, joint], motion.dv[:, joint])
         if self.delay and numbers:
@@ -233,18 +225,17 @@ def _settled(solver: Solver) -> dict[str, Any]:
     return {'step': step, 'integrator': solver.integrator, 'tolerance': solver.tolerance}
 
 
-def passed(simulation: Simulation, window: Window, steps: Integers) -> list[State]:
+def passed(simulation: Simulation, window: Window, steps: Integers) -> StateArrays:
     """The states at `steps` (N,) of a run on to them, with the inputs of the window."""
-    inputs, states = list(window.inputs), []
-    for step in steps.tolist():
-        while inputs and inputs[0][0] < step:
-            at, held = inputs.pop(0)
-            if at > simulation.step_index:  # several at once are packed once
-                simulation.step(at - simulation.step_index)
-            held.apply(simulation)
-        simulation.step(step - simulation.step_index)
-        states.append(simulation.state)
-    return states
+    trail, last = simulation._trail(steps), int(steps[-1])
+    for at, held in window.inputs:
+        if at >= last:
+            break
+        if at > simulation.step_index:  # several at once are packed once
+            simulation._step_along(at - simulation.step_index, trail)
+        held.apply(simulation)
+    simulation._step_along(last - simulation.step_index, trail)
+    return trail.arrays
 
 
 def _hermite(u: Floats, h: float) -> tuple[Floats, Floats, Floats]:
