@@ -19,6 +19,7 @@ from alf_ros.mechanism import Coordinate
 from alf_ros.mechanism.natural_coordinates import Layout
 from alf_ros.model.compile import Model
 from alf_ros.model.effect_directions import Direction
+from alf_ros.model.struct_memory import changed
 from alf_ros.simulation.joint_efforts import axes_of
 from alf_ros.simulation.kink_search import kinks, kinks_of_drives
 from alf_ros.simulation.packed_effects import (
@@ -232,6 +233,10 @@ class Applied:
         wanted = {('wrench', name): wrench for name, wrench in inputs.wrenches.items()}
         efforts = {('effort', joint): effort for joint, effort in inputs.efforts.items()}
         self._held: dict[tuple[str, str], _Held | _SteadyEffort] = {}
+        self._known: tuple[Forces, Mapping[tuple[str, str], _Held | _SteadyEffort]] | None = None
+        if before is not None and before._scene is self._scene:
+            assembled = vars(before).get('assembled')
+            self._known = before._known if assembled is None else (assembled, before._held)
         for key, what in {**wanted, **efforts}.items():
             self._held[key] = _held(model, key[1], what, known.get(key))
 
@@ -259,6 +264,9 @@ class Applied:
     @cached_property
     def assembled(self) -> Forces:
         """For the step: bodies share their points."""
+        again, self._known = self._with_efforts(), None
+        if again is not None:
+            return again
         rub = self._scene.bearings
         if rub.settle.size:
             rub = replace(rub, effects=self.on(self._reactions().cut))
@@ -267,6 +275,25 @@ class Applied:
         instants = self._instants if self._asked.instants else np.zeros(0)
         found = kinks(self._model, scalars, instants)
         return Forces(self._pack(layout), rub, self._ledger, found)
+
+    def _with_efforts(self) -> Forces | None:
+        """The forces that were assembled before, with other efforts; None if more has changed, or
+        the forces are needed elsewhere too."""
+        if self._known is None or self._weights is not None or self._scene.bearings.settle.size:
+            return None
+        forces, held = self._known
+        if list(held) != list(self._held):
+            return None
+        layout, effects = self._model.layout, forces.effects
+        params, first = effects.params.copy(), len(self._scene.kinds(layout))
+        for n, (was, now) in enumerate(zip(held.values(), self._held.values(), strict=True)):
+            if now is was:
+                continue
+            if not isinstance(now, _SteadyEffort) or not isinstance(was, _SteadyEffort):
+                return None
+            (kind,), at = now.kinds(layout), int(effects.params_at[first + n])
+            params[at : at + kind.packed.params.size] = kind.packed.params
+        return changed(forces, effects=changed(effects, params=params))
 
     @cached_property
     def _instants(self) -> Floats:

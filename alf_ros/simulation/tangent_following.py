@@ -17,6 +17,7 @@ from alf_ros.kernel.numba_ext.lane_numbers import width
 from alf_ros.kernel.numba_ext.lane_structs import aligned
 from alf_ros.kernel.numba_ext.plain import PLAIN
 from alf_ros.model.compile import Model
+from alf_ros.model.struct_memory import changed
 from alf_ros.model.tableaux import TABLEAUX
 from alf_ros.scene.scene import Scene, Solver
 from alf_ros.simulation.applied import Applied
@@ -117,12 +118,14 @@ class TangentFollowing:
         """For the kernel: `problem` of the run, `work` for the stages of the tangents alone.
         `before`: with other inputs, whose memory is used again if it fits."""
         W = _lanes_for(len(self.names))
-        force = _dual_forces(applied, W)
         params = _in_groups(self._effects.at(applied.inputs), W)
         if before is not None and before.params.shape == params.shape:
-            if np.array_equal(before.force, force):
-                own = replace(problem, forces=_alone(problem.forces), work=work)
-                return replace(before, problem=own, params=params)
+            known, now = before.problem.forces.effects, problem.forces.effects
+            if np.array_equal(known.force, now.force):
+                before.params[:] = params
+                own = changed(problem, forces=_alone(problem.forces), work=work)
+                return changed(before, problem=own)
+        force = _dual_forces(applied, W)
         changes: dict[str, Any] = {
             name: _in_groups(np.array([each.arrays[name] for each in self.slopes]), W)
             for name in (*_MASSES, *_ROWS)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import signal
+import threading
 from functools import cache
 from typing import Any
 
@@ -12,6 +15,7 @@ from scipy import stats
 from alf_ros import Identification, Recording, identify, load_scene, recorded
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
+from alf_ros.studies.identification import identification, window_runs
 from support.gripper import GRIPPER
 from support.recordings import SLIDER_CRANK, Machine, changed, pushes, scene
 
@@ -47,6 +51,40 @@ def test_a_gripper_with_two_loops() -> None:
     moved = Machine(changed(of, true), ('drive', 'pivot0', 'pivot1'), 1.0, inputs=inputs)
     found = identify(of, moved.recording(), list(true), window=0.5)
     assert np.allclose(found.values, list(true.values()), rtol=1e-6)
+
+
+def test_many_windows_begin_with_a_few(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The fit is that of all windows from the start, on any number of cores."""
+    recording, found = machine().recording(2e-3, seed=3), []
+    for many, cores in ((15, 1), (15, 4), (1000, 1)):
+        monkeypatch.setattr(identification, '_MANY', many)
+        monkeypatch.setattr(window_runs, '_cores', lambda n=cores: n)
+        told: list[str] = []
+        found.append(identify(scene(), recording, FIT, window=0.1, report=told.append))
+        assert ('4 windows first' in told) == (many == 15)
+    one, other, whole = found
+    assert one.values.tobytes() == other.values.tobytes()
+    assert one.deviations.tobytes() == other.deviations.tobytes()
+    assert np.abs(one.values - whole.values).max() < 1e-2 * whole.deviations.min()
+    # a jacobian serves again within a deviation, where it changes by so much
+    assert np.allclose(one.deviations, whole.deviations, rtol=5e-2)
+
+
+@pytest.mark.skipif(os.name != 'posix', reason='signals of POSIX')
+def test_ctrl_c_ends_a_fit_on_all_cores(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And the same fit is found afterwards."""
+    monkeypatch.setattr(window_runs, '_cores', lambda: 4)
+    recording = machine().recording(2e-3, seed=3)
+
+    def interrupt(text: str) -> None:
+        if 'evaluations' in text:
+            threading.Timer(0.01, signal.raise_signal, [signal.SIGINT]).start()
+
+    with pytest.raises(KeyboardInterrupt):
+        for _ in range(100):
+            identify(scene(), recording, FIT, window=0.2, report=interrupt)
+    again = identify(scene(), recording, FIT, window=0.2)
+    assert (np.abs(again.values - TRUE) < 5.0 * again.deviations).all()
 
 
 def test_refits_have_no_bias_and_their_intervals_hold() -> None:

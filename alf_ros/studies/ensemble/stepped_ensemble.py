@@ -35,8 +35,8 @@ class Ensemble:
     velocities of all joint coordinates. steps: of the solver in a step of the ensemble. settings:
     keywords of `Simulation`, as `step` (s) and `integrator`, an explicit one.
 
-    A member has the bits of a Simulation alone; efforts may be rounded differently. Raises
-    InputError for what cannot be used, AssemblyError if a member cannot be assembled.
+    A member has the bits of a Simulation alone. Raises InputError for what cannot be used,
+    AssemblyError if a member cannot be assembled.
     """
 
     def __init__(

@@ -57,7 +57,8 @@ class DesignRuns:
         try:
             windows = self._windows(runs, channels, candidate, span)
             fit = LeastSquaresFit(runs, windows, noise, 'linear')
-            parts = [fit.information(w, _free(w), self.values)[0] for w in windows]
+            own = [_free(w) for w in windows]
+            parts = [B for B, _ in fit.information(own, self.values)]
         except StoppedError:
             raise
         except AlfError as error:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from alf_ros.arrays import Floats
-from alf_ros.errors import InputError
+from alf_ros.errors import AlfError, InputError, StoppedError
 from alf_ros.scene.scene import Scene, load_scene
 from alf_ros.simulation.input_checks import by_name, number, text, truth
 from alf_ros.studies.identification import identifiability, noise_levels, robust_loss
@@ -18,6 +18,7 @@ from alf_ros.studies.identification.identified import ChannelFit, Identification
 from alf_ros.studies.identification.least_squares_fit import (
     COARSE,
     FINE,
+    ROUGH,
     LeastSquaresFit,
     Shared,
     Solution,
@@ -33,12 +34,14 @@ from alf_ros.studies.identification.shared_numbers import (
     names_to_fit,
     shared_numbers,
 )
-from alf_ros.studies.identification.window import Window, cut
+from alf_ros.studies.identification.window import Window, begin_of, cut
 from alf_ros.studies.identification.window_residuals import WindowResiduals
 from alf_ros.studies.identification.window_runs import WindowRuns
 
 _ROUNDS = 4  # fits, each with the noise that the one before has found
 _STEADY = 0.02  # relative change of the noise that needs no other round
+_BEGIN = 0.2  # of a window, from which its start is found then
+_PART, _MANY = 5, 15  # of so many windows and more, one of five is fitted before all
 Report = Callable[[str], None]
 
 
@@ -121,11 +124,15 @@ class _Work:
         self, scene: Scene, recordings: Sequence[Recording], shared: Shared
     ) -> Identification:
         runs = self._runs
-        fit = self._fit(self._fitted)
-        free = fit.starts(shared.begin, [_free(w) for w in self._fitted])
-        before = self._residuals(fit, self._fitted, free, shared.begin)
-        self._relevel(before, free, 0)
-        solution = self._rounds(shared, free)
+        chosen, free = self._chosen(), [_free(w) for w in self._fitted]
+        windows = [self._fitted[n] for n in chosen]
+        fit = self._fit(windows)
+        starts = fit.starts(shared.begin, [free[n] for n in chosen])
+        before = self._residuals(fit, windows, starts, shared.begin)
+        self._relevel(before, starts, 0)
+        for n, own in zip(chosen, starts, strict=True):
+            free[n] = own
+        solution = self._rounds(*self._from(chosen, shared, free))
         fit = self._fit(self._fitted)
         after = self._residuals(fit, self._fitted, solution.free, solution.shared)
         held = self._fit(self._away)
@@ -152,6 +159,39 @@ class _Work:
         )
 
     # ------------------------------------------------------------------------------------- rounds
+
+    def _chosen(self) -> list[int]:
+        """The numbers of the windows with which the fit begins: a few where there are many."""
+        count = len(self._fitted)
+        few = count // _PART if count >= _MANY else count
+        return [(2 * k + 1) * count // (2 * few) for k in range(few)]
+
+    def _from(
+        self, chosen: Sequence[int], shared: Shared, free: Sequence[Floats]
+    ) -> tuple[Shared, Sequence[Floats]]:
+        """Where the fit of all windows begins: at the fit of a few, if it is one."""
+        others = [n for n in range(len(self._fitted)) if n not in chosen]
+        if not others:
+            return shared, free
+        self._say(f'{len(chosen)} windows first')
+        windows, levels, begun = [self._fitted[n] for n in chosen], self._levels, list(free)
+        fit = self._fit(windows)
+        try:
+            found = fit.solve(shared, [free[n] for n in chosen], self._told, ROUGH)
+            residuals = self._residuals(fit, windows, found.free, found.shared)
+            self._relevel(residuals, found.free, shared.begin.size)
+            begins = [begin_of(self._fitted[n], _BEGIN, self._runs.h) for n in others]
+            near = self._fit(begins).nearer_starts(found.shared, [free[n] for n in others])
+            for n, own in zip((*chosen, *others), (*found.free, *near), strict=True):
+                begun[n] = own
+            self._fit(self._fitted).plain(begun, found.shared)
+        except StoppedError:
+            raise
+        except AlfError:
+            self._levels = levels
+            return shared, free
+        self.evaluations += fit.evaluations
+        return replace(shared, begin=found.shared), begun
 
     def _rounds(self, shared: Shared, free: Sequence[Floats]) -> Solution:
         for round_ in range(1, _ROUNDS + 1):
@@ -187,19 +227,14 @@ class _Work:
         free: Sequence[Floats],
         shared: Floats,
     ) -> WindowResiduals:
-        return WindowResiduals(
-            [fit.plain(w, own, shared) for w, own in zip(windows, free, strict=True)], windows
-        )
+        return WindowResiduals(fit.plain(free, shared), windows)
 
     # ------------------------------------------------------------------------------------- results
 
     def _known(
         self, fit: LeastSquaresFit, shared: Shared, solution: Solution, names: Sequence[str]
     ) -> identifiability.Knowledge:
-        each = [
-            fit.information(window, own, solution.shared)
-            for window, own in zip(self._fitted, solution.free, strict=True)
-        ]
+        each = fit.information(solution.free, solution.shared)
         parts = [part for part, _ in each]
         prior = np.diag(1.0 / shared.deviation)
         spread = robust_loss.spread(self._loss, np.concatenate([r for _, r in each]))

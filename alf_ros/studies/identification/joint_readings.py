@@ -140,7 +140,8 @@ class _Forms:
     def _spread(self, gradient: Floats, places: Floats) -> Floats:
         """(N, U D, forms) of gradients (N, parts, D) of the parts at these places."""
         found = np.tensordot(gradient, places, axes=(1, 0)).transpose(0, 3, 1, 2)
-        return found.reshape(len(gradient), self._used.size * self._D, self._c.size)
+        columns = self._used.size * self._D
+        return np.asarray(found.reshape(len(gradient), columns, self._c.size))
 
     def _rows(self, entries: Floats) -> Floats:
         """(…, entries, D) -> (…, forms)."""

@@ -13,7 +13,7 @@ size. A number that is known to its own size, 100 %, moves by 1e-6 of its deviat
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -23,11 +23,14 @@ from alf_ros.errors import AlfError, StoppedError
 from alf_ros.studies.identification.identifiability import beside
 from alf_ros.studies.identification.robust_loss import rooted
 from alf_ros.studies.identification.window import Window
-from alf_ros.studies.identification.window_runs import Misfit, WindowRuns
+from alf_ros.studies.identification.window_runs import Misfit, WindowRuns, WindowStart
 
-FINE, COARSE = 1e-8, 1e-3  # relative change of ½ Σ φ² at which a fit ends
+FINE, COARSE, ROUGH = 1e-7, 1e-3, 1e-2  # relative change of ½ Σ φ² at which a fit ends
 UNSEEN = 1e3  # times the size: the deviation that holds what nothing sees
 _MOST = 60  # evaluations of a fit
+# a jacobian serves again where it has told the change of the residuals since but for this part,
+_BENT = 1e-2
+_NEAR = 2.0  # or where the square of the change is as much as that of so many residuals
 _ENDS = {  # by the status of scipy
     0: f'{_MOST} evaluations were not enough',
     1: 'the sum of squares has no slope',
@@ -127,12 +130,23 @@ class LeastSquaresFit:
             for window, own in zip(self._windows, free, strict=True)
         )
 
+    def nearer_starts(self, shared: Floats, free: Sequence[Floats]) -> list[Floats]:
+        """The starts of the windows a Gauss-Newton step nearer to the best ones."""
+        starts = list(zip(self._windows, free, strict=True))
+        found = []
+        for (window, own), misfit in zip(starts, self._by_starts(starts, shared), strict=True):
+            value, J = self.rooted(window, own, misfit)
+            found.append(own - np.linalg.lstsq(J, value, rcond=None)[0])
+        return found
+
     def _start(self, window: Window, free: Floats, shared: Floats) -> Floats:
         def values(x: Floats) -> Floats:
-            return self.rooted(window, x, self.plain(window, x, shared))[0]
+            (misfit,) = self._misfits([(window, x)], shared, False)
+            return self.rooted(window, x, misfit)[0]
 
         def slopes(x: Floats) -> Floats:
-            return self.rooted(window, x, self._alone(window, x, shared))[1]
+            (misfit,) = self._by_starts([(window, x)], shared)
+            return self.rooted(window, x, misfit)[1]
 
         if not free.size:
             return free
@@ -150,34 +164,55 @@ class LeastSquaresFit:
         """How many numbers all windows share."""
         return self._runs.numbers
 
-    def misfit(self, window: Window, free: Floats, shared: Floats) -> Misfit:
-        """Of a window, with its jacobian, in units of the measurements. Raises AlfError."""
-        most = max(w.chart.free.size for w in self._windows if w.chart is not None)
-        return self._misfit(window, free, shared, most)
+    def plain(self, free: Sequence[Floats], shared: Floats) -> list[Misfit]:
+        """Of all windows, without jacobians."""
+        return self._misfits(list(zip(self._windows, free, strict=True)), shared, False)
 
-    def _alone(self, window: Window, free: Floats, shared: Floats) -> Misfit:
-        """The same with its jacobian by the start alone."""
+    def _misfits(
+        self, starts: Sequence[WindowStart], shared: Floats, differentiated: bool
+    ) -> list[Misfit]:
         delay, values = self._split(shared)
-        simulation = self._runs.simulation(values, free.size, alone=True)
-        return self._runs.misfit(simulation, window, free, delay)
+        most = max((w.chart.free.size for w in self._windows if w.chart is not None), default=0)
+        return self._runs.misfits_at(values, starts, delay, most if differentiated else 0)
 
-    def plain(self, window: Window, free: Floats, shared: Floats) -> Misfit:
-        """The same without its jacobian."""
-        return self._misfit(window, free, shared, 0)
+    def linearised(self, free: Sequence[Floats], shared: Floats) -> list[Misfit]:
+        """Of all windows, with jacobians: the last ones, if these hold. Raises AlfError."""
+        now, found, told, bent = self.plain(free, shared), [], 0.0, 0.0
+        for window, own, here in zip(self._windows, free, now, strict=True):
+            last = self._runs.last(window)
+            if last is None:
+                break
+            x, before = last
+            noise = self._noise[here.channel]
+            change = before.jacobian @ (np.concatenate([shared, own]) - x)
+            off = here.residuals - before.residuals - change
+            told += float(np.sum((change / noise) ** 2))
+            bent += float(np.sum((off / noise) ** 2))
+            found.append(replace(here, jacobian=before.jacobian))
+        r = np.concatenate([each.residuals / self._noise[each.channel] for each in now])
+        holds = told <= _NEAR * float(np.mean(r**2)) or bent <= _BENT**2 * told
+        if len(found) == len(now) and holds:
+            return found
+        return self._misfits(list(zip(self._windows, free, strict=True)), shared, True)
 
-    def _misfit(self, window: Window, free: Floats, shared: Floats, directions: int) -> Misfit:
+    def _by_starts(self, starts: Sequence[WindowStart], shared: Floats) -> list[Misfit]:
+        """With jacobians by the starts alone."""
         delay, values = self._split(shared)
-        return self._runs.misfit_at(values, window, free, delay, directions)
+        return self._runs.by_starts(values, starts, delay)
 
     def _split(self, shared: Floats) -> tuple[float, Floats]:
         """The delay, and the numbers of the scene."""
         delay = float(shared[-1]) if self._runs.delay else 0.0
         return delay, shared[: len(self._runs.names)]
 
-    def information(self, window: Window, free: Floats, shared: Floats) -> tuple[Floats, Floats]:
-        """B⊥ (N, P) of a window, and its residuals (N,) in units of the noise. Raises AlfError."""
-        r, J = self.scaled(self.misfit(window, free, shared))
-        return beside(J[:, self.numbers :], J[:, : self.numbers]), r
+    def information(self, free: Sequence[Floats], shared: Floats) -> list[tuple[Floats, Floats]]:
+        """B⊥ (N, P) of each window, and its residuals (N,) in units of the noise: with jacobians
+        of this very place, where what is not determined shows. Raises AlfError."""
+        found = []
+        for misfit in self._misfits(list(zip(self._windows, free, strict=True)), shared, True):
+            r, J = self.scaled(misfit)
+            found.append((beside(J[:, self.numbers :], J[:, : self.numbers]), r))
+        return found
 
     def scaled(self, misfit: Misfit) -> tuple[Floats, Floats]:
         """Residuals and jacobian in units of the noise."""
@@ -235,9 +270,11 @@ class _Problem:
 
     def values(self, x: Floats) -> Floats:
         """(|r|, 0, …) of each window, then the priors."""
-        found, shared = np.zeros(self.rows), x[: self._P]
-        for at, window, own in zip(self._first, self._windows, self.starts(x), strict=False):
-            value, _ = self._fit.rooted(window, own, self._fit.plain(window, own, shared))
+        found, shared, starts = np.zeros(self.rows), x[: self._P], self.starts(x)
+        misfits = self._fit.plain(starts, shared)
+        each = zip(self._first, self._windows, starts, misfits, strict=False)
+        for at, window, own, misfit in each:
+            value, _ = self._fit.rooted(window, own, misfit)
             found[at] = np.linalg.norm(value)
         found[self._first[-1] :] = (shared - self._shared.mean) * self._shared.weight
         return found
@@ -245,9 +282,10 @@ class _Problem:
     def slopes(self, x: Floats) -> Floats:
         """Of the values. Raises _AtMinimum."""
         P, found, value = self._P, np.zeros((self.rows, x.size)), np.zeros(self.rows)
-        each = zip(self._first, self._edges, self._windows, self.starts(x), strict=False)
-        for at, column, window, own in each:
-            misfit = self._fit.misfit(window, own, x[:P])
+        starts = self.starts(x)
+        misfits = self._fit.linearised(starts, x[:P])
+        each = zip(self._first, self._edges, self._windows, starts, misfits, strict=False)
+        for at, column, window, own, misfit in each:
             R = compressed(*self._fit.rooted(window, own, misfit))
             found[at : at + len(R), :P] = R[:, 1 : 1 + P]
             found[at : at + len(R), column : column + own.size] = R[:, 1 + P :]

@@ -46,6 +46,19 @@ class Window:
     chart: StartChart | None = None
 
 
+def begin_of(window: Window, part: float, h: float) -> Window:
+    """The first part of a window; the whole window if too few measurements are there."""
+    last = window.first + max(1, round(part * (window.last - window.first)))
+    before = [each.t < last * h for each in window.measured]
+    if min(np.count_nonzero(inside) for inside in before) < _FEWEST:
+        return window
+    measured = tuple(
+        Measurements(each.channel, each.t[inside], each.values[inside])
+        for each, inside in zip(window.measured, before, strict=True)
+    )
+    return replace(window, last=last, measured=measured)
+
+
 def cut(
     recordings: Sequence[Recording],
     channels: Sequence[tuple[int, MeasuredChannel]],

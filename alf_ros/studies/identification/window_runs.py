@@ -6,7 +6,10 @@ delay d shifts the measurements: one with the stamp t is of the instant t - d.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor, wait
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -28,6 +31,7 @@ from alf_ros.studies.identification.recording import MeasuredChannel
 from alf_ros.studies.identification.window import Measurements, Window, below, grid
 
 _LONGEST = 5e-3  # s, between two steps of an adaptive method
+WindowStart = tuple[Window, Floats]  # a window and the free numbers of its start
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,8 +72,8 @@ class WindowRuns:
                     choices=self._joints,
                 )
         self._measured = sorted({self._joints.index(each.joint) for each in self.channels})
-        self._known: dict[tuple[int, bool], tuple[tuple[float, ...], Simulation]] = {}
-        self._found: dict[tuple[int, int, bool], tuple[Any, Misfit]] = {}  # the last of a window
+        self._known: dict[tuple[int, bool], tuple[tuple[float, ...], list[Simulation]]] = {}
+        self._found: dict[Any, tuple[Any, Misfit]] = {}  # the last of a window
 
     @property
     def numbers(self) -> int:
@@ -85,30 +89,88 @@ class WindowRuns:
         """The scene with values of `names`; `directions`: how many free numbers of a start are
         followed beside the names, 0 for a run without tangents; `alone`: without the names.
         Raises AlfError."""
+        return self._crew(values, directions, alone, 1)[0]
+
+    def _crew(
+        self, values: Floats, directions: int, alone: bool, count: int
+    ) -> Sequence[Simulation]:
+        """So many of them, for as many threads."""
         key, kind = tuple(float(x) for x in values), (directions, alone)
         if kind not in self._known or self._known[kind][0] != key:
             tangents = [f'state.{k}' for k in range(directions)]
             if directions and not alone:
                 tangents = [*self.names, *tangents]
-            last = self._known[kind][1] if kind in self._known else None
+            last = self._known[kind][1][0] if kind in self._known else None
             made = Simulation(self.at(values), **self._settings, tangents=tangents, like=last)
             _check_drives(made)
-            self._known[kind] = key, made
-        return self._known[kind][1]
+            self._known[kind] = key, [made]
+        crew = self._known[kind][1]
+        crew += [copy(crew[0]) for _ in range(count - len(crew))]
+        return crew[:count]
 
-    def misfit_at(
+    def misfits_at(
+        self, values: Floats, starts: Sequence[WindowStart], delay: float, directions: int
+    ) -> list[Misfit]:
+        """Of windows with their starts, of the scene with values of `names`, on all cores. The
+        last one of a window is kept, as a fit asks for some again, with other noise. `directions`:
+        0 for no jacobian. Raises AlfError."""
+        kept = [self._kept(values, *each, delay, directions) for each in starts]
+        missing = [each for each, known in zip(starts, kept, strict=True) if known is None]
+        made = iter(self._run(values, missing, delay, directions, alone=False))
+        found = [next(made) if known is None else known for known in kept]
+        for (window, free), each in zip(starts, found, strict=True):
+            self._found[_place(window), directions > 0] = _at(values, delay, free), each
+        return found
+
+    def by_starts(
+        self, values: Floats, starts: Sequence[WindowStart], delay: float
+    ) -> list[Misfit]:
+        """The same with jacobians by the free numbers of the starts alone."""
+        most = max((free.size for _, free in starts), default=0)
+        return self._run(values, starts, delay, most, alone=True)
+
+    def _run(
+        self,
+        values: Floats,
+        starts: Sequence[WindowStart],
+        delay: float,
+        directions: int,
+        alone: bool,
+    ) -> list[Misfit]:
+        if not starts:
+            return []
+        crew = self._crew(values, directions, alone, min(len(starts), _cores()))
+        found: dict[int, Misfit] = {}
+
+        def run(k: int) -> None:
+            for n in range(k, len(starts), len(crew)):
+                found[n] = self.misfit(crew[k], *starts[n], delay)
+
+        try:
+            _side_by_side(run, crew)
+        except BaseException:
+            self._known.clear()  # some may have been stopped
+            raise
+        return [found[n] for n in range(len(starts))]
+
+    def _kept(
         self, values: Floats, window: Window, free: Floats, delay: float, directions: int
-    ) -> Misfit:
-        """Of the scene with values of `names`; the last one of a window is kept, as a fit asks
-        for some again, with other noise. `directions`: 0 for no jacobian. Raises AlfError."""
-        at = (*values.tolist(), delay, *free.tolist())
+    ) -> Misfit | None:
+        at = _at(values, delay, free)
         for differentiated in (True, False) if not directions else (True,):
-            known = self._found.get((window.recording, window.first, differentiated))
+            known = self._found.get((_place(window), differentiated))
             if known is not None and known[0] == at:
                 return known[1]
-        found = self.misfit(self.simulation(values, directions), window, free, delay)
-        self._found[window.recording, window.first, directions > 0] = at, found
-        return found
+        return None
+
+    def last(self, window: Window) -> tuple[Floats, Misfit] | None:
+        """The last one of a window with a jacobian, and the numbers, delay included, and the start
+        that it is of."""
+        known = self._found.get((_place(window), True))
+        if known is None:
+            return None
+        at, P = np.array(known[0]), len(self.names)
+        return (at if self.delay else np.delete(at, P)), known[1]
 
     def misfit(self, simulation: Simulation, window: Window, free: Floats, delay: float) -> Misfit:
         """Of a window with a start; its jacobian, if the simulation has tangents. Raises AlfError
@@ -195,6 +257,37 @@ class WindowRuns:
             late = each[order + 1][:, None]
             slopes = np.hstack([slopes[:, :numbers], late, slopes[:, numbers:]])
         return residuals, slopes
+
+
+def _place(window: Window) -> tuple[int, int, int]:
+    return window.recording, window.first, window.last
+
+
+def _at(values: Floats, delay: float, free: Floats) -> tuple[float, ...]:
+    return (*values.tolist(), delay, *free.tolist())
+
+
+def _cores() -> int:
+    """That this process may use."""
+    if hasattr(os, 'sched_getaffinity'):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def _side_by_side(run: Callable[[int], None], crew: Sequence[Simulation]) -> None:
+    """run(0), run(1), … in a thread for each simulation; an interrupt stops them all."""
+    if len(crew) == 1:
+        return run(0)
+    with ThreadPoolExecutor(len(crew)) as pool:
+        parts = [pool.submit(run, k) for k in range(len(crew))]
+        try:
+            wait(parts)
+        except BaseException:
+            for each in crew:
+                each.stop()
+            raise
+    for part in parts:
+        part.result()
 
 
 def _of_numbers(slopes: Sequence[Slopes]) -> list[Slopes]:
