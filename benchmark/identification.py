@@ -308,9 +308,8 @@ def main() -> None:
         told += f'({row["coverage_expected"]})'
         if not row['bias']:
             told = f'not determined, named in {row["named"]}'
-        print(
-            f'{row["case"]}, {row["refits"]} refits: {row["number"]:24} {told}, {row["cpu_s"]} s of processor, {row["clock_s"]} s'
-        )
+        times = f'{row["cpu_s"]} s of processor, {row["clock_s"]} s by the clock'
+        print(f'{row["case"]}, {row["refits"]} refits: {row["number"]:24} {told}, {times}')
     if options.write and table:
         with open(RESULTS, 'w', encoding='utf-8', newline='') as stream:
             stream.write(f'{about()}; load of the machine {os.getloadavg()[0]:.1f}\n')

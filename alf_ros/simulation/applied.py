@@ -98,8 +98,8 @@ class _Held:
 
 
 class _SteadyEffort:
-    """A steady effort: its data is that of 1 N m, or 1 N, times the effort. So an effort that
-    changes often is packed once."""
+    """A steady effort: the data of 1 N m, or 1 N, times the effort. So an effort that changes
+    often is packed once."""
 
     def __init__(self, what: float, one: _Held) -> None:
         self.what, self.one = what, one
@@ -378,8 +378,8 @@ def _held(
     what: Wrench | float | Curve,
     before: _Held | _SteadyEffort | None = None,
 ) -> _Held | _SteadyEffort:
-    """The held command on a body, point or joint, as an effect; `before`: the one that it takes
-    the place of."""
+    """The held command on a body, point or joint, as an effect; `before`: the command there
+    until now."""
     if before is not None and before.what == what:
         return before
     if isinstance(what, Wrench):

@@ -112,7 +112,7 @@ class Neighbour:
         return self._applied.holding(inputs).assembled.effects
 
     def effort(self, joint: str) -> Floats:
-        """The data of an effort of 1 N m or 1 N on a joint, behind those of its effects."""
+        """The data of an effort of 1 N m or 1 N on a joint, behind the data of its effects."""
         if joint not in self._efforts:
             whole = self.effects(Inputs({}, {joint: 1.0})).params
             self._efforts[joint] = whole[self.effects(NO_INPUTS).params.size :]

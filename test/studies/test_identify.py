@@ -54,7 +54,7 @@ def test_a_gripper_with_two_loops() -> None:
 
 
 def test_many_windows_begin_with_a_few(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The fit is that of all windows from the start, on any number of cores."""
+    """The fit is the same as of all windows from the start, on any number of cores."""
     recording, found = machine().recording(2e-3, seed=3), []
     for many, cores in ((15, 1), (15, 4), (1000, 1)):
         monkeypatch.setattr(identification, '_MANY', many)

@@ -207,7 +207,7 @@ class LeastSquaresFit:
 
     def information(self, free: Sequence[Floats], shared: Floats) -> list[tuple[Floats, Floats]]:
         """B⊥ (N, P) of each window, and its residuals (N,) in units of the noise: with jacobians
-        of this very place, where what is not determined shows. Raises AlfError."""
+        of this very place, in which undetermined combinations vanish. Raises AlfError."""
         found = []
         for misfit in self._misfits(list(zip(self._windows, free, strict=True)), shared, True):
             r, J = self.scaled(misfit)

@@ -268,7 +268,7 @@ def _at(values: Floats, delay: float, free: Floats) -> tuple[float, ...]:
 
 
 def _cores() -> int:
-    """That this process may use."""
+    """The number of cores that this process may use."""
     if hasattr(os, 'sched_getaffinity'):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
