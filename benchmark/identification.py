@@ -189,7 +189,7 @@ CASES = {
         2.0,
         6.0,
         noise=2e-4,
-        most=1,
+        most=3,
     ),
 }
 

@@ -142,7 +142,7 @@ def test_no_alarm_in_the_library(name: str) -> None:
     [
         ('slider_crank', 'rk4', 0.05, (0.005, 0.02)),
         ('slider_crank', 'rk4', 0.1, (0.005, 0.02)),
-        ('slider_crank', 'dop853', 0.2, (0.01, 0.1)),
+        ('slider_crank', 'dop853', 0.2, (0.005, 0.05)),
         ('slider_crank', 'esdirk43', 0.2, (0.01, 0.05)),
         ('double_pendulum', 'rk4', 0.05, (0.002, 0.01)),
         ('double_pendulum', 'rk4', 0.1, (0.002, 0.01)),

@@ -18,7 +18,6 @@ from alf_ros.studies.identification.identified import ChannelFit, Identification
 from alf_ros.studies.identification.least_squares_fit import (
     COARSE,
     FINE,
-    ROUGH,
     LeastSquaresFit,
     Shared,
     Solution,
@@ -177,7 +176,7 @@ class _Work:
         windows, levels, begun = [self._fitted[n] for n in chosen], self._levels, list(free)
         fit = self._fit(windows)
         try:
-            found = fit.solve(shared, [free[n] for n in chosen], self._told, ROUGH)
+            found = fit.solve(shared, [free[n] for n in chosen], self._told, COARSE)
             residuals = self._residuals(fit, windows, found.free, found.shared)
             self._relevel(residuals, found.free, shared.begin.size)
             begins = [begin_of(self._fitted[n], _BEGIN, self._runs.h) for n in others]

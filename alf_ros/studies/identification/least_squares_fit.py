@@ -25,7 +25,7 @@ from alf_ros.studies.identification.robust_loss import rooted
 from alf_ros.studies.identification.window import Window
 from alf_ros.studies.identification.window_runs import Misfit, WindowRuns, WindowStart
 
-FINE, COARSE, ROUGH = 1e-7, 1e-3, 1e-2  # relative change of ½ Σ φ² at which a fit ends
+FINE, COARSE = 1e-6, 1e-3  # relative change of ½ Σ φ² at which a fit ends
 UNSEEN = 1e3  # times the size: the deviation that holds what nothing sees
 _MOST = 60  # evaluations of a fit
 # a jacobian serves again where it has told the change of the residuals since but for this part,
