@@ -106,6 +106,16 @@ class Linearised:
         masses, directions = np.linalg.eigh(V.T @ MV)
         return np.asarray(V @ directions[:, masses < MASSLESS * model.system.mean])
 
+    def _slip_of(self, phi: Floats, rank: int) -> Floats:
+        """(rows,) slip of rolling rows that gaps `phi` of rows that depend on them go with: the
+        combinations of rows that vanish have no gap then."""
+        found = np.zeros_like(phi)
+        rolling = self.model.row >= phi.size - self.model.system.rows.velocity
+        lost = self._decomposed[0][:, rank:]
+        if rolling.any() and lost.size:
+            found[rolling] = -np.linalg.lstsq(lost[rolling].T, lost.T @ phi, rcond=1e-6)[0]
+        return found
+
     def closed(self, step: Floats, rank: int) -> Linearised | None:
         """The position nearest to q + step (n, m) where Φ = 0, or None if it is not found.
 
@@ -129,7 +139,8 @@ class Linearised:
             s = s[:rank]
             soft = s / (s**2 + (1e-8 * s.max(initial=0.0)) ** 2)
             q = at.q.copy()
-            q[:n] -= Vt[:rank].T @ (soft * (U[:, :rank].T @ at.phi))
+            gaps = at.phi + tangent._slip_of(at.phi, rank)
+            q[:n] -= Vt[:rank].T @ (soft * (U[:, :rank].T @ gaps))
             at = Linearised(self.model, q)
         return at if np.abs(at.phi).max(initial=0.0) < 1e-9 * size else None
 

@@ -304,3 +304,19 @@ def test_without_matplotlib_it_answers_all_the_same(tmp_path: Path) -> None:
     done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert 'no picture' in done.stderr and '\nsound\n' in done.stdout
+
+
+def test_wheels_that_depend_on_each_other_are_closed_at_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A gap that rolling rows would hold is closed with slip, in a few decompositions."""
+    simulation = Simulation(load_scene('wheeled_robot'))
+    here = Linearised(simulation.model, simulation.state.q)
+    assert here.rank < here.phi.size
+    counted, svd = [], np.linalg.svd
+    monkeypatch.setattr(np.linalg, 'svd', lambda matrix: counted.append(0) or svd(matrix))
+    for direction in here.free.T:
+        counted.clear()
+        there = here.closed(0.05 * simulation.model.size * direction, here.rank)
+        assert there is not None and np.abs(there.phi).max() < 1e-12 * simulation.model.size
+        assert len(counted) < 6

@@ -131,7 +131,7 @@ class _Work:
         self._relevel(before, starts, 0)
         for n, own in zip(chosen, starts, strict=True):
             free[n] = own
-        solution = self._rounds(*self._from(chosen, shared, free))
+        solution = self._rounds(*self._begun(chosen, shared, free))
         fit = self._fit(self._fitted)
         after = self._residuals(fit, self._fitted, solution.free, solution.shared)
         held = self._fit(self._away)
@@ -165,7 +165,7 @@ class _Work:
         few = count // _PART if count >= _MANY else count
         return [(2 * k + 1) * count // (2 * few) for k in range(few)]
 
-    def _from(
+    def _begun(
         self, chosen: Sequence[int], shared: Shared, free: Sequence[Floats]
     ) -> tuple[Shared, Sequence[Floats]]:
         """Where the fit of all windows begins: at the fit of a few, if it is one."""
