@@ -202,6 +202,8 @@ class _Work:
             residuals = self._residuals(fit, self._fitted, solution.free, solution.shared)
             shared, free = replace(shared, begin=solution.shared), solution.free
             self._relevel(residuals, free, shared.begin.size)
+            if not solution.settled:
+                break
             if round_ > 1 and np.allclose(self._levels, levels, rtol=_STEADY, atol=0.0):
                 break
         return solution

@@ -31,6 +31,12 @@ _MOST = 60  # evaluations of a fit
 # a jacobian serves again where it has told the change of the residuals since but for this part,
 _BENT = 1e-2
 _NEAR = 2.0  # or where the square of the change is as much as that of so many residuals
+_STALLED = 1e-2  # part of ½ Σ φ² that a step would gain where there is none: the runs jump
+_ROUNDING = 1e-6  # of a number: as far from a bound, or as much as a change
+_JUMPS = (
+    'no step makes the sum of squares smaller, although it has a slope: the runs of a window jump '
+    'there, as beside a position that they pass or turn back from; a shorter window may help'
+)
 _ENDS = {  # by the status of scipy
     0: f'{_MOST} evaluations were not enough',
     1: 'the sum of squares has no slope',
@@ -115,10 +121,12 @@ class LeastSquaresFit:
             self.evaluations += tried.count
             return Solution(found.x[:P], tuple(problem.starts(found.x)), _ENDS[2], True)
         self.evaluations += tried.count
-        reason = _ENDS[done.status]
+        reason, settled = _ENDS[done.status], done.status > 0
+        if settled and _is_stalled(done.fun, done.jac, done.x, lower, upper, P):
+            reason, settled = _JUMPS, False
         if tried.failure is not None and done.status <= 0:
             reason += f'; the last failure of a run: {tried.failure}'
-        return Solution(done.x[:P], tuple(problem.starts(done.x)), reason, done.status > 0)
+        return Solution(done.x[:P], tuple(problem.starts(done.x)), reason, settled)
 
     def starts(self, shared: Floats, free: Sequence[Floats]) -> tuple[Floats, ...]:
         """The best start of each window with shared numbers that stay, one window at a time.
@@ -297,12 +305,27 @@ class _Problem:
         return found
 
 
+def _is_stalled(value: Floats, J: Floats, x: Floats, lower: Floats, upper: Floats, P: int) -> bool:
+    """Whether a step inside the bounds, that changes one of the P first numbers by more than
+    rounding, would make ½ |value|² much smaller."""
+    inside = np.minimum(x - lower, upper - x) > _ROUNDING * np.abs(x)
+    if best_gain(value, J[:, inside]) <= _STALLED * 0.5 * float(value @ value):
+        return False
+    step = np.zeros(x.size)
+    step[inside] = best_step(value, J[:, inside])
+    return bool((np.abs(step[:P]) > _ROUNDING * np.abs(x[:P])).any())
+
+
+def best_step(value: Floats, J: Floats) -> Floats:
+    """The step without limits that makes ½ |value + J step|² least."""
+    norm = np.linalg.norm(J, axis=0)
+    norm[norm == 0.0] = 1.0
+    return np.asarray(np.linalg.lstsq(J / norm, -value, rcond=None)[0] / norm)
+
+
 def best_gain(value: Floats, J: Floats) -> float:
     """By how much a step without limits makes ½ |value + J step|² smaller."""
-    norm = np.linalg.norm(J, axis=0)
-    scaled = J / np.where(norm > 0.0, norm, 1.0)
-    step = np.linalg.lstsq(scaled, -value, rcond=None)[0]
-    return 0.5 * float(np.sum((scaled @ step) ** 2))
+    return 0.5 * float(np.sum((J @ best_step(value, J)) ** 2))
 
 
 def compressed(value: Floats, J: Floats) -> Floats:
