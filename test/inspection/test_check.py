@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -313,8 +314,14 @@ def test_wheels_that_depend_on_each_other_are_closed_at_once(
     simulation = Simulation(load_scene('wheeled_robot'))
     here = Linearised(simulation.model, simulation.state.q)
     assert here.rank < here.phi.size
-    counted, svd = [], np.linalg.svd
-    monkeypatch.setattr(np.linalg, 'svd', lambda matrix: counted.append(0) or svd(matrix))
+    counted: list[Any] = []
+    svd = np.linalg.svd
+
+    def counting(matrix: Any) -> Any:
+        counted.append(matrix)
+        return svd(matrix)
+
+    monkeypatch.setattr(np.linalg, 'svd', counting)
     for direction in here.free.T:
         counted.clear()
         there = here.closed(0.05 * simulation.model.size * direction, here.rank)
