@@ -1,6 +1,6 @@
 """Whether fixed steps that are too long are reported, over the library.
 
-    .venv/bin/python benchmark/coarse_steps.py [--runs 1000] [--seed 1]
+    .venv/bin/python benchmark/coarse_steps.py [--runs 2000] [--seed 1]
 
 Each run takes a random scene, a random step between 1 ms and 0.3 s and 3 to 300 of them, with each
 integrator of fixed steps. Positions are compared with a run of `dop853_adaptive` at a tolerance of
@@ -99,7 +99,7 @@ def compared(simulation: Simulation, exact: list[Floats]) -> tuple[float, bool]:
 def main() -> None:
     """Run the comparison and write the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--runs', type=int, default=1000)
+    parser.add_argument('--runs', type=int, default=2000)
     parser.add_argument('--seed', type=int, default=1)
     options = parser.parse_args()
     random, counts = np.random.default_rng(options.seed), [Counts(each) for each in INTEGRATORS]

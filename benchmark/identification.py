@@ -6,7 +6,9 @@ Each refit is of a recording with other noise. Bias: the mean of (estimate - tru
 with its own deviation, 1 / √refits. Coverage: the part of the 95 % intervals that contain the
 truth, and between which values it is in 19 of 20 campaigns if the intervals hold. Named: the part
 of the refits in which exactly the numbers that no recording of the case tells are reported as not
-determined. Times are processor times of one process, with all preparation except the compilation.
+determined. Far: the part in which a number is more than four deviations from the truth. Times are
+of all preparation except the compilation: of the processor, and by the clock, in which windows run
+on all cores.
 
 Every refit goes into the store (default: logs/identification_refits.jsonl). A campaign that is
 called again continues; `--write` makes benchmark/results/identification.csv of the store.
@@ -46,6 +48,7 @@ STORE = ROOT / 'logs' / 'identification_refits.jsonl'
 RESULTS = ROOT / 'benchmark' / 'results' / 'identification.csv'
 WIDE = 1.959963984540054
 TIMES = 'seconds', 'clock'
+FAR = 4.0  # deviations
 
 DELTA: dict[str, Any] = {
     'name': 'delta',
@@ -263,6 +266,11 @@ def campaign(names: list[str], refits: int, workers: int, store: Path) -> None:
             print(file=sys.stderr)
 
 
+def known_z(refits: list[dict[str, Any]]) -> np.ndarray[Any, Any]:
+    """(refits, numbers) z, zero where a number is not determined."""
+    return np.nan_to_num(np.array([each['z'] for each in refits], dtype=float))
+
+
 def rows(store: Path) -> Iterator[dict[str, str]]:
     """A row for each number of each case."""
     found: dict[str, dict[int, dict[str, Any]]] = {}
@@ -287,6 +295,7 @@ def rows(store: Path) -> Iterator[dict[str, str]]:
                 'coverage': f'{(np.abs(z) < WIDE).mean():.3f}' if told else '',
                 'coverage_expected': f'{low:.3f} to {high:.3f}' if told else '',
                 'named': f'{np.mean([each["named"] for each in mine]):.3f}',
+                'far': f'{(np.abs(known_z(mine)) > FAR).any(axis=1).mean():.3f}',
                 'settled': f'{np.mean([each["settled"] for each in mine]):.3f}',
                 'cpu_s': f'{np.median(seconds):.3g}' if seconds else '',
                 'clock_s': f'{np.median(clock):.3g}' if clock else '',
@@ -308,6 +317,7 @@ def main() -> None:
         told += f'({row["coverage_expected"]})'
         if not row['bias']:
             told = f'not determined, named in {row["named"]}'
+        told += f', far in {row["far"]}'
         times = f'{row["cpu_s"]} s of processor, {row["clock_s"]} s by the clock'
         print(f'{row["case"]}, {row["refits"]} refits: {row["number"]:24} {told}, {times}')
     if options.write and table:

@@ -142,9 +142,8 @@ class ParameterSlopes:
         self._here, self._solver = here, replace(solver, accuracy=None)
         self._beside: dict[float, Neighbour] = {}
         self._by_effort: dict[str, Floats] = {}
-        self._is_of_effects = (
-            overrides.section(here.scene, name) == 'effects'
-        )  # so of nothing else
+        # such a number changes nothing but the data of effects
+        self._is_of_effects = overrides.section(here.scene, name) == 'effects'
 
     def __getstate__(self) -> dict[str, Any]:
         """Without the neighbours, which are made again if they are needed."""

@@ -25,7 +25,7 @@ STEPS = np.array([0, 1, 2, 30, 31, 47, 60])
     ],
 )
 def test_a_trail_has_the_states_of_single_steps(name: str, settings: dict[str, Any]) -> None:
-    """Bit for bit, through singular positions, also where these are watched for; with efforts."""
+    """To rounding, through singular positions, also where these are watched for; with efforts."""
     scene = load_scene(name)
     alone, along = (Simulation(scene, **settings) for _ in range(2))
     joint = along.model.coordinate_names[0]

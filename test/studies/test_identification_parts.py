@@ -14,7 +14,7 @@ from alf_ros.scene import overrides
 from alf_ros.simulation.state_trail import StateArrays
 from alf_ros.studies.identification.identifiability import beside, known
 from alf_ros.studies.identification.joint_readings import JointReadings
-from alf_ros.studies.identification.least_squares_fit import _is_stalled, best_gain, compressed
+from alf_ros.studies.identification.least_squares_fit import best_gain, compressed, is_stalled
 from alf_ros.studies.identification.posture_track import PostureTrack
 from alf_ros.studies.identification.residual_tests import whiteness
 from alf_ros.studies.identification.robust_loss import NAMES, rooted, spread
@@ -246,14 +246,14 @@ def test_whiteness() -> None:
         assert 0.35 < float(np.mean(np.array(values) > 0.5)) < 0.65
 
 
-def test_a_fit_that_ends_on_a_slope_is_stalled() -> None:
+def test_a_fit_that_ends_on_a_slopeis_stalled() -> None:
     """Not at a minimum, not at a bound that holds it, not where only rounding is left."""
     J, x = np.array([[1.0, 0.0], [0.0, 2.0], [1.0, 1.0]]), np.array([1.0, 3.0])
     free, low = np.full(2, np.inf), np.array([1.0, -np.inf])
     across = np.array([-2.0, -1.0, 2.0])  # Jᵀ across = 0
     assert np.abs(J.T @ across).max() == 0.0
-    assert not _is_stalled(across, J, x, -free, free, 2)
+    assert not is_stalled(across, J, x, -free, free, 2)
     slope = across + J @ np.array([0.5, 0.0])
-    assert _is_stalled(slope, J, x, -free, free, 2)
-    assert not _is_stalled(slope, J, x, low, free, 2)
-    assert not _is_stalled(1e-9 * slope, J, x, -free, free, 2)
+    assert is_stalled(slope, J, x, -free, free, 2)
+    assert not is_stalled(slope, J, x, low, free, 2)
+    assert not is_stalled(1e-9 * slope, J, x, -free, free, 2)

@@ -122,7 +122,7 @@ class LeastSquaresFit:
             return Solution(found.x[:P], tuple(problem.starts(found.x)), _ENDS[2], True)
         self.evaluations += tried.count
         reason, settled = _ENDS[done.status], done.status > 0
-        if settled and _is_stalled(done.fun, done.jac, done.x, lower, upper, P):
+        if settled and is_stalled(done.fun, done.jac, done.x, lower, upper, P):
             reason, settled = _JUMPS, False
         if tried.failure is not None and done.status <= 0:
             reason += f'; the last failure of a run: {tried.failure}'
@@ -305,7 +305,7 @@ class _Problem:
         return found
 
 
-def _is_stalled(value: Floats, J: Floats, x: Floats, lower: Floats, upper: Floats, P: int) -> bool:
+def is_stalled(value: Floats, J: Floats, x: Floats, lower: Floats, upper: Floats, P: int) -> bool:
     """Whether a step inside the bounds, that changes one of the P first numbers by more than
     rounding, would make ½ |value|² much smaller."""
     inside = np.minimum(x - lower, upper - x) > _ROUNDING * np.abs(x)
