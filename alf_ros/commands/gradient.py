@@ -54,4 +54,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     for name, slope in found.by.items():
         value = overrides.number(scene, name)
         print(f'{name:{width}}  {value:14.6g}  {slope:16.9g}  {0.01 * value * slope:14.3g}')
+    if found.trouble:
+        print(f'the run is not resolved: {found.trouble}')
     return 0

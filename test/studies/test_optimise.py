@@ -236,6 +236,20 @@ def test_the_new_scene_repeats_the_objective(tmp_path: Path) -> None:
     assert 'minimise final(energy)' in report and 'nan' not in report
 
 
+def test_steps_that_are_too_long_are_told() -> None:
+    """Of the run of the best design."""
+    for step, told in ((1e-3, False), (5e-2, True)):
+        best = optimise(
+            four_bar(driven=False, step=step),
+            {'pin.viscous': [0.01, 1.0]},
+            'final(energy)',
+            duration=0.5,
+            period=0.1,
+        )
+        (note,) = best.notes or ('',)
+        assert ('its run is not resolved: steps of 0.05 s are too long' in note) == told
+
+
 def test_two_equal_peaks_are_told() -> None:
     """A motor turns a bob of weight m g against a steady effort T: its peak m g L + |T| has a kink
     at 0, its optimum, where the peaks on both sides are equal."""

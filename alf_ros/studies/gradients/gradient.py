@@ -32,13 +32,15 @@ _CALL = re.compile(r'(\w+)\((.+)\)')
 @dataclass(frozen=True)
 class Gradient:
     """`of`: the number, with its `value` and unit; `t`: the instant (s) that it belongs to, if it
-    is one. `by`: its derivatives by numbers of the scene, per unit of each."""
+    is one. `by`: its derivatives by numbers of the scene, per unit of each. `trouble`: steps of
+    the run that are too long, in words; or empty."""
 
     of: str
     value: float
     unit: str
     t: float | None
     by: Mapping[str, float]
+    trouble: str = ''
 
 
 class _Stretch(NamedTuple):
@@ -142,6 +144,7 @@ def _gradient(
             wanted = range(begin, leg.end + 1, every)
             for sample, step in zip(run.samples(wanted), wanted, strict=True):
                 values[step] = number.value(sample)
+    trouble = simulation.sample().diagnostics.trouble
     at = np.array(list(values))
     found = fold(at * simulation.h, np.array(list(values.values())))
     if not math.isfinite(found.value):
@@ -152,9 +155,8 @@ def _gradient(
         if weight != 0.0
     }
     slopes = run.derivatives(number, weights) if weights else np.zeros(len(names))
-    return Gradient(
-        of, found.value, number.unit, found.t, dict(zip(names, slopes.tolist(), strict=True))
-    )
+    derivatives = dict(zip(names, slopes.tolist(), strict=True))
+    return Gradient(of, found.value, number.unit, found.t, derivatives, trouble)
 
 
 def _objective(

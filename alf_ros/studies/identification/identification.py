@@ -18,28 +18,32 @@ from alf_ros.studies.identification.identified import ChannelFit, Identification
 from alf_ros.studies.identification.least_squares_fit import (
     COARSE,
     FINE,
+    ROUGH,
     LeastSquaresFit,
     Shared,
     Solution,
 )
 from alf_ros.studies.identification.posture_track import PostureTrack
-from alf_ros.studies.identification.recording import Recording
+from alf_ros.studies.identification.recording import MeasuredChannel, Recording
 from alf_ros.studies.identification.recording_reader import Topics, read_recording
 from alf_ros.studies.identification.residual_tests import whiteness
 from alf_ros.studies.identification.shared_numbers import (
     DELAY,
-    LONGEST_DELAY,
     Pair,
     names_to_fit,
+    near_margin,
     shared_numbers,
+    widest_margin,
+    within_margin,
 )
-from alf_ros.studies.identification.window import Window, begin_of, cut
+from alf_ros.studies.identification.window import Window, begin_of, cut, with_margin
 from alf_ros.studies.identification.window_residuals import WindowResiduals
 from alf_ros.studies.identification.window_runs import WindowRuns
 
 _ROUNDS = 4  # fits, each with the noise that the one before has found
 _STEADY = 0.02  # relative change of the noise that needs no other round
 _BEGIN = 0.2  # of a window, from which its start is found then
+_AT_BOUND = 1e-6  # of a bound
 _PART, _MANY = 5, 15  # of so many windows and more, one of five is fitted before all
 Report = Callable[[str], None]
 
@@ -92,13 +96,12 @@ def identify(
     channels = [(n, channel) for n, each in enumerate(read) for channel in each.channels]
     each_channel = [channel for _, channel in channels]
     runs = WindowRuns(loaded, names, each_channel, late)
-    margin = LONGEST_DELAY if late else 0.0
-    windows = cut(read, channels, length, runs.h, part, margin)
+    windows = cut(read, channels, length, runs.h, part, widest_margin(shared, late))
     windows = _tracked(runs, read, windows)
     levels = noise_levels.first_levels(each_channel, given)
-    fitted, away = ([w for w in windows if w.kept_away == flag] for flag in (False, True))
-    say(f'{len(fitted)} windows to fit, {len(away)} kept away, {len(names)} numbers')
-    work = _Work(runs, fitted, away, levels, loss, given, say)
+    away = sum(w.kept_away for w in windows)
+    say(f'{len(windows) - away} windows to fit, {away} kept away, {len(names)} numbers')
+    work = _Work(runs, channels, windows, levels, loss, given, say)
     return work.identified(loaded, read, shared)
 
 
@@ -108,14 +111,16 @@ class _Work:
     def __init__(
         self,
         runs: WindowRuns,
-        fitted: Sequence[Window],
-        away: Sequence[Window],
+        channels: Sequence[tuple[int, MeasuredChannel]],
+        windows: Sequence[Window],
         levels: Floats,
         loss: str,
         given: Mapping[str, float],
         say: Report,
     ) -> None:
-        self._runs, self._fitted, self._away = runs, fitted, away
+        self._runs, self._measured = runs, channels
+        self._fitted = [w for w in windows if not w.kept_away]
+        self._away = [w for w in windows if w.kept_away]
         self._levels, self._loss, self._given, self._say = levels, loss, given, say
         self.evaluations = 0
 
@@ -126,12 +131,12 @@ class _Work:
         chosen, free = self._chosen(), [_free(w) for w in self._fitted]
         windows = [self._fitted[n] for n in chosen]
         fit = self._fit(windows)
-        starts = fit.starts(shared.begin, [free[n] for n in chosen])
+        starts = fit.starts(shared.begin, [free[n] for n in chosen], COARSE)
         before = self._residuals(fit, windows, starts, shared.begin)
         self._relevel(before, starts, 0)
         for n, own in zip(chosen, starts, strict=True):
             free[n] = own
-        solution = self._rounds(*self._begun(chosen, shared, free))
+        place, solution = self._rounds(*self._begun(chosen, shared, free))
         fit = self._fit(self._fitted)
         after = self._residuals(fit, self._fitted, solution.free, solution.shared)
         held = self._fit(self._away)
@@ -143,7 +148,8 @@ class _Work:
             names=tuple(names),
             values=solution.shared,
             before=shared.begin,
-            knowledge=self._known(fit, shared, solution, names),
+            knowledge=self._known(fit, shared, place, names),
+            place=place.shared,
             channels=self._channels(before, after, held_after),
             fitted_scene=runs.at(solution.shared[: len(runs.names)]),
             recordings=tuple(recordings),
@@ -154,6 +160,7 @@ class _Work:
             settled=solution.settled,
             reason=solution.reason,
             at_bounds=_at_bounds(shared, solution.shared, names),
+            trouble=after.trouble,
             runs=runs,
         )
 
@@ -176,14 +183,14 @@ class _Work:
         windows, levels, begun = [self._fitted[n] for n in chosen], self._levels, list(free)
         fit = self._fit(windows)
         try:
-            found = fit.solve(shared, [free[n] for n in chosen], self._told, COARSE)
+            found = fit.solve(shared, [free[n] for n in chosen], self._told, ROUGH)
             residuals = self._residuals(fit, windows, found.free, found.shared)
             self._relevel(residuals, found.free, shared.begin.size)
             begins = [begin_of(self._fitted[n], _BEGIN, self._runs.h) for n in others]
             near = self._fit(begins).nearer_starts(found.shared, [free[n] for n in others])
             for n, own in zip((*chosen, *others), (*found.free, *near), strict=True):
                 begun[n] = own
-            self._fit(self._fitted).plain(begun, found.shared)
+            self._fit(self._fitted).differentiate(begun, found.shared)
         except StoppedError:
             raise
         except AlfError:
@@ -192,7 +199,9 @@ class _Work:
         self.evaluations += fit.evaluations
         return replace(shared, begin=found.shared), begun
 
-    def _rounds(self, shared: Shared, free: Sequence[Floats]) -> Solution:
+    def _rounds(self, shared: Shared, free: Sequence[Floats]) -> tuple[Solution, Solution]:
+        """Where the derivatives are taken at last, and the result of the last step from there."""
+        asked, margin = shared, np.inf
         for round_ in range(1, _ROUNDS + 1):
             fit = self._fit(self._fitted)
             tolerance = COARSE if round_ == 1 else FINE
@@ -204,9 +213,25 @@ class _Work:
             self._relevel(residuals, free, shared.begin.size)
             if not solution.settled:
                 break
-            if round_ > 1 and np.allclose(self._levels, levels, rtol=_STEADY, atol=0.0):
-                break
-        return solution
+            steady = np.allclose(self._levels, levels, rtol=_STEADY, atol=0.0)
+            delay = abs(float(shared.begin[-1])) if self._runs.delay else 0.0
+            if delay >= (1.0 - _AT_BOUND) * margin:  # the motion is longer out of sight again
+                margin = widest_margin(asked, True)
+            elif round_ == 1 and self._runs.delay:
+                margin = near_margin(asked, delay)
+            elif round_ > 1 and steady:
+                finished = fit.finished(solution, shared)
+                if finished is not None:
+                    return solution, finished
+            if self._runs.delay:
+                shared = replace(within_margin(asked, margin), begin=shared.begin)
+                self._leave_out(margin)
+        return solution, solution
+
+    def _leave_out(self, margin: float) -> None:
+        """What windows measure then, with so much (s) left out at their ends."""
+        for windows in (self._fitted, self._away):
+            windows[:] = [with_margin(w, self._measured, self._runs.h, margin) for w in windows]
 
     def _told(self, evaluations: int, cost: float) -> None:
         self._say(f'{self.evaluations + evaluations} evaluations, cost {cost:.6g}')
@@ -298,7 +323,7 @@ def _free(window: Window) -> Floats:
 
 
 def _at_bounds(shared: Shared, found: Floats, names: Sequence[str]) -> tuple[str, ...]:
-    near = 1e-6 * np.maximum(np.abs(found), 1e-300)
+    near = _AT_BOUND * np.maximum(np.abs(found), 1e-300)
     at = (found - shared.lower <= near) | (shared.upper - found <= near)
     return tuple(name for name, yes in zip(names, at.tolist(), strict=True) if yes)
 

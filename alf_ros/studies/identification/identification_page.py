@@ -60,6 +60,8 @@ def _about(found: Identification) -> str:
         ('evaluations', str(found.evaluations)),
         ('ended', found.reason if found.settled else f'not settled: {found.reason}'),
     ]
+    if found.trouble:
+        rows.append(('not resolved', found.trouble))
     unused = [name for each in found.recordings for name in each.unused]
     if unused:
         rows.append(('recorded, not used', ', '.join(unused)))

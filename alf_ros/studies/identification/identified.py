@@ -52,9 +52,11 @@ class ChannelFit:
 class Identification:
     """Numbers of a scene from recordings. The last name is 'delay' (s) if it was fitted.
 
-    values, before (P,): found, and in the scene. `scene` as it was, `fitted_scene` with the new
-    numbers. `settled`: whether the fit ended by itself, `reason`: why it did; `at_bounds`: numbers
-    that ended at a bound, whose intervals mean nothing. starts: free numbers of each fitted
+    values, before (P,): found, and in the scene; place (P,): where the derivatives are taken, half
+    a deviation from the values or less. `scene` as it was, `fitted_scene` with the new numbers.
+    `settled`: whether the fit ended by itself, `reason`: why it did; `at_bounds`: numbers
+    that ended at a bound, whose intervals mean nothing. `trouble`: steps of the runs that are too
+    long, in words; empty if all are resolved. starts: free numbers of each fitted
     window, of which `windows` has the meaning.
     """
 
@@ -63,6 +65,7 @@ class Identification:
     values: Floats
     before: Floats
     knowledge: Knowledge
+    place: Floats
     channels: tuple[ChannelFit, ...]
     fitted_scene: Scene
     recordings: tuple[Recording, ...]
@@ -73,6 +76,7 @@ class Identification:
     settled: bool
     reason: str
     at_bounds: tuple[str, ...]
+    trouble: str
     runs: WindowRuns = field(repr=False)
 
     @property
@@ -137,7 +141,7 @@ class Identification:
             self.runs,
             self.recordings,
             np.array([each.noise for each in self.channels]),
-            self.values,
+            self.place,
             self.knowledge,
             float(steps) * self.runs.h,
             LONGEST_DELAY if self.runs.delay else 0.0,
@@ -176,6 +180,8 @@ class Identification:
                 yield f'{recording.name} is damaged: {recording.damage}'
         if not self.settled:
             yield f'the fit has not settled: {self.reason}'
+        if self.trouble:
+            yield f'the runs are not resolved: {self.trouble}'
 
     def __str__(self) -> str:
         return '\n'.join(self.lines())

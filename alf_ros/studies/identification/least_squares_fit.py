@@ -16,6 +16,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from alf_ros.arrays import Floats
@@ -25,12 +26,16 @@ from alf_ros.studies.identification.robust_loss import rooted
 from alf_ros.studies.identification.window import Window
 from alf_ros.studies.identification.window_runs import Misfit, WindowRuns, WindowStart
 
-FINE, COARSE = 1e-6, 1e-3  # relative change of ½ Σ φ² at which a fit ends
+# relative change of ½ Σ φ² at which a fit ends: the last one, one before others, one of a part
+FINE, COARSE, ROUGH = 1e-6, 1e-3, 1e-2
 UNSEEN = 1e3  # times the size: the deviation that holds what nothing sees
 _MOST = 60  # evaluations of a fit
+_SHORTENED = 8  # times that a step to a better start is made shorter
 # a jacobian serves again where it has told the change of the residuals since but for this part,
-_BENT = 1e-2
+_BENT = 0.1
 _NEAR = 2.0  # or where the square of the change is as much as that of so many residuals
+_SOLVED = 1e-3  # deviations: shared numbers that would move by less are not worth a step,
+_NEARLY = 0.5  # and those that move by less are not worth more than one
 _STALLED = 1e-2  # part of ½ Σ φ² that a step would gain where there is none: the runs jump
 _ROUNDING = 1e-6  # of a number: as far from a bound, or as much as a change
 _JUMPS = (
@@ -117,9 +122,10 @@ class LeastSquaresFit:
                 gtol=None,
                 max_nfev=_MOST,
             )
-        except _AtMinimum as found:
+        except _Ended as found:
             self.evaluations += tried.count
-            return Solution(found.x[:P], tuple(problem.starts(found.x)), _ENDS[2], True)
+            free = tuple(problem.starts(found.x))
+            return Solution(found.x[:P], free, found.reason, found.settled)
         self.evaluations += tried.count
         reason, settled = _ENDS[done.status], done.status > 0
         if settled and is_stalled(done.fun, done.jac, done.x, lower, upper, P):
@@ -128,42 +134,96 @@ class LeastSquaresFit:
             reason += f'; the last failure of a run: {tried.failure}'
         return Solution(done.x[:P], tuple(problem.starts(done.x)), reason, settled)
 
-    def starts(self, shared: Floats, free: Sequence[Floats]) -> tuple[Floats, ...]:
-        """The best start of each window with shared numbers that stay, one window at a time.
+    def starts(
+        self, shared: Floats, free: Sequence[Floats], tolerance: float = FINE
+    ) -> tuple[Floats, ...]:
+        """The best start of each window with shared numbers that stay, by Gauss-Newton steps that
+        are shortened where they gain nothing.
 
         Raises AlfError if a run cannot begin.
         """
-        return tuple(
-            self._start(window, own, shared)
-            for window, own in zip(self._windows, free, strict=True)
-        )
+        found = list(free)
+        going = [n for n, own in enumerate(found) if own.size]
+        for _ in range(_MOST):
+            steps = self._steps(found, going, shared, tolerance)
+            going = []
+            for _ in range(_SHORTENED):
+                tried = {n: found[n] + step for n, (step, _) in steps.items()}
+                costs = self._costs([(self._windows[n], x) for n, x in tried.items()], shared)
+                for (n, x), cost in zip(tried.items(), costs, strict=True):
+                    step, before = steps.pop(n)
+                    if cost < before:
+                        found[n] = x
+                        going.append(n)
+                    else:
+                        steps[n] = 0.25 * step, before
+                if not steps:
+                    break
+            if not going:
+                break
+        return tuple(found)
+
+    def _steps(
+        self, free: Sequence[Floats], going: Sequence[int], shared: Floats, tolerance: float
+    ) -> dict[int, tuple[Floats, float]]:
+        """Of the windows that are not at their best starts: a step there, and ½ Σ φ² here."""
+        starts, found = [(self._windows[n], free[n]) for n in going], {}
+        for n, start, misfit in zip(going, starts, self._by_starts(starts, shared), strict=True):
+            value, J = self.rooted(*start, misfit)
+            cost = 0.5 * float(value @ value)
+            if best_gain(value, J) > tolerance * cost:
+                found[n] = best_step(value, J), cost
+        return found
+
+    def _costs(self, starts: Sequence[WindowStart], shared: Floats) -> list[float]:
+        """½ Σ φ² of windows; infinite where a run fails."""
+        try:
+            misfits = self._misfits(starts, shared, False)
+        except StoppedError:
+            raise
+        except AlfError:
+            if len(starts) == 1:
+                return [np.inf]
+            return [cost for start in starts for cost in self._costs([start], shared)]
+        each = [
+            self.rooted(*start, misfit)[0] for start, misfit in zip(starts, misfits, strict=True)
+        ]
+        return [0.5 * float(value @ value) for value in each]
 
     def nearer_starts(self, shared: Floats, free: Sequence[Floats]) -> list[Floats]:
         """The starts of the windows a Gauss-Newton step nearer to the best ones."""
-        starts = list(zip(self._windows, free, strict=True))
+        starts = self._starts(free)
         found = []
         for (window, own), misfit in zip(starts, self._by_starts(starts, shared), strict=True):
-            value, J = self.rooted(window, own, misfit)
-            found.append(own - np.linalg.lstsq(J, value, rcond=None)[0])
+            found.append(own + best_step(*self.rooted(window, own, misfit)))
         return found
 
-    def _start(self, window: Window, free: Floats, shared: Floats) -> Floats:
-        def values(x: Floats) -> Floats:
-            (misfit,) = self._misfits([(window, x)], shared, False)
-            return self.rooted(window, x, misfit)[0]
-
-        def slopes(x: Floats) -> Floats:
-            (misfit,) = self._by_starts([(window, x)], shared)
-            return self.rooted(window, x, misfit)[1]
-
-        if not free.size:
-            return free
-        size = sum(part.t.size for part in window.measured) + free.size
-        tried = _Tried(values, size)
-        done = least_squares(
-            tried, free, slopes, x_scale='jac', ftol=1e-6, xtol=1e-6, gtol=None, max_nfev=_MOST
-        )
-        return np.asarray(done.x)
+    def finished(self, solution: Solution, shared: Shared) -> Solution | None:
+        """The solution after a last step, by the jacobians of the place where it is, which are
+        kept; None if it is not near the minimum. Raises AlfError."""
+        self.differentiate(solution.free, solution.shared)
+        sizes, P = [each.size for each in solution.free], self.numbers
+        problem = _Problem(self, self._windows, shared, sizes, FINE)
+        x = np.concatenate([solution.shared, *solution.free])
+        value, J = problem.linearised(x)
+        used = np.ones(x.size, dtype=bool)
+        used[:P] = _is_inside(solution.shared, shared.lower, shared.upper)
+        moved = np.sqrt(2.0 * best_gain(value, beside(J[:, P:], J[:, :P][:, used[:P]])))
+        if moved <= _SOLVED:
+            return solution
+        x[used] += best_step(value, J[:, used])
+        within = (shared.lower <= x[:P]).all() and (x[:P] <= shared.upper).all()
+        if moved > _NEARLY or not within:
+            return None
+        try:
+            after = problem.values(x)
+        except StoppedError:
+            raise
+        except AlfError:
+            return None
+        if not after @ after < value @ value:
+            return None
+        return replace(solution, shared=x[:P], free=tuple(problem.starts(x)))
 
     # ------------------------------------------------------------------------------------- windows
 
@@ -174,7 +234,14 @@ class LeastSquaresFit:
 
     def plain(self, free: Sequence[Floats], shared: Floats) -> list[Misfit]:
         """Of all windows, without jacobians."""
-        return self._misfits(list(zip(self._windows, free, strict=True)), shared, False)
+        return self._misfits(self._starts(free), shared, False)
+
+    def differentiate(self, free: Sequence[Floats], shared: Floats) -> None:
+        """Keep misfits with jacobians, for what asks next. Raises AlfError."""
+        self._misfits(self._starts(free), shared, True)
+
+    def _starts(self, free: Sequence[Floats]) -> list[WindowStart]:
+        return list(zip(self._windows, free, strict=True))
 
     def _misfits(
         self, starts: Sequence[WindowStart], shared: Floats, differentiated: bool
@@ -184,7 +251,8 @@ class LeastSquaresFit:
         return self._runs.misfits_at(values, starts, delay, most if differentiated else 0)
 
     def linearised(self, free: Sequence[Floats], shared: Floats) -> list[Misfit]:
-        """Of all windows, with jacobians: the last ones, if these hold. Raises AlfError."""
+        """Of all windows, with jacobians: the last ones, with the secants since, if these hold.
+        Raises AlfError."""
         now, found, told, bent = self.plain(free, shared), [], 0.0, 0.0
         for window, own, here in zip(self._windows, free, now, strict=True):
             last = self._runs.last(window)
@@ -192,16 +260,20 @@ class LeastSquaresFit:
                 break
             x, before = last
             noise = self._noise[here.channel]
-            change = before.jacobian @ (np.concatenate([shared, own]) - x)
+            moved = np.concatenate([shared, own]) - x
+            change = before.jacobian @ moved
             off = here.residuals - before.residuals - change
             told += float(np.sum((change / noise) ** 2))
             bent += float(np.sum((off / noise) ** 2))
-            found.append(replace(here, jacobian=before.jacobian))
+            found.append(replace(here, jacobian=_secant(before.jacobian, moved, off)))
         r = np.concatenate([each.residuals / self._noise[each.channel] for each in now])
         holds = told <= _NEAR * float(np.mean(r**2)) or bent <= _BENT**2 * told
         if len(found) == len(now) and holds:
+            delay, values = self._split(shared)
+            for (window, own), each in zip(self._starts(free), found, strict=True):
+                self._runs.keep_secant(values, window, own, delay, each)
             return found
-        return self._misfits(list(zip(self._windows, free, strict=True)), shared, True)
+        return self._misfits(self._starts(free), shared, True)
 
     def _by_starts(self, starts: Sequence[WindowStart], shared: Floats) -> list[Misfit]:
         """With jacobians by the starts alone."""
@@ -217,9 +289,14 @@ class LeastSquaresFit:
         """B⊥ (N, P) of each window, and its residuals (N,) in units of the noise: with jacobians
         of this very place, in which undetermined combinations vanish. Raises AlfError."""
         found = []
-        for misfit in self._misfits(list(zip(self._windows, free, strict=True)), shared, True):
+        misfits = self._misfits(self._starts(free), shared, True)
+        for window, misfit in zip(self._windows, misfits, strict=True):
             r, J = self.scaled(misfit)
-            found.append((beside(J[:, self.numbers :], J[:, : self.numbers]), r))
+            assert window.chart is not None
+            of_start = np.vstack([J[:, self.numbers :], window.chart.known])
+            of_numbers = np.zeros((len(of_start), self.numbers))
+            of_numbers[: len(J)] = J[:, : self.numbers]
+            found.append((beside(of_start, of_numbers), r))
         return found
 
     def scaled(self, misfit: Misfit) -> tuple[Floats, Floats]:
@@ -228,26 +305,34 @@ class LeastSquaresFit:
         return misfit.residuals / noise, misfit.jacobian / noise[:, None]
 
     def rooted(self, window: Window, free: Floats, misfit: Misfit) -> tuple[Floats, Floats]:
-        """φ and its derivatives, and behind them the start, held very weakly."""
+        """φ and its derivatives, and behind them what holds the start."""
         r, J = self.scaled(misfit)
         value, slope = rooted(self._loss, r)
         assert window.chart is not None
-        weak = 1.0 / (UNSEEN * self._size)
-        held = np.zeros((free.size, J.shape[1]))
+        weak, known = 1.0 / (UNSEEN * self._size), window.chart.known
+        held = np.zeros((free.size + len(known), J.shape[1]))
         if J.size:
-            held[:, J.shape[1] - free.size :] = weak * np.eye(free.size)
+            held[:, J.shape[1] - free.size :] = np.vstack([weak * np.eye(free.size), known])
         return (
-            np.concatenate([value, weak * (free - window.chart.free)]),
+            np.concatenate([value, weak * (free - window.chart.free), known @ free]),
             np.vstack([J * slope[:, None], held]),
         )
 
 
-class _AtMinimum(Exception):
-    """Ends a fit at x: no step would change the sum of squares."""
+def _secant(J: Floats, moved: Floats, off: Floats) -> Floats:
+    """The jacobian nearest to J that tells the change of residuals over `moved`, which J tells
+    but for `off` (Broyden); numbers count by what they change."""
+    weight = np.sum(J**2, axis=0) * moved
+    length = float(moved @ weight)
+    return J + np.outer(off, weight / length) if length > 0.0 else J
 
-    def __init__(self, x: Floats) -> None:
+
+class _Ended(Exception):
+    """Ends a fit at x, for this reason."""
+
+    def __init__(self, x: Floats, reason: str, settled: bool) -> None:
         super().__init__()
-        self.x = x
+        self.x, self.reason, self.settled = x, reason, settled
 
 
 class _Problem:
@@ -267,6 +352,7 @@ class _Problem:
     ) -> None:
         self._fit, self._windows, self._shared = fit, windows, shared
         self._tolerance = tolerance
+        self._last: Floats | None = None  # x of the last slopes
         self._P = fit.numbers
         self._edges = self._P + np.cumsum([0, *sizes])
         self._first = np.cumsum([0, *(1 + self._P + size for size in sizes)])  # row of a window
@@ -288,7 +374,23 @@ class _Problem:
         return found
 
     def slopes(self, x: Floats) -> Floats:
-        """Of the values. Raises _AtMinimum."""
+        """Of the values. Raises _Ended if no step would change the sum of squares, or if there
+        are no slopes but where the last ones were."""
+        try:
+            value, found = self.linearised(x)
+        except StoppedError:
+            raise
+        except AlfError as error:
+            if self._last is None:
+                raise
+            raise _Ended(self._last, f'no derivatives on the way: {error}', False) from None
+        if best_gain(value, found) <= self._tolerance * 0.5 * float(value @ value):
+            raise _Ended(x, _ENDS[2], True)
+        self._last = x.copy()
+        return found
+
+    def linearised(self, x: Floats) -> tuple[Floats, Floats]:
+        """The values and their slopes, but for a rotation of the rows of each window."""
         P, found, value = self._P, np.zeros((self.rows, x.size)), np.zeros(self.rows)
         starts = self.starts(x)
         misfits = self._fit.linearised(starts, x[:P])
@@ -300,20 +402,22 @@ class _Problem:
             value[at] = R[0, 0]
         found[self._first[-1] :, :P] = np.diag(self._shared.weight)
         value[self._first[-1] :] = (x[:P] - self._shared.mean) * self._shared.weight
-        if best_gain(value, found) <= self._tolerance * 0.5 * float(value @ value):
-            raise _AtMinimum(x)
-        return found
+        return value, found
 
 
 def is_stalled(value: Floats, J: Floats, x: Floats, lower: Floats, upper: Floats, P: int) -> bool:
     """Whether a step inside the bounds, that changes one of the P first numbers by more than
     rounding, would make ½ |value|² much smaller."""
-    inside = np.minimum(x - lower, upper - x) > _ROUNDING * np.abs(x)
+    inside = _is_inside(x, lower, upper)
     if best_gain(value, J[:, inside]) <= _STALLED * 0.5 * float(value @ value):
         return False
     step = np.zeros(x.size)
     step[inside] = best_step(value, J[:, inside])
     return bool((np.abs(step[:P]) > _ROUNDING * np.abs(x[:P])).any())
+
+
+def _is_inside(x: Floats, lower: Floats, upper: Floats) -> NDArray[np.bool_]:
+    return np.asarray(np.minimum(x - lower, upper - x) > _ROUNDING * np.abs(x))
 
 
 def best_step(value: Floats, J: Floats) -> Floats:

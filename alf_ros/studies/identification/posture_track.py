@@ -26,6 +26,8 @@ _ROUNDS = 12
 _NEAR_ENOUGH = 1e-6  # of the size: the fit goes on from there
 _KEEP = 1e-6  # weight of the directions that no joint tells
 _CLOSED = 1e-9
+_APART = 3  # measurements, between the two that give a speed
+_FAST = 3.0  # times the fastest that a joint is recorded: the deviation of its speed at a start
 _FAR = 0.5  # rad, or of the size: a joint that is off by more is another one
 
 
@@ -42,6 +44,8 @@ class PostureTrack:
         self._joints = np.array([n for n, _ in self._of], dtype=np.int64)
         self._readings = JointReadings(model, (), self._joints.tolist())
         self._angles = self._readings.is_angle
+        each = zip(self._of, self._angles, strict=True)
+        self._usual = np.array([_usual(c, bool(angle)) for (_, c), angle in each]).T
         self._times = np.unique(np.concatenate([c.t for _, c in self._of]))
         self._t: float | None = None
         self._q, self._turns = state.q, state.turns
@@ -64,7 +68,8 @@ class PostureTrack:
         moved[:n] = np.linalg.lstsq(J[:, :n], -J[:, n:] @ moved[n:], rcond=1e-9)[0]
         own = self._rate_of(moved)
         moved[:n] += Z @ _least(motion.dx[0] @ Z, rate - own)
-        return StartChart(self._model, t, whole, moved, self._turns.copy())
+        moves, speeds = (motion.dx[0] / each[:, None] for each in self._usual)
+        return StartChart(self._model, t, whole, moved, self._turns.copy(), moves, speeds)
 
     def _rate_of(self, qd: Floats) -> Floats:
         return self._read(self._q, qd).v[0]
@@ -185,6 +190,17 @@ def _parabola(channel: MeasuredChannel, t: float, turns: bool) -> tuple[float, f
         0
     ]
     return float(c[0]), float(c[1]) / scale if degree else 0.0
+
+
+def _usual(channel: MeasuredChannel, turns: bool) -> tuple[float, float]:
+    """By how much (rad or m) and how fast (per s) a start may be off and move: deviations from the
+    motion of the whole channel, infinite if it is not seen to move."""
+    values = np.unwrap(channel.values) if turns else channel.values
+    apart = min(_APART, values.size - 1)
+    moved = np.abs(values[apart:] - values[: values.size - apart])
+    passed = channel.t[apart:] - channel.t[: values.size - apart]
+    fastest = float((moved / passed).max(initial=0.0, where=passed > 0.0))
+    return float(np.ptp(values)) or np.inf, _FAST * fastest or np.inf
 
 
 def _least(A: Floats, off: Floats) -> Floats:

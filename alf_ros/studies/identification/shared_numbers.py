@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from alf_ros.studies.identification.least_squares_fit import Shared
 
 DELAY = 'delay'
 LONGEST_DELAY = 0.1  # s, either way
+_BEYOND = 0.01  # s, by which a delay may change that is known roughly
 _OTHER_SIGN = -1e-3  # of a number, to see whether a scene can have the other sign
 Pair = tuple[float, float]
 
@@ -84,6 +86,26 @@ def shared_numbers(
             )
     size = _sizes(np.array(begin), upper - lower, deviation)
     return Shared(np.array(begin), lower, upper, mean, deviation, size)
+
+
+def widest_margin(shared: Shared, delay: bool) -> float:
+    """What windows leave out at their ends (s), for any delay within its bounds."""
+    if not delay:
+        return 0.0
+    widest = float(np.abs([shared.lower[-1], shared.upper[-1]]).max())
+    return widest if np.isfinite(widest) else LONGEST_DELAY
+
+
+def near_margin(shared: Shared, delay: float) -> float:
+    """The same for delays (s) near this one."""
+    return min(widest_margin(shared, True), abs(delay) + _BEYOND)
+
+
+def within_margin(shared: Shared, margin: float) -> Shared:
+    """With bounds of the delay within a margin (s)."""
+    lower, upper = shared.lower.copy(), shared.upper.copy()
+    lower[-1], upper[-1] = max(lower[-1], -margin), min(upper[-1], margin)
+    return replace(shared, lower=lower, upper=upper)
 
 
 def _keeps_sign(scene: Scene, name: str, value: float) -> bool:

@@ -102,13 +102,7 @@ def _cut(
     edges = [begin + round(k * (end - begin) / count) for k in range(count + 1)]
     found = []
     for first, last in zip(edges, edges[1:], strict=False):
-        whole = last == edges[-1]
-        measured = tuple(
-            part
-            for n, channel in channels
-            if (part := _part(n, channel, first * h + margin, last * h - margin, whole))
-            is not None
-        )
+        measured = _measured(channels, first * h, last * h, margin, last == edges[-1])
         if not measured:
             raise InputError(
                 'too few measurements in a window',
@@ -119,6 +113,29 @@ def _cut(
             )
         found.append(Window(number, first, last, measured, recording.by_step(first, last, h)))
     return found
+
+
+def with_margin(
+    window: Window, channels: Sequence[tuple[int, MeasuredChannel]], h: float, margin: float
+) -> Window:
+    """The window with another `margin` (s), above 0; `channels` as for `cut`."""
+    own = [(n, each) for n, (of, each) in enumerate(channels) if of == window.recording]
+    return replace(window, measured=_measured(own, window.first * h, window.last * h, margin))
+
+
+def _measured(
+    channels: Sequence[tuple[int, MeasuredChannel]],
+    begin: float,
+    end: float,
+    margin: float,
+    whole: bool = True,
+) -> tuple[Measurements, ...]:
+    """Those of the channels with enough of them; `whole`: the end is in it."""
+    found = [
+        _part(n, channel, begin + margin, end - margin, whole or margin > 0.0)
+        for n, channel in channels
+    ]
+    return tuple(part for part in found if part is not None)
 
 
 def _part(

@@ -37,6 +37,15 @@ class WindowResiduals:
             for window in self._windows
         ]
 
+    @property
+    def trouble(self) -> str:
+        """Steps that are too long, in words, of the window where they are worst; or empty."""
+        found = [each.resolution() for each in self._misfits]
+        worst = max(
+            found, key=lambda each: (each.too_long, each.caution * each.error, each.crossing)
+        )
+        return worst.trouble(worst.adequate)
+
     def rms(self, channel: int) -> float:
         """Root of the mean square of a channel; NaN without windows."""
         whole = np.concatenate([np.zeros(0), *self.of(channel)])

@@ -20,6 +20,7 @@ from alf_ros.errors import InputError
 from alf_ros.scene import overrides
 from alf_ros.scene.scene import Scene, Solver
 from alf_ros.simulation.applied import NO_INPUTS
+from alf_ros.simulation.resolution import Resolution
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.simulation.state import State
 from alf_ros.simulation.state_direction import is_direction
@@ -40,11 +41,13 @@ class Misfit:
 
     residuals (N,), rad or m, per s; jacobian (N, P + delay + free numbers), of the free numbers
     alone or empty if nobody asked for more; channel (N,): the number of the channel of each.
+    resolution: of the steps of the run, computed when it is called.
     """
 
     residuals: Floats
     jacobian: Floats
     channel: Integers
+    resolution: Callable[[], Resolution]
 
 
 class WindowRuns:
@@ -74,6 +77,7 @@ class WindowRuns:
         self._measured = sorted({self._joints.index(each.joint) for each in self.channels})
         self._known: dict[tuple[int, bool], tuple[tuple[float, ...], list[Simulation]]] = {}
         self._found: dict[Any, tuple[Any, Misfit]] = {}  # the last of a window
+        self._secants: dict[Any, tuple[Any, Misfit]] = {}  # behind its last jacobian
 
     @property
     def numbers(self) -> int:
@@ -120,6 +124,8 @@ class WindowRuns:
         found = [next(made) if known is None else known for known in kept]
         for (window, free), each in zip(starts, found, strict=True):
             self._found[_place(window), directions > 0] = _at(values, delay, free), each
+            if directions:
+                self._secants.pop(_place(window), None)
         return found
 
     def by_starts(
@@ -169,8 +175,15 @@ class WindowRuns:
         known = self._found.get((_place(window), True))
         if known is None:
             return None
-        at, P = np.array(known[0]), len(self.names)
-        return (at if self.delay else np.delete(at, P)), known[1]
+        at, misfit = self._secants.get(_place(window), known)
+        x, P = np.array(at), len(self.names)
+        return (x if self.delay else np.delete(x, P)), misfit
+
+    def keep_secant(
+        self, values: Floats, window: Window, free: Floats, delay: float, misfit: Misfit
+    ) -> None:
+        """A misfit with an approximate jacobian, which `last` gives until there is a new one."""
+        self._secants[_place(window)] = _at(values, delay, free), misfit
 
     def misfit(self, simulation: Simulation, window: Window, free: Floats, delay: float) -> Misfit:
         """Of a window with a start; its jacobian, if the simulation has tangents. Raises AlfError
@@ -187,6 +200,7 @@ class WindowRuns:
             np.concatenate([residuals for residuals, _ in found]),
             np.concatenate([jacobian for _, jacobian in found])[:, :columns],
             np.repeat([each.channel for each in window.measured], count),
+            simulation._stepper.resolution_later(simulation._applied),
         )
 
     def state(self, simulation: Simulation, window: Window, free: Floats) -> State:
@@ -259,8 +273,9 @@ class WindowRuns:
         return residuals, slopes
 
 
-def _place(window: Window) -> tuple[int, int, int]:
-    return window.recording, window.first, window.last
+def _place(window: Window) -> tuple[int, ...]:
+    counts = [part.values.size for part in window.measured]
+    return window.recording, window.first, window.last, *counts
 
 
 def _at(values: Floats, delay: float, free: Floats) -> tuple[float, ...]:

@@ -16,6 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from alf_ros import kernel
 from alf_ros.arrays import Floats, Integers
@@ -92,9 +93,22 @@ class DenseRows:
 
 
 class StartChart:
-    """The free numbers of a state beside q₀, q̇₀ (blocks D) at t (s); turns (angles,)."""
+    """The free numbers of a state beside q₀, q̇₀ (blocks D) at t (s); turns (angles,).
 
-    def __init__(self, model: Model, t: float, q: Floats, qd: Floats, turns: Integers) -> None:
+    moves, speeds (rows, n): of a displacement of q from q₀, and of q̇, give what is known before:
+    normal numbers of deviation 1.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        t: float,
+        q: Floats,
+        qd: Floats,
+        turns: Integers,
+        moves: Floats | None = None,
+        speeds: Floats | None = None,
+    ) -> None:
         rows, n = DenseRows(model, t), model.n
         self.t, self.q, self.turns = t, q, turns
         M = mass_matrix(model)
@@ -103,6 +117,10 @@ class StartChart:
         self._held, self._going = np.asarray((M @ Y).T), np.asarray((M @ Z).T)
         self.positions, self.velocities = Y.shape[1], Z.shape[1]
         self.free = np.concatenate([np.zeros(self.positions), self._going @ qd[:n]])
+        nothing = np.zeros((0, n))
+        near = (nothing if moves is None else moves) @ Y
+        slow = (nothing if speeds is None else speeds) @ Z
+        self.known = block_diag(near, slow)  # (rows, free numbers): normal numbers likewise
 
     def start(
         self, model: Model, free: Floats, slopes: Sequence[Slopes] | None = None

@@ -83,11 +83,17 @@ class Designs:
         goals = (self.objective, *(limit.goal for limit in self.limits))
         return tuple(goal.value(motion) for goal in goals)
 
-    def equal_peaks(self, values: Floats) -> list[str]:
-        """The goals with a kink at a design, because two peaks are equal. Raises AlfError."""
+    def notes(self, values: Floats) -> list[str]:
+        """Conditions of the numbers of a design, one sentence each. Raises AlfError."""
         motion = self._motion(values)
         goals = (self.objective, *(limit.goal for limit in self.limits))
-        return [goal.text for goal in goals if goal.has_equal_peaks(motion)]
+        found = [
+            f'{goal.text} has two equal peaks: there it is not smooth, and the search may end '
+            'before the optimum'
+            for goal in goals
+            if goal.has_equal_peaks(motion)
+        ]
+        return found + ([f'its run is not resolved: {motion.trouble}'] if motion.trouble else [])
 
     def curves(self, values: Floats) -> list[DesignCurve]:
         """Of the objective and of each limited number. Raises AlfError."""

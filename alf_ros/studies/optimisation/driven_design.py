@@ -67,6 +67,11 @@ class DrivenDesign:
             found.append(self.simulation._sample(each.t, state, False))
         return found
 
+    @property
+    def trouble(self) -> str:
+        """None: no step is integrated."""
+        return ''
+
     @cached_property
     def displaced(self) -> DisplacedScenes:
         """The scenes beside it."""

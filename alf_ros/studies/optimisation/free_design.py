@@ -41,6 +41,11 @@ class FreeDesign:
             _ = self.samples[-1].tangents[name]
         self.t = np.array([sample.t for sample in self.samples])
 
+    @property
+    def trouble(self) -> str:
+        """Steps of the run that are too long, in words; or empty."""
+        return self.samples[-1].diagnostics.trouble
+
     @cached_property
     def displaced(self) -> DisplacedScenes:
         """The scenes beside it."""

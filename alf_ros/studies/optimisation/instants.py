@@ -46,6 +46,11 @@ class DesignMotion(Protocol):
         ...
 
     @property
+    def trouble(self) -> str:
+        """Steps of its run that are too long, in words; or empty."""
+        ...
+
+    @property
     def displaced(self) -> DisplacedScenes:
         """The scenes beside it."""
         ...

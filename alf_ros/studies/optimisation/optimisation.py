@@ -177,12 +177,7 @@ def _notes(study: Designs, row: StartedSearch, design: Design) -> list[str]:
         found.append(f'no design within the limits was found: {row.outside:.2%} outside')
     if not row.settled:
         found.append(f'the search has not settled: {row.reason}')
-    for text in study.equal_peaks(design.values):
-        found.append(
-            f'{text} has two equal peaks: there it is not smooth, and the search may end before '
-            'the optimum'
-        )
-    return found
+    return found + study.notes(design.values)
 
 
 # ---------------------------------------------------------------------------------- arguments
