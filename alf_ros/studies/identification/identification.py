@@ -229,7 +229,7 @@ class _Work:
         return solution, solution
 
     def _leave_out(self, margin: float) -> None:
-        """What windows measure then, with so much (s) left out at their ends."""
+        """Measurements as near (s) to the ends of windows are out of them from now on."""
         for windows in (self._fitted, self._away):
             windows[:] = [with_margin(w, self._measured, self._runs.h, margin) for w in windows]
 

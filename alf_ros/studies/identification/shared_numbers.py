@@ -89,7 +89,7 @@ def shared_numbers(
 
 
 def widest_margin(shared: Shared, delay: bool) -> float:
-    """What windows leave out at their ends (s), for any delay within its bounds."""
+    """The margin (s) at the ends of windows, for any delay within its bounds."""
     if not delay:
         return 0.0
     widest = float(np.abs([shared.lower[-1], shared.upper[-1]]).max())

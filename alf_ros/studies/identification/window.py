@@ -130,7 +130,7 @@ def _measured(
     margin: float,
     whole: bool = True,
 ) -> tuple[Measurements, ...]:
-    """Those of the channels with enough of them; `whole`: the end is in it."""
+    """The measurements of each channel with enough of them; `whole`: the end belongs to it."""
     found = [
         _part(n, channel, begin + margin, end - margin, whole or margin > 0.0)
         for n, channel in channels

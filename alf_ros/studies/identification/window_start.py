@@ -95,8 +95,8 @@ class DenseRows:
 class StartChart:
     """The free numbers of a state beside q₀, q̇₀ (blocks D) at t (s); turns (angles,).
 
-    moves, speeds (rows, n): of a displacement of q from q₀, and of q̇, give what is known before:
-    normal numbers of deviation 1.
+    moves, speeds (rows, n): priors; a displacement of q from q₀, and q̇, give normal numbers of
+    deviation 1.
     """
 
     def __init__(
@@ -120,7 +120,7 @@ class StartChart:
         nothing = np.zeros((0, n))
         near = (nothing if moves is None else moves) @ Y
         slow = (nothing if speeds is None else speeds) @ Z
-        self.known = block_diag(near, slow)  # (rows, free numbers): normal numbers likewise
+        self.known = block_diag(near, slow)  # (rows, free numbers): priors
 
     def start(
         self, model: Model, free: Floats, slopes: Sequence[Slopes] | None = None
