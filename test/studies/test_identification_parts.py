@@ -12,9 +12,10 @@ from alf_ros import Simulation, load_scene
 from alf_ros.arrays import Floats
 from alf_ros.scene import overrides
 from alf_ros.simulation.state_trail import StateArrays
+from alf_ros.studies.identification.gauss_newton import best_gain, compressed
 from alf_ros.studies.identification.identifiability import beside, known
 from alf_ros.studies.identification.joint_readings import JointReadings
-from alf_ros.studies.identification.least_squares_fit import best_gain, compressed, is_stalled
+from alf_ros.studies.identification.least_squares_fit import is_stalled
 from alf_ros.studies.identification.posture_track import PostureTrack
 from alf_ros.studies.identification.residual_tests import whiteness
 from alf_ros.studies.identification.robust_loss import NAMES, rooted, spread

@@ -18,9 +18,9 @@ from alf_ros.simulation.input_checks import number
 from alf_ros.studies.identification.candidate_motion import CandidateMotion
 from alf_ros.studies.identification.experiment_design import FurtherMotion
 from alf_ros.studies.identification.identifiability import Knowledge
-from alf_ros.studies.identification.least_squares_fit import LeastSquaresFit
 from alf_ros.studies.identification.posture_track import PostureTrack
 from alf_ros.studies.identification.recording import MeasuredChannel, Recording
+from alf_ros.studies.identification.weighed_windows import WeighedWindows
 from alf_ros.studies.identification.window import Window, cut
 from alf_ros.studies.identification.window_runs import WindowRuns, passed
 from alf_ros.studies.identification.window_start import StartChart
@@ -56,7 +56,7 @@ class DesignRuns:
         span = self._span(candidate, duration)
         try:
             windows = self._windows(runs, channels, candidate, span)
-            fit = LeastSquaresFit(runs, windows, noise, 'linear')
+            fit = WeighedWindows(runs, windows, noise, 'linear')
             own = [_free(w) for w in windows]
             parts = [B for B, _ in fit.information(own, self.values)]
         except StoppedError:

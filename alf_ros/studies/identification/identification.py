@@ -14,14 +14,15 @@ from alf_ros.errors import AlfError, InputError, StoppedError
 from alf_ros.scene.scene import Scene, load_scene
 from alf_ros.simulation.input_checks import by_name, number, text, truth
 from alf_ros.studies.identification import identifiability, noise_levels, robust_loss
+from alf_ros.studies.identification.best_starts import best_starts, nearer_starts
 from alf_ros.studies.identification.identified import ChannelFit, Identification
 from alf_ros.studies.identification.least_squares_fit import (
     COARSE,
     FINE,
     ROUGH,
-    LeastSquaresFit,
-    Shared,
     Solution,
+    finished,
+    solve,
 )
 from alf_ros.studies.identification.posture_track import PostureTrack
 from alf_ros.studies.identification.recording import MeasuredChannel, Recording
@@ -30,12 +31,14 @@ from alf_ros.studies.identification.residual_tests import whiteness
 from alf_ros.studies.identification.shared_numbers import (
     DELAY,
     Pair,
+    Shared,
     names_to_fit,
     near_margin,
     shared_numbers,
     widest_margin,
     within_margin,
 )
+from alf_ros.studies.identification.weighed_windows import WeighedWindows
 from alf_ros.studies.identification.window import Window, begin_of, cut, with_margin
 from alf_ros.studies.identification.window_residuals import WindowResiduals
 from alf_ros.studies.identification.window_runs import WindowRuns
@@ -131,7 +134,7 @@ class _Work:
         chosen, free = self._chosen(), [_free(w) for w in self._fitted]
         windows = [self._fitted[n] for n in chosen]
         fit = self._fit(windows)
-        starts = fit.starts(shared.begin, [free[n] for n in chosen], COARSE)
+        starts = best_starts(fit, shared.begin, [free[n] for n in chosen], COARSE)
         before = self._residuals(fit, windows, starts, shared.begin)
         self._relevel(before, starts, 0)
         for n, own in zip(chosen, starts, strict=True):
@@ -140,7 +143,7 @@ class _Work:
         fit = self._fit(self._fitted)
         after = self._residuals(fit, self._fitted, solution.free, solution.shared)
         held = self._fit(self._away)
-        held_free = held.starts(solution.shared, [_free(w) for w in self._away])
+        held_free = best_starts(held, solution.shared, [_free(w) for w in self._away], FINE)
         held_after = self._residuals(held, self._away, held_free, solution.shared)
         names = [*runs.names, DELAY] if runs.delay else list(runs.names)
         return Identification(
@@ -183,11 +186,11 @@ class _Work:
         windows, levels, begun = [self._fitted[n] for n in chosen], self._levels, list(free)
         fit = self._fit(windows)
         try:
-            found = fit.solve(shared, [free[n] for n in chosen], self._told, ROUGH)
+            found = solve(fit, shared, [free[n] for n in chosen], ROUGH, self._told)
             residuals = self._residuals(fit, windows, found.free, found.shared)
             self._relevel(residuals, found.free, shared.begin.size)
             begins = [begin_of(self._fitted[n], _BEGIN, self._runs.h) for n in others]
-            near = self._fit(begins).nearer_starts(found.shared, [free[n] for n in others])
+            near = nearer_starts(self._fit(begins), found.shared, [free[n] for n in others])
             for n, own in zip((*chosen, *others), (*found.free, *near), strict=True):
                 begun[n] = own
             self._fit(self._fitted).differentiate(begun, found.shared)
@@ -196,7 +199,7 @@ class _Work:
         except AlfError:
             self._levels = levels
             return shared, free
-        self.evaluations += fit.evaluations
+        self.evaluations += found.evaluations
         return replace(shared, begin=found.shared), begun
 
     def _rounds(self, shared: Shared, free: Sequence[Floats]) -> tuple[Solution, Solution]:
@@ -205,8 +208,8 @@ class _Work:
         for round_ in range(1, _ROUNDS + 1):
             fit = self._fit(self._fitted)
             tolerance = COARSE if round_ == 1 else FINE
-            solution = fit.solve(shared, free, self._told, tolerance)
-            self.evaluations += fit.evaluations
+            solution = solve(fit, shared, free, tolerance, self._told)
+            self.evaluations += solution.evaluations
             levels = self._levels
             residuals = self._residuals(fit, self._fitted, solution.free, solution.shared)
             shared, free = replace(shared, begin=solution.shared), solution.free
@@ -220,9 +223,9 @@ class _Work:
             elif round_ == 1 and self._runs.delay:
                 margin = near_margin(asked, delay)
             elif round_ > 1 and steady:
-                finished = fit.finished(solution, shared)
-                if finished is not None:
-                    return solution, finished
+                last = finished(fit, solution, shared)
+                if last is not None:
+                    return solution, last
             if self._runs.delay:
                 shared = replace(within_margin(asked, margin), begin=shared.begin)
                 self._leave_out(margin)
@@ -236,8 +239,8 @@ class _Work:
     def _told(self, evaluations: int, cost: float) -> None:
         self._say(f'{self.evaluations + evaluations} evaluations, cost {cost:.6g}')
 
-    def _fit(self, windows: Sequence[Window]) -> LeastSquaresFit:
-        return LeastSquaresFit(self._runs, windows, self._levels, self._loss)
+    def _fit(self, windows: Sequence[Window]) -> WeighedWindows:
+        return WeighedWindows(self._runs, windows, self._levels, self._loss)
 
     def _relevel(self, residuals: WindowResiduals, free: Sequence[Floats], numbers: int) -> None:
         whole, of = residuals.joined
@@ -248,7 +251,7 @@ class _Work:
 
     def _residuals(
         self,
-        fit: LeastSquaresFit,
+        fit: WeighedWindows,
         windows: Sequence[Window],
         free: Sequence[Floats],
         shared: Floats,
@@ -258,7 +261,7 @@ class _Work:
     # ------------------------------------------------------------------------------------- results
 
     def _known(
-        self, fit: LeastSquaresFit, shared: Shared, solution: Solution, names: Sequence[str]
+        self, fit: WeighedWindows, shared: Shared, solution: Solution, names: Sequence[str]
     ) -> identifiability.Knowledge:
         each = fit.information(solution.free, solution.shared)
         parts = [part for part, _ in each]

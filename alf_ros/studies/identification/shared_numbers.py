@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,13 +16,31 @@ from alf_ros.scene import overrides
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation.input_checks import is_number
 from alf_ros.simulation.tangent_following import checked_names
-from alf_ros.studies.identification.least_squares_fit import Shared
+from alf_ros.studies.identification.weighed_windows import UNSEEN
 
 DELAY = 'delay'
 LONGEST_DELAY = 0.1  # s, either way
 _BEYOND = 0.01  # s, by which a delay may change that is known roughly
 _OTHER_SIGN = -1e-3  # of a number, to see whether a scene can have the other sign
 Pair = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Shared:
+    """The shared numbers, of the scene and then the delay (s): where each begins, its
+    bounds, its prior: mean and standard deviation, which is infinite without one, and its size."""
+
+    begin: Floats
+    lower: Floats
+    upper: Floats
+    mean: Floats
+    deviation: Floats
+    size: Floats
+
+    @property
+    def weight(self) -> Floats:
+        """Of the difference to the mean, in the fit."""
+        return 1.0 / np.minimum(self.deviation, UNSEEN * self.size)
 
 
 def names_to_fit(fit: object) -> tuple[str, ...]:

@@ -1,0 +1,88 @@
+"""The starts of windows that fit best, with shared numbers that stay."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from alf_ros.arrays import Floats
+from alf_ros.errors import AlfError, StoppedError
+from alf_ros.studies.identification.gauss_newton import best_gain, best_step
+from alf_ros.studies.identification.weighed_windows import WeighedWindows
+from alf_ros.studies.identification.window_runs import WindowStart
+
+_MOST = 60  # steps
+_SHORTENED = 8  # times that a step is made shorter
+
+
+def best_starts(
+    windows: WeighedWindows, shared: Floats, free: Sequence[Floats], tolerance: float
+) -> tuple[Floats, ...]:
+    """The best start of each window with shared numbers that stay, by Gauss-Newton steps that
+    are shortened where they gain nothing.
+
+    Raises AlfError if a run cannot begin.
+    """
+    found = list(free)
+    going = [n for n, own in enumerate(found) if own.size]
+    for _ in range(_MOST):
+        steps = _steps(windows, found, going, shared, tolerance)
+        going = []
+        for _ in range(_SHORTENED):
+            tried = {n: found[n] + step for n, (step, _) in steps.items()}
+            costs = _costs(windows, [(windows.windows[n], x) for n, x in tried.items()], shared)
+            for (n, x), cost in zip(tried.items(), costs, strict=True):
+                step, before = steps.pop(n)
+                if cost < before:
+                    found[n] = x
+                    going.append(n)
+                else:
+                    steps[n] = 0.25 * step, before
+            if not steps:
+                break
+        if not going:
+            break
+    return tuple(found)
+
+
+def _steps(
+    windows: WeighedWindows,
+    free: Sequence[Floats],
+    going: Sequence[int],
+    shared: Floats,
+    tolerance: float,
+) -> dict[int, tuple[Floats, float]]:
+    """Of the windows that are not at their best starts: a step there, and ½ Σ φ² here."""
+    starts, found = [(windows.windows[n], free[n]) for n in going], {}
+    for n, start, misfit in zip(going, starts, windows.by_starts(starts, shared), strict=True):
+        value, J = windows.rooted(*start, misfit)
+        cost = 0.5 * float(value @ value)
+        if best_gain(value, J) > tolerance * cost:
+            found[n] = best_step(value, J), cost
+    return found
+
+
+def _costs(windows: WeighedWindows, starts: Sequence[WindowStart], shared: Floats) -> list[float]:
+    """½ Σ φ² of windows; infinite where a run fails."""
+    try:
+        misfits = windows.misfits(starts, shared, False)
+    except StoppedError:
+        raise
+    except AlfError:
+        if len(starts) == 1:
+            return [np.inf]
+        return [cost for start in starts for cost in _costs(windows, [start], shared)]
+    each = [
+        windows.rooted(*start, misfit)[0] for start, misfit in zip(starts, misfits, strict=True)
+    ]
+    return [0.5 * float(value @ value) for value in each]
+
+
+def nearer_starts(windows: WeighedWindows, shared: Floats, free: Sequence[Floats]) -> list[Floats]:
+    """The starts of the windows a Gauss-Newton step nearer to the best ones."""
+    starts = windows.begun(free)
+    found = []
+    for (window, own), misfit in zip(starts, windows.by_starts(starts, shared), strict=True):
+        found.append(own + best_step(*windows.rooted(window, own, misfit)))
+    return found
