@@ -85,14 +85,16 @@ class Budget:
         return self.estimate <= self.asked
 
 
-def pick(solver: Solver, made: Callable[[Solver], Trial]) -> Budget:
-    """The settings for the accuracy of `solver`, on its grid; `made` makes a run of the scene."""
-    return _Trials(solver, made).budget()
+def pick(solver: Solver, made: Callable[[Solver], Trial], explicit: bool = False) -> Budget:
+    """The settings for the accuracy of `solver`, on its grid; `made` makes a run of the scene;
+    `explicit`: among explicit integrators."""
+    return _Trials(solver, made, explicit).budget()
 
 
 class _Trials:
-    def __init__(self, solver: Solver, made: Callable[[Solver], Trial]) -> None:
+    def __init__(self, solver: Solver, made: Callable[[Solver], Trial], explicit: bool) -> None:
         assert solver.accuracy is not None
+        self._explicit = explicit
         self._solver, self._accuracy, self._made = solver, solver.accuracy, made
         h = solver.step
         self._stride = max(1, round(SPACING / h))  # steps between two instants
@@ -131,7 +133,8 @@ class _Trials:
             for integrator, stages in FIXED.items()
             if stages / h <= adaptive
         ]
-        found += self._implicit(fine, adaptive)
+        if not self._explicit:
+            found += self._implicit(fine, adaptive)
         for _, solver in sorted(found, key=lambda each: each[0]):
             yield solver
         for _ in range(RETRIES):

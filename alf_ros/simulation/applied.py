@@ -272,7 +272,7 @@ class Applied:
             rub = replace(rub, effects=self.on(self._reactions().cut))
         layout = self._model.layout
         scalars = [(kind.interval, kind.packed.intervals) for kind in self._all(layout)]
-        instants = self._instants if self._asked.instants else np.zeros(0)
+        instants = self.instants if self._asked.instants else np.zeros(0)
         found = kinks(self._model, scalars, instants)
         return Forces(self._pack(layout), rub, self._ledger, found)
 
@@ -296,8 +296,8 @@ class Applied:
         return changed(forces, effects=changed(effects, params=params))
 
     @cached_property
-    def _instants(self) -> Floats:
-        """Of all kinks over time, s, ascending."""
+    def instants(self) -> Floats:
+        """The times of all kinks over time, s, ascending."""
         layout, own = self._model.layout, self._scene.instants
         kinds = (kind for held in self._held.values() for kind in held.kinds(layout))
         more = [kind.packed.instants for kind in kinds if kind.packed.instants.size]
@@ -306,7 +306,7 @@ class Applied:
     @cached_property
     def shortest_piece(self) -> float:
         """The shortest time between two kinks over time, s; infinite with less than two."""
-        return float(np.diff(self._instants).min(initial=math.inf))
+        return float(np.diff(self.instants).min(initial=math.inf))
 
     @property
     def _ledger(self) -> Ledger:

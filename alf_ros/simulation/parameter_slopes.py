@@ -38,6 +38,7 @@ _FEW = (-2, 2, 4)  # steps at which arrays show whether they are quadratic
 _QUADRATIC = 1e-14  # of the largest number, by which a quadratic array may be off there
 _AGREE = 1e-9  # of the largest slope, and
 _ROUNDED = 1e-12  # of the largest number a step, by which the slopes of two lengths may differ
+_BESIDE, _JUMP = 1e-9, 1e-6  # s from an instant, and part of the forces that they jump by there
 _MASSES = ('mass_diagonal', 'mass_k', 'mass_w')
 _SHAPES = (
     'length2',
@@ -111,6 +112,25 @@ class Neighbour:
         """Its effects, with inputs held."""
         return self._applied.holding(inputs).assembled.effects
 
+    @property
+    def instants(self) -> Floats:
+        """The times of kinks over time of its effects, s, ascending."""
+        return self._applied.instants
+
+    def jumps_at(self, t: float) -> bool:
+        """Whether the forces in the state of the start jump at t (s)."""
+        model, q, qd = self.start.model, self.start.q, self.start.qd
+        effects, xy = self.effects(NO_INPUTS), np.zeros(model.system.angles.c.size)
+        turns = np.zeros(xy.size // 2, dtype=np.int64)
+        near, aside = np.zeros(turns.size), _BESIDE * max(1.0, abs(t))
+        kernel.violation(model.unit, model.system.angles, q, xy)
+        kernel.nearby(xy, turns, near)
+        before, after = np.zeros(q.size), np.zeros(q.size)
+        kernel.applied_forces(effects, t - aside, q, qd, near, before)
+        kernel.applied_forces(effects, t + aside, q, qd, near, after)
+        largest = max(np.abs(before).max(initial=0.0), np.abs(after).max(initial=0.0))
+        return bool(np.abs(after - before).max(initial=0.0) > _JUMP * largest)
+
     def effort(self, joint: str) -> Floats:
         """The data of an effort of 1 N m or 1 N on a joint, behind the data of its effects."""
         if joint not in self._efforts:
@@ -142,14 +162,27 @@ class ParameterSlopes:
         self._here, self._solver = here, replace(solver, accuracy=None)
         self._beside: dict[float, Neighbour] = {}
         self._by_effort: dict[str, Floats] = {}
-        # such a number changes nothing but the data of effects
-        self._is_of_effects = overrides.section(here.scene, name) == 'effects'
 
     def __getstate__(self) -> dict[str, Any]:
         """Without the neighbours, which are made again if they are needed."""
         made = ('_neighbours', '_few', '_kept')
         kept = {n: value for n, value in vars(self).items() if n not in made}
         return {**kept, '_before': None, '_beside': {}}
+
+    @cached_property
+    def _is_of_effects(self) -> bool:
+        """Whether the number changes nothing but the data of effects, unlike an armature, which
+        is a mass of the mechanism."""
+        if overrides.section(self._here.scene, self.name) != 'effects':
+            return False
+        if self._before is not None:
+            return self._before._is_of_effects
+        changed = repr(self.value + LONGEST * (abs(self.value) or 1.0))
+        try:
+            beside = overrides.with_changes(self._here.scene, {self.name: changed})
+        except InputError:
+            return False  # refused by name where the scenes around are read
+        return bool(beside.mechanism == self._here.scene.mechanism)
 
     @cached_property
     def _kept(self) -> ParameterSlopes | None:
@@ -302,6 +335,14 @@ class ParameterSlopes:
             return quadratic[0]
         around = {step: [*map(data, beside)] for step, beside in self._neighbours.items()}
         return self._slope('effects', around)
+
+    def moved_jump(self) -> float | None:
+        """An instant (s) that moves with the number, and at which the forces jump."""
+        if not self._is_of_effects or not self._here.instants.size:
+            return None
+        beside = self._neighbour(LONGEST * (abs(self.value) or 1.0)).instants
+        moved = np.setdiff1d(self._here.instants, beside).tolist()
+        return next((t for t in moved if self._here.jumps_at(t)), None)
 
     def opening(self, model: Model, q: Floats) -> Floats:
         """(rows,) ∂Φ/∂θ at q (blocks D, m), per unit of the number, where the free blocks stay."""

@@ -118,7 +118,7 @@ class Simulation:
             self._start = replace(self._start, unexamined=told)
             self._use(solver)
         if to_pick:
-            self.accuracy = pick(solver, self._with)
+            self.accuracy = pick(solver, self._with, explicit=bool(names))
             self._use(self.accuracy.solver)
         if names:
             known = like.following if like is not None else None

@@ -274,6 +274,13 @@ def _check_start(start: Start) -> None:
 def _check_slopes(slopes: Slopes, start: Start) -> None:
     if isinstance(slopes, ParameterSlopes):
         slopes.params()  # refused here, not at the first step
+        jump = slopes.moved_jump()
+        if jump is not None:
+            raise InputError(
+                f'no tangent: a force jumps at t = {jump:g} s, which moves with it',
+                key=slopes.name,
+                value=slopes.value,
+            )
     arrays = slopes.arrays
     if arrays['prescribed'].any():
         raise InputError(

@@ -336,3 +336,50 @@ def test_steps_that_are_too_long_are_told() -> None:
         simulation = Simulation(load_scene('slider_crank'), step=step, integrator='rk4')
         found = gradient(simulation, 'final(points.B.x)', ['crank.mass'], duration=2.0)
         assert found.trouble[: len(told)] == told and bool(found.trouble) == bool(told)
+
+
+MOTOR: dict[str, Any] = {
+    'name': 'arm',
+    'mechanism': {
+        'alf': 1,
+        'space': 'planar',
+        'points': {'O': {'at': [0, 0], 'fixed': True}, 'A': {'at': [1, 0]}},
+        'bodies': {'bar': {'points': ['O', 'A'], 'mass': 1.0, 'inertia': 'rod'}},
+        'joints': {'pin': {'type': 'revolute', 'between': ['ground', 'bar'], 'at': 'O'}},
+    },
+}
+
+
+def servo(velocity_gain: float) -> Scene:
+    table = [[0, 0], [0.3, 0.6], [0.8, 0.2]]
+    gains = {'position_gain': 30, 'velocity_gain': velocity_gain}
+    effects = {'motor': {'servo': {'joint': 'pin', 'position': table, **gains}}}
+    return load_scene({**MOTOR, 'effects': effects, 'solver': {'accuracy': 1e-6}})
+
+
+def test_an_instant_at_which_a_force_jumps_has_no_derivative() -> None:
+    """With a velocity gain the motor's effort jumps at a row of its table."""
+    name = 'servo.position.1.0'
+    assert gradient(servo(0.0), 'final(pin.position)', [name], duration=0.5).by[name] != 0.0
+    with pytest.raises(InputError, match=r'a force jumps at t = 0.3 s, which moves with it'):
+        gradient(servo(2.0), 'final(pin.position)', [name], duration=0.5)
+
+
+def test_an_accuracy_picks_an_explicit_integrator() -> None:
+    """Where it would pick the implicit one for the motion alone."""
+    assert Simulation(servo(2.0)).solver.integrator == 'esdirk43_adaptive'
+    name = 'servo.position_gain'
+    followed = Simulation(servo(2.0), tangents=[name])
+    followed.step(round(0.5 / followed.h))
+    tangent = followed.sample().tangents[name].joints['pin'].position
+    found = gradient(servo(2.0), 'final(pin.position)', [name], duration=0.5)
+    assert found.by[name] == pytest.approx(tangent, rel=1e-12)
+
+
+def test_what_a_command_calls_by_is_named_so(robot: Scene) -> None:
+    for by, key in ((['mass'], 'by'), (['m', 'm'], 'by.1')):
+        with pytest.raises(InputError) as caught:
+            gradient(robot, 'final(energy)', by, duration=0.01)
+        assert str(caught.value.key).startswith(key)
+    with pytest.raises(InputError, match='every: longer than the run, got 1000'):
+        gradient(robot, 'final(energy)', ['m'], duration=0.01, every=1000)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import threading
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -235,6 +236,25 @@ def test_outliers_with_a_robust_loss() -> None:
     )
     assert (np.abs(robust.values - TRUE) < 4.0 * robust.deviations).all()
     assert (robust.deviations < 0.4 * plain.deviations).all()
+
+
+def test_noise_that_the_residuals_exceed_is_told() -> None:
+    recording = machine().recording(2e-3)
+    for level, told in ((2e-3, False), (2e-4, True)):
+        noise = {'crank_pin': level, 'guide': level}
+        found = identify(scene(), recording, FIT, window=1.0, noise=noise)
+        assert ('times the given noise: the intervals are too narrow' in str(found)) == told
+
+
+def test_channels_of_several_recordings_are_told_apart() -> None:
+    """And a recording cannot begin before the scene does."""
+    whole = machine().recording(2e-3)
+    first, second = (replace(whole, name=name) for name in ('monday', 'tuesday'))
+    text = str(identify(scene(), [first, second], FIT, window=1.0))
+    assert 'guide of monday: ' in text and 'guide of tuesday: ' in text
+    early = recorded(np.arange(100) * 0.01 - 0.5, {'guide': np.full(100, 1.414)})
+    with pytest.raises(InputError, match='begins before the scene does, got'):
+        identify(scene(), early, FIT)
 
 
 def test_a_number_stays_possible() -> None:

@@ -324,3 +324,16 @@ def test_what_tangents_refuse_is_refused_by_name() -> None:
     scene['solver']['integrator'] = 'esdirk43'
     with pytest.raises(AlfError, match='tangents follow explicit integrators'):
         optimise(scene, {'a': [0.05, 0.15]}, 'final(energy)', duration=0.1)
+
+
+def test_a_limit_that_no_design_holds_is_not_active() -> None:
+    found = optimise(
+        four_bar(),
+        {'a': [0.05, 0.15]},
+        'rms(drives.motor.effort)',
+        subject_to={'min(points.P.y)': [10.0, None]},
+        duration=1.0,
+        period=0.05,
+        designs=5,
+    )
+    assert not found.is_feasible and found.active in ((), ('a',))

@@ -19,6 +19,7 @@ from alf_ros.logs.rerun import Rerun
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation import input_checks as check
 from alf_ros.simulation.displaced_scenes import DisplacedScenes
+from alf_ros.simulation.explicit_choice import explicit_solver
 from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.simulation.tangent_following import checked_names
@@ -70,7 +71,9 @@ def gradient(
     Raises InputError for a number without a derivative, by its name, and StepError.
     """
     if isinstance(source, Scene):
-        source = Simulation(source)
+        made = Simulation(source)
+        solver = explicit_solver(made)
+        source = made if solver == made.solver else made._with(solver)
     if isinstance(source, Simulation):
         simulation, tick = copy.copy(source), 1
         steps = _steps_of(simulation, duration)
@@ -132,8 +135,11 @@ def _gradient(
     by: Sequence[str],
     every: int,
 ) -> Gradient:
-    names = checked_names(by)
-    run = TapedRun(simulation, names)
+    try:
+        names = checked_names(by)
+        run = TapedRun(simulation, names)
+    except InputError as error:
+        raise error.about(str(error.key).replace('tangents', 'by')) from None
     fold, number = _objective(of, simulation.sample(), run.displaced)
     first = simulation.step_index
     values = {first: number.value(simulation.sample())}
@@ -144,6 +150,8 @@ def _gradient(
             wanted = range(begin, leg.end + 1, every)
             for sample, step in zip(run.samples(wanted), wanted, strict=True):
                 values[step] = number.value(sample)
+    if len(values) == 1:
+        raise InputError('longer than the run', key='every', value=every, expected='steps')
     trouble = simulation.sample().diagnostics.trouble
     at = np.array(list(values))
     found = fold(at * simulation.h, np.array(list(values.values())))

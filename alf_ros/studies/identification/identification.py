@@ -153,7 +153,7 @@ class _Work:
             before=shared.begin,
             knowledge=self._known(fit, shared, place, names),
             place=place.shared,
-            channels=self._channels(before, after, held_after),
+            channels=self._channels([r.name for r in recordings], before, after, held_after),
             fitted_scene=runs.at(solution.shared[: len(runs.names)]),
             recordings=tuple(recordings),
             windows=tuple(self._fitted),
@@ -271,17 +271,25 @@ class _Work:
         return identifiability.known(names, parts, size, prior, spread)
 
     def _channels(
-        self, before: WindowResiduals, after: WindowResiduals, held: WindowResiduals
+        self,
+        names: Sequence[str],
+        before: WindowResiduals,
+        after: WindowResiduals,
+        held: WindowResiduals,
     ) -> tuple[ChannelFit, ...]:
+        """`names`: of the recordings."""
         found = []
+        strict = self._loss == 'linear'
         for n, channel in enumerate(self._runs.channels):
             own = after.of(n)
             found.append(
                 ChannelFit(
                     channel.name,
+                    names[self._measured[n][0]],
                     'rad' if self._is_angle(channel.joint) else 'm',
                     channel.kind,
                     float(self._levels[n]),
+                    strict and channel.name in self._given,
                     before.rms(n),
                     after.rms(n),
                     held.rms(n),
@@ -306,10 +314,20 @@ def _recordings(given: Any, scene: Scene, topics: Topics | None) -> list[Recordi
         )
     if not isinstance(topics, (Topics, type(None))):
         raise InputError('not topics', key='topics', value=topics, expected='Topics(…)')
-    return [
+    found = [
         x if isinstance(x, Recording) else read_recording(x, scene, topics or Topics())
         for x in each
     ]
+    for read in found:
+        if read.begin < 0.0:
+            raise InputError(
+                'begins before the scene does',
+                file=read.name,
+                key='recordings',
+                value=f't = {read.begin:g} s',
+                expected='0 s or later',
+            )
+    return found
 
 
 def _tracked(

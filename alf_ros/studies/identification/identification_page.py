@@ -138,6 +138,9 @@ def _fit(found: Identification) -> Iterator[str]:
         rows.append((f'{each.name}, {_unit(each)}', *rms, *tests))
     head = ('channel', 'before', 'after', 'kept away', 'Durbin-Watson', 'Ljung-Box', 'runs')
     yield _table(head, rows)
+    for each in found.channels:
+        for doubt in each.doubts:
+            yield f'<p>{html.escape(each.name)}: {doubt}.</p>'
 
 
 def _channel(channel: ChannelFit) -> Iterator[str]:

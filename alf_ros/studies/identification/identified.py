@@ -24,28 +24,42 @@ from alf_ros.studies.identification.shared_numbers import LONGEST_DELAY
 from alf_ros.studies.identification.window import Window
 from alf_ros.studies.identification.window_runs import WindowRuns
 
+_FAR = 1.5  # times its noise: residuals that the noise does not explain
 _WIDE = 1.959963984540054  # standard deviations of a normal distribution around 95 % of it
 
 
 @dataclass(frozen=True, eq=False)
 class ChannelFit:
-    """How well one measured quantity is met, in its unit (rad or m; per s for a velocity).
+    """How well one measured quantity of a recording is met, in its unit (rad or m; per s for a
+    velocity).
 
-    noise: standard deviation that weighs it. rms of the residuals: `before`, with the numbers of
+    noise: standard deviation that weighs it; noise_given: whether it was given, with a loss that
+    expects it of all residuals. rms of the residuals: `before`, with the numbers of
     the scene and the best starts; `after` the fit; `held_out`: in the windows that were kept away,
     with the best starts, NaN without any. residuals and times: of each fitted window.
     """
 
     name: str
+    recording: str
     unit: str
     kind: str
     noise: float
+    noise_given: bool
     before: float
     after: float
     held_out: float
     whiteness: Whiteness
     times: Sequence[Floats]
     residuals: Sequence[Floats]
+
+    @property
+    def doubts(self) -> list[str]:
+        """Why the intervals are too narrow, in words."""
+        found = [] if self.whiteness.white else ['not white: the intervals are too narrow']
+        ratio = self.after / self.noise
+        if self.noise_given and ratio > _FAR:
+            found.append(f'{ratio:.3g} times the given noise: the intervals are too narrow')
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,10 +184,12 @@ class Identification:
         for channel in self.channels:
             unit = channel.unit + ('/s' if channel.kind == 'velocity' else '')
             held = f', {channel.held_out:.3g} kept away' if self.kept_away else ''
-            white = '' if channel.whiteness.white else ', not white: the intervals are too narrow'
+            name = channel.name
+            if len(self.recordings) > 1:
+                name += f' of {channel.recording}'
             yield (
-                f'{channel.name}: {channel.before:.3g} {unit} before, {channel.after:.3g} after'
-                f'{held}{white}'
+                f'{name}: {channel.before:.3g} {unit} before, {channel.after:.3g} after'
+                f'{held}{"".join(f", {each}" for each in channel.doubts)}'
             )
         for recording in self.recordings:
             if recording.damage:

@@ -20,6 +20,7 @@ from alf_ros.errors import InputError
 from alf_ros.scene import overrides
 from alf_ros.scene.scene import Scene, Solver
 from alf_ros.simulation.applied import NO_INPUTS
+from alf_ros.simulation.explicit_choice import explicit_solver
 from alf_ros.simulation.resolution import Resolution
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.simulation.state import State
@@ -62,7 +63,7 @@ class WindowRuns:
     ) -> None:
         self.scene, self.names, self.delay = scene, tuple(names), delay
         self.channels = tuple(channels)
-        self._settings = _settled(Simulation(scene).solver)
+        self._settings = _settled(explicit_solver(Simulation(scene)))
         self.reference = Simulation(scene, **self._settings)
         self.h = self.reference.h
         self._joints = list(self.reference.model.coordinate_names)

@@ -166,7 +166,7 @@ def _active(study: Designs, design: Design) -> tuple[str, ...]:
         if at
     ]
     for limit, asked in zip(study.limits, design.limited, strict=True):
-        if limit.room(asked.value) <= OUTSIDE:
+        if abs(limit.room(asked.value)) <= OUTSIDE:
             found.append(limit.goal.text)
     return tuple(found)
 
