@@ -6,6 +6,7 @@ import numpy as np
 
 from alf_ros.arrays import Unit
 from alf_ros.kernel.arc_coordinates import turning
+from alf_ros.kernel.crossed_kinks import crossed, next_aim, passed, shorter
 from alf_ros.kernel.data import (
     Method,
     Phase,
@@ -132,6 +133,7 @@ def advance_adaptively(
     for taken in range(steps):
         t, end = t0 + (first + taken) * h, t0 + (first + taken + 1) * h
         done, goal = 0.0, 0.0  # goal: where a step has to end besides the grid point
+        since = 0.0  # s since a kink was crossed
         result, tried, refused = OK, 0, 0
         floor = 1.0  # what rounding leaves of the error, whatever the step
         expected = np.inf  # the most that the coarse error is without a kink, with `longer`
@@ -175,6 +177,14 @@ def advance_adaptively(
                 if part < 1.0:
                     goal, begun = done + part * dt, True
                     continue
+            if error <= floor and (tangents is not None or record is not None):
+                part = crossed(problem, phase, begin, dt)
+                length = shorter(part, dt, h)
+                if length < dt:
+                    goal, begun = done + length, True
+                    continue
+                since = passed(since, part, dt)
+                goal = next_aim(done + dt, since, h)
             if error <= floor:
                 if tangents is not None:
                     result = carry_tangents(tangents, problem, phase, begin, to, dt, sigma)

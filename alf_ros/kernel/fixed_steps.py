@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from alf_ros.kernel.crossed_kinks import CROSSINGS, crossed, next_aim, passed, shorter
 from alf_ros.kernel.data import Phase, Problem, Span, StepRecord, Tangents, Watch
 from alf_ros.kernel.grazed_kinks import unresolved_kink
 from alf_ros.kernel.numba_ext.jit import compiled
@@ -45,7 +46,8 @@ def advance(
     row, so that solves do not show it. A step that is asked to stop is given up. `tangents`: the
     derivatives by parameters that follow the steps; `record`: where the steps are written down;
     without them there is no code for it. A step in which a kink of a force is met and left, which
-    no stage may see, is taken in pieces (`grazed_kinks`).
+    no stage may see, is taken in pieces (`grazed_kinks`), with derivatives also one in which a
+    kink is crossed (`crossed_kinks`).
     """
     unit, system, work = problem.unit, problem.system, problem.work
     t0, first, steps, h = span
@@ -58,6 +60,7 @@ def advance(
     for taken in range(steps):
         t, end = t0 + (first + taken) * h, t0 + (first + taken + 1) * h
         done, aim, tries, begun = 0.0, h, 0, False  # aim: where the piece of the step ends
+        since = 0.0  # s since a kink was crossed
         while True:
             begin, to, dt = t + done, end if aim == h else t + aim, aim - done
             piece = begin, to, dt
@@ -70,6 +73,13 @@ def advance(
                 if part < 1.0:  # a kink is met and left: the piece ends between
                     aim, tries, begun = done + part * dt, tries + 1, True
                     continue
+            if result == OK and (tangents is not None or record is not None):
+                part = crossed(problem, phase, begin, dt)
+                length = shorter(part, dt, h)
+                if length < dt and tries < CROSSINGS:
+                    aim, tries, begun = done + length, tries + 1, True
+                    continue
+                since = passed(since, part, dt)
             if result == OK:
                 result = judge(unit, system, problem.method, work, dt)
             if result == OK and tangents is not None:
@@ -92,7 +102,7 @@ def advance(
             sigma = least_sigma(phase)
             if aim == h:
                 break
-            done, aim, begun = aim, h, False
+            done, aim, begun = aim, next_aim(aim, since, h), False
         phase.step[0] = first + taken + 1
         leave_trail(work.trail, phase)
         if watch is not None:  # known when it is compiled: without a watch there is no code for it

@@ -56,7 +56,7 @@ def _search(problem: Problem, phase: Phase, t: float, h: float) -> float:
     copy(phase.qd, work.qd)
     prescribe(problem.system, t, work.q, work.qd, work.qdd)
     measure(problem, t, np.uint64(0))
-    _place(problem, phase, t, h, 0.5, 1.0)
+    place(problem, phase, t, h, 0.5, 1.0)
     measure(problem, t + 0.5 * h, parts // TWO)
     if not all_far(problem, h):
         found = _searched(problem, phase, t, h)
@@ -115,10 +115,10 @@ def _searched(problem: Problem, phase: Phase, t: float, h: float) -> float:
     kinks, parts = problem.forces.kinks, np.uint64(PARTS)
     for j in range(ONE, parts):
         if j == _ASIDE or j == parts - _ASIDE:
-            _place(problem, phase, t, h, j / PARTS, 0.0)
+            place(problem, phase, t, h, j / PARTS, 0.0)
             measure(problem, t + h * j / PARTS, j)
             _remember(problem, j)
-        _place(problem, phase, t, h, j / PARTS, 1.0)
+        place(problem, phase, t, h, j / PARTS, 1.0)
         measure(problem, t + h * j / PARTS, j)
     _doubt(problem)
     found = 1.0
@@ -145,7 +145,7 @@ def end_in_arcs(problem: Problem, h: float) -> None:
 
 
 @inner
-def _place(problem: Problem, phase: Phase, t: float, h: float, part: float, fifth: float) -> None:
+def place(problem: Problem, phase: Phase, t: float, h: float, part: float, fifth: float) -> None:
     """q and q̇ at a part of the step, interpolated: with ξ̈ if `fifth` is 1, without if it is 0."""
     work = problem.work
     interpolate(problem, h, part, fifth)
@@ -273,7 +273,7 @@ def _is_unresolved(
         if room > 2.0 * unsure + rounded:
             return False
     last = np.uint64(4 * PLACES) * kinks.interval.size
-    _place(problem, phase, t, h, part, 1.0)
+    place(problem, phase, t, h, part, 1.0)
     _measure_one(problem, t + part * h, k, last)
     turn, here, there = path[last], path[last + low], path[last + THREE]
     room, passed = (there - turn, turn - here) if bend < 0.0 else (turn - here, there - turn)

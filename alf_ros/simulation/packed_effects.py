@@ -34,8 +34,9 @@ class PackedKind:
 @dataclass(frozen=True)
 class AskedFunctions:
     """The functions and numbers of effects that a method asks for, besides those that all of them
-    need: `tangents` of an implicit one, `sides` of an adaptive explicit one, `intervals` of every
-    method of alf2, and the `instants` of kinks of every adaptive one."""
+    need: `tangents` of an implicit one, `sides` of an explicit one that is adaptive or has
+    derivatives, `intervals` of every method of alf2, and the `instants` of kinks of every
+    adaptive one."""
 
     tangents: bool = False
     sides: bool = False

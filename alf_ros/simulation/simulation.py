@@ -67,6 +67,7 @@ class Simulation:
 
     _present: Present
     _watcher: Watcher | None
+    _written = False  # whether steps are written down for gradients
 
     def __init__(
         self,
@@ -131,7 +132,13 @@ class Simulation:
         """The data of steps with these settings."""
         self.solver, self.model = solver, self._start.model
         self._stepper = Stepper(
-            self._start, solver, self.scene.effects, self.ledger, formulation, self._following
+            self._start,
+            solver,
+            self.scene.effects,
+            self.ledger,
+            formulation,
+            self._following,
+            self._written,
         )
         self._quantity_tangents: QuantityTangents | None = None
         if self._following is not None:
@@ -370,6 +377,13 @@ class Simulation:
     def _trail(self, steps: Integers) -> StateTrail:
         """For `_step_along`, at these steps."""
         return StateTrail(steps, self._present.phase)
+
+    @by_one_thread
+    def _begin_writing(self) -> None:
+        """From here on steps end at the kinks that derivatives need, as with tangents."""
+        state, self._written = self._present.state(), True
+        self._set_up(self.solver)
+        self._enter(state, self._stepper.applied)
 
     @by_one_thread
     def _write_down(self, adjoint: AdjointFollowing, n: int) -> None:

@@ -43,8 +43,9 @@ class Stepper:
     """Takes the steps of a simulation.
 
     It owns the workspaces and knows no state: what it steps is given to it. `formulation`: one
-    that was prepared before. Raises InputError for an effect that does not fit the mechanism, and
-    for a formulation that does not fit the integrator.
+    that was prepared before; `written`: steps are written down for gradients. Raises InputError
+    for an effect that does not fit the mechanism, and for a formulation that does not fit the
+    integrator.
     """
 
     def __init__(
@@ -55,6 +56,7 @@ class Stepper:
         ledger: bool,
         formulation: Formulation | None = None,
         following: TangentFollowing | None = None,
+        written: bool = False,
     ) -> None:
         self.h, self._solver = solver.step, solver
         self.method = method = solver.method
@@ -75,7 +77,7 @@ class Stepper:
             method.b if ledger else None,
             AskedFunctions(
                 tangents=tableau.implicit,
-                sides=adaptive and not tableau.implicit,
+                sides=(adaptive or written or following is not None) and not tableau.implicit,
                 intervals=solver.formulation == 'alf2',
                 instants=adaptive,
             ),

@@ -32,7 +32,9 @@ effects:
   tendon:
     cord: {path: [A, [coupler, ~], W], weights: [1, 0.5], stiffness: 9, free_length: 1, damping: 1}
     belt: {joints: [[pin, 0.5], [knee, -1]], stiffness: 2, friction: 0.3, slip: 0.1}
-  motor: {drive: {joint: pin, position: [[0, 0], [1, 2]], position_gain: 20, velocity_gain: 1, armature: 0.07}}
+  motor:
+    drive: {joint: pin, position: [[0, 0], [1, 2]], position_gain: 20, velocity_gain: 1,
+            armature: 0.07}
   drag: {air: {on: coupler, linear: 0.2, quadratic: 0.3, wind: [1, 0]}}
 initial: {velocities: {A: [1.5, ~]}}
 solver: {step: 1.0e-3}

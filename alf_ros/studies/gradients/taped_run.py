@@ -52,6 +52,7 @@ class TapedRun:
     def __init__(
         self, simulation: Simulation, names: Sequence[str], memory: float = _MEMORY
     ) -> None:
+        simulation._begin_writing()
         self._simulation = simulation
         start, solver = simulation._start, simulation.solver
         self.following = TangentFollowing(names, simulation.scene, solver, start)

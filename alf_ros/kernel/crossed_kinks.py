@@ -1,0 +1,77 @@
+"""Steps with derivatives end at the kinks of forces that the motion crosses.
+
+A force that has a kink acts on the motion as smoothly as on both sides of it, but its derivatives
+jump. A step across the kink gives them an error of first order in h, where the motion has one of
+second order or less. So such a step is taken in pieces: towards the crossing, each ends where
+`_LEFT` of the way to it is left, so that no stage goes too far. Only a piece of `_TINY` goes
+across, and behind it they grow, as slopes may change fast beside a crossing. The place of the
+crossing is read from the motion between the ends of a step, as for kinks that are met and left
+(`grazed_kinks`), in shorter and shorter steps.
+"""
+
+from __future__ import annotations
+
+from alf_ros.kernel.applied_forces import sides
+from alf_ros.kernel.data import Phase, Problem
+from alf_ros.kernel.grazed_kinks import end_in_arcs, keep_end, place, restore_end
+from alf_ros.kernel.numba_ext.jit import inlined, inner
+
+CROSSINGS = 400  # pieces of a step, at most
+_TINY = 1e-9  # of a step of the grid
+_LEFT = 0.25  # of the way to the crossing
+_GROWS = 3.0  # times the time since the crossing
+_EARLY = 0.25  # part of a step: a crossing in it is looked for again in a shorter one,
+_AGAIN = 3.0  # so many times as long as the way to it
+_HALVINGS = 44
+
+
+@inner
+def crossed(problem: Problem, phase: Phase, t: float, h: float) -> float:
+    """The part of the step of h (s) from `phase` at t (s), which ended in `work`, at which the
+    motion has come to the other side of a kink; 1 if it stays.
+
+    Needs q, q̇ of the end and the rates of the stages in `work`. Leaves q and q̇ there.
+    """
+    effects, work = problem.forces.effects, problem.work
+    if effects.side.size == 0:
+        return 1.0
+    before = sides(effects, t, phase.q, phase.qd, work.near)
+    if sides(effects, t + h, work.q, work.qd, work.near) == before:
+        return 1.0
+    low, high = 0.0, 1.0
+    keep_end(problem)
+    end_in_arcs(problem, h)
+    for _ in range(_HALVINGS):
+        part = 0.5 * (low + high)
+        place(problem, phase, t, h, part, 1.0)
+        if sides(effects, t + part * h, work.q, work.qd, work.near) == before:
+            low = part
+        else:
+            high = part
+    restore_end(problem)
+    return min(high, 1.0 - 1e-12)
+
+
+@inlined
+def passed(since: float, part: float, h: float) -> float:
+    """The time (s) since a kink was crossed, after a step of h that crossed one at a part of it;
+    0 where none was."""
+    return h if part < 1.0 else (since + h if since > 0.0 else 0.0)
+
+
+@inlined
+def next_aim(done: float, since: float, h: float) -> float:
+    """Where (s) the next piece of a step of the grid of h ends."""
+    aim = done + _GROWS * since
+    return aim if since > 0.0 and aim + since < h else h
+
+
+@inner
+def shorter(part: float, h: float, whole: float) -> float:
+    """How long (s) a step of h is instead, that crosses a kink at a part of it: h if it is short
+    enough; whole: the step of the grid."""
+    if part == 1.0 or h <= 2.0 * _TINY * whole:
+        return h
+    if part < _EARLY:
+        return max(_AGAIN * part * h, _TINY * whole)
+    return (1.0 - _LEFT) * part * h
