@@ -5,9 +5,9 @@ state where the motion begins it is a chain of formulas of the user, of shapes o
 solves, which end at rounding. Three scenes around this one show whether all arrays are quadratic
 in θ, as masses, gravity and most numbers of effects make them: then a central difference is exact.
 Otherwise the slope of each array is taken by central differences of eighth order, at two lengths,
-from sixteen scenes. It is off by about 1e-13 of the largest number; where the two lengths differ
-by more than `_AGREE`, the scene has a kink in θ, and the parameter is refused. All that follows,
-the motion, is differentiated exactly.
+from sixteen scenes. It is off by about 1e-13 of the largest number, and for the start of a drawing
+that does not close by up to 1e-7; where the two lengths differ by more than `_AGREE`, the scene has
+a kink in θ, and the parameter is refused. All that follows, the motion, is differentiated exactly.
 """
 
 from __future__ import annotations
@@ -39,6 +39,7 @@ _QUADRATIC = 1e-14  # of the largest number, by which a quadratic array may be o
 _AGREE = 1e-9  # of the largest slope, and
 _ROUNDED = 1e-12  # of the largest number a step, by which the slopes of two lengths may differ
 _BESIDE, _JUMP = 1e-9, 1e-6  # s from an instant, and part of the forces that they jump by there
+_CLOSED = 1e-9  # likewise of the start, where a drawing does not close: rounding moves it more
 _MASSES = ('mass_diagonal', 'mass_k', 'mass_w')
 _SHAPES = (
     'length2',
@@ -372,7 +373,7 @@ class ParameterSlopes:
             found.append(np.asarray(slope) / step)
             largest = float(np.abs(each[0][np.isfinite(each[0])]).max(initial=0.0))
         slope, finer = found
-        least = _ROUNDED * largest / min(values)
+        least = (_CLOSED if what in ('q', 'qd') else _ROUNDED) * largest / min(values)
         most = _AGREE * np.abs(slope).max(initial=0.0) + least
         if not np.abs(slope - finer).max(initial=0.0) <= most:
             raise self._none(f'{what} is not smooth in it')

@@ -390,3 +390,49 @@ def test_a_state_without_tangents_is_refused(robot: Scene) -> None:
 def test_nobody_asked() -> None:
     with pytest.raises(InputError, match='no tangents follow'):
         len(Simulation(load_scene('slider_crank')).sample().tangents)
+
+
+@pytest.mark.parametrize('length', [0.67, 0.72])
+def test_a_drawing_that_does_not_close(length: float) -> None:
+    """Its closed start moves with every number, but for rounding smoothly."""
+    rocker = {'points': ['C', 'B'], 'mass': 0.4, 'inertia': 'rod', 'length': length}
+    scene = load_scene(
+        {
+            'mechanism': {
+                'alf': 1,
+                'space': 'planar',
+                'parameters': {'m': 1.3},
+                'points': {
+                    'O': {'at': [0, 0], 'fixed': True},
+                    'C': {'at': [0.83, -0.11], 'fixed': True},
+                    'A': {'at': [0.1, 0.31]},
+                    'B': {'at': [0.9, 0.55]},
+                },
+                'bodies': {
+                    'crank': {'points': ['O', 'A'], 'mass': 'm', 'inertia': 'rod'},
+                    'coupler': {'points': ['A', 'B'], 'mass': 0.7, 'inertia': 'rod'},
+                    'rocker': rocker,
+                },
+                'joints': {
+                    'pin': {'type': 'revolute', 'between': ['ground', 'crank'], 'at': 'O'},
+                    'knee': {'type': 'revolute', 'between': ['crank', 'coupler'], 'at': 'A'},
+                    'wrist': {'type': 'revolute', 'between': ['coupler', 'rocker'], 'at': 'B'},
+                    'foot': {'type': 'revolute', 'between': ['ground', 'rocker'], 'at': 'C'},
+                },
+            },
+            'effects': {'gravity': {'acceleration': [0, -9.81]}},
+            'initial': {'velocities': {'A': [1.0, None]}},
+            'solver': {'step': 1e-3, 'integrator': 'dop853_adaptive', 'tolerance': 1e-11},
+        }
+    )
+    for name in ('m', 'coupler.mass', 'rocker.length', 'mechanism.points.C.at.1'):
+        value, places = overrides.number(scene, name), []
+        for sign in (1.0, -1.0):
+            text = repr(value + sign * 1e-4)
+            simulation = Simulation(overrides.with_changes(scene, {name: text}))
+            simulation.step(200)
+            places.append(simulation.sample().points['B'])
+        simulation = Simulation(scene, tangents=[name])
+        simulation.step(200)
+        found = simulation.sample().tangents[name].points['B']
+        assert found == pytest.approx((places[0] - places[1]) / 2e-4, rel=1e-4, abs=1e-6), name
