@@ -6,8 +6,9 @@ solves, which end at rounding. Three scenes around this one show whether all arr
 in θ, as masses, gravity and most numbers of effects make them: then a central difference is exact.
 Otherwise the slope of each array is taken by central differences of eighth order, at two lengths,
 from sixteen scenes. It is off by about 1e-13 of the largest number, and for the start of a drawing
-that does not close by up to 1e-7; where the two lengths differ by more than `_AGREE`, the scene has
-a kink in θ, and the parameter is refused. All that follows, the motion, is differentiated exactly.
+that does not close by up to 1e-7. Where the two lengths differ by more than `_AGREE`, the scene
+has a kink in θ, and the parameter is refused. All that follows, the motion, is differentiated
+exactly.
 """
 
 from __future__ import annotations
