@@ -175,9 +175,9 @@ class Walk:
         wide, narrow = (self._on_branch(best[0], along, bend, s, usual) for s in _SPACINGS)
         if wide is None or narrow is None:
             return None
-        # what interpolation leaves open falls with the spacing; a contradiction stays
-        alike = 0.5 * self.widest(wide) < self.widest(narrow) + _FELT * self.rounding
-        return narrow if alike else None
+        # what interpolation leaves open changes with the spacing; a contradiction stays
+        one, other, least = self.widest(wide), self.widest(narrow), _FELT * self.rounding
+        return narrow if 0.5 * one - least < other < 1.5 * one + least else None
 
     def _on_branch(
         self, q: Floats, along: Floats, bend: Floats, spacing: float, usual: float
