@@ -81,8 +81,7 @@ def advance(
                     continue
                 since = passed(since, part, dt)
             if result == OK:
-                meets = kinks.search.size > 0 and kinks.met[0] > 0.0
-                result = judge(unit, system, problem.method, work, dt, meets)
+                result = judge(unit, system, problem.method, work, dt)
             if result == OK and tangents is not None:
                 if done == 0.0 and aim < h:
                     copy(phase.tangents, tangents.good)

@@ -58,22 +58,10 @@ def _search(problem: Problem, phase: Phase, t: float, h: float) -> float:
     measure(problem, t, np.uint64(0))
     place(problem, phase, t, h, 0.5, 1.0)
     measure(problem, t + 0.5 * h, parts // TWO)
-    problem.forces.kinks.met[0] = 1.0 if _meets(problem) else 0.0
     if not all_far(problem, h):
         found = _searched(problem, phase, t, h)
     restore_end(problem)
     return found
-
-
-@inner
-def _meets(problem: Problem) -> bool:
-    """Whether a scalar comes to another interval from one end of the step to the other."""
-    path, last = problem.forces.kinks.path, np.uint64(4 * PARTS)
-    for k in range(problem.forces.kinks.interval.size):
-        at = np.uint64(4 * PLACES) * k + TWO
-        if path[at] != path[at + last]:
-            return True
-    return False
 
 
 @inner

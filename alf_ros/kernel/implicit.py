@@ -325,8 +325,7 @@ def advance_implicitly(
                     goal = done + part * dt
                     continue
             if good:
-                meets = kinks.search.size > 0 and kinks.met[0] > 0.0
-                result = judge(unit, system, method, work, dt, meets)
+                result = judge(unit, system, method, work, dt)
                 if result != OK:
                     break
                 record_power(problem, phase, t, method.b.size, dt, ALL_FORCES)

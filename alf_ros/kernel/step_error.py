@@ -175,9 +175,8 @@ def lost_lately(judged: Floats, moved: float) -> float:
 
 
 @inner
-def judge(unit: Unit, system: System, method: Method, work: Work, h: float, meets: bool) -> int:
+def judge(unit: Unit, system: System, method: Method, work: Work, h: float) -> int:
     """Note the error of the step of h (s) that ended in `work`, with Φ_q and factor of its end.
-    `meets`: a kink of a force.
 
     Returns TOO_LONG if the errors of the last steps exceed the mechanism itself, else OK. A method
     without an estimate, as of an adaptive integrator, is not judged.
@@ -192,10 +191,6 @@ def judge(unit: Unit, system: System, method: Method, work: Work, h: float, meet
         error = high * part
         moved = h * h * (max(high, method.lasting * low) * part) / system.size
         sharp = error > method.sharp * first
-        if meets:
-            n = work.p.size
-            speed = max(largest(work.qd, n), largest(work.chart.rate, n), NOTHING)
-            moved = max(moved, h * high / speed)
         if moved > TELLS or (sharp and moved > FINEST):
             if work.aside[0]:
                 linearise_aside(unit, system, work)

@@ -43,7 +43,6 @@ def kinks(model: Model, scalars: Sequence[tuple[int, int]], instants: Floats) ->
         number=np.array(numbers, dtype=np.int64),
         path=np.zeros((len(known) + 1) * compiled.PLACES * 4),
         doubt=np.zeros(2 * len(known)),
-        met=np.zeros(1),
     )
 
 

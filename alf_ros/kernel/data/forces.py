@@ -129,7 +129,6 @@ class Kinks(Struct):
     number: Integers  # (scalars,) n of the scalar in this effect
     path: Floats  # (scalars + 1, places, 4) x, ẋ and the ends of its interval along the step
     doubt: Floats  # (scalars, 2) of x in the middle of the step, as interpolated; and workspace
-    met: Floats  # (1,) 1 if a scalar came to another interval in the step searched last, else 0
 
 
 @dataclass(frozen=True, eq=False)
