@@ -61,8 +61,8 @@ def angle(scene: Scene, **settings: Any) -> float:
 
 @pytest.mark.parametrize('kind', EFFECTS)
 def test_derivatives_are_those_of_runs(kind: str) -> None:
-    """Of both methods, tangents and gradients, with errors that are near those of the motion;
-    without pieces the errors were 1e-2 to 0.5."""
+    """By tangents and by gradients, with errors near the errors of the motion; without pieces they
+    were 1e-2 to 0.5."""
     scene, true = pendulum(kind), 0.0
     for k, weight in STENCIL:
         more, less = (
