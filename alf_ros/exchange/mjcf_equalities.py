@@ -13,6 +13,7 @@ from alf_ros.exchange import mjcf_tendons
 from alf_ros.exchange.robot import Connection, Coupled, FramePose, Robot
 
 _TURNED = 1e-6  # rad: how far what a weld holds may be drawn from how it is held
+_TORQUE_SCALE = 10  # place among the numbers of a weld; at 0 it holds places and no turn
 
 
 def draw(mujoco: Any, data: Any, joints: Sequence[str], positions: Mapping[str, float]) -> None:
@@ -94,21 +95,22 @@ def _loop(
     model = data.model
     numbers = model.eq_data[equality]
     (one, first), (other, second) = _sides(mujoco, data, equality, held)
-    welded = model.eq_type[equality] == mujoco.mjtEq.mjEQ_WELD
+    is_weld = model.eq_type[equality] == mujoco.mjtEq.mjEQ_WELD
+    turns = not is_weld or numbers[_TORQUE_SCALE] == 0.0
     if model.eq_objtype[equality] == mujoco.mjtObj.mjOBJ_SITE:
         start, end = first.origin, second.origin
         gap = first.turn.T @ second.turn
-    elif welded:
+    elif is_weld:  # the anchor in both bodies, that of the second first
         turn = np.zeros(9)
         mujoco.mju_quat2Mat(turn, numbers[6:10])
-        start, end = first.place(numbers[3:6]), second.origin
+        start, end = first.place(numbers[3:6]), second.place(numbers[:3])
         gap = (first.turn @ turn.reshape(3, 3)).T @ second.turn
     else:
         start, end = first.place(numbers[:3]), second.place(numbers[3:6])
         gap = np.eye(3)
-    if welded and np.linalg.norm(gap - np.eye(3)) > _TURNED:
+    if not turns and np.linalg.norm(gap - np.eye(3)) > _TURNED:
         raise robot.error(name, 'its two sides are drawn turned against each other')
-    return Connection(name, 'weld' if welded else 'spherical', one, other, start), end
+    return Connection(name, 'spherical' if turns else 'weld', one, other, start), end
 
 
 def _sides(
