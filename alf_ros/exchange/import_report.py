@@ -50,8 +50,8 @@ MOTION = {
     'mimic': 'these joints are free',
     'mimic that loops imply': 'the loops move these joints',
     'phase of mimic': 'it stays as drawn, not as in the file',
-    'equalities': 'not joint, tendon over joints, connect or weld, or not active or not '
-    'linear: they are ignored',
+    'equalities': 'not joint, tendon over joints, connect or weld, or not linear: they are '
+    'ignored',
     'softness': 'constraints hold exactly',
     'actuators (see --scene)': 'they apply no force',
     'actuators': 'they apply no force',
@@ -82,6 +82,7 @@ READING = {
     'zero of joints': 'here it is as drawn',
     'posture': "the loops of the file are open as drawn; Newton's method moved the joints",
     'posture of bodies': 'joints are open as drawn; the bodies were moved to close them',
+    'switched off in the file': 'not imported',
     'warnings of MuJoCo': '',
     'elements': '',
     'gazebo': '',

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from alf_ros.exchange import mjcf_switches
 from alf_ros.exchange.robot import Actuator, Robot
 
 
@@ -31,6 +32,9 @@ def add(
     """
     model = data.model
     for n, name in enumerate(names):
+        if mjcf_switches.is_off(mujoco, model, n):
+            robot.leave('switched off in the file', name)
+            continue
         on = _acts_on(mujoco, model, n, joints, tendons)
         fixed = model.actuator_gaintype[n] == mujoco.mjtGain.mjGAIN_FIXED
         bias = model.actuator_biastype[n]

@@ -41,7 +41,7 @@ def add(
     held: Sequence[str],
     tendons: Sequence[str],
 ) -> None:
-    """Add the equalities of a model to its robot; list those that hold nothing here.
+    """Add the equalities of a model to its robot; list those that hold nothing.
 
     joints, tendons: their names; held: the part of each body.
     """
@@ -49,18 +49,17 @@ def add(
     linear = _linear(mujoco, model)
     for n in range(model.neq):
         kind, name = model.eq_type[n], model.equality(n).name or f'loop{n}'
+        if not model.eq_active0[n]:
+            robot.leave('switched off in the file', name)
+            continue
         if n in linear:
             joint, other, (_, slope) = _coupled(model, n)
             of = {joints[joint]: 1.0} | ({joints[other]: -slope} if slope else {})
             robot.couplings.append(Coupled(name, of))
-        elif kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD) and model.eq_active0[n]:
+        elif kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
             connection, end = _loop(robot, mujoco, data, n, name, held)
             robot.connect(connection, end)
-        elif (
-            kind != kinds.mjEQ_TENDON
-            or not model.eq_active0[n]
-            or not mjcf_tendons.couple(robot, model, n, name, tendons)
-        ):
+        elif kind != kinds.mjEQ_TENDON or not mjcf_tendons.couple(robot, model, n, name, tendons):
             robot.leave('equalities', name)
             continue
         robot.leave('softness', name)

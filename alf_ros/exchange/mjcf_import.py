@@ -19,6 +19,7 @@ from alf_ros.exchange import (
     mjcf_contacts,
     mjcf_equalities,
     mjcf_geoms,
+    mjcf_switches,
     mjcf_tendons,
 )
 from alf_ros.exchange.robot import Connection, Robot, RobotPart, lumped
@@ -46,6 +47,7 @@ def read(path: Path, positions: Mapping[str, float], key: str | None = None) -> 
     mujoco.set_mju_user_warning(warned.append)  # or it would write them into a file
     try:
         model, lighter = _compiled(mujoco, path)
+        off = mjcf_switches.turn_off(mujoco, model)
         robot = _Reader(mujoco, model, str(path), positions, key).robot
     except UnicodeDecodeError as error:  # MuJoCo takes any bytes as names
         raise InputError(f'a name is not UTF-8: {error.object!r}', file=str(path)) from None
@@ -53,6 +55,8 @@ def read(path: Path, positions: Mapping[str, float], key: str | None = None) -> 
         mujoco.set_mju_user_warning(None)
     for body in lighter:
         robot.leave('shapes without their file', body)
+    for kind in off:
+        robot.leave('switched off in the file', kind)
     for warning in warned:
         robot.leave('warnings of MuJoCo', ' '.join(warning.split()))
     return robot
