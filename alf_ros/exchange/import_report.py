@@ -38,6 +38,10 @@ MOTION = {
     'damping (see --scene)': 'joints are not damped',
     'springs (see --scene)': 'joints have no springs',
     'dry friction (see --scene)': 'joints have no friction',
+    'higher orders of damping': 'it is linear in the speed: the coefficients of square and cube '
+    'are left out',
+    'higher orders of springs': 'they are linear in the deflection: the coefficients of square '
+    'and cube are left out',
     'armature (see --scene)': 'the inertia of rotors is not counted',
     'damping of bodies': 'these bodies are not damped',
     'friction coefficients of PhysX': 'these joints have no friction: the file has no load',

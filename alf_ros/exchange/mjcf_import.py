@@ -186,6 +186,13 @@ class _Reader:
         lower, upper = model.jnt_range[joint]
         if drawn:
             self.robot.leave('zero of joints', f'{name} at {drawn:g}')
+        for kind, orders in (
+            ('damping', model.dof_dampingpoly[dof]),
+            ('springs', model.jnt_stiffnesspoly[joint]),
+        ):
+            if np.any(orders):
+                numbers = ' and '.join(f'{number:g}' for number in orders)
+                self.robot.leave(f'higher orders of {kind}', f'{name} {numbers}')
         return Connection(
             name,
             'revolute' if turns else 'prismatic',
@@ -209,7 +216,9 @@ class _Reader:
             model.dof_armature[dof],
             model.dof_frictionloss[dof],
             model.dof_damping[dof],
+            model.dof_dampingpoly[dof],
             model.jnt_stiffness[joint],
+            model.jnt_stiffnesspoly[joint],
             model.jnt_limited[joint],
         )
         if any(np.any(value) for value in acting):
