@@ -61,6 +61,9 @@ MOTION = {
     'actuators': 'they apply no force',
     'gains of actuators': 'the file has none: a motor without gains applies no force by itself',
     'activation of actuators': 'they act without delay',
+    'integrators of actuators': 'they integrate no control: they stay as at the start',
+    'force ranges of joints': 'they are of a sum: here of each actuator on the joint or tendon, '
+    'and of none on a tendon that moves the joint',
     'force ranges of actuators': 'different in the two directions: the larger one is used',
     'velocities of the keyframe': 'the motion starts at rest',
     'tendons (see --scene)': 'they apply no force',
@@ -90,6 +93,8 @@ READING = {
     'warnings of MuJoCo': '',
     'elements': '',
     'gazebo': '',
+    'actuators in one': 'one motor stands for all on the joint, because its range is that of the '
+    'sum',
     'limits of velocity': '',
     'limits of effort': '',
     'calibration': '',
