@@ -18,6 +18,23 @@ from alf_ros.exchange import mjcf_force_ranges, mjcf_switches
 from alf_ros.exchange.robot import Actuator, Robot
 
 
+def reflect(mujoco: Any, model: Any) -> None:
+    """Move damping and inertia of actuators, also of those that are off, to the coordinates of a
+    model on which they are: times gear², as MuJoCo counts them."""
+    kinds = mujoco.mjtTrn
+    for n in range(model.nu):
+        at, kind = int(model.actuator_trnid[n, 0]), model.actuator_trntype[n]
+        if kind in (kinds.mjTRN_JOINT, kinds.mjTRN_JOINTINPARENT):
+            to, at = 'dof', int(model.jnt_dofadr[at])
+        elif kind == kinds.mjTRN_TENDON:
+            to = 'tendon'
+        else:
+            continue
+        for what in ('damping', 'dampingpoly', 'armature'):
+            own = getattr(model, f'actuator_{what}')[n]
+            getattr(model, f'{to}_{what}')[at] += own * model.actuator_gear[n, 0] ** 2
+
+
 def add(
     robot: Robot,
     mujoco: Any,

@@ -47,6 +47,7 @@ def read(path: Path, positions: Mapping[str, float], key: str | None = None) -> 
     mujoco.set_mju_user_warning(warned.append)  # or it would write them into a file
     try:
         model, lighter = _compiled(mujoco, path)
+        mjcf_actuators.reflect(mujoco, model)
         off = mjcf_switches.turn_off(mujoco, model)
         robot = _Reader(mujoco, model, str(path), positions, key).robot
     except UnicodeDecodeError as error:  # MuJoCo takes any bytes as names

@@ -102,6 +102,27 @@ LIKE_MUJOCO = {
         'clampctrl="disable"',
         '',
     ),
+    'damping and a rotor': (
+        '',
+        PUSH % 'gear="-3" damping="0.01" armature="0.002"',
+        'ctrl="0.2"',
+        '',
+        '',
+    ),
+    'damping and a rotor of one that is off': (
+        'stiffness="3" springref="0.2"',
+        PUSH % 'gear="3" damping="0.01" armature="0.002"',
+        'ctrl="0.2"',
+        'actuation="disable"',
+        '',
+    ),
+    'damping on a tendon': (
+        '',
+        '<motor name="a" tendon="belt" gear="2" damping="0.01"/>',
+        'ctrl="0.5"',
+        '',
+        BELT % 'true',
+    ),
     'an integrator at rest': (
         '',
         '<intvelocity name="turn" joint="j1" kp="2" kv="0.1" actrange="-0.2 0.2"/>',
