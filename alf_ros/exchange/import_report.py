@@ -38,6 +38,10 @@ MOTION = {
     'damping (see --scene)': 'joints are not damped',
     'springs (see --scene)': 'joints have no springs',
     'dry friction (see --scene)': 'joints have no friction',
+    'higher orders of damping': 'it is linear in the speed: the coefficients of square and cube '
+    'are left out',
+    'higher orders of springs': 'they are linear in the deflection: the coefficients of square '
+    'and cube are left out',
     'armature (see --scene)': 'the inertia of rotors is not counted',
     'damping of bodies': 'these bodies are not damped',
     'friction coefficients of PhysX': 'these joints have no friction: the file has no load',
@@ -50,13 +54,16 @@ MOTION = {
     'mimic': 'these joints are free',
     'mimic that loops imply': 'the loops move these joints',
     'phase of mimic': 'it stays as drawn, not as in the file',
-    'equalities': 'not joint, tendon over joints, connect or weld, or not active or not '
-    'linear: they are ignored',
+    'equalities': 'not joint, tendon over joints, connect or weld, or not linear: they are '
+    'ignored',
     'softness': 'constraints hold exactly',
     'actuators (see --scene)': 'they apply no force',
     'actuators': 'they apply no force',
     'gains of actuators': 'the file has none: a motor without gains applies no force by itself',
     'activation of actuators': 'they act without delay',
+    'integrators of actuators': 'they integrate no control: they stay as at the start',
+    'force ranges of joints': 'they are of a sum: here of each actuator on the joint or tendon, '
+    'and of none on a tendon that moves the joint',
     'force ranges of actuators': 'different in the two directions: the larger one is used',
     'velocities of the keyframe': 'the motion starts at rest',
     'tendons (see --scene)': 'they apply no force',
@@ -82,9 +89,12 @@ READING = {
     'zero of joints': 'here it is as drawn',
     'posture': "the loops of the file are open as drawn; Newton's method moved the joints",
     'posture of bodies': 'joints are open as drawn; the bodies were moved to close them',
+    'switched off in the file': 'not imported',
     'warnings of MuJoCo': '',
     'elements': '',
     'gazebo': '',
+    'actuators in one': 'one motor stands for all on the joint, because its range is that of the '
+    'sum',
     'limits of velocity': '',
     'limits of effort': '',
     'calibration': '',

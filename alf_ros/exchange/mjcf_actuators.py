@@ -2,7 +2,8 @@
 
 The force is gain · u + bias, between the ends of its range; u is the control, of the keyframe or
 zero, bias = b0 + b1 l + b2 l̇ with l = gear · x, and gear times the force acts on x. So
-k_p = -gear² b1, k_v = -gear² b2, and x* where the rest vanishes.
+k_p = -gear² b1, k_v = -gear² b2, and x* where the rest vanishes. If an actuator integrates its
+control, u is the integral at the start. If it filters its control, u is the control.
 """
 
 from __future__ import annotations
@@ -13,7 +14,25 @@ from typing import Any
 
 import numpy as np
 
+from alf_ros.exchange import mjcf_force_ranges, mjcf_switches
 from alf_ros.exchange.robot import Actuator, Robot
+
+
+def reflect(mujoco: Any, model: Any) -> None:
+    """Move damping and inertia of actuators, also of those that are off, to the coordinates of a
+    model on which they are: times gear², as MuJoCo counts them."""
+    kinds = mujoco.mjtTrn
+    for n in range(model.nu):
+        at, kind = int(model.actuator_trnid[n, 0]), model.actuator_trntype[n]
+        if kind in (kinds.mjTRN_JOINT, kinds.mjTRN_JOINTINPARENT):
+            to, at = 'dof', int(model.jnt_dofadr[at])
+        elif kind == kinds.mjTRN_TENDON:
+            to = 'tendon'
+        else:
+            continue
+        for what in ('damping', 'dampingpoly', 'armature'):
+            own = getattr(model, f'actuator_{what}')[n]
+            getattr(model, f'{to}_{what}')[at] += own * model.actuator_gear[n, 0] ** 2
 
 
 def add(
@@ -29,36 +48,60 @@ def add(
     data: with the controls. names: of the actuators; joints: of the joints; tendons: by number
     those that are of the robot.
     """
-    model = data.model
+    model, dynamics = data.model, mujoco.mjtDyn
+    known = {
+        dynamics.mjDYN_NONE: None,
+        dynamics.mjDYN_INTEGRATOR: 'integrators of actuators',
+        dynamics.mjDYN_FILTER: 'activation of actuators',
+        dynamics.mjDYN_FILTEREXACT: 'activation of actuators',
+        dynamics.mjDYN_MUSCLE: 'activation of actuators',
+    }
+    driving = []
     for n, name in enumerate(names):
+        if mjcf_switches.is_off(mujoco, model, n):
+            robot.leave('switched off in the file', name)
+            continue
         on = _acts_on(mujoco, model, n, joints, tendons)
         fixed = model.actuator_gaintype[n] == mujoco.mjtGain.mjGAIN_FIXED
-        bias = model.actuator_biastype[n]
+        bias, dynamic = model.actuator_biastype[n], model.actuator_dyntype[n]
         plain = (mujoco.mjtBias.mjBIAS_NONE, mujoco.mjtBias.mjBIAS_AFFINE)
         made = None
-        if on is not None and fixed and bias in plain:
-            made = _actuator(name, on, model, n, float(data.ctrl[n]))
+        if on is not None and fixed and bias in plain and dynamic in known:
+            given = _input(mujoco, data, n)
+            made = _actuator(name, on, model, n, given)
         if made is None:
             robot.leave('actuators', name)
             continue
-        if model.actuator_dyntype[n] != mujoco.mjtDyn.mjDYN_NONE:
+        if lost := known[dynamic]:
+            robot.leave(lost, name)
+        if model.actuator_delay[n]:
             robot.leave('activation of actuators', name)
         for limited, (low, high) in (
             (model.actuator_forcelimited[n], model.actuator_forcerange[n]),
-            (model.actuator_ctrllimited[n] and bias == plain[0], model.actuator_ctrlrange[n]),
+            (given.is_limited and bias == plain[0], given.ends),
         ):
             if limited and not np.isclose(-low, high):
                 robot.leave('force ranges of actuators', name)
-        robot.actuators.append(made)
+        driving.append(made)
+    robot.actuators += mjcf_force_ranges.within(robot, mujoco, data, joints, driving)
 
 
 @dataclass(frozen=True)
 class _Coordinate:
-    """A joint or a tendon that an actuator pushes: its name, and the largest force there."""
+    """A joint or a tendon that an actuator pushes: its name, and its number in the model."""
 
     name: str
+    at: int
     is_tendon: bool
-    limit: float | None
+
+
+@dataclass(frozen=True)
+class _Input:
+    """The u of an actuator, and its range."""
+
+    value: float
+    is_limited: bool
+    ends: tuple[float, float]
 
 
 def _acts_on(
@@ -67,40 +110,49 @@ def _acts_on(
     """The hinge, slide or tendon that an actuator pushes, None for anything else."""
     kinds, kind, at = mujoco.mjtTrn, model.actuator_trntype[n], int(model.actuator_trnid[n, 0])
     if kind == kinds.mjTRN_TENDON and at in tendons:
-        limited, ends = model.tendon_actfrclimited[at], model.tendon_actfrcrange[at]
-        name = tendons[at]
-    elif kind in (kinds.mjTRN_JOINT, kinds.mjTRN_JOINTINPARENT):
-        if model.jnt_type[at] not in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE):
-            return None
-        limited, ends, name = model.jnt_actfrclimited[at], model.jnt_actfrcrange[at], joints[at]
-    else:
-        return None
-    limit = float(np.abs(ends).max()) if limited else None
-    return _Coordinate(name, bool(kind == kinds.mjTRN_TENDON), limit)
+        return _Coordinate(tendons[at], at, True)
+    single = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
+    if kind in (kinds.mjTRN_JOINT, kinds.mjTRN_JOINTINPARENT) and model.jnt_type[at] in single:
+        return _Coordinate(joints[at], at, False)
+    return None
 
 
-def _actuator(name: str, on: _Coordinate, model: Any, n: int, control: float) -> Actuator | None:
+def _input(mujoco: Any, data: Any, n: int) -> _Input:
+    model, dynamics = data.model, mujoco.mjtDyn
+    integrates = model.actuator_dyntype[n] == dynamics.mjDYN_INTEGRATOR
+    value, is_limited, ends = data.ctrl[n], model.actuator_ctrllimited[n], model.actuator_ctrlrange
+    if is_limited:
+        value = np.clip(value, *ends[n])
+    if integrates:
+        value, is_limited = data.act[model.actuator_actadr[n]], False
+    if model.actuator_dyntype[n] != dynamics.mjDYN_NONE and model.actuator_actlimited[n]:
+        is_limited, ends = True, model.actuator_actrange
+        value = np.clip(value, *ends[n])
+    low, high = map(float, ends[n])
+    return _Input(float(value), bool(is_limited), (low, high))
+
+
+def _actuator(
+    name: str, on: _Coordinate, model: Any, n: int, given: _Input
+) -> mjcf_force_ranges.Driving | None:
     """None for one that pushes away from where it shall be, or that has no gear."""
     gear = float(model.actuator_gear[n, 0])
     b0, b1, b2 = map(float, model.actuator_biasprm[n, :3])
     gain = float(model.actuator_gainprm[n, 0])
-    if model.actuator_ctrllimited[n]:
-        control = float(np.clip(control, *model.actuator_ctrlrange[n]))
-    force = gain * control + b0
+    force = gain * given.value + b0
     if b1 > 0.0 or b2 > 0.0 or gear == 0.0:
         return None
     limits = []
     if model.actuator_forcelimited[n]:
         limits.append(abs(gear) * float(np.abs(model.actuator_forcerange[n]).max()))
-    if model.actuator_ctrllimited[n] and not b1 and not b2:
-        most = float(np.abs(model.actuator_ctrlrange[n]).max())
-        limits.append(abs(gear) * (abs(gain) * most + abs(b0)))
-    if on.limit is not None:
-        limits.append(on.limit)
+    if given.is_limited and not b1 and not b2:
+        limits.append(abs(gear) * (abs(gain) * max(map(abs, given.ends)) + abs(b0)))
     made = Actuator(name, on.name, limit=min(limits, default=None), on_tendon=on.is_tendon)
     if b1:
         place, stiff, damp = -force / (b1 * gear), -b1 * gear**2, -b2 * gear**2
-        return replace(made, position=place, position_gain=stiff, velocity_gain=damp)
-    if b2:
-        return replace(made, velocity=-force / (b2 * gear), velocity_gain=-b2 * gear**2)
-    return replace(made, effort=gear * force)
+        made = replace(made, position=place, position_gain=stiff, velocity_gain=damp)
+    elif b2:
+        made = replace(made, velocity=-force / (b2 * gear), velocity_gain=-b2 * gear**2)
+    else:
+        made = replace(made, effort=gear * force)
+    return mjcf_force_ranges.Driving(made, n, on.at, gear)

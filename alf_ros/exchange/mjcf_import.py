@@ -1,4 +1,4 @@
-"""MJCF to a robot: bodies, joints, and the loops that `equality` closes by `connect` and `weld`.
+"""MJCF to a robot: bodies and joints; the other elements have modules of their own.
 
 MuJoCo itself reads the file, so that defaults, includes, angles and inertias from geoms are its
 own. Several joints of one body become a chain through bodies without mass.
@@ -6,15 +6,23 @@ own. Several joints of one body become a chain through bodies without mass.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from alf_ros.errors import InputError
-from alf_ros.exchange import mjcf_actuators, mjcf_assets, mjcf_contacts, mjcf_geoms, mjcf_tendons
-from alf_ros.exchange.robot import Connection, Coupled, FramePose, Robot, RobotPart, lumped
+from alf_ros.exchange import (
+    mjcf_actuators,
+    mjcf_assets,
+    mjcf_contacts,
+    mjcf_equalities,
+    mjcf_geoms,
+    mjcf_switches,
+    mjcf_tendons,
+)
+from alf_ros.exchange.robot import Connection, Robot, RobotPart, lumped
 from alf_ros.mechanism import GROUND
 from alf_ros.scene.text.yaml_document import LARGEST
 
@@ -24,7 +32,6 @@ _KINDS = {
     'cam': 'cameras',
     'light': 'lights',
 }
-_TURNED = 1e-6  # rad: how far what a weld holds may be drawn from how it is held
 
 
 def read(path: Path, positions: Mapping[str, float], key: str | None = None) -> Robot:
@@ -40,6 +47,8 @@ def read(path: Path, positions: Mapping[str, float], key: str | None = None) -> 
     mujoco.set_mju_user_warning(warned.append)  # or it would write them into a file
     try:
         model, lighter = _compiled(mujoco, path)
+        mjcf_actuators.reflect(mujoco, model)
+        off = mjcf_switches.turn_off(mujoco, model)
         robot = _Reader(mujoco, model, str(path), positions, key).robot
     except UnicodeDecodeError as error:  # MuJoCo takes any bytes as names
         raise InputError(f'a name is not UTF-8: {error.object!r}', file=str(path)) from None
@@ -47,6 +56,8 @@ def read(path: Path, positions: Mapping[str, float], key: str | None = None) -> 
         mujoco.set_mju_user_warning(None)
     for body in lighter:
         robot.leave('shapes without their file', body)
+    for kind in off:
+        robot.leave('switched off in the file', kind)
     for warning in warned:
         robot.leave('warnings of MuJoCo', ' '.join(warning.split()))
     return robot
@@ -86,11 +97,10 @@ class _Reader:
         self.mujoco, self.model, self.data = mujoco, model, mujoco.MjData(model)
         self.bodies = self._names('body', model.nbody)
         self.joints = self._names('joint', model.njnt)
-        self.linear = self._linear_couplings()
         if key is not None:
             self._begin_at(key)
         self._set(positions)
-        self._couple_drawn(positions)
+        mjcf_equalities.draw(mujoco, self.data, self.joints, positions)
         mujoco.mj_kinematics(model, self.data)
         called = model.names.split(b'\0')[0].decode()
         gravity = tuple(map(float, model.opt.gravity))
@@ -104,8 +114,7 @@ class _Reader:
         self.tendons = self._names('tendon', model.ntendon)
         given = self.robot, mujoco, self.data
         tendons = mjcf_tendons.add(*given, self.tendons, self.joints, self.held)
-        for equality in range(model.neq):
-            self._close(equality)
+        mjcf_equalities.add(*given, self.joints, self.held, self.tendons)
         names = self._names('actuator', model.nu)
         mjcf_actuators.add(*given, names, self.joints, tendons)
         mjcf_geoms.add(self.robot, mujoco, self.data, Path(file), self.held)
@@ -135,47 +144,6 @@ class _Reader:
             raise InputError('no such keyframe', key='--key', value=key, choices=names or ['none'])
         n = names.index(key) if key in names else int(key)
         self.mujoco.mj_resetDataKeyframe(self.model, self.data, n)
-
-    def _couple_drawn(self, positions: Mapping[str, float]) -> None:
-        """Draw joints where equalities have them. Raises InputError if --set says otherwise."""
-        model, data = self.model, self.data
-        for equality in self.linear:
-            one, other, (constant, slope) = self._coupled(equality)
-            at = model.jnt_qposadr[one]
-            wanted = float(model.qpos0[at] + constant)
-            if other >= 0:
-                there = model.jnt_qposadr[other]
-                wanted += slope * float(data.qpos[there] - model.qpos0[there])
-            given = positions.get(self.joints[one])
-            if given is not None and abs(given - wanted) > _TURNED:
-                message = f'an equality has it at {wanted:.9g}'
-                raise InputError(message, key='--set', value=f'{self.joints[one]}={given:g}')
-            data.qpos[at] = wanted
-
-    def _linear_couplings(self) -> list[int]:
-        """The equalities that couple hinges and slides linearly."""
-        model = self.model
-        kinds = (self.mujoco.mjtJoint.mjJNT_HINGE, self.mujoco.mjtJoint.mjJNT_SLIDE)
-        found = []
-        for n in range(model.neq):
-            if model.eq_type[n] != self.mujoco.mjtEq.mjEQ_JOINT or not model.eq_active0[n]:
-                continue
-            one, other, _ = self._coupled(n)
-            single = all(model.jnt_type[each] in kinds for each in (one, other) if each >= 0)
-            if single and (other < 0 or not np.any(model.eq_data[n, 2:5])):
-                found.append(n)
-        return found
-
-    def _coupled(self, equality: int) -> tuple[int, int, tuple[float, float]]:
-        """Two joints, the second -1 if there is none: x₁ = constant + slope x₂, less their
-        positions in the file."""
-        model = self.model
-        one, other = (int(ids[equality]) for ids in (model.eq_obj1id, model.eq_obj2id))
-        constant, slope = map(float, model.eq_data[equality, :2])
-        return one, other, (constant, slope if other >= 0 else 0.0)
-
-    def _frame(self, body: int) -> FramePose:
-        return FramePose(self.data.xpos[body].copy(), self.data.xmat[body].reshape(3, 3).copy())
 
     # -------------------------------------------------------------------------------------- tree
 
@@ -219,6 +187,13 @@ class _Reader:
         lower, upper = model.jnt_range[joint]
         if drawn:
             self.robot.leave('zero of joints', f'{name} at {drawn:g}')
+        for kind, orders in (
+            ('damping', model.dof_dampingpoly[dof]),
+            ('springs', model.jnt_stiffnesspoly[joint]),
+        ):
+            if np.any(orders):
+                numbers = ' and '.join(f'{number:g}' for number in orders)
+                self.robot.leave(f'higher orders of {kind}', f'{name} {numbers}')
         return Connection(
             name,
             'revolute' if turns else 'prismatic',
@@ -242,62 +217,13 @@ class _Reader:
             model.dof_armature[dof],
             model.dof_frictionloss[dof],
             model.dof_damping[dof],
+            model.dof_dampingpoly[dof],
             model.jnt_stiffness[joint],
+            model.jnt_stiffnesspoly[joint],
             model.jnt_limited[joint],
         )
         if any(np.any(value) for value in acting):
             self.robot.leave('limits, damping, friction, springs, armature', self.joints[joint])
-
-    # ------------------------------------------------------------------------------------- loops
-
-    def _close(self, equality: int) -> None:
-        model, kinds = self.model, self.mujoco.mjtEq
-        kind, name = model.eq_type[equality], model.equality(equality).name or f'loop{equality}'
-        if equality in self.linear:
-            self._couple(equality, name)
-            return
-        of_tendons = kind == kinds.mjEQ_TENDON and model.eq_active0[equality]
-        if of_tendons and mjcf_tendons.couple(self.robot, model, equality, name, self.tendons):
-            return
-        if kind not in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD) or not model.eq_active0[equality]:
-            self.robot.leave('equalities', name)
-            return
-        numbers = model.eq_data[equality]
-        (one, first), (other, second) = self._sides(equality)
-        welded = kind == kinds.mjEQ_WELD
-        if model.eq_objtype[equality] == self.mujoco.mjtObj.mjOBJ_SITE:
-            start, end = first.origin, second.origin
-            gap = first.turn.T @ second.turn
-        elif welded:
-            held = np.zeros(9)
-            self.mujoco.mju_quat2Mat(held, numbers[6:10])
-            start, end = first.place(numbers[3:6]), second.origin
-            gap = (first.turn @ held.reshape(3, 3)).T @ second.turn
-        else:
-            start, end = first.place(numbers[:3]), second.place(numbers[3:6])
-            gap = np.eye(3)
-        if welded and np.linalg.norm(gap - np.eye(3)) > _TURNED:
-            raise self.robot.error(name, 'its two sides are drawn turned against each other')
-        kind_of = 'weld' if welded else 'spherical'
-        self.robot.connect(Connection(name, kind_of, one, other, start), end)
-        self.robot.leave('softness', name)
-
-    def _couple(self, equality: int, name: str) -> None:
-        joint, other, (_, slope) = self._coupled(equality)
-        of = {self.joints[joint]: 1.0} | ({self.joints[other]: -slope} if slope else {})
-        self.robot.couplings.append(Coupled(name, of))
-        self.robot.leave('softness', name)
-
-    def _sides(self, equality: int) -> Iterator[tuple[str, FramePose]]:
-        """The two bodies of an equality, with the frames of bodies or of sites on them."""
-        model, data = self.model, self.data
-        by_site = model.eq_objtype[equality] == self.mujoco.mjtObj.mjOBJ_SITE
-        for n in (model.eq_obj1id[equality], model.eq_obj2id[equality]):
-            if by_site:
-                frame = FramePose(data.site_xpos[n].copy(), data.site_xmat[n].reshape(3, 3).copy())
-                yield self.held[model.site_bodyid[n]], frame
-            else:
-                yield self.held[n], self._frame(n)
 
     # ----------------------------------------------------------------------------------- the rest
 

@@ -118,5 +118,4 @@ def couple(robot: Robot, model: Any, equality: int, name: str, tendons: Sequence
     if not of:
         return False
     robot.couplings.append(Coupled(name, of))
-    robot.leave('softness', name)
     return True

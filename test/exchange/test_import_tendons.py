@@ -166,8 +166,8 @@ def test_what_does_not_come_along_is_listed(tmp_path: Path) -> None:
     _, _, text = started(tmp_path, source)
     for line in (
         'limits (see --stops): joints pass their limits: belt',
-        'equalities: not joint, tendon over joints, connect or weld, or not active or not linear: '
-        'they are ignored: tied',
+        'equalities: not joint, tendon over joints, connect or weld, or not linear: they are '
+        'ignored: tied',
         'actuators: they apply no force: pull',
         'tendons: they apply no force: round wraps around a geom',
         'armature of tendons: the inertia of their drives is not counted: belt',

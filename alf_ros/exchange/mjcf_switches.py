@@ -1,0 +1,69 @@
+"""Switches of an MJCF (`<option>` with its `<flag>`), worked into the compiled model.
+
+What a switch turns off is taken out of the model, so that no reader of the model knows switches.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+# kind: any of the flags that turn it off, and the arrays of the model that have it
+_OFF: dict[str, tuple[Sequence[str], Sequence[str]]] = {
+    'gravity': (['GRAVITY'], ['opt.gravity']),
+    'springs': (
+        ['SPRING'],
+        ['jnt_stiffness', 'jnt_stiffnesspoly', 'tendon_stiffness', 'tendon_stiffnesspoly'],
+    ),
+    'damping': (
+        ['DAMPER'],
+        ['dof_damping', 'dof_dampingpoly', 'tendon_damping', 'tendon_dampingpoly'],
+    ),
+    'dry friction': (['FRICTIONLOSS', 'CONSTRAINT'], ['dof_frictionloss', 'tendon_frictionloss']),
+    'limits': (['LIMIT', 'CONSTRAINT'], ['jnt_limited', 'tendon_limited']),
+    'ranges of controls': (['CLAMPCTRL'], ['actuator_ctrllimited']),
+}
+_GROUPS = 31  # of actuators that can be turned off
+
+
+def turn_off(mujoco: Any, model: Any) -> list[str]:
+    """Take out of a model the things that its flags turn off, but for contact and actuators.
+
+    Returns their kinds. Equalities that are off are not active any more, and not among them.
+    """
+    found = []
+    for kind, (flags, arrays) in _OFF.items():
+        if any(_is_set(mujoco, model, flag) for flag in flags):
+            found += [kind] if _cleared(model, arrays) else []
+    if _is_set(mujoco, model, 'SPRING') and _is_set(mujoco, model, 'DAMPER'):
+        # then MuJoCo has no passive forces at all
+        found += ['compensation of gravity'] if _cleared(model, ['body_gravcomp']) else []
+        if model.opt.density or model.opt.viscosity:
+            model.opt.density = model.opt.viscosity = 0.0
+            found.append('fluid')
+    if any(_is_set(mujoco, model, flag) for flag in ('EQUALITY', 'CONSTRAINT')):
+        model.eq_active0[:] = 0
+    if not model.opt.gravity.any():
+        model.body_gravcomp[:] = 0.0
+    return found
+
+
+def is_off(mujoco: Any, model: Any, actuator: int) -> bool:
+    """Whether an actuator is turned off, alone or with all."""
+    group = int(model.actuator_group[actuator])
+    own = 0 <= group < _GROUPS and bool(model.opt.disableactuator >> group & 1)
+    return own or _is_set(mujoco, model, 'ACTUATION')
+
+
+def _is_set(mujoco: Any, model: Any, flag: str) -> bool:
+    return bool(model.opt.disableflags & getattr(mujoco.mjtDisableBit, f'mjDSBL_{flag}'))
+
+
+def _cleared(model: Any, arrays: Sequence[str]) -> bool:
+    """Whether one of them held anything; now they do not."""
+    found = False
+    for name in arrays:
+        array = model.opt.gravity if name == 'opt.gravity' else getattr(model, name)
+        found = found or bool(array.any())
+        array[:] = 0
+    return found

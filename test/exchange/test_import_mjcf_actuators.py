@@ -1,0 +1,209 @@
+"""Ranges of forces, and states, of actuators of an imported MJCF: motions like MuJoCo's own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from alf_ros import Simulation
+from alf_ros.arrays import Floats
+from alf_ros.exchange.import_file import imported
+from alf_ros.scene.scene import scene_from_text
+from support.imported_motions import saved
+
+mujoco = pytest.importorskip('mujoco')
+
+STEP, DURATION = 1e-4, 0.3
+JOINTS = ('j1', 'j2')
+RANGE = 'actuatorfrcrange="-0.3 0.3"'
+BELT = f"""<tendon><fixed name="belt" {RANGE} actuatorfrclimited="%s"><joint joint="j1" coef="1"/>
+ <joint joint="j2" coef="-0.5"/></fixed></tendon>"""
+SERVO = '<position name="hold" joint="j1" kp="2" gear="-1.5"/>'
+BRAKE = '<velocity name="brake" joint="j1" kv="0.02"/>'
+PUSH = '<motor name="push" joint="j1" %s/>'
+PULL = '<motor name="pull" joint="j1" %s/>'
+
+
+def robot(joint: str, actuators: str, key: str, flag: str = '', tendon: str = '') -> str:
+    """Two bars without gravity, at a keyframe."""
+    bar = '<geom type="capsule" size="0.02" fromto="0 0 0 0.3 0 0"/>'
+    return f"""<mujoco model="bars"><compiler angle="radian"/>
+<option timestep="{STEP}" integrator="RK4" gravity="0 0 0">
+<flag contact="disable" {flag}/></option>
+<worldbody><body name="b1"><joint name="j1" axis="0 1 0" {joint}/>{bar}
+<body name="b2" pos="0.3 0 0" euler="0 0.5 0"><joint name="j2" axis="0 1 0"/>{bar}</body></body>
+</worldbody>{tendon}<actuator>{actuators}</actuator><keyframe><key name="k" {key}/></keyframe>
+</mujoco>"""
+
+
+def positions(source: str) -> Floats:
+    """Of the joints after the motion, rad, by MuJoCo itself."""
+    model = mujoco.MjModel.from_xml_string(source)
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    for _ in range(round(DURATION / STEP)):
+        mujoco.mj_step(model, data)
+    return np.array([float(data.joint(name).qpos[0]) for name in JOINTS])
+
+
+def ours(source: str, folder: Path) -> tuple[Floats, str]:
+    """Of the joints after the motion, rad, and the text."""
+    text = imported(saved(folder, 'it.xml', source), scene=True, key='k')
+    simulation = Simulation(
+        scene_from_text(text), integrator='dop853_adaptive', tolerance=1e-11, step=1e-3
+    )  # as limits have kinks
+    simulation.step(round(DURATION * 1000))
+    sample = simulation.sample()
+    return np.array([sample.joints[name].position for name in JOINTS]), text
+
+
+def limits(text: str) -> list[float | None]:
+    """Of all motors and tendons."""
+    return [each.parameters.limit for each in scene_from_text(text).effects]
+
+
+# joint, actuators, keyframe, flag, tendon
+LIKE_MUJOCO = {
+    'two motors': (
+        RANGE,
+        PUSH % '' + PUSH.replace('push', 'pull') % '',
+        'ctrl="0.6 -0.1"',
+        '',
+        '',
+    ),
+    'a servo and two others': (RANGE, SERVO + BRAKE + PUSH % '', 'ctrl="-0.3 0.4 0.2"', '', ''),
+    'limits of their own': (
+        RANGE,
+        (PUSH + PULL) % (('ctrlrange="-0.1 0.1"',) * 2),
+        'ctrl="0.5 0.09"',
+        '',
+        '',
+    ),
+    'on a tendon': (
+        '',
+        '<motor name="a" tendon="belt" gear="2"/><motor name="b" tendon="belt" gear="2"/>',
+        'ctrl="0.5 -0.1"',
+        '',
+        BELT % 'true',
+    ),
+    'alone on a tendon': (
+        '',
+        '<motor name="a" tendon="belt" gear="2"/>',
+        'ctrl="0.5"',
+        '',
+        BELT % 'true',
+    ),
+    'no range of controls': (
+        '',
+        PUSH % 'ctrlrange="-0.1 0.1"',
+        'ctrl="0.4"',
+        'clampctrl="disable"',
+        '',
+    ),
+    'damping and a rotor': (
+        '',
+        PUSH % 'gear="-3" damping="0.01" armature="0.002"',
+        'ctrl="0.2"',
+        '',
+        '',
+    ),
+    'damping and a rotor of one that is off': (
+        'stiffness="3" springref="0.2"',
+        PUSH % 'gear="3" damping="0.01" armature="0.002"',
+        'ctrl="0.2"',
+        'actuation="disable"',
+        '',
+    ),
+    'damping on a tendon': (
+        '',
+        '<motor name="a" tendon="belt" gear="2" damping="0.01"/>',
+        'ctrl="0.5"',
+        '',
+        BELT % 'true',
+    ),
+    'an integrator at rest': (
+        '',
+        '<intvelocity name="turn" joint="j1" kp="2" kv="0.1" actrange="-0.2 0.2"/>',
+        'ctrl="0" act="0.15"',
+        '',
+        '',
+    ),
+}
+
+
+@pytest.mark.parametrize(
+    ('joint', 'actuators', 'key', 'flag', 'tendon'), LIKE_MUJOCO.values(), ids=LIKE_MUJOCO
+)
+def test_actuators_like_mujoco(
+    joint: str, actuators: str, key: str, flag: str, tendon: str, tmp_path: Path
+) -> None:
+    """The range of a joint is of the sum of its actuators, on a tendon before the gear."""
+    source = robot(joint, actuators, key, flag, tendon)
+    found, text = ours(source, tmp_path)
+    assert found == pytest.approx(positions(source), abs=1e-8)
+    assert np.abs(found).max() > 0.02
+    assert 'force ranges' not in text
+
+
+def test_one_motor_for_all_is_listed(tmp_path: Path) -> None:
+    """It has the gains of both."""
+    source = robot(RANGE, SERVO + BRAKE, 'ctrl="-0.3 0.4"')
+    _, text = ours(source, tmp_path)
+    line = 'one motor stands for all on the joint, because its range is that of the sum'
+    assert f'#   actuators in one: {line}: hold and brake\n' in text
+    (motor,) = (each.parameters for each in scene_from_text(text).effects)
+    assert motor.position_gain == 2.0 * 1.5**2 and motor.velocity_gain == 0.02
+    assert motor.limit == 0.3
+
+
+LISTED = (
+    'force ranges of joints: they are of a sum: here of each actuator on the joint or tendon, '
+)
+LISTED += 'and of none on a tendon that moves the joint: '
+
+
+def test_ranges_of_sums_that_no_motor_has_are_listed(tmp_path: Path) -> None:
+    own = PUSH % 'forcerange="-0.2 0.2"' + PULL % ''
+    _, text = ours(robot(RANGE, own, 'ctrl="0.5 0.5"'), tmp_path)
+    assert f'#   {LISTED}j1\n' in text
+    assert limits(text) == [0.2, 0.3]
+    gears = '<motor tendon="belt" gear="2"/><motor tendon="belt" gear="3"/>'
+    _, text = ours(robot('', gears, 'ctrl="1 0"', '', BELT % 'true'), tmp_path)
+    assert f'#   {LISTED}belt\n' in text
+    assert limits(text) == [0.6, pytest.approx(0.9)]
+    cord = '<motor name="a" tendon="belt"/>'
+    _, text = ours(robot(RANGE, cord, 'ctrl="0.5"', '', BELT % 'false'), tmp_path)
+    assert f'#   {LISTED}j1\n' in text
+    uneven = RANGE.replace('-0.3', '-0.1')
+    _, text = ours(robot(uneven, PUSH % '', 'ctrl="0.5"'), tmp_path)
+    assert 'force ranges of actuators: different in the two directions: the larger' in text
+
+
+@pytest.mark.parametrize(
+    ('actuator', 'line'),
+    [
+        (
+            '<intvelocity name="turn" joint="j1" kp="2" actrange="-1 1"/>',
+            'integrators of actuators: they integrate no control: they stay as at the start: turn',
+        ),
+        (
+            '<cylinder name="turn" joint="j1" timeconst="0.2" area="2"/>',
+            'activation of actuators: they act without delay: turn',
+        ),
+    ],
+)
+def test_states_of_actuators_are_listed(actuator: str, line: str, tmp_path: Path) -> None:
+    """At the start the force is MuJoCo's, whose integrator begins at `act`; a filter has none."""
+    source = robot('', actuator, 'ctrl="0.3" act="0.3"')
+    text = imported(saved(tmp_path, 'it.xml', source), scene=True, key='k')
+    assert f'#   {line}\n' in text
+    model = mujoco.MjModel.from_xml_string(source)
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_forward(model, data)
+    (motor,) = (each.parameters for each in scene_from_text(text).effects)
+    effort = motor.effort + motor.position_gain * (motor.position or 0.0)
+    assert effort == pytest.approx(float(data.qfrc_actuator[0]), rel=1e-12)
+    assert effort > 0.1

@@ -1,0 +1,72 @@
+"""Welds of an imported MJCF against MuJoCo's own motion, with constraints that hardly yield."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from alf_ros import InputError
+from alf_ros.exchange.import_file import imported
+from support.imported_motions import saved, simulate
+
+mujoco = pytest.importorskip('mujoco')
+
+STEP, DURATION = 1e-4, 0.2
+SOFT = 1e-6  # rad by which MuJoCo's weld yields within this time
+WELDS = {
+    'plain': ('', 'weld'),
+    'at an anchor': ('anchor="0.1 0 0.05"', 'weld'),
+    'without torque': ('torquescale="0"', 'spherical'),
+    'without torque, at an anchor': ('torquescale="0" anchor="0.1 0 0.05"', 'spherical'),
+    'without torque, as drawn': ('torquescale="0" relpose="0.3 0 0 0.9 0.1 0 0"', 'spherical'),
+    'a little torque': ('torquescale="0.5"', 'weld'),
+}
+
+
+def two_bodies(weld: str, ends: str = 'body1="b1" body2="b2"') -> str:
+    """A pendulum, and a free body that a weld holds at its end."""
+    return f"""<mujoco model="pair"><option timestep="{STEP}" integrator="RK4">
+<flag contact="disable"/></option><worldbody>
+<body name="b1"><joint name="pin" axis="0 1 0"/>
+ <geom type="capsule" size="0.02" fromto="0 0 0 0.3 0 0"/><site name="s1" pos="0.3 0 0"/></body>
+<body name="b2" pos="0.3 0 0"><freejoint name="free"/><site name="s2"/>
+ <geom type="capsule" size="0.02" fromto="0 0 0 0.3 0.1 0"/></body></worldbody>
+<equality><weld name="held" {ends} solref="0.0006 1" solimp="0.9999 0.9999 0.001 0.5 2" {weld}/>
+</equality></mujoco>"""
+
+
+def angle(source: str) -> float:
+    """Of the pendulum after the motion, rad, by MuJoCo itself."""
+    model = mujoco.MjModel.from_xml_string(source)
+    data = mujoco.MjData(model)
+    for _ in range(round(DURATION / STEP)):
+        mujoco.mj_step(model, data)
+    return float(data.joint('pin').qpos[0])
+
+
+@pytest.mark.parametrize(('weld', 'kind'), WELDS.values(), ids=WELDS)
+def test_a_weld_like_mujoco(weld: str, kind: str, tmp_path: Path) -> None:
+    """At its anchor, if it has one; without torque it is a ball there."""
+    check(two_bodies(weld), kind, tmp_path)
+
+
+@pytest.mark.parametrize(('weld', 'kind'), [('', 'weld'), ('torquescale="0"', 'spherical')])
+def test_a_weld_of_sites_like_mujoco(weld: str, kind: str, tmp_path: Path) -> None:
+    check(two_bodies(weld, 'site1="s1" site2="s2"'), kind, tmp_path)
+
+
+def check(source: str, kind: str, folder: Path) -> None:
+    text = imported(saved(folder, 'it.xml', source), scene=True)
+    assert f'held: {{type: {kind}, ' in text
+    simulation = simulate(text)
+    simulation.step(round(DURATION * 1000))
+    found = simulation.sample().joints['pin'].position
+    assert found == pytest.approx(angle(source), abs=SOFT)
+
+
+def test_an_anchor_that_is_elsewhere_is_refused(tmp_path: Path) -> None:
+    """`relpose` places it on the first body."""
+    source = two_bodies('anchor="0.1 0 0" relpose="0.3 0 0 1 0 0 0"')
+    with pytest.raises(InputError, match=r'held: its two ends are drawn 0\.1 m apart'):
+        imported(saved(tmp_path, 'it.xml', source))
