@@ -251,11 +251,11 @@ def crossed_four_bar(
 def test_lengths_that_agree_miss_nothing() -> None:
     """In the first one, interpolation alone seemed to leave 5e-7 m open."""
     masses = 1.142289029062317, 0.9265725041499207, 1.4603648221242191
-    found = (-0.1994654296798736, 1.235484965638864), 1.3834065248022507, masses
+    found = crossed_four_bar((-0.1994654296798736, 1.235484965638864), 1.3834065248022507, masses)
     random = np.random.default_rng(7)
     others = [
-        ((crank * math.cos(angle), crank * math.sin(angle)), 1.0)
+        crossed_four_bar((crank * math.cos(angle), crank * math.sin(angle)), 1.0)
         for crank, angle in zip(random.uniform(0.3, 0.97, 8), random.uniform(1, 2, 8), strict=True)
     ]
     for each in (found, *others):
-        assert Simulation(load_scene(crossed_four_bar(*each))).missed == 0.0
+        assert Simulation(load_scene(each)).missed == 0.0

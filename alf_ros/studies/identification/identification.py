@@ -43,7 +43,7 @@ from alf_ros.studies.identification.window import Window, begin_of, cut, with_ma
 from alf_ros.studies.identification.window_residuals import WindowResiduals
 from alf_ros.studies.identification.window_runs import WindowRuns
 
-_ROUNDS = 4  # fits, each with the noise that the one before has found
+_ROUNDS = 6  # fits, each with the noise that the one before has found
 _STEADY = 0.02  # relative change of the noise that needs no other round
 _BEGIN = 0.2  # of a window, from which its start is found then
 _AT_BOUND = 1e-6  # of a bound
@@ -223,9 +223,10 @@ class _Work:
             elif round_ == 1 and self._runs.delay:
                 margin = near_margin(asked, delay)
             elif round_ > 1 and steady:
+                by_own = fit.is_own
                 last = finished(fit, solution, shared)
-                if last is not None:
-                    return solution, last
+                if last is not None or by_own:
+                    return solution, last or solution
             if self._runs.delay:
                 shared = replace(within_margin(asked, margin), begin=shared.begin)
                 self._leave_out(margin)

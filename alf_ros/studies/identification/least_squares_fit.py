@@ -35,6 +35,7 @@ FINE, COARSE, ROUGH = 1e-6, 1e-3, 1e-2
 _MOST = 60  # evaluations of a fit
 _SOLVED = 1e-3  # deviations: shared numbers that would move by less are not worth a step,
 _NEARLY = 0.5  # and those that move by less are not worth more than one
+_IDLE = 2  # evaluations without a gain
 _STALLED = 1e-2  # part of ½ Σ φ² that a step would gain where there is none: the runs jump
 _JUMPS = (
     'no step makes the sum of squares smaller, although it has a slope: the runs of a window jump '
@@ -76,7 +77,7 @@ def solve(
     """
     sizes = [each.size for each in free]
     problem = _Problem(windows, shared, sizes, tolerance)
-    tried = _Tried(problem.values, problem.rows, told)
+    tried = _Tried(problem, told)
     P, x = windows.numbers, np.concatenate([shared.begin, *free])
     lower, upper = np.full(x.size, -np.inf), np.full(x.size, np.inf)
     lower[:P], upper[:P] = shared.lower, shared.upper
@@ -153,8 +154,8 @@ class _Problem:
         sizes: Sequence[int],
         tolerance: float,
     ) -> None:
-        self._windows, self._shared = windows, shared
-        self._tolerance = tolerance
+        self.windows, self._shared = windows, shared
+        self.tolerance = tolerance
         self._last: Floats | None = None  # x of the last slopes
         self._P = windows.numbers
         self._edges = self._P + np.cumsum([0, *sizes])
@@ -168,10 +169,10 @@ class _Problem:
     def values(self, x: Floats) -> Floats:
         """(|r|, 0, …) of each window, then the priors."""
         found, shared, starts = np.zeros(self.rows), x[: self._P], self.starts(x)
-        misfits = self._windows.plain(starts, shared)
-        each = zip(self._first, self._windows.windows, starts, misfits, strict=False)
+        misfits = self.windows.plain(starts, shared)
+        each = zip(self._first, self.windows.windows, starts, misfits, strict=False)
         for at, window, own, misfit in each:
-            value, _ = self._windows.rooted(window, own, misfit)
+            value, _ = self.windows.rooted(window, own, misfit)
             found[at] = np.linalg.norm(value)
         found[self._first[-1] :] = (shared - self._shared.mean) * self._shared.weight
         return found
@@ -187,7 +188,7 @@ class _Problem:
             if self._last is None:
                 raise
             raise _Ended(self._last, f'no derivatives on the way: {error}', False) from None
-        if best_gain(value, found) <= self._tolerance * 0.5 * float(value @ value):
+        if best_gain(value, found) <= self.tolerance * 0.5 * float(value @ value):
             raise _Ended(x, _ENDS[2], True)
         self._last = x.copy()
         return found
@@ -196,10 +197,10 @@ class _Problem:
         """The values and their slopes, but for a rotation of the rows of each window."""
         P, found, value = self._P, np.zeros((self.rows, x.size)), np.zeros(self.rows)
         starts = self.starts(x)
-        misfits = self._windows.linearised(starts, x[:P])
-        each = zip(self._first, self._edges, self._windows.windows, starts, misfits, strict=False)
+        misfits = self.windows.linearised(starts, x[:P])
+        each = zip(self._first, self._edges, self.windows.windows, starts, misfits, strict=False)
         for at, column, window, own, misfit in each:
-            R = compressed(*self._windows.rooted(window, own, misfit))
+            R = compressed(*self.windows.rooted(window, own, misfit))
             found[at : at + len(R), :P] = R[:, 1 : 1 + P]
             found[at : at + len(R), column : column + own.size] = R[:, 1 + P :]
             value[at] = R[0, 0]
@@ -221,26 +222,32 @@ def is_stalled(value: Floats, J: Floats, x: Floats, lower: Floats, upper: Floats
 
 class _Tried:
     """Values that scipy tries: after the first ones a failure of a run is NaN, and scipy takes a
-    shorter step."""
+    shorter step. Where jacobians of other places find nothing better any more, the fit ends."""
 
-    def __init__(
-        self, values: Callable[[Floats], Floats], size: int, told: Told | None = None
-    ) -> None:
-        self._values, self._size, self._told = values, size, told
+    def __init__(self, problem: _Problem, told: Told | None) -> None:
+        self._problem, self._told = problem, told
+        self._best: Floats = np.zeros(0)
+        self._least, self._idle = np.inf, 0
         self.count = 0
         self.failure: AlfError | None = None
 
     def __call__(self, x: Floats) -> Floats:
         self.count += 1
         try:
-            found = self._values(x)
+            found = self._problem.values(x)
         except StoppedError:
             raise
         except AlfError as error:
             if self.count == 1:
                 raise
             self.failure = error
-            return np.full(self._size, np.nan)
-        if self._told is not None:
-            self._told(self.count, 0.5 * float(found @ found))
+            found = np.full(self._problem.rows, np.nan)
+        cost = 0.5 * float(found @ found)
+        if self._told is not None and np.isfinite(cost):
+            self._told(self.count, cost)
+        self._idle = 0 if cost < (1.0 - self._problem.tolerance) * self._least else self._idle + 1
+        if cost < self._least:
+            self._best, self._least = x.copy(), cost
+        if self._idle >= _IDLE and not self._problem.windows.is_own:
+            raise _Ended(self._best, _ENDS[2], True)
         return found

@@ -32,6 +32,7 @@ class WeighedWindows:
         self, runs: WindowRuns, windows: Sequence[Window], noise: Floats, loss: str
     ) -> None:
         self._runs, self.windows, self._noise, self._loss = runs, windows, noise, loss
+        self.is_own = True  # whether the last jacobians are of the place that was asked for
         model = runs.reference.model
         self._size = float(np.sqrt(model.mass_scale)) * model.size  # of a start, kg^½ m, kg^½ m/s
 
@@ -78,7 +79,9 @@ class WeighedWindows:
             found.append(replace(here, jacobian=secant(before.jacobian, moved, off)))
         r = np.concatenate([each.residuals / self._noise[each.channel] for each in now])
         holds = told <= _NEAR * float(np.mean(r**2)) or bent <= _BENT**2 * told
-        if len(found) == len(now) and holds:
+        reused = len(found) == len(now) and holds
+        self.is_own = not reused or told == 0.0
+        if reused:
             delay, values = self._split(shared)
             for (window, own), each in zip(self.begun(free), found, strict=True):
                 self._runs.keep_secant(values, window, own, delay, each)
