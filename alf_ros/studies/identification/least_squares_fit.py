@@ -39,7 +39,8 @@ _IDLE = 2  # evaluations without a gain
 _STALLED = 1e-2  # part of ½ Σ φ² that a step would gain where there is none: the runs jump
 _JUMPS = (
     'no step makes the sum of squares smaller, although it has a slope: the runs of a window jump '
-    'there, as beside a position that they pass or turn back from; a shorter window may help'
+    'there, as beside a position that they pass or turn back from, or where no recorded joint '
+    'tells a start; other windows, or one more recorded joint, may help'
 )
 _ENDS = {  # by the status of scipy
     0: f'{_MOST} evaluations were not enough',
