@@ -184,7 +184,8 @@ def advance_adaptively(
                     goal, begun = done + length, True
                     continue
                 since = passed(since, part, dt)
-                goal = next_aim(done + dt, since, h)
+                if since > 0.0:
+                    goal = next_aim(done + dt, since, h)
             if error <= floor:
                 if tangents is not None:
                     result = carry_tangents(tangents, problem, phase, begin, to, dt, sigma)

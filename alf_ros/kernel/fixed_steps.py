@@ -60,7 +60,7 @@ def advance(
     for taken in range(steps):
         t, end = t0 + (first + taken) * h, t0 + (first + taken + 1) * h
         done, aim, tries, begun = 0.0, h, 0, False  # aim: where the piece of the step ends
-        since = 0.0  # s since a kink was crossed
+        since, cuts = 0.0, 0  # s since a kink was crossed; pieces on the way to crossings
         while True:
             begin, to, dt = t + done, end if aim == h else t + aim, aim - done
             piece = begin, to, dt
@@ -76,8 +76,8 @@ def advance(
             if result == OK and (tangents is not None or record is not None):
                 part = crossed(problem, phase, begin, dt)
                 length = shorter(part, dt, h)
-                if length < dt and tries < CROSSINGS:
-                    aim, tries, begun = done + length, tries + 1, True
+                if length < dt and cuts < CROSSINGS:
+                    aim, cuts, begun = done + length, cuts + 1, True
                     continue
                 since = passed(since, part, dt)
             if result == OK:

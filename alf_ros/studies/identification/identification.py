@@ -46,6 +46,7 @@ from alf_ros.studies.identification.window_runs import WindowRuns
 _ROUNDS = 6  # fits, each with the noise that the one before has found
 _STEADY = 0.02  # relative change of the noise that needs no other round
 _BEGIN = 0.2  # of a window, from which its start is found then
+_UNFINISHED = f'{_ROUNDS} rounds were not enough: the noise or the numbers change still'
 _AT_BOUND = 1e-6  # of a bound
 _PART, _MANY = 5, 15  # of so many windows and more, one of five is fitted before all
 Report = Callable[[str], None]
@@ -230,6 +231,8 @@ class _Work:
             if self._runs.delay:
                 shared = replace(within_margin(asked, margin), begin=shared.begin)
                 self._leave_out(margin)
+        else:
+            solution = replace(solution, reason=_UNFINISHED, settled=False)
         return solution, solution
 
     def _leave_out(self, margin: float) -> None:

@@ -79,14 +79,15 @@ class WeighedWindows:
             found.append(replace(here, jacobian=secant(before.jacobian, moved, off)))
         r = np.concatenate([each.residuals / self._noise[each.channel] for each in now])
         holds = told <= _NEAR * float(np.mean(r**2)) or bent <= _BENT**2 * told
-        reused = len(found) == len(now) and holds
-        self.is_own = not reused or told == 0.0
-        if reused:
+        if len(found) < len(now) or not holds:
+            self.is_own = True
+            return self.misfits(self.begun(free), shared, True)
+        if told > 0.0:
             delay, values = self._split(shared)
             for (window, own), each in zip(self.begun(free), found, strict=True):
                 self._runs.keep_secant(values, window, own, delay, each)
-            return found
-        return self.misfits(self.begun(free), shared, True)
+        self.is_own = not any(map(self._runs.has_secant, self.windows))
+        return found
 
     def by_starts(self, starts: Sequence[WindowStart], shared: Floats) -> list[Misfit]:
         """With jacobians by the starts alone."""

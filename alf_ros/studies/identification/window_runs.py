@@ -180,6 +180,10 @@ class WindowRuns:
         x, P = np.array(at), len(self.names)
         return (x if self.delay else np.delete(x, P)), misfit
 
+    def has_secant(self, window: Window) -> bool:
+        """Whether what `last` gives is a secant."""
+        return _place(window) in self._secants
+
     def keep_secant(
         self, values: Floats, window: Window, free: Floats, delay: float, misfit: Misfit
     ) -> None:
