@@ -23,15 +23,15 @@ import numpy as np
 from alf_ros.arrays import Floats, Integers
 from alf_ros.kernel.data import EPS, NOTHING
 from alf_ros.kernel.data.closing import Closing
+from alf_ros.kernel.line_tracking import go_along, is_sound
 from alf_ros.kernel.numba_ext.jit import compiled, inner
 from alf_ros.kernel.numba_ext.vectors import copy, furthest, largest, zero
 from alf_ros.kernel.posture_newton import LEAP, begin_at, count, put_values, read, settle
 
-_TURN, _MOVE = 0.25, 0.1  # of an active angle (rad), and of a length (size), in a step on the line
-_PATIENCE = 1000  # fine steps: more are taken only where several directions are lost together
-_FINE, _FINEST = 1e-3, 1e-12  # of a step on the line: any convergence is good; at least
-_CONTRACTS = 0.5  # of the first correction, the rest of them
 _BELIEVED = 0.5  # of the extrapolated way, the correction
+_NEAR = 0.1  # the same, for two calls, of a motion that needs no other candidate
+_SAME = 1e-9  # of the size: candidates that are the same
+_PIECES, _CORNER = 12, 0.5  # of a way; of a piece, the change from the one before it
 _AGREE = 1e-6  # rad or size: an active coordinate and its value, turns counted
 
 _FITS = 5.0  # standard deviations, up to which a value fits the motion
@@ -112,51 +112,6 @@ def _deviations(closing: Closing, turns: Integers) -> float:
 
 
 @inner
-def _go_along(closing: Closing) -> float:
-    """The candidate along the line from `asked` to `wanted`, in `work`; returns how far it came, a
-    part of the line."""
-    work, n, size = closing.work, closing.ahead.size, closing.tight.size
-    copy(closing.q, work.q)
-    copy(closing.turns, closing.turned)
-    steps = 1.0
-    for k in range(closing.wanted.size):
-        longest = _TURN if closing.is_angle[k] != 0 else _MOVE * size
-        steps = max(steps, abs(closing.wanted[k] - closing.asked[k]) / longest)
-    s, h = 0.0, 1.0 / np.ceil(steps)
-    widest, again, fine = h, True, 0
-    while s < 1.0:
-        to = s + h
-        fine += 1 if h < _FINE * widest else 0
-        if fine > _PATIENCE:
-            break
-        if 1.0 - to < 0.5 * _FINEST * widest:
-            to = 1.0
-        for k in range(closing.wanted.size):
-            x = closing.asked[k] + to * (closing.wanted[k] - closing.asked[k])
-            closing.here[k] = closing.wanted[k] if to == 1.0 else x
-        begin_at(closing, work.q)
-        put_values(closing, closing.here)
-        good = settle(closing, closing.tight, h < widest)
-        if good:
-            first, rest = largest(closing.way, n), 0.0
-            for a in range(n):
-                rest = max(rest, abs(work.q[a] - closing.before[a] - closing.way[a]))
-            part = _CONTRACTS if h > _FINE * widest else 1.01
-            good = rest <= part * first + EPS**0.5 * size
-        if good:
-            count(closing, closing.before, closing.turned)
-            s = to
-            h = min(2.0 * h, widest) if again else h
-        else:
-            copy(closing.before, work.q)
-            h *= 0.5
-            if h < _FINEST * widest:
-                break
-        again = good
-    return s
-
-
-@inner
 def _take(closing: Closing, q: Floats, turns: Integers) -> None:
     """Make q the posture."""
     copy(q, closing.q)
@@ -164,14 +119,15 @@ def _take(closing: Closing, q: Floats, turns: Integers) -> None:
 
 
 @inner
-def _learn(closing: Closing, ratio: float) -> None:
-    """Continue the motion with the posture: the polynomial through the last three."""
+def _learn(closing: Closing, ratio: float, near: bool) -> None:
+    """Continue the motion with the posture: the polynomial through the last three. `near`: the
+    posture was where the motion led."""
     for a in range(closing.ahead.size):
         bend, c = ratio * ratio * closing.bend[a], closing.q[a] - closing.ahead[a]
         closing.rate[a] = ratio * closing.rate[a] + bend + 1.5 * c
         closing.bend[a] = bend + c
         closing.place[a] = closing.q[a]
-    closing.counts[0] = min(closing.counts[0] + 1, 3)
+    closing.counts[0] = 3 if near else 2
 
 
 @inner
@@ -231,36 +187,86 @@ def _close_noisy(closing: Closing, ratio: float) -> bool:
             return False
         count(closing, closing.q, closing.turned)
         if _deviations(closing, closing.turned) > _FITS:  # Newton's method ended too early
-            _go_along(closing)
+            go_along(closing, False)
     _take(closing, work.q, closing.turned)
     closing.counts[2] = AHEAD
     return True
 
 
 @inner
+def _is_smooth(closing: Closing) -> bool:
+    """Whether the candidate in `other` is on the curve on which the motion left the posture.
+
+    Not if it is behind a position where branches cross, on the other one: that way has a corner.
+    So places between them are moved to where the loops are closed, and their chain is looked at.
+    """
+    work, n = closing.work, closing.ahead.size
+    copy(closing.turns, closing.turned)
+    for k in range(1, _PIECES + 1):
+        u = k / _PIECES
+        copy(closing.q, work.q)
+        begin_at(closing, closing.q)
+        for a in range(n):
+            step = closing.ahead[a] - closing.place[a]
+            work.q[a] = closing.place[a] + u * (step + u * (closing.other[a] - closing.ahead[a]))
+            closing.shift[a] = closing.guess[a] if k > 1 else closing.q[a]
+        if not settle(closing, closing.loose, False):
+            return False
+        corner, chord = 0.0, 0.0
+        for a in range(n):
+            step = work.q[a] - closing.shift[a]
+            closing.guess[a] = work.q[a]
+            if k > 1:
+                corner = max(corner, abs(step - closing.way_on[a]))
+                chord = max(chord, max(abs(step), abs(closing.way_on[a])))
+            closing.way_on[a] = step
+        if corner > _CORNER * chord:
+            return False
+    return True
+
+
+@inner
 def _close_exact(closing: Closing, ratio: float) -> float:
     """The posture from values without noise; returns how far the line came."""
-    work, n = closing.work, closing.ahead.size
+    work, n, size = closing.work, closing.ahead.size, closing.tight.size
     way = _extrapolate(closing, ratio)
     ahead = way > 0.0 and _go_ahead(closing, False)
     off = furthest(work.q, closing.ahead, n) if ahead else np.inf
-    if ahead and off > _BELIEVED * way:
+    near = ahead and off <= _NEAR * way
+    if near and closing.counts[0] > 2 and is_sound(closing, closing.ahead):
+        _take(closing, work.q, closing.turned)
+        _learn(closing, ratio, near)
+        zero(closing.stride)
+        closing.counts[2] = AHEAD
+        return 1.0
+    ahead = ahead and off <= way
+    if ahead:
         copy(work.q, closing.other)
         copy(closing.turned, closing.other_turns)
-    if not ahead or off > _BELIEVED * way:
-        reached = _go_along(closing)
-        near = furthest(work.q, closing.ahead, n)
-        if not ahead or off > way or (reached == 1.0 and near <= off):
-            _take(closing, work.q, closing.turned)
-            _begin(closing)
-            closing.counts[2] = ALONG if reached == 1.0 else BEYOND
-            return reached
-        copy(closing.other, work.q)
-        copy(closing.other_turns, closing.turned)
+    reached = go_along(closing, ahead)
+    same = ahead and reached >= 1.0 and furthest(work.q, closing.other, n) <= _SAME * size
+    if ahead and reached <= 1.0 and not same:
+        line, turned = closing.line, closing.line_turns
+        copy(work.q, line)
+        copy(closing.turned, turned)
+        nearer = reached < 1.0 or off < furthest(line, closing.ahead, n)
+        if nearer and _is_smooth(closing):
+            _take(closing, closing.other, closing.other_turns)
+            _learn(closing, ratio, near)
+            zero(closing.stride)
+            closing.counts[2] = AHEAD
+            return 1.0
+        copy(line, work.q)
+        copy(turned, closing.turned)
     _take(closing, work.q, closing.turned)
-    _learn(closing, ratio)
-    closing.counts[2] = AHEAD
-    return 1.0
+    if ahead and reached >= 1.0 and furthest(work.q, closing.ahead, n) <= _BELIEVED * way:
+        _learn(closing, ratio, near)
+    else:
+        _begin(closing)
+    for k in range(closing.wanted.size):
+        closing.stride[k] = closing.wanted[k] - closing.asked[k] if reached >= 1.0 else 0.0
+    closing.counts[2] = ALONG if reached >= 1.0 else BEYOND
+    return min(reached, 1.0)
 
 
 @compiled

@@ -45,6 +45,14 @@ class Closing(Struct):
     ahead: Floats  # (movable D,) where the motion leads in this call
     way: Floats  # (movable D,) first correction of a position
     shift: Floats  # (movable D,) what closed the loops where the motion leads
+    slope: Floats  # (movable D,) m: derivative by the part of the line of active values
+    bow: Floats  # (movable D,) m: second derivative by it
+    guess: Floats  # (movable D,) where they lead in a step
+    places: Floats  # (8 movable D,) postures beside the values, two times two on either side
+    way_on: Floats  # (movable D,) m: a piece of the way to a candidate
+    line: Floats  # (all blocks D,) the candidate on the line
+    line_turns: Integers  # (angles,) of it
+    stride: Floats  # (active,) rad or m: the last line; 0 if it was not followed
     known: Floats  # (3,) m²: variance of the place, covariance, variance of the rate
     angles: Floats  # (angles,) rad, with turns
     spins: Floats  # (angles,) rad/s

@@ -91,6 +91,7 @@ class Closure:
         closing.q[:] = start.q
         closing.turns[:] = 0
         closing.counts[:] = 0
+        closing.stride[:] = 0.0
         closing.asked[:] = start.values[closing.active]
         closing.place[:] = start.q[: closing.place.size]
         self._t, self._span, self._calls = math.nan, math.nan, 0
@@ -247,7 +248,7 @@ class Closure:
         def move(posture: _Reached, x: float) -> tuple[_Reached, Floats] | None:
             reader.q[:], reader.turns[:], reader.asked[:] = posture
             linearise_posture(reader)
-            reader.counts[0] = 0
+            reader.counts[0], reader.stride[:] = 0, 0.0
             reader.wanted[:] = at
             reader.wanted[n] = x
             if close_loops(reader, 1.0) < 1.0:
@@ -293,6 +294,7 @@ class Closure:
     def _read(self, state: State) -> Closing:
         reader = self._reader
         reader.q[:], reader.turns[:] = state.q, state.turns
+        reader.stride[:] = 0.0
         linearise_posture(reader)
         return reader
 
@@ -312,9 +314,11 @@ def _closing(of: Actuated, noise: Floats) -> Closing:
     count, whole, angles = len(of.active), model.q.size, model.system.angles.c.size // 2
     sizes = {
         'known': 3,
-        **dict.fromkeys(('wanted', 'asked', 'here'), count),
-        **dict.fromkeys(('q', 'other', 'before'), whole),
+        **dict.fromkeys(('wanted', 'asked', 'here', 'stride'), count),
+        **dict.fromkeys(('q', 'other', 'before', 'line'), whole),
         **dict.fromkeys(('place', 'rate', 'bend', 'ahead', 'way', 'shift'), model.n),
+        **dict.fromkeys(('slope', 'bow', 'guess', 'way_on'), model.n),
+        'places': 8 * model.n,
         **dict.fromkeys(('angles', 'spins', 'near'), angles),
         **dict.fromkeys(('values', 'rates'), len(place)),
     }
@@ -333,6 +337,7 @@ def _closing(of: Actuated, noise: Floats) -> Closing:
         turns=np.zeros(angles, dtype=np.int64),
         turned=np.zeros(angles, dtype=np.int64),
         other_turns=np.zeros(angles, dtype=np.int64),
+        line_turns=np.zeros(angles, dtype=np.int64),
         counts=np.zeros(3, dtype=np.int64),
         **{name: np.zeros(size) for name, size in sizes.items()},
     )

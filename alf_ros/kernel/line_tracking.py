@@ -1,0 +1,251 @@
+"""A branch along a straight line of active values, held through positions where branches cross.
+
+The line goes from the `asked` values (s = 0) to the `wanted` ones (s = 1). A step extrapolates q
+with its first and second derivative by s, and Newton's method corrects it. It holds only if the
+correction is a small part of the step, and the first correction is nearly all of it: beside a
+position where branches cross, each of the two branches is then far from what is extrapolated of
+the other one, and a step does not end so close to the position that they are about the same.
+
+If the wanted values themselves are so close to the position, the branch is followed over it, and
+the posture is interpolated from four places, two on either side; see `_straddle`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from alf_ros.arrays import Floats
+from alf_ros.kernel.data import EPS
+from alf_ros.kernel.data.closing import Closing
+from alf_ros.kernel.numba_ext.jit import inner
+from alf_ros.kernel.numba_ext.vectors import copy, furthest, largest
+from alf_ros.kernel.posture_newton import begin_at, count, put_values, settle
+
+_TURN, _MOVE = 0.25, 0.1  # of an active angle (rad), and of a length (size), in a step
+_HOP = 0.15  # of the size: longest step of q
+_NEAR = 0.1  # of a step, its correction
+_SOUND = 0.2  # of the first correction, the rest of them
+_TINY = 1e-11  # of the size: a correction that does not count
+_PATIENCE = 1000  # fine steps: more are taken only where several directions are lost together
+_FINE, _FINEST = 1e-5, 1e-12  # of the first step: any convergence is good; at least
+_SHORTER, _LONGER = 0.4, 1.7  # the next step; powers of these do not meet a place again
+_OVER = 0.4  # of a step, how far it goes beyond the wanted values
+_CLOSER, _LEVELS = 0.17, 10  # places of `_straddle`, in the next of so many levels
+_PLACES = (-2.0, -1.0, 1.0, 2.0)
+
+
+@inner
+def is_sound(closing: Closing, start: Floats) -> bool:
+    """Whether the first correction from `start` to the q in `work` is nearly all of it."""
+    n, rest = closing.ahead.size, 0.0
+    for a in range(n):
+        rest = max(rest, abs(closing.work.q[a] - start[a] - closing.way[a]))
+    return rest <= _SOUND * largest(closing.way, n) + _TINY * closing.tight.size
+
+
+@inner
+def _put_line(closing: Closing, s: float) -> None:
+    """The active values at s."""
+    for k in range(closing.wanted.size):
+        x = closing.asked[k] + s * (closing.wanted[k] - closing.asked[k])
+        closing.here[k] = closing.wanted[k] if s == 1.0 else x
+    put_values(closing, closing.here)
+
+
+@inner
+def _fit(closing: Closing, h: float, last: float) -> None:
+    """Bend the polynomial at `before`, so that it ends at h in the q in `work`, as at -`last`."""
+    for a in range(closing.ahead.size):
+        c = (closing.work.q[a] - closing.guess[a]) / (h * (h + last))
+        closing.slope[a] += c * last
+        closing.bow[a] += 2.0 * c
+
+
+@inner
+def _step(closing: Closing, s: float, h: float, known: bool, exactly: bool) -> bool:
+    """A step from `before`, at s, to the q in `work`; `known`: with the derivatives by s."""
+    work, n, size = closing.work, closing.ahead.size, closing.tight.size
+    copy(closing.before, work.q)
+    copy(closing.before, closing.guess)
+    if known:
+        for a in range(n):
+            closing.guess[a] += h * (closing.slope[a] + 0.5 * h * closing.bow[a])
+            work.q[a] = closing.guess[a]
+        if not furthest(closing.guess, closing.before, n) <= _HOP * size:
+            return False
+    _put_line(closing, s + h)
+    if not settle(closing, closing.tight, exactly) or not is_sound(closing, closing.guess):
+        return False
+    way = furthest(work.q, closing.before, n)
+    off = furthest(work.q, closing.guess, n) if known else 0.0
+    return way <= _HOP * size and off <= _NEAR * way + _TINY * size
+
+
+@inner
+def _creep(closing: Closing, s: float, h: float) -> bool:
+    """A step that is so short that any convergence is good."""
+    work, n = closing.work, closing.ahead.size
+    copy(closing.before, work.q)
+    copy(closing.before, closing.guess)
+    _put_line(closing, s + h)
+    if not settle(closing, closing.tight, True):
+        return False
+    rest = 0.0
+    for a in range(n):
+        rest = max(rest, abs(work.q[a] - closing.before[a] - closing.way[a]))
+    return rest <= 1.01 * largest(closing.way, n) + EPS**0.5 * closing.tight.size
+
+
+@inner
+def _learn_line(closing: Closing, h: float, last: float, known: bool) -> None:
+    """The derivatives by s at the end of a step h, the one before it was `last`."""
+    n = closing.ahead.size
+    if known:
+        _fit(closing, h, last)
+        for a in range(n):
+            closing.slope[a] += h * closing.bow[a]
+        return
+    for a in range(n):  # the first correction is the tangent at the beginning
+        chord = closing.work.q[a] - closing.before[a]
+        closing.slope[a] = (2.0 * chord - closing.way[a]) / h
+        closing.bow[a] = 2.0 * (chord - closing.way[a]) / (h * h)
+
+
+@inner
+def _land(closing: Closing, s: float) -> bool:
+    """Newton's method from `guess`, with the active values at s; returns whether it is sound."""
+    copy(closing.before, closing.work.q)
+    for a in range(closing.ahead.size):
+        closing.work.q[a] = closing.guess[a]
+    _put_line(closing, s)
+    return settle(closing, closing.tight, False) and is_sound(closing, closing.guess)
+
+
+@inner
+def _interpolate(closing: Closing, u: float) -> None:
+    """`guess` at u from the polynomial through the four places, at -2, -1, 1, and 2."""
+    n = closing.ahead.size
+    for a in range(n):
+        closing.guess[a] = 0.0
+    for j in range(4):
+        weight = 1.0
+        for k in range(4):
+            if k != j:
+                weight *= (u - _PLACES[k]) / (_PLACES[j] - _PLACES[k])
+        for a in range(n):
+            closing.guess[a] += weight * closing.places[j * n + a]
+
+
+@inner
+def _straddle(closing: Closing, s: float, h: float, last: float) -> bool:
+    """The posture at s = 1, in `work`, from places on either side; returns whether they are found.
+
+    The branch goes from `before`, at s, over s = 1. What the four places tell of the posture is
+    off by the fourth power of their distance, so closer ones are found from them, until Newton's
+    method is sound at s = 1, or the posture is known as well as by it.
+    """
+    work, n = closing.work, closing.ahead.size
+    if not _step(closing, s, (1.0 + _OVER) * h, True, True):
+        return False
+    _fit(closing, (1.0 + _OVER) * h, last)
+    w, first = 0.5 * _OVER * h, True
+    for _ in range(_LEVELS):
+        found, closer = True, w if first else _CLOSER * w
+        for j in range(4):
+            if first:
+                u = 1.0 - s + _PLACES[j] * w
+                for a in range(n):
+                    way = u * (closing.slope[a] + 0.5 * u * closing.bow[a])
+                    closing.guess[a] = closing.before[a] + way
+            else:
+                _interpolate(closing, _PLACES[j] * closer / w)
+            if not _land(closing, 1.0 + _PLACES[j] * closer):
+                found = False
+                break
+            for a in range(n):
+                closing.places[(4 + j) * n + a] = work.q[a]
+        if not found and first:
+            return False
+        if not found:
+            break
+        for i in range(4 * n):
+            closing.places[i] = closing.places[4 * n + i]
+        w, first = closer, False
+        _interpolate(closing, 0.0)
+        if _land(closing, 1.0):
+            break
+    _interpolate(closing, 0.0)
+    if not _land(closing, 1.0) and furthest(work.q, closing.guess, n) > _TINY * closing.tight.size:
+        for a in range(n):
+            work.q[a] = closing.guess[a]
+    for a in range(n):
+        p, q = closing.places[a], closing.places[n + a]
+        r, t = closing.places[2 * n + a], closing.places[3 * n + a]
+        closing.slope[a] = (p - 8.0 * q + 8.0 * r - t) / (12.0 * w)
+        closing.bow[a] = (p - q - r + t) / (3.0 * w * w)
+    return True
+
+
+@inner
+def _carried(closing: Closing) -> bool:
+    """Turn the derivatives at the end of the last line into those at the start of this one;
+    returns whether there are any: the lines have one direction, or opposite ones."""
+    along, last, this = 0.0, 0.0, 0.0
+    for k in range(closing.wanted.size):
+        x, y = closing.stride[k], closing.wanted[k] - closing.asked[k]
+        along, last, this = along + x * y, last + x * x, this + y * y
+    if last == 0.0 or along * along < (1.0 - 1e-9) * last * this:
+        return False
+    f = along / last
+    for a in range(closing.ahead.size):
+        closing.slope[a] *= f
+        closing.bow[a] *= f * f
+    return True
+
+
+@inner
+def go_along(closing: Closing, hasty: bool) -> float:
+    """The candidate along the line from `asked` to `wanted`, in `work`; returns how far it came, a
+    part of the line, or 2 if it came to the end over a position where branches cross. `hasty`: how
+    far exactly does not matter."""
+    work = closing.work
+    copy(closing.q, closing.before)
+    copy(closing.turns, closing.turned)
+    steps = 1.0
+    for k in range(closing.wanted.size):
+        longest = _TURN if closing.is_angle[k] != 0 else _MOVE * closing.tight.size
+        steps = max(steps, abs(closing.wanted[k] - closing.asked[k]) / longest)
+    s, h, last = 0.0, 1.0 / np.ceil(steps), 0.0
+    widest, again, exactly, fine = h, True, False, 0
+    known = _carried(closing)
+    while s < 1.0:
+        strict = h > _FINE * widest
+        fine += 0 if strict else 1
+        if fine > _PATIENCE or (hasty and not strict):
+            break
+        to = s + h
+        if 1.0 - to < 0.5 * _FINEST * widest:
+            to, h = 1.0, 1.0 - s
+        copy(closing.before, work.q)
+        begin_at(closing, work.q)
+        by = known and strict
+        good = _step(closing, s, h, by, exactly) if strict else _creep(closing, s, h)
+        if not good and by and to == 1.0 and _straddle(closing, s, h, last):
+            count(closing, closing.before, closing.turned)
+            return 2.0
+        if not good and by and s == 0.0:
+            by = False
+            good = _step(closing, s, h, by, True)
+        if good:
+            count(closing, closing.before, closing.turned)
+            _learn_line(closing, h, last, by)
+            copy(work.q, closing.before)
+            s, last, known = to, h, True
+            h = min((_LONGER if strict else 2.0) * h, widest) if again else h
+        else:
+            h *= _SHORTER if strict else 0.5
+            if h < _FINEST * widest:
+                break
+        exactly, again = not good, good
+    copy(closing.before, work.q)
+    return s
