@@ -19,18 +19,23 @@ from alf_ros.kernel.data import EPS
 from alf_ros.kernel.data.closing import Closing
 from alf_ros.kernel.numba_ext.jit import inner
 from alf_ros.kernel.numba_ext.vectors import copy, furthest, largest
-from alf_ros.kernel.posture_newton import begin_at, count, put_values, settle
+from alf_ros.kernel.posture_newton import begin_at, count, put_values, settle, sharpness
 
 _TURN, _MOVE = 0.25, 0.1  # of an active angle (rad), and of a length (size), in a step
 _HOP = 0.15  # of the size: longest step of q
 _NEAR = 0.1  # of a step, its correction
 _SOUND = 0.2  # of the first correction, the rest of them
+_ZONE = 1e-2  # of the largest σ so far: for any error of a place
+_LOST = 10.0  # times what the masses hold of det A: for none
+_MARGIN = 30.0  # times an error of a place, in sizes: part of the largest σ so far
 _TINY = 1e-11  # of the size: a correction that does not count
 _PATIENCE = 1000  # fine steps: more are taken only where several directions are lost together
 _FINE, _FINEST = 1e-5, 1e-12  # of the first step: any convergence is good; at least
 _SHORTER, _LONGER = 0.4, 1.7  # the next step; powers of these do not meet a place again
 _OVER = 0.4  # of a step, how far it goes beyond the wanted values
-_CLOSER, _LEVELS = 0.17, 10  # places of `_straddle`, in the next of so many levels
+_CLOSER, _LEVELS = 0.17, 3  # places of `_straddle`, in the next of so many levels
+_AGAIN, _TRIES = 0.77, 8  # the same, if one of them is too close to the position; in all
+_SKIPS = 4  # of steps of a line: those that do not end where they would be too close to it
 _PLACES = (-2.0, -1.0, 1.0, 2.0)
 
 
@@ -41,6 +46,21 @@ def is_sound(closing: Closing, start: Floats) -> bool:
     for a in range(n):
         rest = max(rest, abs(closing.work.q[a] - start[a] - closing.way[a]))
     return rest <= _SOUND * largest(closing.way, n) + _TINY * closing.tight.size
+
+
+@inner
+def is_regular(closing: Closing, off: float) -> bool:
+    """Whether the q in `work` is far enough from a position where branches meet, if the place from
+    which Newton's method came is off by so much (m).
+
+    Right in such a position Newton's method moves nothing in the direction that is lost, so its
+    corrections show nothing. The determinant of A does: it has a factor s² of each mode.
+    """
+    sharp = sharpness(closing)
+    closing.trail[1] = max(closing.trail[1], sharp)
+    lost = min(_ZONE, _MARGIN * off / closing.tight.size)
+    lost += _LOST / np.sqrt(closing.tight.penalty)
+    return sharp >= closing.trail[1] + np.log(lost)
 
 
 @inner
@@ -97,6 +117,16 @@ def _creep(closing: Closing, s: float, h: float) -> bool:
 
 
 @inner
+def _error(closing: Closing, known: bool) -> float:
+    """By how much the place was off, from which the last step was corrected, m."""
+    off = 0.0
+    for a in range(closing.ahead.size):
+        first = 0.0 if known else closing.way[a]
+        off = max(off, abs(closing.work.q[a] - closing.guess[a] - first))
+    return off
+
+
+@inner
 def _learn_line(closing: Closing, h: float, last: float, known: bool) -> None:
     """The derivatives by s at the end of a step h, the one before it was `last`."""
     n = closing.ahead.size
@@ -148,11 +178,11 @@ def _straddle(closing: Closing, s: float, h: float, last: float) -> bool:
     if not _step(closing, s, (1.0 + _OVER) * h, True, True):
         return False
     _fit(closing, (1.0 + _OVER) * h, last)
-    w, first = 0.5 * _OVER * h, True
-    for _ in range(_LEVELS):
-        found, closer = True, w if first else _CLOSER * w
+    w, level, closer = 0.5 * _OVER * h, 0, 0.5 * _OVER * h
+    for _ in range(_TRIES):
+        found = True
         for j in range(4):
-            if first:
+            if level == 0:
                 u = 1.0 - s + _PLACES[j] * w
                 for a in range(n):
                     way = u * (closing.slope[a] + 0.5 * u * closing.bow[a])
@@ -164,15 +194,20 @@ def _straddle(closing: Closing, s: float, h: float, last: float) -> bool:
                 break
             for a in range(n):
                 closing.places[(4 + j) * n + a] = work.q[a]
-        if not found and first:
+        if not found and level == 0:
             return False
         if not found:
-            break
+            closer *= _AGAIN
+            continue
         for i in range(4 * n):
             closing.places[i] = closing.places[4 * n + i]
-        w, first = closer, False
+        w, level, closer = closer, level + 1, _CLOSER * closer
+        if level == 1:
+            for a in range(n):
+                extent = abs(closing.places[3 * n + a] - closing.places[a])
+                closing.trail[2] = max(closing.trail[2], extent)
         _interpolate(closing, 0.0)
-        if _land(closing, 1.0):
+        if (_land(closing, 1.0) and is_regular(closing, closing.tight.size)) or level == _LEVELS:
             break
     _interpolate(closing, 0.0)
     if not _land(closing, 1.0) and furthest(work.q, closing.guess, n) > _TINY * closing.tight.size:
@@ -206,8 +241,7 @@ def _carried(closing: Closing) -> bool:
 @inner
 def go_along(closing: Closing, hasty: bool) -> float:
     """The candidate along the line from `asked` to `wanted`, in `work`; returns how far it came, a
-    part of the line, or 2 if it came to the end over a position where branches cross. `hasty`: how
-    far exactly does not matter."""
+    part of the line. `hasty`: how far exactly does not matter."""
     work = closing.work
     copy(closing.q, closing.before)
     copy(closing.turns, closing.turned)
@@ -217,7 +251,8 @@ def go_along(closing: Closing, hasty: bool) -> float:
         steps = max(steps, abs(closing.wanted[k] - closing.asked[k]) / longest)
     s, h, last = 0.0, 1.0 / np.ceil(steps), 0.0
     widest, again, exactly, fine = h, True, False, 0
-    known = _carried(closing)
+    known, skips = _carried(closing), 0
+    closing.trail[2] = 0.0
     while s < 1.0:
         strict = h > _FINE * widest
         fine += 0 if strict else 1
@@ -230,12 +265,18 @@ def go_along(closing: Closing, hasty: bool) -> float:
         begin_at(closing, work.q)
         by = known and strict
         good = _step(closing, s, h, by, exactly) if strict else _creep(closing, s, h)
-        if not good and by and to == 1.0 and _straddle(closing, s, h, last):
-            count(closing, closing.before, closing.turned)
-            return 2.0
-        if not good and by and s == 0.0:
+        if not good and by and s == 0.0 and to < 1.0:
             by = False
             good = _step(closing, s, h, by, True)
+        beside = good and strict and not is_regular(closing, _error(closing, by))
+        if strict and to == 1.0 and (beside or not good):
+            if by and _straddle(closing, s, h, last):
+                count(closing, closing.before, closing.turned)
+                return 1.0
+            by = by and s > 0.0
+            good, skips = _step(closing, s, h, by, True), _SKIPS
+        if beside and skips < _SKIPS:
+            good, skips = False, skips + 1
         if good:
             count(closing, closing.before, closing.turned)
             _learn_line(closing, h, last, by)

@@ -23,7 +23,7 @@ import numpy as np
 from alf_ros.arrays import Floats, Integers
 from alf_ros.kernel.data import EPS, NOTHING
 from alf_ros.kernel.data.closing import Closing
-from alf_ros.kernel.line_tracking import go_along, is_sound
+from alf_ros.kernel.line_tracking import go_along, is_regular, is_sound
 from alf_ros.kernel.numba_ext.jit import compiled, inner
 from alf_ros.kernel.numba_ext.vectors import copy, furthest, largest, zero
 from alf_ros.kernel.posture_newton import LEAP, begin_at, count, put_values, read, settle
@@ -131,6 +131,15 @@ def _learn(closing: Closing, ratio: float, near: bool) -> None:
 
 
 @inner
+def _take_ahead(closing: Closing, q: Floats, turns: Integers, ratio: float, near: bool) -> None:
+    """Make the candidate ahead the posture; `near` as in `_learn`."""
+    _take(closing, q, turns)
+    _learn(closing, ratio, near)
+    zero(closing.stride)
+    closing.counts[2] = AHEAD
+
+
+@inner
 def _begin(closing: Closing) -> None:
     """Begin a motion, with the step to the posture."""
     calls, way = closing.counts[0], furthest(closing.q, closing.place, closing.place.size)
@@ -233,40 +242,36 @@ def _close_exact(closing: Closing, ratio: float) -> float:
     ahead = way > 0.0 and _go_ahead(closing, False)
     off = furthest(work.q, closing.ahead, n) if ahead else np.inf
     near = ahead and off <= _NEAR * way
-    if near and closing.counts[0] > 2 and is_sound(closing, closing.ahead):
-        _take(closing, work.q, closing.turned)
-        _learn(closing, ratio, near)
-        zero(closing.stride)
-        closing.counts[2] = AHEAD
+    error = max(off, closing.trail[0])
+    closing.trail[0] = off
+    good = near and closing.counts[0] > 2 and is_sound(closing, closing.ahead)
+    if good and is_regular(closing, error):
+        _take_ahead(closing, work.q, closing.turned, ratio, near)
         return 1.0
     ahead = ahead and off <= way
     if ahead:
         copy(work.q, closing.other)
         copy(closing.turned, closing.other_turns)
     reached = go_along(closing, ahead)
-    same = ahead and reached >= 1.0 and furthest(work.q, closing.other, n) <= _SAME * size
-    if ahead and reached <= 1.0 and not same:
-        line, turned = closing.line, closing.line_turns
-        copy(work.q, line)
-        copy(closing.turned, turned)
-        nearer = reached < 1.0 or off < furthest(line, closing.ahead, n)
-        if nearer and _is_smooth(closing):
-            _take(closing, closing.other, closing.other_turns)
-            _learn(closing, ratio, near)
-            zero(closing.stride)
-            closing.counts[2] = AHEAD
+    apart = furthest(work.q, closing.other, n) if ahead else 0.0
+    beside = furthest(work.q, closing.ahead, n) if ahead else np.inf
+    if ahead and (reached < 1.0 or (off < beside and apart > closing.trail[2] + _SAME * size)):
+        copy(work.q, closing.line)
+        copy(closing.turned, closing.line_turns)
+        if _is_smooth(closing):
+            _take_ahead(closing, closing.other, closing.other_turns, ratio, near)
             return 1.0
-        copy(line, work.q)
-        copy(turned, closing.turned)
+        copy(closing.line, work.q)
+        copy(closing.line_turns, closing.turned)
     _take(closing, work.q, closing.turned)
-    if ahead and reached >= 1.0 and furthest(work.q, closing.ahead, n) <= _BELIEVED * way:
+    if ahead and reached == 1.0 and beside <= _BELIEVED * way:
         _learn(closing, ratio, near)
     else:
         _begin(closing)
     for k in range(closing.wanted.size):
-        closing.stride[k] = closing.wanted[k] - closing.asked[k] if reached >= 1.0 else 0.0
-    closing.counts[2] = ALONG if reached >= 1.0 else BEYOND
-    return min(reached, 1.0)
+        closing.stride[k] = closing.wanted[k] - closing.asked[k] if reached == 1.0 else 0.0
+    closing.counts[2] = ALONG if reached == 1.0 else BEYOND
+    return reached
 
 
 @compiled

@@ -118,6 +118,7 @@ def settle(closing: Closing, system: System, exactly: bool) -> bool:
     unit, work, way, counts = closing.unit, closing.work, closing.way, closing.counts
     size, n = system.size, work.p.size
     best, fraction, first, slow = np.inf, 1.0, True, exactly
+    counts[3] = 0
     for _ in range(_ROUNDS):
         gap = opening(unit, system, work)
         if gap <= _CLOSED * EPS * size:
@@ -141,6 +142,7 @@ def settle(closing: Closing, system: System, exactly: bool) -> bool:
                     way[a] = fraction * work.target[a]
                 first = False
             counts[1] += 1
+            counts[3] += 1
         else:
             fraction *= 0.5
             if fraction < _SHORTEST:
@@ -149,3 +151,20 @@ def settle(closing: Closing, system: System, exactly: bool) -> bool:
         for a in range(n):
             work.q[a] = work.base[a] + fraction * work.target[a]
     return best <= _NEARLY * size
+
+
+@inner
+def sharpness(closing: Closing) -> float:
+    """The logarithm of a number that is proportional to the least singular value, near a position
+    where that vanishes: half that of det A, where the last correction began."""
+    unit, system, work = closing.unit, closing.tight, closing.work
+    if closing.counts[3] == 0:
+        linearise(unit, system, work, work.q)
+    D = len(unit)
+    product, logarithm = 1.0, 0.0
+    for a in range(work.p.size):
+        product *= work.diagonal[(a // D) * D * D + (a % D) * (D + 1)]  # of D⁻¹
+        if not 1e-200 < product < 1e200:
+            logarithm -= 0.5 * np.log(product)
+            product = 1.0
+    return logarithm - 0.5 * np.log(product)

@@ -34,8 +34,8 @@ class Closing(Struct):
     turns: Integers  # (angles,) of the posture
     turned: Integers  # (angles,) on the way
     other_turns: Integers  # (angles,) of the other candidate
-    counts: Integers  # (3,) calls in the motion so far; corrections in the last call; which
-    # candidate it took
+    counts: Integers  # (4,) calls in the motion so far; corrections in the last call; which
+    # candidate it took; corrections of the last candidate or step
     q: Floats  # (all blocks D,) the posture
     other: Floats  # (all blocks D,) a candidate
     before: Floats  # (all blocks D,) where a step on the way began
@@ -53,6 +53,10 @@ class Closing(Struct):
     line: Floats  # (all blocks D,) the candidate on the line
     line_turns: Integers  # (angles,) of it
     stride: Floats  # (active,) rad or m: the last line; 0 if it was not followed
+    trail: (
+        Floats  # (3,) m: correction of the last call; logarithm of the largest sharpness; m: way
+    )
+    # over which the wanted values were straddled, or 0
     known: Floats  # (3,) m²: variance of the place, covariance, variance of the rate
     angles: Floats  # (angles,) rad, with turns
     spins: Floats  # (angles,) rad/s

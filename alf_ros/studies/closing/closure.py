@@ -36,6 +36,7 @@ _SAME = 1e-6  # of the size: positions that are the same
 _LONG = 4.0  # of the size: longest travel of a length that is looked for
 _STEPS, _FEWEST = 256, 16  # places at which joints are compared with stops, in a turn and at least
 _SHORT = 1e-9  # of the way to a dead point, before which they are compared last
+_UNTRIED = (math.inf, -math.inf, 0.0)  # nothing is known of the motion so far
 _NOTHING = 1e-30  # of a penalty: the row binds nothing
 _MOST_RATIO = 10.0  # of two times between calls, up to which the motion is believed
 
@@ -91,7 +92,7 @@ class Closure:
         closing.q[:] = start.q
         closing.turns[:] = 0
         closing.counts[:] = 0
-        closing.stride[:] = 0.0
+        closing.stride[:], closing.trail[:] = 0.0, _UNTRIED
         closing.asked[:] = start.values[closing.active]
         closing.place[:] = start.q[: closing.place.size]
         self._t, self._span, self._calls = math.nan, math.nan, 0
@@ -248,7 +249,7 @@ class Closure:
         def move(posture: _Reached, x: float) -> tuple[_Reached, Floats] | None:
             reader.q[:], reader.turns[:], reader.asked[:] = posture
             linearise_posture(reader)
-            reader.counts[0], reader.stride[:] = 0, 0.0
+            reader.counts[0], reader.stride[:], reader.trail[:] = 0, 0.0, _UNTRIED
             reader.wanted[:] = at
             reader.wanted[n] = x
             if close_loops(reader, 1.0) < 1.0:
@@ -294,7 +295,7 @@ class Closure:
     def _read(self, state: State) -> Closing:
         reader = self._reader
         reader.q[:], reader.turns[:] = state.q, state.turns
-        reader.stride[:] = 0.0
+        reader.stride[:], reader.trail[:] = 0.0, _UNTRIED
         linearise_posture(reader)
         return reader
 
@@ -314,6 +315,7 @@ def _closing(of: Actuated, noise: Floats) -> Closing:
     count, whole, angles = len(of.active), model.q.size, model.system.angles.c.size // 2
     sizes = {
         'known': 3,
+        'trail': 3,
         **dict.fromkeys(('wanted', 'asked', 'here', 'stride'), count),
         **dict.fromkeys(('q', 'other', 'before', 'line'), whole),
         **dict.fromkeys(('place', 'rate', 'bend', 'ahead', 'way', 'shift'), model.n),
@@ -338,6 +340,6 @@ def _closing(of: Actuated, noise: Floats) -> Closing:
         turned=np.zeros(angles, dtype=np.int64),
         other_turns=np.zeros(angles, dtype=np.int64),
         line_turns=np.zeros(angles, dtype=np.int64),
-        counts=np.zeros(3, dtype=np.int64),
+        counts=np.zeros(4, dtype=np.int64),
         **{name: np.zeros(size) for name, size in sizes.items()},
     )
