@@ -142,13 +142,13 @@ def _learn_line(closing: Closing, h: float, last: float, known: bool) -> None:
 
 
 @inner
-def _land(closing: Closing, s: float) -> bool:
+def _land(closing: Closing, s: float, exactly: bool) -> bool:
     """Newton's method from `guess`, with the active values at s; returns whether it is sound."""
     copy(closing.before, closing.work.q)
     for a in range(closing.ahead.size):
         closing.work.q[a] = closing.guess[a]
     _put_line(closing, s)
-    return settle(closing, closing.tight, False) and is_sound(closing, closing.guess)
+    return settle(closing, closing.tight, exactly) and is_sound(closing, closing.guess)
 
 
 @inner
@@ -189,7 +189,7 @@ def _straddle(closing: Closing, s: float, h: float, last: float) -> bool:
                     closing.guess[a] = closing.before[a] + way
             else:
                 _interpolate(closing, _PLACES[j] * closer / w)
-            if not _land(closing, 1.0 + _PLACES[j] * closer):
+            if not _land(closing, 1.0 + _PLACES[j] * closer, True):
                 found = False
                 break
             for a in range(n):
@@ -207,12 +207,16 @@ def _straddle(closing: Closing, s: float, h: float, last: float) -> bool:
                 extent = abs(closing.places[3 * n + a] - closing.places[a])
                 closing.trail[2] = max(closing.trail[2], extent)
         _interpolate(closing, 0.0)
-        if (_land(closing, 1.0) and is_regular(closing, closing.tight.size)) or level == _LEVELS:
+        if (
+            _land(closing, 1.0, False) and is_regular(closing, closing.tight.size)
+        ) or level == _LEVELS:
             break
     _interpolate(closing, 0.0)
-    if not _land(closing, 1.0) and furthest(work.q, closing.guess, n) > _TINY * closing.tight.size:
+    sound = _land(closing, 1.0, False)
+    if not sound and furthest(work.q, closing.guess, n) > _TINY * closing.tight.size:
         for a in range(n):
             work.q[a] = closing.guess[a]
+        settle(closing, closing.loose, False)
     for a in range(n):
         p, q = closing.places[a], closing.places[n + a]
         r, t = closing.places[2 * n + a], closing.places[3 * n + a]
@@ -269,12 +273,13 @@ def go_along(closing: Closing, hasty: bool) -> float:
             by = False
             good = _step(closing, s, h, by, True)
         beside = good and strict and not is_regular(closing, _error(closing, by))
-        if strict and to == 1.0 and (beside or not good):
-            if by and _straddle(closing, s, h, last):
+        if by and to == 1.0 and (beside or not good):
+            if _straddle(closing, s, h, last):
                 count(closing, closing.before, closing.turned)
                 return 1.0
-            by = by and s > 0.0
-            good, skips = _step(closing, s, h, by, True), _SKIPS
+            if beside and skips == _SKIPS:
+                good = _step(closing, s, h, s > 0.0, True)
+                by = s > 0.0
         if beside and skips < _SKIPS:
             good, skips = False, skips + 1
         if good:
