@@ -15,19 +15,21 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Floats
-from alf_ros.kernel.data import EPS
+from alf_ros.kernel.data import EPS, NOTHING
 from alf_ros.kernel.data.closing import Closing
 from alf_ros.kernel.numba_ext.jit import inner
-from alf_ros.kernel.numba_ext.vectors import copy, furthest, largest
+from alf_ros.kernel.numba_ext.vectors import copy, furthest, largest, zero
 from alf_ros.kernel.posture_newton import begin_at, count, put_values, settle, sharpness
+from alf_ros.kernel.triangular_solve import solve
 
 _TURN, _MOVE = 0.25, 0.1  # of an active angle (rad), and of a length (size), in a step
 _HOP = 0.15  # of the size: longest step of q
 _NEAR = 0.1  # of a step, its correction
 _SOUND = 0.2  # of the first correction, the rest of them
-_ZONE = 1e-2  # of the largest σ so far: for any error of a place
-_LOST = 10.0  # times what the masses hold of det A: for none
-_MARGIN = 30.0  # times an error of a place, in sizes: part of the largest σ so far
+_BLUNT = -3.0  # logarithm of a part of the largest σ so far, from which on s is looked at
+_FIRM = 1e3  # s² of a mode that A hardly holds back
+_MARGIN = 10.0  # times an error of a place, in sizes: σ
+_CROSSED = 0.75  # of the mean sharpness of two places: that between them, where branches cross
 _TINY = 1e-11  # of the size: a correction that does not count
 _PATIENCE = 1000  # fine steps: more are taken only where several directions are lost together
 _FINE, _FINEST = 1e-5, 1e-12  # of the first step: any convergence is good; at least
@@ -35,6 +37,7 @@ _SHORTER, _LONGER = 0.4, 1.7  # the next step; powers of these do not meet a pla
 _OVER = 0.4  # of a step, how far it goes beyond the wanted values
 _CLOSER, _LEVELS = 0.17, 3  # places of `_straddle`, in the next of so many levels
 _AGAIN, _TRIES = 0.77, 8  # the same, if one of them is too close to the position; in all
+_CLOSE = 1e-3  # of the size: places so close tell the posture as well as Newton's method
 _SKIPS = 4  # of steps of a line: those that do not end where they would be too close to it
 _PLACES = (-2.0, -1.0, 1.0, 2.0)
 
@@ -49,18 +52,26 @@ def is_sound(closing: Closing, start: Floats) -> bool:
 
 
 @inner
-def is_regular(closing: Closing, off: float) -> bool:
+def is_regular(closing: Closing, start: Floats, off: float) -> bool:
     """Whether the q in `work` is far enough from a position where branches meet, if the place from
-    which Newton's method came is off by so much (m).
+    which Newton's method came is off by so much (m). start: where the motion came from.
 
     Right in such a position Newton's method moves nothing in the direction that is lost, so its
-    corrections show nothing. The determinant of A does: it has a factor s² of each mode.
+    corrections show nothing. The determinant of A does: it has a factor 1 + s² of each mode. If it
+    is small, A⁻¹ shows s: it leaves a part 1 / (1 + s²) of a motion in that mode.
     """
     sharp = sharpness(closing)
     closing.trail[1] = max(closing.trail[1], sharp)
-    lost = min(_ZONE, _MARGIN * off / closing.tight.size)
-    lost += _LOST / np.sqrt(closing.tight.penalty)
-    return sharp >= closing.trail[1] + np.log(lost)
+    if sharp >= closing.trail[1] + _BLUNT:
+        return True
+    work, n, system = closing.work, closing.ahead.size, closing.tight
+    zero(work.delta)
+    for a in range(n):
+        work.delta[a] = system.mean * (work.q[a] - start[a])
+    way = largest(work.delta, n) / system.mean
+    solve(closing.unit, system.pattern, work.diagonal, work.off, work.delta)
+    square = way / (largest(work.delta, n) + NOTHING)
+    return square >= max(_FIRM, system.penalty * (_MARGIN * off / system.size) ** 2)
 
 
 @inner
@@ -167,6 +178,37 @@ def _interpolate(closing: Closing, u: float) -> None:
 
 
 @inner
+def _guess_beside(closing: Closing, first: bool, u: float, v: float) -> None:
+    """`guess`, u from `before` on the polynomial there if it is the first, else as `_interpolate`
+    at v."""
+    if not first:
+        _interpolate(closing, v)
+        return
+    for a in range(closing.ahead.size):
+        curve = closing.slope[a] + 0.5 * u * closing.bow[a]
+        closing.guess[a] = closing.before[a] + u * curve
+
+
+@inner
+def _beside(closing: Closing, s: float, w: float, closer: float, first: bool) -> float:
+    """Put four places around s = 1 at the distance `closer`, from those at w or from `before`;
+    returns the mean sharpness of the outer ones, or -1 if one of them is not found."""
+    n, sides = closing.ahead.size, 0.0
+    for j in range(4):
+        at = _PLACES[j] * closer
+        _guess_beside(closing, first, 1.0 - s + at, at / w)
+        if not _land(closing, 1.0 + at, True):
+            return -1.0
+        if j == 0 or j == 3:
+            sides += 0.5 * np.exp(sharpness(closing) - closing.trail[1])
+        for a in range(n):
+            closing.places[(4 + j) * n + a] = closing.work.q[a]
+    for i in range(4 * n):
+        closing.places[i] = closing.places[4 * n + i]
+    return sides
+
+
+@inner
 def _straddle(closing: Closing, s: float, h: float, last: float) -> bool:
     """The posture at s = 1, in `work`, from places on either side; returns whether they are found.
 
@@ -174,46 +216,32 @@ def _straddle(closing: Closing, s: float, h: float, last: float) -> bool:
     off by the fourth power of their distance, so closer ones are found from them, until Newton's
     method is sound at s = 1, or the posture is known as well as by it.
     """
-    work, n = closing.work, closing.ahead.size
+    work, n, size = closing.work, closing.ahead.size, closing.tight.size
     if not _step(closing, s, (1.0 + _OVER) * h, True, True):
         return False
+    way = furthest(work.q, closing.before, n) / ((1.0 + _OVER) * h)
     _fit(closing, (1.0 + _OVER) * h, last)
-    w, level, closer = 0.5 * _OVER * h, 0, 0.5 * _OVER * h
-    for _ in range(_TRIES):
-        found = True
-        for j in range(4):
-            if level == 0:
-                u = 1.0 - s + _PLACES[j] * w
-                for a in range(n):
-                    way = u * (closing.slope[a] + 0.5 * u * closing.bow[a])
-                    closing.guess[a] = closing.before[a] + way
-            else:
-                _interpolate(closing, _PLACES[j] * closer / w)
-            if not _land(closing, 1.0 + _PLACES[j] * closer, True):
-                found = False
-                break
-            for a in range(n):
-                closing.places[(4 + j) * n + a] = work.q[a]
-        if not found and level == 0:
-            return False
-        if not found:
-            closer *= _AGAIN
-            continue
-        for i in range(4 * n):
-            closing.places[i] = closing.places[4 * n + i]
-        w, level, closer = closer, level + 1, _CLOSER * closer
-        if level == 1:
-            for a in range(n):
-                extent = abs(closing.places[3 * n + a] - closing.places[a])
-                closing.trail[2] = max(closing.trail[2], extent)
-        _interpolate(closing, 0.0)
-        if (
-            _land(closing, 1.0, False) and is_regular(closing, closing.tight.size)
-        ) or level == _LEVELS:
-            break
+    w = 0.5 * _OVER * h
+    sides = _beside(closing, s, w, w, True)
+    if sides < 0.0:
+        return False
     _interpolate(closing, 0.0)
     sound = _land(closing, 1.0, False)
-    if not sound and furthest(work.q, closing.guess, n) > _TINY * closing.tight.size:
+    if np.exp(sharpness(closing) - closing.trail[1]) < _CROSSED * sides:
+        closing.trail[2] = 1.0
+    level, closer = 0, _CLOSER * w
+    for _ in range(_TRIES):
+        sound = sound and is_regular(closing, closing.before, _NEAR * w * way)
+        if sound or level == _LEVELS or w * way < _CLOSE * size:
+            break
+        if _beside(closing, s, w, closer, False) < 0.0:
+            closer *= _AGAIN
+            continue
+        w, closer, level = closer, _CLOSER * closer, level + 1
+        _interpolate(closing, 0.0)
+        sound = _land(closing, 1.0, False)
+    _interpolate(closing, 0.0)
+    if not _land(closing, 1.0, False) and furthest(work.q, closing.guess, n) > _TINY * size:
         for a in range(n):
             work.q[a] = closing.guess[a]
         settle(closing, closing.loose, False)
@@ -272,7 +300,7 @@ def go_along(closing: Closing, hasty: bool) -> float:
         if not good and by and s == 0.0 and to < 1.0:
             by = False
             good = _step(closing, s, h, by, True)
-        beside = good and strict and not is_regular(closing, _error(closing, by))
+        beside = good and strict and not is_regular(closing, closing.before, _error(closing, by))
         if by and to == 1.0 and (beside or not good):
             if _straddle(closing, s, h, last):
                 count(closing, closing.before, closing.turned)

@@ -245,7 +245,7 @@ def _close_exact(closing: Closing, ratio: float) -> float:
     error = max(off, closing.trail[0])
     closing.trail[0] = off
     good = near and closing.counts[0] > 2 and is_sound(closing, closing.ahead)
-    if good and is_regular(closing, error):
+    if good and is_regular(closing, closing.place, error):
         _take_ahead(closing, work.q, closing.turned, ratio, near)
         return 1.0
     ahead = ahead and off <= way
@@ -253,9 +253,10 @@ def _close_exact(closing: Closing, ratio: float) -> float:
         copy(work.q, closing.other)
         copy(closing.turned, closing.other_turns)
     reached = go_along(closing, ahead)
-    apart = furthest(work.q, closing.other, n) if ahead else 0.0
+    same = ahead and furthest(work.q, closing.other, n) <= _SAME * size
+    crossing = closing.trail[2] > 0.0
     beside = furthest(work.q, closing.ahead, n) if ahead else np.inf
-    if ahead and (reached < 1.0 or (off < beside and apart > closing.trail[2] + _SAME * size)):
+    if ahead and (reached < 1.0 or (off < beside and not (same or crossing))):
         copy(work.q, closing.line)
         copy(closing.turned, closing.line_turns)
         if _is_smooth(closing):

@@ -54,9 +54,9 @@ class Closing(Struct):
     line_turns: Integers  # (angles,) of it
     stride: Floats  # (active,) rad or m: the last line; 0 if it was not followed
     trail: (
-        Floats  # (3,) m: correction of the last call; logarithm of the largest sharpness; m: way
+        Floats  # (3,) m: correction of the last call; the largest sharpness so far; 1 if the line
     )
-    # over which the wanted values were straddled, or 0
+    # ends beside a position where branches cross, or 0
     known: Floats  # (3,) m²: variance of the place, covariance, variance of the rate
     angles: Floats  # (angles,) rad, with turns
     spins: Floats  # (angles,) rad/s
