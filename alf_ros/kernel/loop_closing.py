@@ -31,7 +31,7 @@ from alf_ros.kernel.posture_newton import LEAP, begin_at, count, put_values, rea
 _BELIEVED = 0.5  # of the extrapolated way, the correction
 _NEAR = 0.1  # the same, for two calls, of a motion that needs no other candidate
 _SAME = 1e-9  # of the size: candidates that are the same
-_PIECES, _CORNER = 12, 0.5  # of a way; of a piece, the change from the one before it
+_PIECES, _CORNER = 11, 0.5  # of a chain; of a piece, the change from the one before it
 _AGREE = 1e-6  # rad or size: an active coordinate and its value, turns counted
 
 _FITS = 5.0  # standard deviations, up to which a value fits the motion
@@ -203,32 +203,32 @@ def _close_noisy(closing: Closing, ratio: float) -> bool:
 
 
 @inner
-def _is_smooth(closing: Closing) -> bool:
-    """Whether the candidate in `other` is on the curve on which the motion left the posture.
+def _is_smooth(closing: Closing, start: Floats, bends: bool) -> bool:
+    """Whether the curve of closed loops leads from `start` to the candidate in `other`; `bends`:
+    with the velocity of the motion at `start`.
 
-    Not if it is behind a position where branches cross, on the other one: that way has a corner.
-    So places between them are moved to where the loops are closed, and their chain is looked at.
+    It does through a dead point. A candidate behind a position where branches cross may be on the
+    other one: places between are then moved, to where the loops are closed, to one branch or to
+    the other, and their chain has a corner.
     """
     work, n = closing.work, closing.ahead.size
     copy(closing.turns, closing.turned)
-    for k in range(1, _PIECES + 1):
+    for k in range(_PIECES + 1):
         u = k / _PIECES
-        copy(closing.q, work.q)
+        copy(start, work.q)
         begin_at(closing, closing.q)
         for a in range(n):
-            step = closing.ahead[a] - closing.place[a]
-            work.q[a] = closing.place[a] + u * (step + u * (closing.other[a] - closing.ahead[a]))
-            closing.shift[a] = closing.guess[a] if k > 1 else closing.q[a]
+            to = closing.ahead[a] if bends else closing.other[a]
+            work.q[a] += u * (to - start[a] + u * (closing.other[a] - to))
         if not settle(closing, closing.loose, False):
             return False
         corner, chord = 0.0, 0.0
         for a in range(n):
-            step = work.q[a] - closing.shift[a]
-            closing.guess[a] = work.q[a]
+            step = work.q[a] - closing.guess[a]
             if k > 1:
-                corner = max(corner, abs(step - closing.way_on[a]))
-                chord = max(chord, max(abs(step), abs(closing.way_on[a])))
-            closing.way_on[a] = step
+                corner = max(corner, abs(step - closing.piece[a]))
+                chord = max(chord, max(abs(step), abs(closing.piece[a])))
+            closing.guess[a], closing.piece[a] = work.q[a], step
         if corner > _CORNER * chord:
             return False
     return True
@@ -259,7 +259,7 @@ def _close_exact(closing: Closing, ratio: float) -> float:
     if ahead and (reached < 1.0 or (off < beside and not (same or crossing))):
         copy(work.q, closing.line)
         copy(closing.turned, closing.line_turns)
-        if _is_smooth(closing):
+        if _is_smooth(closing, closing.q, True) and _is_smooth(closing, closing.line, False):
             _take_ahead(closing, closing.other, closing.other_turns, ratio, near)
             return 1.0
         copy(closing.line, work.q)
