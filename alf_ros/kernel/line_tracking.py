@@ -27,12 +27,14 @@ _HOP = 0.15  # of the size: longest step of q
 _NEAR = 0.1  # of a step, its correction
 _SOUND = 0.2  # of the first correction, the rest of them
 _BLUNT = -3.0  # logarithm of a part of the largest σ so far, from which on s is looked at
-_FIRM = 1e3  # s² of a mode that A hardly holds back
+_FIRM = 1e2  # s² of a mode that A hardly holds back
 _MARGIN = 10.0  # times an error of a place, in sizes: σ
+_PIECE, _SHORT = 0.2, 1e-3  # of the way between candidates: a step, and the shortest
 _CROSSED = 0.75  # of the mean sharpness of two places: that between them, where branches cross
 _TINY = 1e-11  # of the size: a correction that does not count
 _PATIENCE = 1000  # fine steps: more are taken only where several directions are lost together
 _FINE, _FINEST = 1e-5, 1e-12  # of the first step: any convergence is good; at least
+_STRETCHED = 1.2  # a step, at most, to end with the line
 _SHORTER, _LONGER = 0.4, 1.7  # the next step; powers of these do not meet a place again
 _OVER = 0.4  # of a step, how far it goes beyond the wanted values
 _CLOSER, _LEVELS = 0.17, 3  # places of `_straddle`, in the next of so many levels
@@ -290,9 +292,12 @@ def go_along(closing: Closing, hasty: bool) -> float:
         fine += 0 if strict else 1
         if fine > _PATIENCE or (hasty and not strict):
             break
+        rest = 1.0 - s
+        if h < rest < 2.0 * h and strict:  # not a short step at the end
+            h = 0.5 * rest if rest > _STRETCHED * h else rest
         to = s + h
         if 1.0 - to < 0.5 * _FINEST * widest:
-            to, h = 1.0, 1.0 - s
+            to, h = 1.0, rest
         copy(closing.before, work.q)
         begin_at(closing, work.q)
         by = known and strict
@@ -323,3 +328,39 @@ def go_along(closing: Closing, hasty: bool) -> float:
         exactly, again = not good, good
     copy(closing.before, work.q)
     return s
+
+
+@inner
+def leads_past(closing: Closing) -> bool:
+    """Whether the branch of the candidate in `line`, at s = 1, leads further on the line, towards
+    the candidate in `other`, than that is away.
+
+    If a dead point lies between the two, the branch ends there, half way. If it does not end, the
+    other candidate is on another branch.
+    """
+    work, n = closing.work, closing.ahead.size
+    way, speed = furthest(closing.other, closing.line, n), largest(closing.slope, n)
+    if speed == 0.0:
+        return False
+    along = 0.0
+    for a in range(n):
+        along += closing.slope[a] * (closing.other[a] - closing.line[a])
+    copy(closing.line, closing.before)
+    copy(closing.line, work.q)
+    begin_at(closing, work.q)
+    longest = _PIECE * way / speed
+    s, last, h = 1.0, 0.0, longest if along > 0.0 else -longest
+    for _ in range(_PATIENCE):
+        if _step(closing, s, h, True, True):
+            _learn_line(closing, h, last, True)
+            copy(work.q, closing.before)
+            s, last = s + h, h
+            if furthest(closing.before, closing.line, n) >= way:
+                return True
+            longest = _PIECE * way / (largest(closing.slope, n) + NOTHING)
+            h = np.sign(h) * min(_LONGER * abs(h), longest)
+        else:
+            h *= _SHORTER
+            if abs(h) * speed < _SHORT * _PIECE * way:
+                return False
+    return False

@@ -23,7 +23,7 @@ import numpy as np
 from alf_ros.arrays import Floats, Integers
 from alf_ros.kernel.data import EPS, NOTHING
 from alf_ros.kernel.data.closing import Closing
-from alf_ros.kernel.line_tracking import go_along, is_regular, is_sound
+from alf_ros.kernel.line_tracking import go_along, is_regular, is_sound, leads_past
 from alf_ros.kernel.numba_ext.jit import compiled, inner
 from alf_ros.kernel.numba_ext.vectors import copy, furthest, largest, zero
 from alf_ros.kernel.posture_newton import LEAP, begin_at, count, put_values, read, settle
@@ -31,7 +31,6 @@ from alf_ros.kernel.posture_newton import LEAP, begin_at, count, put_values, rea
 _BELIEVED = 0.5  # of the extrapolated way, the correction
 _NEAR = 0.1  # the same, for two calls, of a motion that needs no other candidate
 _SAME = 1e-9  # of the size: candidates that are the same
-_PIECES, _CORNER = 11, 0.5  # of a chain; of a piece, the change from the one before it
 _AGREE = 1e-6  # rad or size: an active coordinate and its value, turns counted
 
 _FITS = 5.0  # standard deviations, up to which a value fits the motion
@@ -203,38 +202,6 @@ def _close_noisy(closing: Closing, ratio: float) -> bool:
 
 
 @inner
-def _is_smooth(closing: Closing, start: Floats, bends: bool) -> bool:
-    """Whether the curve of closed loops leads from `start` to the candidate in `other`; `bends`:
-    with the velocity of the motion at `start`.
-
-    It does through a dead point. A candidate behind a position where branches cross may be on the
-    other one: places between are then moved, to where the loops are closed, to one branch or to
-    the other, and their chain has a corner.
-    """
-    work, n = closing.work, closing.ahead.size
-    copy(closing.turns, closing.turned)
-    for k in range(_PIECES + 1):
-        u = k / _PIECES
-        copy(start, work.q)
-        begin_at(closing, closing.q)
-        for a in range(n):
-            to = closing.ahead[a] if bends else closing.other[a]
-            work.q[a] += u * (to - start[a] + u * (closing.other[a] - to))
-        if not settle(closing, closing.loose, False):
-            return False
-        corner, chord = 0.0, 0.0
-        for a in range(n):
-            step = work.q[a] - closing.guess[a]
-            if k > 1:
-                corner = max(corner, abs(step - closing.piece[a]))
-                chord = max(chord, max(abs(step), abs(closing.piece[a])))
-            closing.guess[a], closing.piece[a] = work.q[a], step
-        if corner > _CORNER * chord:
-            return False
-    return True
-
-
-@inner
 def _close_exact(closing: Closing, ratio: float) -> float:
     """The posture from values without noise; returns how far the line came."""
     work, n, size = closing.work, closing.ahead.size, closing.tight.size
@@ -259,7 +226,7 @@ def _close_exact(closing: Closing, ratio: float) -> float:
     if ahead and (reached < 1.0 or (off < beside and not (same or crossing))):
         copy(work.q, closing.line)
         copy(closing.turned, closing.line_turns)
-        if _is_smooth(closing, closing.q, True) and _is_smooth(closing, closing.line, False):
+        if reached < 1.0 or not leads_past(closing):
             _take_ahead(closing, closing.other, closing.other_turns, ratio, near)
             return 1.0
         copy(closing.line, work.q)

@@ -49,7 +49,6 @@ class Closing(Struct):
     bow: Floats  # (movable D,) m: second derivative by it
     guess: Floats  # (movable D,) where they lead in a step
     places: Floats  # (8 movable D,) postures beside the values, two times two on either side
-    piece: Floats  # (movable D,) m: a piece of a chain
     line: Floats  # (all blocks D,) the candidate on the line
     line_turns: Integers  # (angles,) of it
     stride: Floats  # (active,) rad or m: the last line; 0 if it was not followed

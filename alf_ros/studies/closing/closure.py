@@ -319,7 +319,7 @@ def _closing(of: Actuated, noise: Floats) -> Closing:
         **dict.fromkeys(('wanted', 'asked', 'here', 'stride'), count),
         **dict.fromkeys(('q', 'other', 'before', 'line'), whole),
         **dict.fromkeys(('place', 'rate', 'bend', 'ahead', 'way', 'shift'), model.n),
-        **dict.fromkeys(('slope', 'bow', 'guess', 'piece'), model.n),
+        **dict.fromkeys(('slope', 'bow', 'guess'), model.n),
         'places': 8 * model.n,
         **dict.fromkeys(('angles', 'spins', 'near'), angles),
         **dict.fromkeys(('values', 'rates'), len(place)),
