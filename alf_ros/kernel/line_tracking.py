@@ -243,7 +243,8 @@ def _straddle(closing: Closing, s: float, h: float, last: float) -> bool:
         _interpolate(closing, 0.0)
         sound = _land(closing, 1.0, False)
     _interpolate(closing, 0.0)
-    if not _land(closing, 1.0, False) and furthest(work.q, closing.guess, n) > _TINY * size:
+    crossing = closing.trail[2] > 0.0
+    if not (_land(closing, 1.0, False) or _land(closing, 1.0, True)) and crossing:
         for a in range(n):
             work.q[a] = closing.guess[a]
         settle(closing, closing.loose, False)

@@ -8,12 +8,14 @@ candidates:
 - *ahead*: q is extrapolated with the velocity and the curvature of the motion so far, and
   corrected by Newton's method. A dead point does not exist for the motion, so this candidate lies
   behind it.
-- *along*: x moves on a straight line from the last values, in short steps; in each Newton's method
-  converges like a contraction. This candidate stays on this side of all dead points.
+- *along*: x moves on a straight line from the last values, in short steps that hold the branch
+  where branches cross, see `line_tracking`. This candidate stays on this side of all dead points.
 
-The first one holds if the correction is less than half of the extrapolated way. Else the second
-one is computed as well, and the one nearer to the extrapolated place holds. Values with noise do
-not determine q near a dead point: there the motion is an estimate, see `_close_noisy`.
+The first one holds if the last two corrections were small parts of the extrapolated way, and the
+posture is not beside a position where branches meet. Else the second one is computed as well. The
+first one then holds if it is the one nearer to the extrapolated place, and if the branch on the
+line ends on the way to it, in a dead point. Values with noise do not determine q near a dead
+point: there the motion is an estimate, see `_close_noisy`.
 """
 
 from __future__ import annotations
