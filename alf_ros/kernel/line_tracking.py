@@ -3,7 +3,7 @@
 The line goes from the `asked` values (s = 0) to the `wanted` ones (s = 1). A step extrapolates q
 with its first and second derivative by s, and Newton's method corrects it. It holds only if the
 correction is a small part of the step, and the first correction is nearly all of it: beside a
-position where branches cross, each of the two branches is then far from what is extrapolated of
+position where branches cross, each of the two branches is then far from the place extrapolated on
 the other one, and a step does not end so close to the position that they are about the same.
 
 If the wanted values themselves are so close to the position, the branch is followed over it, and
@@ -58,8 +58,8 @@ def is_regular(closing: Closing, start: Floats, off: float) -> bool:
     """Whether the q in `work` is far enough from a position where branches meet, if the place from
     which Newton's method came is off by so much (m). start: where the motion came from.
 
-    Right in such a position Newton's method moves nothing in the direction that is lost, so its
-    corrections show nothing. The determinant of A does: it has a factor 1 + s² of each mode. If it
+    Right in such a position Newton's method moves nothing in one direction, so its corrections
+    show nothing. The determinant of A does: it has a factor 1 + s² of each mode. If it
     is small, A⁻¹ shows s: it leaves a part 1 / (1 + s²) of a motion in that mode.
     """
     sharp = sharpness(closing)

@@ -156,7 +156,8 @@ def settle(closing: Closing, system: System, exactly: bool) -> bool:
 @inner
 def sharpness(closing: Closing) -> float:
     """The logarithm of a number that is proportional to the least singular value, near a position
-    where that vanishes: half that of det A, where the last correction began."""
+    where that vanishes: half the logarithm of det A, where the last correction
+    began."""
     unit, system, work = closing.unit, closing.tight, closing.work
     if closing.counts[3] == 0:
         linearise(unit, system, work, work.q)

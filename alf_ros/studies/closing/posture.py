@@ -93,7 +93,8 @@ class Posture(Kinematics):
     @kept
     def branch(self) -> int:
         """+1 or -1: the sign of the determinant of Φ_q (rows independent at the start), over that
-        at the start. It changes as the mechanism passes a dead point."""
+        at the start. It changes as the mechanism passes a dead point, or a position where
+        branches cross."""
         return self._ways.branch()
 
     def travel(self, joint: str, stops: bool = True) -> tuple[float, float]:
