@@ -1,18 +1,20 @@
 """The cost of closing loops, and the branches that are kept through dead points.
 
-    .venv/bin/python benchmark/closure.py [--passes N] [--noisy N]
+    .venv/bin/python benchmark/closure.py [--passes N] [--noisy N] [--crossings N]
 
 Writes benchmark/results/closure.csv (cost) and closure_passes.csv (branches). A pass: a slider
 drives a crank through a dead point, at a random speed that changes by up to 30 %; the crank angle
 found behind it is compared with the one that made the slider's places. A turn: the crank stops
-before the dead point, 2 to 20 times its mean step away, and turns back. Costs are the fastest of
-several repetitions (others use the machine too).
+before the dead point, 2 to 20 times its mean step away, and turns back. A crossing: the crank of a
+random parallelogram, crossed four-bar or kite goes through its flat position. Costs are the
+fastest of several repetitions (others use the machine too).
 """
 
 from __future__ import annotations
 
 import argparse
 import csv
+import math
 import os
 import sys
 import time
@@ -23,10 +25,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT))
+sys.path[:0] = [str(ROOT), str(ROOT / 'test')]
 
 from alf_ros import Closure, load_scene  # noqa: E402
 from alf_ros.logs.provenance import about  # noqa: E402
+from support.flat_four_bars import closure_of, kite, random_motion  # noqa: E402
 
 RESULTS = ROOT / 'benchmark' / 'results'
 COSTS = {
@@ -61,6 +64,7 @@ CRANK = {
         'guide': {'type': 'slider', 'point': 'B', 'on': {'through': [0, 0], 'direction': [1, 0]}},
     },
 }
+NEAR = 1e-4  # rad: the same branch
 NOISES = (1e-7, 1e-6, 1e-5, 1e-4)  # m
 SPEEDS = (1e-3, 0.3)  # rad per call
 WARM, WARM_NOISY, ZONE = 6, 30, 9.0  # calls before a dead point; times √(noise / m), rad
@@ -160,6 +164,35 @@ def campaign(kind: str, motions: int, noise: float, seed: int) -> dict[str, Any]
     }
 
 
+def crossings(motions: int, seed: int) -> dict[str, Any]:
+    """So many random four-bars through their flat positions, by calls that meet them or not."""
+    random = np.random.default_rng(seed)
+    flips = calls = 0
+    worst, missed_by, spent = 0.0, 0.0, 0.0
+    for _ in range(motions):
+        bars, a, b, angle = random_motion(random)
+        closure = closure_of(bars, a, b, float(angle[0]))
+        began = time.perf_counter()
+        _, missed = closure.follow(angle[1:, None])
+        spent += time.perf_counter() - began
+        at = closure.close({'pin': float(angle[-1])}).points['B']
+        *_, x, y = bars(a, b, float(angle[-1]))
+        error = math.hypot(at[0] - x, at[1] - y) / (b if bars is kite else a)
+        flips += error > NEAR
+        worst, missed_by = max(worst, error), max(missed_by, float(missed.max()))
+        calls += angle.size - 1
+    return {
+        'motion': 'crossing',
+        'noise_m': '0',
+        'motions': motions,
+        'calls': calls,
+        'other_branch': flips,
+        'worst_rad': f'{worst:.1e}',
+        'missed_by_m': f'{missed_by:.1e}',
+        'us_a_call': f'{1e6 * spent / calls:.1f}',
+    }
+
+
 def write(name: str, rows: list[dict[str, Any]]) -> None:
     with open(RESULTS / name, 'w', encoding='utf-8', newline='') as stream:
         stream.write(f'{about()}; load of the machine {os.getloadavg()[0]:.1f}\n')
@@ -172,6 +205,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--passes', type=float, default=1e6)
     parser.add_argument('--noisy', type=float, default=1e5)
+    parser.add_argument('--crossings', type=float, default=1e4)
     options = parser.parse_args()
     write('closure.csv', costs())
     rows = []
@@ -180,6 +214,8 @@ def main() -> None:
             motions = int(options.noisy if noise or kind == 'turn' else options.passes)
             rows.append(campaign(kind, motions, noise, seed))
             print(rows[-1], flush=True)
+    rows.append(crossings(int(options.crossings), 0))
+    print(rows[-1], flush=True)
     write('closure_passes.csv', rows)
 
 

@@ -67,7 +67,7 @@ def test_a_known_load_tells_the_mass() -> None:
     assert design.motions[0] is loaded and design.by_volume[0] is loaded
     assert again.known.untold == 1 and loaded.known.untold == 0
 
-    m, c = found.values
+    m, c = found.place  # of its derivatives
     square = LENGTH**2
     inverse = np.zeros((2, 2))
     for mass, of in ((m, pendulum()), (m + LOAD, pendulum(LOAD))):
