@@ -25,6 +25,7 @@ from alf_ros.kernel.triangular_solve import solve
 _TURN, _MOVE = 0.25, 0.1  # of an active angle (rad), and of a length (size), in a step
 _HOP = 0.15  # of the size: longest step of q
 _NEAR = 0.1  # of a step, its correction
+_BOWED = 0.5  # of the first order of an extrapolation, the second: it would turn back to a branch
 _SOUND = 0.2  # of the first correction, the rest of them
 _BLUNT = -3.0  # logarithm of a part of the largest σ so far, from which on s is looked at
 _FIRM = 1e2  # s² of a mode that A hardly holds back
@@ -101,6 +102,8 @@ def _step(closing: Closing, s: float, h: float, known: bool, exactly: bool) -> b
     copy(closing.before, work.q)
     copy(closing.before, closing.guess)
     if known:
+        if 0.5 * abs(h) * largest(closing.bow, n) > _BOWED * largest(closing.slope, n):
+            return False
         for a in range(n):
             closing.guess[a] += h * (closing.slope[a] + 0.5 * h * closing.bow[a])
             work.q[a] = closing.guess[a]

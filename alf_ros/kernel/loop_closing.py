@@ -14,8 +14,11 @@ candidates:
 The first one holds if the last two corrections were small parts of the extrapolated way, and the
 posture is not beside a position where branches meet. Else the second one is computed as well. The
 first one then holds if it is the one nearer to the extrapolated place, and if the branch on the
-line ends on the way to it, in a dead point. Values with noise do not determine q near a dead
-point: there the motion is an estimate, see `_close_noisy`.
+line ends on the way to it, in a dead point.
+
+Values that the loops cannot reach end in a dead point. A line from there may lead to either
+branch, or to none, so the next one begins at the last posture before. Values with noise do not
+determine q near a dead point: there the motion is an estimate, see `_close_noisy`.
 """
 
 from __future__ import annotations
@@ -28,11 +31,20 @@ from alf_ros.kernel.data.closing import Closing
 from alf_ros.kernel.line_tracking import go_along, is_regular, is_sound, leads_past
 from alf_ros.kernel.numba_ext.jit import compiled, inner
 from alf_ros.kernel.numba_ext.vectors import copy, furthest, largest, zero
-from alf_ros.kernel.posture_newton import LEAP, begin_at, count, put_values, read, settle
+from alf_ros.kernel.posture_newton import (
+    LEAP,
+    begin_at,
+    count,
+    put_values,
+    read,
+    settle,
+    sharpness,
+)
 
 _BELIEVED = 0.5  # of the extrapolated way, the correction
 _NEAR = 0.1  # the same, for two calls, of a motion that needs no other candidate
 _SAME = 1e-9  # of the size: candidates that are the same
+_AWAY = -5.0  # logarithm of the part of the largest σ so far, from which on a posture is held
 _AGREE = 1e-6  # rad or size: an active coordinate and its value, turns counted
 
 _FITS = 5.0  # standard deviations, up to which a value fits the motion
@@ -155,6 +167,47 @@ def _begin(closing: Closing) -> None:
 
 
 @inner
+def _hold(closing: Closing, last: bool) -> None:
+    """Keep the posture, if it is away from dead points; `last`: Newton's method has ended
+    there last."""
+    if not last:
+        copy(closing.q, closing.work.q)
+        closing.counts[3] = 0
+    sharp = sharpness(closing)
+    closing.trail[1] = max(closing.trail[1], sharp)
+    if sharp >= closing.trail[1] + _AWAY:
+        copy(closing.q, closing.held)
+        copy(closing.turns, closing.held_turns)
+        copy(closing.wanted, closing.held_at)
+
+
+@inner
+def _back_to_held(closing: Closing) -> None:
+    """Let the line of this call begin at the posture held last."""
+    copy(closing.held, closing.q)
+    copy(closing.held_turns, closing.turns)
+    copy(closing.held_at, closing.asked)
+    zero(closing.stride)
+
+
+@inner
+def _go_from_held(closing: Closing, reached: float) -> float:
+    """The candidate along the line from the posture held last, if it exists, or else the one in
+    `work`, which came so far; returns how far it came."""
+    work = closing.work
+    if furthest(closing.held, closing.q, closing.ahead.size) == 0.0:
+        return reached
+    copy(work.q, closing.line)
+    copy(closing.turned, closing.line_turns)
+    _back_to_held(closing)
+    if go_along(closing, False) == 1.0:
+        return 1.0
+    copy(closing.line, work.q)
+    copy(closing.line_turns, closing.turned)
+    return reached
+
+
+@inner
 def _close_noisy(closing: Closing, ratio: float) -> bool:
     """The posture from values with noise, if they fit the motion; returns whether they do.
 
@@ -199,6 +252,8 @@ def _close_noisy(closing: Closing, ratio: float) -> bool:
         if _deviations(closing, closing.turned) > _FITS:  # Newton's method ended too early
             go_along(closing, False)
     _take(closing, work.q, closing.turned)
+    if reached:
+        _hold(closing, True)
     closing.counts[2] = AHEAD
     return True
 
@@ -216,11 +271,14 @@ def _close_exact(closing: Closing, ratio: float) -> float:
     good = near and closing.counts[0] > 2 and is_sound(closing, closing.ahead)
     if good and is_regular(closing, closing.place, error):
         _take_ahead(closing, work.q, closing.turned, ratio, near)
+        _hold(closing, True)
         return 1.0
     ahead = ahead and off <= way
     if ahead:
         copy(work.q, closing.other)
         copy(closing.turned, closing.other_turns)
+    if closing.counts[2] == BEYOND:
+        _back_to_held(closing)
     reached = go_along(closing, ahead)
     same = ahead and furthest(work.q, closing.other, n) <= _SAME * size
     crossing = closing.trail[2] > 0.0
@@ -230,10 +288,15 @@ def _close_exact(closing: Closing, ratio: float) -> float:
         copy(closing.turned, closing.line_turns)
         if reached < 1.0 or not leads_past(closing):
             _take_ahead(closing, closing.other, closing.other_turns, ratio, near)
+            _hold(closing, False)
             return 1.0
         copy(closing.line, work.q)
         copy(closing.line_turns, closing.turned)
+    if reached < 1.0:
+        reached = _go_from_held(closing, reached)
     _take(closing, work.q, closing.turned)
+    if reached == 1.0:
+        _hold(closing, False)
     if ahead and reached == 1.0 and beside <= _BELIEVED * way:
         _learn(closing, ratio, near)
     else:

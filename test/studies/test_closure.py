@@ -144,6 +144,25 @@ def test_out_of_reach_the_nearest_posture(slider: Closure) -> None:
     assert posture.closed_to < 1e-12
 
 
+@pytest.mark.parametrize('noise', [0.0, 1e-5, 1e-4])
+def test_values_that_come_back_from_out_of_reach_are_met(noise: float) -> None:
+    """Beyond the dead point by little or much, in one call or more, then back."""
+    closure, random = Closure(SLIDER_CRANK, ['guide'], noise=noise), np.random.default_rng(17)
+    pin = closure.joint_names.index('pin')
+    for _ in range(400):
+        closure.restart()
+        there = np.linspace(0.7, random.choice([0.0, 0.1]), random.integers(2, 20))
+        excess = 10.0 ** random.uniform(-16, -2)
+        back = np.linspace(random.uniform(0.001, 0.2), random.uniform(0.3, 1.0), 8)
+        calls = random.integers(1, 4)
+        given = np.concatenate([stroke(there), np.full(calls, R + L + excess), stroke(back)])
+        values, missed = closure.follow(given[:, None])
+        assert missed[-1] <= 1e-12 + noise
+        assert abs(abs(values[-1, pin]) - back[-1]) <= 1e-12 + 100.0 * noise
+        if calls > 1 and excess > 1e-9 and not noise:  # the crank has stopped in the dead point
+            assert values[-1, pin] > 0.0
+
+
 @pytest.mark.parametrize('noise', [1e-6, 1e-4])
 def test_noise_does_not_turn_the_crank_back(noise: float) -> None:
     closure, random = Closure(SLIDER_CRANK, ['guide'], noise=noise), np.random.default_rng(7)

@@ -52,10 +52,11 @@ class Closing(Struct):
     line: Floats  # (all blocks D,) the candidate on the line
     line_turns: Integers  # (angles,) of it
     stride: Floats  # (active,) rad or m: the last line; 0 if it was not followed
-    trail: (
-        Floats  # (3,) m: correction of the last call; the largest sharpness so far; 1 if the line
-    )
+    trail: Floats  # (3,) m: correction of the last call; largest sharpness so far; 1 if the line
     # ends beside a position where branches cross, or 0
+    held: Floats  # (all blocks D,) the last posture away from dead points
+    held_turns: Integers  # (angles,) of it
+    held_at: Floats  # (active,) values where it is, rad or m
     known: Floats  # (3,) m²: variance of the place, covariance, variance of the rate
     angles: Floats  # (angles,) rad, with turns
     spins: Floats  # (angles,) rad/s

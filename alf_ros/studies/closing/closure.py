@@ -89,11 +89,7 @@ class Closure:
     def restart(self) -> None:
         """Back to where the mechanism starts; the motion so far is forgotten."""
         closing, start = self._closing, self._actuated
-        closing.q[:] = start.q
-        closing.turns[:] = 0
-        closing.counts[:] = 0
-        closing.stride[:], closing.trail[:] = 0.0, _UNTRIED
-        closing.asked[:] = start.values[closing.active]
+        _put(closing, start.q, start.values[closing.active])
         closing.place[:] = start.q[: closing.place.size]
         self._t, self._span, self._calls = math.nan, math.nan, 0
 
@@ -211,23 +207,23 @@ class Closure:
 
     def _ways(self, state: State, at: Floats) -> Ways:
         return Ways(
-            lambda: self._rates(state),
-            lambda: self._distance(state),
+            lambda: self._rates(state, at),
+            lambda: self._distance(state, at),
             lambda: self._branch.at(state.q),
             lambda joint, stops: self._travel(state, at, joint, stops),
         )
 
     @by_one_thread
-    def _rates(self, state: State) -> Floats:
-        reader = self._read(state)
+    def _rates(self, state: State, at: Floats) -> Floats:
+        reader = self._read(state, at)
         active, coordinates = reader.active.size, len(self.joint_names)
         matrix = np.zeros(active * coordinates)
         rate_matrix(reader, reader.here, matrix)
         return read_only(matrix.reshape(active, coordinates).T.copy())
 
     @by_one_thread
-    def _distance(self, state: State) -> float:
-        modes = found(self.model, self._read(state).work, self._actuated.dependent_rows)
+    def _distance(self, state: State, at: Floats) -> float:
+        modes = found(self.model, self._read(state, at).work, self._actuated.dependent_rows)
         return 1.0 if modes is None else float(modes.sigma[0])
 
     @by_one_thread
@@ -244,12 +240,12 @@ class Closure:
 
     def _stopped(self, state: State, at: Floats, n: int, end: float) -> float:
         """The end of the travel of an active joint within the stops; `end`: of the loops alone."""
-        reader, size = self._read(state), self.model.size
+        reader, size = self._read(state, at), self.model.size
 
         def move(posture: _Reached, x: float) -> tuple[_Reached, Floats] | None:
-            reader.q[:], reader.turns[:], reader.asked[:] = posture
+            q, turned, values = posture
+            _put(reader, q, values, turned)
             linearise_posture(reader)
-            reader.counts[0], reader.stride[:], reader.trail[:] = 0, 0.0, _UNTRIED
             reader.wanted[:] = at
             reader.wanted[n] = x
             if close_loops(reader, 1.0) < 1.0:
@@ -277,11 +273,10 @@ class Closure:
 
     def _end(self, state: State, at: Floats, n: int, sign: float) -> float:
         """The end of the travel of an active joint in one direction, from its values `at`."""
-        reader, size = self._read(state), self.model.size
+        reader, size = self._read(state, at), self.model.size
         way = 2.0 * np.pi if reader.is_angle[n] else _LONG * size
         # an angle that gears or threads count is in the same position after several turns only
         turns = _TURNS if reader.is_angle[n] and reader.work.sums.size else 1
-        reader.asked[:] = at
         for _ in range(turns):
             reader.counts[0] = 0  # no motion: it stays on this side of all dead points
             reader.wanted[:] = reader.asked
@@ -292,12 +287,17 @@ class Closure:
                 break
         return sign * math.inf
 
-    def _read(self, state: State) -> Closing:
-        reader = self._reader
-        reader.q[:], reader.turns[:] = state.q, state.turns
-        reader.stride[:], reader.trail[:] = 0.0, _UNTRIED
-        linearise_posture(reader)
-        return reader
+    def _read(self, state: State, at: Floats) -> Closing:
+        _put(self._reader, state.q, at, state.turns)
+        linearise_posture(self._reader)
+        return self._reader
+
+
+def _put(closing: Closing, q: Floats, at: Floats, turns: Integers | int = 0) -> None:
+    """Begin at a posture with its active values, without a motion so far."""
+    closing.q[:], closing.turns[:], closing.asked[:] = q, turns, at
+    closing.held[:], closing.held_turns[:], closing.held_at[:] = q, turns, at
+    closing.counts[:], closing.stride[:], closing.trail[:] = 0, 0.0, _UNTRIED
 
 
 def _closing(of: Actuated, noise: Floats) -> Closing:
@@ -316,8 +316,8 @@ def _closing(of: Actuated, noise: Floats) -> Closing:
     sizes = {
         'known': 3,
         'trail': 3,
-        **dict.fromkeys(('wanted', 'asked', 'here', 'stride'), count),
-        **dict.fromkeys(('q', 'other', 'before', 'line'), whole),
+        **dict.fromkeys(('wanted', 'asked', 'here', 'stride', 'held_at'), count),
+        **dict.fromkeys(('q', 'other', 'before', 'line', 'held'), whole),
         **dict.fromkeys(('place', 'rate', 'bend', 'ahead', 'way', 'shift'), model.n),
         **dict.fromkeys(('slope', 'bow', 'guess'), model.n),
         'places': 8 * model.n,
@@ -340,6 +340,7 @@ def _closing(of: Actuated, noise: Floats) -> Closing:
         turned=np.zeros(angles, dtype=np.int64),
         other_turns=np.zeros(angles, dtype=np.int64),
         line_turns=np.zeros(angles, dtype=np.int64),
+        held_turns=np.zeros(angles, dtype=np.int64),
         counts=np.zeros(4, dtype=np.int64),
         **{name: np.zeros(size) for name, size in sizes.items()},
     )
