@@ -67,6 +67,7 @@ from alf_ros.kernel.trail import leave_trail
 from alf_ros.kernel.work_ledger import ALL_FORCES, record_power
 
 ENDED = 1e-6  # part of the step of the grid up to which the end of a balance is found
+BEYOND = 1e-4  # the same: a step from where none is small enough shows whether it ends there
 REFUSED = 40  # attempts, where lengths miss a singular position: shorter steps do not help then
 
 
@@ -135,6 +136,7 @@ def advance_adaptively(
         done, goal = 0.0, 0.0  # goal: where a step has to end besides the grid point
         since = 0.0  # s since a kink was crossed
         result, tried, refused = OK, 0, 0
+        trial = False  # whether the step only tells if the balance of friction ends
         floor = 1.0  # what rounding leaves of the error, whatever the step
         expected = np.inf  # the most that the coarse error is without a kink, with `longer`
         while done < h:
@@ -164,6 +166,9 @@ def advance_adaptively(
             most = max(most, count)
             if told_to_stop(work):
                 result = STOPPED
+                break
+            if trial:
+                result = JAMMED if result == JAMMED else COLLAPSED
                 break
             fine, coarse, error, factor = np.inf, np.inf, np.inf, 0.5
             if result == OK:
@@ -210,8 +215,9 @@ def advance_adaptively(
                 if refused > REFUSED:
                     break
                 if pace[0] < (ENDED if result == JAMMED else SHORTEST) * h:
-                    result = result if result != OK else COLLAPSED
-                    break
+                    if result != OK:
+                        break
+                    pace[0], trial = BEYOND * h, True
                 if not begun:
                     copy(phase.q, work.q)
                     linearise(unit, system, work, work.q)

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Unit
-from alf_ros.kernel.adaptive import ENDED, REFUSED
+from alf_ros.kernel.adaptive import BEYOND, ENDED, REFUSED
 from alf_ros.kernel.data import EPS, Method, Phase, Problem, Scales, Span, System, Watch, Work
 from alf_ros.kernel.effect_jacobians import add_soft_times, weigh
 from alf_ros.kernel.grazed_kinks import unresolved_kink
@@ -285,6 +285,7 @@ def advance_implicitly(
         t, end = t0 + (first + taken) * h, t0 + (first + taken + 1) * h
         done, goal, result, tried, unsettled, refused = 0.0, 0.0, OK, 0, 0, 0
         tries, before, longer = 0, np.inf, h  # from here; error and length of the last
+        trial = False  # whether the step only tells if the balance of friction ends
         length = pace[0] if adaptive else h
         while done < h:
             tried += 1
@@ -307,6 +308,9 @@ def advance_implicitly(
             most = max(most, count)
             if told_to_stop(work):
                 result = STOPPED
+                break
+            if trial:
+                result = JAMMED if result == JAMMED else COLLAPSED
                 break
             error, factor = np.inf, 0.5
             if result == OK:
@@ -343,8 +347,9 @@ def advance_implicitly(
                 if refused > REFUSED:
                     break
                 if length < (ENDED if result == JAMMED else _SHORTEST) * h:
-                    result = result if result != OK else COLLAPSED
-                    break
+                    if result != OK:
+                        break
+                    length, trial = BEYOND * h, True
         if adaptive:
             pace[0] = length
         if done < h:

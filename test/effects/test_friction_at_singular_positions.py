@@ -170,6 +170,55 @@ def test_coarse_steps_do_not_leap_over_a_paradox(which: str) -> None:
             slider_crank(friction, integrator=integrator, step=0.02).step(50)
 
 
+@pytest.mark.parametrize('integrator', ['dop853_adaptive', 'esdirk43_adaptive'])
+@pytest.mark.parametrize('joint', ['pin', 'wrist'])
+def test_tight_tolerances_end_with_the_balance(joint: str, integrator: str) -> None:
+    """A parallelogram of equal bars on the way to its flat position. The acceleration grows
+    without limit as the balance ends, so that no step is small enough, not even before it."""
+    angle, rate = -2.8, -6.0
+    a = [np.cos(angle).item(), np.sin(angle).item()]
+    v = [-a[1] * rate, a[0] * rate]
+    bars = {'crank': ['O', 'A'], 'coupler': ['A', 'B'], 'rocker': ['C', 'B']}
+    pins = {
+        'pin': ('ground', 'crank', 'O'),
+        'knee': ('crank', 'coupler', 'A'),
+        'wrist': ('coupler', 'rocker', 'B'),
+        'hip': ('ground', 'rocker', 'C'),
+    }
+    mechanism = {
+        'alf': 1,
+        'points': {
+            'O': {'at': [0, 0], 'fixed': True},
+            'C': {'at': [1, 0], 'fixed': True},
+            'A': {'at': a},
+            'B': {'at': [1 + a[0], a[1]]},
+        },
+        'bodies': {
+            name: {'points': points, 'mass': mass, 'inertia': 'rod'}
+            for (name, points), mass in zip(bars.items(), (1.0, 2.0, 0.7), strict=True)
+        },
+        'joints': {
+            name: {'type': 'revolute', 'between': [first, second], 'at': at}
+            for name, (first, second, at) in pins.items()
+        },
+    }
+    scene = {
+        'mechanism': mechanism,
+        'effects': {
+            'gravity': {'acceleration': [0, -1]},
+            'joint_friction': {'joint': joint, 'dynamic': 0.23, 'radius': 0.02},
+        },
+        'initial': {'velocities': {'A': v, 'B': v}},
+    }
+    ends = []
+    for tolerance in (1e-6, 1e-9, 1e-12):
+        sim = Simulation(load_scene(scene), step=1e-3, integrator=integrator, tolerance=tolerance)
+        with pytest.raises(StepError, match='Painlevé') as told:
+            sim.step(400)
+        ends.append(float(told.value.reason.split('at t = ')[1].split()[0]))
+    assert ends == pytest.approx([ends[-1]] * len(ends), abs=1e-6)
+
+
 def test_of_several_balances_a_run_begins_with_that_of_growing_friction() -> None:
     """Drawn where there are two: that to which the one without friction leads."""
     c, rate, friction = 0.002, 3.0, {'guide': 0.01}
