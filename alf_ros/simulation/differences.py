@@ -16,6 +16,7 @@ _EIGHTH = (4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0)
 _SIXTH = (3.0 / 4.0, -3.0 / 20.0, 1.0 / 60.0, 0.0)
 _AGREE = 1e-5  # of the largest slope, and
 _ROUNDED = 1e-11  # of the largest value a step, by which the two orders may differ
+_NOTHING = 1e-25  # in SI units: a value that is rounding, as the energy of a spring at its length
 
 
 def slope(values: Floats, step: float, name: str, what: str, size: float = 0.0) -> Floats:
@@ -29,7 +30,7 @@ def slope(values: Floats, step: float, name: str, what: str, size: float = 0.0) 
         for w in (_EIGHTH, _SIXTH)
     )
     most = _AGREE * np.abs(found).max(initial=0.0)
-    most += _ROUNDED * np.abs(values).max(initial=size) / step
+    most += (_ROUNDED * np.abs(values).max(initial=size) + _NOTHING) / step
     if not np.abs(found - lower).max(initial=0.0) <= most:
         raise InputError(f'{what} has no derivative by it here: it has a kink or a jump', key=name)
     return np.asarray(found)

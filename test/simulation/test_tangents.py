@@ -350,6 +350,15 @@ def test_a_number_with_a_kink_is_refused() -> None:
     assert 'the scene is refused' in refused(scene, ['damper.damping'])
 
 
+@pytest.mark.parametrize('name', ['L', 'mechanism.points.A.at.0'])
+def test_a_quantity_that_is_zero_has_a_derivative(name: str) -> None:
+    """A spring of the length that is drawn stores nothing, but for rounding."""
+    spring = '{between: [A, ground], at: [~, [0.3, 1.7]], stiffness: 40}'
+    scene = overrides.with_changes(load_scene('slider_crank'), {'effects.spring': spring})
+    tangent = Simulation(scene, tangents=[name]).sample().tangents[name]
+    assert abs(tangent.of('stored.spring')) < 1e-20
+
+
 def test_a_start_in_a_singular_position_is_refused() -> None:
     scene = overrides.with_changes(
         load_scene('slider_crank'),
