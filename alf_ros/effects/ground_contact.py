@@ -230,6 +230,8 @@ def interval(
         rising += params[at + 8 + a] * v
     out[0], out[1] = height, rising
     out[2], out[3] = (-inf, 0.0) if height < 0.0 else (0.0, inf)
+    if params[at] == 0.0:  # no force, no kink
+        out[2], out[3] = -inf, inf
 
 
 @contract.potential

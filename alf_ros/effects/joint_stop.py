@@ -116,7 +116,9 @@ def interval(
     lower, upper = params[at], params[at + 1]
     out[0], out[1] = scalar(q, qd, near, slots, params, n)
     out[2], out[3] = lower, upper
-    if out[0] < lower:
+    if params[at + 2] == 0.0:  # no force, no kink
+        out[2], out[3] = -math.inf, math.inf
+    elif out[0] < lower:
         out[2], out[3] = -math.inf, lower
     elif out[0] > upper:
         out[2], out[3] = upper, math.inf

@@ -11,6 +11,11 @@ another interval than before and after, or so near to an end of its interval tha
 does not tell, the step has to end: at the turn x is as accurate as the motion. The step that ends
 there meets a kink at most once, which its stages see, and the step after it leaves it. The
 difference to the cubic through ξ and ξ̇ is the doubt about the interpolation.
+
+A kink that is met and not left within the step is seen by the stages. Adaptive steps notice it by
+their error. A fixed step across it would have an error of second order in h, so it ends there as
+well, if the intervals on both sides are much wider than the way of the step: stops and contacts
+are, close rows of a table are not.
 """
 
 from __future__ import annotations
@@ -35,6 +40,9 @@ _SCALE = 32.0 / 9.0  # … and 1 / (4 θ (1 - θ))² there, twice, as the doubt 
 _FAR = 2.0  # times what a scalar may move in a step
 _EDGE = 1e-6  # of a step: a turn so close to an end is the end
 _ROUNDED = 1e-13  # of the size, or rad: a kink that is passed by less is not
+_NEAR = 1e-2  # of a step: one crossed so close to an end adds 1e-4 of what it would in the middle
+_WIDE = 10.0  # times the way of x in a step: intervals of kinks at which it ends
+_HALVINGS = 12
 
 
 @expanded
@@ -60,6 +68,9 @@ def _search(problem: Problem, phase: Phase, t: float, h: float) -> float:
     measure(problem, t + 0.5 * h, parts // TWO)
     if not all_far(problem, h):
         found = _searched(problem, phase, t, h)
+        for k in range(problem.forces.kinks.interval.size):
+            if _leaves(problem, k):
+                found = _crossing(problem, phase, t, h, k, found)
     restore_end(problem)
     return found
 
@@ -88,9 +99,10 @@ def restore_end(problem: Problem) -> None:
 
 @inner
 def all_far(problem: Problem, h: float) -> bool:
-    """Whether no scalar can leave its interval in the step of h (s) and return: where the step
-    begins, in its middle and where it ends, each is farther from the ends of its interval than it
-    may move, or goes one way, at a rate that changes by less than itself."""
+    """Whether no scalar can leave its interval in the step of h (s) and return, and none leaves
+    it that may not: where the step begins, in its middle and where it ends, each is farther from
+    the ends of its interval than it may move, or goes one way, at a rate that changes by less
+    than itself."""
     path, half = problem.forces.kinks.path, np.uint64(2 * PARTS)
     rounded = _ROUNDED * max(1.0, problem.system.size)
     for k in range(problem.forces.kinks.interval.size):
@@ -98,6 +110,8 @@ def all_far(problem: Problem, h: float) -> bool:
         x, middle, y = path[at], path[at + half], path[at + TWO * half]
         v, w = path[at + ONE], path[at + TWO * half + ONE]
         moved = h * (abs(v) + abs(w)) + abs(middle - x) + abs(y - middle)
+        if _leaves(problem, k):
+            return False
         low, high = path[at + TWO], path[at + THREE]
         room = min(min(x, min(middle, y)) - low, high - max(x, max(middle, y)))
         if room > _FAR * moved or moved < rounded:
@@ -107,6 +121,48 @@ def all_far(problem: Problem, h: float) -> bool:
         if not min(abs(slowest), abs(fastest)) > fastest - slowest:
             return False
     return True
+
+
+@inner
+def _leaves(problem: Problem, k: np.uint64) -> bool:
+    """Whether the step, which may cross no kink, ends in another interval of scalar k, and both
+    are wide."""
+    kinks = problem.forces.kinks
+    if kinks.crossed[0] > 0.0:
+        return False
+    path, at = kinks.path, np.uint64(4 * PLACES) * k
+    to = at + np.uint64(4 * PARTS)
+    low, high, other_low, other_high = (
+        path[at + TWO],
+        path[at + THREE],
+        path[to + TWO],
+        path[to + THREE],
+    )
+    if low == other_low:
+        return False
+    way = _WIDE * abs(path[to] - path[at])
+    return high - low > way and other_high - other_low > way
+
+
+@inner
+def _crossing(
+    problem: Problem, phase: Phase, t: float, h: float, k: np.uint64, found: float
+) -> float:
+    """The part of the step at which scalar k leaves its interval, if it is less than `found` and
+    not near an end of the step, or `found`."""
+    path, kinks = problem.forces.kinks.path, problem.forces.kinks
+    here = path[np.uint64(4 * PLACES) * k + TWO]
+    last = np.uint64(4 * PLACES) * kinks.interval.size
+    before, behind = 0.0, 1.0
+    for _ in range(_HALVINGS):
+        part = 0.5 * (before + behind)
+        place(problem, phase, t, h, part, 1.0)
+        _measure_one(problem, t + part * h, k, last)
+        if path[last + TWO] == here:
+            before = part
+        else:
+            behind = part
+    return behind if _NEAR < behind < min(found, 1.0 - _NEAR) else found
 
 
 @inner

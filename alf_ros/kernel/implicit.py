@@ -16,6 +16,7 @@ from alf_ros.arrays import Unit
 from alf_ros.kernel.adaptive import BEYOND, ENDED, REFUSED
 from alf_ros.kernel.data import EPS, Method, Phase, Problem, Scales, Span, System, Watch, Work
 from alf_ros.kernel.effect_jacobians import add_soft_times, weigh
+from alf_ros.kernel.fixed_steps import PIECES
 from alf_ros.kernel.grazed_kinks import unresolved_kink
 from alf_ros.kernel.interpolated_stages import (
     DIRECTION_ONLY,
@@ -284,6 +285,7 @@ def advance_implicitly(
     for taken in range(steps):
         t, end = t0 + (first + taken) * h, t0 + (first + taken + 1) * h
         done, goal, result, tried, unsettled, refused = 0.0, 0.0, OK, 0, 0, 0
+        cuts = 0  # pieces of a fixed step
         tries, before, longer = 0, np.inf, h  # from here; error and length of the last
         trial = False  # whether the step only tells if the balance of friction ends
         length = pace[0] if adaptive else h
@@ -323,10 +325,10 @@ def advance_implicitly(
                 likely = _ROUNDING if work.nearest[0] < np.inf else _FLAT
                 good = error * _SHARE * method.tolerance < likely
                 work.rounded[0] += good
-            if good and kinks.search.size > 0:
+            if good and kinks.search.size > 0 and (adaptive or cuts < PIECES):
                 part = unresolved_kink(problem, phase, begin, dt)
                 if part < 1.0:
-                    goal = done + part * dt
+                    goal, cuts = done + part * dt, cuts + 1
                     continue
             if good:
                 result = judge(unit, system, method, work, dt)

@@ -273,7 +273,7 @@ class Applied:
         layout = self._model.layout
         scalars = [(kind.interval, kind.packed.intervals) for kind in self._all(layout)]
         instants = self.instants if self._asked.instants else np.zeros(0)
-        found = kinks(self._model, scalars, instants)
+        found = kinks(self._model, scalars, instants, not self._asked.ends)
         return Forces(self._pack(layout), rub, self._ledger, found)
 
     def _with_efforts(self) -> Forces | None:

@@ -18,9 +18,12 @@ from alf_ros.model.constraints.packing import indices
 from alf_ros.splines import cubic_spline
 
 
-def kinks(model: Model, scalars: Sequence[tuple[int, int]], instants: Floats) -> Kinks:
+def kinks(
+    model: Model, scalars: Sequence[tuple[int, int]], instants: Floats, crossed: bool
+) -> Kinks:
     """The kinks of effects: of each the address of `interval` (0: none) and how many scalars it
-    knows; and the instants (s) of kinks over time, ascending."""
+    knows; and the instants (s) of kinks over time, ascending. `crossed`: whether a step may cross
+    a kink."""
     found = _none()
     if instants.size:
         found = replace(found, instants=instants, span=np.array([-np.inf, np.inf]))
@@ -43,6 +46,7 @@ def kinks(model: Model, scalars: Sequence[tuple[int, int]], instants: Floats) ->
         number=np.array(numbers, dtype=np.int64),
         path=np.zeros((len(known) + 1) * compiled.PLACES * 4),
         doubt=np.zeros(2 * len(known)),
+        crossed=np.array([float(crossed)]),
     )
 
 

@@ -36,12 +36,13 @@ class AskedFunctions:
     """The functions and numbers of effects that a method asks for, besides those that all of them
     need: `tangents` of an implicit one, `sides` of an explicit one that is adaptive or has
     derivatives, `intervals` of every method of alf2, and the `instants` of kinks of every
-    adaptive one."""
+    adaptive one. `ends`: whether steps end at kinks that they would cross."""
 
     tangents: bool = False
     sides: bool = False
     intervals: bool = False
     instants: bool = False
+    ends: bool = False
 
 
 NOTHING = AskedFunctions()

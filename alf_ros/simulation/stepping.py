@@ -80,6 +80,7 @@ class Stepper:
                 sides=(adaptive or written or following is not None) and not tableau.implicit,
                 intervals=solver.formulation == 'alf2',
                 instants=adaptive,
+                ends=not (adaptive or written or following is not None),
             ),
         )
         if following is not None:

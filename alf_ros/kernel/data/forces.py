@@ -129,6 +129,7 @@ class Kinks(Struct):
     number: Integers  # (scalars,) n of the scalar in this effect
     path: Floats  # (scalars + 1, places, 4) x, ẋ and the ends of its interval along the step
     doubt: Floats  # (scalars, 2) of x in the middle of the step, as interpolated; and workspace
+    crossed: Floats  # (1,) 1 if steps may cross kinks, 0 if they end there
 
 
 @dataclass(frozen=True, eq=False)
