@@ -81,7 +81,8 @@ def advance(
                     continue
                 since = passed(since, part, dt)
             if result == OK:
-                result = judge(unit, system, problem.method, work, dt)
+                near = kinks.near[0] if kinks.search.size > 0 else 0.0
+                result = judge(unit, system, problem.method, work, dt, near)
             if result == OK and tangents is not None:
                 if done == 0.0 and aim < h:
                     copy(phase.tangents, tangents.good)

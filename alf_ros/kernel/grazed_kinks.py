@@ -66,7 +66,9 @@ def _search(problem: Problem, phase: Phase, t: float, h: float) -> float:
     measure(problem, t, np.uint64(0))
     place(problem, phase, t, h, 0.5, 1.0)
     measure(problem, t + 0.5 * h, parts // TWO)
-    if not all_far(problem, h):
+    far = all_far(problem, h)
+    problem.forces.kinks.near[0] = _nearness(problem, far)
+    if not far:
         found = _searched(problem, phase, t, h)
         for k in range(problem.forces.kinks.interval.size):
             if _leaves(problem, k):
@@ -121,6 +123,17 @@ def all_far(problem: Problem, h: float) -> bool:
         if not min(abs(slowest), abs(fastest)) > fastest - slowest:
             return False
     return True
+
+
+@inner
+def _nearness(problem: Problem, far: bool) -> float:
+    """2 if a scalar ends in another interval than it begins, 1 if one may come near, else 0."""
+    path = problem.forces.kinks.path
+    for k in range(problem.forces.kinks.interval.size):
+        at = np.uint64(4 * PLACES) * k + TWO
+        if path[at] != path[at + np.uint64(4 * PARTS)]:
+            return 2.0
+    return 0.0 if far else 1.0
 
 
 @inner

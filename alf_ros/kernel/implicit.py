@@ -331,7 +331,7 @@ def advance_implicitly(
                     goal, cuts = done + part * dt, cuts + 1
                     continue
             if good:
-                result = judge(unit, system, method, work, dt)
+                result = judge(unit, system, method, work, dt, 0.0)
                 if result != OK:
                     break
                 record_power(problem, phase, t, method.b.size, dt, ALL_FORCES)

@@ -20,6 +20,12 @@ and 1 / ω is longer than a short step. There ρ falls with ω h, so that a step
 with c = `Method.lasting` such that this is the error of the method far below the limit. Of that
 only the part along the free directions counts, which takes a solve: it is made where the whole is
 large enough to matter. Small errors therefore cost one pass over the rates of the stages.
+
+What an impact changes of the velocity lasts. Of an impact that takes few steps, ε tells little:
+it is a difference of stages on either side of the turn. With `rk4` a step of ω h loses a part
+(ω h)⁶ / 144 of the change of the velocity, and ω shows in the stages. So where a motion leaves a
+kink again within a few steps, that part counts as well, with the displacement that it becomes in
+1000 steps. A motion that a damper keeps there forgets it.
 """
 
 from __future__ import annotations
@@ -49,7 +55,8 @@ WORST = 4  # highest level so far, and what the others were when it was reached
 WORST_ERROR = 5
 WORST_UNRESOLVED = 6
 WORST_STEPS = 7
-JUDGED = 8  # numbers in all
+TOUCHED = 8  # what steps near a kink add, if the motion leaves it again
+JUDGED = 9  # numbers in all
 
 LEVEL = 1e-3  # of the size: sum of errors of 1000 steps from which on steps are too long
 FEWEST = 100.0  # steps: a sum of fewer is compared with LEVEL as if it were of so many
@@ -57,6 +64,7 @@ MOST_UNRESOLVED = 200.0  # steps of 1000, likewise
 _WINDOW = 1000.0  # steps, of which a sum is
 _MEMORY, _SHORT_MEMORY = 1e-3, 1e-2  # part of a sum that each step forgets
 _PIECE = np.uint64(256)  # coordinates at a time
+FORGETS = 0.5  # what a step far from kinks leaves of the rest
 TELLS = 1e-6  # of the size: errors below never reach LEVEL
 FINEST = 1e-10  # of the size: errors below may be rounding
 
@@ -149,6 +157,23 @@ def embedded_difference(method: Method, work: Work) -> None:
 
 
 @inner
+def lost_at_kinks(method: Method, work: Work, h: float) -> float:
+    """Of the velocity that a step of h (s) of `rk4` near a kink changes, the part that it loses,
+    m/s. The first stages, at c h from the place before, have moved by c h ξ̇ of the stage before:
+    their ξ̈ shows ω²."""
+    n, k = np.uint64(work.sum.size), work.k
+    changed, moved, most = 0.0, 0.0, 0.0
+    for s in range(ONE, np.uint64(method.b.size)):
+        before, at = THREE * (s - ONE) * n, (THREE * s + ONE) * n
+        for i in range(n):
+            changed = max(changed, abs(k[at + i] - k[n + i]))
+            moved = max(moved, method.c[s] * h * abs(k[before + i]))
+            most = max(most, abs(k[at + i]))
+    square = h * h * changed / (moved + NOTHING)
+    return h * most * min(1.0, square * square * square / 144.0)
+
+
+@inner
 def remember(judged: Floats, moved: float, caution: float, unresolved: bool, counts: bool) -> None:
     """Add the error of a step that `counts`, in parts of the size, to the sums of recent steps;
     `caution`: what their sum is multiplied by where steps are judged."""
@@ -175,8 +200,9 @@ def lost_lately(judged: Floats, moved: float) -> float:
 
 
 @inner
-def judge(unit: Unit, system: System, method: Method, work: Work, h: float) -> int:
+def judge(unit: Unit, system: System, method: Method, work: Work, h: float, near: float) -> int:
     """Note the error of the step of h (s) that ended in `work`, with Φ_q and factor of its end.
+    `near`: 2 if it crosses a kink of a force, 1 if it may come near to one, else 0.
 
     Returns TOO_LONG if the errors of the last steps exceed the mechanism itself, else OK. A method
     without an estimate, as of an adaptive integrator, is not judged.
@@ -204,5 +230,12 @@ def judge(unit: Unit, system: System, method: Method, work: Work, h: float) -> i
                 linearise(unit, system, work, work.q)
         if not moved < 1.0:
             moved = 1.0
+    if near > 0.0 and method.b.size == 4:
+        judged[TOUCHED] += lost_at_kinks(method, work, h) * (_WINDOW * h / system.size)
+    if near > 1.0:  # known, not an estimate
+        judged[RECENT] += min(judged[TOUCHED], 1.0) / method.caution
+        judged[TOUCHED] = 0.0
+    elif near == 0.0:
+        judged[TOUCHED] *= FORGETS
     remember(judged, moved, method.caution, sharp and moved > FINEST, True)
     return TOO_LONG if judged[LOST] > 1.0 else OK

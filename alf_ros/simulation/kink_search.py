@@ -47,6 +47,7 @@ def kinks(
         path=np.zeros((len(known) + 1) * compiled.PLACES * 4),
         doubt=np.zeros(2 * len(known)),
         crossed=np.array([float(crossed)]),
+        near=np.zeros(1),
     )
 
 
