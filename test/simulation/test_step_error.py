@@ -281,8 +281,11 @@ def test_an_impact_that_steps_do_not_resolve_is_reported(within: float, step: fl
     """A rotor that an elastic stop throws back within so many steps, met anywhere in a step."""
     for h in step * (1.0 + 0.013 * np.arange(8)):
         stiffness = 0.5 * (math.pi / (within * h)) ** 2
-        stop = f'joint_stop: {{joint: pin, upper: {30 * step}, stiffness: {stiffness:e}, exponent: 1}}'
-        text = f'{ROTOR}\neffects: {{{stop}}}\ninitial: {{velocities: {{A: [~, 3]}}}}\n'
+        numbers = f'upper: {30 * step}, stiffness: {stiffness:e}, exponent: 1'
+        stop = f'{{joint: pin, {numbers}}}'
+        text = (
+            f'{ROTOR}\neffects: {{joint_stop: {stop}}}\ninitial: {{velocities: {{A: [~, 3]}}}}\n'
+        )
         sim = Simulation(scene_from_text(text), integrator='rk4', step=float(h))
         sim.step(30)
         assert sim.resolution.too_long
