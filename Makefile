@@ -50,13 +50,16 @@ COVERAGE := COVERAGE_FILE='$(CURDIR)/.coverage' $(BIN)/coverage
 
 # Hundreds of short processes start: each would compile what it imports, where bytecode is not kept.
 check test: export PYTHONDONTWRITEBYTECODE =
-# Every check runs and every failure counts; pytest comes last, so that its summary ends the output.
+# Every check runs and every failure counts. One process checks types, beside the first tests: before
+# them it would keep one core for most of a minute. What it says comes when the tests have ended.
 check test: setup
-	@failed=''; \
+	@failed=''; said=$$(mktemp); \
+	$(BIN)/mypy >"$$said" 2>&1 & types=$$!; \
+	trap 'kill $$types 2>/dev/null; rm -f "$$said"' EXIT; trap 'exit 130' INT TERM; \
 	$(BIN)/ruff check . || failed="$$failed, ruff check"; \
 	$(BIN)/ruff format --check . || failed="$$failed, ruff format"; \
-	$(BIN)/mypy || failed="$$failed, mypy"; \
 	$(if $(ARGS)$(filter test,$@),$(BIN)/python $(PYTEST) $(ARGS) || failed="$$failed$(COMMA) pytest";,$(QUICK)) \
+	wait $$types || failed="$$failed, mypy"; cat "$$said"; \
 	if [ -n "$$failed" ]; then echo "make $@: failed: $${failed#, }" >&2; exit 1; fi
 
 COMMA := ,
