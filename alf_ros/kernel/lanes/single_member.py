@@ -112,15 +112,17 @@ def _prescribe(problem: Problem, t: float) -> None:
     prescribe(problem.system, t, work.q, work.qd, work.qdd)
 
 
+# `bool(ZERO)` and not `False`: the type of a run's own argument, whose code is there by now. A
+# constant would have all of the steps compiled again.
 def _advance(problem: Problem, phase: Phase, h: float, told: Floats) -> None:
     span = Span(0.0, phase.step[0], 1, h)
-    result, taken, most = advance(problem, phase, None, span, False)
+    result, taken, most = advance(problem, phase, None, span, bool(ZERO))
     told[0], told[1], told[2] = float(result), float(taken), float(most)
 
 
 def _advance_adaptively(problem: Problem, phase: Phase, h: float, told: Floats) -> None:
     span = Span(0.0, phase.step[0], 1, h)
-    result, taken, most = advance_adaptively(problem, phase, None, span, False)
+    result, taken, most = advance_adaptively(problem, phase, None, span, bool(ZERO))
     told[0], told[1], told[2] = float(result), float(taken), float(most)
 
 

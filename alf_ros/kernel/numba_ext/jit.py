@@ -21,10 +21,10 @@ TWO = np.uint64(2)
 THREE = np.uint64(3)
 FOUR = np.uint64(4)
 
-_options: dict[str, Any] = {'nogil': True, 'error_model': 'numpy'}
+# no wrappers for C: what is called by its address is made for that (`by_address`)
+_options: dict[str, Any] = {'nogil': True, 'error_model': 'numpy', 'no_cfunc_wrapper': True}
 _called_inside = {
     'no_cpython_wrapper': True,
-    'no_cfunc_wrapper': True,
     'pipeline_class': InnerCompiler,
 }
 
@@ -55,7 +55,7 @@ def inlined(function: Callable[..., Any]) -> Any:
 
 def shared(function: Callable[..., Any]) -> Any:
     """A part of each effect that calls it."""
-    return _cached(function, error_model='numpy')
+    return _cached(function, error_model='numpy', no_cfunc_wrapper=True)
 
 
 # inlined into its caller: saves a compilation for functions with one or two callers
