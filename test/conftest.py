@@ -75,12 +75,14 @@ _FIRST = (
     'kernel/test_cache_attacks.py',
     'project/test_install.py',
     'simulation/test_side_by_side.py',
+    'simulation/test_tangents.py',
     'project/test_new_user.py',
     'studies/test_stepped_ensemble.py',
     'ros/test_soak.py',
     'studies/test_equilibrium_path.py',
     'studies/test_ensemble_kills.py',
     'studies/test_optimise.py',
+    'studies/test_gradient.py',
     'ros/test_view.py',
 )
 # Tests of these folders start processes and wait for them; others compute.
