@@ -21,7 +21,7 @@ from typing import Any, TextIO
 from alf_ros.errors import AlfError
 from alf_ros.exchange import urdf_with_loops, usd_stage
 from alf_ros.exchange.import_file import format_of, imported
-from alf_ros.inspection.soundness import BAD, examine
+from alf_ros.inspection.soundness import BAD, TooLarge, examine
 from alf_ros.scene.scene import Scene, scene_from_text
 from alf_ros.simulation.simulation import Simulation
 
@@ -170,6 +170,8 @@ def _treated(
         soundness = examine(scene)
         bad = [f'{a.question}: {a.answer}' for a in soundness.answers if a.verdict == BAD]
         found = replace(found, freedoms=soundness.freedoms)
+    except TooLarge as error:  # a simulated mechanism runs, sound or not
+        found, bad = replace(found, why=found.why or str(error)), []
     except AlfError as error:
         bad = [str(error)]
     if bad and found.result == OK:

@@ -1,21 +1,20 @@
 """Actuators of an MJCF on hinges, slides and tendons, as compiled by MuJoCo.
 
-The force is gain · u + bias, between the ends of its range; u is the control, of the keyframe or
-zero, bias = b0 + b1 l + b2 l̇ with l = gear · x, and gear times the force acts on x. So
-k_p = -gear² b1, k_v = -gear² b2, and x* where the rest vanishes. If an actuator integrates its
-control, u is the integral at the start. If it filters its control, u is the control.
+`general_actuator` has their law. The control u comes from the keyframe, or is zero. If an actuator
+integrates its control, u is the integral at the start. If it filters it, u is the control.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from alf_ros.exchange import mjcf_force_ranges, mjcf_switches
-from alf_ros.exchange.robot import Actuator, Robot
+from alf_ros.exchange.general_actuator import GeneralActuator
+from alf_ros.exchange.robot import Robot
 
 
 def reflect(mujoco: Any, model: Any) -> None:
@@ -65,24 +64,20 @@ def add(
         fixed = model.actuator_gaintype[n] == mujoco.mjtGain.mjGAIN_FIXED
         bias, dynamic = model.actuator_biastype[n], model.actuator_dyntype[n]
         plain = (mujoco.mjtBias.mjBIAS_NONE, mujoco.mjtBias.mjBIAS_AFFINE)
-        made = None
+        drive = None
         if on is not None and fixed and bias in plain and dynamic in known:
-            given = _input(mujoco, data, n)
-            made = _actuator(name, on, model, n, given)
-        if made is None:
+            actuator = _actuator(name, on, model, n, _input(mujoco, data, n), bias == plain[1])
+            drive = actuator.drive
+        if on is None or drive is None:
             robot.leave('actuators', name)
             continue
         if lost := known[dynamic]:
             robot.leave(lost, name)
         if model.actuator_delay[n]:
             robot.leave('activation of actuators', name)
-        for limited, (low, high) in (
-            (model.actuator_forcelimited[n], model.actuator_forcerange[n]),
-            (given.is_limited and bias == plain[0], given.ends),
-        ):
-            if limited and not np.isclose(-low, high):
-                robot.leave('force ranges of actuators', name)
-        driving.append(made)
+        if actuator.is_lopsided:
+            robot.leave('force ranges of actuators', name)
+        driving.append(mjcf_force_ranges.Driving(drive, n, on.at, actuator.gear))
     robot.actuators += mjcf_force_ranges.within(robot, mujoco, data, joints, driving)
 
 
@@ -133,26 +128,18 @@ def _input(mujoco: Any, data: Any, n: int) -> _Input:
 
 
 def _actuator(
-    name: str, on: _Coordinate, model: Any, n: int, given: _Input
-) -> mjcf_force_ranges.Driving | None:
-    """None for one that pushes away from where it shall be, or that has no gear."""
-    gear = float(model.actuator_gear[n, 0])
-    b0, b1, b2 = map(float, model.actuator_biasprm[n, :3])
-    gain = float(model.actuator_gainprm[n, 0])
-    force = gain * given.value + b0
-    if b1 > 0.0 or b2 > 0.0 or gear == 0.0:
-        return None
-    limits = []
-    if model.actuator_forcelimited[n]:
-        limits.append(abs(gear) * float(np.abs(model.actuator_forcerange[n]).max()))
-    if given.is_limited and not b1 and not b2:
-        limits.append(abs(gear) * (abs(gain) * max(map(abs, given.ends)) + abs(b0)))
-    made = Actuator(name, on.name, limit=min(limits, default=None), on_tendon=on.is_tendon)
-    if b1:
-        place, stiff, damp = -force / (b1 * gear), -b1 * gear**2, -b2 * gear**2
-        made = replace(made, position=place, position_gain=stiff, velocity_gain=damp)
-    elif b2:
-        made = replace(made, velocity=-force / (b2 * gear), velocity_gain=-b2 * gear**2)
-    else:
-        made = replace(made, effort=gear * force)
-    return mjcf_force_ranges.Driving(made, n, on.at, gear)
+    name: str, on: _Coordinate, model: Any, n: int, given: _Input, is_affine: bool
+) -> GeneralActuator:
+    b0, b1, b2 = map(float, model.actuator_biasprm[n, :3]) if is_affine else (0.0, 0.0, 0.0)
+    low, high = map(float, model.actuator_forcerange[n])
+    return GeneralActuator(
+        name,
+        on.name,
+        float(model.actuator_gear[n, 0]),
+        float(model.actuator_gainprm[n, 0]),
+        (b0, b1, b2),
+        given.value,
+        given.ends if given.is_limited else None,
+        (low, high) if model.actuator_forcelimited[n] else None,
+        on.is_tendon,
+    )

@@ -50,7 +50,7 @@ def within(
         if not np.isclose(-low, high):
             for each in group:
                 robot.leave('force ranges of actuators', each.actuator.name)
-        found += _limited(robot, group, max(-low, high))
+        found += limited(robot, group, max(-low, high))
     for joint in _pulled(mujoco, data, all_driving):
         robot.leave('force ranges of joints', joints[joint])
     return found
@@ -71,7 +71,7 @@ def _pulled(mujoco: Any, data: Any, all_driving: Sequence[Driving]) -> list[int]
     return sorted(joint for joint in moved if model.jnt_actfrclimited[joint])
 
 
-def _limited(robot: Robot, group: Sequence[Driving], most: float) -> list[Actuator]:
+def limited(robot: Robot, group: Sequence[Driving], most: float) -> list[Actuator]:
     """Actuators of one joint or tendon, which exert `most` (N m or N) together."""
     on_tendon = group[0].actuator.on_tendon
     limits = [most * abs(each.gear) if on_tendon else most for each in group]

@@ -26,7 +26,8 @@ _MASS_LEFT = 'inertia: default of USD'
 class UsdBodies:
     """Bodies by their paths, and the body, or the ground, of each prim.
 
-    prims: of the bodies that move. shapes: the prims of each body that collide.
+    prims: of the bodies that move. shapes: the prims of each body that collide. any_body: whether
+    the file has a body at all.
     """
 
     def __init__(self, stage: UsdStage, robot: Robot) -> None:
@@ -34,16 +35,18 @@ class UsdBodies:
         self._stage, self._robot = stage, robot
         self._owner: dict[str, str] = {'/': GROUND}
         self.prims: dict[str, Any] = {}
+        self.any_body = False
         self.shapes: dict[str, list[Any]] = {}
         for prim in stage.prims():
             path, schemas = str(prim.GetPath()), stage.schemas(prim)
             owner = self._owner[str(prim.GetPath().GetParentPath())]
+            self.any_body |= 'PhysicsRigidBodyAPI' in schemas
             if 'PhysicsRigidBodyAPI' in schemas and self._enabled(prim):
                 owner = GROUND if self._is_kinematic(prim) else path
                 if owner == path:
                     self.prims[path] = prim
             self._owner[path] = owner
-            if 'PhysicsCollisionAPI' in schemas:
+            if 'PhysicsCollisionAPI' in schemas and _has_shape(prim, schemas):
                 self.shapes.setdefault(owner, []).append(prim)
         self.names = unique_names(self.prims)
 
@@ -113,6 +116,11 @@ class UsdBodies:
     def _inertia(self, prim: Any) -> Floats | None:
         """(3, 3) kg m^2 in the world; None where it is left open."""
         stage = self._stage
+        if stage.array(prim, 'newton:inertia', float).size:
+            xx, yy, zz, xy, xz, yz = stage.numbers(prim, 'newton:inertia', (0.0,) * 6)
+            turn = stage.frame(prim).turn
+            J = turn @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ turn.T
+            return np.asarray(stage.kilogram * stage.metre**2 * J, dtype=float)
         moments = stage.numbers(prim, 'physics:diagonalInertia', (0.0, 0.0, 0.0))
         if not moments.any():
             return None
@@ -124,6 +132,12 @@ class UsdBodies:
         """A shape that collides; density: of its body, in units of the file."""
         stage, solid = self._stage, solid_of(self._stage, prim)
         name = str(prim.GetPath())
+        if (
+            stage.word(prim, 'newton:massModel') == 'shell'
+            or stage.word(prim, 'mjc:inertia') == 'shell'
+            or stage.holds(prim, 'mjc:shellinertia', False)
+        ):
+            self._robot.leave('shells', prim.GetName())
         own = stage.number(prim, 'physics:density')
         unit = stage.kilogram / stage.metre**3
         given = [d for d in (own, density, self._of_material(prim)) if d > 0.0]
@@ -161,6 +175,16 @@ def unique_names(paths: Iterable[str]) -> dict[str, str]:
         taken.add(found)
         names[path] = found
     return names
+
+
+def _has_shape(prim: Any, schemas: Sequence[str]) -> bool:
+    """Whether a prim that collides has a shape of its own: a group has none, unless its meshes
+    count as one."""
+    from pxr import UsdGeom
+
+    is_group = str(prim.GetTypeName()) in ('', 'Xform', 'Scope')
+    merges = any(each.startswith('PhysxMeshMergeCollisionAPI') for each in schemas)
+    return merges or bool(UsdGeom.Gprim(prim)) or not is_group
 
 
 def _about(part: RobotPart, place: Floats) -> Floats:

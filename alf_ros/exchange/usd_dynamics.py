@@ -1,26 +1,32 @@
-"""Limits, drives and rotors of the joints in a USD stage, in rad, m, kg and s.
+"""Limits, drives, springs, losses and rotors of the joints in a USD stage, in rad, m, kg and s.
 
-An angle is in degrees in the file, and stiffness and damping of a drive are per degree. A drive
-applies stiffness (target - x) + damping (target velocity - ẋ), at most `maxForce`.
+An angle is in degrees in the file, and stiffness and damping are per degree; gains `mjc:*` are per
+rad, and angles `mjc:*` have the unit that the scene states. A drive applies stiffness (target -
+x) + damping (target velocity - ẋ), at most `maxForce`. Of the same quantity in several namespaces
+`mjc:*` counts before `newton:*`, and this before PhysX, because it has all digits.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
-from alf_ros.exchange.robot import Actuator, Robot
+from alf_ros.exchange.robot import Actuator, Connection, Robot
 from alf_ros.exchange.usd_joints import UsdJoint, bounds
+from alf_ros.exchange.usd_scene import UsdScene
 from alf_ros.exchange.usd_stage import UsdStage
 
+_ROUNDED = 1e-5  # of a quantity: the same number in several attributes, with seven digits
 _SHORT = {
     'revolute': 'angular',
     'prismatic': 'linear',
 }  # names of drives where a joint has one axis
 
 
-def limits(stage: UsdStage, joint: UsdJoint) -> tuple[float, float] | None:
+def limits(stage: UsdStage, scene: UsdScene, joint: UsdJoint) -> tuple[float, float] | None:
     """Of a joint with one coordinate, rad or m; None without limits. Raises InputError."""
     prefix, names = 'physics:', ('lowerLimit', 'upperLimit')
     if str(joint.prim.GetTypeName()) == 'PhysicsJoint':
@@ -28,7 +34,9 @@ def limits(stage: UsdStage, joint: UsdJoint) -> tuple[float, float] | None:
             return None
         prefix, names = f'limit:{joint.degree}:physics:', ('low', 'high')
     low, high = (_unit(stage, joint) * x for x in bounds(stage, joint.prim, prefix, names))
-    return None if low == -math.inf and high == math.inf else (low, high)
+    if low == -math.inf and high == math.inf or not scene.kept('limits', 1.0):
+        return None
+    return low, high
 
 
 def in_range(x: float, ends: tuple[float, float] | None) -> float:
@@ -38,10 +46,54 @@ def in_range(x: float, ends: tuple[float, float] | None) -> float:
     return next((each for each in around if low <= each <= high), x)
 
 
-def armature(stage: UsdStage, joint: UsdJoint) -> float:
-    """Inertia of a rotor, kg m^2 or kg: an attribute of PhysX. Raises InputError."""
-    found = max(0.0, stage.number(joint.prim, 'physxJoint:armature'))
-    return found * stage.kilogram * (stage.metre**2 if joint.kind == 'revolute' else 1.0)
+def reference(stage: UsdStage, scene: UsdScene, joint: UsdJoint) -> float:
+    """The coordinate, rad or m, of a joint of which both frames coincide. Raises InputError."""
+    return stage.number(joint.prim, 'mjc:ref') * _mjc_unit(stage, scene, joint)
+
+
+def with_passive(
+    stage: UsdStage, scene: UsdScene, robot: Robot, joint: UsdJoint, made: Connection
+) -> Connection:
+    """A connection with spring, losses and rotor of a joint. Raises InputError."""
+    turns = joint.kind == 'revolute'
+    degree = _unit(stage, joint) if turns else 1.0
+    force = stage.kilogram * stage.metre * (stage.metre if turns else 1.0)
+    per_unit = force / (1.0 if turns else stage.metre)
+
+    def value(what: str, units: Mapping[str, float]) -> float:
+        return scene.kept(what, _first(stage, robot, joint, units))
+
+    rotors = {f'{each}:armature': per_unit for each in ('mjc', 'newton', 'physxJoint')}
+    rest = stage.number(joint.prim, 'mjc:springref') * _mjc_unit(stage, scene, joint)
+    made = replace(
+        made,
+        rest=rest,
+        armature=_first(stage, robot, joint, rotors),
+        damping=value('damping', {'mjc:damping': per_unit, 'newton:damping': per_unit / degree}),
+        friction=value('dry friction', {'mjc:frictionloss': force, 'newton:friction': force}),
+        stiffness=value('springs', {'mjc:stiffness': per_unit}),
+    )
+    times = stage.numbers(joint.prim, 'mjc:springdamper', (0.0, 0.0))
+    if times.all():
+        robot.leave('springs by time constants', joint.name)
+    return made
+
+
+def _first(stage: UsdStage, robot: Robot, joint: UsdJoint, units: Mapping[str, float]) -> float:
+    """The first authored attribute of some for one quantity, each with its unit."""
+    found = []
+    for name, unit in units.items():
+        if not stage.is_authored(joint.prim, name):
+            continue
+        number = stage.number(joint.prim, name)
+        if number < 0.0:
+            key = f'{joint.prim.GetPath()} {name}'
+            raise stage.error(key, 'it is negative', value=number, expected='zero or more')
+        found.append(unit * number)
+    if found and max(found) - min(found) > _ROUNDED * max(found):
+        names = ', '.join(each for each in units if stage.is_authored(joint.prim, each))
+        robot.leave('attributes that disagree', f'{joint.name} ({names})')
+    return found[0] if found else 0.0
 
 
 def add_actuators(stage: UsdStage, robot: Robot, joint: UsdJoint) -> None:
@@ -52,6 +104,8 @@ def add_actuators(stage: UsdStage, robot: Robot, joint: UsdJoint) -> None:
         drive = schema.removeprefix('PhysicsDriveAPI:')
         if drive == schema:
             continue
+        if drive in joint.free and drive != joint.degree:
+            continue  # of another freedom of the same joint
         if not joint.degree or drive not in (joint.degree, _SHORT[joint.kind]):
             robot.leave('actuators', f'{joint.name} ({drive})')
         elif stage.word(joint.prim, f'drive:{drive}:physics:type') == 'acceleration':
@@ -89,3 +143,8 @@ def _value(stage: UsdStage, joint: UsdJoint, drive: str, name: str) -> float:
 def _unit(stage: UsdStage, joint: UsdJoint) -> float:
     """Of the coordinate of a joint in the file, rad or m."""
     return math.pi / 180.0 if joint.kind == 'revolute' else stage.metre
+
+
+def _mjc_unit(stage: UsdStage, scene: UsdScene, joint: UsdJoint) -> float:
+    """Of the coordinate of a joint in attributes `mjc:*`, rad or m."""
+    return scene.angle if joint.kind == 'revolute' else stage.metre

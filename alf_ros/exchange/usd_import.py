@@ -16,15 +16,27 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
-from alf_ros.exchange import usd_dynamics, usd_mimics, usd_posture, usd_visuals
+from alf_ros.exchange import (
+    usd_actuators,
+    usd_dynamics,
+    usd_mimics,
+    usd_posture,
+    usd_stacks,
+    usd_states,
+    usd_tendons,
+    usd_unread,
+    usd_visuals,
+)
 from alf_ros.exchange.robot import BodyVelocity, Connection, FramePose, Robot, RobotPart
 from alf_ros.exchange.usd_bodies import UsdBodies
 from alf_ros.exchange.usd_joints import UsdJoint, joints
+from alf_ros.exchange.usd_rounding import Triples
+from alf_ros.exchange.usd_scene import UsdScene
 from alf_ros.exchange.usd_stage import UsdStage, guarded
 from alf_ros.mechanism import GROUND
 
-_EARTH = 9.81  # m/s^2, where the file sets none
-_PARALLEL = 1e-6  # sine between axes that single precision has turned away from each other
+_ROUNDED = 1e-6  # by how much single precision moves axes and, of the size, places
+_NO_BODY = ': no prim is a rigid body (PhysicsRigidBodyAPI)'
 _STILL = ': every rigid body is fixed, kinematic or not enabled'
 _ELSEWHERE = ('Deformable', 'Particle')  # parts of the names of schemas of soft matter
 
@@ -46,42 +58,33 @@ class _Reader:
         self.robot = Robot(stage.name, stage.file, (), _STILL)
         for line in stage.missing:
             self.robot.leave('includes', line)
-        self.robot.gravity = self._gravity()
+        self.scene = UsdScene(stage, self.robot)
+        self.robot.gravity = self.scene.gravity
         self.bodies = UsdBodies(stage, self.robot)
         if not self.bodies.prims:
+            if not self.bodies.any_body:
+                self.robot.still = _NO_BODY
             return
-        found = list(joints(stage, self.bodies, self.robot))
         drawn = {path: self.bodies.part(path) for path in self.bodies.prims}
-        places = {path: part.origin for path, part in drawn.items()}
+        found = list(joints(stage, self.scene, self.bodies, self.robot))
+        found, between = usd_stacks.chained(stage, found, self.bodies.names)
+        places = {path: part.origin for path, part in (drawn | between).items()}
         self.motion = usd_posture.motions(self.robot, found, places)
         self.links = {path: _moved(part, self.motion[path]) for path, part in drawn.items()}
         self.part_of = self._add_parts(self.links, found)
-        self.axes: list[Floats] = []
+        for key, part in between.items():
+            self.robot.parts.append(_moved(part, self.motion[key]))
+            self.part_of[key] = part.name
+        ends = [end.frame.origin for joint in found for end in joint.ends]
+        size = float(np.ptp([*ends, *places.values()], axis=0).max())
+        self.axes, self.met = Triples(_ROUNDED), Triples(_ROUNDED * size)
         for joint in found:
             self._connect(joint)
-        usd_mimics.couple(stage, self.robot, found)
+        tendons = usd_tendons.add(stage, self.scene, self.robot, found)
+        usd_mimics.couple(stage, self.scene, self.robot, found)
+        usd_actuators.add(stage, self.scene, self.robot, found, tendons)
         self._leave()
-
-    def _gravity(self) -> tuple[float, ...]:
-        """m/s^2, of the first scene."""
-        stage, scenes = self.stage, []
-        for prim in stage.prims():
-            if str(prim.GetTypeName()) == 'PhysicsScene':
-                scenes.append(prim)
-        for other in scenes[1:]:
-            self.robot.leave('elements', f'scene {other.GetName()}')
-        down = np.zeros(3)
-        down[stage.up] = -1.0
-        if not scenes:
-            return tuple(map(float, _EARTH * down))
-        along = stage.numbers(scenes[0], 'physics:gravityDirection', (0.0, 0.0, 0.0))
-        size = stage.number(scenes[0], 'physics:gravityMagnitude', -np.inf, endless=True)
-        if along.any():
-            down = along / np.linalg.norm(along)
-        if size == np.inf:
-            raise stage.error(f'{scenes[0].GetPath()} gravityMagnitude', 'not a usable number')
-        found = (_EARTH if size < 0.0 else size * stage.metre) * down
-        return tuple(float(x) + 0.0 for x in found)
+        usd_unread.leave(stage, self.robot)
 
     # ------------------------------------------------------------------------- bodies and joints
 
@@ -113,7 +116,8 @@ class _Reader:
             self.robot.leave('elements', f'joint {joint.name} inside {parent}')
             return
         first, second = (self.motion[end.body] @ end.frame for end in joint.ends)
-        made = Connection(joint.name, joint.kind, parent, child, second.origin)
+        place = self.met.same(second.origin)
+        made = Connection(joint.name, joint.kind, parent, child, place)
         if joint.kind == 'distance':
             made = replace(made, start=first.origin, length=joint.length)
         elif joint.kind == 'universal':
@@ -128,30 +132,25 @@ class _Reader:
         self.robot.connect(made)
 
     def _axis(self, axis: Floats) -> Floats:
-        """An axis, or the one that it was before rounding: loops need axes that are parallel."""
-        if self.axes:
-            others = np.array(self.axes)
-            others *= np.sign(others @ axis)[:, None]
-            away = np.linalg.norm(others - axis, axis=1)
-            if away.min() <= _PARALLEL:
-                return np.asarray(others[away.argmin()], dtype=float)
-        self.axes.append(axis)
-        return axis
+        """An axis, or the parallel one that it was before rounding."""
+        opposite = self.axes.find(-axis)
+        return self.axes.same(axis) if opposite is None else -opposite
 
     def _with_dynamics(
         self, made: Connection, joint: UsdJoint, ends: tuple[FramePose, FramePose]
     ) -> Connection:
-        limits = usd_dynamics.limits(self.stage, joint)
-        drawn = joint.coordinate(ends)
+        limits = usd_dynamics.limits(self.stage, self.scene, joint)
+        drawn = joint.coordinate(ends) + usd_dynamics.reference(self.stage, self.scene, joint)
         if joint.kind == 'revolute':
             drawn = usd_dynamics.in_range(drawn, limits)
         size = 1.0 if joint.kind == 'revolute' else float(np.abs(made.place).max())
-        if abs(drawn) <= _PARALLEL * size:
+        if abs(drawn) <= _ROUNDED * size:
             drawn = 0.0
         else:
             self.robot.leave('zero of joints', f'{joint.name} at {drawn:g}')
-        rotor = usd_dynamics.armature(self.stage, joint)
-        return replace(made, drawn=drawn, limits=limits, armature=rotor)
+        usd_states.leave(self.stage, self.robot, joint, drawn)
+        made = replace(made, drawn=drawn, limits=limits)
+        return usd_dynamics.with_passive(self.stage, self.scene, self.robot, joint, made)
 
     # ----------------------------------------------------------------------------------- the rest
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from alf_ros.exchange.robot import FramePose, Robot
 from alf_ros.exchange.usd_bodies import UsdBodies, unique_names
+from alf_ros.exchange.usd_scene import UsdScene
 from alf_ros.exchange.usd_stage import UsdStage
 from alf_ros.mechanism import GROUND
 
@@ -27,7 +28,15 @@ _TYPED = {
     'PhysicsDistanceJoint': 'distance',
     'PhysicsJoint': 'any',
 }
-_SLIDES, _TURNS = ('transX', 'transY', 'transZ'), ('rotX', 'rotY', 'rotZ')
+# schemas of joints that are equalities in MuJoCo
+EQUALITIES = ('MjcEqualityConnectAPI', 'MjcEqualityWeldAPI')
+# what acts on the coordinate of a joint that has one
+_SINGLE = (
+    'physxJoint:armature',
+    *(f'newton:{name}' for name in ('armature', 'damping', 'friction')),
+    *(f'mjc:{name}' for name in ('armature', 'damping', 'frictionloss', 'stiffness')),
+)
+SLIDES, _TURNS = ('transX', 'transY', 'transZ'), ('rotX', 'rotY', 'rotZ')
 
 
 @dataclass(frozen=True)
@@ -44,7 +53,8 @@ class UsdJoint:
 
     axes: of a revolute, a prismatic or a cylindrical joint its axis, of a planar one the normal,
     of a universal one the axis of the first and of the second end. length: of a distance, m.
-    degree: of a joint with one coordinate, the name of its freedom in the file.
+    degree: of a joint with one coordinate, the name of its freedom in the file. free: the freedoms
+    of the joint in the file, of which this may be one; a joint of the kind `general` has no type.
     """
 
     name: str
@@ -54,6 +64,7 @@ class UsdJoint:
     ends: tuple[UsdEnd, UsdEnd]
     degree: str = ''
     length: float = 0.0
+    free: tuple[str, ...] = ()
 
     @property
     def slides_locked(self) -> tuple[int, ...]:
@@ -92,9 +103,11 @@ class UsdJoint:
         return math.atan2(between[k, j] - between[j, k], between[j, j] + between[k, k])
 
 
-def joints(stage: UsdStage, bodies: UsdBodies, robot: Robot) -> Iterator[UsdJoint]:
+def joints(
+    stage: UsdStage, scene: UsdScene, bodies: UsdBodies, robot: Robot
+) -> Iterator[UsdJoint]:
     """The joints that hold something; the others are listed. Raises InputError."""
-    reader, prims = _Reader(stage, bodies, robot), dict[str, Any]()
+    reader, prims = _Reader(stage, scene, bodies, robot), dict[str, Any]()
     for prim in stage.prims():
         if str(prim.GetTypeName()) in _TYPED:
             prims[str(prim.GetPath())] = prim
@@ -117,14 +130,19 @@ def bounds(stage: UsdStage, prim: Any, prefix: str, names: tuple[str, str]) -> t
 
 
 class _Reader:
-    def __init__(self, stage: UsdStage, bodies: UsdBodies, robot: Robot) -> None:
-        self._stage, self._bodies, self._robot = stage, bodies, robot
+    def __init__(self, stage: UsdStage, scene: UsdScene, bodies: UsdBodies, robot: Robot) -> None:
+        self._stage, self._scene, self._bodies, self._robot = stage, scene, bodies, robot
 
     def joint(self, prim: Any, name: str) -> UsdJoint | None:
         stage, robot = self._stage, self._robot
         if not stage.holds(prim, 'physics:jointEnabled', True):
             robot.leave('elements', f'joint {name}, which is not enabled')
             return None
+        if any(each in EQUALITIES for each in stage.schemas(prim)):
+            if self._scene.is_off('equalities'):
+                robot.leave('switched off in the file', name)
+                return None
+            robot.leave('softness', name)
         ends = self._end(prim, '0'), self._end(prim, '1')
         if ends[0].body == ends[1].body:
             if ends[0].body != GROUND:
@@ -138,16 +156,16 @@ class _Reader:
         if len(free) == 6:
             robot.leave('elements', f'joint {name}, which leaves all motions free')
             return None
-        found = _kind(free)
+        found = kind_of(free)
         if found is None:
-            robot.leave('joints of unknown type', f'{name} ({", ".join(free)} free)')
-            return None
+            self._leave(prim, name, sum(each in _TURNS for each in free) <= 1)
+            return UsdJoint(name, prim, 'general', (), ends, free=free)
         kind, axes = found
         if kind == 'universal' and 'rotX' not in free:
             robot.leave('swings of two axes', name)
         degree = free[0] if kind in ('revolute', 'prismatic') else ''
         self._leave(prim, name, bool(degree))
-        return UsdJoint(name, prim, kind, axes, ends, degree)
+        return UsdJoint(name, prim, kind, axes, ends, degree, free=free)
 
     def _distance(self, prim: Any, name: str, ends: tuple[UsdEnd, UsdEnd]) -> UsdJoint | None:
         low, high = (
@@ -167,8 +185,7 @@ class _Reader:
     def _end(self, prim: Any, side: str) -> UsdEnd:
         """The body of a side and the frame there; without a body the world."""
         stage, path = self._stage, str(prim.GetPath())
-        relation = prim.GetRelationship(f'physics:body{side}')
-        targets = [str(each) for each in relation.GetForwardedTargets()] if relation else []
+        targets = stage.targets(prim, f'physics:body{side}')
         if len(targets) > 1:
             raise stage.error(f'{path} body{side}', 'more than one body', value=targets[1])
         place = stage.numbers(prim, f'physics:localPos{side}', (0.0, 0.0, 0.0))
@@ -185,12 +202,12 @@ class _Reader:
     def _free(self, prim: Any) -> tuple[str, ...]:
         """The freedoms that a joint leaves open, translations first."""
         kind = _TYPED[str(prim.GetTypeName())]
-        if kind == 'fixed':
-            return ()
+        if kind == 'fixed':  # one that exerts no torque is a ball
+            return () if self._stage.number(prim, 'mjc:torqueScale', 1.0) else _TURNS
         if kind == 'ball':
             return _TURNS
         if kind == 'any':
-            return tuple(each for each in (*_SLIDES, *_TURNS) if not self._is_locked(prim, each))
+            return tuple(each for each in (*SLIDES, *_TURNS) if not self._is_locked(prim, each))
         axis = self._stage.word(prim, 'physics:axis', 'X')
         return (kind + (axis if axis in 'XYZ' else 'X'),)
 
@@ -208,8 +225,9 @@ class _Reader:
                 leave('breaking of joints', name)
         if stage.number(prim, 'physxJoint:jointFriction'):
             leave('friction coefficients of PhysX', name)
-        if stage.number(prim, 'physxJoint:maxJointVelocity', np.inf, endless=True) < np.inf:
-            leave('limits of velocity', name)
+        for key in ('physxJoint:maxJointVelocity', 'newton:velocityLimit'):
+            if stage.number(prim, key, np.inf, endless=True) < np.inf:
+                leave('limits of velocity', name)
         cones = (
             stage.number(prim, f'physics:coneAngle{n}Limit', -1.0, endless=True) for n in (0, 1)
         )
@@ -218,14 +236,14 @@ class _Reader:
             for schema in stage.schemas(prim)
         )
         limited |= any(0.0 <= x < np.inf for x in cones)
-        if not single and (limited or stage.number(prim, 'physxJoint:armature')):
+        if not single and (limited or any(stage.number(prim, each) for each in _SINGLE)):
             leave('limits, damping, friction, springs, armature', name)
 
 
-def _kind(free: tuple[str, ...]) -> tuple[str, tuple[int, ...]] | None:
+def kind_of(free: tuple[str, ...]) -> tuple[str, tuple[int, ...]] | None:
     """The joint type with these freedoms, and its axes; None if there is none."""
     slides, turns = (
-        tuple(n for n, each in enumerate(of) if each in free) for of in (_SLIDES, _TURNS)
+        tuple(n for n, each in enumerate(of) if each in free) for of in (SLIDES, _TURNS)
     )
     if not slides:
         universal = turns[1:] + turns[:1] if 0 in turns else turns

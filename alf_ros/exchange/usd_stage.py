@@ -167,6 +167,16 @@ class UsdStage:
         """The value of an attribute. Raises InputError."""
         return float(self.numbers(prim, name, (default,), endless)[0])
 
+    def is_authored(self, prim: Any, name: str) -> bool:
+        """Whether the file itself has a value of an attribute."""
+        attribute = prim.GetAttribute(name)
+        return bool(attribute) and bool(attribute.HasAuthoredValue())
+
+    def targets(self, prim: Any, name: str) -> list[str]:
+        """The paths of a relationship; none where it is absent."""
+        relation = prim.GetRelationship(name)
+        return [str(each) for each in relation.GetForwardedTargets()] if relation else []
+
     def quaternion(self, prim: Any, name: str) -> Floats:
         """(3, 3) the rotation of an attribute; none where it is absent or zero."""
         w, x, y, z = self.numbers(prim, name, (1.0, 0.0, 0.0, 0.0))

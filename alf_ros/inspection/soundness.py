@@ -69,10 +69,14 @@ class Soundness:
         return all(answer.verdict != BAD for answer in self.answers)
 
 
+class TooLarge(AssemblyError):
+    """A mechanism with more coordinates than dense matrices allow."""
+
+
 def examine(scene: Scene) -> Soundness:
     """Look at the mechanism of a scene where the scene starts it.
 
-    Raises AssemblyError if nothing moves or has mass, or if it is too large for dense matrices.
+    Raises AssemblyError if nothing moves or has mass, TooLarge if it has too many coordinates.
     """
     found, missing = _mechanics(scene), missing_meshes(scene.mechanism)
     told = Answer(NOTE, 'meshes', f'not drawn: {_list(missing)}')
@@ -83,7 +87,7 @@ def _mechanics(scene: Scene) -> Soundness:
     # what it could do is asked of it free, so that a walk can take the place of its drives
     model = compile_model(replace(scene.mechanism, drives=()), scene.solver.penalty)
     if model.n > LARGEST:
-        raise AssemblyError(f'{model.n} coordinates, too many to examine: {LARGEST} at most')
+        raise TooLarge(f'{model.n} coordinates, too many to examine: {LARGEST} at most')
     model = _without_rotors(model)
     drawn = Linearised(model, model.q)
     if drawn.massless.shape[1]:

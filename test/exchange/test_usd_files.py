@@ -135,7 +135,7 @@ DRIVEN = PIN.replace('"pin"', '"pin" (prepend apiSchemas = ["PhysicsDriveAPI:ang
     'rel physics:body1', 'float drive:angular:physics:stiffness = -1\nrel physics:body1'
 )
 MISTAKES = {
-    'no body': (stage(prim('Xform', 'x', '')), 'no part of it can move: every rigid body is'),
+    'no body': (stage(prim('Xform', 'x', '')), 'no part of it can move: no prim is a rigid body'),
     'fixed': (stage(body('b', 'bool physics:kinematicEnabled = true')), 'no part of it can move'),
     'skewed': (stage(SKEW), '/above/b: its axes are skewed; expected scales of its parents'),
     'mirrored': (stage(MIRROR), '/b: it is mirrored; expected positive scales'),

@@ -18,6 +18,7 @@ from alf_ros.arrays import Floats
 from alf_ros.exchange.robot import Robot
 from alf_ros.exchange.usd_bodies import UsdBodies
 from alf_ros.exchange.usd_joints import joints
+from alf_ros.exchange.usd_scene import UsdScene
 from alf_ros.exchange.usd_stage import UsdStage
 from alf_ros.scene.scene import scene_from_text
 from alf_ros.simulation.display_geometry import poses
@@ -88,8 +89,8 @@ def test_general_joints_that_hold_all_or_nothing(tmp_path: Path) -> None:
     assert [part.name for part in robot_of(tmp_path, still).parts] == ['c']
     free = made(tmp_path, stage(body('b', FULL), d6(' '.join(SPACE))))
     assert '#   elements: joint j, which leaves all motions free\n' in free
-    odd = made(tmp_path, stage(body('b', FULL), d6('transX transY')))
-    assert '#   joints of unknown type: they are omitted: j (transX, transY free)\n' in odd
+    odd = robot_of(tmp_path, stage(body('b', FULL), d6('transX transY')))
+    assert [each.kind for each in odd.connections] == ['prismatic', 'prismatic']
 
 
 def test_frames_of_joints_as_usd_core_reads_them(tmp_path: Path) -> None:
@@ -119,7 +120,7 @@ def test_frames_of_joints_as_usd_core_reads_them(tmp_path: Path) -> None:
     (_, (parsed,)) = found[UsdPhysics.ObjectType.RigidBody]
     read = UsdStage(tmp_path / 'it.usda')
     robot = Robot('it', '', ())
-    (ours,) = joints(read, UsdBodies(read, robot), robot)
+    (ours,) = joints(read, UsdScene(read, robot), UsdBodies(read, robot), robot)
 
     def turn(q: Any) -> Rotation:
         return Rotation.from_quat([*q.GetImaginary(), q.GetReal()])
