@@ -50,6 +50,7 @@ MOTION = {
     'masses that MuJoCo changes': 'they are those of the bodies in the file',
     'positions of joints': 'the bodies start as drawn, not there',
     'velocities of joints': 'the motion starts with the velocities of the bodies only',
+    'velocities that are clamped': 'here nothing stops at the limits of velocity',
     'springs by time constants': 'these joints have neither the spring nor the damper',
     'attributes that disagree': 'the first one counts',
     'attributes without a counterpart': 'what they do is missing',

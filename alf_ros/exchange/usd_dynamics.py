@@ -104,8 +104,8 @@ def add_actuators(stage: UsdStage, robot: Robot, joint: UsdJoint) -> None:
         drive = schema.removeprefix('PhysicsDriveAPI:')
         if drive == schema:
             continue
-        if drive in joint.free and drive != joint.degree:
-            continue  # of another freedom of the same joint
+        if drive in joint.others:
+            continue
         if not joint.degree or drive not in (joint.degree, _SHORT[joint.kind]):
             robot.leave('actuators', f'{joint.name} ({drive})')
         elif stage.word(joint.prim, f'drive:{drive}:physics:type') == 'acceleration':

@@ -128,7 +128,7 @@ class _Reader:
             made = replace(made, axes=(self._axis(first.turn[:, joint.axes[0]]),))
         if joint.degree:
             made = self._with_dynamics(made, joint, (first, second))
-            usd_dynamics.add_actuators(self.stage, self.robot, joint)
+        usd_dynamics.add_actuators(self.stage, self.robot, joint)
         self.robot.connect(made)
 
     def _axis(self, axis: Floats) -> Floats:

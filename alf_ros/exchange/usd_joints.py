@@ -36,7 +36,7 @@ _SINGLE = (
     *(f'newton:{name}' for name in ('armature', 'damping', 'friction')),
     *(f'mjc:{name}' for name in ('armature', 'damping', 'frictionloss', 'stiffness')),
 )
-SLIDES, _TURNS = ('transX', 'transY', 'transZ'), ('rotX', 'rotY', 'rotZ')
+SLIDES, TURNS = ('transX', 'transY', 'transZ'), ('rotX', 'rotY', 'rotZ')
 
 
 @dataclass(frozen=True)
@@ -53,8 +53,9 @@ class UsdJoint:
 
     axes: of a revolute, a prismatic or a cylindrical joint its axis, of a planar one the normal,
     of a universal one the axis of the first and of the second end. length: of a distance, m.
-    degree: of a joint with one coordinate, the name of its freedom in the file. free: the freedoms
-    of the joint in the file, of which this may be one; a joint of the kind `general` has no type.
+    degree: of a joint with one coordinate, the name of its freedom in the file. free: its freedoms
+    there; a joint of the kind `general` has no type. others: freedoms of other parts of a chain
+    that is one joint in the file.
     """
 
     name: str
@@ -65,6 +66,7 @@ class UsdJoint:
     degree: str = ''
     length: float = 0.0
     free: tuple[str, ...] = ()
+    others: tuple[str, ...] = ()
 
     @property
     def slides_locked(self) -> tuple[int, ...]:
@@ -157,14 +159,20 @@ class _Reader:
             robot.leave('elements', f'joint {name}, which leaves all motions free')
             return None
         found = kind_of(free)
-        if found is None:
-            self._leave(prim, name, sum(each in _TURNS for each in free) <= 1)
+        acts = self._acts(prim, free)
+        if found is None or (acts and is_chain(found[0], free)):
+            turns = tuple(each for each in free if each in TURNS)
+            if len(turns) == 3 or (len(turns) == 2 and 'rotX' not in turns):
+                self._leave_dynamics(name, acts)
+            self._leave(prim, name)
             return UsdJoint(name, prim, 'general', (), ends, free=free)
         kind, axes = found
         if kind == 'universal' and 'rotX' not in free:
             robot.leave('swings of two axes', name)
         degree = free[0] if kind in ('revolute', 'prismatic') else ''
-        self._leave(prim, name, bool(degree))
+        self._leave(prim, name)
+        if not degree:
+            self._leave_dynamics(name, acts)
         return UsdJoint(name, prim, kind, axes, ends, degree, free=free)
 
     def _distance(self, prim: Any, name: str, ends: tuple[UsdEnd, UsdEnd]) -> UsdJoint | None:
@@ -203,11 +211,11 @@ class _Reader:
         """The freedoms that a joint leaves open, translations first."""
         kind = _TYPED[str(prim.GetTypeName())]
         if kind == 'fixed':  # one that exerts no torque is a ball
-            return () if self._stage.number(prim, 'mjc:torqueScale', 1.0) else _TURNS
+            return () if self._stage.number(prim, 'mjc:torqueScale', 1.0) else TURNS
         if kind == 'ball':
-            return _TURNS
+            return TURNS
         if kind == 'any':
-            return tuple(each for each in (*SLIDES, *_TURNS) if not self._is_locked(prim, each))
+            return tuple(each for each in (*SLIDES, *TURNS) if not self._is_locked(prim, each))
         axis = self._stage.word(prim, 'physics:axis', 'X')
         return (kind + (axis if axis in 'XYZ' else 'X'),)
 
@@ -217,7 +225,28 @@ class _Reader:
         low, high = bounds(self._stage, prim, f'limit:{degree}:physics:', ('low', 'high'))
         return low > high or low == high == 0.0
 
-    def _leave(self, prim: Any, name: str, single: bool) -> None:
+    def _acts(self, prim: Any, free: tuple[str, ...]) -> bool:
+        """Whether the coordinates of a joint have limits, drives or forces."""
+        stage, schemas = self._stage, self._stage.schemas(prim)
+        cones = (
+            stage.number(prim, f'physics:coneAngle{n}Limit', -1.0, endless=True) for n in (0, 1)
+        )
+        return (
+            any(0.0 <= x < np.inf for x in cones)
+            or any(f'PhysicsDriveAPI:{each}' in schemas for each in free)
+            or any(stage.number(prim, each) for each in _SINGLE)
+            or any(f'PhysicsLimitAPI:{e}' in schemas and self._is_limited(prim, e) for e in free)
+        )
+
+    def _is_limited(self, prim: Any, degree: str) -> bool:
+        ends = bounds(self._stage, prim, f'limit:{degree}:physics:', ('low', 'high'))
+        return ends != (-np.inf, np.inf)
+
+    def _leave_dynamics(self, name: str, acts: bool) -> None:
+        if acts:
+            self._robot.leave('limits, damping, friction, springs, armature', name)
+
+    def _leave(self, prim: Any, name: str) -> None:
         """List effects in a joint that have no counterpart here."""
         stage, leave = self._stage, self._robot.leave
         for key in ('physics:breakForce', 'physics:breakTorque'):
@@ -227,23 +256,18 @@ class _Reader:
             leave('friction coefficients of PhysX', name)
         for key in ('physxJoint:maxJointVelocity', 'newton:velocityLimit'):
             if stage.number(prim, key, np.inf, endless=True) < np.inf:
-                leave('limits of velocity', name)
-        cones = (
-            stage.number(prim, f'physics:coneAngle{n}Limit', -1.0, endless=True) for n in (0, 1)
-        )
-        limited = any(
-            schema.startswith('PhysicsLimitAPI:') and not self._is_locked(prim, schema[16:])
-            for schema in stage.schemas(prim)
-        )
-        limited |= any(0.0 <= x < np.inf for x in cones)
-        if not single and (limited or any(stage.number(prim, each) for each in _SINGLE)):
-            leave('limits, damping, friction, springs, armature', name)
+                leave('velocities that are clamped', name)
+
+
+def is_chain(kind: str, free: tuple[str, ...]) -> bool:
+    """Whether a joint of a type is also a chain of joints with one coordinate each."""
+    return kind in ('cylindrical', 'planar') or (kind == 'universal' and 'rotX' in free)
 
 
 def kind_of(free: tuple[str, ...]) -> tuple[str, tuple[int, ...]] | None:
     """The joint type with these freedoms, and its axes; None if there is none."""
     slides, turns = (
-        tuple(n for n, each in enumerate(of) if each in free) for of in (SLIDES, _TURNS)
+        tuple(n for n, each in enumerate(of) if each in free) for of in (SLIDES, TURNS)
     )
     if not slides:
         universal = turns[1:] + turns[:1] if 0 in turns else turns

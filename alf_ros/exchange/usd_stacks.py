@@ -1,7 +1,8 @@
 """Joints of a USD stage that become chains, with bodies without mass in them, as in an MJCF.
 
 A joint that leaves a combination of freedoms open for which there is no type is a chain of its
-slides, along the axes of body 0, and of the joint with its rotations.
+slides, along the axes of body 0, and of its rotations. So is one with a drive or a limit on one of
+several coordinates, as far as its rotations are swing and twist.
 
 So may several joints of the same two bodies be. Joints constrain: two hinges of a door turn as
 one. Files that come from MJCF mean a chain instead: each joint adds a freedom. So they do in an
@@ -11,13 +12,16 @@ articulation with `newton:jointsAddMobility`, and, where this is not stated, if 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from alf_ros.exchange.robot import FramePose, RobotPart
-from alf_ros.exchange.usd_joints import EQUALITIES, SLIDES, UsdEnd, UsdJoint, kind_of
+from alf_ros.exchange.usd_joints import EQUALITIES, SLIDES, TURNS, UsdEnd, UsdJoint, kind_of
 from alf_ros.exchange.usd_stage import UsdStage
 from alf_ros.mechanism import GROUND
 
@@ -93,14 +97,30 @@ def _parts(joint: UsdJoint) -> Iterator[UsdJoint]:
         if degree == slides[-1] and not turns:
             ends = ends[0], second
         name = f'{joint.name}_{degree}'
-        yield replace(joint, name=name, kind='prismatic', axes=(n,), ends=ends, degree=degree)
+        yield _part(joint, (degree,), name=name, kind='prismatic', axes=(n,), ends=ends)
         frame = moved
+    if len(turns) == 2 and 'rotX' in turns:  # swing on body 0, then twist on body 1
+        (swing,) = (each for each in turns if each != 'rotX')
+        x, n = (frame.turn.T @ second.frame.turn)[:, 0], TURNS.index(swing)
+        angle = math.atan2(x[1], x[0]) if swing == 'rotZ' else math.atan2(-x[2], x[0])
+        turned = Rotation.from_rotvec(angle * np.eye(3)[n]).as_matrix()
+        moved = FramePose(end, frame.turn @ turned)
+        ends = UsdEnd(first.body, frame), UsdEnd(second.body, moved)
+        name = f'{joint.name}_{swing}'
+        yield _part(joint, (swing,), name=name, kind='revolute', axes=(n,), ends=ends)
+        frame, turns = moved, ('rotX',)
     if turns:
         kind, axes = kind_of(turns) or ('', ())
-        degree = turns[0] if kind == 'revolute' else ''
         ends = UsdEnd(first.body, frame), second
         name = f'{joint.name}_{"_".join(turns)}'
-        yield replace(joint, name=name, kind=kind, axes=axes, ends=ends, degree=degree)
+        yield _part(joint, turns, name=name, kind=kind, axes=axes, ends=ends)
+
+
+def _part(joint: UsdJoint, free: tuple[str, ...], **changes: Any) -> UsdJoint:
+    """A part of a joint, with some of its freedoms."""
+    others = tuple(each for each in joint.free if each not in free)
+    degree = free[0] if len(free) == 1 else ''
+    return replace(joint, free=free, others=others, degree=degree, **changes)
 
 
 def _can_stack(stage: UsdStage, joint: UsdJoint) -> bool:

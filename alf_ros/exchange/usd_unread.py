@@ -47,7 +47,7 @@ _HARMLESS = (
 )
 # kinds of the report, for values that are not neutral
 _LISTED = {
-    'limits of velocity': 'physxRigidBody:max(Linear|Angular)Velocity|drive:.*:maxVelocity',
+    'velocities that are clamped': 'physxRigidBody:max[LA].*Velocity|drive:.*:maxVelocity',
     'soft limits': 'physxLimit:.*|newton:([a-zA-Z]+:)?limit(Stiffness|Damping)',
     'locked axes of bodies': 'physxRigidBody:locked(Pos|Rot)Axis',
     'compensation of gravity': 'mjc:(body:)?gravcomp|mjc:actuatorgravcomp',

@@ -53,9 +53,12 @@ def theirs(first: str = '', more: str = '', joints: str = '') -> str:
 <joint name="j2" axis="0 1 0"/>{INERTIAL}</body></body></worldbody>{more}</mujoco>"""
 
 
-def expected(source: str, names: Sequence[str]) -> Floats:
+def expected(source: str, names: Sequence[str], effort: float = 0.0) -> Floats:
+    """Positions after the motion, with an effort on each joint."""
     model = mujoco.MjModel.from_xml_string(source)
     data = mujoco.MjData(model)
+    for name in names:
+        data.joint(name).qfrc_applied[0] = effort
     for _ in range(round(DURATION / STEP)):
         mujoco.mj_step(model, data)
     start = model.qpos0
@@ -259,10 +262,19 @@ def test_joints_that_constrain_together(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    'degrees', [('transX', 'transY', 'transZ'), ('transX', 'transZ', 'rotX'), ('transX', 'rotY')]
+    'degrees',
+    [
+        ('transX', 'transY', 'transZ'),
+        ('transX', 'transZ', 'rotX'),
+        ('transX', 'rotY'),
+        ('transZ', 'rotZ'),
+        ('transX', 'transZ', 'rotY'),
+        ('rotY', 'rotX'),
+        ('rotZ', 'rotX'),
+    ],
 )
-def test_combinations_of_freedoms_without_a_type(degrees: Sequence[str], tmp_path: Path) -> None:
-    """A chain of slides and a hinge, as MuJoCo has them, each with a drive of its own."""
+def test_chains_of_the_freedoms_of_a_joint(degrees: Sequence[str], tmp_path: Path) -> None:
+    """Slides, swing and twist, as MuJoCo has them, each with a drive of its own."""
     space = [kind + axis for kind in ('trans', 'rot') for axis in 'XYZ']
     locks = [each for each in space if each not in degrees]
     lines = [
@@ -284,10 +296,12 @@ def test_combinations_of_freedoms_without_a_type(degrees: Sequence[str], tmp_pat
     source = theirs(joints=joints).replace('<body name="b2" pos="0.25 0 0">', '')
     source = source.replace(INERTIAL, '', 1).replace('<joint name="j2" axis="0 1 0"/>', '')
     turned = simulate(made(tmp_path, text, scene=True))
-    turned.step(round(DURATION * 1000))
     names = [f'j_{each}' for each in degrees]
+    for name in names:
+        turned.apply_effort(name, 7.0)
+    turned.step(round(DURATION * 1000))
     found = [turned.sample().joints[name].position for name in names]
-    there = expected(source.replace('</body></body>', '</body>'), names)
+    there = expected(source.replace('</body></body>', '</body>'), names, 7.0)
     assert found == pytest.approx(there, abs=1e-7)  # a gain per degree has seven digits
     assert np.abs(found).max() > 0.01
 
@@ -354,8 +368,8 @@ NOT_READ = {
     'with --stops they have its stiffness: j1',
     'float newton:limitStiffness = 5': 'with --stops they have its stiffness: j1',
     'double mjc:margin = 0.1': 'margins of limits: limits act at their values: j1',
-    'float newton:velocityLimit = 5': 'limits of velocity: j1',
-    'float drive:angular:physics:maxVelocity = 5': 'limits of velocity: j1',
+    'float newton:velocityLimit = 5': 'nothing stops at the limits of velocity: j1',
+    'float drive:angular:physics:maxVelocity = 5': 'nothing stops at the limits of velocity: j1',
     'double[] mjc:springdamper = [1, 2]': 'neither the spring nor the damper: j1',
     'float state:angular:physics:position = 9': 'the bodies start as drawn, not there: j1 at 0.15',
     'float newton:angular:velocity = 9': 'the velocities of the bodies only: j1',
@@ -374,7 +388,7 @@ ON_BODIES = {
     'bool physxRigidBody:enableGyroscopicForces = 0': 'gyroscopic moments off: these bodies',
     'int physxRigidBody:lockedRotAxis = 2': 'locked axes of bodies: these bodies',
     'float mjc:body:gravcomp = 1': 'compensation of gravity: these bodies',
-    'float physxRigidBody:maxLinearVelocity = 3': 'limits of velocity: b',
+    'float physxRigidBody:maxLinearVelocity = 3': 'velocities that are clamped: here nothing stops',
     'float3 physxForce:force = (1, 2, 3)': 'attributes without a counterpart: what they do is '
     'missing: physxForce:force of b',
 }
