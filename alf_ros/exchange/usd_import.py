@@ -174,6 +174,8 @@ class _Reader:
                 leave('flex', name)
             if str(prim.GetTypeName()).endswith('Light'):
                 leave('lights', name)
+            if str(prim.GetTypeName()) == 'MjcKeyframe':
+                leave('keyframes', name)
             if str(prim.GetTypeName()) == 'Camera':
                 leave('cameras', name)
 

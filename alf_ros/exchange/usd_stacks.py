@@ -1,11 +1,11 @@
 """Joints of a USD stage that become chains, with bodies without mass in them, as in an MJCF.
 
 A joint that leaves a combination of freedoms open for which there is no type is a chain of its
-slides, along the axes of body 0, and of its rotations. So is one with a drive or a limit on one of
-several coordinates, as far as its rotations are swing and twist.
+slides, along the axes of body 0, and of its rotations. One with a drive or a limit on one of
+several coordinates is a chain too, as far as its rotations are swing and twist.
 
-So may several joints of the same two bodies be. Joints constrain: two hinges of a door turn as
-one. Files that come from MJCF mean a chain instead: each joint adds a freedom. So they do in an
+Several joints of the same two bodies may be one too. Joints constrain: two hinges of a door turn
+as one. Files that come from MJCF mean a chain instead: each joint adds a freedom. So they do in an
 articulation with `newton:jointsAddMobility`, and, where this is not stated, if all of them have
 `MjcJointAPI`. The first joint of the stage is next to body 0.
 """

@@ -63,11 +63,17 @@ _GYROSCOPIC = 'physxRigidBody:enableGyroscopicForces'
 def leave(stage: UsdStage, robot: Robot) -> None:
     """List such attributes. Raises InputError."""
     found: dict[tuple[str, str], list[str]] = {}
+    states_mass = from_shapes = False
     for prim in stage.prims():
+        if 'PhysicsRigidBodyAPI' in stage.schemas(prim):
+            states_mass |= stage.is_authored(prim, 'physics:mass')
+        from_shapes |= stage.word(prim, 'mjc:compiler:inertiaFromGeom') == 'true'
         if not _takes_part(prim, stage.schemas(prim)):
             continue
         for kind, name in _unread(prim):
             found.setdefault((kind, name), []).append(prim.GetName())
+    if states_mass and from_shapes:  # which MuJoCo replaces by masses of shapes
+        robot.leave('masses that MuJoCo changes', 'all')
     for (kind, name), prims in found.items():
         if kind != _OTHER:
             for each in prims:

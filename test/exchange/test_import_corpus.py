@@ -9,6 +9,7 @@ import pytest
 from alf_ros.commands.import_ import main
 from alf_ros.errors import InputError
 from alf_ros.exchange import corpus
+from alf_ros.inspection import soundness
 from support.paths import DATA
 
 FOLDER = DATA / 'robots'
@@ -53,6 +54,15 @@ def test_a_file_that_takes_too_long_or_is_broken(tmp_path: Path) -> None:
     assert found.result == corpus.REFUSED and found.why.startswith('not XML')
     assert corpus.row(found).startswith('| broken.urdf | refused: not XML')
     assert corpus.total([found]) == '1 files: 1 refused'
+
+
+def test_a_mechanism_too_large_to_examine_is_not_unsound(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip('pxr')
+    monkeypatch.setattr(soundness, 'LARGEST', 1)
+    path = FOLDER / 'four_bar_cm.usda'
+    limits = corpus.ExaminationLimits(duration=0.02)
+    *_, last = corpus._treated(str(path), path.name, {'scene': True}, limits)
+    assert last.result == corpus.OK and 'too many to examine' in last.why
 
 
 def test_the_command_writes_a_table(tmp_path: Path, capsys) -> None:

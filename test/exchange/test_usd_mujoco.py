@@ -306,6 +306,19 @@ def test_chains_of_the_freedoms_of_a_joint(degrees: Sequence[str], tmp_path: Pat
     assert np.abs(found).max() > 0.01
 
 
+def test_drives_of_a_ball_are_listed(tmp_path: Path) -> None:
+    locks = [f'trans{axis}' for axis in 'XYZ']
+    lines = [
+        f'float limit:{each}:physics:low = 1\nfloat limit:{each}:physics:high = -1'
+        for each in locks
+    ]
+    lines += usd.drive('rotY', stiffness=5.0)
+    schemas = ' '.join([*(f'Limit:{each}' for each in locks), 'Drive:rotY'])
+    pin = ('', ORIGIN), ('/b', ORIGIN)
+    text = made(tmp_path, stage(body('b', BAR), joint('', 'j', pin, *lines, schemas=schemas)))
+    assert '#   actuators: they apply no force: j (rotY)\n' in text
+
+
 SWITCHES = {
     'spring': ('double mjc:stiffness = 20', 'springs'),
     'damper': ('double mjc:damping = 0.75', 'damping'),
@@ -388,7 +401,7 @@ ON_BODIES = {
     'bool physxRigidBody:enableGyroscopicForces = 0': 'gyroscopic moments off: these bodies',
     'int physxRigidBody:lockedRotAxis = 2': 'locked axes of bodies: these bodies',
     'float mjc:body:gravcomp = 1': 'compensation of gravity: these bodies',
-    'float physxRigidBody:maxLinearVelocity = 3': 'velocities that are clamped: here nothing stops',
+    'float physxRigidBody:maxLinearVelocity = 3': 'velocities that are clamped: here nothing',
     'float3 physxForce:force = (1, 2, 3)': 'attributes without a counterpart: what they do is '
     'missing: physxForce:force of b',
 }
@@ -403,6 +416,12 @@ def test_attributes_of_bodies(tmp_path: Path) -> None:
     for line, listed in ON_BODIES.items():
         assert f'#   {listed}' in made(tmp_path, stage(body('b', BAR, line)), scene=True)
     assert 'Changes' not in made(tmp_path, stage(body('b', BAR, HARMLESS)), scene=True)
+
+
+def test_masses_that_mujoco_takes_from_shapes(tmp_path: Path) -> None:
+    text = stage(body('b', BAR), SCENE % 'uniform token mjc:compiler:inertiaFromGeom = "true"')
+    assert '#   masses that MuJoCo changes: they are' in made(tmp_path, text)
+    assert 'masses that' not in made(tmp_path, text.replace('"true"', '"auto"'))
 
 
 def test_mistakes(tmp_path: Path) -> None:
