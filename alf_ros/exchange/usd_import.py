@@ -128,6 +128,8 @@ class _Reader:
             made = replace(made, axes=(self._axis(first.turn[:, joint.axes[0]]),))
         if joint.degree:
             made = self._with_dynamics(made, joint, (first, second))
+        else:
+            usd_states.leave_several(self.stage, self.robot, joint)
         usd_dynamics.add_actuators(self.stage, self.robot, joint)
         self.robot.connect(made)
 

@@ -28,3 +28,12 @@ def leave(stage: UsdStage, robot: Robot, joint: UsdJoint, drawn: float) -> None:
                     robot.leave('positions of joints', f'{joint.name} at {at:g}')
             if stage.number(joint.prim, f'{prefix}:velocity'):
                 robot.leave('velocities of joints', joint.name)
+
+
+def leave_several(stage: UsdStage, robot: Robot, joint: UsdJoint) -> None:
+    """List the state of a joint with several coordinates, if it is not zero. Raises InputError."""
+    for name in joint.free:
+        for prefix in (f'state:{name}:physics', f'newton:{name}'):
+            for key, kind in (('position', 'positions'), ('velocity', 'velocities')):
+                if stage.number(joint.prim, f'{prefix}:{key}'):
+                    robot.leave(f'{kind} of joints', joint.name)

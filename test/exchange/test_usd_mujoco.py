@@ -306,17 +306,18 @@ def test_chains_of_the_freedoms_of_a_joint(degrees: Sequence[str], tmp_path: Pat
     assert np.abs(found).max() > 0.01
 
 
-def test_drives_of_a_ball_are_listed(tmp_path: Path) -> None:
+def test_drives_and_states_of_a_ball_are_listed(tmp_path: Path) -> None:
     locks = [f'trans{axis}' for axis in 'XYZ']
     lines = [
         f'float limit:{each}:physics:low = 1\nfloat limit:{each}:physics:high = -1'
         for each in locks
     ]
-    lines += usd.drive('rotY', stiffness=5.0)
+    lines += [*usd.drive('rotY', stiffness=5.0), 'float newton:rotZ:position = 9']
     schemas = ' '.join([*(f'Limit:{each}' for each in locks), 'Drive:rotY'])
     pin = ('', ORIGIN), ('/b', ORIGIN)
     text = made(tmp_path, stage(body('b', BAR), joint('', 'j', pin, *lines, schemas=schemas)))
     assert '#   actuators: they apply no force: j (rotY)\n' in text
+    assert '#   positions of joints: the bodies start as drawn, not there: j\n' in text
 
 
 SWITCHES = {
