@@ -21,11 +21,11 @@ with c = `Method.lasting` such that this is the error of the method far below th
 only the part along the free directions counts, which takes a solve: it is made where the whole is
 large enough to matter. Small errors therefore cost one pass over the rates of the stages.
 
-What an impact changes of the velocity lasts. Of an impact that takes few steps, ε tells little:
-it is a difference of stages on either side of the turn. With `rk4` a step of ω h loses a part
-(ω h)⁶ / 144 of the change of the velocity, and ω shows in the stages. So where a motion leaves a
-kink again within a few steps, that part counts as well, with the displacement that it becomes in
-1000 steps. A motion that a damper keeps there forgets it.
+What an impact changes of the velocity lasts. Of a short impact ε tells little: it is a difference
+of stages on either side of the turn. With `rk4` a step of ω h loses a part (ω h)⁶ / 144 of the
+change of the velocity, and ω shows in the stages. So where a motion leaves a kink again within a
+few steps, that part counts as well, with the displacement that it becomes in 1000 steps. A motion
+that a damper keeps there forgets it.
 """
 
 from __future__ import annotations
