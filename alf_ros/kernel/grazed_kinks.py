@@ -66,12 +66,12 @@ def _search(problem: Problem, phase: Phase, t: float, h: float) -> float:
     measure(problem, t, np.uint64(0))
     place(problem, phase, t, h, 0.5, 1.0)
     measure(problem, t + 0.5 * h, parts // TWO)
-    far = all_far(problem, h)
+    far, ends = all_far(problem, h), problem.forces.kinks.crossed[0] == 0.0
     problem.forces.kinks.near[0] = _nearness(problem, far)
     if not far:
         found = _searched(problem, phase, t, h)
         for k in range(problem.forces.kinks.interval.size):
-            if _leaves(problem, k):
+            if ends and _leaves(problem, k):
                 found = _crossing(problem, phase, t, h, k, found)
     restore_end(problem)
     return found
@@ -106,13 +106,16 @@ def all_far(problem: Problem, h: float) -> bool:
     the ends of its interval than it may move, or goes one way, at a rate that changes by less
     than itself."""
     path, half = problem.forces.kinks.path, np.uint64(2 * PARTS)
-    rounded = _ROUNDED * max(1.0, problem.system.size)
+    rounded, ends = (
+        _ROUNDED * max(1.0, problem.system.size),
+        problem.forces.kinks.crossed[0] == 0.0,
+    )
     for k in range(problem.forces.kinks.interval.size):
         at = np.uint64(4 * PLACES) * k
         x, middle, y = path[at], path[at + half], path[at + TWO * half]
         v, w = path[at + ONE], path[at + TWO * half + ONE]
         moved = h * (abs(v) + abs(w)) + abs(middle - x) + abs(y - middle)
-        if _leaves(problem, k):
+        if ends and _leaves(problem, k):
             return False
         low, high = path[at + TWO], path[at + THREE]
         room = min(min(x, min(middle, y)) - low, high - max(x, max(middle, y)))
@@ -127,34 +130,22 @@ def all_far(problem: Problem, h: float) -> bool:
 
 @inner
 def _nearness(problem: Problem, far: bool) -> float:
-    """2 if a scalar ends in another interval than it begins, 1 if one may come near, else 0."""
-    path = problem.forces.kinks.path
+    """2 if a scalar leaves its interval, 1 if one may come near an end of it, else 0."""
     for k in range(problem.forces.kinks.interval.size):
-        at = np.uint64(4 * PLACES) * k + TWO
-        if path[at] != path[at + np.uint64(4 * PARTS)]:
+        if _leaves(problem, k):
             return 2.0
     return 0.0 if far else 1.0
 
 
 @inner
 def _leaves(problem: Problem, k: np.uint64) -> bool:
-    """Whether the step, which may cross no kink, ends in another interval of scalar k, and both
-    are wide."""
-    kinks = problem.forces.kinks
-    if kinks.crossed[0] > 0.0:
-        return False
-    path, at = kinks.path, np.uint64(4 * PLACES) * k
+    """Whether the step ends in another interval of scalar k, and both are wide."""
+    path, at = problem.forces.kinks.path, np.uint64(4 * PLACES) * k
     to = at + np.uint64(4 * PARTS)
-    low, high, other_low, other_high = (
-        path[at + TWO],
-        path[at + THREE],
-        path[to + TWO],
-        path[to + THREE],
-    )
-    if low == other_low:
+    if path[at + TWO] == path[to + TWO]:
         return False
     way = _WIDE * abs(path[to] - path[at])
-    return high - low > way and other_high - other_low > way
+    return min(path[at + THREE] - path[at + TWO], path[to + THREE] - path[to + TWO]) > way
 
 
 @inner

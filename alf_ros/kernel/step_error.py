@@ -231,9 +231,10 @@ def judge(unit: Unit, system: System, method: Method, work: Work, h: float, near
         if not moved < 1.0:
             moved = 1.0
     if near > 0.0 and method.b.size == 4:
-        judged[TOUCHED] += lost_at_kinks(method, work, h) * (_WINDOW * h / system.size)
+        touched = judged[TOUCHED] + lost_at_kinks(method, work, h) * (_WINDOW * h / system.size)
+        judged[TOUCHED] = touched if touched < 1.0 else 1.0
     if near > 1.0:  # known, not an estimate
-        judged[RECENT] += min(judged[TOUCHED], 1.0) / method.caution
+        judged[RECENT] += judged[TOUCHED] / method.caution
         judged[TOUCHED] = 0.0
     elif near == 0.0:
         judged[TOUCHED] *= FORGETS
