@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from alf_ros.kernel.crossed_kinks import CROSSINGS, crossed, next_aim, passed, shorter
 from alf_ros.kernel.data import Phase, Problem, Span, StepRecord, Tangents, Watch
-from alf_ros.kernel.grazed_kinks import unresolved_kink
+from alf_ros.kernel.grazed_kinks import UNFOUND, unresolved_kink
 from alf_ros.kernel.numba_ext.jit import compiled
 from alf_ros.kernel.numba_ext.vectors import copy
 from alf_ros.kernel.singularity_monitor import may_have_passed
@@ -68,11 +68,13 @@ def advance(
             most = max(most, count)
             if told_to_stop(work):
                 result = STOPPED
-            if result == OK and kinks.search.size > 0 and tries < PIECES:
+            if result == OK and kinks.search.size > 0:
                 part = unresolved_kink(problem, phase, begin, dt)
-                if part < 1.0:  # a kink is met and left: the piece ends between
+                if part < 1.0 and tries < PIECES:  # a kink is met and left: the piece ends between
                     aim, tries, begun = done + part * dt, tries + 1, True
                     continue
+                if part < 1.0:
+                    kinks.near[0] = UNFOUND
             if result == OK and (tangents is not None or record is not None):
                 part = crossed(problem, phase, begin, dt)
                 length = shorter(part, dt, h)
@@ -82,7 +84,7 @@ def advance(
                 since = passed(since, part, dt)
             if result == OK:
                 near = kinks.near[0] if kinks.search.size > 0 else 0.0
-                result = judge(unit, system, problem.method, work, dt, near)
+                result = judge(unit, system, problem.method, work, dt, h, near)
             if result == OK and tangents is not None:
                 if done == 0.0 and aim < h:
                     copy(phase.tangents, tangents.good)

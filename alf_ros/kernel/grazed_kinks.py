@@ -15,7 +15,9 @@ difference to the cubic through ξ and ξ̇ is the doubt about the interpolation
 A kink that is met and not left within the step is seen by the stages. Adaptive steps notice it by
 their error. A fixed step across it would have an error of second order in h, so it ends there as
 well, if the intervals on both sides are much wider than the way of the step: stops and contacts
-are, close rows of a table are not.
+are, close rows of a table are not. An impact that the step does not resolve makes its end and the
+interpolation wrong. So fixed steps believe a kink close to an end only if the rate there confirms
+it, and end where the first stage is beyond a kink that neither end is beyond.
 """
 
 from __future__ import annotations
@@ -33,6 +35,8 @@ from alf_ros.kernel.numba_ext.jit import ONE, THREE, TWO, by_address, expanded, 
 from alf_ros.kernel.numba_ext.vectors import copy, zero
 from alf_ros.kernel.prescribed import prescribe
 
+# of `Kinks.near`: what is known of a step
+FAR, BESIDE, ENDED, BEGUN, UNFOUND = 0.0, 1.0, 2.0, 3.0, 4.0
 PARTS = 8  # of a step, between whose ends x is a cubic
 PLACES = PARTS + 1
 _ASIDE = np.uint64(2)  # part from either end at which the doubt is measured …
@@ -40,9 +44,10 @@ _SCALE = 32.0 / 9.0  # … and 1 / (4 θ (1 - θ))² there, twice, as the doubt 
 _FAR = 2.0  # times what a scalar may move in a step
 _EDGE = 1e-6  # of a step: a turn so close to an end is the end
 _ROUNDED = 1e-13  # of the size, or rad: a kink that is passed by less is not
-_NEAR = 1e-2  # of a step: one crossed so close to an end adds 1e-4 of what it would in the middle
+_NEAR = 1e-5  # of a step: one crossed so close to an end is at the end
+_PASSED = 1e-3  # of the way in a step: a stage that is less far beyond a kink changes little
 _WIDE = 10.0  # times the way of x in a step: intervals of kinks at which it ends
-_HALVINGS = 12
+_HALVINGS = 20
 
 
 @expanded
@@ -67,12 +72,18 @@ def _search(problem: Problem, phase: Phase, t: float, h: float) -> float:
     place(problem, phase, t, h, 0.5, 1.0)
     measure(problem, t + 0.5 * h, parts // TWO)
     far, ends = all_far(problem, h), problem.forces.kinks.crossed[0] == 0.0
-    problem.forces.kinks.near[0] = _nearness(problem, far)
+    near = problem.forces.kinks.near
+    near[0] = FAR if far else BESIDE
     if not far:
         found = _searched(problem, phase, t, h)
         for k in range(problem.forces.kinks.interval.size):
-            if ends and _leaves(problem, k):
-                found = _crossing(problem, phase, t, h, k, found)
+            if _leaves(problem, k):
+                if ends:
+                    found = _crossing(problem, phase, t, h, k, found)
+                else:
+                    near[0] = ENDED
+        if ends:
+            found = _strayed(problem, phase, t, h, found)
     restore_end(problem)
     return found
 
@@ -129,15 +140,6 @@ def all_far(problem: Problem, h: float) -> bool:
 
 
 @inner
-def _nearness(problem: Problem, far: bool) -> float:
-    """2 if a scalar leaves its interval, 1 if one may come near an end of it, else 0."""
-    for k in range(problem.forces.kinks.interval.size):
-        if _leaves(problem, k):
-            return 2.0
-    return 0.0 if far else 1.0
-
-
-@inner
 def _leaves(problem: Problem, k: np.uint64) -> bool:
     """Whether the step ends in another interval of scalar k, and both are wide."""
     path, at = problem.forces.kinks.path, np.uint64(4 * PLACES) * k
@@ -166,7 +168,50 @@ def _crossing(
             before = part
         else:
             behind = part
-    return behind if _NEAR < behind < min(found, 1.0 - _NEAR) else found
+    at = np.uint64(4 * PLACES) * k
+    if behind <= _NEAR:
+        kinks.near[0] = ENDED if kinks.near[0] == ENDED else BEGUN
+        return found if _beside(problem, at, h) else min(found, 0.25)
+    if behind >= 1.0 - _NEAR:
+        kinks.near[0] = ENDED
+        return found if _beside(problem, at + np.uint64(4 * PARTS), h) else min(found, 0.75)
+    return min(found, behind)
+
+
+@inner
+def _beside(problem: Problem, at: np.uint64, h: float) -> bool:
+    """Whether the rate at place `at` of the path confirms that a kink is crossed within 1e-5 of
+    the step of h (s) from there: an impact that is not resolved makes the interpolation wrong."""
+    path = problem.forces.kinks.path
+    x, low, high = path[at], path[at + TWO], path[at + THREE]
+    rounded = _ROUNDED * max(1.0, problem.system.size)
+    return min(x - low, high - x) <= 2.0 * _NEAR * h * abs(path[at + ONE]) + rounded
+
+
+@inner
+def _strayed(problem: Problem, phase: Phase, t: float, h: float, found: float) -> float:
+    """The part of the step at which the first stage is in an interval where its scalar is at
+    neither end, if it is less than `found`, or `found`. Stages before it are not mistaken."""
+    kinks, method, work = problem.forces.kinks, problem.method, problem.work
+    stages, n = np.uint64(method.b.size), np.uint64(work.p.size)
+    last = np.uint64(4 * PLACES) * kinks.interval.size
+    rounded = _ROUNDED * max(1.0, problem.system.size)
+    for s in range(ONE, stages):
+        for i in range(n):
+            work.q[i], work.qd[i] = 0.0, work.k[THREE * s * n + i]
+            for m in range(s + ONE):
+                work.q[i] += h * method.a[s * stages + m] * work.k[THREE * m * n + i]
+        prescribe(problem.system, t + method.c[s] * h, work.q, work.qd, work.qdd)
+        unfold(problem.unit, problem.system, work, phase)
+        for k in range(kinks.interval.size):
+            at = np.uint64(4 * PLACES) * k
+            if kinks.path[at + TWO] != kinks.path[at + np.uint64(4 * PARTS) + TWO]:
+                continue
+            _measure_one(problem, t + method.c[s] * h, k, last)
+            x, low, high = kinks.path[last], kinks.path[at + TWO], kinks.path[at + THREE]
+            if max(low - x, x - high) > _PASSED * h * abs(kinks.path[at + ONE]) + rounded:
+                return min(found, method.c[s] if method.c[s] < 1.0 else 0.75)
+    return found
 
 
 @inner

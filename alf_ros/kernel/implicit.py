@@ -17,7 +17,7 @@ from alf_ros.kernel.adaptive import BEYOND, ENDED, REFUSED
 from alf_ros.kernel.data import EPS, Method, Phase, Problem, Scales, Span, System, Watch, Work
 from alf_ros.kernel.effect_jacobians import add_soft_times, weigh
 from alf_ros.kernel.fixed_steps import PIECES
-from alf_ros.kernel.grazed_kinks import unresolved_kink
+from alf_ros.kernel.grazed_kinks import UNFOUND, unresolved_kink
 from alf_ros.kernel.interpolated_stages import (
     DIRECTION_ONLY,
     evaluate_interpolated,
@@ -325,13 +325,16 @@ def advance_implicitly(
                 likely = _ROUNDING if work.nearest[0] < np.inf else _FLAT
                 good = error * _SHARE * method.tolerance < likely
                 work.rounded[0] += good
-            if good and kinks.search.size > 0 and (adaptive or cuts < PIECES):
+            if good and kinks.search.size > 0:
                 part = unresolved_kink(problem, phase, begin, dt)
-                if part < 1.0:
+                if part < 1.0 and (adaptive or cuts < PIECES):
                     goal, cuts = done + part * dt, cuts + 1
                     continue
+                if part < 1.0:
+                    kinks.near[0] = UNFOUND
             if good:
-                result = judge(unit, system, method, work, dt, 0.0)
+                near = kinks.near[0] if kinks.search.size > 0 else 0.0
+                result = judge(unit, system, method, work, dt, h, near)
                 if result != OK:
                     break
                 record_power(problem, phase, t, method.b.size, dt, ALL_FORCES)

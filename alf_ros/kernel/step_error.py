@@ -21,11 +21,12 @@ with c = `Method.lasting` such that this is the error of the method far below th
 only the part along the free directions counts, which takes a solve: it is made where the whole is
 large enough to matter. Small errors therefore cost one pass over the rates of the stages.
 
-What an impact changes of the velocity lasts. Of a short impact ε tells little: it is a difference
-of stages on either side of the turn. With `rk4` a step of ω h loses a part (ω h)⁶ / 144 of the
-change of the velocity, and ω shows in the stages. So where a motion leaves a kink again within a
-few steps, that part counts as well, with the displacement that it becomes in 1000 steps. A motion
-that a damper keeps there forgets it.
+The velocity after an impact lasts. Of a short impact ε tells little: it is a difference of stages
+on either side of the turn. A step of ω h drops a part c (ω h)ᵖ of the change of the velocity
+(`Method.impact`). ω shows in the stages, or too large a value where more than a stop changes the
+force. Between a kink that is met and the next one, where a stop is left, half a period passes, so
+ω is π / T with this time T. The smaller of both losses counts, where the second kink is passed,
+with the displacement that it becomes in 1000 steps.
 """
 
 from __future__ import annotations
@@ -37,6 +38,7 @@ from alf_ros.kernel.arc_coordinates import straighten
 from alf_ros.kernel.augmented_solve import augmented
 from alf_ros.kernel.data import NOTHING, Method, System, Until, Work
 from alf_ros.kernel.effect_jacobians import add_soft_times
+from alf_ros.kernel.grazed_kinks import BEGUN, ENDED, FAR, UNFOUND
 from alf_ros.kernel.interpolated_stages import linearise_aside
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.mass import add_mass_times
@@ -55,8 +57,12 @@ WORST = 4  # highest level so far, and what the others were when it was reached
 WORST_ERROR = 5
 WORST_UNRESOLVED = 6
 WORST_STEPS = 7
-TOUCHED = 8  # what steps near a kink add, if the motion leaves it again
-JUDGED = 9  # numbers in all
+# since the last kink that ended a step:
+SINCE = 8  # s
+LONGEST = 9  # s, of a step near a kink
+CHANGED = 10  # m/s, by these
+TOUCHED = 11  # m/s of it that they lose by ω
+JUDGED = 12  # numbers in all
 
 LEVEL = 1e-3  # of the size: sum of errors of 1000 steps from which on steps are too long
 FEWEST = 100.0  # steps: a sum of fewer is compared with LEVEL as if it were of so many
@@ -64,8 +70,8 @@ MOST_UNRESOLVED = 200.0  # steps of 1000, likewise
 _WINDOW = 1000.0  # steps, of which a sum is
 _MEMORY, _SHORT_MEMORY = 1e-3, 1e-2  # part of a sum that each step forgets
 _PIECE = np.uint64(256)  # coordinates at a time
-FORGETS = 0.5  # what a step far from kinks leaves of the rest
 TELLS = 1e-6  # of the size: errors below never reach LEVEL
+_APART = 0.03  # part of their way: stages that are nearer do not tell ω
 FINEST = 1e-10  # of the size: errors below may be rounding
 
 
@@ -157,20 +163,60 @@ def embedded_difference(method: Method, work: Work) -> None:
 
 
 @inner
-def lost_at_kinks(method: Method, work: Work, h: float) -> float:
-    """Of the velocity that a step of h (s) of `rk4` near a kink changes, the part that it loses,
-    m/s. The first stages, at c h from the place before, have moved by c h ξ̇ of the stage before:
-    their ξ̈ shows ω²."""
-    n, k = np.uint64(work.sum.size), work.k
-    changed, moved, most = 0.0, 0.0, 0.0
-    for s in range(ONE, np.uint64(method.b.size)):
-        before, at = THREE * (s - ONE) * n, (THREE * s + ONE) * n
-        for i in range(n):
-            changed = max(changed, abs(k[at + i] - k[n + i]))
-            moved = max(moved, method.c[s] * h * abs(k[before + i]))
-            most = max(most, abs(k[at + i]))
-    square = h * h * changed / (moved + NOTHING)
-    return h * most * min(1.0, square * square * square / 144.0)
+def _note_kinks(method: Method, work: Work, h: float, near: float) -> float:
+    """Note the step of h (s); returns the velocity (m/s) that was lost between two kinks, if it
+    ends the time between them, and 0 else. `near` as of `judge`."""
+    judged, lost = work.judged, 0.0
+    if near == BEGUN:
+        lost = _lost_since(method, judged)
+    judged[SINCE] += h
+    if near > FAR:
+        square, changed = _squared_rate(method, work, h)
+        part = method.impact[0] * square ** (0.5 * method.impact[1])
+        judged[LONGEST] = max(judged[LONGEST], h)
+        judged[CHANGED] += changed
+        judged[TOUCHED] += changed * min(1.0, part)
+    if near == ENDED:
+        lost = _lost_since(method, judged)
+    elif near == UNFOUND:
+        lost = judged[TOUCHED]
+        judged[TOUCHED] = 0.0
+    return lost
+
+
+@inner
+def _lost_since(method: Method, judged: Floats) -> float:
+    """The velocity (m/s) lost since the last kink. The next one begins its count."""
+    ratio = np.pi * judged[LONGEST] / (judged[SINCE] + NOTHING)  # ω h, with π / ω = T
+    part = min(1.0, method.impact[0] * ratio ** method.impact[1])
+    lost = min(judged[TOUCHED], part * judged[CHANGED])
+    for k in range(SINCE, JUDGED):
+        judged[k] = 0.0
+    return lost
+
+
+@inner
+def _squared_rate(method: Method, work: Work, h: float) -> tuple[float, float]:
+    """(ω h)² of the step of h (s), and the velocity (m/s) that it changes. Stages have moved by
+    h Σ a_sm ξ̇_m, and ξ̈ changes by ω² times that, from one to the next or to the first."""
+    n, k, stages = np.uint64(work.sum.size), work.k, np.uint64(method.b.size)
+    square, most, farthest = 0.0, 0.0, 0.0
+    for s in range(ONE, stages):
+        for other in (ZERO, s - ONE):
+            changed, moved = 0.0, 0.0
+            for i in range(n):
+                way = 0.0
+                for m in range(s + ONE):
+                    weight = method.a[s * stages + m] - method.a[other * stages + m]
+                    way += weight * k[THREE * m * n + i]
+                acceleration = k[(THREE * s + ONE) * n + i]
+                changed = max(changed, abs(acceleration - k[(THREE * other + ONE) * n + i]))
+                moved = max(moved, h * abs(way))
+                most = max(most, abs(acceleration))
+            farthest = max(farthest, moved)
+            if moved > _APART * farthest:
+                square = max(square, h * h * changed / (moved + NOTHING))
+    return square, h * most
 
 
 @inner
@@ -200,9 +246,11 @@ def lost_lately(judged: Floats, moved: float) -> float:
 
 
 @inner
-def judge(unit: Unit, system: System, method: Method, work: Work, h: float, near: float) -> int:
+def judge(
+    unit: Unit, system: System, method: Method, work: Work, h: float, whole: float, near: float
+) -> int:
     """Note the error of the step of h (s) that ended in `work`, with Φ_q and factor of its end.
-    `near`: 2 if it crosses a kink of a force, 1 if it may come near to one, else 0.
+    `whole` (s): the step of the grid, of which it may be a piece; `near`: as in `Kinks`.
 
     Returns TOO_LONG if the errors of the last steps exceed the mechanism itself, else OK. A method
     without an estimate, as of an adaptive integrator, is not judged.
@@ -230,13 +278,8 @@ def judge(unit: Unit, system: System, method: Method, work: Work, h: float, near
                 linearise(unit, system, work, work.q)
         if not moved < 1.0:
             moved = 1.0
-    if near > 0.0 and method.b.size == 4:
-        touched = judged[TOUCHED] + lost_at_kinks(method, work, h) * (_WINDOW * h / system.size)
-        judged[TOUCHED] = touched if touched < 1.0 else 1.0
-    if near > 1.0:  # known, not an estimate
-        judged[RECENT] += judged[TOUCHED] / method.caution
-        judged[TOUCHED] = 0.0
-    elif near == 0.0:
-        judged[TOUCHED] *= FORGETS
+    lost = _note_kinks(method, work, h, near)
+    if lost > 0.0:  # known, not an estimate
+        judged[RECENT] += min(1.0, lost * _WINDOW * whole / system.size) / method.caution
     remember(judged, moved, method.caution, sharp and moved > FINEST, True)
     return TOO_LONG if judged[LOST] > 1.0 else OK

@@ -293,46 +293,6 @@ def test_a_fixed_step_sees_the_ceiling_or_is_too_long(integrator: str, silent: f
                     assert np.array(heights) == pytest.approx(wanted, abs=silent)
 
 
-@pytest.mark.parametrize(
-    ('integrator', 'within', 'lost'),
-    [
-        ('dop853', 1.5, 3e-3),
-        ('dop853', 3, 2e-4),
-        ('esdirk43', 1.5, 7e-2),
-        ('esdirk43', 2, 2e-2),
-        ('esdirk43', 3, 3e-3),
-        ('esdirk43', 5, 3e-4),
-        ('rk4', 1.5, 0.3),
-        ('rk4', 2, 0.1),
-        ('rk4', 3, 3e-2),
-        ('rk4', 5, 3e-3),
-        ('rk4', 12, 5e-5),
-    ],
-)
-def test_fixed_steps_end_at_a_stop(integrator: str, within: float, lost: float) -> None:
-    """A rotor that an elastic stop throws back within so many steps, met anywhere in a step, keeps
-    its speed but for so much (doc/method.md)."""
-    joint = {'type': 'revolute', 'between': ['ground', 'rotor'], 'at': 'O'}
-    rotor = {'points': ['O', 'A'], 'mass': 1.0, 'inertia': {'about_com': 0.5}, 'com': [0, 0]}
-    for step in 1e-4 * (1.0 + 0.0039 * np.arange(50)):
-        stiffness = float(0.5 * (math.pi / (within * step)) ** 2)
-        stop = {'joint': 'pin', 'upper': 0.03, 'stiffness': stiffness, 'exponent': 1.0}
-        scene = {
-            'mechanism': {
-                'alf': 1,
-                'space': 'planar',
-                'points': {'O': {'at': [0, 0], 'fixed': True}, 'A': {'at': [1, 0]}},
-                'bodies': {'rotor': rotor},
-                'joints': {'pin': joint},
-            },
-            'effects': {'joint_stop': stop},
-            'initial': {'velocities': {'A': [None, 3]}},
-        }
-        sim = Simulation(load_scene(scene), integrator=integrator, step=float(step))
-        sim.step(150)
-        assert abs(sim.sample().joints['pin'].velocity / 3.0 + 1.0) < lost
-
-
 @pytest.mark.parametrize('integrator', ADAPTIVE)
 def test_a_stop_out_of_reach_changes_no_bit(integrator: str) -> None:
     theta, rate = 0.3, 2.4

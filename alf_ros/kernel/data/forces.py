@@ -130,7 +130,10 @@ class Kinks(Struct):
     path: Floats  # (scalars + 1, places, 4) x, ẋ and the ends of its interval along the step
     doubt: Floats  # (scalars, 2) of x in the middle of the step, as interpolated; and workspace
     crossed: Floats  # (1,) 1 if steps may cross kinks, 0 if they end there
-    near: Floats  # (1,) of the last step: 2 if a scalar has left its interval, 1 if one was near
+    near: (
+        Floats  # (1,) of the last step: 2 if a scalar left its interval where it ended, 3 where it
+    )
+    # began, 1 if one was near
     # an end of it, or 0
 
 

@@ -25,6 +25,7 @@ class Method(Struct):
     sharp: float  # part of h q̈ that an error exceeds where an acceleration is not resolved
     lasting: float  # the ratio of both estimates above which errors do not outlast their step
     caution: float  # by how much the estimate of `step_error` may be too small
+    impact: Floats  # (2,) c and p: a step of ω h loses c (ω h)^p of what a stop changes of q̇
     guess: Floats  # (stages, stages) q̈ of a stage extrapolated from those before; explicit: (0,)
     iterations: np.uint64  # at most, in one solve
     tolerance: float  # relative error of a step, of an adaptive method

@@ -18,9 +18,8 @@ from alf_ros.kernel.numba_ext.lane_numbers import anywhere, pick, unless
 from alf_ros.kernel.numba_ext.vectors import largest, zero
 from alf_ros.kernel.step_error import (
     FINEST,
-    FORGETS,
+    SINCE,
     TELLS,
-    TOUCHED,
     embedded_difference,
     embedded_errors,
     lost_lately,
@@ -62,8 +61,8 @@ def judge_lanes(
         moved = pick(told, moved * (lane_free_part(unit, system, work, told) / high), moved)
     moved = pick(matters & unless(moved < 1.0), 1.0, moved)
     good = good & unless(lost_lately(work.judged, moved) > 1.0)
-    touched = work.judged[TOUCHED]
-    work.judged[TOUCHED] = pick(good, FORGETS * touched, touched)
+    since = work.judged[SINCE]
+    work.judged[SINCE] = pick(good, since + h, since)
     remember(work.judged, moved, method.caution, sharp & (moved > FINEST), good)
     return good
 
