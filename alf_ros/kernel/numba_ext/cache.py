@@ -47,6 +47,7 @@ from alf_ros.gc_pause import paused
 from alf_ros.kernel.numba_ext.cache_folder import Folder
 from alf_ros.kernel.numba_ext.cache_sources import Sources
 from alf_ros.kernel.numba_ext.inner_code import rebuilt
+from alf_ros.kernel.numba_ext.repeated_work import spared
 
 _misses: list[str] = []
 
@@ -75,7 +76,7 @@ class Cache(_Cache):
 
         @functools.wraps(compile)
         def wrapper(*args: Any) -> Any:
-            with global_compiler_lock, paused(), contextlib.ExitStack() as turn:
+            with global_compiler_lock, paused(), spared(), contextlib.ExitStack() as turn:
                 self._turns.append(turn)
                 try:
                     return compile(*args)
@@ -126,7 +127,9 @@ class Cache(_Cache):
         if data.library.has_dynamic_globals or any(not one.can_cache for one in data.lifted):
             warnings.warn(f'{self._name} holds addresses and is not cached', stacklevel=2)
         elif not self._sources.changed():
-            self._folder.write(*self._key(sig), dumps(data._reduce()))
+            # without the annotated source, a text that nobody reads
+            saved = data._replace(type_annotation='')._reduce()
+            self._folder.write(*self._key(sig), dumps(saved))
 
     def enable(self) -> None:
         """Begin to look for code, and to save it."""

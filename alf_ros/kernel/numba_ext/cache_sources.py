@@ -12,7 +12,9 @@ import ast
 import functools
 import hashlib
 import importlib.util
+import os
 import sys
+import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -27,13 +29,38 @@ def digest_of(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()
 
 
+_read: dict[str, tuple[tuple[int, ...], str]] = {}  # by file: what told its state, and its digest
+_SETTLED = 2_000_000_000  # ns, far above the resolution of the times of files
+
+
+def _digest(path: str) -> str:
+    """Digest of a file. It is read again if its size, its times or its place have changed.
+
+    An edit may come within the resolution of the times: of a file that has just changed they tell
+    nothing. Nobody can set the time of a change (`ctime`).
+    """
+    state = os.stat(path)
+    told = state.st_mtime_ns, state.st_ctime_ns, state.st_size, state.st_ino
+    known = _read.get(path)
+    if known is not None and known[0] == told:
+        return known[1]
+    now = time.time_ns()
+    with open(path, 'rb') as file:
+        found = digest_of(file.read())
+    if now - state.st_ctime_ns > _SETTLED:
+        _read[path] = told, found
+    return found
+
+
 def _now(folder: str) -> dict[str, str]:
     """Digests of the sources below a folder of this package, by their names relative to it."""
-    place = PACKAGE / folder
-    found = {
-        path.relative_to(PACKAGE).as_posix(): digest_of(path.read_bytes())
-        for path in sorted(place.rglob('*.py'))
-    }
+    found = {}
+    for place, folders, names in os.walk(PACKAGE / folder):
+        folders[:] = sorted(name for name in folders if name != '__pycache__')
+        within = Path(place).relative_to(PACKAGE).as_posix()
+        for name in sorted(names):
+            if name.endswith('.py'):
+                found[f'{within}/{name}'] = _digest(f'{place}/{name}')
     if not found:  # a file that has moved must not drop out of a digest in silence
         raise FileNotFoundError(f'no source of this package: {folder}')
     return found

@@ -1,0 +1,87 @@
+"""Less work of numba makes the same code; and numba is as it was when nothing is compiled."""
+
+from __future__ import annotations
+
+import pickle
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from alf_ros.kernel.numba_ext.repeated_work import REPLACED, spared
+from support.forked import ended
+from support.reader import START_LIMIT, environment
+
+# numbers of all kinds, loops, and functions of numba that are compiled themselves
+SOURCE = """
+import contextlib, math, sys
+
+import numpy as np
+
+from alf_ros.kernel.numba_ext import cache
+from alf_ros.kernel.numba_ext.jit import compiled, expanded, inner
+
+if sys.argv[1] == 'all':
+    cache.spared = contextlib.nullcontext
+
+
+@expanded
+def middle(a, b):
+    return a if a > b else 0.5 * (a + b)
+
+
+@inner
+def law(x, n, rising):
+    total = 0.0
+    for i in range(n):
+        step = x * i + (i + 1) * (n - i) // 3
+        total += math.sin(step) + max(step, 2.0) + middle(abs(step), 1.0) + np.sign(x)
+        if rising and total > 40.0:
+            break
+        while total < -1.0:
+            total = total**2 - n % 3
+    return total
+
+
+@compiled
+def whole(x, n, numbers):
+    total = law(x, n, True) - law(x, 2, False) + law(float(n), n, x < 1.0)
+    for i in range(numbers.size):
+        numbers[i] += total * i
+    return total
+
+
+numbers = np.arange(4.0)
+print(whole(0.7, 5, numbers), numbers.tolist())
+"""
+
+
+def libraries(folder: Path, how: str) -> dict[str, Any]:
+    """The code of each function, by the name of its file in the cache; and what it computes."""
+    (folder / 'laws.py').write_text(SOURCE)
+    variables = {**environment(), 'NUMBA_CACHE_DIR': str(folder / how)}
+    done = ended(['laws.py', how], folder, variables, START_LIMIT, new=True)
+    assert done.returncode == 0, done.stderr
+    found = {}
+    for path in (folder / how).glob('alf_ros/*/*-*'):
+        whole = path.read_bytes()
+        found[path.name], *_ = pickle.loads(whole[2 * 65 :])
+    return {**found, 'printed': done.stdout}
+
+
+def test_the_code_is_the_same(tmp_path: Path) -> None:
+    less, all_of_it = (libraries(tmp_path, how) for how in ('less', 'all'))
+    assert len(less) == 5 and less == all_of_it
+
+
+def test_numba_is_left_as_it_was() -> None:
+    def now() -> list[Any]:
+        return [getattr(owner, name) for owner, name, _ in REPLACED]
+
+    before = now()
+    with pytest.raises(ZeroDivisionError), spared():
+        with spared():
+            pass
+        assert all(one is not other for one, other in zip(before, now(), strict=True))
+        raise ZeroDivisionError
+    assert now() == before
