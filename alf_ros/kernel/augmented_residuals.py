@@ -19,6 +19,7 @@ from alf_ros.kernel.mass import add_skew_times
 from alf_ros.kernel.numba_ext.block import add, block, dot, put, subtract
 from alf_ros.kernel.numba_ext.jit import inlined, inner
 from alf_ros.kernel.numba_ext.plain_loops import each
+from alf_ros.kernel.numba_ext.vectors import copy_first
 from alf_ros.kernel.prescribed import bias_of_forms
 
 
@@ -122,8 +123,7 @@ def _begin_row(unit: Unit, work: Work, r: np.uint64, i: np.uint64, j: np.uint64)
 def begin_accelerations(unit: Unit, system: System, work: Work, f: Floats) -> None:
     """r2 = -Φ̇_q q̇ - Φ_q,s s̈, y = 0, and δ = f + Φ_qᵀ α r2 with the Φ_q of the factor (26)."""
     rows, qd, delta, gf, m1 = system.rows, work.qd, work.delta, work.gf, system.rows.i.size
-    for i in range(work.p.size):
-        delta[i] = f[i]
+    copy_first(f, delta, work.p.size)
     for r in each(0, m1):
         i, j = rows.i[r], rows.j[r]
         d = block(unit, qd, i) - block(unit, qd, j)

@@ -128,7 +128,6 @@ def end_step(
     unit, system, work = problem.unit, problem.system, problem.work
     work.aside[0], work.aside[1] = 0, 0
     copy(work.q, work.base)
-    copy(work.qd, work.along)
     if not near:
         result = project(unit, system, work, False)
         if result != OK:
@@ -139,6 +138,7 @@ def end_step(
             most, _sigma = velocities(problem, True)  # (33)
             return _finite(work, OK), most
         copy(work.base, work.q)
+    copy(work.qd, work.along)
     copy(work.q, work.target)
     most, x, clear = stage(problem, end, scales, True, True)
     if most <= 0:
@@ -252,7 +252,6 @@ def step(
         unfold(unit, system, work, phase)  # (30)
         if s == stages:
             break
-        copy(work.q, work.base)
         if s == 0:
             count, x = 1, sigma / system.ordinary
             clear = x > scales.close
@@ -263,10 +262,11 @@ def step(
             record_power(problem, phase, ts, s, 1.0, ALL_FORCES)
         nearest = min(nearest, x)
         if not clear and count > 0:
-            moved = furthest(work.q, work.base, work.p.size)
+            moved = furthest(work.q, work.target, work.p.size) if s > 0 else 0.0
             add_up(method, work, s, h)
             prescribe(system, ts, work.q, work.qd, work.qdd)
             unfold(unit, system, work, phase)
+            copy(work.q, work.base)
             copy(work.qd, work.along)
             count = evaluate_interpolated(problem, phase, ts, s, moved, scales)
             if count < 0 and x > DIRECTION_ONLY:

@@ -396,3 +396,10 @@ def vector(typing: Any, array: Any) -> Any:
         return to._getvalue()
 
     return VectorType(array.dtype, False)(array), code
+
+
+def place_of(context: Any, builder: Any, kind: Any, value: Any) -> tuple[Any, Any, int]:
+    """Where the numbers of a vector or an array stand, how many they are, and the bytes of one."""
+    of = cgutils.create_struct_proxy(kind)(context, builder, value=value)
+    count = of.size if isinstance(kind, VectorType) else of.nitems
+    return of.data, count, context.get_abi_sizeof(of.data.type.pointee)
