@@ -1,7 +1,7 @@
 """Loops over vectors. Slices would do, but their error messages take seconds to compile.
 
-`zero` and `copy` call the system's library. For the few numbers of a small mechanism this takes
-fewer instructions than a loop that LLVM has unrolled, with guards against vectors that overlap.
+`zero` and `copy` call the system's library. LLVM unrolls a loop, with guards against vectors that
+overlap: for the few numbers of a small mechanism such a loop has more instructions than the call.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def copy(typing: Any, of: Any, to: Any) -> Any:
 
 @lowered(_copy_plainly)
 def copy_first(typing: Any, of: Any, to: Any, n: Any) -> Any:
-    """The first n numbers of `to` = those of `of`, which are of the same type."""
+    """The first n numbers of `to` = the first n of `of`, of the same type of numbers."""
 
     def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         source, _, _ = place_of(context, builder, sig.args[0], args[0])
