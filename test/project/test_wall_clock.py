@@ -9,8 +9,8 @@ from support.paths import ROOT
 
 PACKAGE = ROOT / 'alf_ros'
 READ = {'time', 'time_ns', 'now', 'today', 'utcnow', 'localtime', 'gmtime', 'strftime'}
-# the age of a source, against its own time of change: a digest is kept, or it is computed again; the
-# name of the folder of a log; the date of a stored result; the age of a port
+# whether a source has just changed: its digest is computed again; the name of the folder of a log;
+# the date of a stored result; the age of a port
 ALLOWED = {
     ('kernel/numba_ext/cache_sources.py', 'time_ns'),
     ('ros/recording/recorder.py', 'now'),
