@@ -37,9 +37,12 @@ class Sweep:
     left: float = 0.0  # positions that may still be looked at
 
 
-def sweep(start: Linearised) -> Sweep:
-    """Walk from an ordinary position along each free direction, forth and back."""
+def sweep(start: Linearised, beside: Linearised | None = None) -> Sweep:
+    """Walk from an ordinary position along each free direction, forth and back. `beside`: the
+    singular position that it was taken near."""
     found = Sweep([start.q], left=_LABOUR / start.model.n**3)
+    if beside is not None:
+        found.singular.append(beside.q)
     freedoms = start.free.shape[1]
     if not freedoms:
         return found
@@ -70,6 +73,7 @@ def _walk(start: Linearised, direction: Floats, most: int, found: Sweep) -> None
         if ahead is None or found.left < 0:
             return
         value = float(ahead.singular_values[rank - 1]) if rank else 1.0
+        usual = max(usual, value)  # the start may be near a singular position
         if weak <= min(before, value) and weak < _SUSPECT * usual:
             found.left -= _BOTTOM
             lowest = bottom(back, ahead, rank)

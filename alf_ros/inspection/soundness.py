@@ -98,7 +98,7 @@ def _mechanics(scene: Scene) -> Soundness:
         closed = Answer(BAD, 'loops', str(error.message))
         return Soundness(model, model.q, (closed, *_size(drawn)), Sweep())
     usual = _ordinary(at)
-    walk = sweep(usual)
+    walk = sweep(usual, None if usual is at else at)
     answers = [_closing(at), *_size(at), _mobility(at, usual), _redundant(usual)]
     answers += _drives(scene, at, usual.model.n - usual.rank)
     answers += [_reactions(usual), _mass(at)]
@@ -208,6 +208,8 @@ def _drives(scene: Scene, at: Linearised, freedoms: int) -> Iterator[Answer]:
     motions = sum(motion is not None for drive in drives for motion in drive.motion)
     model = compile_model(scene.mechanism, scene.solver.penalty)
     off = ', '.join(_off(scene, model, at))
+    if off and at.rank < at.model.n - freedoms:
+        off += '; the drawing is singular and does not tell which branch is meant: draw it beside'
     try:
         there = _ordinary(Linearised(model, assembly.close(model, scene.positions)))
     except AssemblyError as error:

@@ -211,6 +211,34 @@ def test_check_names_what_it_finds() -> None:
     assert 'A: [0, 1] with 1) B: [0, 1.58], or 2) B: [0, -0.3798]; at A [-1, 0], B [1, 0]' in text
 
 
+def test_check_finds_all_positions_from_one_of_them() -> None:
+    """A parallelogram drawn flat, of bars 0.5 and 1 m: it is flat again half a turn later."""
+    points: dict[str, Any] = {
+        'O': {'at': [0, 0], 'fixed': True},
+        'C': {'at': [1, 0], 'fixed': True},
+        'A': {'at': [0.5, 0]},
+        'B': {'at': [1.5, 0]},
+    }
+    bodies = {
+        name: {'points': list(ends), 'mass': 1, 'inertia': 'rod'}
+        for name, ends in (('crank', 'OA'), ('coupler', 'AB'), ('rocker', 'CB'))
+    }
+    joints = {
+        'pin': {'type': 'revolute', 'between': ['ground', 'crank'], 'at': 'O'},
+        'knee': {'type': 'revolute', 'between': ['crank', 'coupler'], 'at': 'A'},
+        'wrist': {'type': 'revolute', 'between': ['coupler', 'rocker'], 'at': 'B'},
+        'hip': {'type': 'revolute', 'between': ['ground', 'rocker'], 'at': 'C'},
+    }
+    flat: dict[str, Any] = {'alf': 1, 'points': points, 'bodies': bodies, 'joints': joints}
+    found = {each.question: each for each in examine(load_scene({'mechanism': flat})).answers}
+    assert found['initial position'].answer.startswith('singular: 1 freedom more')
+    assert found['singular positions'].answer.startswith('2 found (')
+    flat['drives'] = {'motor': {'joint': 'pin', 'angle': '0.1 + t'}}
+    found = {each.question: each for each in examine(load_scene({'mechanism': flat})).answers}
+    assert found['drives'].verdict == NOTE
+    assert 'does not tell which branch is meant' in found['drives'].answer
+
+
 def test_positions_found_are_exact() -> None:
     for name, point, places in (
         ('slider_crank', 'A', [[0, 1], [0, -1]]),
