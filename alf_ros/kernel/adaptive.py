@@ -8,6 +8,7 @@ from alf_ros.arrays import Unit
 from alf_ros.kernel.arc_coordinates import turning
 from alf_ros.kernel.crossed_kinks import crossed, next_aim, passed, shorter
 from alf_ros.kernel.data import (
+    Bearings,
     Method,
     Phase,
     Problem,
@@ -106,6 +107,15 @@ def _errors(
     return np.inf, np.inf
 
 
+@inner
+def collapsed(bearings: Bearings, result: int, begin: float) -> int:
+    """Why no step from `begin` (s) is small enough, of which the trial beyond has this result:
+    JAMMED if it finds no balance of friction, or if one of the steps tried has found none."""
+    if bearings.settle.size > 0 and bearings.ended[0] >= begin:
+        return JAMMED
+    return JAMMED if result == JAMMED else COLLAPSED
+
+
 @compiled
 def advance_adaptively(
     problem: Problem,
@@ -168,7 +178,7 @@ def advance_adaptively(
                 result = STOPPED
                 break
             if trial:
-                result = JAMMED if result == JAMMED else COLLAPSED
+                result = collapsed(problem.forces.bearings, result, begin)
                 break
             fine, coarse, error, factor = np.inf, np.inf, np.inf, 0.5
             if result == OK:

@@ -11,12 +11,13 @@ from alf_ros.kernel.adjoint_solves import (
     project_velocity_back,
 )
 from alf_ros.kernel.data import Adjoint
-from alf_ros.kernel.interpolated_stages import PLACES, evaluate_place, place_at
+from alf_ros.kernel.interpolated_stages import evaluate_place, place_at
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.numba_ext.jit import inner
 from alf_ros.kernel.numba_ext.vectors import copy, zero
 from alf_ros.kernel.prescribed import prescribe
 from alf_ros.kernel.step_tape import INTERPOLATED, PROJECTED, restore_recorded, restore_stage
+from alf_ros.kernel.support_places import PLACES
 from alf_ros.kernel.tangent_stage import store_multipliers
 
 

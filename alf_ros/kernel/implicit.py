@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Unit
-from alf_ros.kernel.adaptive import BEYOND, ENDED, REFUSED
+from alf_ros.kernel.adaptive import BEYOND, ENDED, REFUSED, collapsed
 from alf_ros.kernel.data import EPS, Method, Phase, Problem, Scales, Span, System, Watch, Work
 from alf_ros.kernel.effect_jacobians import add_soft_times, weigh
 from alf_ros.kernel.fixed_steps import PIECES
@@ -34,7 +34,6 @@ from alf_ros.kernel.prescribed import prescribe
 from alf_ros.kernel.singularity_monitor import may_have_passed
 from alf_ros.kernel.stage import stage
 from alf_ros.kernel.status import (
-    COLLAPSED,
     JAMMED,
     NOT_CLOSED,
     NOT_POSITIVE,
@@ -107,7 +106,7 @@ def _solve_stage(
         copy(work.q, work.target)  # a stage of order 2 is not behind the path
         count, x, clear = stage(problem, t, scales, near, True)  # (33), (26) with M̂ for M
         near = x < np.inf
-        if not clear and count > 0:
+        if not clear and count != 0:
             moved = furthest(work.q, work.base, n)
             for i in range(n):
                 work.along[i] = rates[at + i]
@@ -312,7 +311,7 @@ def advance_implicitly(
                 result = STOPPED
                 break
             if trial:
-                result = JAMMED if result == JAMMED else COLLAPSED
+                result = collapsed(problem.forces.bearings, result, begin)
                 break
             error, factor = np.inf, 0.5
             if result == OK:

@@ -28,9 +28,16 @@ from alf_ros.kernel.prescribed import prescribe
 from alf_ros.kernel.projection import correct_at_last, opening_twofold
 from alf_ros.kernel.stage import stage
 from alf_ros.kernel.status import JAMMED, NOT_CLOSED, OK
+from alf_ros.kernel.support_places import (
+    PLACES,
+    apart,
+    narrow_places,
+    position_of,
+    store_place,
+    weigh_places,
+)
 from alf_ros.kernel.work_ledger import ALL_FORCES, APPLIED, REACTION_DEPENDENT, record_power
 
-PLACES = 8
 # distance x to a singular position, below which only the direction of a stage's velocity is known
 DIRECTION_ONLY = 1e-6
 NEAR = 0.01  # distance x from which down a step may have passed a position without a word
@@ -39,24 +46,13 @@ SPACING = 6.0  # of the places, in parts of the distance that is too close
 _WIDER = 1.5  # spacing, where a support position is not clear of the singular position
 _WIDEST = 0.5  # of the size: positions further apart do not determine values in between
 _TRIES = 6
-_BETWEEN = 2.0  # spacings: two singular positions this close together are passed in one
+_NARROWER = 0.25  # of their spacing, where friction has no balance at one of the places
+_NARROWEST = 0.02
 SLOW = 1e-3  # part of the speed that forces give, below which a velocity has no reliable direction
 _CLOSED = 1e-10  # part of the size
 _SAME = 1e-11  # part of the size by which a place that is found may be off by rounding
 DRIFT = 1e-12  # part of the size by which lengths may miss the position without energy drifting
 _SMOOTH = 10.0  # times what a smooth branch leaves: 29 is what lengths that disagree leave
-
-
-@inner
-def _offset(k: int) -> int:
-    """-4, -3, -2, -1, 1, 2, 3, 4."""
-    return k - 4 if k < 4 else k - 3
-
-
-@inner
-def apart(work: Work, k: int) -> float:
-    """From the stage to place k, in parts of the spacing."""
-    return _offset(k) + work.place_shift[0]
 
 
 @inner
@@ -78,6 +74,31 @@ def evaluate_interpolated(
     prescribe(problem.system, t, work.q, work.qd, work.qdd)
     apply(problem, t)
     copy(work.Q, work.given)
+    more = _interpolate_accelerations(problem, phase, t, s)
+    position, spacing = position_of(work), 1.0
+    while more < 0 and spacing > _NARROWEST:
+        # the balance ends within reach: nearer places may have it, off by rounding
+        spacing *= _NARROWER
+        if abs(position) > spacing:
+            break
+        narrow_places(work, position / (spacing / _NARROWER), _NARROWER)
+        more = _interpolate_accelerations(problem, phase, t, s)
+    if more <= 0:
+        return more
+    prescribe(problem.system, t, work.q, work.qd, work.qdd)
+    for a in range(n):
+        work.q[a], work.qd[a], work.qdd[a] = work.sum_q[a], work.sum_qd[a], work.sum[a]
+    return max(count, more)
+
+
+@inner
+def _interpolate_accelerations(problem: Problem, phase: Phase, t: float, s: np.uint64) -> int:
+    """q̈ of stage s from the places, under the forces that stand in `given`, into `sum`; returns
+    the iterations, as `stage` does."""
+    work, count = problem.work, 1
+    n = work.p.size
+    for a in range(n):
+        work.q[a], work.qd[a] = work.sum_q[a], work.sum_qd[a]
     record_power(problem, phase, t, s, 1.0, APPLIED)
     zero(work.sum)
     for k in range(PLACES):
@@ -88,9 +109,6 @@ def evaluate_interpolated(
         record_power(problem, phase, t, s, work.place_weights[k], REACTION_DEPENDENT)
         for a in range(n):
             work.sum[a] += work.place_weights[k] * work.qdd[a]
-    prescribe(problem.system, t, work.q, work.qd, work.qdd)
-    for a in range(n):
-        work.q[a], work.qd[a], work.qdd[a] = work.sum_q[a], work.sum_qd[a], work.sum[a]
     return count
 
 
@@ -284,44 +302,9 @@ def _interpolate(problem: Problem, t: float, moving: bool, scales: Scales, spaci
             if gap > DRIFT * system.size:
                 work.crossing[0] = max(work.crossing[0], gap)
             return most
-        position = _position(work) * spacing
+        position = position_of(work) * spacing
         spacing *= _WIDER
     return 0
-
-
-@inner
-def weigh_places(work: Work, shift: float) -> None:
-    """Weights of Lagrange's interpolation from places around `shift` to the stage; `shift` in
-    parts of the spacing."""
-    work.place_shift[0] = shift
-    for k in range(PLACES):
-        over, under = 1.0, 1.0
-        for m in range(PLACES):
-            if m != k:
-                over *= -(_offset(m) + shift)
-                under *= _offset(k) - _offset(m)
-        work.place_weights[k] = over / under
-
-
-@inner
-def _position(work: Work) -> float:
-    """About where the singular position is, from the distances x of the places: in parts of their
-    spacing from the stage; 0 if x does not fall to about one place from either side, or if that is
-    further from the stage than the first place."""
-    x, nearest = work.place_x, 2
-    for k in range(3, PLACES - 2):
-        if x[k] < x[nearest]:
-            nearest = k
-    before, after = nearest - 1, nearest + 1
-    fall, rise = x[before - 1] - x[before], x[after + 1] - x[after]
-    if not (fall > 0.0 and rise > 0.0 and x[before] < np.inf and x[after] < np.inf):
-        return 0.0
-    wide = apart(work, before) - apart(work, before - 1)
-    left = apart(work, before) + wide * x[before] / fall
-    wide = apart(work, after + 1) - apart(work, after)
-    right = apart(work, after) - wide * x[after] / rise
-    found = 0.5 * (left + right)
-    return found if abs(right - left) < _BETWEEN and abs(found) <= 1.0 else 0.0
 
 
 @inner
@@ -362,12 +345,3 @@ def _gap(system: System, work: Work, part: float) -> float:
     if not (most > _SMOOTH * told and most > 2.0 * 360.0 * part**7 * system.size):
         return 0.0
     return 1.6 * part * most
-
-
-@inner
-def store_place(work: Work, k: int) -> None:
-    """Position and velocity of place k."""
-    n = work.p.size
-    at = TWO * n * np.uint64(k)
-    for a in range(n):
-        work.places[at + a], work.places[at + n + a] = work.q[a], work.qd[a]

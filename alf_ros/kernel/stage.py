@@ -20,10 +20,10 @@ def stage(
 
     `neighbour`: the last stage was beside a singular position, so this one is expected to be
     beside it too. `rubbing`: with friction that depends on reactions. Returns iterations (0: no
-    factor, or stopped; -1: no balance of friction), about the distance x to a singular position
-    (its least singular value over the ordinary one), and whether the stage is clear of it: x is
-    above `scales.close`, and x times the radius of the path well above the way that the stage was
-    moved onto Φ = 0.
+    factor, or stopped; -1: no balance of friction, which rounding may hide if the stage is not
+    clear), about the distance x to a singular position (its least singular value over the
+    ordinary one), and whether the stage is clear of it: x is above `scales.close`, and x times
+    the radius of the path well above the way that the stage was moved onto Φ = 0.
     """
     work = problem.work
     if told_to_stop(work):
@@ -41,14 +41,12 @@ def stage(
             else:
                 apply(problem, t)
                 more, same = accelerate_freely(problem, exactly)  # (26)
-            if more < 0:
-                return more, 0.0, False
-            if same > 0.0 or exactly:
+            if same > 0.0 or exactly or more < 0:
                 break
         exactly = True
-    sigma, moved = min(sigma, same), 0.0
+    sigma, moved = sigma if more < 0 else min(sigma, same), 0.0
     for i in range(n):
         moved = max(moved, abs(work.q[i] - work.target[i]))
     x = sigma / problem.system.ordinary
     clear = x > scales.close and not _CLEARANCE * moved > x * scales.radius  # also if x is inf
-    return max(count, more), x, clear
+    return more if more < 0 else max(count, more), x, clear

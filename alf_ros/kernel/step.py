@@ -141,7 +141,7 @@ def end_step(
     copy(work.qd, work.along)
     copy(work.q, work.target)
     most, x, clear = stage(problem, end, scales, True, True)
-    if most <= 0:
+    if most == 0 or (most < 0 and clear):
         return JAMMED if most < 0 else NOT_CLOSED, 1
     if clear and not (x == np.inf and lost(unit, system, work)):
         copy(work.base, work.q)
@@ -261,7 +261,7 @@ def step(
             count, x, clear = stage(problem, ts, scales, x < np.inf, True)  # (33), (26)
             record_power(problem, phase, ts, s, 1.0, ALL_FORCES)
         nearest = min(nearest, x)
-        if not clear and count > 0:
+        if not clear and count != 0:
             moved = furthest(work.q, work.target, work.p.size) if s > 0 else 0.0
             add_up(method, work, s, h)
             prescribe(system, ts, work.q, work.qd, work.qdd)

@@ -15,15 +15,7 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.kernel.augmented_solve import apply
 from alf_ros.kernel.data import FollowedStage, Phase, Problem, Scales, Tangents, Work
-from alf_ros.kernel.interpolated_stages import (
-    PLACES,
-    SLOW,
-    apart,
-    evaluate_place,
-    place_at,
-    store_place,
-    weigh_places,
-)
+from alf_ros.kernel.interpolated_stages import SLOW, evaluate_place, place_at
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.numba_ext.jit import ONE, inner
 from alf_ros.kernel.numba_ext.structs import Lanes
@@ -31,6 +23,7 @@ from alf_ros.kernel.numba_ext.vectors import copy, largest, zero
 from alf_ros.kernel.prescribed import prescribe
 from alf_ros.kernel.stage import stage
 from alf_ros.kernel.step_tape import INTERPOLATED, PROJECTED
+from alf_ros.kernel.support_places import PLACES, apart, store_place, weigh_places
 from alf_ros.kernel.tangent_lane_solve import FINISH
 from alf_ros.kernel.tangent_solves import (
     accelerate_tangents,

@@ -121,7 +121,7 @@ def carry_again(
             copy(work.q, work.target)
             shift_along_path(unit, system.arms, work, h * h * lag_of_stage(method, s))
             count, x, clear = stage(problem, ts, scales, x < np.inf, True)
-        if not clear and count > 0:
+        if not clear and count != 0:
             moved = furthest(work.q, work.base, work.p.size)
             _unfold_again(problem, phase, ts, s, h)
             count = evaluate_interpolated(problem, phase, ts, s, moved, scales)

@@ -147,7 +147,8 @@ class _Scene:
 
     @property
     def load_count(self) -> int:
-        return len(self._rubbing) * self._model.layout.dimension
+        count = len(self._rubbing) * self._model.layout.dimension
+        return count + 1 if count else 0
 
     @cached_property
     def bearings(self) -> Bearings:
@@ -319,7 +320,8 @@ class Applied:
 
     @property
     def load_count(self) -> int:
-        """How many numbers the loads are: R of each effect of a kind that rubs."""
+        """How many numbers the loads are: R of each effect of a kind that rubs, and the sense of
+        their balance."""
         return self._scene.load_count
 
     @property

@@ -76,9 +76,11 @@ def from_data(data: Any, like: State) -> State:
         name: _number_or_curve(x, f'effort on {name}')
         for name, x in _mapping(inputs.get('efforts')).items()
     }
-    # A state of an earlier version knows no targets, no works, no loads and no sums.
+    # A state of an earlier version knows no targets, no works, no loads or no sense, and no sums.
     targets = {name: _target(x) for name, x in _mapping(inputs.get('targets', {})).items()}
     loads, works = fields.get('loads'), _mapping(fields.get('works', {}), 'works')
+    if isinstance(loads, list) and len(loads) == like.loads.size - 1:
+        loads = [*loads, 0.0]
     sums = fields.get('sums')
     return State(
         step=_whole(fields.get('step'), 'step'),

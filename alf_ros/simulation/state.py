@@ -18,9 +18,10 @@ class State:
     q (m), qd (m/s): all blocks in the kernel's order; turns: of each angle; pace: the next step of
     an adaptive integrator, s; carried: the variables of a formulation other than alf2; works (J):
     of each account, if a ledger is kept; loads (N): the last reaction on which each effect with
-    friction depends; zero if unknown; tangents (K 2 blocks D): the derivatives of q and q̇ by each
-    of K numbers of the scene, if they are followed; sums (m): of angles and lengths, which gears,
-    racks, threads, wheels on a line and couplings keep constant; empty: what they are at q.
+    friction depends, then the sense of their balance, 1 or -1; zero if unknown; tangents (K 2
+    blocks D): the derivatives of q and q̇ by each of K numbers of the scene, if they are followed;
+    sums (m): of angles and lengths, which gears, racks, threads, wheels on a line and couplings
+    keep constant; empty: what they are at q.
     """
 
     step: int

@@ -3,8 +3,8 @@
 In the order of the scene's file: the natural coordinates of movable points, vectors and auxiliary
 blocks (m; vectors in the length of the drawing, as the kernel has them) with their velocities;
 then, with zero rates, the turns of each counted angle, the pace (s), the variables of other
-formulations, the works of a ledger (J), the reactions on which friction depends (N), the sums that
-gears and the like keep constant (m), and the step index.
+formulations, the works of a ledger (J), the reactions on which friction depends (N) and the sense
+of their balance, the sums that gears and the like keep constant (m), and the step index.
 """
 
 from __future__ import annotations
@@ -54,15 +54,20 @@ def values(model: Model, state: State) -> tuple[Floats, Floats]:
 def state(model: Model, like: State, numbers: Floats, rates: Floats, inputs: Inputs) -> State:
     """The state of these numbers and rates; `like` is one of the same simulation.
 
-    A log of an earlier version has no loads, which begin at zero, or no sums. Raises ValueError
-    if there are not as many numbers as that simulation has.
+    A log of an earlier version has no loads, which begin at zero, or loads without a sense, or no
+    sums. Raises ValueError if there are not as many numbers as that simulation has.
     """
     n, turns, D = model.n, like.turns.size, model.layout.dimension
     carried, works = n + turns + 1, n + turns + 1 + like.carried.size
     loads = works + len(like.works)
     sums, end = loads + like.loads.size, numbers.size - 1
+    if end != sums + like.sums.size and end != loads and like.loads.size:
+        sums -= 1  # of a version without the sense
     if end not in (loads, sums, sums + like.sums.size):
         raise ValueError(f'{numbers.size} numbers are no state of this mechanism')
+    found = np.zeros_like(like.loads)
+    if end != loads:
+        found[: sums - loads] = numbers[loads:sums]
     q, qd = like.q.copy(), like.qd.copy()
     q.reshape(-1, D)[model.coordinate_block] = numbers[:n].reshape(-1, D)
     qd.reshape(-1, D)[model.coordinate_block] = rates[:n].reshape(-1, D)
@@ -75,7 +80,7 @@ def state(model: Model, like: State, numbers: Floats, rates: Floats, inputs: Inp
         pace=float(numbers[n + turns]),
         carried=np.array(numbers[carried:works]),
         inputs=inputs,
-        loads=np.zeros_like(like.loads) if end == loads else np.array(numbers[loads:sums]),
+        loads=found,
         sums=np.array(numbers[sums:-1]),
         works=dict(zip(like.works, numbers[works:loads].tolist(), strict=True)),
     )

@@ -327,11 +327,16 @@ def test_a_run_repeats_beside_a_position_too() -> None:
     assert np.array_equal(again.state.q, end.q) and np.array_equal(again.state.qd, end.qd)
     assert np.array_equal(again.state.loads, end.loads)
     old = as_data(state)
-    del old['loads']
+    *reactions, sense = old.pop('loads')
     assert not from_data(old, again.state).loads.any()
+    assert from_data({**old, 'loads': reactions}, again.state).loads.tolist() == [*reactions, 0.0]
+    assert sense == 1.0
     numbers, rates = state_vector.values(sim.model, end)
     read = state_vector.state(sim.model, state, numbers, rates, end.inputs)
     assert np.array_equal(read.loads, end.loads) and read.step == end.step
+    without = np.delete(numbers, -2)  # of a version that did not know the sense
+    read = state_vector.state(sim.model, state, without, np.delete(rates, -2), end.inputs)
+    assert read.loads.tolist() == [*end.loads[:-1], 0.0] and read.step == end.step
     numbers = np.append(numbers[: -1 - end.loads.size], numbers[-1])
     read = state_vector.state(sim.model, state, numbers, rates, end.inputs)
     assert not read.loads.any() and read.step == end.step

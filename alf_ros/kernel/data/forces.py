@@ -72,8 +72,8 @@ class Bearings(Struct):
     y: Floats  # (cut rows,) λ
     given: Floats  # (all blocks D,) Q of forces that do not depend on loads
     loads: Floats  # (loads,) N, at which friction and reactions agree; before a solve a guess
-    force: Floats  # (loads, D) R there, N
-    good: Floats  # (loads, D) R at the last point of the grid that an adaptive method reached
+    force: Floats  # (loads D + 1,) R there, N, and the sense of the balance; 0: unknown
+    good: Floats  # (loads D + 1,) the same at the last point of the grid that was reached
     begins: Integers  # (1,) whether the next solve is where a step begins
     passes: Integers  # (2,) solves of the last balance, and the iterations of the longest
     ended: Floats  # (1,) t of the last solve without a balance, s

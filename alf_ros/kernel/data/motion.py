@@ -42,7 +42,8 @@ class Phase(Struct):
     turns: Integers  # (angles,) passages of (x, y) over the negative x axis
     pace: Floats  # (1,) the next step of an adaptive method, s
     works: Floats  # (accounts,) J, done so far; none without a ledger
-    # (loads, D) R (N) that friction depends on, as found last; zero where nothing is known
+    # (loads D + 1,) R (N) that friction depends on, as found last, and the sense of that balance,
+    # 1 or -1; zero where nothing is known
     loads: Floats = field(default_factory=lambda: np.zeros(0))
     # (1,) 1 in a singular position, where solves may not show a lost rank, else 0; NaN: unknown
     within: Floats = field(default_factory=lambda: np.zeros(1))

@@ -39,6 +39,7 @@ def _solve(problem: Problem, t: float, exactly: bool) -> tuple[int, float]:
     copy(work.Q, cut.given)
     place_cut(problem, t)
     begins, cut.begins[0] = cut.begins[0] == 1, 0
+    sense = np.int64(cut.force.size) - 1  # its place
     if begins:
         for n in range(cut.loads.size):
             R = block(unit, cut.force, n)
@@ -48,6 +49,8 @@ def _solve(problem: Problem, t: float, exactly: bool) -> tuple[int, float]:
     if begins:
         cut.branch[1] = 1.0
         find_softest(problem, exactly)
+        # passes take a balance of the other sense for one of small gains where both meet
+        mixed = cut.force[sense] >= 0.0
     else:
         here = side(problem, t, exactly)
         if here == 0:
@@ -79,6 +82,7 @@ def _solve(problem: Problem, t: float, exactly: bool) -> tuple[int, float]:
         ):
             copy(cut.trial, cut.loads)
             copy(cut.reaction, cut.force)
+            cut.force[sense] = cut.branch[1] if begins else wanted
             cut.passes[0] = count
             return most, sigma
         before = gap
