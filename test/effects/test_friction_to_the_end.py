@@ -126,12 +126,13 @@ class FourBar:
         Runge-Kutta steps of h."""
         angle, rate = self.angle, self.rate
         K, r, _F = self.equations(angle, rate)
-        x, whole = np.linalg.solve(K, r), self.friction
-        for share in np.linspace(0.1, 1.0, 10):
-            self.friction = [share * mu for mu in whole]
+        x, whole = np.asarray(np.linalg.solve(K, r), dtype=np.float64), self.friction
+        for tenths in range(1, 11):
+            self.friction = [0.1 * tenths * mu for mu in whole]
             x, sense = self.balance(angle, rate, x)
         for k in range(round(until / h)):
-            at, rates, first = (angle, rate), [], x
+            at, first = (angle, rate), x
+            rates: list[tuple[float, float]] = []
             for part in (0.0, 0.5, 0.5, 1.0):
                 if rates:
                     at = angle + part * h * rates[-1][0], rate + part * h * rates[-1][1]
