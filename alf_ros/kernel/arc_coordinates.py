@@ -34,7 +34,7 @@ from alf_ros.kernel.numba_ext.block import Block, block, cross, dot, packed, put
 from alf_ros.kernel.numba_ext.jit import ONE, THREE, TWO, inlined, inner
 from alf_ros.kernel.numba_ext.lane_numbers import anywhere, everywhere, nowhere, pick, unless
 from alf_ros.kernel.numba_ext.plain_loops import each
-from alf_ros.kernel.numba_ext.vectors import copy, largest, zero
+from alf_ros.kernel.numba_ext.vectors import add_first, copy, largest, zero
 
 # rad in a step: for smaller turns arcs gain 1e-10 of the radius, of a radian, with rk4, and cost
 # more than places
@@ -220,8 +220,7 @@ def unfold(unit: Unit, system: System, work: Work, phase: Phase) -> None:
     p, arms, chart = work.p, system.arms, work.chart
     arcs = chart.arcs[0] > 0
     if nowhere(arcs):
-        for a in range(p.size):
-            work.q[a] += phase.q[a]
+        add_first(phase.q, work.q, p.size)
         zero(p)
         add_mass_times(unit, system.mass, 1.0, work.qd, p)  # (30), σ = 0
         return
@@ -285,14 +284,15 @@ def _short_sine(x: float) -> float:
 def shift_along_path(unit: Unit, arms: Arms, work: Work, amount: float) -> None:
     """q += `amount` (s²) times the curvature of the path, by which a stage lags behind the path.
 
-    Blocks with arcs do not lag; they move with the block that they turn about. The stage stands
-    in `target`.
+    Blocks with arcs do not lag; they move with the block that they turn about. Leaves the stage in
+    `target`.
     """
     chart = work.chart
     for m in each(0, arms.order.size):
         i = arms.order[m]
         flat = chart.curvature[i] == 0.0
         place = block(unit, work.q, i)
+        put(work.target, i, place)
         ahead = place + amount * block(unit, work.bend, i)
         if everywhere(flat):
             put(work.q, i, ahead)

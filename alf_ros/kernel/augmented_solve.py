@@ -184,21 +184,28 @@ def solved(
 ) -> tuple[int, float]:
     """`augmented`; where that is slow and `exactly` holds, `finish`. Returns what `velocities`
     does."""
-    unit, system, work = problem.unit, problem.system, problem.work
+    system, work = problem.system, problem.work
     patience = system.patience
     until = Until(np.int64(problem.method.iterations), SOLVED, patience)
-    count, slowest = augmented(unit, system, work, f, x, until, begun)
+    count, slowest = augmented(problem.unit, system, work, f, x, until, begun)
     if slowest <= patience:
         return count, np.inf
     if not exactly:
         return count, 0.0
+    return count + _REFINEMENTS, _finished(problem, f, x, slowest)
+
+
+@inner
+def _finished(problem: Problem, f: Floats, x: Floats, slowest: float) -> float:
+    """Finish a slow solve; returns about the least singular value σ."""
+    unit, system, work = problem.unit, problem.system, problem.work
     sigma = np.sqrt(max(0.0, 1.0 / slowest - 1.0) / system.penalty)
     sigma = min(sigma, finish(unit, system, work, x, SOLVED, EVERY_MODE))
     for _ in range(_REFINEMENTS):
         # rounding comes with the factor 1 / s²: a round on both residuals takes it away
         augmented(unit, system, work, f, x, Until(np.int64(1), 0.0, 1.0), False)
         finish(unit, system, work, x, SOLVED, EVERY_MODE)
-    return count + _REFINEMENTS, sigma
+    return sigma
 
 
 @inner

@@ -13,7 +13,7 @@ from alf_ros.kernel.ldl import assemble, linearise, solve_on
 from alf_ros.kernel.numba_ext.block import add, block, dot, subtract
 from alf_ros.kernel.numba_ext.jit import expanded, inner
 from alf_ros.kernel.numba_ext.plain_loops import each
-from alf_ros.kernel.numba_ext.vectors import zero
+from alf_ros.kernel.numba_ext.vectors import put_difference, put_sum, zero
 from alf_ros.kernel.slip import add_slips
 from alf_ros.kernel.status import NOT_CLOSED, NOT_POSITIVE, OK
 from alf_ros.kernel.triangular_solve import solve
@@ -164,8 +164,7 @@ def project_stage(unit: Unit, system: System, work: Work, exactly: bool) -> int:
     begin_correction(unit, system, work)
     if not solve_on(unit, system, work):
         return NOT_POSITIVE
-    for a in range(work.p.size):
-        work.q[a] = work.target[a] + work.delta[a]
+    put_sum(work.target, work.delta, work.q, work.p.size)
     return OK
 
 
@@ -174,9 +173,8 @@ def begin_correction(unit: Unit, system: System, work: Work) -> None:
     """δ = -Φ_qᵀ α (Φ + Φ_q (target - q)), of the guess q in `work`."""
     rows, delta, phi, m1 = system.rows, work.delta, work.r2, system.rows.i.size
     u, g, g2 = work.shift, work.gf, work.g2f
-    for a in range(work.p.size):
-        u[a] = work.target[a] - work.q[a]
-        delta[a] = 0.0
+    put_difference(work.target, work.q, u, work.p.size)
+    zero(delta)
     for r in each(0, rows.both):
         i, j, d = rows.i[r], rows.j[r], block(unit, g, r)
         open_by = 0.5 * (dot(d, d) - rows.length2[r])

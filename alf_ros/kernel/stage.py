@@ -5,6 +5,7 @@ from __future__ import annotations
 from alf_ros.kernel.augmented_solve import accelerate, accelerate_freely, apply, velocities
 from alf_ros.kernel.data import Problem, Scales
 from alf_ros.kernel.numba_ext.jit import inner
+from alf_ros.kernel.numba_ext.vectors import furthest
 from alf_ros.kernel.projection import project_stage
 from alf_ros.kernel.status import OK
 from alf_ros.kernel.stopping import told_to_stop
@@ -28,7 +29,6 @@ def stage(
     work = problem.work
     if told_to_stop(work):
         return 0, 0.0, False
-    n = work.p.size
     exactly = neighbour
     while True:
         work.evaluations[0] += 1
@@ -44,9 +44,7 @@ def stage(
             if same > 0.0 or exactly or more < 0:
                 break
         exactly = True
-    sigma, moved = sigma if more < 0 else min(sigma, same), 0.0
-    for i in range(n):
-        moved = max(moved, abs(work.q[i] - work.target[i]))
-    x = sigma / problem.system.ordinary
+    moved = furthest(work.q, work.target, work.p.size)
+    x = (sigma if more < 0 else min(sigma, same)) / problem.system.ordinary
     clear = x > scales.close and not _CLEARANCE * moved > x * scales.radius  # also if x is inf
     return more if more < 0 else max(count, more), x, clear

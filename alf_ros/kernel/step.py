@@ -53,7 +53,16 @@ from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.lost_rank import begin_with_det, fallen, lost, note_det, rank_lost
 from alf_ros.kernel.numba_ext.jit import ONE, THREE, TWO, expanded, inner
 from alf_ros.kernel.numba_ext.lane_numbers import anywhere
-from alf_ros.kernel.numba_ext.vectors import copy, furthest, largest, zero
+from alf_ros.kernel.numba_ext.lane_structs import section
+from alf_ros.kernel.numba_ext.vectors import (
+    add_times,
+    copy,
+    copy_first,
+    furthest,
+    largest,
+    put_sum,
+    zero,
+)
 from alf_ros.kernel.prescribed import prescribe
 from alf_ros.kernel.projection import project
 from alf_ros.kernel.slip import begin_slips
@@ -63,7 +72,7 @@ from alf_ros.kernel.step_tape import begin_record, record_axes, record_stage
 from alf_ros.kernel.tangent_axes import unfold_tangents
 from alf_ros.kernel.tangent_follow import begin_following, follow_stage
 from alf_ros.kernel.tangent_stage import store_multipliers
-from alf_ros.kernel.unwrapping import count_turns, nearby
+from alf_ros.kernel.unwrapping import count_turns, nearby, some_crossed
 from alf_ros.kernel.work_ledger import ALL_FORCES, record_power
 
 
@@ -88,7 +97,8 @@ def evaluate_first(
         store_multipliers(lam, work.y)
     record_power(problem, phase, t, np.uint64(0), 1.0, ALL_FORCES)
     copy(work.qdd, work.pull)
-    copy(work.qdd, work.bend)  # of prescribed motions
+    if system.prescribed.program.size > 0:  # else blocks that are not movable stand
+        copy(work.qdd, work.bend)
     for i in range(work.p.size):
         work.bend[i] = 0.0
     zero(work.p)
@@ -181,23 +191,12 @@ def add_up(method: Method, work: Work, s: np.uint64, h: float) -> None:
         part = method.a[s * stages + m] if s < stages else method.b[m]
         if part != 0.0:
             weight, first = h * part, m * THREE * n
-            for i in range(used):
-                total[i] += weight * work.k[first + i]
-    for i in range(n):
-        work.q[i] = total[i]
-        work.qd[i] = chart.rate[i] + total[n + i]
+            add_times(weight, section(work.k, first, used), total, used)
+    copy_first(total, work.q, n)
+    put_sum(chart.rate, section(total, n, n), work.qd, n)
     if arcs:
-        for i in range(n):
-            chart.w[i] = work.p[i] = chart.momentum[i] + total[TWO * n + i]
-
-
-@inner
-def lag_of_stage(method: Method, s: np.uint64) -> float:
-    """How far stage s is behind the path, in h² of its curvature."""
-    lag = 0.5 * method.c[s] * method.c[s]
-    for m in range(s):
-        lag -= method.a[s * method.b.size + m] * method.c[m]
-    return lag
+        put_sum(chart.momentum, section(total, TWO * n, n), chart.w, n)
+        copy_first(chart.w, work.p, n)
 
 
 @expanded
@@ -256,8 +255,7 @@ def step(
             count, x = 1, sigma / system.ordinary
             clear = x > scales.close
         else:
-            copy(work.q, work.target)
-            shift_along_path(unit, system.arms, work, h * h * lag_of_stage(method, s))
+            shift_along_path(unit, system.arms, work, h * h * method.lag[s])
             count, x, clear = stage(problem, ts, scales, x < np.inf, True)  # (33), (26)
             record_power(problem, phase, ts, s, 1.0, ALL_FORCES)
         nearest = min(nearest, x)
@@ -340,11 +338,13 @@ def restore_grid_point(problem: Problem, phase: Phase) -> None:
 @inner
 def accept(unit: Unit, system: System, work: Work, phase: Phase) -> None:
     """Take the end of a step that succeeded as the new phase."""
-    violation(unit, system.angles, work.q, work.angle)
-    count_turns(work.angle_before, work.angle, phase.turns)
-    copy(work.angle, work.angle_before)
+    if some_crossed(unit, system.angles, work.q, work.angle_before):  # else `near` stays
+        violation(unit, system.angles, phase.q, work.angle_before)
+        violation(unit, system.angles, work.q, work.angle)
+        count_turns(work.angle_before, work.angle, phase.turns)
+        copy(work.angle, work.angle_before)
+        nearby(work.angle, phase.turns, work.near)
     begin_with_det(work)
-    nearby(work.angle, phase.turns, work.near)
     copy(work.q, phase.q)
     copy(work.qd, phase.qd)
     begin_slips(unit, system, work, phase)

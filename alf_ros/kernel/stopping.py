@@ -11,20 +11,25 @@ from __future__ import annotations
 
 from alf_ros.kernel.data import Work
 from alf_ros.kernel.numba_ext.calls import ask
-from alf_ros.kernel.numba_ext.jit import compiled, inner
+from alf_ros.kernel.numba_ext.jit import compiled, inlined, inner
 
 LEFT, GIVEN, STOP = 0, 1, 2  # of `Work.pulse`
 
 
-@inner
+@inlined
 def told_to_stop(work: Work) -> bool:
     """Whether the step is to be given up; asks Python when it is time to. Once a stage."""
     work.pulse[LEFT] -= 1
     if work.pulse[LEFT] < 0:
-        work.pulse[LEFT] = work.pulse[GIVEN]
-        if ask(work.caller) != 0:
-            work.pulse[STOP] = 1
+        _ask(work)
     return work.pulse[STOP] != 0
+
+
+@inner
+def _ask(work: Work) -> None:
+    work.pulse[LEFT] = work.pulse[GIVEN]
+    if ask(work.caller) != 0:
+        work.pulse[STOP] = 1
 
 
 @compiled

@@ -31,7 +31,7 @@ from alf_ros.kernel.numba_ext.vectors import copy, furthest
 from alf_ros.kernel.prescribed import prescribe
 from alf_ros.kernel.stage import stage
 from alf_ros.kernel.status import OK, STOPPED, UNFOLLOWED
-from alf_ros.kernel.step import add_up, evaluate_first, lag_of_stage, scales_of, store_angles
+from alf_ros.kernel.step import add_up, evaluate_first, scales_of, store_angles
 from alf_ros.kernel.step_tape import PROJECTED, REGULAR, store_axes, store_stage
 from alf_ros.kernel.stopping import told_to_stop
 from alf_ros.kernel.tangent_axes import (
@@ -118,8 +118,7 @@ def carry_again(
             if x < np.inf:
                 count, _ = accelerate(problem, ts, True)  # (26)
         else:
-            copy(work.q, work.target)
-            shift_along_path(unit, system.arms, work, h * h * lag_of_stage(method, s))
+            shift_along_path(unit, system.arms, work, h * h * method.lag[s])
             count, x, clear = stage(problem, ts, scales, x < np.inf, True)
         if not clear and count != 0:
             moved = furthest(work.q, work.base, work.p.size)

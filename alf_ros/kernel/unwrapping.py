@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from alf_ros.arrays import Floats, Integers
-from alf_ros.kernel.numba_ext.jit import compiled, inlined, inner
+from alf_ros.arrays import Floats, Integers, Unit
+from alf_ros.kernel.constraints import form
+from alf_ros.kernel.data import Rows
+from alf_ros.kernel.numba_ext.jit import ONE, TWO, compiled, inlined, inner
 from alf_ros.kernel.numba_ext.lane_numbers import anywhere, pick, unless
+from alf_ros.kernel.numba_ext.plain_loops import each
 
 
 @inner
@@ -19,6 +22,16 @@ def count_turns(before: Floats, after: Floats, turns: Integers) -> None:
             counter_clockwise = x0 * y1 - x1 * y0 > 0.0
             turns[n] += pick(crossed & counter_clockwise & (y1 < 0.0), 1, 0)
             turns[n] -= pick(crossed & unless(counter_clockwise) & (y0 < 0.0), 1, 0)
+
+
+@inner
+def some_crossed(unit: Unit, angles: Rows, q: Floats, before: Floats) -> bool:
+    """Whether at q some (x, y) is on the other side of the x axis than `before`."""
+    for n in each(0, before.size // TWO):
+        y = TWO * n + ONE
+        if (form(unit, angles, y, q) < 0.0) != (before[y] < 0.0):
+            return True
+    return False
 
 
 @inlined

@@ -145,6 +145,14 @@ TABLEAUX = {
 }
 
 
+def _lag(a: Floats, c: Floats) -> Floats:
+    """(s,) how far a stage is behind the path, in h² of its curvature."""
+    lag = 0.5 * c * c
+    for m in range(c.size):
+        lag[m + 1 :] -= a[m + 1 :, m] * c[m]
+    return lag
+
+
 def _guess(c: Floats) -> Floats:
     """(s, s) weights that extrapolate a stage from those before: a polynomial through all."""
     weights = np.zeros((c.size, c.size))
@@ -164,6 +172,7 @@ def method(integrator: str, iterations: int, tolerance: float) -> Method:
         a,
         b,
         c,
+        _lag(a, c),
         embedded,
         estimate,
         sharp,

@@ -19,6 +19,7 @@ class Method(Struct):
     a: Floats  # (stages, stages)
     b: Floats  # (stages,)
     c: Floats  # (stages,)
+    lag: Floats  # (stages,) how far a stage is behind the path, in h² of its curvature
     embedded: Floats  # (2, stages) weights of the embedded errors of order 5 and 3, or (0,); of an
     # implicit method (stages,)
     estimate: Floats  # (2, stages) weights by which `step_error` judges fixed steps, or (0,)

@@ -122,7 +122,8 @@ class Work(Struct):
     chart: Chart
     ended: StepEnd
     angle: Floats  # (angles, 2) x, y of each
-    angle_before: Floats  # (angles, 2) where the step began
+    angle_before: Floats  # (angles, 2) where the step began, or at an earlier step: since then no
+    # (x, y) has crossed the x axis
     near: Floats  # (angles,) rad, turns counted: where the step began, to a quarter turn
     begun: Floats  # (angles of integrals,) rad, turns counted: where the step began
     measured: Floats  # (angles of integrals, 2) remainder, rad, and turns, as measured last

@@ -27,9 +27,9 @@ from alf_ros.kernel.ldl import assemble, linearise, solve_on
 from alf_ros.kernel.lost_rank import fallen, note_det, rank_lost
 from alf_ros.kernel.numba_ext.jit import ONE, ZERO, inner
 from alf_ros.kernel.numba_ext.lane_numbers import anywhere, nowhere, pick, unless
-from alf_ros.kernel.numba_ext.vectors import copy
+from alf_ros.kernel.numba_ext.vectors import copy, put_sum
 from alf_ros.kernel.projection import begin_correction
-from alf_ros.kernel.step import add_up, lag_of_stage
+from alf_ros.kernel.step import add_up
 
 Lanes = Any
 Mask = Any
@@ -132,8 +132,7 @@ def stages_of(
         if s == stages or nowhere(good):
             break
         if s > ZERO:
-            copy(work.q, work.target)
-            shift_along_path(unit, system.arms, work, h * h * lag_of_stage(method, s))
+            shift_along_path(unit, system.arms, work, h * h * method.lag[s])
             rounds, good = _stage(problem, of, crew, progress, good)
             most = max(most, rounds)
         elif begun is not None:  # known when it is compiled
@@ -161,8 +160,7 @@ def _stage(
     begin_correction(unit, system, work)
     solve_on(unit, system, work)
     good = good & are_factored(unit, work)
-    for a in range(work.p.size):
-        work.q[a] = work.target[a] + work.delta[a]
+    put_sum(work.target, work.delta, work.q, work.p.size)
     rounds, good = lane_velocities(problem, good)  # (33)
     lane_forces(problem, of, crew, progress)
     more, good = lane_accelerations(problem, good)  # (26)

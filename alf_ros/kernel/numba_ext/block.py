@@ -2,7 +2,8 @@
 
 `block(unit, v, i)` is block i of a vector v of numbers; `put` writes one, `add` and `subtract`
 change one. Blocks add, subtract and scale as vectors do, `b[a]` is a coordinate, and `dot` the
-inner product, summed from the first coordinate on. A vector that was written by single numbers and
+inner product, summed from the first coordinate on. With a `unit` of four a block is four numbers
+of a vector, whatever the dimension (`vectors`). A vector that was written by single numbers and
 is soon read by blocks makes the processor wait. Vectors that are read by blocks must be written by
 blocks.
 """
@@ -23,7 +24,14 @@ from numba.extending import lower_builtin, lower_cast, models, register_model
 
 from alf_ros.arrays import Floats, Unit
 from alf_ros.kernel.numba_ext.jit import ONE, THREE, TWO, inlined
-from alf_ros.kernel.numba_ext.lane_numbers import LanesType, by_parts, lanes_among, stored
+from alf_ros.kernel.numba_ext.lane_numbers import (
+    LanesType,
+    by_parts,
+    lanes_among,
+    larger,
+    stored,
+    vector_function,
+)
 from alf_ros.kernel.numba_ext.plain import lowered
 from alf_ros.kernel.numba_ext.structs import VectorType, element, load
 
@@ -58,6 +66,14 @@ def _plain_subtract(v: Any, i: Any, b: Any) -> None:
 
 def _plain_packed(unit: Any, x: float, y: float, z: float) -> Any:
     return np.array((x, y, z)[: len(unit)], dtype=np.float64)
+
+
+def _plain_zeros(unit: Any) -> Any:
+    return np.zeros(len(unit))
+
+
+def _plain_largest_of(b: Any, c: Any) -> Any:
+    return np.where(np.abs(c) > b, np.abs(c), b)
 
 
 def _plain_dot(b: Any, c: Any) -> Any:
@@ -221,6 +237,31 @@ def packed(typing: Any, unit: Any, x: Any, y: Any, z: Any) -> Any:
         return value
 
     return kind(unit, number, number, number), code
+
+
+@lowered(_plain_zeros)
+def zeros(typing: Any, unit: Any) -> Any:
+    """The block 0."""
+    kind = BlockType(len(unit))
+
+    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return context.get_constant_null(kind)
+
+    return kind(unit), code
+
+
+@lowered(_plain_largest_of)
+def largest_of(typing: Any, b: Any, c: Any) -> Any:
+    """Block b, with each coordinate of c, without sign, where it is larger."""
+
+    def change(builder: Any, b: Any, c: Any) -> Any:
+        return larger(builder, b, vector_function('llvm.fabs')(builder, c))
+
+    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return _each(sig.return_type, change, builder, *args)
+
+    kind = c if c.in_lanes else b
+    return kind(kind, kind), code
 
 
 @lowered(_plain_dot)

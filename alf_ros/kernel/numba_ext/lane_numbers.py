@@ -193,7 +193,9 @@ def _comparison(sign: str, function: Any) -> None:
     lower_builtin(function, LanesType, LanesType)(lower)
 
 
-def _vector_function(name: str) -> Callable[[Any, Any], Any]:
+def vector_function(name: str) -> Callable[[Any, Any], Any]:
+    """Instructions for LLVM: a function of each number of a vector."""
+
     def code(builder: Any, x: Any) -> Any:
         full = f'{name}.v{x.type.count}f64'
         declared = ir.FunctionType(x.type, [x.type])
@@ -202,7 +204,7 @@ def _vector_function(name: str) -> Callable[[Any, Any], Any]:
     return code
 
 
-def _larger(builder: Any, x: Any, y: Any) -> Any:
+def larger(builder: Any, x: Any, y: Any) -> Any:
     """As numba has it for two numbers: the second if it is larger."""
     return builder.select(builder.fcmp_ordered('>', y, x), y, x)
 
@@ -216,10 +218,10 @@ _operation(ir.IRBuilder.fsub, 2, operator.sub, operator.isub)
 _operation(ir.IRBuilder.fmul, 2, operator.mul, operator.imul)
 _operation(ir.IRBuilder.fdiv, 2, operator.truediv, operator.itruediv)
 _operation(ir.IRBuilder.fneg, 1, operator.neg)
-_operation(_vector_function('llvm.fabs'), 1, builtins.abs, math.fabs)
-_operation(_vector_function('llvm.sqrt'), 1, np.sqrt, math.sqrt)
-_operation(_vector_function('llvm.ceil'), 1, np.ceil)
-_operation(_larger, 2, builtins.max)
+_operation(vector_function('llvm.fabs'), 1, builtins.abs, math.fabs)
+_operation(vector_function('llvm.sqrt'), 1, np.sqrt, math.sqrt)
+_operation(vector_function('llvm.ceil'), 1, np.ceil)
+_operation(larger, 2, builtins.max)
 _operation(_smaller, 2, builtins.min)
 
 for _sign, _function in (

@@ -1,7 +1,9 @@
 """Loops over vectors. Slices would do, but their error messages take seconds to compile.
 
-`zero` and `copy` call the system's library. LLVM unrolls a loop, with guards against vectors that
-overlap: for the few numbers of a small mechanism such a loop has more instructions than the call.
+LLVM unrolls a loop, with guards against vectors that overlap: for the few numbers of a small
+mechanism such a loop has more instructions than it saves. So `zero` and `copy` call the system's
+library, and the other loops take four numbers at a time and then the rest one by one, as they are
+written.
 """
 
 from __future__ import annotations
@@ -13,9 +15,13 @@ from numba import types
 from numba.core import cgutils
 
 from alf_ros.arrays import Floats
-from alf_ros.kernel.numba_ext.jit import inner
+from alf_ros.kernel.numba_ext.block import Block, add, block, largest_of, put, zeros
+from alf_ros.kernel.numba_ext.jit import FOUR, ONE, THREE, TWO, ZERO, inlined, inner
 from alf_ros.kernel.numba_ext.plain import lowered
+from alf_ros.kernel.numba_ext.plain_loops import each
 from alf_ros.kernel.numba_ext.structs import place_of
+
+_FOUR = (0.0, 0.0, 0.0, 0.0)  # the `unit` of blocks of four numbers
 
 
 def _zero_plainly(to: Any) -> None:
@@ -72,19 +78,65 @@ def _alike(of: Any, to: Any) -> bool:
     return bool(one == other)
 
 
+@inlined
+def add_first(of: Floats, to: Floats, n: np.uint64) -> None:
+    """to += of, the first n numbers."""
+    for i in each(0, n // FOUR):
+        add(to, i, block(_FOUR, of, i))
+    for i in each(n - n % FOUR, n):
+        to[i] += of[i]
+
+
+@inlined
+def add_times(weight: float, of: Floats, to: Floats, n: np.uint64) -> None:
+    """to += weight of, the first n numbers."""
+    for i in each(0, n // FOUR):
+        add(to, i, weight * block(_FOUR, of, i))
+    for i in each(n - n % FOUR, n):
+        to[i] += weight * of[i]
+
+
+@inlined
+def put_sum(u: Floats, v: Floats, to: Floats, n: np.uint64) -> None:
+    """to = u + v, the first n numbers."""
+    for i in each(0, n // FOUR):
+        put(to, i, block(_FOUR, u, i) + block(_FOUR, v, i))
+    for i in each(n - n % FOUR, n):
+        to[i] = u[i] + v[i]
+
+
+@inlined
+def put_difference(u: Floats, v: Floats, to: Floats, n: np.uint64) -> None:
+    """to = u - v, the first n numbers."""
+    for i in each(0, n // FOUR):
+        put(to, i, block(_FOUR, u, i) - block(_FOUR, v, i))
+    for i in each(n - n % FOUR, n):
+        to[i] = u[i] - v[i]
+
+
 @inner
 def largest(v: Floats, n: np.uint64) -> float:
     """Largest of the first n numbers, without sign."""
-    most = 0.0
-    for i in range(n):
+    four, most = zeros(_FOUR), 0.0
+    for i in each(0, n // FOUR):
+        four = largest_of(four, block(_FOUR, v, i))
+    for i in each(n - n % FOUR, n):
         most = max(most, abs(v[i]))
-    return most
+    return max(most, largest_coordinate(four))
 
 
 @inner
 def furthest(u: Floats, v: Floats, n: np.uint64) -> float:
     """Largest difference of the first n numbers, without sign."""
-    most = 0.0
-    for i in range(n):
+    four, most = zeros(_FOUR), 0.0
+    for i in each(0, n // FOUR):
+        four = largest_of(four, block(_FOUR, u, i) - block(_FOUR, v, i))
+    for i in each(n - n % FOUR, n):
         most = max(most, abs(u[i] - v[i]))
-    return most
+    return max(most, largest_coordinate(four))
+
+
+@inlined
+def largest_coordinate(four: Block) -> float:
+    """Of a block of four numbers."""
+    return max(max(four[ZERO], four[ONE]), max(four[TWO], four[THREE]))
