@@ -61,6 +61,7 @@ from alf_ros.kernel.numba_ext.vectors import (
     furthest,
     largest,
     put_sum,
+    put_times,
     zero,
 )
 from alf_ros.kernel.prescribed import prescribe
@@ -186,12 +187,18 @@ def add_up(method: Method, work: Work, s: np.uint64, h: float) -> None:
     n, stages, chart, total = work.p.size, method.b.size, work.chart, work.total
     arcs = anywhere(chart.arcs[0] > 0)
     used = THREE * n if arcs else TWO * n
-    zero(total)
+    begun = False
     for m in range(s):
         part = method.a[s * stages + m] if s < stages else method.b[m]
         if part != 0.0:
-            weight, first = h * part, m * THREE * n
-            add_times(weight, section(work.k, first, used), total, used)
+            rates = section(work.k, m * THREE * n, used)
+            if begun:
+                add_times(h * part, rates, total, used)
+            else:
+                put_times(h * part, rates, total, used)
+            begun = True
+    if not begun:
+        zero(total)
     copy_first(total, work.q, n)
     put_sum(chart.rate, section(total, n, n), work.qd, n)
     if arcs:

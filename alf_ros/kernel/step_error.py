@@ -42,10 +42,12 @@ from alf_ros.kernel.grazed_kinks import BEGUN, ENDED, FAR, UNFOUND
 from alf_ros.kernel.interpolated_stages import linearise_aside
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.mass import add_mass_times
+from alf_ros.kernel.numba_ext.block import block, largest_of, zeros
 from alf_ros.kernel.numba_ext.jit import FOUR, ONE, THREE, TWO, ZERO, inlined, inner
 from alf_ros.kernel.numba_ext.lane_numbers import pick
+from alf_ros.kernel.numba_ext.lane_structs import section
 from alf_ros.kernel.numba_ext.plain_loops import each
-from alf_ros.kernel.numba_ext.vectors import largest, zero
+from alf_ros.kernel.numba_ext.vectors import FOURS, largest, largest_coordinate, zero
 from alf_ros.kernel.status import OK, TOO_LONG
 
 # where `Work.judged` holds what
@@ -135,20 +137,22 @@ def _of_four(method: Method, work: Work) -> tuple[float, float, float]:
     n, k, e = np.uint64(work.sum.size), work.k, method.estimate
     a, b, c, d = e[0], e[1], e[2], e[3]
     a2, b2, c2, d2 = e[4], e[5], e[6], e[7]
-    second, third, fourth = FOUR * n, np.uint64(7) * n, np.uint64(10) * n
-    high, low, first = 0.0, 0.0, 0.0
-    high2, low2, first2 = 0.0, 0.0, 0.0
-    for i in each(ZERO, (n + ONE) // TWO):  # two by two, as there
-        k0, k1, k2, k3 = k[n + i], k[second + i], k[third + i], k[fourth + i]
-        high = max(high, abs(a * k0 + b * k1 + (c * k2 + d * k3)))
-        low = max(low, abs(a2 * k0 + b2 * k1 + (c2 * k2 + d2 * k3)))
-        first = max(first, abs(k0))
-        j = n - ONE - i
-        k0, k1, k2, k3 = k[n + j], k[second + j], k[third + j], k[fourth + j]
-        high2 = max(high2, abs(a * k0 + b * k1 + (c * k2 + d * k3)))
-        low2 = max(low2, abs(a2 * k0 + b2 * k1 + (c2 * k2 + d2 * k3)))
-        first2 = max(first2, abs(k0))
-    return max(high, high2), max(low, low2), max(first, first2)
+    first, second = section(k, n, n), section(k, FOUR * n, n)
+    third, fourth = section(k, np.uint64(7) * n, n), section(k, np.uint64(10) * n, n)
+    highs, lows, firsts = zeros(FOURS), zeros(FOURS), zeros(FOURS)
+    high, low, most = 0.0, 0.0, 0.0
+    for i in each(ZERO, n // FOUR):
+        u, v = block(FOURS, first, i), block(FOURS, second, i)
+        w, x = block(FOURS, third, i), block(FOURS, fourth, i)
+        highs = largest_of(highs, a * u + b * v + (c * w + d * x))
+        lows = largest_of(lows, a2 * u + b2 * v + (c2 * w + d2 * x))
+        firsts = largest_of(firsts, u)
+    for i in each(n - n % FOUR, n):
+        high = max(high, abs(a * first[i] + b * second[i] + (c * third[i] + d * fourth[i])))
+        low = max(low, abs(a2 * first[i] + b2 * second[i] + (c2 * third[i] + d2 * fourth[i])))
+        most = max(most, abs(first[i]))
+    high, low = max(high, largest_coordinate(highs)), max(low, largest_coordinate(lows))
+    return high, low, max(most, largest_coordinate(firsts))
 
 
 @inner

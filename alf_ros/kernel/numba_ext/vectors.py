@@ -21,7 +21,7 @@ from alf_ros.kernel.numba_ext.plain import lowered
 from alf_ros.kernel.numba_ext.plain_loops import each
 from alf_ros.kernel.numba_ext.structs import place_of
 
-_FOUR = (0.0, 0.0, 0.0, 0.0)  # the `unit` of blocks of four numbers
+FOURS = (0.0, 0.0, 0.0, 0.0)  # the `unit` of blocks of four numbers
 
 
 def _zero_plainly(to: Any) -> None:
@@ -82,16 +82,25 @@ def _alike(of: Any, to: Any) -> bool:
 def add_first(of: Floats, to: Floats, n: np.uint64) -> None:
     """to += of, the first n numbers."""
     for i in each(0, n // FOUR):
-        add(to, i, block(_FOUR, of, i))
+        add(to, i, block(FOURS, of, i))
     for i in each(n - n % FOUR, n):
         to[i] += of[i]
+
+
+@inlined
+def put_times(weight: float, of: Floats, to: Floats, n: np.uint64) -> None:
+    """to = weight of, the first n numbers."""
+    for i in each(0, n // FOUR):
+        put(to, i, weight * block(FOURS, of, i))
+    for i in each(n - n % FOUR, n):
+        to[i] = weight * of[i]
 
 
 @inlined
 def add_times(weight: float, of: Floats, to: Floats, n: np.uint64) -> None:
     """to += weight of, the first n numbers."""
     for i in each(0, n // FOUR):
-        add(to, i, weight * block(_FOUR, of, i))
+        add(to, i, weight * block(FOURS, of, i))
     for i in each(n - n % FOUR, n):
         to[i] += weight * of[i]
 
@@ -100,7 +109,7 @@ def add_times(weight: float, of: Floats, to: Floats, n: np.uint64) -> None:
 def put_sum(u: Floats, v: Floats, to: Floats, n: np.uint64) -> None:
     """to = u + v, the first n numbers."""
     for i in each(0, n // FOUR):
-        put(to, i, block(_FOUR, u, i) + block(_FOUR, v, i))
+        put(to, i, block(FOURS, u, i) + block(FOURS, v, i))
     for i in each(n - n % FOUR, n):
         to[i] = u[i] + v[i]
 
@@ -109,7 +118,7 @@ def put_sum(u: Floats, v: Floats, to: Floats, n: np.uint64) -> None:
 def put_difference(u: Floats, v: Floats, to: Floats, n: np.uint64) -> None:
     """to = u - v, the first n numbers."""
     for i in each(0, n // FOUR):
-        put(to, i, block(_FOUR, u, i) - block(_FOUR, v, i))
+        put(to, i, block(FOURS, u, i) - block(FOURS, v, i))
     for i in each(n - n % FOUR, n):
         to[i] = u[i] - v[i]
 
@@ -117,9 +126,9 @@ def put_difference(u: Floats, v: Floats, to: Floats, n: np.uint64) -> None:
 @inner
 def largest(v: Floats, n: np.uint64) -> float:
     """Largest of the first n numbers, without sign."""
-    four, most = zeros(_FOUR), 0.0
+    four, most = zeros(FOURS), 0.0
     for i in each(0, n // FOUR):
-        four = largest_of(four, block(_FOUR, v, i))
+        four = largest_of(four, block(FOURS, v, i))
     for i in each(n - n % FOUR, n):
         most = max(most, abs(v[i]))
     return max(most, largest_coordinate(four))
@@ -128,9 +137,9 @@ def largest(v: Floats, n: np.uint64) -> float:
 @inner
 def furthest(u: Floats, v: Floats, n: np.uint64) -> float:
     """Largest difference of the first n numbers, without sign."""
-    four, most = zeros(_FOUR), 0.0
+    four, most = zeros(FOURS), 0.0
     for i in each(0, n // FOUR):
-        four = largest_of(four, block(_FOUR, u, i) - block(_FOUR, v, i))
+        four = largest_of(four, block(FOURS, u, i) - block(FOURS, v, i))
     for i in each(n - n % FOUR, n):
         most = max(most, abs(u[i] - v[i]))
     return max(most, largest_coordinate(four))
