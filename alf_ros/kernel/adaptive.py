@@ -16,7 +16,6 @@ from alf_ros.kernel.data import (
     StepRecord,
     System,
     Tangents,
-    Watch,
     Work,
 )
 from alf_ros.kernel.grazed_kinks import unresolved_kink
@@ -120,7 +119,6 @@ def collapsed(bearings: Bearings, result: int, begin: float) -> int:
 def advance_adaptively(
     problem: Problem,
     phase: Phase,
-    watch: Watch | None,
     span: Span,
     within: bool,
     tangents: Tangents | None = None,
@@ -243,7 +241,6 @@ def advance_adaptively(
         phase.step[0] = first + taken + 1
         leave_trail(work.trail, phase)
         good_pace = pace[0]
-        if watch is not None:  # known at compilation: code without watching omits it
-            if may_have_passed(problem, phase, watch, end):
-                return OK, taken + 1, most  # to be looked at
+        if may_have_passed(problem, phase, end):
+            return OK, taken + 1, most  # to be looked at
     return OK, steps, most

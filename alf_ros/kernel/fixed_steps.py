@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from alf_ros.kernel.crossed_kinks import CROSSINGS, crossed, next_aim, passed, shorter
-from alf_ros.kernel.data import Phase, Problem, Span, StepRecord, Tangents, Watch
+from alf_ros.kernel.data import Phase, Problem, Span, StepRecord, Tangents
 from alf_ros.kernel.grazed_kinks import UNFOUND, unresolved_kink
 from alf_ros.kernel.numba_ext.jit import compiled
 from alf_ros.kernel.numba_ext.vectors import copy
@@ -32,7 +32,6 @@ PIECES = 50  # of a step, at most
 def advance(
     problem: Problem,
     phase: Phase,
-    watch: Watch | None,
     span: Span,
     within: bool,
     tangents: Tangents | None = None,
@@ -41,7 +40,7 @@ def advance(
     """Take the steps of a span; returns (result, taken, most iterations).
 
     `phase` is the state, in and out; on failure it holds the last good step. The call ends earlier
-    after a step in which, according to `watch`, a singular position may have been passed.
+    after a step in which, in a watched run, a singular position may have been passed.
     `within`: `phase` is a singular position, and no force acts along the direction of the lost
     row, so that solves do not show it. A step that is asked to stop is given up. `tangents`: the
     derivatives by parameters that follow the steps; `record`: where the steps are written down;
@@ -108,7 +107,6 @@ def advance(
             done, aim, begun = aim, next_aim(aim, since, h), False
         phase.step[0] = first + taken + 1
         leave_trail(work.trail, phase)
-        if watch is not None:  # known when it is compiled: without a watch there is no code for it
-            if may_have_passed(problem, phase, watch, end):
-                return OK, taken + 1, most
+        if may_have_passed(problem, phase, end):
+            return OK, taken + 1, most
     return OK, steps, most

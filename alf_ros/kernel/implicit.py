@@ -14,7 +14,7 @@ import numpy as np
 
 from alf_ros.arrays import Unit
 from alf_ros.kernel.adaptive import BEYOND, ENDED, REFUSED, collapsed
-from alf_ros.kernel.data import EPS, Method, Phase, Problem, Scales, Span, System, Watch, Work
+from alf_ros.kernel.data import EPS, Method, Phase, Problem, Scales, Span, System, Work
 from alf_ros.kernel.effect_jacobians import add_soft_times, weigh
 from alf_ros.kernel.fixed_steps import PIECES
 from alf_ros.kernel.grazed_kinks import UNFOUND, unresolved_kink
@@ -31,7 +31,7 @@ from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.numba_ext.jit import ONE, THREE, ZERO, compiled, expanded, inner
 from alf_ros.kernel.numba_ext.vectors import copy, furthest, largest, zero
 from alf_ros.kernel.prescribed import prescribe
-from alf_ros.kernel.singularity_monitor import may_have_passed
+from alf_ros.kernel.singularity_monitor import is_watched, may_have_passed
 from alf_ros.kernel.stage import stage
 from alf_ros.kernel.status import (
     JAMMED,
@@ -267,7 +267,6 @@ def _error(
 def advance_implicitly(
     problem: Problem,
     phase: Phase,
-    watch: Watch | None,
     span: Span,
     within: bool,
 ) -> tuple[int, int, int]:
@@ -364,9 +363,9 @@ def advance_implicitly(
         phase.step[0] = first + taken + 1
         leave_trail(work.trail, phase)
         good_pace = pace[0]
-        if watch is not None:  # known at compilation: code without watching omits it
+        if is_watched(work):
             zero(system.soft.weight)
             linearise(unit, system, work, work.q)
-            if may_have_passed(problem, phase, watch, end):
+            if may_have_passed(problem, phase, end):
                 return OK, taken + 1, most  # to be looked at
     return OK, steps, most

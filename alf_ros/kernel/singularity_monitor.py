@@ -1,14 +1,23 @@
-"""The singularity monitor: softest modes, followed from step to step if a run is watched."""
+"""The singularity monitor: softest modes, followed from step to step if a run is watched.
+
+It is called through a function pointer, so that a run that nobody watches does not compile it, and
+both kinds of runs share the code of their steps.
+"""
 
 from __future__ import annotations
 
+from functools import cache
+from typing import Any
+
 import numpy as np
+from numba import types
 
 from alf_ros.arrays import Floats, Unit
 from alf_ros.kernel.constraints import jacobian_rate
-from alf_ros.kernel.data import Modes, Phase, Problem, System, Watch, Work
+from alf_ros.kernel.data import Modes, Phase, Problem, System, Work
 from alf_ros.kernel.numba_ext.block import block, dot
-from alf_ros.kernel.numba_ext.jit import ONE, compiled, inner
+from alf_ros.kernel.numba_ext.calls import call
+from alf_ros.kernel.numba_ext.jit import ONE, by_address, compiled, expanded, inner
 from alf_ros.kernel.numba_ext.plain_loops import each
 from alf_ros.kernel.numba_ext.vectors import copy
 from alf_ros.kernel.softest_modes import STIFF, carried_over, softest
@@ -43,16 +52,29 @@ def _is_steady(
     return steady
 
 
-@inner
-def may_have_passed(problem: Problem, phase: Phase, watch: Watch, t: float) -> bool:
-    """Follow the modes to the end of a step, at t, with the factor in `work`; returns whether a
-    singular position may have been passed in the step.
+@expanded
+def is_watched(work: Work) -> bool:
+    """Whether modes are followed in a run with this workspace."""
+    return work.follow.size > 0
+
+
+@expanded
+def may_have_passed(problem: Problem, phase: Phase, t: float) -> bool:
+    """In a watched run, follow the modes to the end of a step, at t, with the factor in `work`;
+    returns whether a singular position may have been passed in the step."""
+    work = problem.work
+    call(work.follow, problem, phase, t)
+    return is_watched(work) and work.watch.look[0] == 1
+
+
+def _follow_step(problem: Problem, phase: Phase, t: float) -> None:
+    """Set `look` to 1 if a singular position may have been passed in a step, else to 0.
 
     If σ of each mode is steady and no row turns far, in this step and in the one before, no
     position can have been passed. The step before counts because a mechanism may turn back just
     behind a singular position: then only that step shows the pass.
     """
-    unit, system, work = problem.unit, problem.system, problem.work
+    unit, system, work, watch = problem.unit, problem.system, problem.work, problem.work.watch
     quiet = watch.quiet[0]
     _copy_phase(watch.after, watch.before)
     _copy_phase(phase, watch.after)
@@ -63,7 +85,13 @@ def may_have_passed(problem: Problem, phase: Phase, watch: Watch, t: float) -> b
     steady = follow(unit, system, work, watch.modes, 1, 0.0) and furthest <= _TURN
     watch.quiet[0] = 1 if steady else 0
     watch.look[0] = 1 if quiet == 0 or not steady else 0
-    return watch.look[0] == 1
+
+
+@cache
+def follow_step(dimension: int) -> Any:
+    """The compiled function for 2 or 3 dimensions; its `address` is what `Work` holds."""
+    structs = Problem._numba_type(dimension), Phase._numba_type()
+    return by_address(types.void(*structs, types.float64))(_follow_step)
 
 
 @inner

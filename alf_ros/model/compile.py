@@ -14,7 +14,7 @@ from alf_ros import columns
 from alf_ros.arrays import Floats, Integers, Unit
 from alf_ros.errors import AssemblyError
 from alf_ros.gc_pause import paused
-from alf_ros.kernel import Chart, Integrals, Rows, Soft, StepEnd, System, Trail, Work
+from alf_ros.kernel import Chart, Integrals, Rows, Soft, StepEnd, System, Trail, Watch, Work
 from alf_ros.kernel.data import EPS
 from alf_ros.kernel.step_error import JUDGED
 from alf_ros.mechanism import Coordinate, Mechanism, Point, Vector
@@ -339,12 +339,18 @@ def allocate(model: Model, system: System, stages: int) -> Work:
         (system.angles.c.size, system.integrals.angle.size, system.integrals.row.size),
         stages,
     )
-    return work.zeros(chart=chart.zeros(), ended=ended.zeros(), trail=_no_trail())
+    parts = {'chart': chart.zeros(), 'ended': ended.zeros()}
+    return work.zeros(**parts, trail=_no_trail(), watch=_no_watch())
 
 
 @cache
 def _no_trail() -> Trail:
     return Trail.empty()
+
+
+@cache
+def _no_watch() -> Watch:
+    return Watch.empty()
 
 
 @lru_cache(maxsize=64)
@@ -365,6 +371,7 @@ def _workspaces(
     sizes = {
         'pulse': 3,
         'caller': 4,
+        'follow': 0,
         'evaluations': 1,
         'rounded': 1,
         'aside': 2,

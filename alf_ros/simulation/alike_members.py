@@ -98,7 +98,7 @@ class AlikeMembers:
     def _crew(self, g: int) -> LaneCrew:
         own = slice(g * self._lanes, (g + 1) * self._lanes)
         dimension, lanes = self._of.model.layout.dimension, self._lanes
-        addresses = [each.address for each in functions_of_members(dimension, self._adaptive)]
+        addresses = functions_of_members(dimension, self._adaptive)
         steady = int(self._of._applied.is_steady)
         alone, forces, drives = (np.array([each], dtype=np.uint64) for each in addresses)
         return LaneCrew(
@@ -110,7 +110,6 @@ class AlikeMembers:
             steady=np.array([steady]),
             result=np.zeros(lanes, dtype=np.int64),
             apart=np.zeros(lanes, dtype=np.int64),
-            told=np.zeros(3),
         )
 
     def run(

@@ -51,13 +51,12 @@ class _Group:
         self.crew = LaneCrew(
             _addresses(problems),
             _addresses(phases),
-            _address(steps),
-            _address(forces),
-            _address(drives),
+            _as_array(steps),
+            _as_array(forces),
+            _as_array(drives),
             np.zeros(1, dtype=np.int64),
             np.zeros(lanes, dtype=np.int64),
             np.zeros(lanes, dtype=np.int64),
-            np.zeros(3),
         )
         self.listener = Listener(self.problem.work)
         # (lanes,) number of steps, targets, most iterations: of the kernel
@@ -309,5 +308,5 @@ def _addresses(structs: Sequence[Any]) -> Addresses:
     return np.array([each._address for each in structs], dtype=np.uint64)
 
 
-def _address(function: Any) -> Addresses:
-    return np.array([function.address], dtype=np.uint64)
+def _as_array(address: int) -> Addresses:
+    return np.array([address], dtype=np.uint64)

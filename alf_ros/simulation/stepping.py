@@ -15,6 +15,7 @@ from alf_ros.arrays import Floats
 from alf_ros.effects.contract import Effect
 from alf_ros.errors import InputError, StepError
 from alf_ros.kernel import Forces, Problem, Span, Status, StepRecord, Tangents, Trail, Watch, Work
+from alf_ros.kernel.singularity_monitor import follow_step
 from alf_ros.model import singular_start
 from alf_ros.model.compile import allocate
 from alf_ros.model.effect_directions import softened
@@ -99,6 +100,7 @@ class Stepper:
         self._behind: Work | None = None  # of tangents
         self._tangents: dict[bool, tuple[Problem, Tangents]] = {}  # of the run, and aside
         self._problems: dict[bool, Problem] = {}  # of the run, and aside
+        self._watched: Problem | None = None  # of the run, while somebody watches
         self.trail: Trail | None = None  # on which the steps of the run are written down
         self.formulation = formulation
         if solver.formulation != 'alf2' and formulation is None:
@@ -153,7 +155,7 @@ class Stepper:
         span, within = Span(0.0, present.step, n, self.h), self.begins_within(present)
         within = within and present.step == 0
         result, _, self.iterations = self._kernel(
-            problem, present.phase, None, span, within, None, record
+            problem, present.phase, span, within, None, record
         )
         return Status(result)
 
@@ -192,9 +194,11 @@ class Stepper:
         follow: tuple[Tangents, ...] = ()
         if followed and self._following is not None:
             follow = (self._followed(present.applied, problem),)
+        if watch is not None:
+            problem = self._watched_by(watch, problem)
         if self.trail is not None and work is self.work:
-            problem = changed(problem, work=changed(work, trail=self.trail))
-        result, _, self.iterations = self._kernel(problem, phase, watch, span, within, *follow)
+            problem = changed(problem, work=changed(problem.work, trail=self.trail))
+        result, _, self.iterations = self._kernel(problem, phase, span, within, *follow)
         return Status(result)
 
     def begins_within(self, present: Present) -> bool:
@@ -233,6 +237,16 @@ class Stepper:
         if known is None or known.forces is not forces:
             known = Problem(self._model.unit, self.system, forces, self.method, work)
             self._problems[work is self.work] = known
+        return known
+
+    def _watched_by(self, watch: Watch, problem: Problem) -> Problem:
+        """The problem of the run, whose steps `watch` follows."""
+        known = self._watched
+        if known is None or known.forces is not problem.forces or known.work.watch is not watch:
+            code = follow_step(self._model.layout.dimension)
+            follow = np.array([code.address], dtype=np.uint64)
+            work = changed(problem.work, follow=follow, watch=watch)
+            known = self._watched = changed(problem, work=work)
         return known
 
     def error(self, status: Status, present: Present) -> StepError:

@@ -16,13 +16,12 @@ class LaneCrew(Struct):
 
     problem: Addresses  # (W,) of its Problem
     phase: Addresses  # (W,) of its Phase
-    alone: Addresses  # (1,) of the function that takes a step of one member
+    alone: Addresses  # (1,) where the code of steps of one member begins
     forces: Addresses  # (1,) of the function that puts Q of one member into its work
     drives: Addresses  # (1,) of the function that places its prescribed blocks
     steady: Integers  # (1,) 1 if Q depends neither on time nor on the motion
     result: Integers  # (W,) of the steps of each
     apart: Integers  # (W,) steps that each took alone
-    told: Floats  # (3,) of a step alone: result, 1 if it was taken, most iterations
 
 
 @dataclass(frozen=True, eq=False)

@@ -84,7 +84,9 @@ class Modes(Struct):
 
 @dataclass(frozen=True, eq=False)
 class Watch(Struct):
-    """Data of the singularity monitor, stored from step to step."""
+    """Data of the singularity monitor, stored from step to step; empty where nobody watches."""
+
+    common = True
 
     modes: Modes  # where the last step ended
     quiet: Integers  # (1,) 1 if that step alone shows that no mode vanished in it

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from alf_ros.arrays import Addresses, Floats, Integers
+from alf_ros.kernel.data.motion import Watch
 from alf_ros.kernel.numba_ext.structs import Struct
 
 
@@ -60,7 +61,7 @@ class Trail(Struct):
 class Work(Struct):
     """Workspace of the kernel: allocated once by the caller."""
 
-    addresses = borrowed = ('caller',)
+    addresses = borrowed = 'caller', 'follow'
 
     pulse: Integers  # (3,) see `stopping`: stages and rounds left, given; whether to stop
     caller: Addresses  # (4,) the Python object that is asked then, or 0; and what it raised
@@ -129,3 +130,5 @@ class Work(Struct):
     measured: Floats  # (angles of integrals, 2) remainder, rad, and turns, as measured last
     sums: Floats  # (integrals,) m, their values
     trail: Trail
+    follow: Addresses  # (1,) the function that follows the modes of a watched run; else (0,)
+    watch: Watch

@@ -9,10 +9,9 @@ import numpy as np
 from alf_ros.kernel.constraints import violation
 from alf_ros.kernel.data import Phase, Problem
 from alf_ros.kernel.data.lane_crew import LaneCrew, LaneProgress
-from alf_ros.kernel.lanes.single_member import put_lane, steady_forces, take_phase
+from alf_ros.kernel.lanes.single_member import put_lane, steady_forces, step_alone, take_phase
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.lost_rank import begin_with_det, note_det
-from alf_ros.kernel.numba_ext.calls import call
 from alf_ros.kernel.numba_ext.jit import ONE, TWO, ZERO, inner
 from alf_ros.kernel.numba_ext.lane_numbers import pick
 from alf_ros.kernel.numba_ext.lane_structs import lane, set_lane, struct_at
@@ -103,11 +102,11 @@ def advance_alone(
     index, target = lane(progress.index, ZERO, m), lane(progress.target, ZERO, m)
     state.step[0] = np.int64(index)
     while True:
-        call(crew.alone[0], member, state, h, crew.told)
-        index += crew.told[1]
-        set_lane(progress.most, ZERO, m, max(lane(progress.most, ZERO, m), crew.told[2]))
-        crew.apart[m] += np.int64(crew.told[1])
-        crew.result[m] = np.int64(crew.told[0])
+        result, taken, most = step_alone(crew.alone[0], member, state, h)
+        index += taken
+        set_lane(progress.most, ZERO, m, max(lane(progress.most, ZERO, m), float(most)))
+        crew.apart[m] += taken
+        crew.result[m] = result
         if crew.result[m] != OK or index >= target or not member.work.nearest[0] < np.inf:
             break
     take_phase(phase, problem.work, state, member, m)

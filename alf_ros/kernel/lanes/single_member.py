@@ -1,16 +1,16 @@
 """Tasks of a group for one member after another: forces, prescribed motions, steps alone.
 
 Effects and drives are functions of one mechanism, called by their addresses. They read and write
-the workspace of the member itself.
+the workspace of the member itself. A member steps alone by the machine code of a single run, which
+is called where it begins: it is not compiled again.
 """
 
 from __future__ import annotations
 
 from functools import cache
-from typing import Any
 
 import numpy as np
-from numba import types
+from numba import typeof, types
 
 from alf_ros.arrays import Floats
 from alf_ros.kernel.adaptive import advance_adaptively
@@ -18,7 +18,7 @@ from alf_ros.kernel.augmented_solve import apply
 from alf_ros.kernel.data import Phase, Problem, Span, Work
 from alf_ros.kernel.data.lane_crew import LaneCrew, LaneProgress
 from alf_ros.kernel.fixed_steps import advance
-from alf_ros.kernel.numba_ext.calls import call
+from alf_ros.kernel.numba_ext.calls import call, call_for_counts, entry
 from alf_ros.kernel.numba_ext.jit import ZERO, by_address, inner
 from alf_ros.kernel.numba_ext.lane_structs import lane, set_lane, struct_at
 from alf_ros.kernel.prescribed import prescribe
@@ -112,26 +112,21 @@ def _prescribe(problem: Problem, t: float) -> None:
     prescribe(problem.system, t, work.q, work.qd, work.qdd)
 
 
-# `bool(ZERO)` and not `False`: the type of a run's own argument, whose code is there by now. A
-# constant would have all of the steps compiled again.
-def _advance(problem: Problem, phase: Phase, h: float, told: Floats) -> None:
+@inner
+def step_alone(
+    alone: np.uint64, problem: Problem, phase: Phase, h: float
+) -> tuple[np.int64, np.int64, np.int64]:
+    """One step of a member by code at an address; returns (result, taken, most iterations)."""
     span = Span(0.0, phase.step[0], 1, h)
-    result, taken, most = advance(problem, phase, None, span, bool(ZERO))
-    told[0], told[1], told[2] = float(result), float(taken), float(most)
-
-
-def _advance_adaptively(problem: Problem, phase: Phase, h: float, told: Floats) -> None:
-    span = Span(0.0, phase.step[0], 1, h)
-    result, taken, most = advance_adaptively(problem, phase, None, span, bool(ZERO))
-    told[0], told[1], told[2] = float(result), float(taken), float(most)
+    return call_for_counts(alone, problem, phase, span, bool(ZERO))
 
 
 @cache
-def functions_of_members(dimension: int, adaptive: bool) -> tuple[Any, Any, Any]:
-    """Compiled for 2 or 3 dimensions: a step of a member alone, with a fixed length or `adaptive`;
-    its forces, its drives."""
+def functions_of_members(dimension: int, adaptive: bool) -> tuple[int, int, int]:
+    """Addresses of code for 2 or 3 dimensions: steps of a member alone, with a fixed length or
+    `adaptive`; its forces, its drives."""
     problem, phase = Problem._numba_type(dimension), Phase._numba_type()
     now = types.void(problem, types.float64)
-    step = types.void(problem, phase, types.float64, types.CPointer(types.float64))
-    alone = _advance_adaptively if adaptive else _advance
-    return by_address(step)(alone), by_address(now)(_apply), by_address(now)(_prescribe)
+    span = typeof(Span(0.0, 0, 1, 0.0))
+    alone = entry(advance_adaptively if adaptive else advance, problem, phase, span, types.boolean)
+    return alone, by_address(now)(_apply).address, by_address(now)(_prescribe).address

@@ -1,4 +1,4 @@
-"""Calls of C functions by their addresses, and of single instructions of the processor."""
+"""Calls of code by its address, and of single instructions of the processor."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
+from numba.extending import intrinsic
 
 from alf_ros.kernel.numba_ext.lane_numbers import lanes_among
 from alf_ros.kernel.numba_ext.plain import PlainVector, at, lowered
@@ -95,6 +96,40 @@ def call(typing: Any, address: Any, *arguments: Any) -> Any:
 def call_for_number(typing: Any, address: Any, *arguments: Any) -> Any:
     """The same of a function that returns a float, at an address."""
     return _call(ir.DoubleType(), types.float64, (address, *arguments))
+
+
+_COUNTS = types.UniTuple(types.int64, 3)
+
+
+def entry(function: Any, *kinds: Any) -> int:
+    """Where the machine code of a compiled function for arguments of these types begins. It
+    returns three whole numbers.
+
+    `call_for_counts` calls it. Code that calls the function itself would contain it, compiled
+    again.
+    """
+    _, _, given, _ = function.get_call_template(kinds, {})
+    made = function.overloads[tuple(given)]
+    if made.signature.return_type != _COUNTS:
+        raise TypeError(f'{function.__name__} returns {made.signature.return_type}')
+    return int(made.library.get_pointer_to_function(made.fndesc.llvm_func_name))
+
+
+@intrinsic
+def call_for_counts(typing: Any, address: Any, *arguments: Any) -> Any:
+    """Call compiled code at its `entry`."""
+
+    def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        kinds, convention = tuple(sig.args[1]), context.call_conv
+        given = cgutils.unpack_tuple(builder, args[1], len(kinds))
+        kind = convention.get_function_type(_COUNTS, kinds)
+        function = builder.inttoptr(args[0], kind.as_pointer())
+        status, value = convention.call_function(builder, function, _COUNTS, kinds, given)
+        with cgutils.if_unlikely(builder, status.is_error):
+            convention.return_status_propagate(builder, status)
+        return value
+
+    return _COUNTS(types.uint64, types.StarArgTuple.from_types(arguments)), code
 
 
 def _ask_plainly(words: Any) -> int:
