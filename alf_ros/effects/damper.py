@@ -64,7 +64,8 @@ def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
         start, end = (place(layout, *each) for each in zip(p.between, p.at, strict=True))
         measures.add_distance(start, end)
         measures.give(law(p.damping, p.table))
-    return measures.packed()
+    tables = any(effect.parameters.table is not None for effect in effects)
+    return measures.packed(smooth=not tables)
 
 
 @contract.force

@@ -104,7 +104,8 @@ def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
         given = float(p.velocity is not None)
         head = [p.position_gain, p.velocity_gain, limit, slope_of_limit, given]
         measures.give([*head, e.size, e.size + x.size, *e, *x, *xd])
-    return replace(measures.packed(), instants=instants(*functions))
+    smooth = all(effect.parameters.limit is None for effect in effects)
+    return replace(measures.packed(smooth=smooth), instants=instants(*functions))
 
 
 @shared

@@ -83,7 +83,8 @@ def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
         length = measures.drawn() if p.free_length is None else p.free_length
         measures.give([length, *law(p.stiffness, p.table)])
     tables = any(effect.parameters.table is not None for effect in effects)
-    return measures.packed(directions=layout.dimension + 1, intervals=tables)
+    directions = layout.dimension + 1
+    return measures.packed(directions=directions, intervals=tables, smooth=not tables)
 
 
 @contract.force

@@ -67,7 +67,7 @@ def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
         position = measures.drawn() if p.free_position is None else p.free_position
         measures.give([position, p.damping, *law(p.stiffness, p.table)])
     tables = any(effect.parameters.table is not None for effect in effects)
-    return measures.packed(intervals=tables)
+    return measures.packed(intervals=tables, smooth=not tables)
 
 
 @contract.force

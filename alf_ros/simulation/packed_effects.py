@@ -99,7 +99,8 @@ def kinds_of(
         friction = module.friction.address if rubs else 0
         rubbing = instances if rubs else ()
         tangent = module.tangent.address if asked.tangents and hasattr(module, 'tangent') else 0
-        side = module.side.address if asked.sides and hasattr(module, 'side') else 0
+        has_sides = asked.sides and not packed.smooth and hasattr(module, 'side')
+        side = module.side.address if has_sides else 0
         within = asked.intervals and packed.intervals > 0
         interval = module.interval.address if within else 0
         addresses = module.force.address, potential, friction, tangent, side, interval

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import math
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -75,13 +75,20 @@ CASES: list[tuple[str, dict[str, Any], list[tuple[float, float, float]]]] = [
 ]
 
 
-def side(kind: str, parameters: dict[str, Any], theta: float, rate: float, t: float) -> float:
+def side(
+    kind: str, parameters: dict[str, Any], theta: float, rate: float, t: float, asked: bool = True
+) -> float:
+    """Of an effect that a run asks, or does not ask."""
     points, speeds = (
         dict(zip('AB', values.reshape(-1, 2).tolist(), strict=True))
         for values in (CRANK.position(theta), rate * CRANK.tangent(theta))
     )
     simulation = simulated(kind, parameters, positions=points, velocities=speeds)
     state, forces = simulation.state, simulation._applied.assembled.effects
+    assert forces.side.size == int(asked)
+    if not asked:
+        address = np.array([registry.load(kind).side.address], dtype=np.uint64)
+        forces = replace(forces, side=address)
     return float(kernel.sides(forces, t, state.q, state.qd, np.full(1, theta)))
 
 
@@ -110,8 +117,9 @@ def test_another_number_beyond_a_kink(
     ],
 )
 def test_a_straight_law_has_no_kink(kind: str, parameters: dict[str, Any]) -> None:
+    """So no step asks it."""
     states = [(0.1, 1.0, 0.0), (1.5, -2.0, 1.0), (3.0, 0.0, 2.0), (-1.0, 0.5, 3.0)]
-    assert len({side(kind, parameters, *state) for state in states}) == 1
+    assert len({side(kind, parameters, *state, asked=False) for state in states}) == 1
 
 
 def interval(kind: str, parameters: dict[str, Any], theta: float, rate: float) -> list[float]:

@@ -150,7 +150,8 @@ class Packed:
     """Data of the compiled functions of an effect: `slots` are indices, `params` numbers.
 
     directions: the blocks that each direction of `tangent` moves; intervals: how many scalars
-    `interval` knows; instants: of kinks over time (s), at which adaptive steps end.
+    `interval` knows; instants: of kinks over time (s), at which adaptive steps end; smooth:
+    whether `side` is the same everywhere, so that nobody needs to ask.
     """
 
     slots: Integers
@@ -158,6 +159,7 @@ class Packed:
     directions: tuple[tuple[int, ...], ...] = ()
     intervals: int = 0
     instants: Floats = field(default_factory=lambda: np.zeros(0))
+    smooth: bool = False
 
 
 def force(function: Callable[..., None]) -> Any:

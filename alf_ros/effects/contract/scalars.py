@@ -122,9 +122,10 @@ class Measures:
         """The numbers of the effect that go with the scalar added last."""
         self._numbers[-1] = columns.array(list(numbers))
 
-    def packed(self, directions: int = 1, intervals: bool = False) -> Packed:
+    def packed(self, directions: int = 1, intervals: bool = False, smooth: bool = False) -> Packed:
         """All of it, for the functions below; an effect yields in so many directions of each
-        scalar. `intervals`: whether it has kinks that `interval` knows."""
+        scalar. `intervals`: whether it has kinks that `interval` knows; `smooth`: whether it has
+        no kinks that `side` tells."""
         at = _HEAD + _WORDS * len(self._words) + 2 * len(self._rows)
         table: list[int] = []
         slots: list[int] = []
@@ -153,7 +154,8 @@ class Measures:
             blocks = {block for row in self._rows[first:end] for block in row.blocks}
             moved += directions * [tuple(sorted(blocks))]
         known = len(self._words) if intervals else 0
-        return Packed(whole, np.concatenate([*params, *self._numbers]), tuple(moved), known)
+        numbers = np.concatenate([*params, *self._numbers])
+        return Packed(whole, numbers, tuple(moved), known, smooth=smooth)
 
 
 def _value(row: Row, q: Sequence[Floats]) -> float:
