@@ -10,10 +10,17 @@ import numpy as np
 from alf_ros import kernel
 from alf_ros.arrays import Floats, Integers
 from alf_ros.errors import AlfError, StepError
-from alf_ros.kernel import Adjoint, Problem, Status, StepRecord, Tape
+from alf_ros.kernel import Adjoint, ForceColumns, ForceTrace, Problem, Status, StepRecord, Tape
 from alf_ros.kernel.step_tape import SPAN
 from alf_ros.model.compile import Model
 from alf_ros.simulation.applied import Applied
+from alf_ros.simulation.force_columns import (
+    COLUMNS,
+    by_params,
+    columns_of,
+    fit_columns,
+    no_columns,
+)
 from alf_ros.simulation.force_traces import OPERATIONS, empty_trace, leaves_of, traced_forces
 from alf_ros.simulation.present import Present
 from alf_ros.simulation.slope_products import SlopeProducts
@@ -66,7 +73,7 @@ class AdjointFollowing:
         self._record = self._empty_record()
         self._adjoint: Adjoint | None = None
         self._made_for: tuple[Applied, StepRecord, int] | None = None
-        traced_forces(stepper.applied)
+        self._forces(stepper.applied)
 
     @property
     def bytes_of_step(self) -> int:
@@ -102,6 +109,7 @@ class AdjointFollowing:
             assert self._adjoint is not None
             for name in (*SUMS, 'of_trace'):
                 getattr(self._adjoint, name)[:] = 0.0
+            self._adjoint.columns.own[:] = 0.0
             return
         self._adjoint = self._made(self._stepper.problem_aside(present), present.applied)
         self._made_for = made
@@ -152,22 +160,35 @@ class AdjointFollowing:
         """The derivatives, once all steps are taken back."""
         of = self._adjoint
         assert of is not None
-        whole, size = self._model.q.size, of.tangents.problem.forces.effects.params.size
-        params = of.of_trace[2 * whole : 2 * whole + size].copy()
+        whole, effects = self._model.q.size, of.tangents.problem.forces.effects
+        if of.columns.force.size > 0:
+            params = by_params(of.columns, effects)
+        else:
+            params = of.of_trace[2 * whole :][: effects.params.size].copy()
         arrays = {name: getattr(of, name).copy() for name in SUMS}
         return TakenBack(of.bar_q.copy(), of.bar_qd.copy(), arrays, params)
+
+    def _forces(self, applied: Applied) -> tuple[ForceColumns, ForceTrace]:
+        """The columns or the traces by which forces are differentiated; the other one is empty."""
+        model = self._model
+        numbers, whole = leaves_of(model, applied, self._products), model.q.size
+        if fit_columns(applied.assembled.effects, whole, numbers):
+            none = np.zeros_like(applied.assembled.effects.force)
+            return columns_of(applied, whole, numbers), empty_trace(model, none, numbers, 0)
+        force = traced_forces(applied)
+        return no_columns(), empty_trace(model, force, numbers, self._operations)
 
     def _made(self, problem: Problem, applied: Applied) -> Adjoint:
         model, work = self._model, problem.work
         system, stages = problem.system, problem.method.b.size
         n, whole, blocks = model.n, model.q.size, work.chart.sin.size
-        room, force = self._operations, traced_forces(applied)
-        numbers = leaves_of(model, applied, self._products)
+        columns, trace = self._forces(applied)
+        leaves = trace.numbers.size
         angles = system.angles.c.size // 2
         sizes = {
             **{name: getattr(system.mass, name.removeprefix('mass_')).size for name in SUMS[:3]},
             **{name: getattr(system.rows, name).size for name in SUMS[3:]},
-            'of_trace': numbers.size + room,
+            'of_trace': leaves + trace.slopes.size // 2,
             'start': 2 * n,
             'rates': 2 * stages * n,
             'g': work.g.size,
@@ -187,7 +208,7 @@ class AdjointFollowing:
         terms = self._products is None or self._products.changes('term')
         return Adjoint(
             unit=model.unit,
-            tangents=tangents_of(model, problem, work, 0, np.zeros_like(force)),
+            tangents=tangents_of(model, problem, work, 0, np.zeros_like(trace.force), COLUMNS),
             phase=kernel.Phase(
                 np.zeros(whole),
                 np.zeros(whole),
@@ -203,7 +224,8 @@ class AdjointFollowing:
                 **{name: np.zeros(size) for name, size in tape.items()},
             ),
             terms_count=np.array([int(terms)]),
-            trace=empty_trace(model, force, numbers, room),
+            columns=columns,
+            trace=trace,
             **{name: np.zeros(size) for name, size in sizes.items()},
         )
 

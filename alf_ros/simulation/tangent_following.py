@@ -110,7 +110,7 @@ class TangentFollowing:
 
     def check(self, applied: Applied) -> None:
         """Raises InputError for an effect without a derivative."""
-        _dual_forces(applied, _lanes_for(len(self.names)))
+        dual_forces(applied, _lanes_for(len(self.names)))
 
     def tangents(
         self, applied: Applied, problem: Problem, work: Work, before: Tangents | None = None
@@ -125,7 +125,7 @@ class TangentFollowing:
                 before.params[:] = params
                 own = changed(problem, forces=_alone(problem.forces), work=work)
                 return changed(before, problem=own)
-        force = _dual_forces(applied, W)
+        force = dual_forces(applied, W)
         changes: dict[str, Any] = {
             name: _in_groups(np.array([each.arrays[name] for each in self.slopes]), W)
             for name in (*_MASSES, *_ROWS)
@@ -135,17 +135,16 @@ class TangentFollowing:
         changes['rows_change'] = _any_of_group(moved, W)
         changes['params'] = params
         model, count = self._start.model, len(self.names)
-        return replace(tangents_of(model, problem, work, count, force), **changes)
+        return replace(tangents_of(model, problem, work, count, force, W), **changes)
 
 
 def tangents_of(
-    model: Model, problem: Problem, work: Work, count: int, force: Addresses
+    model: Model, problem: Problem, work: Work, count: int, force: Addresses, W: int
 ) -> Tangents:
     """Tangents of `count` parameters that change nothing. force: of each effect, for dual
-    numbers in lanes."""
+    numbers in W lanes."""
     D, n, whole = model.layout.dimension, model.n, model.q.size
     rows, mass, stages = problem.system.rows, problem.system.mass, problem.method.b.size
-    W = _lanes_for(count)
     effects, groups = problem.forces.effects, -(-count // W)
     lanes = {
         'mass_diagonal': groups * mass.diagonal.size,
@@ -294,7 +293,7 @@ def _check_slopes(slopes: Slopes, start: Start) -> None:
         )
 
 
-def _dual_forces(applied: Applied, W: int) -> Addresses:
+def dual_forces(applied: Applied, W: int) -> Addresses:
     """(effects,) the address of each force for dual numbers of W lanes, in the order of the
     kernel."""
     # it teaches numba new types: only where somebody asks

@@ -222,6 +222,24 @@ def test_in_legs(robot: Scene) -> None:
     np.testing.assert_array_equal(again, found[1])
 
 
+SPRINGS: dict[str, Any] = {
+    'effects.spring': '{between: [B, O], at: [~, ~], stiffness: 30, free_length: 0.7}',
+    'effects.damper': '{between: [B, O], damping: 0.1}',
+    'effects.drag': '{on: coupler, linear: 0.1}',
+}
+
+
+def test_columns_equal_traces(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Forces of small mechanisms are differentiated along columns, all others are traced."""
+    scene = overrides.with_changes(load_scene('slider_crank'), SPRINGS)
+    names = ('m', 'gravity.acceleration.1', 'spring.stiffness', 'damper.damping')
+    _, columns, size = dot_products(scene, names, 200, **FIXED)
+    monkeypatch.setattr('alf_ros.simulation.adjoint_following.fit_columns', lambda *_: False)
+    _, traces, _ = dot_products(scene, names, 200, **FIXED)
+    assert np.all(np.abs(columns - traces) <= 1e-12 * size)
+    assert np.all(columns != 0.0)
+
+
 def test_traces_and_records_grow(robot: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     """Too little memory is noticed, and the leg repeated."""
     names, settings = NUMBERS[:3], {**ADAPTIVE, 'step': 0.05}

@@ -6,8 +6,9 @@ prescribed blocks, for which A has no columns, follow. Rows: distance rows betwe
 distance rows with a fixed end, quadratic rows.
 
 `system`: the mechanism. `forces`: the effects on it. `motion`: state, method and singular modes.
-`work`: the workspace. `tangents`, `adjoint`, `force_trace`: derivatives. `problem`: these bundled,
-and numbers that functions of the kernel pass on together. `readings`: data of samples.
+`work`: the workspace. `tangents`, `adjoint`, `force_columns`, `force_trace`: derivatives.
+`problem`: these bundled, and numbers that functions of the kernel pass on together. `readings`:
+data of samples.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.kernel.data.adjoint import Adjoint, StepRecord, Tape
+from alf_ros.kernel.data.force_columns import ForceColumns
 from alf_ros.kernel.data.force_trace import ForceTrace
 from alf_ros.kernel.data.forces import Bearings, Effects, ForceDirection, Forces, Kinks, Ledger
 from alf_ros.kernel.data.motion import Method, Modes, Phase, Watch
@@ -66,6 +68,7 @@ __all__ = [
     'Effects',
     'FollowedStage',
     'ForceDirection',
+    'ForceColumns',
     'ForceTrace',
     'Forces',
     'Forms',

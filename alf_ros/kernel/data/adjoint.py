@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from alf_ros.arrays import Floats, Integers, Unit
+from alf_ros.kernel.data.force_columns import ForceColumns
 from alf_ros.kernel.data.force_trace import ForceTrace
 from alf_ros.kernel.data.motion import Phase
 from alf_ros.kernel.data.tangents import Tangents
@@ -74,7 +75,8 @@ class Adjoint(Struct):
     phase: Phase  # where a step began
     record: StepRecord
     tape: Tape
-    trace: ForceTrace
+    columns: ForceColumns  # of small mechanisms
+    trace: ForceTrace  # of all others
     bar_q: Floats  # (all blocks D,) ∂J/∂q of the state; of fixed blocks the sum over all stages
     bar_qd: Floats  # (all blocks D,) ∂J/∂q̇
     mass_diagonal: Floats  # (movable,) of `Mass`
