@@ -1,4 +1,5 @@
-"""Less work for numba: results that it computes again and again while it compiles are kept.
+"""Less work for numba: results that it computes again and again while it compiles are kept, and
+passes over code in which they have nothing to do are left out.
 
 The code that numba makes is the same. This holds inside of `spared`, under the lock of numba's
 compiler. Before and after, numba is as it was.
@@ -9,17 +10,24 @@ compiler. Before and after, numba is as it was.
 - Which variables live at the entry of each block, after each of nine changes of the intermediate
   code. Only generators and code with Python objects need it.
 - The time in each call of LLVM, for each function that is being compiled, up to a dozen at once.
+- Code in which there may be closures, lists and reductions to inline, or expressions of arrays to
+  fuse. numba prepares each function for that. The kernel has numbers, vectors and structs.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
+from functools import reduce
 from typing import Any
 
-from numba.core import event, postproc, transforms
+from numba import stencil, types
+from numba.core import event, ir, postproc, transforms
 from numba.core.base import BaseContext
+from numba.core.ir_utils import fixup_var_define_in_scope
+from numba.core.typed_passes import NopythonRewrites
 from numba.core.types.functions import BaseFunction
+from numba.core.untyped_passes import InlineClosureLikes
 
 _signatures: dict[tuple[Any, ...], Any] = {}
 _sizes: dict[tuple[Any, str], int] = {}
@@ -28,6 +36,7 @@ _depth = 0
 _call_type = BaseFunction.get_call_type
 _size = BaseContext.get_abi_sizeof
 _run = postproc.PostProcessor.run
+_inline, _rewrite = InlineClosureLikes.run_pass, NopythonRewrites.run_pass
 _start, _end, _trigger = event.start_event, event.end_event, event.trigger_event
 
 
@@ -65,6 +74,36 @@ def _run_without_lives(self: Any, emit_dels: bool = False, extend_lifetimes: boo
         self._insert_var_dels(extend_lifetimes=extend_lifetimes)
 
 
+_UNFOLDED = 'reduce', 'stencil'  # functions of Python and numba, whose calls are inlined
+
+
+def _may_be_inlined(value: Any) -> bool:
+    """Whether a value in numba's intermediate code is one that `InlineClosureLikes` looks for."""
+    if isinstance(value, ir.Expr):
+        made = value.op in ('make_function', 'build_list')
+        return made or (value.op == 'getattr' and value.attr in _UNFOLDED)
+    if isinstance(value, (ir.Global, ir.FreeVar)):
+        return value.name in _UNFOLDED or value.value is reduce or value.value is stencil
+    return False
+
+
+def _inline_if_any(self: Any, state: Any) -> Any:
+    code = state.func_ir
+    for block in code.blocks.values():
+        if any(_may_be_inlined(each.value) for each in block.find_insts(ir.Assign)):
+            return _inline(self, state)
+    postproc.PostProcessor(code).run()
+    fixup_var_define_in_scope(code.blocks)
+    return True
+
+
+def _rewrite_if_any(self: Any, state: Any) -> Any:
+    fused = types.ArrayCompatible, types.StringLiteral
+    if any(isinstance(kind, fused) for kind in state.typemap.values()):
+        return _rewrite(self, state)
+    return True
+
+
 def _no_timer(kind: str, callback: Any) -> AbstractContextManager[None]:
     return nullcontext()
 
@@ -91,6 +130,8 @@ REPLACED: tuple[tuple[Any, str, Any], ...] = (
     (BaseFunction, 'get_call_type', _remembered_call_type),
     (BaseContext, 'get_abi_sizeof', _remembered_size),
     (postproc.PostProcessor, 'run', _run_without_lives),
+    (InlineClosureLikes, 'run_pass', _inline_if_any),
+    (NopythonRewrites, 'run_pass', _rewrite_if_any),
     (event, 'install_timer', _no_timer),
     (event, 'start_event', _start_heard),
     (event, 'end_event', _end_heard),
