@@ -59,7 +59,7 @@ if 'PYTEST_XDIST_WORKER' in os.environ:  # the process that starts the workers h
 def pytest_addoption(parser: pytest.Parser) -> None:
     """How many scene files with mistakes test/scene/test_mutants.py tries, and how often each
     process of an ensemble is killed (test/studies/test_ensemble_kills.py)."""
-    parser.addoption('--mutants', type=int, default=200, metavar='N')
+    parser.addoption('--mutants', type=int, default=100, metavar='N')
     parser.addoption('--kills', type=int, default=1, metavar='N')
 
 
@@ -71,18 +71,24 @@ if not os.environ.get('ALF_ROS_LONG'):
 
 # Long files, also those that would begin late: a file that begins last should be short.
 _FIRST = (
-    'effects/test_effect_contract.py',
-    'kernel/test_cache_attacks.py',
-    'project/test_install.py',
-    'simulation/test_side_by_side.py',
     'simulation/test_tangents.py',
-    'project/test_new_user.py',
-    'studies/test_stepped_ensemble.py',
+    'project/test_pages.py',
+    'effects/test_effect_contract.py',
+    'project/test_docs.py',
+    'simulation/test_side_by_side.py',
+    'studies/test_gradient.py',
+    'project/test_install.py',
     'ros/test_soak.py',
     'studies/test_equilibrium_path.py',
-    'studies/test_ensemble_kills.py',
     'studies/test_optimise.py',
-    'studies/test_gradient.py',
+    'kernel/test_cache_attacks.py',
+    'inspection/test_check.py',
+    'studies/test_hard_cases.py',
+    'project/test_packaging.py',
+    'studies/test_ensemble_kills.py',
+    'model/test_softest.py',
+    'project/test_new_user.py',
+    'studies/test_work_precision.py',
     'ros/test_view.py',
 )
 # Tests of these folders start processes and wait for them; others compute.

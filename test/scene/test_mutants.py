@@ -1,6 +1,6 @@
 """Ten thousand scene files with mistakes: each runs with finite numbers or is refused in one line.
 
-Here some hundreds of them; the whole campaign (minutes) is
+Here a hundred of them; the whole campaign (minutes) is
 
     .venv/bin/python -m pytest test/scene/test_mutants.py --mutants 10000
 

@@ -1,8 +1,12 @@
-"""Numbers of assemblies, each against a count made independently, with 20 seeds of the search."""
+"""Numbers of assemblies, each against a count made independently, with some seeds of the search.
+
+Five; twenty with ALF_ROS_LONG=1 make test ARGS=test/studies/test_assemblies.py.
+"""
 
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable
 from fractions import Fraction
 from typing import Any
@@ -15,7 +19,7 @@ from alf_ros import AssemblyError, InputError, assemblies
 from alf_ros.arrays import Floats
 from alf_ros.studies.atlas.assembly_search import Assemblies
 
-SEEDS = range(20)
+SEEDS = range(20 if os.environ.get('ALF_ROS_LONG') else 5)
 ROD = {'mass': 1.0, 'inertia': 'rod'}
 
 
