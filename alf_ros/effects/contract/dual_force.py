@@ -38,7 +38,7 @@ def dual_force(function: Callable[..., None], lanes: int = 0) -> Any:
     `lanes`: along so many directions at once; the arrays of slopes are (numbers, lanes). Raises
     TypeError where it does not compile for dual numbers.
     """
-    inside = shared(function)
+    inside = shared(function, forceinline=True)
 
     def both(
         t: float,

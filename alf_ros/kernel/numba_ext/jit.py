@@ -53,9 +53,9 @@ def inlined(function: Callable[..., Any]) -> Any:
     return _cached(function, **_options, **_called_inside, forceinline=True)
 
 
-def shared(function: Callable[..., Any]) -> Any:
+def shared(function: Callable[..., Any], **options: Any) -> Any:
     """A part of each effect that calls it."""
-    return _cached(function, error_model='numpy', no_cfunc_wrapper=True)
+    return _cached(function, error_model='numpy', no_cfunc_wrapper=True, **options)
 
 
 # inlined into its caller: saves a compilation for functions with one or two callers
@@ -68,13 +68,16 @@ def by_address(
     """A C function, which the kernel calls by its `address`. It is compiled only if needed.
 
     `of`: the function that a closure passes on; its machine code is kept as code of that one.
+    The function is put into its C function: a call of an effect is one call, not two.
     """
 
     def compile(function: Callable[..., Any]) -> Any:
         if PLAIN:
             return Function(signature, function)
         types = sigutils.normalize_signature(signature)
-        made: Any = CFunc(function, types, locals={}, options={'error_model': 'numpy'})
+        made: Any = CFunc(
+            function, types, locals={}, options={'error_model': 'numpy', 'forceinline': True}
+        )
         made._cache = cache = Cache(function if of is None else of)
         cache.guarded(made.compile)()
         return made
