@@ -1,4 +1,4 @@
-"""∂J/∂ of the numbers that forces depend on, column by column (`data/force_columns`).
+"""∂J/∂ of the numbers that forces depend on, column by column (`ForceColumns`).
 
 A small mechanism has so few coordinates that two registers hold a slope for each of them. To
 compute these with the force takes less time than to write its operations down and to read them

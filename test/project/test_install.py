@@ -1,7 +1,7 @@
 """doc/install.md: a workspace of rosdep and colcon has no mcap, no zstandard, and numpy 1.
 
-numpy 1 needs code of its own: that of a short formulation; of alf2 with ALF_ROS_LONG=1 make test
-ARGS=test/project/test_install.py.
+numpy 1 needs its own machine code. By default a short formulation is compiled, with ALF_ROS_LONG=1
+alf2: ALF_ROS_LONG=1 make test ARGS=test/project/test_install.py.
 """
 
 import os

@@ -14,6 +14,7 @@ SAME = {
     # the compiled half and the half that prepares or reads it
     'mass': {'kernel/mass.py', 'model/mass.py'},
     'prescribed': {'kernel/prescribed.py', 'model/prescribed.py'},
+    'force_columns': {'kernel/force_columns.py', 'simulation/force_columns.py'},
     'sample_limits': {'kernel/sample_limits.py', 'simulation/sample_limits.py'},
     'softest_modes': {'kernel/softest_modes.py', 'model/softest_modes.py'},
     'work_ledger': {'kernel/work_ledger.py', 'simulation/work_ledger.py'},

@@ -15,8 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from alf_ros.kernel.data.adjoint import Adjoint, StepRecord, Tape
-from alf_ros.kernel.data.force_columns import ForceColumns
+from alf_ros.kernel.data.adjoint import Adjoint, ForceColumns, StepRecord, Tape
 from alf_ros.kernel.data.force_trace import ForceTrace
 from alf_ros.kernel.data.forces import Bearings, Effects, ForceDirection, Forces, Kinks, Ledger
 from alf_ros.kernel.data.motion import Method, Modes, Phase, Watch

@@ -5,12 +5,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from alf_ros.arrays import Floats, Integers, Unit
-from alf_ros.kernel.data.force_columns import ForceColumns
+from alf_ros.arrays import Addresses, Floats, Integers, Unit
 from alf_ros.kernel.data.force_trace import ForceTrace
 from alf_ros.kernel.data.motion import Phase
 from alf_ros.kernel.data.tangents import Tangents
-from alf_ros.kernel.numba_ext.structs import Struct
+from alf_ros.kernel.numba_ext.structs import Lanes, Struct
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +60,24 @@ class Tape(Struct):
     sum_qd: Floats  # (stages, movable D)
     given: Floats  # (stages, all blocks D)
     projected: Integers  # (1,) whether the end of the step is projected
+
+
+@dataclass(frozen=True, eq=False)
+class ForceColumns(Struct):
+    """Directions in which the force of an effect is differentiated at once, one in each lane: the
+    first ones are along numbers of q and q̇, and then, for each effect, along its own numbers."""
+
+    addresses = ('force',)
+
+    force: Addresses  # (effects,) for dual numbers in lanes; (0,): forces are traced instead
+    number: Integers  # (columns of the state,) the number of q, or of q̇ behind it, of each
+    dq: Lanes  # (all blocks D,) m
+    dqd: Lanes  # (all blocks D,) m/s
+    dparams: Lanes  # (params,)
+    Q: Floats  # (all blocks D,) forces beside their derivatives
+    dQ: Lanes  # (all blocks D,) of one effect
+    own: Lanes  # (effects,) ∂J/∂ the numbers of each effect, summed up over all stages
+    sum: Lanes  # (1,) ∂J/∂ the numbers of the state, in a stage
 
 
 @dataclass(frozen=True, eq=False)
