@@ -107,6 +107,13 @@ def _errors(
 
 
 @inner
+def forget_end(bearings: Bearings) -> None:
+    """No balance of friction has ended in this step of the grid yet."""
+    if bearings.settle.size > 0:
+        bearings.ended[0] = -np.inf
+
+
+@inner
 def collapsed(bearings: Bearings, result: int, begin: float) -> int:
     """Why no step from `begin` (s) is small enough, of which the trial beyond has this result:
     JAMMED if it finds no balance of friction, or if one of the steps tried has found none."""
@@ -140,6 +147,7 @@ def advance_adaptively(
         return NOT_POSITIVE, 0, most
     sigma = 0.0 if within else least_sigma(phase)
     for taken in range(steps):
+        forget_end(problem.forces.bearings)
         t, end = t0 + (first + taken) * h, t0 + (first + taken + 1) * h
         done, goal = 0.0, 0.0  # goal: where a step has to end besides the grid point
         since = 0.0  # s since a kink was crossed

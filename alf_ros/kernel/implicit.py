@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from alf_ros.arrays import Unit
-from alf_ros.kernel.adaptive import BEYOND, ENDED, REFUSED, collapsed
+from alf_ros.kernel.adaptive import BEYOND, ENDED, REFUSED, collapsed, forget_end
 from alf_ros.kernel.data import EPS, Method, Phase, Problem, Scales, Span, System, Work
 from alf_ros.kernel.effect_jacobians import add_soft_times, weigh
 from alf_ros.kernel.fixed_steps import PIECES
@@ -281,6 +281,7 @@ def advance_implicitly(
     most, here = 0, within
     store_angles(unit, system, work, phase)
     for taken in range(steps):
+        forget_end(problem.forces.bearings)
         t, end = t0 + (first + taken) * h, t0 + (first + taken + 1) * h
         done, goal, result, tried, unsettled, refused = 0.0, 0.0, OK, 0, 0, 0
         cuts = 0  # pieces of a fixed step

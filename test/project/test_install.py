@@ -1,8 +1,4 @@
-"""doc/install.md: a workspace of rosdep and colcon has no mcap, no zstandard, and numpy 1.
-
-numpy 1 needs its own machine code. By default a short formulation is compiled, with ALF_ROS_LONG=1
-alf2: ALF_ROS_LONG=1 make test ARGS=test/project/test_install.py.
-"""
+"""doc/install.md: a workspace of rosdep and colcon has no mcap, no zstandard, and numpy 1."""
 
 import os
 import re
@@ -24,7 +20,6 @@ from support.paths import ROOT
 from support.ros_node import START_LIMIT, read_log
 
 PACKAGE = ROOT / 'package.xml'
-FORMULATION = 'alf2' if os.environ.get('ALF_ROS_LONG') else 'alf1'
 
 
 def interpreter(folder, *without):
@@ -90,17 +85,13 @@ def test_with_numpy_1(tmp_path):
     assert subprocess.run(show, capture_output=True, text=True).stdout.startswith('1.26')
     # compiled anew for this numpy, once; LLVM, which knows no numpy, optimises less, for the time
     less = {'NUMBA_OPT': '1'}
-    scene = (ROOT / 'config/scenes/slider_crank.yaml').read_text('utf-8')
-    own = tmp_path / 'own.yaml'
-    own.write_text(scene.replace('solver: {', f'solver: {{formulation: {FORMULATION}, '), 'utf-8')
-    run(python, tmp_path, 'simulator', '--scene', str(own), '--duration', '0.1', **less)
+    run(python, tmp_path, 'simulator', '--duration', '0.1', **less)
     (path,) = tmp_path.glob('logs/*/*.mcap')
     log = load(path)
     assert log.damage == '' and len(log.states.t) == 51
     assert 'EQUAL' in run(python, tmp_path, 'verify', str(path), **less)
     # numpy 2 adds up some products in another order: the same but for rounding
-    simulation = Simulation(load_scene(own))
-    assert simulation.solver.formulation == FORMULATION
+    simulation = Simulation(load_scene('slider_crank'))
     simulation.step(100)
     assert log.states.q[-1] == pytest.approx(simulation.sample().q, abs=1e-12)
 
