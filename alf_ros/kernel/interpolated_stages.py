@@ -51,7 +51,7 @@ _NARROWEST = 0.02  # of the first spacing, above which they are moved closer onc
 SLOW = 1e-3  # part of the speed that forces give, below which a velocity has no reliable direction
 _CLOSED = 1e-10  # part of the size
 _SAME = 1e-11  # part of the size by which a place that is found may be off by rounding
-DRIFT = 1e-12  # part of the size by which lengths may miss the position without energy drifting
+DRIFT = 1e-13  # part of the size by which lengths may miss the position without energy drifting
 _SMOOTH = 10.0  # times what a smooth branch leaves: 29 is what lengths that disagree leave
 
 
@@ -271,6 +271,7 @@ def _interpolate(problem: Problem, t: float, moving: bool, scales: Scales, spaci
     n, most = work.p.size, 0
     speed = largest(work.along, n)
     position = 0.0  # about where, m along the branch
+    beside = moving  # `base` may be beside the branch
     for _ in range(_TRIES):
         zero(work.sum_q)
         zero(work.sum_qd)
@@ -296,6 +297,12 @@ def _interpolate(problem: Problem, t: float, moving: bool, scales: Scales, spaci
                 work.sum_qd[a] += work.place_weights[k] * work.qd[a]
         if good:
             gap = _gap(system, work, spacing / scales.radius)
+            if beside and gap > DRIFT * system.size:
+                # places off by e slip by e² / x along the branch, which looks alike: from the
+                # position that was found they do not
+                copy(work.sum_q, work.base)
+                beside = False
+                continue
             if gap > _CLOSED * system.size:
                 _refuse(work, gap)
                 return 0

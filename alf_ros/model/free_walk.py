@@ -35,7 +35,7 @@ _SOFT = 1e4  # penalty that feels modes of σ up to 0.1
 _LOST = 0.02  # of a mode: from there on a singular position may be near
 SEARCHED = 3000  # coordinates up to which singular positions are looked for
 _IN = 1e-2  # of a lost mode: σ below 1e-3
-_SPACINGS = 0.1, 0.04  # of places on either side of a singular position, of those on a way
+_SPACINGS = 0.1, 0.04, 0.016  # of places on either side of a singular position, of those on a way
 _OFFSETS = np.array([-4.0, -3.0, -2.0, -1.0, 1.0, 2.0, 3.0, 4.0])
 _CLOSED = 256.0  # rounding units that these places may leave open
 _ROUNDS = 3  # of putting places on a branch
@@ -172,12 +172,17 @@ class Walk:
         bend = a - 2.0 * b + c
         along = 0.5 * (c - a) + softest * bend
         usual = max(_CLOSED * self.rounding, 2.0 * self.gap([a, c]))
-        wide, narrow = (self._on_branch(best[0], along, bend, s, usual) for s in _SPACINGS)
-        if wide is None or narrow is None:
-            return None
-        # what interpolation leaves open changes with the spacing; a contradiction stays
-        one, other, least = self.widest(wide), self.widest(narrow), _FELT * self.rounding
-        return narrow if 0.5 * one - least < other < 1.5 * one + least else None
+        least, found = _FELT * self.rounding, list[Floats]()
+        for spacing in _SPACINGS:
+            place = self._on_branch(best[0], along, bend, spacing, usual)
+            if place is None:
+                break
+            # what interpolation leaves open changes with the spacing; a contradiction stays
+            before = self.widest(found[-1]) if found else self.widest(place)
+            if not 0.5 * before - least < self.widest(place) < 1.5 * before + least:
+                return None
+            found.append(place)
+        return found[1] if len(found) > 1 else None  # the third may be too near to be told
 
     def _on_branch(
         self, q: Floats, along: Floats, bend: Floats, spacing: float, usual: float

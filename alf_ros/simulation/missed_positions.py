@@ -41,11 +41,17 @@ class MissedPositions:
         along = np.random.default_rng(0).standard_normal(self._model.n)
         return self._walked(self._start.q, along, nearby=False)
 
+    @cached_property
+    def _examined(self) -> bool:
+        """Whether the way of the mechanism can be followed without its motion."""
+        model = self._model
+        is_free = not model.mechanism.drives and not model.system.rows.velocity
+        return is_free and model.n <= _LOOKED_AT and self.reason == LENGTHS
+
     def _walked(self, q: Floats, along: Floats, nearby: bool) -> float:
         """As `Walk.missed`; 0 for mechanisms that are not examined."""
         model = self._model
-        is_free = not model.mechanism.drives and not model.system.rows.velocity
-        if not is_free or model.n > _LOOKED_AT or self.reason == MOTION:
+        if not self._examined:
             return 0.0
         walk = Walk(model.with_penalty(PENALTY), self._start.dependent_rows)
         return walk.missed(q, along[: model.n], nearby)
@@ -53,8 +59,11 @@ class MissedPositions:
     def explained(self, told: float, q: Floats, qd: Floats) -> tuple[str, str] | None:
         """(addition to the reason, remedy) for a step that could not be closed from q (blocks D,
         m) and q̇ (m/s); None if no singular position is near. `told` (m): by how much a stage
-        found that one is missed."""
-        gap = told if told > 0.0 else self._walked(q, qd, nearby=True)
+        found that one is missed. Stages of steps that are far too long find that too where
+        lengths agree, so where the way can be followed it must confirm it."""
+        gap = self._walked(q, qd, nearby=True)
+        if told > 0.0 and (gap > 0.0 or not self._examined or self.on_the_way > 0.0):
+            gap = told
         if not 0.0 < gap <= _MEANT * self._model.size:
             return self._beside(q)
         remedy = 'take a smaller step, or ' + (

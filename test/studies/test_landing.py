@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from alf_ros import Scene, Simulation, load_scene
 from alf_ros.arrays import Floats
-from alf_ros.studies.exact import motions, one_freedom
+from alf_ros.studies.exact import crossed_bars, motions, one_freedom
 from alf_ros.studies.hard_cases import landing
 from alf_ros.studies.hard_cases.trial import execute
 
@@ -150,7 +150,9 @@ def test_runs_of_the_case_land_where_they_say() -> None:
 def test_a_step_that_begins_where_nothing_is_felt(step: float, rate: float) -> None:
     """Of 3,000 landings at random speeds these ended so well that the next step did not notice."""
     change = one_freedom.change_point_alone()
-    passage = landing._Passage('change_point', (), change, ('A', 'B'), 3.0 * math.pi, rate)
+    passage = landing._Passage(
+        'change_point', 'change_point', (), change, ('A', 'B'), 3.0 * math.pi, rate
+    )
     motion = passage.motion(0.1)
     whole = Simulation(motion.scene(), integrator='dop853', step=step)
     whole.step(round(0.2 / step))
@@ -186,3 +188,28 @@ def test_at_rest_however_little_beside_it(integrator: str, offset: float) -> Non
     assert simulation.sample().q - [0.0, 1.0, 0.0, 0.0] == pytest.approx(
         wanted - [0.0, 1.0, 0.0, 0.0], rel=1e-4, abs=1e-15
     )
+
+
+@pytest.mark.parametrize(
+    ('crank', 'coupler', 'crossed', 'rate', 'aside'),
+    [
+        (1.12, 1.72, [True], 5.48, 1e-10),
+        (0.76, 1.44, [True, True], 4.01, -1e-10),
+        (0.93, 1.47, [False, True], 3.13, 0.0),
+        (1.04, 1.64, [True, False], 4.74, 1e-8),
+    ],
+)
+def test_coarse_steps_that_land_on_exact_lengths(
+    crank: float, coupler: float, crossed: list[bool], rate: float, aside: float
+) -> None:
+    """The error of a long step is not taken for lengths that disagree."""
+    alone = crossed_bars.crossed_four_bars(crank, coupler, crossed)
+    mechanism = crossed_bars.crossed_mechanism(crank, coupler, crossed)
+    points = tuple(f'B{k}' for k in range(len(crossed) + 1))
+    passage = landing._Passage('crossed', mechanism, (), alone, points, 0.0, rate)
+    motion = passage.motion(0.1 + aside)
+    sim = Simulation(motion.scene(), integrator='rk4', step=1e-2)
+    for wanted in motion.exact()[1:]:
+        sim.step(10)
+        assert sim.sample().q == pytest.approx(wanted, abs=1e-3)
+    assert sim.resolution.crossing == 0.0

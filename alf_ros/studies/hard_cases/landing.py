@@ -18,6 +18,7 @@ from scipy.integrate import solve_ivp
 from alf_ros.arrays import Floats
 from alf_ros.scene.scene import load_scene
 from alf_ros.studies.exact import one_freedom
+from alf_ros.studies.exact.crossed_bars import crossed_four_bars, crossed_mechanism
 from alf_ros.studies.exact.motions import ExactMotion
 from alf_ros.studies.exact.one_freedom import OneFreedom
 from alf_ros.studies.hard_cases.trial import RunSpec, TableRow
@@ -34,7 +35,8 @@ _GRAVITY = {'gravity': {'acceleration': [0, -one_freedom.GRAVITY]}}
 class _Passage:
     """A motion through a singular position at `angle` (rad), with `rate` (rad/s) there."""
 
-    mechanism: str
+    name: str
+    mechanism: str | dict[str, Any]  # of the library, or as in a file
     parameters: tuple[tuple[str, float], ...]
     alone: OneFreedom
     points: tuple[str, ...]
@@ -83,7 +85,7 @@ class _Passage:
             },
         }
         return ExactMotion(
-            self.mechanism,
+            self.name,
             f'{self.angle:.4g} rad at {self.rate:.4g} rad/s in {when:.13g} s',
             partial(load_scene, source, dict(self.parameters)),
             _TIMES,
@@ -211,17 +213,37 @@ def _passages(rates: Sequence[float]) -> Iterator[tuple[str, list[_Passage | _Dr
         yield (
             setting,
             [
-                _Passage(mechanism, parameters, alone, points, angle, rate)
+                _Passage(mechanism, mechanism, parameters, alone, points, angle, rate)
                 for rate in rates
                 for angle in angles
             ],
         )
+    yield 'random crossed four-bars', list(_crossed(rates))
     # the rods turn by less than a quarter in a run
     yield 'driven piston', [_piston(rate) for rate in rates]
     yield (
         'driven five-bar',
         [_five_bar(math.copysign(min(abs(rate), 3.0), rate)) for rate in rates],
     )
+
+
+def _crossed(rates: Sequence[float]) -> Iterator[_Passage]:
+    """One to three four-bars of random lengths, each parallel or crossed. The fastest of their
+    bars has the rate, or 0.5 rad/s: slower ones turn back so near the position that the rounding
+    of their lengths turns them by more than the bounds."""
+    random = np.random.default_rng(_SEED)
+    for rate in rates:
+        for angle in (0.0, math.pi):
+            crossed = [bool(one) for one in random.integers(0, 2, random.integers(1, 4))]
+            crank = float(random.uniform(0.3, 1.2))
+            coupler = crank * float(random.uniform(1.2, 2.5))
+            alone = crossed_four_bars(crank, coupler, crossed)
+            slopes = np.linalg.norm(alone.tangent(angle).reshape(-1, 2), axis=1) / crank
+            name = f'{crank:.4g}, {coupler:.4g} m, crossed {crossed}'
+            points = tuple(f'B{k}' for k in range(len(crossed) + 1))
+            source = crossed_mechanism(crank, coupler, crossed)
+            fastest = math.copysign(max(abs(rate), 0.5), rate)
+            yield _Passage(name, source, (), alone, points, angle, fastest / float(slopes.max()))
 
 
 # integrator, step (s), tolerance, bound (m): of the order of the method, and above rounding
