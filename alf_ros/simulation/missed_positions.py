@@ -101,7 +101,9 @@ class MissedPositions:
     ) -> Resolution:
         """The resolution of steps `judged` (its first six fields), of which stages found that a
         position is missed by `told` (m), and which went at most `longest` (m) beside one."""
-        gap, size = told, self._model.size
+        gap, size, too_long = told, self._model.size, judged[4]
+        if told > 0.0 and too_long and self._examined and not self.on_the_way > 0.0:
+            gap = 0.0  # as in `explained`
         if self._leaps and longest > 0.0 and not told > 0.0:
             gap = self.on_the_way
             # shorter steps follow the turn within √(gap size) that strictly there is

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from alf_ros import Scene, Simulation, load_scene
+from alf_ros import Scene, Simulation, StepError, load_scene
 from alf_ros.arrays import Floats
 from alf_ros.studies.exact import crossed_bars, motions, one_freedom
 from alf_ros.studies.hard_cases import landing
@@ -46,6 +46,14 @@ def piston(rate: float, when: float, gravity: float) -> Simulation:
         'initial': {'positions': scene.positions, 'velocities': scene.velocities},
     }
     return Simulation(load_scene(source), step=1e-2, integrator='rk4')
+
+
+def crossed(crank: float, coupler: float, pattern: list[bool], rate: float) -> landing._Passage:
+    """Four-bars that pass the position in which they lie flat; the first crank has the rate."""
+    alone = crossed_bars.crossed_four_bars(crank, coupler, pattern)
+    mechanism = crossed_bars.crossed_mechanism(crank, coupler, pattern)
+    points = tuple(f'B{k}' for k in range(len(pattern) + 1))
+    return landing._Passage('crossed', mechanism, (), alone, points, 0.0, rate)
 
 
 @pytest.mark.parametrize('aside', ASIDE)
@@ -191,7 +199,7 @@ def test_at_rest_however_little_beside_it(integrator: str, offset: float) -> Non
 
 
 @pytest.mark.parametrize(
-    ('crank', 'coupler', 'crossed', 'rate', 'aside'),
+    ('crank', 'coupler', 'pattern', 'rate', 'aside'),
     [
         (1.12, 1.72, [True], 5.48, 1e-10),
         (0.76, 1.44, [True, True], 4.01, -1e-10),
@@ -200,16 +208,32 @@ def test_at_rest_however_little_beside_it(integrator: str, offset: float) -> Non
     ],
 )
 def test_coarse_steps_that_land_on_exact_lengths(
-    crank: float, coupler: float, crossed: list[bool], rate: float, aside: float
+    crank: float, coupler: float, pattern: list[bool], rate: float, aside: float
 ) -> None:
     """The error of a long step is not taken for lengths that disagree."""
-    alone = crossed_bars.crossed_four_bars(crank, coupler, crossed)
-    mechanism = crossed_bars.crossed_mechanism(crank, coupler, crossed)
-    points = tuple(f'B{k}' for k in range(len(crossed) + 1))
-    passage = landing._Passage('crossed', mechanism, (), alone, points, 0.0, rate)
-    motion = passage.motion(0.1 + aside)
+    motion = crossed(crank, coupler, pattern, rate).motion(0.1 + aside)
     sim = Simulation(motion.scene(), integrator='rk4', step=1e-2)
     for wanted in motion.exact()[1:]:
         sim.step(10)
         assert sim.sample().q == pytest.approx(wanted, abs=1e-3)
     assert sim.resolution.crossing == 0.0
+
+
+@pytest.mark.parametrize(
+    ('crank', 'coupler', 'rate', 'aside'), [(0.61, 1.04, -4.94, 1e-10), (0.6, 1.06, -7.37, 1e-8)]
+)
+def test_steps_far_too_long_are_not_blamed_on_lengths(
+    crank: float, coupler: float, rate: float, aside: float
+) -> None:
+    """The last crank turns by a radian and more in a step."""
+    motion = crossed(crank, coupler, [True, True], rate).motion(0.1 + aside)
+    sim = Simulation(motion.scene(), integrator='rk4', step=1e-2)
+    try:
+        sim.step(30)
+    except StepError as failure:
+        said = str(failure)
+        assert 'take a smaller step' in said
+    else:
+        said = sim.sample().diagnostics.trouble
+        assert 'too long' in said
+    assert 'lengths' not in said
