@@ -9,6 +9,7 @@ where the determinant vanishes.
 from __future__ import annotations
 
 import os
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -195,13 +196,20 @@ def found_end(four_bar: FourBar, until: float, **settings: Any) -> float:
     return np.inf
 
 
+@cache
+def with_end(branch: float) -> tuple[FourBar, float]:
+    """A four-bar, and when its balance ends, s."""
+    friction = {'knee': 0.0021, 'wrist': 0.00886, 'hip': 0.00132}
+    four_bar = FourBar((0.7, 1.1, 1.5), branch, friction, 3.0 * np.pi + 0.35, -7.09)
+    end, _brakes = four_bar.end(2e-5, 0.06)
+    return four_bar, end
+
+
 @pytest.mark.parametrize('setting', SETTINGS)
 @pytest.mark.parametrize('branch', [-1.0, 1.0])
 def test_the_balance_is_followed_through_the_change_point(branch: float, setting: str) -> None:
     """It ends 15 and 10 mrad after it: none passes the end, none ends in the change point."""
-    friction = {'knee': 0.0021, 'wrist': 0.00886, 'hip': 0.00132}
-    four_bar = FourBar((0.7, 1.1, 1.5), branch, friction, 3.0 * np.pi + 0.35, -7.09)
-    end, _brakes = four_bar.end(2e-5, 0.06)
+    four_bar, end = with_end(branch)
     assert end == pytest.approx(0.0540 if branch < 0.0 else 0.0551, abs=1e-4)
     late = SETTINGS[setting]['step'] if 'rk4' in setting else 0.0
     assert -1e-5 < found_end(four_bar, 0.06, **SETTINGS[setting]) - end < 5e-5 + late
