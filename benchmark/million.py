@@ -36,7 +36,7 @@ VARIED = {
     'L': normal(1.0, 0.05),  # of both bodies: they still pass singular positions
     'coupler.length': normal(1.0, 0.05),  # they pass beside them, or turn back
 }
-TOLERANCES = {'coupler.mass': 1e-8, 'L': 1e-8, 'coupler.length': 6e-9}
+TOLERANCES = {'coupler.mass': 1e-8, 'L': 1e-8, 'coupler.length': 1.5e-8}
 # s; adaptive steps between. Members that turn back leave their lane for a step of the grid
 GRIDS = {'coupler.mass': 0.1, 'L': 0.1, 'coupler.length': 0.025}
 ENERGIES = 'final(energy)', 'max(energy)'
