@@ -3,8 +3,9 @@
 Of each mechanism: members that differ in gravity, from the same start, with rk4 and dop853 at
 fixed steps, and with dop853_adaptive, tolerance 1e-9, on grids of a short and of a long step; the
 time of a step of a member in lanes and alone, their ratio, and the part of the steps that members
-took alone, beside singular positions. The fastest of several rounds of both, by turns, in one
-process. Then `Ensemble.step`. Writes benchmark/results/lanes.csv.
+took alone, beside singular positions. With as many lanes as a register has, and with two registers
+at once, as large studies step small mechanisms. The fastest of several rounds of both, by turns,
+in one process. Then `Ensemble.step`. Writes benchmark/results/lanes.csv.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import os
 import sys
 import time
 from collections.abc import Mapping, Sequence
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +29,7 @@ from alf_ros import Ensemble, Scene, Simulation, load_scene  # noqa: E402
 from alf_ros.kernel.numba_ext.lane_numbers import width  # noqa: E402
 from alf_ros.logs.provenance import about  # noqa: E402
 from alf_ros.scene.overrides import with_changes  # noqa: E402
-from alf_ros.simulation.side_by_side import SideBySide  # noqa: E402
+from alf_ros.simulation.side_by_side import WIDTHS, SideBySide  # noqa: E402
 
 RESULTS = ROOT / 'benchmark' / 'results'
 FOUR_BARS = {f'four-bars, N = {n}': ('n_four_bar', {'N': n}) for n in (2, 10, 40)}
@@ -63,11 +65,13 @@ def scenes_of(name: str, parameters: Mapping[str, float], members: int) -> list[
     ]
 
 
-def measured(scenes: Sequence[Scene], integrator: str, h: float) -> tuple[float, float, float]:
+def measured(
+    scenes: Sequence[Scene], integrator: str, h: float, lanes: int
+) -> tuple[float, float, float]:
     """µs of a step of a member in lanes, and alone; and the part of the steps taken alone."""
     settings: dict[str, Any] = {'tolerance': TOLERANCE} if integrator == 'dop853_adaptive' else {}
     members = [Simulation(scene, step=h, integrator=integrator, **settings) for scene in scenes]
-    together = SideBySide(members)
+    together = SideBySide(members, lanes)
     starts, steps = [each.state for each in members], max(1, round(SPAN / h))
     times: tuple[list[float], list[float]] = [], []
     apart = 0.0
@@ -105,18 +109,20 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--members', type=int, default=64)
     options = parser.parse_args()
-    print(f'{width()} lanes')
+    widths = [lanes for lanes in (width(), 2 * width()) if lanes in WIDTHS]
     heads = 'lanes, us', 'alone, us'
-    print(f'{"":33}{"step, ms":>10}{heads[0]:>11}{heads[1]:>11}{"ratio":>7}{"apart":>7}')
+    print(
+        f'{"":33}{"lanes":>6}{"step, ms":>10}{heads[0]:>11}{heads[1]:>11}{"ratio":>7}{"apart":>7}'
+    )
     rows: list[list[object]] = []
     for label, (name, parameters) in MECHANISMS.items():
         scenes = scenes_of(name, parameters, options.members)
-        for integrator, h in SETTINGS:
-            lanes, alone, apart = measured(scenes, integrator, h)
-            rows.append([label, integrator, h, width(), lanes, alone, lanes / alone, apart])
+        for lanes, (integrator, h) in product(widths, SETTINGS):
+            each, alone, apart = measured(scenes, integrator, h, lanes)
+            rows.append([label, integrator, h, lanes, each, alone, each / alone, apart])
             print(
-                f'{label:18}{integrator:>15}{1e3 * h:10g}{lanes:11.3f}{alone:11.3f}'
-                f'{lanes / alone:7.3f}{apart:7.3f}',
+                f'{label:18}{integrator:>15}{lanes:6}{1e3 * h:10g}{each:13.3f}{alone:11.3f}'
+                f'{each / alone:7.3f}{apart:7.3f}',
                 flush=True,
             )
     RESULTS.mkdir(exist_ok=True)
