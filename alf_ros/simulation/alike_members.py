@@ -35,6 +35,7 @@ from alf_ros.simulation.simulation import Simulation
 
 _FEW, _MANY = 8, 32  # registers of members at a time
 _OFTEN = 2  # times from which on there are many
+_SMALL = 24  # coordinates: two registers of members of larger mechanisms leave the fast memory
 _SYSTEM = tuple(
     f'system.{name}' for name in (*NUMBERS, 'penalty', 'ordinary', 'close', 'patience')
 )
@@ -55,7 +56,8 @@ class AlikeMembers:
         self, simulation: Simulation, quantities: Sequence[Quantity], likely: int = 0
     ) -> None:
         many = likely >= _OFTEN * _MANY * width()
-        self._lanes = 2 * width() if many else width()
+        two = many and simulation.model.n <= _SMALL
+        self._lanes = 2 * width() if two else width()
         self.most = (_MANY if many else _FEW) * width()
         self.quantities = tuple(quantities)
         self._of, stepper = simulation, simulation._stepper
