@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import cholesky, lstsq, solve_triangular
 
 from alf_ros import kernel
 from alf_ros.arrays import Floats
@@ -27,6 +28,8 @@ from alf_ros.model.prescribed import prescribe
 
 LEAST, CLOSED = 1e-13, 1e-10  # of the size, to which rows are closed, and must be
 AGREED = 1e-9  # of the largest velocity given, by which the others may miss it
+_DENSE = 300  # coordinates up to which soft modes may be solved for with dense matrices
+_DEPENDENT = 1e-13  # of the largest singular value: rows that depend on others
 TO_ROUNDING = kernel.Until(iterations=100, tolerance=1e-15, patience=1.0)
 
 # components of points and vectors by name; None leaves one free
@@ -253,15 +256,47 @@ def complete(
 def _finished(model: Model, system: System, work: Work, x: Floats, wanted: Floats) -> Floats:
     """Result of a solve for velocities that rounds alone do not end, as in `kernel.solved`; or x
     itself, where rows that contradict each other do not let it end."""
-    y, rate, open_by = np.array(x), np.zeros_like(wanted), []
+    y, found = np.array(x), [x]
     for rest in range(3):
         if rest:
             kernel.augmented(model.unit, system, work, work.p, y, kernel.Until(1, 0.0, 1.0))
         kernel.finish(model.unit, system, work, y, kernel.SOLVED, kernel.EVERY_MODE)
-    for each in (x, y):
-        kernel.times_jacobian(model.unit, system.rows, work.g, work.g2, each, rate)
-        open_by.append(np.max(np.abs(rate - wanted) * system.rows.scale, initial=0.0))
-    return y if open_by[1] < open_by[0] else x
+    found.append(y)
+    if model.n <= _DENSE:  # several soft modes of unlike σ leave rounds something
+        found.append(_least_correction(model, system, work, y, wanted))
+    return min(found, key=lambda each: _opened(model, system, work, each, wanted))
+
+
+def _opened(model: Model, system: System, work: Work, x: Floats, wanted: Floats) -> float:
+    """The largest speed at which rows open beside the one wanted, m/s."""
+    rate = np.zeros_like(wanted)
+    kernel.times_jacobian(model.unit, system.rows, work.g, work.g2, x, rate)
+    return float(np.max(np.abs(rate - wanted) * system.rows.scale, initial=0.0))
+
+
+def _least_correction(
+    model: Model, system: System, work: Work, x: Floats, wanted: Floats
+) -> Floats:
+    """x and the correction of least kinetic energy that gives the rows the speeds wanted, by a
+    dense solve."""
+    n, unit, rows = model.n, model.unit, system.rows
+    J, M, rate = np.zeros((n, rows.alpha.size)), np.zeros((n, n)), np.zeros_like(wanted)
+    one = np.zeros_like(x)
+    for a in range(n):
+        one[a] = 1.0
+        kernel.times_jacobian(unit, rows, work.g, work.g2, one, J[a])
+        kernel.add_mass_times(unit, system.mass, 1.0, one, M[a])
+        one[a] = 0.0
+    kernel.times_jacobian(unit, rows, work.g, work.g2, x, rate)
+    try:
+        root = cholesky(M, lower=True)
+    except np.linalg.LinAlgError:  # points without mass
+        return x
+    scaled = rows.scale[:, None] * solve_triangular(root, J, lower=True).T
+    least = lstsq(scaled, rows.scale * (wanted - rate), cond=_DEPENDENT)[0]
+    found = np.array(x)
+    found[:n] += solve_triangular(root, least, lower=True, trans='T')
+    return found
 
 
 def opening(model: Model, q: Floats, qd: Floats) -> float:

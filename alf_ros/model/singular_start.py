@@ -55,7 +55,7 @@ def start(
         return _start_of_many(model, q, given, t), None
     here = position(model, q, t) if near or (dependent and _is_tight(model, q, t)) else None
     if here is None or (len(here.lost) <= dependent and here.kind == SMOOTH):
-        return assembly.complete(model, q, given, t, beside=near), None
+        return assembly.complete(model, q, given, t, beside=True), None
     moving = any(value for values in given.values() for value in values)
     if not moving and not here.is_driven:
         return np.zeros_like(q), here

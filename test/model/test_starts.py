@@ -19,7 +19,7 @@ from alf_ros.inspection.soundness import NOTE
 from alf_ros.model import assembly, singular_branches
 from alf_ros.resources import library
 from alf_ros.scene.scene import INTEGRATORS, Scene, scene_from_text
-from alf_ros.studies.exact import one_freedom
+from alf_ros.studies.exact import crossed_bars, one_freedom
 from support.singular_starts import (
     FLAT,
     GRAVITY,
@@ -346,3 +346,25 @@ def test_a_thousand_freedoms_gained_at_once() -> None:
     assert simulation.sample().q == pytest.approx(wanted, abs=1e-7)
     assert 'no motion begins' in refused(parallelogram(flat, n, **(every | {'B7': [0, 1]})))
     assert 'not enumerated' in refused(parallelogram(flat, n, B0=[0, -2]))
+
+
+@pytest.mark.parametrize('offset', [6e-5, 1e-4, 2e-4, 4e-4])
+@pytest.mark.parametrize(('crank', 'coupler'), [(0.7, 1.19), (1.07, 2.51)])
+def test_soft_rows_beside_a_position_do_not_contradict(
+    crank: float, coupler: float, offset: float
+) -> None:
+    """Three four-bars, two of them crossed: the velocity of the first crank tells the others."""
+    pattern = [True, True, False]
+    alone = crossed_bars.crossed_four_bars(crank, coupler, pattern)
+    places, rates = alone.position(offset).reshape(-1, 2), alone.tangent(offset).reshape(-1, 2)
+    scene = load_scene(
+        {
+            'mechanism': crossed_bars.crossed_mechanism(crank, coupler, pattern),
+            'initial': {
+                'positions': {f'B{k}': at.tolist() for k, at in enumerate(places)},
+                'velocities': {'B0': rates[0].tolist()},
+            },
+        }
+    )
+    # lengths as drawn are off by rounding, 1e-16, which turns a row by 1e-16 over the square
+    assert Simulation(scene).sample().qd == pytest.approx(rates.ravel(), rel=1e-5, abs=1e-9)
