@@ -256,22 +256,28 @@ def complete(
 def _finished(model: Model, system: System, work: Work, x: Floats, wanted: Floats) -> Floats:
     """Result of a solve for velocities that rounds alone do not end, as in `kernel.solved`; or x
     itself, where rows that contradict each other do not let it end."""
-    y, found = np.array(x), [x]
+    y = np.array(x)
     for rest in range(3):
         if rest:
             kernel.augmented(model.unit, system, work, work.p, y, kernel.Until(1, 0.0, 1.0))
         kernel.finish(model.unit, system, work, y, kernel.SOLVED, kernel.EVERY_MODE)
-    found.append(y)
-    if model.n <= _DENSE:  # several soft modes of unlike σ leave rounds something
-        found.append(_least_correction(model, system, work, y, wanted))
-    return min(found, key=lambda each: _opened(model, system, work, each, wanted))
+    found = _nearer(model, system, work, wanted, x, y)
+    if model.n > _DENSE:
+        return found
+    # several soft modes of unlike σ leave something open
+    least = _least_correction(model, system, work, found, wanted)
+    return _nearer(model, system, work, wanted, found, least)
 
 
-def _opened(model: Model, system: System, work: Work, x: Floats, wanted: Floats) -> float:
-    """The largest speed at which rows open beside the one wanted, m/s."""
-    rate = np.zeros_like(wanted)
-    kernel.times_jacobian(model.unit, system.rows, work.g, work.g2, x, rate)
-    return float(np.max(np.abs(rate - wanted) * system.rows.scale, initial=0.0))
+def _nearer(
+    model: Model, system: System, work: Work, wanted: Floats, one: Floats, other: Floats
+) -> Floats:
+    """Of two velocities those that leave the rows nearer to the speeds wanted."""
+    rate, open_by = np.zeros_like(wanted), []
+    for each in (one, other):
+        kernel.times_jacobian(model.unit, system.rows, work.g, work.g2, each, rate)
+        open_by.append(np.max(np.abs(rate - wanted) * system.rows.scale, initial=0.0))
+    return other if open_by[1] < open_by[0] else one
 
 
 def _least_correction(
