@@ -7,6 +7,7 @@ kinetic energy.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -28,6 +29,7 @@ from alf_ros.model.prescribed import prescribe
 
 LEAST, CLOSED = 1e-13, 1e-10  # of the size, to which rows are closed, and must be
 AGREED = 1e-9  # of the largest velocity given, by which the others may miss it
+_NODES = 6  # places that the next one is extrapolated from
 _DENSE = 300  # coordinates up to which soft modes may be solved for with dense matrices
 _DEPENDENT = 1e-13  # of the largest singular value: rows that depend on others
 TO_ROUNDING = kernel.Until(iterations=100, tolerance=1e-15, patience=1.0)
@@ -77,7 +79,7 @@ def follow(
 
     All of the path give the same components. Components that the constraints do not allow on the
     way are met as nearly as possible, at the end to `tolerance` of the size. Each begins at the
-    extrapolation of the two before it: so a path crosses singular positions, and stays on its
+    extrapolation of those before it: so a path crosses singular positions, and stays on its
     branch. Other freedoms move as little as possible along M. Gears and racks stay in mesh, wheels
     may slip. Raises AssemblyError with the constraints that stay open.
     """
@@ -87,7 +89,7 @@ def follow(
     mesh = _mesh(model, rows[-1])
     work = allocate(model, system, 1)
     work.q[:] = start
-    found = [np.array(start)]
+    found, guesses = [np.array(start)], [start, start]
     for k, given in enumerate(rows, 1):
         c = system.rows.c.copy()
         c[c.size - len(given) :] = [row.c for row in given]  # these stand last
@@ -98,8 +100,11 @@ def follow(
             gap = _in_mesh(model, here, work, mesh, found[-1])
         found.append(np.array(work.q))
         if k < len(rows):
-            further = (places[k + 1] - places[k]) / (places[k] - places[k - 1])
-            work.q[: model.n] += further * _led(model, system, work, *found[-2:])[: model.n]
+            # a smooth way is met by many places, another one by the last two
+            near, far = (float(np.abs(guess - found[-1]).max()) for guess in guesses)
+            guesses = [_extrapolated(places[: k + 2], found, count) for count in (2, _NODES)]
+            step = guesses[far <= near] - found[-1]
+            work.q[: model.n] += _led(model, system, work, step, *found[-2:])[: model.n]
     _check(model, work, [*names, *(mesh.names if mesh else ())], gap, tolerance)
     return found[1:]
 
@@ -117,12 +122,25 @@ def displaced(model: Model, q: Floats, step: Floats) -> Floats:
     return np.array(work.q)
 
 
-def _led(model: Model, system: System, work: Work, before: Floats, now: Floats) -> Floats:
-    """The change from q to q, m, without the free motion, which would continue without end.
+def _extrapolated(places: Sequence[float], found: Sequence[Floats], count: int) -> Floats:
+    """q at the last of the places, by the polynomial through so many of those found before."""
+    last = places[-1]
+    nodes = places[-min(count, len(found)) - 1 : -1]
+    total = np.zeros_like(found[-1])
+    for s, q in zip(nodes, found[-len(nodes) :], strict=True):
+        others = [other for other in nodes if other != s]
+        total += math.prod((last - other) / (s - other) for other in others) * q
+    return total
+
+
+def _led(
+    model: Model, system: System, work: Work, step: Floats, before: Floats, now: Floats
+) -> Floats:
+    """A step, m, that follows places q, without the free motion, which would continue without end.
 
     A singular position has more freedoms than its neighbours: the smaller number counts.
     """
-    step, found = now - before, []
+    found = []
     momenta = np.zeros(model.n)
     kernel.add_mass_times(model.unit, system.mass, 1.0, step, momenta)
     for place in (before, now):

@@ -23,6 +23,7 @@ from alf_ros.model import assembly
 from alf_ros.model.compile import Model
 from alf_ros.model.constraints.meshing import integrals
 from alf_ros.model.singular_location import located
+from alf_ros.model.singular_start import distance
 from alf_ros.simulation.branch_velocities import on_branch as velocities_on
 from alf_ros.simulation.input_checks import numbers, text
 from alf_ros.simulation.state import State
@@ -31,11 +32,14 @@ from alf_ros.simulation.state import State
 # speed, a twist: typed or computed values have a few digits less.
 TOLERANCE = 1e-6
 # Most that a body goes at once: rad, and of the size.
-_TURN, _MOVE = 0.2, 0.1
-_MOST = 100.0  # times
+_TURN, _MOVE = 0.02, 0.01
+_MOST = 1000.0  # times
 _MOST_ON_THREADS = 2000.0  # times, by a radian of the thread
 _FIRST = 1e-2  # of such a step, before all others: tells which way the mechanism goes
-_POINTS, _APART = 8, 0.1  # before a singular position, and how far apart, in such steps
+_SAME = 1e-6  # of the size: where two ways of other steps end at one place
+_DOUBLED = 5  # times that the steps of a way may be halved
+_IN = 1e-7  # σ: so near a singular position the rows that lose their direction tell nothing
+_POINTS, _APART = 8, 1.0  # before a singular position, and how far apart, in such steps
 _LARGEST = 1e40  # number that is one, as in files
 _UNIT = 1e-2  # by which the length of a quaternion may differ from 1
 
@@ -76,26 +80,24 @@ def placed(
 
     def going(q: Floats) -> Floats:
         try:
+            beside = distance(model, q, dependent) > _IN
             if speeds is None:
-                return _going_on(model, state, t, q, one)
-            return _set_going(model, state, t, q, one, speeds)
+                return _going_on(model, state, t, q, one, beside)
+            return _set_going(model, state, t, q, one, speeds, beside)
         except AssemblyError as error:
             raise AssemblyError(f'{body} cannot move like that: {error.message}') from None
 
     if wanted is None:
         return state.q, on_branch(state.q) if branch else going(state.q), state.turns
     way = _Way(model, state.q, one, *wanted)
-    q, turns = _assembled(model, state, way)
+    q, turns = _assembled(model, state, way, dependent)
     if branch:
         q = located(model, q)
         return q, on_branch(q), turns
-    try:
+    if distance(model, q, dependent) > _IN:
         return q, going(q), turns
-    except AssemblyError:
-        led = _led_to(model, state, way, going)
-        if led is None:
-            raise
-        return *led, turns
+    led = _led_to(model, state, way, going)
+    return (q, going(q), turns) if led is None else (*led, turns)
 
 
 def spin(d: Floats, rates: Floats) -> Floats:
@@ -140,16 +142,14 @@ def _cross(u: Floats) -> Floats:
     return np.array([[0.0, -u[2], u[1]], [u[2], 0.0, -u[0]], [-u[1], u[0], 0.0]])
 
 
-def _assembled(model: Model, state: State, way: _Way) -> tuple[Floats, Integers]:
+def _assembled(model: Model, state: State, way: _Way, dependent: int) -> tuple[Floats, Integers]:
     """q and turns with the body at the end of its way, the rest of the mechanism after it."""
-    steps = max(1, math.ceil(way.steps))
-    path = way.at(_FIRST / steps, *(k / steps for k in range(1, steps + 1)))
     try:
-        found = assembly.follow(model, path, state.q, TOLERANCE)
+        found = _followed(model, state, way, dependent)
     except AssemblyError:
         # Somewhere on the way it may not be able to be: then at once.
         try:
-            found = assembly.follow(model, path[-1:], state.q, TOLERANCE)
+            found = assembly.follow(model, way.at(1.0), state.q, TOLERANCE)
         except AssemblyError as error:
             message = error.message.removeprefix('the mechanism cannot be closed: ')
             raise AssemblyError(f'{way.body.name} cannot be there: {message}') from None
@@ -160,6 +160,28 @@ def _assembled(model: Model, state: State, way: _Way) -> tuple[Floats, Integers]
         turns = np.rint((before - angles) / (2.0 * np.pi)).astype(np.int64)
         before = angles + 2.0 * np.pi * turns
     return q, turns
+
+
+def _followed(model: Model, state: State, way: _Way, dependent: int) -> list[Floats]:
+    """Positions q along the way.
+
+    Beside a singular position another branch is near. A mechanism with one freedom can be at one
+    place only: the steps are halved until two ways end there. Raises AssemblyError if the
+    mechanism cannot follow, or no two ways end at one place.
+    """
+    steps = max(1, math.ceil(way.steps))
+    before: list[Floats] = []
+    for _ in range(_DOUBLED + 1):
+        path = way.at(_FIRST / steps, *(k / steps for k in range(1, steps + 1)))
+        found = assembly.follow(model, path, state.q, TOLERANCE)
+        if model.n - (len(model.row_names) - dependent) > 1:
+            return found
+        if before and np.abs(found[-1] - before[-1]).max() <= _SAME * model.size:
+            return found
+        before, steps = found, 2 * steps
+    raise AssemblyError(
+        'the branch there is not determined, so near a singular position', key='pose'
+    )
 
 
 def _led_to(
@@ -296,16 +318,18 @@ def _angles(model: Model, q: Floats) -> Floats:
 
 
 def _set_going(
-    model: Model, state: State, t: float, q: Floats, body: Body, speeds: Floats
+    model: Model, state: State, t: float, q: Floats, body: Body, speeds: Floats, beside: bool
 ) -> Floats:
-    """q̇ with the body moving as it shall, the rest as after an impulse on the body."""
+    """q̇ with the body moving as it shall, the rest as after an impulse on the body; `beside` as
+    for `assembly.complete`."""
     D = model.layout.dimension
     given = _moving(model, q, body, speeds[:D], speeds[D:])
-    qd = assembly.complete(model, q, given, t, state.qd, TOLERANCE)
-    return assembly.complete(model, q, {}, t, qd)  # of the constraints nothing is left
+    qd = assembly.complete(model, q, given, t, state.qd, TOLERANCE, beside)
+    # of the constraints nothing is left
+    return assembly.complete(model, q, {}, t, qd, beside=beside)
 
 
-def _going_on(model: Model, state: State, t: float, q: Floats, body: Body) -> Floats:
+def _going_on(model: Model, state: State, t: float, q: Floats, body: Body, beside: bool) -> Floats:
     """q̇ with the body moving as before, or as nearly as the constraints allow there."""
     layout, D = model.layout, model.layout.dimension
     rates = np.pad(state.qd.reshape(-1, D), ((0, 0), (0, 3 - D)))
@@ -317,10 +341,10 @@ def _going_on(model: Model, state: State, t: float, q: Floats, body: Body) -> Fl
     omega = spin(d, turning)[2:] if D == 2 else spin(d, turning)
     given = _moving(model, q, body, rates[first, :D], omega)
     try:
-        qd = assembly.complete(model, q, given, t, state.qd, TOLERANCE)
+        qd = assembly.complete(model, q, given, t, state.qd, TOLERANCE, beside)
     except AssemblyError:
         qd = state.qd
-    return assembly.complete(model, q, {}, t, qd)
+    return assembly.complete(model, q, {}, t, qd, beside=beside)
 
 
 def _moving(model: Model, q: Floats, body: Body, linear: Floats, omega: Floats) -> assembly.Given:

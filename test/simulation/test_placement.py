@@ -19,6 +19,7 @@ from alf_ros.ros.recording.run_writer import LogRun
 from alf_ros.ros.simulator.control import Control
 from alf_ros.simulation import setup as settings
 from alf_ros.simulation.placement import spin
+from alf_ros.studies.exact import crossed_bars
 from support.log_files import make
 from support.paths import ROOT
 
@@ -318,3 +319,35 @@ def test_the_node_does_it_between_two_ticks_and_begins_a_log_with_it() -> None:
     ]
     simulation.restore(state)
     assert pose(simulation, 'crank')[2] == pytest.approx(own[2] + 0.1, abs=1e-12)
+
+
+# ----------------------------------------------------------------------- beside singular positions
+
+
+@pytest.mark.parametrize(
+    ('crank', 'coupler', 'pattern', 'before', 'after'),
+    [
+        (0.47, 0.98, [False], -0.4, 1e-3),
+        (0.75, 1.18, [True], -0.4, 6e-5),
+        (1.0, 2.48, [True, True, False], 0.2, -0.01),
+        (0.77, 1.34, [True, False, True], 0.2, -2e-4),
+        (0.43, 0.61, [True, True, False], 0.3, 3e-3),
+        (1.05, 1.6, [False, True, True], 0.2, 3e-4),
+        (0.9, 1.43, [True, False, False], 0.2, -2.0),
+    ],
+)
+def test_four_bars_stay_on_their_branch_and_move_on_it(
+    crank: float, coupler: float, pattern: list[bool], before: float, after: float
+) -> None:
+    """Crossed and parallel ones, through the position in which all bars lie in a line."""
+    alone = crossed_bars.crossed_four_bars(crank, coupler, pattern)
+    places = alone.position(before).reshape(-1, 2).tolist()
+    scene = {
+        'mechanism': crossed_bars.crossed_mechanism(crank, coupler, pattern),
+        'initial': {'positions': {f'B{k}': at for k, at in enumerate(places)}},
+    }
+    simulation = Simulation(load_scene(scene))
+    simulation.place('crank0', (0.0, 0.0, after), (0.0, 0.0, 2.0))
+    sample, rates = simulation.sample(), 2.0 * alone.tangent(after)
+    assert sample.q == pytest.approx(alone.position(after), abs=1e-8)
+    assert sample.qd == pytest.approx(rates, abs=1e-4 * np.abs(rates).max())
