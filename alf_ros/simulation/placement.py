@@ -37,9 +37,9 @@ _MOST = 1000.0  # times
 _MOST_ON_THREADS = 2000.0  # times, by a radian of the thread
 _FIRST = 1e-2  # of such a step, before all others: tells which way the mechanism goes
 _SAME = 1e-6  # of the size: where two ways of other steps end at one place
-_DOUBLED = 5  # times that the steps of a way may be halved
-_IN = 1e-7  # σ: so near a singular position the rows that lose their direction tell nothing
-_POINTS, _APART = 8, 1.0  # before a singular position, and how far apart, in such steps
+_HALVED = 5  # times that the steps of a way may be
+_IN, _BESIDE = 1e-6, 1e-4  # σ of the position itself, and of what is better extrapolated
+_POINTS, _APART = 8, 0.25  # before a singular position, and how far apart, in such steps
 _LARGEST = 1e40  # number that is one, as in files
 _UNIT = 1e-2  # by which the length of a quaternion may differ from 1
 
@@ -94,10 +94,11 @@ def placed(
     if branch:
         q = located(model, q)
         return q, on_branch(q), turns
-    if distance(model, q, dependent) > _IN:
-        return q, going(q), turns
-    led = _led_to(model, state, way, going)
-    return (q, going(q), turns) if led is None else (*led, turns)
+    if distance(model, q, dependent) < _BESIDE:
+        led = _led_to(model, state, way, going)
+        if led is not None and np.abs(led[0] - q).max() <= _SAME * model.size:
+            return *led, turns
+    return q, going(q), turns
 
 
 def spin(d: Floats, rates: Floats) -> Floats:
@@ -144,15 +145,7 @@ def _cross(u: Floats) -> Floats:
 
 def _assembled(model: Model, state: State, way: _Way, dependent: int) -> tuple[Floats, Integers]:
     """q and turns with the body at the end of its way, the rest of the mechanism after it."""
-    try:
-        found = _followed(model, state, way, dependent)
-    except AssemblyError:
-        # Somewhere on the way it may not be able to be: then at once.
-        try:
-            found = assembly.follow(model, way.at(1.0), state.q, TOLERANCE)
-        except AssemblyError as error:
-            message = error.message.removeprefix('the mechanism cannot be closed: ')
-            raise AssemblyError(f'{way.body.name} cannot be there: {message}') from None
+    found = _followed(model, state, way, dependent)
     q = assembly.close(model, {}, found[-1])  # of the constraints nothing stays open
     turns, before = state.turns, _angles(model, state.q) + 2.0 * np.pi * state.turns
     for place in [*found[:-1], q]:
@@ -163,25 +156,39 @@ def _assembled(model: Model, state: State, way: _Way, dependent: int) -> tuple[F
 
 
 def _followed(model: Model, state: State, way: _Way, dependent: int) -> list[Floats]:
-    """Positions q along the way.
+    """Positions q along the way, or at its end alone.
 
     Beside a singular position another branch is near. A mechanism with one freedom can be at one
-    place only: the steps are halved until two ways end there. Raises AssemblyError if the
-    mechanism cannot follow, or no two ways end at one place.
+    place only: the steps are halved until two ways end there. Raises AssemblyError if the body
+    cannot be at the end, or no two ways end at one place.
     """
     steps = max(1, math.ceil(way.steps))
     before: list[Floats] = []
-    for _ in range(_DOUBLED + 1):
+    for _ in range(_HALVED + 1):
         path = way.at(_FIRST / steps, *(k / steps for k in range(1, steps + 1)))
-        found = assembly.follow(model, path, state.q, TOLERANCE)
+        try:
+            found = assembly.follow(model, path, state.q, TOLERANCE)
+        except AssemblyError:
+            # Somewhere on the way it may not be able to be: then at once.
+            return _at_once(model, state, way)
         if model.n - (len(model.row_names) - dependent) > 1:
             return found
         if before and np.abs(found[-1] - before[-1]).max() <= _SAME * model.size:
             return found
         before, steps = found, 2 * steps
     raise AssemblyError(
-        'the branch there is not determined, so near a singular position', key='pose'
+        f'{way.body.name} cannot be there: a singular position is so near that the branch is not '
+        'determined'
     )
+
+
+def _at_once(model: Model, state: State, way: _Way) -> list[Floats]:
+    """The position q at the end of the way, without the way."""
+    try:
+        return assembly.follow(model, way.at(1.0), state.q, TOLERANCE)
+    except AssemblyError as error:
+        message = error.message.removeprefix('the mechanism cannot be closed: ')
+        raise AssemblyError(f'{way.body.name} cannot be there: {message}') from None
 
 
 def _led_to(
