@@ -110,10 +110,8 @@ def main() -> None:
     parser.add_argument('--members', type=int, default=64)
     options = parser.parse_args()
     widths = [lanes for lanes in (width(), 2 * width()) if lanes in WIDTHS]
-    heads = 'lanes, us', 'alone, us'
-    print(
-        f'{"":33}{"lanes":>6}{"step, ms":>10}{heads[0]:>11}{heads[1]:>11}{"ratio":>7}{"apart":>7}'
-    )
+    heads = f'{"lanes":>6}{"step, ms":>10}{"together, us":>13}{"alone, us":>11}'
+    print(f'{"":33}{heads}{"ratio":>7}{"apart":>7}')
     rows: list[list[object]] = []
     for label, (name, parameters) in MECHANISMS.items():
         scenes = scenes_of(name, parameters, options.members)

@@ -265,14 +265,15 @@ def _interpolate(problem: Problem, t: float, moving: bool, scales: Scales, spaci
 
     `moving`: `along` is the velocity, so prescribed blocks are where they will be when the
     mechanism is at the place. If one of the places is not clear of the position, the next ones lie
-    around the position and further apart. If they are never clear, the stage is refused.
+    around the position and further apart. If they are never clear, the stage is refused. If they
+    look as if lengths missed the position, `base` becomes the position found.
     """
     system, work = problem.system, problem.work
     n, most = work.p.size, 0
     speed = largest(work.along, n)
     position = 0.0  # about where, m along the branch
     beside = moving  # `base` may be beside the branch
-    for _ in range(_TRIES):
+    for left in range(_TRIES, 0, -1):
         zero(work.sum_q)
         zero(work.sum_qd)
         good, step = True, spacing / speed
@@ -297,7 +298,7 @@ def _interpolate(problem: Problem, t: float, moving: bool, scales: Scales, spaci
                 work.sum_qd[a] += work.place_weights[k] * work.qd[a]
         if good:
             gap = _gap(system, work, spacing / scales.radius)
-            if beside and gap > DRIFT * system.size:
+            if beside and left > 1 and gap > DRIFT * system.size:
                 # places off by e slip by e² / x along the branch, which looks alike: from the
                 # position that was found they do not
                 copy(work.sum_q, work.base)

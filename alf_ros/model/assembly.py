@@ -101,9 +101,9 @@ def follow(
         found.append(np.array(work.q))
         if k < len(rows):
             # a smooth way is met by many places, another one by the last two
-            near, far = (float(np.abs(guess - found[-1]).max()) for guess in guesses)
+            by_two, by_many = (float(np.abs(guess - found[-1]).max()) for guess in guesses)
             guesses = [_extrapolated(places[: k + 2], found, count) for count in (2, _NODES)]
-            step = guesses[far <= near] - found[-1]
+            step = guesses[1 if by_many <= by_two else 0] - found[-1]
             work.q[: model.n] += _led(model, system, work, step, *found[-2:])[: model.n]
     _check(model, work, [*names, *(mesh.names if mesh else ())], gap, tolerance)
     return found[1:]
