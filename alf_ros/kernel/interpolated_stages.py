@@ -233,22 +233,22 @@ def _find(
             copy(work.base, work.target)
             count, _x, _clear = stage(problem, t, scales, True, True)
             return count, False
-    found = largest(work.sum_qd, n)
+    speed, found = largest(work.along, n), largest(work.sum_qd, n)
     ask = ending or furthest(work.sum_qd, work.along, n) > _TURNED * speed
     if ask and count > 0 and moving and found > SLOW * scales.falling:
         # again, now that direction and curvature of the branch are known here
-        _curve(work, work.place_step[0] * speed / found)
-        for a in range(n):
-            work.along[a] = work.sum_qd[a]
+        _turn(work, work.place_step[0] * speed / found)
         more = _interpolate(problem, t, moving, scales, spacing)
         count = max(count, more) if more > 0 else more
     return count, count > 0
 
 
 @inner
-def _curve(work: Work, step: float) -> None:
-    """The second derivative of the branch by time, from places that are `step` (s) apart."""
+def _turn(work: Work, step: float) -> None:
+    """Let `along` and `curve` be the first and second derivative of the branch by time, from places
+    that are `step` (s) apart."""
     n = work.p.size
+    copy(work.sum_qd, work.along)
     one = TWO * n
     two, three, four = one + one, one + one + one, one + one + one + one
     for a in range(n):  # sums of the places k on either side: 2 f + f'' k² + f⁗ k⁴ / 12
@@ -272,7 +272,7 @@ def _interpolate(problem: Problem, t: float, moving: bool, scales: Scales, spaci
     n, most = work.p.size, 0
     speed = largest(work.along, n)
     position = 0.0  # about where, m along the branch
-    beside = moving  # `base` may be beside the branch
+    beside = moving  # `base` may be beside the branch, and `along` turned
     for left in range(_TRIES, 0, -1):
         zero(work.sum_q)
         zero(work.sum_qd)
@@ -300,8 +300,12 @@ def _interpolate(problem: Problem, t: float, moving: bool, scales: Scales, spaci
             gap = _gap(system, work, spacing / scales.radius)
             if beside and left > 1 and gap > DRIFT * system.size:
                 # places off by e slip by e² / x along the branch, which looks alike: from the
-                # position that was found they do not
+                # position and in the direction that were found they do not
                 copy(work.sum_q, work.base)
+                found = largest(work.sum_qd, n)
+                if found > SLOW * scales.falling:
+                    _turn(work, step * speed / found)
+                    speed = found
                 beside = False
                 continue
             if gap > _CLOSED * system.size:

@@ -21,6 +21,7 @@ from alf_ros.model.compile import Model, allocate, compile_model, hold
 from alf_ros.model.golden_section import lowest
 from alf_ros.model.rank import distance, effective_rank
 from alf_ros.model.shape_fit import Projector, violation
+from alf_ros.model.smooth_branch import SmoothBranch
 
 LARGEST = 1e-8  # gap, of the size: lengths that differ by more are not meant to be equal
 EXACT = 2.0  # rounding units of the coordinates: exact lengths leave less open than that
@@ -35,6 +36,9 @@ _SOFT = 1e4  # penalty that feels modes of σ up to 0.1
 _LOST = 0.02  # of a mode: from there on a singular position may be near
 SEARCHED = 3000  # coordinates up to which singular positions are looked for
 _IN = 1e-2  # of a lost mode: σ below 1e-3
+_PARTS = 16  # of a branch that is followed through a singular position
+_FURTHER = 1.1  # times its length
+_WIDTH = 6e-11  # of that length, to which a singular position is found on it
 _SPACINGS = 0.1, 0.04, 0.016  # of places on either side of a singular position, of those on a way
 _OFFSETS = np.array([-4.0, -3.0, -2.0, -1.0, 1.0, 2.0, 3.0, 4.0])
 _CLOSED = 256.0  # rounding units that these places may leave open
@@ -122,6 +126,11 @@ class Walk:
         )
         return work.q.copy()
 
+    def _closed(self, q: Floats) -> Floats | None:
+        """As `settled`; None if that leads far off Φ = 0."""
+        place = self.settled(q)
+        return place if self.widest(place) <= _ASTRAY * self.model.size else None
+
     def is_ordinary(self, q: Floats) -> bool:
         """Whether the residual at q is a contradiction; beside a singular position it is not."""
         if self.widest(q) <= EXACT * self.rounding:
@@ -154,24 +163,32 @@ class Walk:
         return len(self.model.row_names) - self.dependent_rows - rank
 
     def _softest(self, around: list[Floats]) -> Floats | None:
-        """The singular position between three places; None if there is none."""
+        """The singular position between three places; None if there is none.
+
+        It is looked for on the branch of the first of them. The others may lie on another one.
+        """
         a, b, c = around
+        length = float(np.linalg.norm(b - a) + np.linalg.norm(c - b))
+        branch = self._branch(a, b - a, length)
+        missing = [self._missing(q) for q in branch.places]
+        most = int(np.argmax(missing))
+        if not 0 < most < len(missing) - 1:
+            return None
         best: list[Floats] = []
 
         def height(s: float) -> float:
-            guess = b + 0.5 * s * (c - a) + 0.5 * s * s * (a - 2.0 * b + c)
-            best[:] = [self.settled(guess, soft=True)]
+            best[:] = [self.settled(branch.at(s)[0], soft=True)]
             return 1.0 / max(self._missing(best[0]), 1e-6)
 
-        softest = lowest(height, -1.0, 1.0, 1e-9)
+        softest = lowest(height, branch.s[most - 1], branch.s[most + 1], _WIDTH * length)
         lost = 1.0 / height(softest)
         if not (lost > 0.5 and abs(lost - round(lost)) < _IN):
             return None
         if self.widest(best[0]) <= _FELT * self.rounding:
             return best[0]
-        bend = a - 2.0 * b + c
-        along = 0.5 * (c - a) + softest * bend
-        usual = max(_CLOSED * self.rounding, 2.0 * self.gap([a, c]))
+        _, along, bend, _ = branch.at(softest)
+        along, bend = 0.5 * length * along, 0.25 * length**2 * bend
+        usual = max(_CLOSED * self.rounding, 2.0 * self.gap([a, branch.places[-1]]))
         least, found = _FELT * self.rounding, list[Floats]()
         for spacing in _SPACINGS:
             place = self._on_branch(best[0], along, bend, spacing, usual)
@@ -183,6 +200,18 @@ class Walk:
                 return None
             found.append(place)
         return found[1] if len(found) > 1 else None  # the third may be too near to be told
+
+    def _branch(self, start: Floats, direction: Floats, length: float) -> SmoothBranch:
+        """The branch through a place, followed a little further than a length (m), if it goes as
+        far."""
+        branch = SmoothBranch(start)
+        along = self._free(start, direction[: self.model.n])
+        size = float(np.linalg.norm(along))
+        if size > 0.0:
+            unit = np.zeros_like(start)
+            unit[: along.size] = along / size
+            branch.follow(unit, length / _PARTS, _FURTHER * length, self._closed)
+        return branch
 
     def _on_branch(
         self, q: Floats, along: Floats, bend: Floats, spacing: float, usual: float
