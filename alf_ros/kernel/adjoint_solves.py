@@ -85,7 +85,8 @@ def project_velocity_back(adjoint: Adjoint) -> int:
 @inner
 def accelerate_back(adjoint: Adjoint) -> int:
     """∂J/∂δq̈, in `qdd`, into ∂J/∂δQ, in `u`; adds to ∂J/∂δq and ∂J/∂δq̇ in `q` and `qd`, but
-    without the part of δQ. At q, q̇, q̈ in `work` and -λ in `lam`; the iterations."""
+    without the part of δQ, and to ∂J/∂δs̈ behind the movable blocks of `qdd`. At q, q̇, q̈ in
+    `work` and -λ in `lam`; the iterations."""
     problem, tangents = adjoint.tangents.problem, adjoint.tangents
     unit, rows, work = problem.unit, problem.system.rows, problem.work
     u, g, g2 = adjoint.u, adjoint.g, adjoint.g2
@@ -109,6 +110,8 @@ def accelerate_back(adjoint: Adjoint) -> int:
             subtract(adjoint.qd, at, w * block(unit, work.g2d, e))
             put(adjoint.g2v, e, (-w) * block(unit, work.qd, at))
             _take_rate_back(adjoint, e)
+        for e in each(rows.movable[r], rows.first[r + ONE]):
+            subtract(adjoint.qdd, rows.block[e], w * block(unit, work.g2, e))
     _take_rows_back(adjoint)
     return count
 

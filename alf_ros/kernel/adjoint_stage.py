@@ -11,13 +11,14 @@ from alf_ros.kernel.adjoint_solves import (
     project_velocity_back,
 )
 from alf_ros.kernel.data import Adjoint
+from alf_ros.kernel.driven_tangents import take_drives_back
 from alf_ros.kernel.interpolated_stages import evaluate_place, place_at
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.numba_ext.jit import inner
 from alf_ros.kernel.numba_ext.vectors import copy, zero
 from alf_ros.kernel.prescribed import prescribe
 from alf_ros.kernel.step_tape import INTERPOLATED, PROJECTED, restore_recorded, restore_stage
-from alf_ros.kernel.support_places import PLACES
+from alf_ros.kernel.support_places import PLACES, apart
 from alf_ros.kernel.tangent_stage import store_multipliers
 
 
@@ -70,6 +71,7 @@ def _take_places_back(adjoint: Adjoint, t: float) -> int:
         store_multipliers(adjoint.tangents.lam, work.y)
         zero(adjoint.q)
         zero(adjoint.qd)
+        zero(adjoint.qdd)
         for a in range(n):
             adjoint.qdd[a] = work.place_weights[p] * adjoint.whole_qdd[a]
         if accelerate_back(adjoint) <= 0:
@@ -78,6 +80,7 @@ def _take_places_back(adjoint: Adjoint, t: float) -> int:
             adjoint.pushed[a] += adjoint.u[a]
         if take_projections_back(adjoint) <= 0:
             return 0
+        take_drives_back(adjoint, t + work.place_step[0] * apart(work, p))
         _add_begun(adjoint)
     # δQ at the stage
     prescribe(system, t, work.q, work.qd, work.qdd)
@@ -92,14 +95,18 @@ def _take_places_back(adjoint: Adjoint, t: float) -> int:
             return 0
         zero(adjoint.q)
         zero(adjoint.qd)
+        zero(adjoint.qdd)
         for a in range(n):
             adjoint.q[a] = work.place_weights[p] * adjoint.whole_q[a]
             adjoint.qd[a] = work.place_weights[p] * adjoint.whole_qd[a]
         if take_projections_back(adjoint) <= 0:
             return 0
+        take_drives_back(adjoint, t + work.place_step[0] * apart(work, p))
         _add_begun(adjoint)
-    for a in range(n, whole):  # fixed blocks are not interpolated
+    for a in range(n, whole):  # fixed and prescribed blocks are not interpolated
         adjoint.begun_q[a] += adjoint.whole_q[a]
+        adjoint.begun_qd[a] += adjoint.whole_qd[a]
+        adjoint.qdd[a] = adjoint.whole_qdd[a]
     copy(adjoint.begun_q, adjoint.q)
     copy(adjoint.begun_qd, adjoint.qd)
     return 1

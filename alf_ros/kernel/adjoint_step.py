@@ -16,6 +16,7 @@ from alf_ros.arrays import Floats
 from alf_ros.kernel.adjoint_stage import take_projections_back, take_stage_back
 from alf_ros.kernel.arc_coordinates import components, composed
 from alf_ros.kernel.data import ORIGIN, Adjoint
+from alf_ros.kernel.driven_tangents import take_drives_back
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.numba_ext.block import add, block, put, subtract
 from alf_ros.kernel.numba_ext.jit import ONE, THREE, TWO, compiled, inner
@@ -90,7 +91,8 @@ def _take_step_back(adjoint: Adjoint, k: np.uint64, linear: bool) -> int:
     zero(adjoint.rates)
     for a in range(n, whole):
         adjoint.bar_q[a] = 0.0
-    _add_up_back(adjoint, stages, h)
+    zero(adjoint.qdd)
+    _add_up_back(adjoint, end, stages, h)
     for back in range(stages):
         s = stages - ONE - back
         ts = min(t + method.c[s] * h, end)
@@ -98,19 +100,21 @@ def _take_step_back(adjoint: Adjoint, k: np.uint64, linear: bool) -> int:
         count = take_stage_back(adjoint, ts, k, s)
         if count <= 0:
             return NO_ROOM if count < 0 else UNFOLLOWED
-        _add_up_back(adjoint, s, h)
+        _add_up_back(adjoint, ts, s, h)
         if told_to_stop(work):
             return STOPPED
     for i in range(work.chart.sin.size):
         work.chart.sin[i], work.chart.cos[i] = 0.0, 1.0
     zero(adjoint.q)
     zero(adjoint.qd)
+    zero(adjoint.qdd)
     for a in range(n):
         adjoint.x[a] = adjoint.start[a]
     _to_axes_back(adjoint, adjoint.q)
     for a in range(n):
         adjoint.x[a] = adjoint.start[n + a]
     _to_axes_back(adjoint, adjoint.qd)
+    take_drives_back(adjoint, t)
     for a in range(whole):
         adjoint.bar_q[a] = adjoint.q[a] if a < n else adjoint.bar_q[a] + adjoint.q[a]
         adjoint.bar_qd[a] = adjoint.qd[a] if a < n else 0.0
@@ -118,15 +122,16 @@ def _take_step_back(adjoint: Adjoint, k: np.uint64, linear: bool) -> int:
 
 
 @inner
-def _add_up_back(adjoint: Adjoint, s: np.uint64, h: float) -> None:
-    """∂J/∂(δq, δq̇) of stage s as the step adds them up, or of its end, into the ones of its begin
-    and of the rates of the stages before."""
+def _add_up_back(adjoint: Adjoint, t: float, s: np.uint64, h: float) -> None:
+    """∂J/∂(δq, δq̇) of stage s at t (s) as the step adds them up, or of its end, into the ones of
+    its begin and of the rates of the stages before."""
     problem, rates, start = adjoint.tangents.problem, adjoint.rates, adjoint.start
     method, work = problem.method, problem.work
     n, whole, stages = work.p.size, work.q.size, method.b.size
     restore_axes(adjoint.tape, work, s)
     _from_axes_back(adjoint, adjoint.q)
     _from_axes_back(adjoint, adjoint.qd)
+    take_drives_back(adjoint, t)
     for a in range(n, whole):
         adjoint.bar_q[a] += adjoint.q[a]
     for a in range(n):

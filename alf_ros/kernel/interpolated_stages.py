@@ -23,7 +23,7 @@ from alf_ros.kernel.data import Phase, Problem, Scales, System, Work
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.lost_rank import lost
 from alf_ros.kernel.numba_ext.jit import TWO, inner
-from alf_ros.kernel.numba_ext.vectors import copy, furthest, largest, zero
+from alf_ros.kernel.numba_ext.vectors import copy, copy_first, furthest, largest, zero
 from alf_ros.kernel.prescribed import prescribe
 from alf_ros.kernel.projection import correct_at_last, opening_twofold
 from alf_ros.kernel.stage import stage
@@ -245,10 +245,10 @@ def _find(
 
 @inner
 def _turn(work: Work, step: float) -> None:
-    """Let `along` and `curve` be the first and second derivative of the branch by time, from places
-    that are `step` (s) apart."""
+    """Let `along` and `curve` be the derivatives of the branch by time, from the places, which are
+    `step` (s) apart."""
     n = work.p.size
-    copy(work.sum_qd, work.along)
+    copy_first(work.sum_qd, work.along, n)
     one = TWO * n
     two, three, four = one + one, one + one + one, one + one + one + one
     for a in range(n):  # sums of the places k on either side: 2 f + f'' k² + f⁗ k⁴ / 12
@@ -301,7 +301,7 @@ def _interpolate(problem: Problem, t: float, moving: bool, scales: Scales, spaci
             if beside and left > 1 and gap > DRIFT * system.size:
                 # places off by e slip by e² / x along the branch, which looks alike: from the
                 # position and in the direction that were found they do not
-                copy(work.sum_q, work.base)
+                copy_first(work.sum_q, work.base, n)
                 found = largest(work.sum_qd, n)
                 if found > SLOW * scales.falling:
                     _turn(work, step * speed / found)

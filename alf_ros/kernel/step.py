@@ -287,7 +287,7 @@ def step(
         if record is not None:
             record_stage(record, work, stages, s, x)
     if tangents is not None:
-        unfold_tangents(tangents, problem, stages, h)
+        unfold_tangents(tangents, problem, ts, stages, h)
     if record is not None:
         record_axes(record, work, stages, stages)
     work.nearest[0] = nearest

@@ -11,6 +11,7 @@ import numpy as np
 
 from alf_ros.kernel.arc_coordinates import components, composed, relative
 from alf_ros.kernel.data import ORIGIN, Phase, Problem, Tangents
+from alf_ros.kernel.driven_tangents import drive_tangents
 from alf_ros.kernel.numba_ext.block import block, packed, put
 from alf_ros.kernel.numba_ext.jit import ONE, THREE, TWO, ZERO, inner
 from alf_ros.kernel.numba_ext.lane_numbers import everywhere
@@ -88,9 +89,11 @@ def _from_axes(problem: Problem, u: Lanes) -> None:
 
 
 @inner
-def unfold_tangents(tangents: Tangents, problem: Problem, s: np.uint64, h: float) -> None:
-    """δq and δq̇ of stage s, from the rates of the stages before; with s past the last stage, of
-    the end of the step."""
+def unfold_tangents(
+    tangents: Tangents, problem: Problem, t: float, s: np.uint64, h: float
+) -> None:
+    """δq and δq̇ of stage s at t (s), from the rates of the stages before; with s past the last
+    stage, of the end of the step."""
     start, rates, part, of = tangents.start, tangents.rates, tangents.part, tangents.of
     method, work = problem.method, problem.work
     n, whole, stages, many = work.p.size, work.q.size, method.b.size, ZERO
@@ -111,6 +114,7 @@ def unfold_tangents(tangents: Tangents, problem: Problem, s: np.uint64, h: float
             q[a], qd[a] = u, v
         for a in each(n, whole):  # fixed blocks
             q[a], qd[a] = tangents.first_q[k * whole + a], 0.0
+        drive_tangents(tangents, t, k)
         if work.chart.arcs[0] > 0:
             _from_axes(problem, q)
             _from_axes(problem, qd)

@@ -54,7 +54,7 @@ def follow_stage(
         return
     if s > 0:  # of the first stage they are stored already
         store_multipliers(tangents.lam, problem.work.y)
-    unfold_tangents(tangents, problem, s, h)
+    unfold_tangents(tangents, problem, t, s, h)
     differentiate(tangents, problem, tangents.here, t, LEAVE)
     if s == 0:
         copy(tangents.qdd, tangents.first_qdd)

@@ -6,7 +6,7 @@ does not come from q and q̇,
 
     Φ_q δq = -δ'Φ                                    the rest of δq: unchanged, along M
     Φ_q δq̇ = -(δΦ_q) q̇                              the rest of δq̇: likewise
-    M δq̈ + Φ_qᵀ δλ = δQ - δM q̈ - (δΦ_q)ᵀ λ,   Φ_q δq̈ = -(δΦ_q) q̈ - δΦ̇_q q̇ - Φ̇_q δq̇
+    M δq̈ + Φ_qᵀ δλ = δQ - δM q̈ - (δΦ_q)ᵀ λ,   Φ_q δq̈ = -(δΦ_q) q̈ - δΦ̇_q q̇ - Φ̇_q δq̇ - Φ_q,s δs̈
 
 so that each is a solve with the factor of the stage (26), (33). What belongs to the stage alone is
 read once for all groups, and entries of Φ_q that are constant are passed over.
@@ -171,7 +171,7 @@ def accelerate_tangents(
         if r < rows.both:
             subtract(f, j, d)
     for r in each(0, rows.movable.size):
-        s = 0.0
+        s = _driven(tangents, rows, at, k, r)
         for e in each(rows.first[r], rows.first[r + ONE]):
             if rows.first_term[e] != rows.first_term[e + ONE]:
                 s -= dot(block(unit, tangents.g2d, e), block(unit, dqd, rows.block[e]))
@@ -193,7 +193,25 @@ def accelerate_tangents(
     dqdd = group_of(tangents, tangents.qdd, k)
     zero(dqdd)
     unknown = 0.0 * f[0] + np.inf
-    return solved_together(tangents, problem, at, dqdd, slow_modes, UNDER_FORCES, unknown)  # (26)
+    good = solved_together(tangents, problem, at, dqdd, slow_modes, UNDER_FORCES, unknown)  # (26)
+    if tangents.drive.size > 0:
+        driven = group_of(tangents, tangents.drive_qdd, k)
+        for a in each(work.p.size, work.q.size):
+            dqdd[a] = driven[a]
+    return good
+
+
+@inner
+def _driven(
+    tangents: Tangents, rows: Rows, at: FollowedStage, k: np.uint64, r: np.uint64
+) -> Lanes:
+    """-Φ_q,s δs̈ of quadratic row r."""
+    s = 0.0 * at.delta[0]
+    if tangents.drive.size > 0:
+        driven = group_of(tangents, tangents.drive_qdd, k)
+        for e in each(rows.movable[r], rows.first[r + ONE]):
+            s -= dot(block(tangents.unit, at.g2, e), block(tangents.unit, driven, rows.block[e]))
+    return s
 
 
 @expanded

@@ -15,6 +15,7 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.kernel.augmented_solve import apply
 from alf_ros.kernel.data import FollowedStage, Phase, Problem, Scales, Tangents, Work
+from alf_ros.kernel.driven_tangents import drive_all_tangents
 from alf_ros.kernel.interpolated_stages import SLOW, evaluate_place, place_at
 from alf_ros.kernel.ldl import linearise
 from alf_ros.kernel.numba_ext.jit import ONE, inner
@@ -187,15 +188,17 @@ def _differentiate_places(tangents: Tangents, t: float) -> int:
     zero(tangents.whole_q)
     zero(tangents.whole_qd)
     zero(tangents.whole_qdd)
-    for k in range(tangents.groups):  # fixed blocks stay as they are
+    for k in range(tangents.groups):  # fixed blocks stay as they are, and where drives put them
         for a in range(k * whole + n, (k + ONE) * whole):
-            tangents.whole_q[a] = tangents.q[a]
+            tangents.whole_q[a], tangents.whole_qd[a] = tangents.q[a], tangents.qd[a]
+            if tangents.drive.size > 0:
+                tangents.whole_qdd[a] = tangents.drive_qdd[a]
     # δq and δq̇
     for p in range(places):
         place_at(problem, t, p)
         if not linearise(unit, system, work, work.q):
             return 0
-        _project_begun(tangents)
+        _project_begun(tangents, t + work.place_step[0] * apart(work, p))
         _add_up(tangents, tangents.q, tangents.whole_q, work.place_weights[p])
         _add_up(tangents, tangents.qd, tangents.whole_qd, work.place_weights[p])
     # δq̈, under the forces that act at the stage and their change there
@@ -213,7 +216,7 @@ def _differentiate_places(tangents: Tangents, t: float) -> int:
         if evaluate_place(problem, t, p) <= 0:
             return 0
         store_multipliers(tangents.lam, work.y)
-        _project_begun(tangents)
+        _project_begun(tangents, t + work.place_step[0] * apart(work, p))
         begin_stage(tangents, problem, at)
         for k in range(tangents.groups):
             copy(group_of(tangents, tangents.pushed, k), tangents.f)
@@ -226,10 +229,11 @@ def _differentiate_places(tangents: Tangents, t: float) -> int:
 
 
 @inner
-def _project_begun(tangents: Tangents) -> None:
-    """δq and δq̇ as the step adds them up, onto the constraints at q, q̇ in `work`."""
+def _project_begun(tangents: Tangents, t: float) -> None:
+    """δq and δq̇ as the step adds them up, onto the constraints at q, q̇ in `work`, at t (s)."""
     copy(tangents.begun_q, tangents.q)
     copy(tangents.begun_qd, tangents.qd)
+    drive_all_tangents(tangents, t)
     project_tangents(tangents, tangents.problem, tangents.behind, FINISH)
 
 

@@ -126,7 +126,7 @@ def carry_again(
             count = evaluate_interpolated(problem, phase, ts, s, moved, scales)
         if count > 0:
             fold(unit, system, work, work.qd, work.qdd, s)
-            unfold_tangents(tangents, problem, s, h)
+            unfold_tangents(tangents, problem, ts, s, h)
             kind = PROJECTED if near else REGULAR
             if tape is not None:
                 store_axes(tape, work, s)
@@ -151,7 +151,7 @@ def carry_again(
     add_up(method, work, stages, h)
     prescribe(system, end, work.q, work.qd, work.qdd)
     unfold(unit, system, work, phase)
-    unfold_tangents(tangents, problem, stages, h)
+    unfold_tangents(tangents, problem, end, stages, h)
     if tape is not None:
         store_axes(tape, work, stages)
         tape.projected[0] = 1 if not near or x == np.inf else 0

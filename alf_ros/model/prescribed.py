@@ -8,29 +8,43 @@ from functools import cache
 import numpy as np
 
 from alf_ros import kernel
-from alf_ros.arrays import Floats
+from alf_ros.arrays import Floats, Integers
 from alf_ros.kernel import Prescribed, System
 from alf_ros.mechanism.natural_coordinates import Layout
-from alf_ros.mechanism.time_function import signal
+from alf_ros.mechanism.time_function import Signal, signal
 
 
 def prescribed(layout: Layout) -> Prescribed:
     """The prescribed blocks of a mechanism; where there are none, nothing is compiled for them."""
-    items = layout.mechanism.prescribed
-    if not items:
+    if not layout.mechanism.prescribed:
         return _nothing()
     from alf_ros.model import time_program
 
+    slots, params = time_program.program(_outputs(layout))
+    address = np.array([time_program.run.address], dtype=np.uint64)
+    return Prescribed(address, slots, params, np.zeros(3 * int(slots[0])))
+
+
+def program_apart(layout: Layout) -> tuple[Integers, Floats]:
+    """The same program, in which every number of the motions has a place of its own: its slots,
+    and its numbers."""
+    if not layout.mechanism.prescribed:
+        return np.zeros(0, dtype=np.int64), np.zeros(0)
+    from alf_ros.model import time_program
+
+    return time_program.program(_outputs(layout), apart=True)
+
+
+def _outputs(layout: Layout) -> dict[int, Signal]:
+    """Of each coordinate that moves, in the order of q, its function of time."""
     outputs = {}
-    for item in items:
+    for item in layout.mechanism.prescribed:
         unit = layout.length if item.is_direction else 1.0  # directions are blocks as long as that
         for axis, component in enumerate(item.components):
             if component is not None:
                 place = layout.of_prescribed[item.name] * layout.dimension + axis
                 outputs[place] = signal(unit * component)
-    slots, params = time_program.program(outputs)
-    address = np.array([time_program.run.address], dtype=np.uint64)
-    return Prescribed(address, slots, params, np.zeros(3 * int(slots[0])))
+    return outputs
 
 
 @cache

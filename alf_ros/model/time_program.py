@@ -139,16 +139,17 @@ def run(
         qdd[place] = registers[source + 2]
 
 
-def program(outputs: Mapping[int, Signal]) -> tuple[Integers, Floats]:
+def program(outputs: Mapping[int, Signal], apart: bool = False) -> tuple[Integers, Floats]:
     """slots and params that compute each signal at its place; equal expressions are computed
-    once."""
-    number: dict[Signal, int] = {}
+    once. `apart`: every number has a place of its own, so that slots do not depend on values."""
+    number: dict[Signal | int, int] = {}
     instructions: list[tuple[int, int, int]] = []
     params: list[float] = []
 
     def add(signal: Signal) -> int:
-        if signal in number:
-            return number[signal]
+        known = id(signal) if apart else signal
+        if known in number:
+            return number[known]
         sources = [add(argument) for argument in signal.arguments]
         first = sources[0] if sources else 0
         last = sources[-1] if sources else 0
@@ -159,13 +160,28 @@ def program(outputs: Mapping[int, Signal]) -> tuple[Integers, Floats]:
             last = len(params)
             params.extend(_spline(signal))
         instructions.append((_CODE[signal.operation], first, last))
-        number[signal] = len(instructions) - 1
-        return number[signal]
+        number[known] = len(instructions) - 1
+        return number[known]
 
     ends = [(place, add(signal)) for place, signal in outputs.items()]
     words = [len(instructions), len(ends), *(w for i in instructions for w in i)]
     slots = np.array([*words, *(w for end in ends for w in end)], dtype=np.int64)
     return slots, np.array(params, dtype=float)
+
+
+def moves_kink(slots: Integers, changes: Floats) -> bool:
+    """Whether abs, min or max depends on numbers that change: (numbers,) by how much each does."""
+    changed: list[bool] = []
+    for code, first, last in slots[2 : 2 + 3 * int(slots[0])].reshape(-1, 3).tolist():
+        if code == _NUMBER:
+            changed.append(bool(changes[last] != 0.0))
+        elif code == _TABLE:
+            changed.append(False)  # its instants are known, and its arguments are t
+        else:
+            changed.append(code != _TIME and (changed[first] or (code >= _ADD and changed[last])))
+        if changed[-1] and code in (_ABS, _MIN, _MAX):
+            return True
+    return False
 
 
 def _spline(signal: Signal) -> list[float]:

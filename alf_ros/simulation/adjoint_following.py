@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -11,8 +12,10 @@ from alf_ros import kernel
 from alf_ros.arrays import Floats, Integers
 from alf_ros.errors import AlfError, StepError
 from alf_ros.kernel import Adjoint, ForceColumns, ForceTrace, Problem, Status, StepRecord, Tape
+from alf_ros.kernel.numba_ext.lane_structs import aligned
 from alf_ros.kernel.step_tape import SPAN
 from alf_ros.model.compile import Model
+from alf_ros.model.prescribed import program_apart
 from alf_ros.simulation.applied import Applied
 from alf_ros.simulation.force_columns import (
     COLUMNS,
@@ -25,7 +28,7 @@ from alf_ros.simulation.force_traces import OPERATIONS, empty_trace, leaves_of, 
 from alf_ros.simulation.present import Present
 from alf_ros.simulation.slope_products import SlopeProducts
 from alf_ros.simulation.stepping import Stepper
-from alf_ros.simulation.tangent_following import tangents_of
+from alf_ros.simulation.tangent_following import drives_of, seeds, tangents_of
 
 SUMS = ('mass_diagonal', 'mass_k', 'mass_w', 'length2', 'b', 'term', 'c')
 
@@ -69,6 +72,7 @@ class AdjointFollowing:
     ) -> None:
         self._stepper, self._model, self._products = stepper, model, products
         self._stages = stepper.method.b.size
+        self._numbers_of_drives = program_apart(model.layout)[1].size
         self._steps, self._operations = 0, OPERATIONS
         self._record = self._empty_record()
         self._adjoint: Adjoint | None = None
@@ -107,7 +111,7 @@ class AdjointFollowing:
         of, made = self._made_for, (present.applied, self._record, self._operations)
         if of is not None and of[0] is made[0] and of[1] is made[1] and of[2] == made[2]:
             assert self._adjoint is not None
-            for name in (*SUMS, 'of_trace'):
+            for name in (*SUMS, 'drive', 'of_trace'):
                 getattr(self._adjoint, name)[:] = 0.0
             self._adjoint.columns.own[:] = 0.0
             return
@@ -166,6 +170,7 @@ class AdjointFollowing:
         else:
             params = of.of_trace[2 * whole :][: effects.params.size].copy()
         arrays = {name: getattr(of, name).copy() for name in SUMS}
+        arrays['prescribed'] = of.drive.copy()
         return TakenBack(of.bar_q.copy(), of.bar_qd.copy(), arrays, params)
 
     def _forces(self, applied: Applied) -> tuple[ForceColumns, ForceTrace]:
@@ -206,9 +211,15 @@ class AdjointFollowing:
             **dict.fromkeys(('sum_q', 'sum_qd'), stages * n),
         }
         terms = self._products is None or self._products.changes('term')
+        tangents = tangents_of(model, problem, work, 0, np.zeros_like(trace.force), COLUMNS)
+        driven = self._products is None or self._products.changes('prescribed')
+        if driven and model.system.prescribed.program.size:
+            tangents = replace(tangents, **drives_of(model, COLUMNS, 0))
+        numbers = tangents.drive_params.size
+        moved = whole if numbers else 0
         return Adjoint(
             unit=model.unit,
-            tangents=tangents_of(model, problem, work, 0, np.zeros_like(trace.force), COLUMNS),
+            tangents=tangents,
             phase=kernel.Phase(
                 np.zeros(whole),
                 np.zeros(whole),
@@ -224,6 +235,11 @@ class AdjointFollowing:
                 **{name: np.zeros(size) for name, size in tape.items()},
             ),
             terms_count=np.array([int(terms)]),
+            drive=np.zeros(self._numbers_of_drives),
+            drive_seeds=seeds(numbers, COLUMNS),
+            drive_q=aligned(moved, COLUMNS),
+            drive_qd=aligned(moved, COLUMNS),
+            drive_qdd=aligned(moved, COLUMNS),
             columns=columns,
             trace=trace,
             **{name: np.zeros(size) for name, size in sizes.items()},

@@ -27,15 +27,19 @@ def traced_forces(applied: Applied) -> Addresses:
 
 def leaves_of(model: Model, applied: Applied, products: SlopeProducts | None) -> Integers:
     """(leaves,) the numbers in a trace of q, q̇ and the data of the effects: -1 of what no number
-    of the scene changes, and of q̇ of fixed blocks. products: of the numbers that count; without
-    them all arrays do."""
+    of the scene changes, and of q̇ of blocks that stand. products: of the numbers that count;
+    without them all arrays do."""
     n, whole = model.n, model.q.size
     leaves = 2 * whole + applied.assembled.effects.params.size
     numbers = np.arange(leaves, dtype=np.int64)
-    numbers[whole + n : 2 * whole] = -1
+    if products is not None or not model.system.prescribed.program.size:
+        numbers[whole + n : 2 * whole] = -1
     if products is not None:
         if not products.changes_fixed(n):
             numbers[n:whole] = -1
+        if products.changes('prescribed'):
+            numbers[n:whole] = np.arange(n, whole)
+            numbers[whole + n : 2 * whole] = np.arange(whole + n, 2 * whole)
         changed = 2 * whole + products.changed_params(applied.inputs)
         numbers[2 * whole :] = -1
         numbers[changed] = changed

@@ -25,6 +25,7 @@ from alf_ros.arrays import Floats, Integers
 from alf_ros.errors import AlfError, InputError
 from alf_ros.kernel import Effects
 from alf_ros.model.compile import Model
+from alf_ros.model.prescribed import prescribe, program_apart
 from alf_ros.scene import overrides
 from alf_ros.scene.scene import Scene, Solver
 from alf_ros.simulation.applied import NO_INPUTS, Applied, Inputs
@@ -39,7 +40,7 @@ _FEW = (-2, 2, 4)  # steps at which arrays show whether they are quadratic
 _QUADRATIC = 1e-14  # of the largest number, by which a quadratic array may be off there
 _AGREE = 1e-9  # of the largest slope, and
 _ROUNDED = 1e-12  # of the largest number a step, by which the slopes of two lengths may differ
-_BESIDE, _JUMP = 1e-9, 1e-6  # s from an instant, and part of the forces that they jump by there
+_BESIDE, _JUMP = 1e-9, 1e-6  # s from an instant, and part of the values that they jump by there
 _CLOSED = 1e-9  # likewise of the start, where a drawing does not close: rounding moves it more
 _MASSES = ('mass_diagonal', 'mass_k', 'mass_w')
 _SHAPES = (
@@ -85,7 +86,7 @@ class Neighbour:
             lengths.b,
             lengths.c,
             lengths.term,
-            system.prescribed.params,
+            self.motions[1],
             np.array([model.layout.length]),
             self.start.q,
             self.start.qd,
@@ -102,8 +103,13 @@ class Neighbour:
             rows.term_block.astype(np.int64),
             angles.block.astype(np.int64),
             lengths.block.astype(np.int64),
-            system.prescribed.slots,
+            self.motions[0],
         )
+
+    @cached_property
+    def motions(self) -> tuple[Integers, Floats]:
+        """The program of the drives, whose form does not depend on values, and its numbers."""
+        return program_apart(self.start.model.layout)
 
     @cached_property
     def _applied(self) -> Applied:
@@ -120,7 +126,7 @@ class Neighbour:
         return self._applied.instants
 
     def jumps_at(self, t: float) -> bool:
-        """Whether the forces in the state of the start jump at t (s)."""
+        """Whether the forces in the state of the start jump at t (s), or the drives do."""
         model, q, qd = self.start.model, self.start.q, self.start.qd
         effects, xy = self.effects(NO_INPUTS), np.zeros(model.system.angles.c.size)
         turns = np.zeros(xy.size // 2, dtype=np.int64)
@@ -130,8 +136,10 @@ class Neighbour:
         before, after = np.zeros(q.size), np.zeros(q.size)
         kernel.applied_forces(effects, t - aside, q, qd, near, before)
         kernel.applied_forces(effects, t + aside, q, qd, near, after)
-        largest = max(np.abs(before).max(initial=0.0), np.abs(after).max(initial=0.0))
-        return bool(np.abs(after - before).max(initial=0.0) > _JUMP * largest)
+        driven_before, driven_after = np.zeros((2, 3, q.size))
+        prescribe(model.system, t - aside, *driven_before)
+        prescribe(model.system, t + aside, *driven_after)
+        return _jump(before, after) or _jump(driven_before[2], driven_after[2])
 
     def effort(self, joint: str) -> Floats:
         """The data of an effort of 1 N m or 1 N on a joint, behind the data of its effects."""
@@ -339,15 +347,42 @@ class ParameterSlopes:
         return self._slope('effects', around)
 
     def moved_jump(self) -> float | None:
-        """An instant (s) that moves with the number, and at which the forces jump."""
-        if not self._is_of_effects or not self._here.instants.size:
+        """An instant (s) that moves with the number, and at which forces or accelerations of
+        drives jump."""
+        if not (self._is_of_effects or self.changes_drives) or not self._here.instants.size:
             return None
         beside = self._neighbour(LONGEST * (abs(self.value) or 1.0)).instants
         moved = np.setdiff1d(self._here.instants, beside).tolist()
         return next((t for t in moved if self._here.jumps_at(t)), None)
 
-    def opening(self, model: Model, q: Floats) -> Floats:
-        """(rows,) ∂Φ/∂θ at q (blocks D, m), per unit of the number, where the free blocks stay."""
+    def placed(self, model: Model, t: float) -> tuple[Floats, Floats]:
+        """The slopes of the fixed and the driven blocks at t (s), and of their velocities (blocks
+        D); 0 of all others."""
+        dq, dqd = np.zeros(model.q.size), np.zeros(model.q.size)
+        dq[model.n :] = self.arrays['q'][model.n :]
+        if self.changes_drives:
+            from alf_ros.model.dual_time_program import put_slopes
+
+            put_slopes(*self._here.motions, self.arrays['prescribed'], t, dq, dqd)
+        return dq, dqd
+
+    @property
+    def changes_drives(self) -> bool:
+        """Whether the number changes the motion of a drive."""
+        return bool(self.arrays['prescribed'].any())
+
+    @property
+    def moves_kink(self) -> bool:
+        """Whether abs, min or max in the motion of a drive depends on it."""
+        if not self.changes_drives:
+            return False
+        from alf_ros.model.time_program import moves_kink
+
+        return moves_kink(self._here.motions[0], self.arrays['prescribed'])
+
+    def opening(self, model: Model, q: Floats, t: float) -> Floats:
+        """(rows,) ∂Φ/∂θ at q (blocks D, m) and t (s), per unit of the number, where the free
+        blocks stay."""
         of, rows = self.arrays, model.system.rows
         own = replace(rows, length2=of['length2'], b=of['b'], term=of['term'], c=of['c'])
         still = replace(own, length2=np.zeros_like(rows.length2))
@@ -357,8 +392,7 @@ class ParameterSlopes:
         opened[:m1] = -0.5 * of['length2']
         g, g2 = np.zeros(m1 * model.layout.dimension), np.zeros(rows.b.size)
         kernel.jacobian(model.unit, rows, q, g, g2)
-        fixed = np.concatenate([np.zeros(model.n), of['q'][model.n :]])
-        kernel.times_jacobian(model.unit, rows, g, g2, fixed, gaps)
+        kernel.times_jacobian(model.unit, rows, g, g2, self.placed(model, t)[0], gaps)
         return opened + gaps
 
     def _slope(self, what: str, values: Mapping[float, Sequence[Floats]]) -> Floats:
@@ -388,6 +422,11 @@ def _agree(slope: Floats, less: Floats, more: Floats, step: float) -> bool:
     most = _AGREE * np.abs(slope).max(initial=0.0)
     most += _ROUNDED * float(np.abs(less[np.isfinite(less)]).max(initial=0.0)) / step
     return bool(np.abs(change / (2.0 * step) - slope).max(initial=0.0) <= most)
+
+
+def _jump(before: Floats, after: Floats) -> bool:
+    largest = max(np.abs(before).max(initial=0.0), np.abs(after).max(initial=0.0))
+    return bool(np.abs(after - before).max(initial=0.0) > _JUMP * largest)
 
 
 def _offsets() -> tuple[int, ...]:

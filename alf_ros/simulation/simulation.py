@@ -125,7 +125,7 @@ class Simulation:
             known = like.following if like is not None else None
             self._following = TangentFollowing(names, scene, self.solver, self._start, known)
             self._use(self.solver)
-        if watches or (self._following is not None and self._following.lengths):
+        if watches or (self._following is not None and self._following.placing):
             self._watcher = self._watching()
 
     def _set_up(self, solver: Solver, formulation: Formulation | None = None) -> None:
@@ -612,15 +612,15 @@ class Simulation:
         following, watcher = self._following, self._watcher
         if following is None:
             return None
-        if following.lengths and watcher is not None:
+        if following.placing and watcher is not None:
             for passed in watcher.passes:
                 for name in following.unfolded_by(passed):
                     self._unfolded.setdefault(name, passed.t)
         told = 'it unfolds the singular position passed at t = {:.6g} s'
         refused = {name: told.format(t) for name, t in self._unfolded.items()}
         if not whole:
-            told = 'of a length it is known at whole steps, where singular positions are found'
-            refused = {**dict.fromkeys(following.lengths, told), **refused}
+            told = 'of a length or a drive it is known at whole steps, where passes are found'
+            refused = {**dict.fromkeys(following.placing, told), **refused}
         assert self._quantity_tangents is not None
         return Followed(following, refused, self._quantity_tangents.of)
 

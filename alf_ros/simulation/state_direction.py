@@ -42,6 +42,12 @@ class StateDirection:
         """Zero, as many as the data of an effort on a joint has numbers."""
         return np.zeros_like(self._here.effort(joint))
 
-    def opening(self, model: Model, q: Floats) -> Floats:
+    changes_drives = False
+
+    def placed(self, model: Model, t: float) -> tuple[Floats, Floats]:
+        """Zero: no block is placed by it."""
+        return np.zeros(model.q.size), np.zeros(model.q.size)
+
+    def opening(self, model: Model, q: Floats, t: float) -> Floats:
         """(rows,) zero: no row changes."""
         return np.zeros(model.system.rows.alpha.size)

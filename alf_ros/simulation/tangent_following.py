@@ -17,6 +17,7 @@ from alf_ros.kernel.numba_ext.lane_numbers import width
 from alf_ros.kernel.numba_ext.lane_structs import aligned
 from alf_ros.kernel.numba_ext.plain import PLAIN
 from alf_ros.model.compile import Model
+from alf_ros.model.prescribed import program_apart
 from alf_ros.model.struct_memory import changed
 from alf_ros.model.tableaux import TABLEAUX
 from alf_ros.scene.scene import Scene, Solver
@@ -92,8 +93,14 @@ class TangentFollowing:
 
     @cached_property
     def lengths(self) -> tuple[str, ...]:
-        """The parameters that change lengths or places: these may unfold a singular position."""
+        """The parameters that change lengths or places."""
         return tuple(s.name for s in self.slopes if _changes_rows(s, self._start))
+
+    @cached_property
+    def placing(self) -> tuple[str, ...]:
+        """The parameters that change lengths, places or the motion of a drive: these may unfold a
+        singular position."""
+        return tuple(s.name for s in self.slopes if s.name in self.lengths or s.changes_drives)
 
     def unfolded_by(self, passed: Pass) -> list[str]:
         """The parameters that unfold a singular position: nᵀ ∂Φ/∂θ ≠ 0, with n the combination of
@@ -101,8 +108,8 @@ class TangentFollowing:
         there: its derivative does not exist behind it."""
         found, model = [], self._start.model
         for each in self.slopes:
-            if each.name in self.lengths:
-                opened = each.opening(model, passed.q)
+            if each.name in self.placing:
+                opened = each.opening(model, passed.q, passed.t)
                 parts = np.abs(passed.lost * opened).sum()
                 if not abs(passed.lost @ opened) <= _UNFOLDS * parts:
                     found.append(each.name)
@@ -134,8 +141,33 @@ class TangentFollowing:
         moved = np.array([n in self.lengths for n in self.names], dtype=np.int64)
         changes['rows_change'] = _any_of_group(moved, W)
         changes['params'] = params
+        if self.changes_drives:
+            numbers = np.array([each.arrays['prescribed'] for each in self.slopes])
+            changes.update(drives_of(self._start.model, W, len(changes['mass_changes'])))
+            changes['drive_changes'] = _in_groups(numbers, W)
         model, count = self._start.model, len(self.names)
         return replace(tangents_of(model, problem, work, count, force, W), **changes)
+
+    @cached_property
+    def changes_drives(self) -> bool:
+        """Whether a number changes the motion of a drive."""
+        return any(each.changes_drives for each in self.slopes)
+
+
+def drives_of(model: Model, W: int, groups: int) -> dict[str, Any]:
+    """The fields of `Tangents` for motions that change, in W lanes."""
+    from alf_ros.model.dual_time_program import dual_run
+
+    slots, params = program_apart(model.layout)
+    registers = 3 * int(slots[0])
+    return {
+        'drive': np.array([dual_run(W).address], dtype=np.uint64),
+        'drive_slots': slots,
+        'drive_params': params,
+        'drive_registers': np.zeros(registers),
+        'drive_slopes': aligned(registers, W),
+        'drive_qdd': aligned(groups * model.q.size, W),
+    }
 
 
 def tangents_of(
@@ -155,6 +187,7 @@ def tangents_of(
         'term': groups * rows.term.size,
         'c': groups * rows.c.size,
         'params': groups * effects.params.size,
+        **dict.fromkeys(('drive_changes', 'drive_slopes', 'drive_qdd'), 0),
         'start': 2 * groups * n,
         'rates': 2 * groups * stages * n,
         **dict.fromkeys(_OF_GROUPS, groups * whole),
@@ -169,6 +202,7 @@ def tangents_of(
         **dict.fromkeys(('term_qd', 'term_qdd'), rows.term_block.size * D),
         'part': stages,
         **dict.fromkeys(('Q', 'lane_f', 'lane_x'), whole),
+        **dict.fromkeys(('drive_params', 'drive_registers'), 0),
     }
     solve = {'delta': whole, 'r2': rows.alpha.size, 'y': rows.alpha.size}
     shared = {name: aligned(size, W) for name, size in solve.items()}
@@ -182,6 +216,8 @@ def tangents_of(
         rows_change=np.zeros(groups, dtype=np.int64),
         here=_followed_stage(problem.work, shared),
         behind=_followed_stage(work, shared),
+        drive=np.zeros(0, dtype=np.uint64),
+        drive_slots=np.zeros(0, dtype=np.int64),
         followed=np.zeros(2, dtype=np.int64),
         of=np.zeros(stages, dtype=np.int64),
         even=np.where(even, T[:, 0, 0], np.nan),
@@ -223,6 +259,11 @@ def _in_groups(slopes: Floats, W: int) -> Floats:
         own = whole[g * W : (g + 1) * W]
         grouped[g, :, : len(own)] = own.T
     return found
+
+
+def seeds(numbers: int, W: int) -> Floats:
+    """(groups numbers, W) of slopes by the numbers themselves, W at a time."""
+    return _in_groups(np.eye(numbers), W) if numbers else aligned(0, W)
 
 
 def _any_of_group(flags: Integers, W: int) -> Integers:
@@ -275,16 +316,19 @@ def _check_slopes(slopes: Slopes, start: Start) -> None:
         slopes.params()  # refused here, not at the first step
         jump = slopes.moved_jump()
         if jump is not None:
+            what = 'the acceleration of a drive' if slopes.changes_drives else 'a force'
             raise InputError(
-                f'no tangent: a force jumps at t = {jump:g} s, which moves with it',
+                f'no tangent: {what} jumps at t = {jump:g} s, which moves with it',
+                key=slopes.name,
+                value=slopes.value,
+            )
+        if slopes.moves_kink:
+            raise InputError(
+                'no tangent: abs, min or max in the motion of a drive depends on it',
                 key=slopes.name,
                 value=slopes.value,
             )
     arrays = slopes.arrays
-    if arrays['prescribed'].any():
-        raise InputError(
-            'no tangent by the numbers of a drive yet', key=slopes.name, value=slopes.value
-        )
     if start.adjustment is not None and any(arrays[name].any() for name in _ROWS):
         raise InputError(
             'no tangent: redundant lengths are adjusted there, so none is free',

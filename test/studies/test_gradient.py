@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import functools
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ from alf_ros.simulation.adjoint_following import AdjointFollowing
 from alf_ros.studies.exact.exact_tangents import double_four_bar, slider_crank
 from alf_ros.studies.gradients.observed_number import observed_number
 from alf_ros.studies.gradients.taped_run import TapedRun
+from support.dot_products import dot_products
 from support.log_files import make
 from support.some_scenes import SOME_SCENES
 from support.tangent_robot import NUMBERS, ROBOT
@@ -34,34 +35,6 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Scene:
     path = Path(tmp_path_factory.mktemp('robot')) / 'robot.yaml'
     path.write_text(ROBOT, 'utf-8')
     return load_scene(path)
-
-
-def dot_products(
-    scene: Scene, names: Sequence[str], steps: int, **settings: Any
-) -> tuple[Any, Any, Any]:
-    """For random ȳ at the end of a run: ȳᵀ δx by the tangents, by the adjoint, and the size of
-    the sum."""
-    followed = Simulation(scene, tangents=names, **settings)
-    followed.step(steps)
-    state = followed.state
-    tangents = state.tangents.reshape(len(names), 2, state.q.size)
-    simulation = Simulation(scene, **settings)
-    run = TapedRun(simulation, names)
-    list(run.go_on(steps))
-    assert simulation.state.q.tobytes() == state.q.tobytes()
-    assert simulation.state.qd.tobytes() == state.qd.tobytes()
-    bars = np.zeros((2, state.q.size))
-    bars[:, : simulation.model.n] = np.random.default_rng(1).normal(size=(2, simulation.model.n))
-
-    class AnySum:
-        def add(self, sample: Any, weight: float, to: Any) -> None:
-            to.q[:] += weight * bars[0]
-            to.qd[:] += weight * bars[1]
-
-    run._check_unfolding = lambda last: None  # type: ignore[method-assign]
-    found = run.derivatives(AnySum(), {steps: 1.0})  # type: ignore[arg-type]
-    size = np.abs(tangents).reshape(len(names), -1) @ np.abs(bars).ravel()
-    return np.einsum('kha,ha->k', tangents, bars), found, size
 
 
 @pytest.mark.parametrize('settings', [FIXED, ADAPTIVE], ids=['fixed', 'adaptive'])

@@ -7,15 +7,17 @@ import signal
 import threading
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy import stats
 
-from alf_ros import Identification, Recording, identify, load_scene, recorded
+from alf_ros import Identification, Recording, Simulation, identify, load_scene, recorded
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
+from alf_ros.scene.overrides import number, with_changes
 from alf_ros.studies.identification import identification, window_runs
 from support.gripper import GRIPPER
 from support.recordings import SLIDER_CRANK, Machine, changed, pushes, scene
@@ -354,10 +356,50 @@ def driven() -> dict[str, Any]:
 
 
 def test_beside_a_drive() -> None:
-    """The drive moves on its own; friction is found, lengths are refused."""
+    """The drive moves on its own; friction and a length are found."""
     of = load_scene(driven())
     recording = Machine(changed(of, {'hinge.viscous': 0.08}), ('o', 'a'), 1.0).recording()
     found = identify(of, recording, ['hinge.viscous'], window=0.5)
     assert found['hinge.viscous'] == pytest.approx(0.08, rel=1e-6)
-    with pytest.raises(InputError, match='drive yet'):
-        identify(of, recording, ['mechanism.points.B.at.1'], window=0.5)
+    name = 'mechanism.points.B.at.1'
+    value = number(of, name)
+    recording = Machine(of, ('o', 'a'), 1.0).recording()
+    found = identify(changed(of, {name: 1.02 * value}), recording, [name], window=0.5)
+    assert found[name] == pytest.approx(value, rel=1e-6)
+
+
+def test_numbers_of_a_drive_and_a_length_beside_it(tmp_path: Path) -> None:
+    """A driven shoulder, of which nothing is recorded, and a free elbow, which is."""
+    path = tmp_path / 'driven.yaml'
+    path.write_text(DRIVEN, 'utf-8')
+    driven = load_scene(path)
+    motion = list(Simulation(driven).run(3.0, every=2))
+    angles = np.array([sample.joints['elbow'].position for sample in motion])
+    recording = recorded(np.array([sample.t for sample in motion]), {'elbow': angles})
+    guess = with_changes(driven, {'k': '0.47', 'w': '2.9', 'a': '0.95'})
+    found = identify(guess, recording, ['k', 'w', 'a'], window=1.0)
+    assert found.values == pytest.approx([0.5, 3.0, 1.0], rel=1e-8)
+
+
+DRIVEN = """
+mechanism:
+  alf: 1
+  space: planar
+  parameters: {a: 1.0, w: 3.0, k: 0.5}
+  points:
+    O: {at: [0, 0], fixed: true}
+    A: {at: [a, 0]}
+    B: {at: [a, 0.8]}
+  bodies:
+    upper: {points: [O, A], mass: 1, inertia: rod}
+    lower: {points: [A, B], mass: 1, inertia: {about_com: 0.1}, com: [0.3, 0.1]}
+  joints:
+    shoulder: {type: revolute, between: [ground, upper], at: O}
+    elbow: {type: revolute, between: [upper, lower], at: A}
+  drives:
+    swing: {joint: shoulder, angle: k*sin(w*t)}
+effects:
+  gravity: {acceleration: [0, -9.81]}
+  joint_friction: {joint: elbow, viscous: 0.2}
+solver: {step: 5.0e-3, integrator: dop853}
+"""

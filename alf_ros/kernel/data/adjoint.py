@@ -103,6 +103,11 @@ class Adjoint(Struct):
     b: Floats  # (entries D,)
     term: Floats  # (terms D D,)
     c: Floats  # (quadratic rows,)
+    drive: Floats  # (numbers,) of the motions of drives
+    drive_seeds: Lanes  # (groups of numbers, numbers) 1 for the number of a lane
+    drive_q: Lanes  # (all blocks D,) of the prescribed blocks
+    drive_qd: Lanes  # (all blocks D,)
+    drive_qdd: Lanes  # (all blocks D,)
     terms_count: Integers  # whether ∂J/∂`term` is wanted
     # ∂J/∂ of the numbers of the trace: q and q̇ of the stage, `Effects.params` summed up over all
     # stages, and the operations

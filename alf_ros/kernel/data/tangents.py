@@ -40,7 +40,7 @@ class Tangents(Struct):
     derivatives of q and q̇ themselves are a part of the state: `Phase.tangents`.
     """
 
-    addresses = ('force',)
+    addresses = ('force', 'drive')
 
     unit: Unit
     problem: Problem  # of the run, with a workspace of its own and without a ledger
@@ -57,6 +57,13 @@ class Tangents(Struct):
     term: Lanes  # (groups, terms D D)
     c: Lanes  # (groups, quadratic rows)
     params: Lanes  # (groups, params) of `Effects`
+    drive: Addresses  # (1,) of the motions for dual numbers in lanes; (0,) if none changes
+    drive_slots: Integers  # (…,) of the motions, as of `Prescribed`
+    drive_params: Floats  # (numbers,)
+    drive_changes: Lanes  # (groups, numbers)
+    drive_registers: Floats  # (instructions 3,)
+    drive_slopes: Lanes  # (instructions 3,)
+    drive_qdd: Lanes  # (groups, all blocks D) δs̈ of the stage
     here: FollowedStage  # of the run, as the step leaves it
     behind: FollowedStage  # of `problem`, where a step is taken again
     followed: Integers  # (2,) whether stage 0, and all others so far, were followed in the step

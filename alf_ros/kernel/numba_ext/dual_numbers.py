@@ -312,6 +312,11 @@ _unary(_rule(lambda x: dual(math.sin(x.value), math.cos(x.value) * x.slope)), ma
 _unary(_rule(lambda x: dual(math.cos(x.value), -math.sin(x.value) * x.slope)), math.cos, np.cos)
 _unary(_rule(lambda x: dual(math.log(x.value), x.slope / x.value)), math.log, np.log)
 _unary(
+    _rule(lambda x: dual(math.asin(x.value), x.slope / math.sqrt(1.0 - x.value * x.value))),
+    math.asin,
+    np.arcsin,
+)
+_unary(
     _rule(lambda x: dual(math.atan(x.value), x.slope / (1.0 + x.value * x.value))),
     math.atan,
     np.arctan,

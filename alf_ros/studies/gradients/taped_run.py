@@ -28,7 +28,7 @@ from alf_ros.studies.gradients.observed_number import ObservedNumber
 _MEMORY = 256e6  # bytes for the steps of a leg
 _INNER = 16  # steps of an adaptive method for one of the grid, at first
 _FORMS = ('angle_b', 'angle_c', 'angle_term', 'length_b', 'length_c', 'length_term')
-_ARRAYS = (*SUMS, *_FORMS, 'q', 'qd')
+_ARRAYS = (*SUMS, *_FORMS, 'prescribed', 'q', 'qd')
 
 
 class Leg(NamedTuple):
@@ -75,7 +75,7 @@ class TapedRun:
         if self._from_start:
             return
         for name, slopes in zip(self.following.names, self.following.slopes, strict=True):
-            if name in self.following.lengths or slopes.arrays['qd'].any():
+            if name in self.following.placing or slopes.arrays['qd'].any():
                 raise InputError(
                     'no gradient: the run does not begin where its scene begins',
                     key=name,
@@ -185,9 +185,9 @@ class TapedRun:
             return self._adjoint.taken_back()
 
     def _check_unfolding(self, last: int) -> None:
-        """Refuse lengths that unfold a singular position passed before a step."""
+        """Refuse lengths and drives that unfold a singular position passed before a step."""
         following, simulation = self.following, self._simulation
-        if not following.lengths:
+        if not following.placing:
             return
         watched = Simulation(simulation.scene, **asdict(simulation.solver), watch=True)
         for leg in self._legs:

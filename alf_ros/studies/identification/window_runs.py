@@ -107,7 +107,6 @@ class WindowRuns:
                 tangents = [*self.names, *tangents]
             last = self._known[kind][1][0] if kind in self._known else None
             made = Simulation(self.at(values), **self._settings, tangents=tangents, like=last)
-            _check_drives(made)
             self._known[kind] = key, [made]
         crew = self._known[kind][1]
         crew += [copy(crew[0]) for _ in range(count - len(crew))]
@@ -242,9 +241,9 @@ class WindowRuns:
         begun = self._begun(simulation, window, free, numbers)
         simulation.restore(begun)
         states = passed(simulation, window, steps)
-        if following is not None and following.lengths:
+        if following is not None and following.placing:
             tangents = simulation.sample().tangents
-            for name in following.lengths:
+            for name in following.placing:
                 if name in self.names:
                     _ = tangents[name]  # refused if it unfolds a singular position
         arrays = [each.arrays for each in slopes]
@@ -313,13 +312,6 @@ def _side_by_side(run: Callable[[int], None], crew: Sequence[Simulation]) -> Non
 def _of_numbers(slopes: Sequence[Slopes]) -> list[Slopes]:
     """Of numbers of the scene, not of directions of the state."""
     return [each for each in slopes if not is_direction(each.name)]
-
-
-def _check_drives(simulation: Simulation) -> None:
-    """Raises InputError for a fitted length beside drives, whose paces it would change too."""
-    following, prescribed = simulation.following, simulation.model.mechanism.prescribed
-    if following is not None and following.lengths and prescribed:
-        raise InputError('a length cannot be fitted beside a drive yet', key=following.lengths[0])
 
 
 def _settled(solver: Solver) -> dict[str, Any]:

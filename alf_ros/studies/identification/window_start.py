@@ -80,7 +80,7 @@ class DenseRows:
         turned = np.zeros(rows.alpha.size)
         kernel.jacobian(model.unit, own, q, none.copy(), g2)
         kernel.times_jacobian(model.unit, own, none, g2, v, turned)
-        return slopes.opening(model, q) * self._scale, turned * self._scale
+        return slopes.opening(model, q, self.t) * self._scale, turned * self._scale
 
     def null_space(self, q: Floats, rows: Chosen) -> Floats:
         """(n, freedoms) of the movable blocks, orthonormal in the metric of M."""
@@ -147,7 +147,7 @@ class StartChart:
         inverse = np.linalg.pinv(turned)
         qd = rates
         qd[:n] = inverse @ np.concatenate([-still, nu])
-        return WindowStart(q, qd, *self._derivatives(rows, q, qd, slopes, A, inverse))
+        return WindowStart(q, qd, *self._derivatives(rows, q, qd, slopes, A, J, inverse))
 
     def _derivatives(
         self,
@@ -156,6 +156,7 @@ class StartChart:
         qd: Floats,
         slopes: Sequence[Slopes] | None,
         A: Floats,
+        J: Floats,
         inverse: Floats,
     ) -> tuple[Floats, Floats]:
         """By each number, then by s and ν: dq and dqd (K, blocks D)."""
@@ -168,10 +169,11 @@ class StartChart:
         bent, widened = rows.turning(qd), np.zeros((len(rows.binds), P + g + f))
         for k, each in enumerate(slopes):
             opened, widened[:, k] = rows.opening(each, q, qd)
-            dq[k, n:] = each.arrays['q'][n:]
+            placed, going = each.placed(rows.model, rows.t)
+            dq[k, n:], dqd[k, n:] = placed[n:], going[n:]
             dq[k, :n] = -position[:, :binding] @ opened[rows.binds]
         dq[P : P + g, :n] = position[:, binding:].T
-        open_velocities = bent @ dq.T + widened
+        open_velocities = bent @ dq.T + widened + J[:, n:] @ dqd[:, n:].T
         dqd[:, :n] = -(velocity[:, : len(rows.binds)] @ open_velocities).T
         dqd[P + g :, :n] += velocity[:, len(rows.binds) :].T
         return dq, dqd
