@@ -403,3 +403,43 @@ effects:
   joint_friction: {joint: elbow, viscous: 0.2}
 solver: {step: 5.0e-3, integrator: dop853}
 """
+
+
+DOUBLE_PENDULUM = """
+mechanism:
+  alf: 1
+  space: planar
+  parameters: {heavy: 0.7}
+  points:
+    O: {at: [0, 0], fixed: true}
+    A: {at: [0.9, -0.4]}
+    B: {at: [1.5, -1.0]}
+  bodies:
+    upper: {points: [O, A], mass: 1, inertia: rod}
+    lower: {points: [A, B], mass: heavy, inertia: rod}
+  joints:
+    shoulder: {type: revolute, between: [ground, upper], at: O}
+    elbow: {type: revolute, between: [upper, lower], at: A}
+effects:
+  gravity: {acceleration: [0, -9.81]}
+  joint_friction: {f: {joint: elbow, viscous: 0.15}, g: {joint: shoulder, viscous: 0.1}}
+solver: {step: 5.0e-3, integrator: dop853}
+"""
+
+
+@pytest.mark.parametrize(('begin', 'joint'), [(0.0, 'elbow'), (3.3, 'shoulder')])
+def test_a_joint_that_does_not_tell_the_posture(begin: float, joint: str, tmp_path: Path) -> None:
+    """One angle of a double pendulum, from where the scene begins on or from the midst of the
+    motion on."""
+    path = tmp_path / 'pendulum.yaml'
+    path.write_text(DOUBLE_PENDULUM, 'utf-8')
+    of = load_scene(path)
+    motion = [s for s in Simulation(of).run(begin + 6.0) if s.t >= begin - 1e-9]
+    angles = np.array([sample.joints[joint].position for sample in motion])
+    noise = 1e-3 * np.random.default_rng(0).standard_normal(angles.size)
+    recording = recorded(np.array([s.t - begin for s in motion]), {joint: angles + noise})
+    guess = changed(of, {'heavy': 0.75, 'f.viscous': 0.1, 'g.viscous': 0.15})
+    found = identify(guess, recording, ['heavy', 'f.viscous', 'g.viscous'], window=1.0)
+    assert found.settled
+    assert (np.abs(found.values - [0.7, 0.15, 0.1]) < 4.0 * found.deviations).all()
+    assert (found.deviations < 0.01).all()

@@ -17,22 +17,26 @@ _SHORTENED = 8  # times that a step is made shorter
 
 
 def best_starts(
-    windows: WeighedWindows, shared: Floats, free: Sequence[Floats], tolerance: float
+    windows: WeighedWindows,
+    shared: Floats,
+    free: Sequence[Floats],
+    tolerance: float,
+    most: int = _MOST,
 ) -> tuple[Floats, ...]:
-    """The best start of each window with shared numbers that stay, by Gauss-Newton steps that
-    are shortened where they gain nothing.
+    """The best start of each window with shared numbers that stay, by so many Gauss-Newton steps
+    at most, which are shortened where they gain nothing.
 
     Raises AlfError if a run cannot begin.
     """
     found = list(free)
     going = [n for n, own in enumerate(found) if own.size]
-    for _ in range(_MOST):
+    for _ in range(most):
         steps = _steps(windows, found, going, shared, tolerance)
         going = []
         for _ in range(_SHORTENED):
             tried = {n: found[n] + step for n, (step, _) in steps.items()}
-            costs = _costs(windows, [(windows.windows[n], x) for n, x in tried.items()], shared)
-            for (n, x), cost in zip(tried.items(), costs, strict=True):
+            starts = [(windows.windows[n], x) for n, x in tried.items()]
+            for (n, x), cost in zip(tried.items(), costs(windows, starts, shared), strict=True):
                 step, before = steps.pop(n)
                 if cost < before:
                     found[n] = x
@@ -63,7 +67,7 @@ def _steps(
     return found
 
 
-def _costs(windows: WeighedWindows, starts: Sequence[WindowStart], shared: Floats) -> list[float]:
+def costs(windows: WeighedWindows, starts: Sequence[WindowStart], shared: Floats) -> list[float]:
     """½ Σ φ² of windows; infinite where a run fails."""
     try:
         misfits = windows.misfits(starts, shared, False)
@@ -72,7 +76,7 @@ def _costs(windows: WeighedWindows, starts: Sequence[WindowStart], shared: Float
     except AlfError:
         if len(starts) == 1:
             return [np.inf]
-        return [cost for start in starts for cost in _costs(windows, [start], shared)]
+        return [cost for start in starts for cost in costs(windows, [start], shared)]
     each = [
         windows.rooted(*start, misfit)[0] for start, misfit in zip(starts, misfits, strict=True)
     ]

@@ -15,6 +15,7 @@ from alf_ros.scene.scene import Scene, load_scene
 from alf_ros.simulation.input_checks import by_name, number, text, truth
 from alf_ros.studies.identification import identifiability, noise_levels, robust_loss
 from alf_ros.studies.identification.best_starts import best_starts, nearer_starts
+from alf_ros.studies.identification.handed_over import handed_over
 from alf_ros.studies.identification.identified import ChannelFit, Identification
 from alf_ros.studies.identification.least_squares_fit import (
     COARSE,
@@ -132,15 +133,8 @@ class _Work:
         self, scene: Scene, recordings: Sequence[Recording], shared: Shared
     ) -> Identification:
         runs = self._runs
-        chosen, free = self._chosen(), [_free(w) for w in self._fitted]
-        windows = [self._fitted[n] for n in chosen]
-        fit = self._fit(windows)
-        starts = best_starts(fit, shared.begin, [free[n] for n in chosen], COARSE)
-        before = self._residuals(fit, windows, starts, shared.begin)
-        self._relevel(before, starts, 0)
-        for n, own in zip(chosen, starts, strict=True):
-            free[n] = own
-        place, solution = self._rounds(*self._begun(chosen, shared, free))
+        self._hand_over(recordings, shared.begin)
+        before, place, solution = self._found(shared)
         fit = self._fit(self._fitted)
         after = self._residuals(fit, self._fitted, solution.free, solution.shared)
         held = self._fit(self._away)
@@ -169,6 +163,30 @@ class _Work:
         )
 
     # ------------------------------------------------------------------------------------- rounds
+
+    def _hand_over(self, recordings: Sequence[Recording], shared: Floats) -> None:
+        """Begin each window where the one before ends, if joints do not tell where it begins."""
+        windows = sorted((*self._fitted, *self._away), key=lambda w: (w.recording, w.first))
+        if all(w.chart is None or w.chart.is_told for w in windows):
+            return
+        self._say('the recorded joints do not tell where windows begin: one after another')
+        tracks = [PostureTrack(self._runs.reference, each.channels) for each in recordings]
+        found = handed_over(self._runs, tracks, windows, self._fit, shared)
+        self._fitted = [w for w in found if not w.kept_away]
+        self._away = [w for w in found if w.kept_away]
+
+    def _found(self, shared: Shared) -> tuple[WindowResiduals, Solution, Solution]:
+        """The residuals with the given numbers, and what `_rounds` returns."""
+        chosen, free = self._chosen(), [_free(w) for w in self._fitted]
+        windows = [self._fitted[n] for n in chosen]
+        fit = self._fit(windows)
+        starts = best_starts(fit, shared.begin, [free[n] for n in chosen], COARSE)
+        before = self._residuals(fit, windows, starts, shared.begin)
+        self._relevel(before, starts, 0)
+        for n, own in zip(chosen, starts, strict=True):
+            free[n] = own
+        place, solution = self._rounds(*self._begun(chosen, shared, free))
+        return before, place, solution
 
     def _chosen(self) -> list[int]:
         """The numbers of the windows with which the fit begins: a few where there are many."""

@@ -7,13 +7,15 @@ ones, and its loops are closed again. So it stays on its branch.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
+from scipy.linalg import null_space
 
 from alf_ros.arrays import Floats, Integers
 from alf_ros.errors import InputError
 from alf_ros.simulation.simulation import Simulation
+from alf_ros.simulation.state import State
 from alf_ros.simulation.state_trail import StateArrays
 from alf_ros.studies.identification.joint_readings import JointMotion, JointReadings
 from alf_ros.studies.identification.recording import MeasuredChannel
@@ -28,6 +30,9 @@ _KEEP = 1e-6  # weight of the directions that no joint tells
 _CLOSED = 1e-9
 _APART = 3  # measurements, between the two that give a speed
 _FAST = 3.0  # times the fastest that a joint is recorded: the deviation of its speed at a start
+_STEP, _STEPS, _PLACES = 0.1, 2, 12  # of the size; of a place; on a way
+_WAYS = 4  # at most
+_UNTOLD = 1e-6  # of the largest singular value of the joints
 _FAR = 0.5  # rad, or of the size: a joint that is off by more is another one
 
 
@@ -49,14 +54,19 @@ class PostureTrack:
         self._times = np.unique(np.concatenate([c.t for _, c in self._of]))
         self._t: float | None = None
         self._q, self._turns = state.q, state.turns
+        self._going = np.zeros_like(state.q)  # q̇, as far as no joint tells it
         self._x = self._read(self._q).x[0]  # the joints there
 
     def start(self, t: float) -> StartChart:
         """The free start of a window at t (s), which must not be before the last one. Raises
         InputError if the mechanism cannot follow the recorded joints."""
         self._follow(t)
+        return self._chart(DenseRows(self._model, t))
+
+    def _chart(self, rows: DenseRows) -> StartChart:
+        """Around the posture, with the recorded rates."""
+        t, n = rows.t, self._model.n
         _, rate = self._smooth(t)
-        rows, n = DenseRows(self._model, t), self._model.n
         for joint, channel in self._rates.items():
             for k in np.flatnonzero(self._joints == joint):
                 rate[k] = _parabola(channel, t, False)[0]
@@ -65,11 +75,62 @@ class PostureTrack:
         Z = rows.null_space(self._q, every)
         whole, moved = rows.placed(self._q)
         J = rows.jacobian(whole)
-        moved[:n] = np.linalg.lstsq(J[:, :n], -J[:, n:] @ moved[n:], rcond=1e-9)[0]
+        moved[:n] = self._going[:n]
+        moved[:n] -= np.linalg.lstsq(J[:, :n], J @ moved, rcond=1e-9)[0]
         own = self._rate_of(moved)
         moved[:n] += Z @ _least(motion.dx[0] @ Z, rate - own)
         moves, speeds = (motion.dx[0] / each[:, None] for each in self._usual)
         return StartChart(self._model, t, whole, moved, self._turns.copy(), moves, speeds)
+
+    def take_up(self, t: float, state: State) -> None:
+        """Continue from a state of the mechanism at t (s), where joints leave it open."""
+        self._t, self._going = t, state.qd
+        self._take(state.q, state.turns)
+
+    def elsewhere(self, t: float) -> Iterator[StartChart]:
+        """Other starts with the same joints, where `start` was asked for last: on ways forth and
+        back in directions that no joint tells."""
+        rows, begun, random = (
+            DenseRows(self._model, t),
+            (self._q, self._turns),
+            np.random.default_rng(0),
+        )
+        first = self._untold(rows)
+        ways = 1 if first.shape[1] == 1 else min(_WAYS, first.shape[1])
+        for _ in range(ways):
+            along = first @ random.standard_normal(first.shape[1])
+            for sign in (1.0, -1.0):
+                self._take(*begun)
+                yield from self._way(rows, sign * along)
+        self._take(*begun)
+
+    def _way(self, rows: DenseRows, along: Floats) -> Iterator[StartChart]:
+        n, size = self._model.n, self._model.size
+        for k in range(1, _STEPS * _PLACES + 1):
+            untold = self._untold(rows)
+            along = untold @ np.linalg.lstsq(untold, along, rcond=None)[0]
+            length = float(np.abs(along).max(initial=0.0))
+            if not length > 0.0:
+                return
+            moved = self._q.copy()
+            moved[:n] += _STEP * size / length * along
+            try:
+                moved = self._closed(rows, moved)
+                self._take(moved, counted(self._model, self._q, self._turns, moved))
+                self._go(self._smooth(rows.t)[0], rows.t, 0.0)
+            except InputError:
+                return
+            if k % _STEPS == 0:
+                yield self._chart(rows)
+
+    def _untold(self, rows: DenseRows) -> Floats:
+        """(n, directions) of the free motion that move no recorded joint."""
+        Y = rows.null_space(self._q, rows.binds)
+        return np.asarray(Y @ null_space(self._read(self._q).dx[0] @ Y, rcond=_UNTOLD))
+
+    def _take(self, q: Floats, turns: Integers) -> None:
+        self._q, self._turns = q, turns
+        self._x = self._read(q).x[0]
 
     def _rate_of(self, qd: Floats) -> Floats:
         return self._read(self._q, qd).v[0]

@@ -277,9 +277,9 @@ class WindowRuns:
         return residuals, slopes
 
 
-def _place(window: Window) -> tuple[int, ...]:
+def _place(window: Window) -> tuple[Any, ...]:
     counts = [part.values.size for part in window.measured]
-    return window.recording, window.first, window.last, *counts
+    return window.recording, window.first, window.last, window.chart, *counts
 
 
 def _at(values: Floats, delay: float, free: Floats) -> tuple[float, ...]:

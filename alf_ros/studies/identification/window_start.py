@@ -121,6 +121,8 @@ class StartChart:
         near = (nothing if moves is None else moves) @ Y
         slow = (nothing if speeds is None else speeds) @ Z
         self.known = block_diag(near, slow)  # (rows, free numbers): priors
+        told = int(np.linalg.matrix_rank(near)) if near.size else 0
+        self.is_told = moves is None or told == self.positions  # whether joints tell where it is
 
     def start(
         self, model: Model, free: Floats, slopes: Sequence[Slopes] | None = None

@@ -1,0 +1,106 @@
+"""Starts of windows that recorded joints do not tell: where the run of the window before ends.
+
+With the angle of an elbow alone, a shoulder may be anywhere. Where it is follows from the motion:
+the start of a window that fits best leads to an end, and there the next window begins, as near as
+its recorded joints allow. A recording may begin in another posture than the scene. So where its
+first window does not fit, it is tried from others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from alf_ros.arrays import Floats
+from alf_ros.errors import AlfError, StoppedError
+from alf_ros.simulation.state import State
+from alf_ros.studies.identification.best_starts import best_starts, costs
+from alf_ros.studies.identification.least_squares_fit import COARSE
+from alf_ros.studies.identification.posture_track import PostureTrack
+from alf_ros.studies.identification.weighed_windows import WeighedWindows
+from alf_ros.studies.identification.window import Window, begin_of
+from alf_ros.studies.identification.window_runs import WindowRuns, passed
+
+_MOST = 60  # steps
+_GOOD = 1.0  # ½ Σ φ² of a measurement, of which noise leaves a half
+# of a search among starts: how many are left, from which part of the window, after so many steps
+_ROUNDS = (8, 0.7, 5), (3, 0.7, _MOST), (1, 1.0, _MOST)
+
+
+def handed_over(
+    runs: WindowRuns,
+    tracks: Sequence[PostureTrack],
+    windows: Sequence[Window],
+    weighed: Callable[[Sequence[Window]], WeighedWindows],
+    shared: Floats,
+) -> list[Window]:
+    """The windows, in the order of time in each recording, with the starts that fit best, for
+    shared numbers that stay. `tracks`: of the recordings, from their starts on."""
+    ends: dict[int, State] = {}
+    found = []
+    for window in windows:
+        track, end = tracks[window.recording], ends.pop(window.recording, None)
+        if end is not None and end.step == window.first:
+            track.take_up(window.first * runs.h, end)
+        begun = replace(window, chart=track.start(window.first * runs.h))
+        try:
+            cost = _begin_best(begun, weighed, shared)
+            if end is None and cost > _GOOD * sum(part.t.size for part in begun.measured):
+                begun = _best(runs, track, begun, weighed, shared)
+            ends[window.recording] = _end(runs, begun, shared)
+        except StoppedError:
+            raise
+        except AlfError:
+            pass  # the next window begins where its joints suggest
+        found.append(begun)
+    return found
+
+
+def _begin_best(
+    window: Window,
+    weighed: Callable[[Sequence[Window]], WeighedWindows],
+    shared: Floats,
+    most: int = _MOST,
+) -> float:
+    """Let a window begin as fits best, after so many steps at most; returns ½ Σ φ²."""
+    fit, chart = weighed([window]), window.chart
+    assert chart is not None
+    chart.free = best_starts(fit, shared, [chart.free], COARSE, most)[0]
+    return costs(fit, [(window, chart.free)], shared)[0]
+
+
+def _best(
+    runs: WindowRuns,
+    track: PostureTrack,
+    window: Window,
+    weighed: Callable[[Sequence[Window]], WeighedWindows],
+    shared: Floats,
+) -> Window:
+    """The window with that one of several starts with which it fits best. In each round fewer
+    are left, of which more is known."""
+    t = window.first * runs.h
+    left = [window, *(replace(window, chart=chart) for chart in track.elsewhere(t))]
+    for count, part, most in _ROUNDS:
+        found = []
+        for each in left:
+            try:
+                found.append(
+                    (_begin_best(begin_of(each, part, runs.h), weighed, shared, most), each)
+                )
+            except StoppedError:
+                raise
+            except AlfError:
+                continue
+        left = [each for _, each in sorted(found, key=lambda pair: pair[0])[:count]]
+    return left[0] if left else window
+
+
+def _end(runs: WindowRuns, window: Window, shared: Floats) -> State:
+    """Where the run of a window ends."""
+    assert window.chart is not None
+    simulation = runs.simulation(shared[: len(runs.names)])
+    simulation.restore(runs.state(simulation, window, window.chart.free))
+    passed(simulation, window, np.array([window.last]))
+    return simulation.state
