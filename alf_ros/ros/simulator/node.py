@@ -195,6 +195,7 @@ class Simulator(Node):
             self._reporting.diagnose()
         finally:
             run.close()
+            self._outputs.deliver()
         text = f'stopped at {run}'
         if recorder is not None:
             text += f'; log {recorder.path}, {recorder.written} messages'

@@ -19,7 +19,7 @@ from alf_ros.ros.recording.recorder import Recorder
 from alf_ros.ros.simulator.output_costs import TopicCost
 from alf_ros.ros.simulator.parameters import ALL
 from alf_ros.ros.simulator.sensor_outputs import SensorOutputs
-from alf_ros.ros.simulator.topic_output import Output
+from alf_ros.ros.simulator.topic_output import PATIENCE, Output
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation.display_geometry import Display
 from alf_ros.simulation.sample import Sample
@@ -180,6 +180,13 @@ class Outputs:
         for (_, output, publish, keep), data in zip(due, made, strict=True):
             output.hand_on(data, ns, publish, keep, hold)
         return messages.distance
+
+    def deliver(self) -> None:
+        """Wait until reliable readers have the last messages, for a second at most."""
+        end = time.monotonic() + PATIENCE
+        sensors = self._sensors.outputs if self._sensors is not None else {}
+        for output in (*self.samples.values(), *sensors.values()):
+            output.deliver(end)
 
     @property
     def lagging(self) -> list[str]:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from rclpy.node import Node
     from rclpy.qos import QoSProfile
 
-_PATIENCE = 1.0  # s, with reliable readers of ticks that are made as fast as possible
+PATIENCE = 1.0  # s, with reliable readers of ticks as fast as possible, and at the end
 
 
 class Output:
@@ -106,10 +106,18 @@ class Output:
             self.logged += len(data)
             self.recorder.write(self.topic, self.type, self.qos, ns, data, self.essential)
 
+    def deliver(self, end: float) -> None:
+        """Wait until reliable readers have all messages, up to `end` (s, of the monotonic clock);
+        not for one that did not follow before."""
+        if self._unacknowledged and not self.lagging:
+            left = Duration(seconds=max(0.0, end - time.monotonic()))
+            with suppress(RuntimeError):  # a middleware that cannot tell
+                self._publisher.wait_for_all_acked(left)
+
     def _await_readers(self) -> None:
         """Wait until reliable readers have all messages; after a reader that did not follow, only
         look whether it has them now."""
-        wait = Duration(seconds=0.0 if self.lagging else _PATIENCE)
+        wait = Duration(seconds=0.0 if self.lagging else PATIENCE)
         with suppress(RuntimeError):  # a middleware that cannot tell
             self.lagging = not self._publisher.wait_for_all_acked(wait)
         self._unacknowledged = 0
