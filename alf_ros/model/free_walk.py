@@ -21,7 +21,7 @@ from alf_ros.model.compile import Model, allocate, compile_model, hold
 from alf_ros.model.golden_section import lowest
 from alf_ros.model.rank import distance, effective_rank
 from alf_ros.model.shape_fit import Projector, violation
-from alf_ros.model.smooth_branch import SmoothBranch
+from alf_ros.model.smooth_branch import BETWEEN, SmoothBranch
 
 LARGEST = 1e-8  # gap, of the size: lengths that differ by more are not meant to be equal
 EXACT = 2.0  # rounding units of the coordinates: exact lengths leave less open than that
@@ -172,7 +172,7 @@ class Walk:
         branch = self._branch(a, b - a, length)
         missing = [self._missing(q) for q in branch.places]
         most = int(np.argmax(missing))
-        if not 0 < most < len(missing) - 1:
+        if len(missing) < BETWEEN or not 0 < most < len(missing) - 1:
             return None
         best: list[Floats] = []
 

@@ -13,7 +13,7 @@ import numpy as np
 from alf_ros.arrays import Floats
 
 _NODES = 6  # that a step follows
-_BETWEEN = 7  # that a position between places follows
+BETWEEN = 7  # that a position between places follows: a branch needs as many
 _PARTS = 1.0, 1.5, 2.25  # of a step, where the one before comes too near to a singular position
 _MOVED = 0.2  # part of a step by which closing may move a place
 
@@ -59,8 +59,9 @@ class SmoothBranch:
         return None
 
     def at(self, s: float) -> Floats:
-        """The position at s (m) and its first three derivatives by s, (4, blocks D)."""
-        derivatives = self._polynomial(s, _BETWEEN)[:4]
+        """The position at s (m) and its first three derivatives by s, (4, blocks D);
+        of a branch of `BETWEEN` places at least."""
+        derivatives = self._polynomial(s, BETWEEN)[:4]
         return derivatives * np.array([1.0, 1.0, 2.0, 6.0])[:, None]
 
     def _polynomial(self, s: float, count: int) -> Floats:

@@ -4,12 +4,15 @@ miss, by how much."""
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import pytest
 
 from alf_ros import Simulation, load_scene
+from alf_ros.arrays import Floats
 from alf_ros.model.free_walk import PENALTY, Walk, compiled
 from alf_ros.model.ordinary_positions import ordinary
 from alf_ros.model.smooth_branch import SmoothBranch
@@ -100,6 +103,27 @@ def test_exact_lengths_are_not_blamed_for_a_long_step() -> None:
     sim = Simulation(load_scene(scene), integrator='rk4', step=5e-3)
     list(sim.run(0.4))
     assert 'lengths' not in sim.sample().diagnostics.trouble
+
+
+def test_a_branch_that_ends_early_has_no_singular_position() -> None:
+    """It has too few places for the polynomial between them, on either side of the position."""
+    models = [
+        compiled(load_scene({'mechanism': chain(0.8, 1.3, [True], angle)}).mechanism)
+        for angle in (3.135, 3.235, 3.335)
+    ]
+    dependent_rows, _, sigma = ordinary(models[1], models[1].q)
+    walk = Walk(models[1].accustomed(sigma, dependent_rows).with_penalty(PENALTY), dependent_rows)
+    around = [each.q for each in models]
+    assert walk._softest(around) is not None
+    for count in range(1, 6):
+        with patch.object(walk, '_closed', limited(walk._closed, count)):
+            assert walk._softest(around) is None
+
+
+def limited(closed: Callable[[Floats], Floats | None], count: int) -> Any:
+    """`closed`, which closes so many positions."""
+    left = iter(range(count))
+    return lambda q: closed(q) if next(left, None) is not None else None
 
 
 def test_a_branch_is_followed_through_a_crossing() -> None:
