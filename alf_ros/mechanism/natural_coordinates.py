@@ -9,7 +9,9 @@ gives the forces on each body alone, and thus the reactions in the joints.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 
@@ -26,6 +28,28 @@ TURN = np.array([[0.0, -1.0], [1.0, 0.0]])  # J, a quarter turn
 _EYE = np.eye(2)
 _APART = 0.5  # sine from which on directions are well apart
 _SHORT = 1e-290  # m, of a direction that rounding may turn
+
+
+_HELD: ContextVar[float | None] = ContextVar('_HELD', default=None)
+
+
+def held_length() -> float | None:
+    """The length (m) within `unit_length`, else None."""
+    return _HELD.get()
+
+
+@contextmanager
+def unit_length(length: float) -> Iterator[None]:
+    """Within this, layouts have unit vectors of a length (m) that does not depend on the drawing.
+
+    The motion does not depend on it. But the extent of a drawing has a kink where two of its
+    sides are equally long, which a scene and the scenes beside it must not have.
+    """
+    before = _HELD.set(length)
+    try:
+        yield
+    finally:
+        _HELD.reset(before)
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +97,7 @@ class Layout:
     of_auxiliary: Mapping[str, int]
     of_prescribed: Mapping[str, int]
     _shapes: dict[str, Shape] = field(default_factory=dict)
+    _held: float | None = None  # the length of unit vectors, if it is not that of the drawing
 
     def renumbered(self, place: Sequence[int]) -> Layout:
         """The same with other numbers for the blocks: `place` (blocks,) of each."""
@@ -92,7 +117,9 @@ class Layout:
     def like(self, mechanism: Mechanism) -> Layout:
         """The same blocks of another mechanism of the same structure."""
         same = mechanism.geometry is not None and mechanism.geometry == self.mechanism.geometry
-        return replace(self, mechanism=mechanism, _shapes=self._shapes if same else {})
+        held = held_length()
+        shapes = self._shapes if same and held == self._held else {}
+        return replace(self, mechanism=mechanism, _shapes=shapes, _held=held)
 
     @property
     def body(self) -> Mapping[str, Body]:
@@ -108,6 +135,8 @@ class Layout:
     def length(self) -> float:
         """Length of the blocks of unit vectors, m, as in the drawing, so that every natural
         coordinate is a length, and every mass one."""
+        if self._held is not None:
+            return self._held
         places = np.array([point.at for point in self.mechanism.points])
         return columns.extent(places) or 1.0
 
@@ -282,7 +311,8 @@ def cut(mechanism: Mechanism) -> Layout:
         of_auxiliary[name], n = n, n + 1
     for each in mechanism.prescribed:
         of_prescribed[each.name], n = n, n + 1
-    return Layout(mechanism, n, n, of_point, of_vector, of_body, of_auxiliary, of_prescribed)
+    found = Layout(mechanism, n, n, of_point, of_vector, of_body, of_auxiliary, of_prescribed)
+    return replace(found, _held=held_length())
 
 
 def assembled(
@@ -301,6 +331,7 @@ def assembled(
     first = len(of_point) + len(of_vector) + len(of_auxiliary)
     of_prescribed = {item.name: n for n, item in enumerate(mechanism.prescribed, first)}
     blocks = first + len(of_prescribed)
-    return Layout(
+    found = Layout(
         mechanism, movable, blocks, of_point, of_vector, of_body, of_auxiliary, of_prescribed
     )
+    return replace(found, _held=held_length())

@@ -19,8 +19,8 @@ from alf_ros.kernel.data import EPS
 from alf_ros.kernel.step_error import JUDGED
 from alf_ros.mechanism import Coordinate, Mechanism, Point, Vector
 from alf_ros.mechanism import natural_coordinates as layouts
-from alf_ros.mechanism.memory import ResultMemory
-from alf_ros.mechanism.natural_coordinates import Layout
+from alf_ros.mechanism.memory import ResultMemory, exactly
+from alf_ros.mechanism.natural_coordinates import Layout, held_length
 from alf_ros.model.arm_tree import arms_of
 from alf_ros.model.constraints import auxiliary
 from alf_ros.model.constraints.couplings import coupling_row
@@ -231,7 +231,9 @@ def _of_geometry(
 ) -> T:
     """The result of `make`, which the geometry of a mechanism and `more` determine."""
     key = mechanism.geometry
-    return make() if key is None else memory.found((key, *more), make)
+    if key is None:
+        return make()
+    return memory.found((key, exactly(held_length()), *more), make)
 
 
 def _rows(draft: Layout) -> tuple[Rows, Integers, tuple[str, ...]]:

@@ -14,6 +14,7 @@ import numpy as np
 from alf_ros import kernel
 from alf_ros.arrays import Floats
 from alf_ros.errors import AlfError, InputError
+from alf_ros.mechanism.natural_coordinates import unit_length
 from alf_ros.model.compile import Model, compile_model
 from alf_ros.model.prescribed import prescribe
 from alf_ros.scene.scene import Scene, Solver
@@ -75,17 +76,20 @@ class DisplacedScene:
     @cached_property
     def model(self) -> Model:
         """Its equations; positions are not closed."""
-        return compile_model(self._scene.mechanism, self._middle.model.penalty)
+        middle = self._middle.model
+        with unit_length(middle.layout.length):
+            return compile_model(self._scene.mechanism, middle.penalty)
 
     @cached_property
     def _simulation(self) -> Simulated:
         solver = self._middle.solver
-        return self._middle.simulate(
-            self._scene,
-            step=solver.step,
-            integrator=solver.integrator,
-            tolerance=solver.tolerance,
-        )
+        with unit_length(self._middle.model.layout.length):
+            return self._middle.simulate(
+                self._scene,
+                step=solver.step,
+                integrator=solver.integrator,
+                tolerance=solver.tolerance,
+            )
 
     def placed(self, t: float, q: Floats, qd: Floats) -> tuple[Floats, Floats]:
         """q, q̇ (blocks D) with the fixed and the prescribed blocks of this scene at t (s)."""

@@ -5,10 +5,11 @@ state where the motion begins it is a chain of formulas of the user, of shapes o
 solves, which end at rounding. Three scenes around this one show whether all arrays are quadratic
 in θ, as masses, gravity and most numbers of effects make them: then a central difference is exact.
 Otherwise the slope of each array is taken by central differences of eighth order, at two lengths,
-from sixteen scenes. It is off by about 1e-13 of the largest number, and for the start of a drawing
-that does not close by up to 1e-7. Where the two lengths differ by more than `_AGREE`, the scene
-has a kink in θ, and the parameter is refused. All that follows, the motion, is differentiated
-exactly.
+from sixteen scenes, or more where it bends much. It is off by about 1e-13 of the largest number,
+and for the start of a drawing that does not close by up to 1e-7. Where the two lengths differ by
+more than `_AGREE`, the scene has a kink in θ, and the parameter is refused. A parameter beside
+which all scenes have another form than this one is refused too. All that follows, the motion, is
+differentiated exactly.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from alf_ros import kernel
 from alf_ros.arrays import Floats, Integers
 from alf_ros.errors import AlfError, InputError
 from alf_ros.kernel import Effects
+from alf_ros.mechanism.natural_coordinates import unit_length
 from alf_ros.model.compile import Model
 from alf_ros.model.prescribed import prescribe, program_apart
 from alf_ros.scene import overrides
@@ -33,15 +35,19 @@ from alf_ros.simulation.reactions import ReactionsOf
 from alf_ros.simulation.start import Start, started
 
 _WEIGHTS = (4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0)  # of the eighth order
+_BETWEEN = (4.0 / 5.0, -2.0 / 5.0, 4.0 / 35.0, -1.0 / 70.0)  # of the value in the middle
 LONGEST = 2.5e-3  # step of a difference, in parts of the number or of 1
+_FINER = (0.25 * LONGEST, 0.06 * LONGEST)  # where arrays bend too much for it
 _SHORTER, _MOST = 0.7, 12  # shorter ones that are tried
 _TWO = 2  # of them are used
 _FEW = (-2, 2, 4)  # steps at which arrays show whether they are quadratic
-_QUADRATIC = 1e-14  # of the largest number, by which a quadratic array may be off there
+_QUADRATIC = 1e-14  # of the size of a number, by which a quadratic one may be off there
+_ASIDE = 1e-6  # how far aside a number is proposed that has a tangent
 _AGREE = 1e-9  # of the largest slope, and
-_ROUNDED = 1e-12  # of the largest number a step, by which the slopes of two lengths may differ
+_ROUNDED = 1e-12  # of the size of a number a step, by which the slopes of two lengths may differ
 _BESIDE, _JUMP = 1e-9, 1e-6  # s from an instant, and part of the values that they jump by there
 _CLOSED = 1e-9  # likewise of the start, where a drawing does not close: rounding moves it more
+_SAME = 1e-5  # part of the changes by which neighbours may miss the scene in their middle
 _MASSES = ('mass_diagonal', 'mass_k', 'mass_w')
 _SHAPES = (
     'length2',
@@ -55,7 +61,6 @@ _SHAPES = (
     'length_c',
     'length_term',
     'prescribed',
-    'vector_length',
 )
 ARRAYS = (*_MASSES, *_SHAPES, 'q', 'qd')
 
@@ -87,7 +92,6 @@ class Neighbour:
             lengths.c,
             lengths.term,
             self.motions[1],
-            np.array([model.layout.length]),
             self.start.q,
             self.start.qd,
         )
@@ -141,12 +145,22 @@ class Neighbour:
         prescribe(model.system, t + aside, *driven_after)
         return _jump(before, after) or _jump(driven_before[2], driven_after[2])
 
+    def form(self, inputs: Inputs) -> tuple[Integers, ...]:
+        """The meaning of the data of the effects, with inputs held."""
+        effects = self.effects(inputs)
+        each = effects.slots, effects.slots_at, effects.params_at
+        return tuple(part.astype(np.int64) for part in each)
+
     def effort(self, joint: str) -> Floats:
         """The data of an effort of 1 N m or 1 N on a joint, behind the data of its effects."""
         if joint not in self._efforts:
             whole = self.effects(Inputs({}, {joint: 1.0})).params
             self._efforts[joint] = whole[self.effects(NO_INPUTS).params.size :]
         return self._efforts[joint]
+
+
+class _NotSmoothError(Exception):
+    """Two lengths of the step disagree about this array."""
 
 
 class ParameterSlopes:
@@ -171,13 +185,13 @@ class ParameterSlopes:
         self.value = overrides.number(here.scene, name)
         self._here, self._solver = here, replace(solver, accuracy=None)
         self._beside: dict[float, Neighbour] = {}
+        self._around: dict[float, dict[float, list[Neighbour]]] = {}
         self._by_effort: dict[str, Floats] = {}
 
     def __getstate__(self) -> dict[str, Any]:
         """Without the neighbours, which are made again if they are needed."""
-        made = ('_neighbours', '_few', '_kept')
-        kept = {n: value for n, value in vars(self).items() if n not in made}
-        return {**kept, '_before': None, '_beside': {}}
+        kept = {n: value for n, value in vars(self).items() if n not in ('_few', '_kept')}
+        return {**kept, '_before': None, '_beside': {}, '_around': {}}
 
     @cached_property
     def _is_of_effects(self) -> bool:
@@ -212,13 +226,13 @@ class ParameterSlopes:
         if not self._have_form(beside):
             return None
         less, more = ([each.effects(NO_INPUTS).params] for each in beside)
-        slopes = [before.params()]
+        slopes = {'effects': before.params()}
         if not self._is_of_effects:
             less += beside[0].arrays()
             more += beside[1].arrays()
-            slopes += before.arrays.values()
-        for slope, low, high in zip(slopes, less, more, strict=True):
-            if low.shape != slope.shape or not _agree(slope, low, high, step):
+            slopes |= before.arrays
+        for (what, slope), low, high in zip(slopes.items(), less, more, strict=True):
+            if low.shape != slope.shape or not self._agree(what, slope, low, high, step):
                 return None
         return before._kept or before
 
@@ -235,43 +249,61 @@ class ParameterSlopes:
             return None
         return _FEW[1] * step, beside
 
-    def _quadratic(self, values: Callable[[Neighbour], Sequence[Floats]]) -> list[Floats] | None:
+    def _sizes(self, what: str, values: Sequence[Floats]) -> Floats:
+        """For each number of an array, beside what its rounding is small, from the values of the
+        array around.
+
+        Numbers of an array are alike, so the largest of all counts. But numbers of effects are
+        lengths beside stiffnesses: each has its own size, or the size of lengths and angles.
+        """
+        sizes = np.max([np.where(np.isfinite(x), np.abs(x), 0.0) for x in values], axis=0)
+        if what != 'effects':
+            return np.full_like(sizes, sizes.max(initial=0.0))
+        return np.asarray(sizes + min(1.0, self._here.start.model.size))
+
+    def _quadratic(
+        self, names: Sequence[str], values: Callable[[Neighbour], Sequence[Floats]]
+    ) -> list[Floats] | None:
         """The slopes of arrays that are quadratic in the number; None if one of them is not."""
         if self._few is None:
             return None
         step, beside = self._few
         here = values(self._here)
         found = []
-        for middle, less, more, twice in zip(here, *map(values, beside), strict=True):
+        around = zip(names, here, *map(values, beside), strict=True)
+        for what, middle, less, more, twice in around:
             if not middle.shape == less.shape == more.shape == twice.shape:
                 return None
             still = (less == more) & (more == twice) & (less == middle)
             with np.errstate(invalid='ignore'):  # no limit is an infinite one
                 off = np.where(still, 0.0, 3.0 * (more - middle) + (less - twice))
                 change = np.where(still, 0.0, more - less)
-            most = _QUADRATIC * float(np.abs(middle[np.isfinite(middle)]).max(initial=0.0))
-            if not np.abs(off).max(initial=0.0) <= most:
+            most = _QUADRATIC * self._sizes(what, (middle, less, more, twice))
+            if not (np.abs(off) <= most).all():
                 return None
             found.append(np.asarray(change / (2.0 * step)))
         return found
 
-    @cached_property
-    def _neighbours(self) -> dict[float, list[Neighbour]]:
-        """For two lengths of the step, the scenes around this one.
+    def _neighbours(self, longest: float) -> dict[float, list[Neighbour]]:
+        """For two lengths of the step, `longest` parts of the number at most, the scenes around
+        this one.
 
         They must have its form. Where a number of a row is zero but for rounding, some have an
         entry more: then other lengths are taken.
         """
+        if longest in self._around:
+            return self._around[longest]
         found = {}
-        step = LONGEST * (abs(self.value) or 1.0)
+        step = longest * (abs(self.value) or 1.0)
         for _ in range(_MOST):
             beside = [self._neighbour(k * step) for k in _offsets()]
             if self._have_form(beside):
                 found[step] = beside
                 if len(found) == _TWO:
+                    self._around[longest] = found
                     return found
             step *= _SHORTER
-        raise self._none('the equations have another form beside this value')
+        raise self._another_form('the equations')
 
     def _have_form(self, beside: Sequence[Neighbour]) -> bool:
         """Whether scenes have the form of this one."""
@@ -280,8 +312,13 @@ class ParameterSlopes:
         here = self._here.structure
         return all(all(map(np.array_equal, each.structure, here)) for each in beside)
 
-    def _none(self, why: str) -> InputError:
-        return InputError(f'no tangent: {why}', key=self.name, value=self.value)
+    def _none(self, why: str, expected: str | None = None) -> InputError:
+        return InputError(f'no tangent: {why}', key=self.name, value=self.value, expected=expected)
+
+    def _another_form(self, what: str) -> InputError:
+        """Beside this value there is an entry more, as beside a place or a torque of 0."""
+        expected = f'{_ASIDE:g}, say' if self.value == 0.0 else None
+        return self._none(f'beside this value {what} have another form', expected)
 
     def _neighbour(self, change: float) -> Neighbour:
         if change in self._beside:
@@ -289,10 +326,15 @@ class ParameterSlopes:
         text = repr(self.value + change)
         try:
             other = overrides.with_changes(self._here.scene, {self.name: text})
-            start = self._here.start if self._is_of_effects else started(other, self._solver)
+            start = self._here.start
+            if not self._is_of_effects:
+                with unit_length(start.model.layout.length):
+                    start = started(other, self._solver)
             found = Neighbour(start, other)
         except AlfError as error:
             raise self._none(f'with {text} the scene is refused ({error})') from None
+        if start.dependent_rows != self._here.start.dependent_rows:
+            raise self._none(f'with {text} another number of constraints is redundant')
         self._beside[change] = found
         return found
 
@@ -304,16 +346,10 @@ class ParameterSlopes:
             return {name: np.zeros_like(each) for name, each in here}
         if self._kept is not None:
             return self._kept.arrays
-        quadratic = self._quadratic(Neighbour.arrays)
+        quadratic = self._quadratic(ARRAYS, Neighbour.arrays)
         if quadratic is not None:
             return dict(zip(ARRAYS, quadratic, strict=True))
-        values = {
-            step: [each.arrays() for each in beside] for step, beside in self._neighbours.items()
-        }
-        return {
-            name: self._slope(name, {step: [v[n] for v in each] for step, each in values.items()})
-            for n, name in enumerate(ARRAYS)
-        }
+        return dict(zip(ARRAYS, self._slopes(ARRAYS, Neighbour.arrays), strict=True))
 
     def params(self, inputs: Inputs = NO_INPUTS) -> Floats:
         """The slope of the data of the effects, with inputs held."""
@@ -336,15 +372,19 @@ class ParameterSlopes:
         return self._by_effort[joint]
 
     def _params(self, inputs: Inputs) -> Floats:
-        return self._of_effects(lambda each: each.effects(inputs).params)
+        found = self._of_effects(lambda each: each.effects(inputs).params)
+        here = self._here.form(inputs)
+        for each in self._beside.values():
+            if not all(map(np.array_equal, each.form(inputs), here)):
+                raise self._another_form('the effects')
+        return found
 
     def _of_effects(self, data: Callable[[Neighbour], Floats]) -> Floats:
         """The slope of such data."""
-        quadratic = self._quadratic(lambda each: [data(each)])
+        quadratic = self._quadratic(['effects'], lambda each: [data(each)])
         if quadratic is not None:
             return quadratic[0]
-        around = {step: [*map(data, beside)] for step, beside in self._neighbours.items()}
-        return self._slope('effects', around)
+        return self._slopes(['effects'], lambda each: [data(each)])[0]
 
     def moved_jump(self) -> float | None:
         """An instant (s) that moves with the number, and at which forces or accelerations of
@@ -395,33 +435,71 @@ class ParameterSlopes:
         kernel.times_jacobian(model.unit, rows, g, g2, self.placed(model, t)[0], gaps)
         return opened + gaps
 
-    def _slope(self, what: str, values: Mapping[float, Sequence[Floats]]) -> Floats:
-        """Of arrays at the offsets of each step."""
-        found, largest = [], 0.0
+    def _agree(self, what: str, slope: Floats, less: Floats, more: Floats, step: float) -> bool:
+        """Whether a slope agrees with the difference of an array a step less and a step more."""
+        with np.errstate(invalid='ignore'):  # no limit is an infinite one
+            change = np.where(less == more, 0.0, more - less)
+        most = _AGREE * self._sizes(what, [slope])
+        most += _ROUNDED * self._sizes(what, [less, more]) / step
+        return bool((np.abs(change / (2.0 * step) - slope) <= most).all())
+
+    @property
+    def acts(self) -> bool:
+        """Whether the number changes more than where the motion begins."""
+        return (
+            any(self.arrays[name].any() for name in (*_MASSES, *_SHAPES))
+            or bool(self.params().any())
+            or not any(self.arrays[name].any() for name in ('q', 'qd'))
+        )
+
+    def _slopes(
+        self, names: Sequence[str], values: Callable[[Neighbour], Sequence[Floats]]
+    ) -> list[Floats]:
+        """The slopes of arrays, with shorter steps where they bend much."""
+        here = values(self._here)
+        for longest in (LONGEST, *_FINER):
+            around = {
+                step: [values(each) for each in beside]
+                for step, beside in self._neighbours(longest).items()
+            }
+            try:
+                return [
+                    self._slope(
+                        what, here[n], {step: [v[n] for v in x] for step, x in around.items()}
+                    )
+                    for n, what in enumerate(names)
+                ]
+            except _NotSmoothError as error:
+                what = str(error)
+        raise self._none(f'{what} is not smooth in it')
+
+    def _slope(self, what: str, here: Floats, values: Mapping[float, Sequence[Floats]]) -> Floats:
+        """Of an array that is `here`, and has these values at the offsets of each step."""
+        found = []
         for step, each in values.items():
-            if len({array.shape for array in each}) > 1:
-                raise self._none(f'{what} has another form beside this value')
+            if {array.shape for array in each} != {here.shape}:
+                raise self._another_form('the effects' if what == 'effects' else 'the equations')
             weights = [np.sign(k) * _WEIGHTS[abs(k) - 1] for k in _offsets()]
             with np.errstate(invalid='ignore'):  # no limit is an infinite one
                 changes = [np.where(x == each[0], 0.0, x - each[0]) for x in each]
             slope = sum(w * x for w, x in zip(weights, changes, strict=True))
             found.append(np.asarray(slope) / step)
-            largest = float(np.abs(each[0][np.isfinite(each[0])]).max(initial=0.0))
         slope, finer = found
-        least = (_CLOSED if what in ('q', 'qd') else _ROUNDED) * largest / min(values)
-        most = _AGREE * np.abs(slope).max(initial=0.0) + least
-        if not np.abs(slope - finer).max(initial=0.0) <= most:
-            raise self._none(f'{what} is not smooth in it')
+        sizes = self._sizes(what, [here, *next(iter(values.values()))])
+        least = (_CLOSED if what in ('q', 'qd') else _ROUNDED) * sizes / min(values)
+        most = _AGREE * self._sizes(what, [slope]) + least
+        if not (np.abs(slope - finer) <= most).all():
+            raise _NotSmoothError(what)
+        # neighbours may agree with each other and not with the scene in their middle
+        for step, each in values.items():
+            weights = [_BETWEEN[abs(k) - 1] for k in _offsets()]
+            with np.errstate(invalid='ignore'):  # no limit is an infinite one
+                off = [np.where(x == here, 0.0, x - here) for x in each]
+            apart = np.abs(sum(w * x for w, x in zip(weights, off, strict=True)))
+            bent = np.max(np.abs(off), axis=0)
+            if not (apart <= _SAME * bent + least * step).all():
+                raise self._another_form('the effects' if what == 'effects' else 'the equations')
         return slope
-
-
-def _agree(slope: Floats, less: Floats, more: Floats, step: float) -> bool:
-    """Whether a slope agrees with the difference of arrays a step less and a step more."""
-    with np.errstate(invalid='ignore'):  # no limit is an infinite one
-        change = np.where(less == more, 0.0, more - less)
-    most = _AGREE * np.abs(slope).max(initial=0.0)
-    most += _ROUNDED * float(np.abs(less[np.isfinite(less)]).max(initial=0.0)) / step
-    return bool(np.abs(change / (2.0 * step) - slope).max(initial=0.0) <= most)
 
 
 def _jump(before: Floats, after: Floats) -> bool:

@@ -58,21 +58,20 @@ class MotionTangent(Keeper):
     @kept
     def q(self) -> Floats:
         """Of the natural coordinates (n,)."""
-        return self._by_coordinate(self._state.q, self._dq)
+        return self._by_coordinate(self._dq)
 
     @kept
     def qd(self) -> Floats:
         """Of their velocities (n,)."""
-        return self._by_coordinate(self._state.qd, self._dqd)
+        return self._by_coordinate(self._dqd)
 
-    def _by_coordinate(self, blocks: Floats, change: Floats) -> Floats:
+    def _by_coordinate(self, change: Floats) -> Floats:
         """Blocks in the kernel's order -> (n,), as `Sample.q`; the kernel has vectors in a length
-        of the drawing, which may change too."""
+        of the drawing."""
         layout, order = self._model.layout, self._model.coordinate_block
         D, points = layout.dimension, sum(not p.fixed for p in layout.mechanism.points)
-        of, found = (x.reshape(-1, D)[order] for x in (blocks, change))
-        longer = self._slopes['vector_length'][0] / layout.length
-        found[points:] = (found[points:] - of[points:] * longer) / layout.length
+        found = change.reshape(-1, D)[order]
+        found[points:] /= layout.length
         return read_only(found.ravel())
 
     @property

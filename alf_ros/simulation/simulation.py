@@ -38,7 +38,12 @@ from alf_ros.simulation.start import started
 from alf_ros.simulation.state import State
 from alf_ros.simulation.state_trail import StateTrail
 from alf_ros.simulation.stepping import Stepper
-from alf_ros.simulation.tangent_following import Followed, TangentFollowing, checked_names
+from alf_ros.simulation.tangent_following import (
+    Followed,
+    TangentFollowing,
+    check_settings,
+    checked_names,
+)
 from alf_ros.simulation.work_ledger import named_accounts
 
 
@@ -165,7 +170,10 @@ class Simulation:
         """
         given = {'integrator': integrator, 'tolerance': tolerance}
         changes = {k: v for k, v in given.items() if v is not None}
-        return self._with(Solver(**joined(vars(self.solver), changes)))
+        solver = Solver(**joined(vars(self.solver), changes))
+        if self._following is not None:
+            check_settings(solver)
+        return self._with(solver)
 
     def _with(self, solver: Solver) -> Simulation:
         other = copy.copy(self)

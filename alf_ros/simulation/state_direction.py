@@ -43,6 +43,7 @@ class StateDirection:
         return np.zeros_like(self._here.effort(joint))
 
     changes_drives = False
+    acts = True
 
     def placed(self, model: Model, t: float) -> tuple[Floats, Floats]:
         """Zero: no block is placed by it."""

@@ -71,7 +71,7 @@ class TangentFollowing:
         """`before`: of the scene with other numbers, whose slopes are kept where they hold."""
         known = {each.name: each for each in before.slopes} if before is not None else {}
         self.names = tuple(names)
-        _check_settings(solver)
+        check_settings(solver)
         _check_start(start)
         here = Neighbour(start, scene)
         self.slopes: list[Slopes] = [
@@ -284,7 +284,8 @@ def _any(slopes: Sequence[Slopes], names: Sequence[str]) -> Integers:
     return np.array([any(each.arrays[n].any() for n in names) for each in slopes], dtype=np.int64)
 
 
-def _check_settings(solver: Solver) -> None:
+def check_settings(solver: Solver) -> None:
+    """Raises InputError for settings that tangents do not follow."""
     if PLAIN:
         raise InputError(
             'tangents need compiled code', key='tangents', expected='no NUMBA_DISABLE_JIT'

@@ -297,6 +297,26 @@ def test_what_is_refused(robot: Scene) -> None:
         assert 'does not begin where its scene begins' in told
 
 
+def test_masses_of_a_run_from_another_state() -> None:
+    """The state is given there, and masses change the motion from it."""
+    scene = load_scene('slider_crank')
+    simulation = Simulation(scene)
+    simulation.step(50)
+    state = simulation.state
+
+    def end(mass: float) -> float:
+        other = Simulation(overrides.with_changes(scene, {'coupler.mass': repr(mass)}))
+        other.restore(state)
+        other.step(200)
+        return float(other.sample().points['B'][0])
+
+    name = 'coupler.mass'
+    found = gradient(simulation, 'final(points.B.x)', [name], duration=200 * simulation.h)
+    difference = (8 * (end(1.001) - end(0.999)) - (end(1.002) - end(0.998))) / 0.012
+    assert found.by[name] == pytest.approx(difference, rel=1e-8)
+    assert 'by no number' in refused(simulation, 'final(points.B.x)', [], duration=0.1)
+
+
 def test_a_length_that_unfolds_a_position_is_refused_behind_it() -> None:
     name, of = 'mechanism.points.A.at.0', 'final(points.B.x)'
     simulation = Simulation(load_scene('slider_crank'))

@@ -157,6 +157,33 @@ def test_refused_in_one_line(tmp_path: Path) -> None:
         assert '\n' not in str(caught.value)
 
 
+def test_a_joint_that_nothing_was_measured_of(tmp_path: Path) -> None:
+    messages = [
+        joints('/joint_states', NOW + k * 10**7, JOINTS, position=[0.785, np.nan])
+        for k in range(60)
+    ]
+    recording = read_recording(written(tmp_path / 'bag', messages), scene())
+    assert [c.name for c in recording.channels] == ['crank_pin']
+    messages = [
+        joints('/joint_states', NOW + k * 10**7, JOINTS, position=[np.nan, np.nan])
+        for k in range(60)
+    ]
+    with pytest.raises(InputError, match='no positions of joints in this recording'):
+        read_recording(written(tmp_path / 'nan', messages), scene())
+
+
+def test_two_recorded_joints_of_one_name(tmp_path: Path) -> None:
+    messages = [
+        joints('/joint_states', NOW + k * 10**7, ['j1', 'guide'], position=[0.785, 1.4])
+        for k in range(60)
+    ]
+    path = written(tmp_path / 'bag', messages)
+    with pytest.raises(InputError) as caught:
+        read_recording(path, scene(), Topics(renamed={'j1': 'guide'}))
+    told = str(caught.value)
+    assert "map: two recorded joints stand for it, 'j1' and 'guide', got 'guide'" in told
+
+
 def test_an_effort_can_be_left_out(tmp_path: Path) -> None:
     state = joints('/joint_states', NOW, ['crank_pin'], position=[0.7])
     effort = joints('/joint_commands', NOW, ['gripper'], effort=[1.0])

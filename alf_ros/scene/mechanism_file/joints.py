@@ -356,11 +356,16 @@ def unit(entry: Entry, dimension: int, names: Mapping[str, float]) -> Floats:
     return np.asarray(d / columns.each(math.hypot, *d))
 
 
+# the other axes of a frame turn by a right angle where this choice changes: at no direction that
+# people write, so that directions beside one of these have the same choice
+_PREFERRED = (0.0, 0.11, 0.23)
+
+
 @remembered(1024)
 def frame_axes(along: Floats) -> Floats:
     """Axes (rows) of which x in the plane, z in space is `along`."""
     if along.size == 2:
         return np.array([along, [-along[1], along[0]]])
-    x = np.cross(along, np.eye(3)[int(np.argmin(np.abs(along)))])
+    x = np.cross(along, np.eye(3)[int(np.argmin(np.abs(along) + _PREFERRED))])
     x = x / columns.norm(x)
     return np.array([x, np.cross(along, x), along])

@@ -137,6 +137,8 @@ def _gradient(
 ) -> Gradient:
     try:
         names = checked_names(by)
+        if not names:
+            raise InputError('by no number', key='by', expected='names of numbers of the scene')
         run = TapedRun(simulation, names)
     except InputError as error:
         raise error.about(str(error.key).replace('tangents', 'by')) from None

@@ -66,8 +66,8 @@ class TapedRun:
         self._legs: list[Leg] = []
 
     def _check_begin(self) -> None:
-        """A run from another state than the scene's does not change with where the scene begins,
-        and not in a consistent way with lengths."""
+        """A run from another state than the scene's, which is given, does not change with where
+        the scene begins, and not in a consistent way with lengths."""
         simulation, (own, here) = self._simulation, self._begins()
         self._from_start = here.step == 0 and all(
             map(np.array_equal, (own.q, own.qd), (here.q, here.qd))
@@ -75,7 +75,7 @@ class TapedRun:
         if self._from_start:
             return
         for name, slopes in zip(self.following.names, self.following.slopes, strict=True):
-            if name in self.following.placing or slopes.arrays['qd'].any():
+            if name in self.following.placing or not slopes.acts:
                 raise InputError(
                     'no gradient: the run does not begin where its scene begins',
                     key=name,

@@ -75,6 +75,7 @@ class _Reader:
         self._inputs: list[HeldInput] = []  # of a journal, in simulated time
         self._commands: list[tuple[int, tuple[str, str, dict[str, Any]]]] = []  # stamps, ns
         self._seen: set[str] = set()
+        self._sources: dict[str, str] = {}  # of each joint, its name in the recording
         self._unused: dict[str, None] = {}
         self._all: dict[str, str] = {}  # topic -> type
         self._damage = ''
@@ -92,6 +93,11 @@ class _Reader:
                 self._commanded(series)
             elif own is None and series.type == _WRENCH:
                 self._pushed(series)
+        self._joints = {
+            key: pieces
+            for key, pieces in self._joints.items()
+            if any(np.isfinite(values).any() for _, values in pieces)
+        }
         self._check(plan)
         begins = [int(pieces[0][0][0]) for pieces in self._joints.values()]
         begins = begins or [stamp for stamp, _ in self._commands]
@@ -152,6 +158,14 @@ class _Reader:
                     self._refuse('no such joint coordinate', recorded, name, known)
                 self._unused[recorded] = None
                 continue
+            other = self._sources.setdefault(name, recorded)
+            if other != recorded:
+                raise InputError(
+                    f'two recorded joints stand for it, {other!r} and {recorded!r}',
+                    file=str(self._path),
+                    key='map',
+                    value=name,
+                )
             for kind in KINDS:
                 if kind in series.columns:
                     values = series.columns[kind][:, k]
