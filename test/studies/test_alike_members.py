@@ -248,6 +248,20 @@ def test_lengths_that_are_refused(scene: str, name: str, values: list[str], refu
     assert sum(bool(each.reason) for each in found) == refused
 
 
+def test_members_almost_without_mass() -> None:
+    """A solve for their first velocities ends where rounding lets it: each is made alone."""
+    made = study(
+        'slider_crank',
+        {'coupler.mass': [1e-12], 'crank.mass': uniform(0.0, 1e-3)},
+        members=40,
+        seed=3,
+        duration=0.05,
+        outputs=['energy', 'velocities.A'],
+    )
+    for k, member in enumerate(run_members(made, range(40))):
+        is_as_alone(made, k, member)
+
+
 def test_members_that_nobody_is_like_are_built_one_by_one() -> None:
     vary = {'L': uniform(0.9, 1.1), 'solver.iterations': [*range(10, 90)]}
     made = study('slider_crank', vary, members=5 * width(), outputs=KEPT[:2])
