@@ -1,8 +1,8 @@
 """A scene with some of its values changed by name, as a command line says them.
 
-`coupler.mass=1.1` is a field of a body, joint, point, vector, effect or the solver of that name;
-`L=1.2` a parameter of the mechanism; anything can be said in full, as the scene's text has it:
-`mechanism.bodies.coupler.mass`, `effects.spring.0.stiffness`.
+`coupler.mass=1.1` is a field of a body, joint, point, vector, effect, drive or the solver of that
+name; `L=1.2` a parameter of the mechanism; anything can be said in full, as the scene's text has
+it: `mechanism.bodies.coupler.mass`, `effects.spring.0.stiffness`, `drives.motor.angle`.
 """
 
 from __future__ import annotations
@@ -128,8 +128,8 @@ def number(scene: Scene, name: str) -> float:
 
 
 def section(scene: Scene, name: str) -> str:
-    """The section of a scene that has the value of this name: 'mechanism', 'effects', 'initial',
-    'solver'. Raises InputError for an unknown name."""
+    """The section of a scene that has the value of this name: 'mechanism', 'drives', 'effects',
+    'initial', 'solver'. Raises InputError for an unknown name."""
     return _place(scene.document.root, name, 'name')[0]
 
 
@@ -138,9 +138,11 @@ def _place(root: Entry, name: str, said: str) -> tuple[str, ...]:
     first, *rest = name.split('.')
     fields = root.mapping()
     mechanism = fields['mechanism'].mapping()
-    if first in ('mechanism', 'effects', 'initial', 'solver'):
+    if first in ('mechanism', 'drives', 'effects', 'initial', 'solver'):
         return (first, *rest)
     places: dict[str, list[tuple[str, ...]]] = {}
+    if rest and 'drives' in fields:
+        places = {key: [('drives', key)] for key in fields['drives'].mapping()}
     for part in _PARTS:
         entry = mechanism.get(part)
         for key in entry.mapping() if entry is not None else ():

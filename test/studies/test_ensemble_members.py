@@ -113,10 +113,14 @@ def test_members_that_fail_are_rows_with_a_reason():
     assert np.isfinite(chunk.arrays['points.A'][0]).all()
 
 
-def test_a_function_of_the_user_that_raises_is_a_reason():
+@pytest.mark.parametrize('workers', [0, 1])
+@pytest.mark.parametrize(
+    'error, said', [(ValueError('too much'), 'too much'), (SystemExit(3), '3')]
+)
+def test_a_function_of_the_user_that_raises_is_a_reason(workers, error, said):
     def picky(run):
         if run['energy'][0] > 13.61:
-            raise ValueError('too much')
+            raise error
         return run['energy'].max()
 
     found = alf_ros.ensemble(
@@ -125,9 +129,9 @@ def test_a_function_of_the_user_that_raises_is_a_reason():
         sampling='table',
         outputs={'picky': {'function': picky, 'reads': ['energy']}},
         duration=0.01,
-        workers=1,
+        workers=workers,
     )
-    assert found.reason.values.tolist() == ['', 'function picky: ValueError: too much']
+    assert found.reason.values.tolist() == ['', f'function picky: {type(error).__name__}: {said}']
     assert np.isfinite(found.picky.values[0]) and np.isnan(found.picky.values[1])
 
 

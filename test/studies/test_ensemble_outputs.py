@@ -162,3 +162,27 @@ def test_an_output_that_cannot_be_is_said(given, said):
     with pytest.raises(InputError) as caught:
         outputs(given)
     assert str(caught.value).startswith(said)
+
+
+@pytest.mark.parametrize(
+    ('given', 'said'),
+    [
+        (
+            {'x': 'max(energy)', 'x_t': 'final(energy)'},
+            "outputs: a label that another output has too, got 'x_t'; expected another label",
+        ),
+        ({'L': 'final(energy)'}, "outputs: a label that a number that varies has too, got 'L'"),
+        (
+            {'axis': 'final(energy)', 'end': 'final(points.A)'},
+            "outputs: a label that a dimension of an output has too, got 'axis'",
+        ),
+        (
+            {'x': {'at': [0.05], 'of': 'energy'}, 't_x': 'final(energy)'},
+            "outputs: a label that a dimension of an output has too, got 't_x'",
+        ),
+    ],
+)
+def test_outputs_numbers_and_dimensions_of_one_name_are_said_before_anything_runs(given, said):
+    with pytest.raises(InputError) as caught:
+        study_of(TURNING, {'L': [0.5, 0.8]}, sampling='table', outputs=given, duration=0.1)
+    assert str(caught.value).startswith(said)

@@ -103,6 +103,18 @@ def test_points_are_observed_too():
     assert seen[1].tolist() == list(expected)
 
 
+@pytest.mark.parametrize(
+    ('scene', 'effort'), [('delta_robot_controlled', 'motor0'), ('spring_leg', 'knee')]
+)
+@pytest.mark.filterwarnings('error')
+def test_numbers_of_effects_that_are_infinite_stay(scene: str, effort: str) -> None:
+    ensemble = Ensemble(scene, 2, efforts=[effort])
+    infinite = np.isinf(ensemble._params)
+    assert infinite.any()
+    ensemble.step(np.zeros((2, 1)))
+    assert (np.isinf(ensemble._params) == infinite).all()
+
+
 def test_a_member_that_fails_waits_until_it_is_reset():
     """Efforts that tear at one member until its steps are too long for it."""
     ensemble = Ensemble('slider_crank', 9, steps=50, **CRANK)

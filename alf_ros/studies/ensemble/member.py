@@ -111,7 +111,7 @@ def _arrays(study: Study, run: Run, grid: object, passes: object) -> Iterator[Fl
     for output in study.outputs:
         try:
             yield from output.read(run, grid, passes)  # type: ignore[arg-type]
-        except Exception as error:
+        except (Exception, SystemExit) as error:  # whatever somebody's function raises
             if output.kind != 'function':
                 raise
             text = f'function {output.label}: {type(error).__name__}: {error}'

@@ -111,7 +111,9 @@ class Ensemble:
             efforts = {**applied.inputs.efforts, name: 1.0}
             pushed = applied.holding(replace(applied.inputs, efforts=efforts))
             found.append(pushed.assembled.effects.params)
-        units = np.array(found) - self._params[: len(found)]
+        own = self._params[: len(found)]
+        with np.errstate(invalid='ignore'):  # no limit is an infinite one
+            units = np.where(np.array(found) == own, 0.0, np.array(found) - own)
         (places,) = np.nonzero(units.any(axis=0))
         return places, units[:, places]
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from alf_ros.arrays import Floats, Integers
 from alf_ros.effects.contract import user_file
+from alf_ros.errors import InputError
 from alf_ros.inspection.run import Run
 from alf_ros.scene import overrides
 from alf_ros.scene.scene import Scene
@@ -98,9 +99,38 @@ class Study(SentScene):
     def variables(self) -> tuple[LabelledArray, ...]:
         """The arrays that the outputs make, in their order. Raises InputError."""
         run = Run([Simulation(self.scene, ledger=self.ledger).sample()])
-        return tuple(
+        found = tuple(
             variable for output in self.outputs for variable in output.variables(run, self.times)
         )
+        self._check_names(found)
+        return found
+
+    def _check_names(self, found: Sequence[LabelledArray]) -> None:
+        """Raises InputError where arrays, numbers that vary and dimensions share a name."""
+        known = {'member': 'the number of a member', 'reason': 'the reason of a failure'}
+        known |= {each.name: 'a number that varies' for each in self.parameters}
+        sides: dict[str, tuple[int, object]] = {}
+        for variable in found:
+            for dim, length in zip(variable.dims, variable.shape, strict=True):
+                side = length, list(variable.along.get(dim, ()))
+                if sides.setdefault(dim, side) != side:
+                    raise InputError('two dimensions of one name', value=dim)
+        known |= dict.fromkeys(sides, 'a dimension of an output')
+        for variable in found:
+            if variable.name in known:
+                what = known[variable.name]
+                raise InputError(
+                    f'a label that {what} has too',
+                    value=variable.name,
+                    expected='another label',
+                )
+            known[variable.name] = 'another output'
+        for each in self.parameters:
+            if each.name in sides:
+                raise InputError(
+                    'a dimension of an output has the name of a number that varies',
+                    value=each.name,
+                )
 
     @cached_property
     def quantities(self) -> tuple[str, ...] | None:

@@ -20,7 +20,6 @@ from typing import Any
 
 from alf_ros import paths
 from alf_ros.errors import InputError, StepError
-from alf_ros.inspection.run import Run
 from alf_ros.scene.scene import Scene, load_scene
 from alf_ros.scene.text import yaml_document
 from alf_ros.scene.text.expression import ExpressionError, evaluate
@@ -116,10 +115,8 @@ def _positive(given: Any, key: str) -> float:
 def _examined(study: Study) -> None:
     """Raises InputError for a quantity that is none, and for names or values that no scene of the
     first members takes: single ones may be refused."""
-    run = Run([Simulation(study.scene, ledger=study.ledger).sample()])
     try:
-        for output in study.outputs:
-            output.variables(run, study.times)
+        study.variables  # noqa: B018  an output that cannot be shows here, before any member runs
     except InputError as error:
         raise InputError(str(error), key='outputs') from None
     first: InputError | None = None

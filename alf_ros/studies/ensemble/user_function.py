@@ -17,16 +17,19 @@ from typing import Any
 from alf_ros import paths
 from alf_ros.effects.contract.user_file import LARGEST
 from alf_ros.errors import InputError
+from alf_ros.studies.ensemble import function_values
 
 
 @dataclass(frozen=True)
 class UserFunction:
     """`source`: the text of a file and the name of a function in it; or `pickled`, of a function
-    that was given itself, whose own text is `source` then. `digest` says which one it is."""
+    that was given itself, whose own text is `source` then, and `values` a digest of all that the
+    text uses. `digest` says which one it is."""
 
     name: str
     source: str = ''
     pickled: str = ''  # base64
+    values: str = ''
 
     @classmethod
     def of(cls, given: Any) -> UserFunction:
@@ -46,12 +49,14 @@ class UserFunction:
             raise InputError('not a function', key='function', value=given)
         name = getattr(given, '__name__', 'function')
         data = base64.b64encode(_pickled(given)).decode()
-        return cls(name if name.isidentifier() else 'function', _text(given), data)
+        name = name if name.isidentifier() else 'function'
+        return cls(name, _text(given), data, function_values.digest(given))
 
     @property
     def digest(self) -> str:
-        """SHA-256 of its name and text; without a text, of its pickled bytes."""
-        said = self.source or self.pickled
+        """SHA-256 of its name, its text and the values that it uses; without a text, of its
+        pickled bytes."""
+        said = f'{self.source}\0{self.values}' if self.source else self.pickled
         return hashlib.sha256(f'{self.name}\0{said}'.encode()).hexdigest()
 
     @cached_property
@@ -73,7 +78,8 @@ class UserFunction:
         return made
 
     def __getstate__(self) -> dict[str, str]:
-        return {'name': self.name, 'source': self.source, 'pickled': self.pickled}
+        kept = ('name', 'source', 'pickled', 'values')
+        return {name: getattr(self, name) for name in kept}
 
 
 def _pickled(function: Callable[[Any], Any]) -> bytes:

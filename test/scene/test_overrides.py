@@ -1,0 +1,59 @@
+"""Values of a scene by name: of its drives."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import alf_ros
+from alf_ros import Simulation, load_scene
+from alf_ros.errors import InputError
+from alf_ros.scene import overrides
+
+TABLE = '{joint: motor_shaft, angle: {table: [[0, -1.5708], [1, 0], [2, 1]]}}'
+
+
+@pytest.mark.parametrize('name', ['drives.motor.angle', 'motor.angle'])
+def test_a_drive_of_a_scene(name: str) -> None:
+    scene = overrides.with_changes(load_scene('wiper'), {name: '-pi/2 + 3*t'})
+    assert overrides.section(scene, name) == 'drives'
+    simulation = Simulation(scene)
+    simulation.step(100)
+    shaft = simulation.sample().joints['motor_shaft']
+    assert shaft.position == pytest.approx(-np.pi / 2 + 3 * simulation.t, abs=1e-12)
+    assert shaft.velocity == pytest.approx(3.0, abs=1e-12)
+
+
+def test_numbers_of_a_drive_vary_and_have_tangents() -> None:
+    scene = overrides.with_changes(load_scene('wiper'), {'drives.motor': TABLE})
+    name = 'drives.motor.angle.table.1.1'
+    found = alf_ros.ensemble(
+        scene,
+        {name: [0.0, 0.1], 'gravity.acceleration.1': [-9.0, -8.0]},
+        sampling='table',
+        workers=0,
+        duration=0.5,
+        outputs={'shaft': 'final(motor_shaft.position)'},
+    )
+    first, second = found.shaft.values
+    simulation = Simulation(scene, tangents=[name])
+    simulation.step(round(0.5 / simulation.h))
+    tangent = simulation.sample().tangents[name].joints['motor_shaft'].position
+    assert tangent == pytest.approx(10 * (second - first), rel=1e-9)  # the motion is linear in it
+
+
+@pytest.mark.parametrize(
+    'changes, said',
+    [
+        ({'drives.moto.angle': '1'}, "drives.moto.angle: no such part, got 'moto'; did you mean"),
+        ({'moto.angle': '1'}, "--set: nothing of this name, got 'moto'; did you mean 'motor'?"),
+        ({'motor.angl': '1'}, "--set motor.angl: unknown key, got 'angl'; did you mean 'angle'?"),
+        ({'motor.angle': '2*q'}, "--set motor.angle: unknown name 'q' in '2*q'"),
+    ],
+)
+def test_what_a_drive_does_not_have(changes: dict[str, str], said: str) -> None:
+    with pytest.raises(InputError) as caught:
+        overrides.with_changes(load_scene('wiper'), changes)
+    assert str(caught.value).startswith(said)
+    with pytest.raises(InputError, match='no such part'):
+        overrides.with_changes(load_scene('slider_crank'), {'drives.motor.angle': '1'})
