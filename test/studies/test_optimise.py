@@ -262,6 +262,14 @@ def test_two_equal_peaks_are_told() -> None:
     assert any('two equal peaks' in note for note in found.notes)
 
 
+def test_numbers_without_an_effect_are_told() -> None:
+    """Masses change no place of a driven mechanism."""
+    vary = {'coupler.mass': [0.5, 2.0], 'a': [0.05, 0.15]}
+    found = optimise(four_bar(), vary, 'max(points.P.y)', duration=1.0, period=0.1, designs=4)
+    said = [note for note in found.notes if 'changes neither' in note]
+    assert said == ['coupler.mass changes neither the objective nor a limited number there']
+
+
 BAD: list[tuple[dict[str, Any], str]] = [
     ({'vary': {}}, 'vary: nothing varies'),
     ({'vary': {'e': [0, 1]}}, 'vary.e'),

@@ -29,6 +29,7 @@ SAMPLINGS = ('lhs', 'sobol', 'random')
 SAMPLES = 100  # in the duration, if no period is given
 MOST_SEED = 2**63 - 1
 _AT_BOUND = 1e-6  # of the range of a number
+_NOTHING = 1e-10  # part of a number of a design by which another one does not change it
 Report = Callable[[str], None]
 
 
@@ -177,7 +178,19 @@ def _notes(study: Designs, row: StartedSearch, design: Design) -> list[str]:
         found.append(f'no design within the limits was found: {row.outside:.2%} outside')
     if not row.settled:
         found.append(f'the search has not settled: {row.reason}')
+    idle = _idle(study, design)
+    found += [f'{name} changes neither the objective nor a limited number there' for name in idle]
     return found + study.notes(design.values)
+
+
+def _idle(study: Designs, design: Design) -> list[str]:
+    """The numbers on which a design does not depend."""
+    numbers, each = study.numbers, (design.objective, *design.limited)
+    felt = np.zeros(len(numbers.names), dtype=bool)
+    for asked in each:
+        changes = np.abs(asked.gradient) * numbers.width
+        felt |= changes > _NOTHING * max(abs(asked.value), changes.max(initial=0.0))
+    return [name for name, known in zip(numbers.names, felt.tolist(), strict=True) if not known]
 
 
 # ---------------------------------------------------------------------------------- arguments
