@@ -1,8 +1,9 @@
 """A scene with some of its values changed by name, as a command line says them.
 
-`coupler.mass=1.1` is a field of a body, joint, point, vector, effect, drive or the solver of that
-name; `L=1.2` a parameter of the mechanism; anything can be said in full, as the scene's text has
-it: `mechanism.bodies.coupler.mass`, `effects.spring.0.stiffness`, `drives.motor.angle`.
+`coupler.mass=1.1` is a field of a body, joint, point, vector, effect or the solver of that name;
+`L=1.2` a parameter of the mechanism; `drives.crane.angle=0.1*t` a motion, of the scene or of the
+mechanism. Anything can be said in full, as the scene's text has it:
+`mechanism.bodies.coupler.mass`, `effects.spring.0.stiffness`.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from alf_ros.scene.text import yaml_document
 from alf_ros.scene.text.yaml_document import Entry
 
 _NUMBER = re.compile(r'-?[0-9]+(\.[0-9]+)?(e[-+]?[0-9]+)?')  # as Python prints it
+_TIME = re.compile(r'\bt\b')
 _RIVALS = {'accuracy': PICKED, **dict.fromkeys(PICKED, ('accuracy',))}
 _PARTS = ('bodies', 'joints', 'points', 'vectors', 'parameters')
 
@@ -110,8 +112,8 @@ def number(scene: Scene, name: str) -> float:
     value that is no number."""
     root = scene.document.root
     parameters = root.mapping()['mechanism'].mapping().get('parameters')
-    node = root
-    for key in _place(root, name, 'tangents'):
+    node, place = root, _place(root, name, 'tangents')
+    for key in place:
         if isinstance(node.value, tuple):
             fields = {str(n): each for n, each in enumerate(node.value)}
         else:
@@ -120,6 +122,9 @@ def number(scene: Scene, name: str) -> float:
             raise InputError('no such part', key=name, value=key, choices=fields)
         node = fields[key]
     if isinstance(node.value, str):
+        if 'drives' in place[:2] and _TIME.search(node.value):
+            expected = 'a number, as a parameter that it names'
+            raise InputError('a function of time', key=name, value=node.value, expected=expected)
         return dataclasses.replace(node, path=name).number(read_parameters(parameters, {}))
     what = 'a list' if isinstance(node.value, tuple) else 'a mapping'
     raise InputError(
@@ -138,11 +143,12 @@ def _place(root: Entry, name: str, said: str) -> tuple[str, ...]:
     first, *rest = name.split('.')
     fields = root.mapping()
     mechanism = fields['mechanism'].mapping()
-    if first in ('mechanism', 'drives', 'effects', 'initial', 'solver'):
+    if first in ('mechanism', 'effects', 'initial', 'solver'):
         return (first, *rest)
+    drives = _drives(fields, mechanism)
+    if first == 'drives' and rest and rest[0] in drives:
+        return (*drives[rest[0]], *rest[1:])
     places: dict[str, list[tuple[str, ...]]] = {}
-    if rest and 'drives' in fields:
-        places = {key: [('drives', key)] for key in fields['drives'].mapping()}
     for part in _PARTS:
         entry = mechanism.get(part)
         for key in entry.mapping() if entry is not None else ():
@@ -156,11 +162,28 @@ def _place(root: Entry, name: str, said: str) -> tuple[str, ...]:
                     places.setdefault(key, []).append(('effects', kind, key))
     found = places.get(first, [])
     if not found:
-        raise InputError('nothing of this name', key=said, value=first, choices=places)
+        known = [f'drives.{key}' for key in drives]
+        if first == 'drives' and known:
+            value = '.'.join((first, *rest[:1]))
+            raise InputError('no such drive', key=said, value=value, choices=known)
+        choices = [f'drives.{first}'] if first in drives else [*places, *known]
+        raise InputError('nothing of this name', key=said, value=first, choices=choices)
     if len(found) > 1:
         ways = ' or '.join('.'.join((*place, *rest)) for place in found)
         raise InputError('several things of this name', key=said, value=first, expected=ways)
     return (*found[0], *rest)
+
+
+def _drives(
+    fields: Mapping[str, Entry], mechanism: Mapping[str, Entry]
+) -> dict[str, tuple[str, ...]]:
+    """Where the drives of a scene are by name: in its own section, or in its mechanism."""
+    found: dict[str, tuple[str, ...]] = {}
+    if 'drives' in mechanism:
+        found |= {key: ('mechanism', 'drives', key) for key in mechanism['drives'].mapping()}
+    if 'drives' in fields:
+        found |= {key: ('drives', key) for key in fields['drives'].mapping()}
+    return found
 
 
 def _without_rivals(root: Entry, place: tuple[str, ...]) -> Entry:

@@ -6,8 +6,9 @@ from typing import Any
 
 import pytest
 
-from alf_ros import AlfError, load_scene, resources
-from alf_ros.scene.overrides import with_changes
+from alf_ros import AlfError, InputError, Simulation, load_scene, resources
+from alf_ros.scene import overrides
+from alf_ros.scene.overrides import number, with_changes
 from alf_ros.scene.rereading import ReadDocument
 from alf_ros.scene.scene import Scene
 
@@ -109,3 +110,56 @@ def test_a_document_decides_and_not_the_scene_that_has_it() -> None:
     for _ in range(2):
         changed = with_changes(scene, {'coupler.mass': '1.1'})
         assert with_changes(changed, {'crank.mass': '2'}).mechanism.body['coupler'].mass == 1.1
+
+
+MOTION, ENTRY = 'drives.motor.angle', 'drives.motor.angle.table.1.1'
+TABLE = '{table: [[0, -pi/2], [0.5, -1], [1, 0]]}'
+
+
+def test_motions_of_the_scene_and_of_its_mechanism_have_names() -> None:
+    wiper = load_scene('wiper')
+    text = '-pi/2 + 2*t'
+    driven = with_changes(wiper, {MOTION: text})
+    drives = {'motor': {'joint': 'motor_shaft', 'angle': text}}
+    fields = {**wiper.document.root.mapping()}
+    assert driven.mechanism == load_scene({**fields, 'drives': drives}).mechanism
+    assert driven.mechanism != wiper.mechanism
+    assert overrides.section(driven, MOTION) == 'drives'
+    mechanism = {**fields['mechanism'].mapping(), 'drives': fields.pop('drives')}
+    within = load_scene({**fields, 'mechanism': mechanism})
+    assert with_changes(within, {MOTION: text}).mechanism == driven.mechanism
+    assert overrides.section(within, MOTION) == 'mechanism'
+
+
+def test_an_entry_of_the_table_of_a_drive_is_a_number() -> None:
+    scene = with_changes(load_scene('wiper'), {MOTION: TABLE})
+    assert number(scene, ENTRY) == -1.0
+    energies = []
+    for change in (-1e-4, 1e-4):
+        other = Simulation(with_changes(scene, {ENTRY: repr(-1.0 + change)}))
+        other.step(100)
+        energies.append(other.sample().energy)
+    simulation = Simulation(scene, tangents=[ENTRY])
+    simulation.step(100)
+    slope = simulation.sample().tangents[ENTRY].of('energy')
+    assert slope == pytest.approx((energies[1] - energies[0]) / 2e-4, rel=1e-6)
+    assert slope
+
+
+@pytest.mark.parametrize(
+    ('changes', 'said'),
+    [
+        ({'drives.moto.angle': 't'}, "--set: no such drive, got 'drives.moto'; did you mean 'dri"),
+        ({'motor.angle': 't'}, "--set: nothing of this name, got 'motor'; did you mean 'drives.m"),
+        ({MOTION: 'u*t'}, "--set drives.motor.angle: unknown name 'u' in 'u*t'"),
+    ],
+)
+def test_a_motion_that_cannot_be_is_said(changes: dict[str, str], said: str) -> None:
+    with pytest.raises(InputError) as caught:
+        with_changes(load_scene('wiper'), changes)
+    assert str(caught.value).startswith(said)
+
+
+def test_a_motion_is_no_number() -> None:
+    with pytest.raises(InputError, match=r'drives\.motor\.angle: a function of time, got '):
+        number(load_scene('wiper'), MOTION)

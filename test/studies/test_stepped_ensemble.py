@@ -149,7 +149,8 @@ def test_refusals(settings, said):
 
 def test_inputs_of_another_shape_change_nothing() -> None:
     ensemble = Ensemble('slider_crank', 3, **CRANK)
-    for wrong in (np.zeros(3), np.zeros((3, 2)), [[0.0], [np.nan], [0.0]], 'x', [[0.0], []]):
+    arrays = np.zeros(3), np.zeros((3, 2)), np.zeros((3, 1), complex)
+    for wrong in (*arrays, [[0.0], [np.nan], [0.0]], [[1j]] * 3, 'x', [[0.0], []]):
         with pytest.raises(InputError):
             ensemble.step(wrong)
     for which in (3, 'x', [True], 1.5, [[0.5]]):

@@ -180,9 +180,14 @@ class Ensemble:
         """
         if inputs is not None:
             try:
-                given = np.asarray(inputs, dtype=float)
+                array = np.asarray(inputs)
+                if np.iscomplexobj(array):  # numpy would drop a part of them
+                    raise TypeError
+                given = np.asarray(array, dtype=float)
             except (TypeError, ValueError):
-                raise InputError('no array of numbers', key='inputs', value=inputs) from None
+                raise InputError(
+                    'no array of numbers', key='inputs', value=inputs, expected='real numbers'
+                ) from None
             if given.shape != self.efforts.shape:
                 expected = f'shape {self.efforts.shape}'
                 raise InputError('not usable', key='inputs', value=given.shape, expected=expected)
