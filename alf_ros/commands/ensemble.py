@@ -14,6 +14,7 @@ from alf_ros import paths
 from alf_ros.commands.parser import Parser, writing
 from alf_ros.commands.progress import ProgressBar
 from alf_ros.errors import InputError
+from alf_ros.studies.ensemble import report_file
 from alf_ros.studies.ensemble.ensemble import Progress, conduct, crew
 from alf_ros.studies.ensemble.member import trouble_of
 from alf_ros.studies.ensemble.store import EnsembleStore
@@ -66,13 +67,14 @@ def main(argv: Sequence[str] | None = None) -> int:
         logging.disable(logging.CRITICAL)
     name = paths.named(options.study).stem
     folder = paths.named(options.store or f'{name}.zarr', '--store')
-    report = folder.with_name(f'{folder.stem}.html')
+    report_file.beside(folder)
     with _Lines(folder) as lines:
         conduct(study, folder, crew(options.workers, options.scheduler), lines)
     assert lines.last is not None
     lines.tell()
+    report = report_file.beside(folder)  # of the file that is there now
     with EnsembleStore(folder, study) as store, writing('--store', report):
-        report.write_text(page(lines.last, store.finished()), 'utf-8')
+        report.write_text(page(lines.last, store.finished(), report_file.mark_of(folder)), 'utf-8')
     print(f'{folder} and {report.name}: {study.members} members, {lines.last.failed} failed')
     said = trouble_of(study, 0)
     if said:

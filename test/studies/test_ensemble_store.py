@@ -15,6 +15,7 @@ import pytest
 
 import alf_ros
 from alf_ros import InputError
+from alf_ros.__main__ import main
 from alf_ros.studies.ensemble.chunk import run_chunk
 from alf_ros.studies.ensemble.crews import ThisProcess
 from alf_ros.studies.ensemble.ensemble import conduct
@@ -197,3 +198,59 @@ def test_a_chunk_on_which_workers_die_ends_the_study_in_one_line(tmp_path):
             workers=1,
         )
     assert 'exit code' in str(caught.value)
+
+
+SHORT = """
+scene: slider_crank
+vary: {m: [1.0]}
+sampling: table
+duration: 0.01
+outputs: [final(energy)]
+"""
+
+
+@pytest.fixture
+def short(tmp_path, monkeypatch):
+    """A folder to work in, with a short study; returns how the command ends, and what it says."""
+    (tmp_path / 'short.yaml').write_text(SHORT, 'utf-8')
+    monkeypatch.chdir(tmp_path)
+
+    def command(*options: str) -> int:
+        return main(['ensemble', str(tmp_path / 'short.yaml'), '--workers', '0', *options])
+
+    return command
+
+
+def test_reports_have_the_names_of_their_stores(short, tmp_path):
+    for store in ('run.1', 'run.2', 'run.zarr', 'run.zarr'):
+        assert short('--store', store) == 0
+    found = sorted(path.name for path in tmp_path.glob('*.html'))
+    assert found == ['run.1.html', 'run.2.html', 'run.html']
+
+
+@pytest.mark.parametrize('name', ['keep', '.'])
+def test_a_store_may_be_this_folder(short, tmp_path, monkeypatch, name):
+    folder = tmp_path / 'keep'
+    folder.mkdir()
+    monkeypatch.chdir(folder if name == '.' else tmp_path)
+    assert short('--store', name) == 0
+    assert (tmp_path / 'keep.html').is_file() and (folder / '.alf_ros').is_dir()
+
+
+def test_what_is_no_report_of_this_store_is_left_as_it_is(short, tmp_path, capsys):
+    assert short('--store', 'run') == 0
+    (tmp_path / 'keep.html').write_text('years of work')
+    capsys.readouterr()
+    for store, said in (
+        ('keep.zarr', "keep.html'; expected a store of another name"),
+        ('run.zarr', "run.html'; expected a store of another name"),
+        ('r.html', "the name of a report, got 'r.html'"),
+        ('/', "not a folder of a store, got '/'"),
+        ('.', 'not a store of an ensemble, and left as it is'),
+    ):
+        assert short('--store', store) == 2
+        out, err = capsys.readouterr()
+        assert said in err and err.count('\n') == 1 and not out
+    assert (tmp_path / 'keep.html').read_text() == 'years of work'
+    there = sorted(path.name for path in tmp_path.iterdir())
+    assert there == ['keep.html', 'run', 'run.html', 'short.yaml']

@@ -26,15 +26,16 @@ _MOST_NUMBERS, _MOST_SCATTERS = 40, 3
 _BANDS = 'Line: median. Dark band: half of the members. Light band: nine tenths of them.'
 
 
-def page(progress: Progress, chunks: Iterator[Chunk]) -> str:
-    """The text of the file, of a study that has run; `chunks` in their order."""
+def page(progress: Progress, chunks: Iterator[Chunk], head: str = '') -> str:
+    """The text of the file, of a study that has run; `chunks` in their order; `head`: an element
+    for its head."""
     statistics = progress.statistics
     study, histories, failures = statistics.study, _Histories(statistics.study), _Failures()
     for chunk in chunks:
         histories.add(chunk)
         failures.add(study, chunk)
     parts = [
-        '<!doctype html><html lang="en"><head><meta charset="utf-8">',
+        f'<!doctype html><html lang="en"><head><meta charset="utf-8">{head}',
         '<meta name="viewport" content="width=device-width, initial-scale=1">',
         f'<title>{html.escape(study.name)}</title><style>{report_look.LOOK}</style></head><body>',
         f'<h1>{html.escape(study.name)}: {study.members} members</h1>',
