@@ -20,7 +20,7 @@ def mark_of(store: Path) -> str:
 
 def beside(store: Path) -> Path:
     """The file for the report of a store: run.html of run.zarr, run.1.html of run.1. Raises
-    InputError if a store has no place there, or if something else than its own report is there."""
+    InputError if a store has no place there, or another file than its own report."""
     place = Path(os.path.abspath(store))
     if not place.name or place.suffix == '.html':
         what = 'the name of a report' if place.name else 'not a folder of a store'
