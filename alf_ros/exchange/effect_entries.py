@@ -41,6 +41,11 @@ def entries(
     effects |= {'tendon': tendons} if tendons else {}
     if contact is not None and robot.touches:
         effects['ground_contact'] = _contacts(robot, named, contact)
+    if robot.lifts:
+        effects['constant_wrench'] = {
+            f'{named.bodies[part]}_lift': {'on': named.bodies[part], 'force': force.tolist()}
+            for part, force in robot.lifts.items()
+        }
     return effects
 
 
@@ -213,3 +218,5 @@ def leave(robot: Robot) -> None:
         robot.leave('actuators (see --scene)', actuator.name)
     for name in robot.velocities:
         robot.leave('velocities of bodies (see --scene)', name)
+    for name in robot.lifts:
+        robot.leave('compensation of gravity (see --scene)', name)

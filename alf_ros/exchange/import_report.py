@@ -23,6 +23,7 @@ MOTION = {
     'velocities of bodies': 'the joints do not permit them: the motion starts at rest',
     'gravity off': 'these bodies have weight here',
     'compensation of gravity': 'these bodies have their whole weight here',
+    'compensation of gravity (see --scene)': 'these bodies have their whole weight',
     'inertia: default of USD': 'a body with a mass and without shapes has that of a ball of 0.1 m',
     'shapes without their file': 'their mass is not counted',
     'contact': 'bodies pass through each other and through the ground (see --ground)',
@@ -77,7 +78,6 @@ MOTION = {
     'force ranges of joints': 'they are of a sum: here of each actuator on the joint or tendon, '
     'and of none on a tendon that moves the joint',
     'force ranges of actuators': 'different in the two directions: the larger one is used',
-    'velocities of the keyframe': 'the motion starts at rest',
     'tendons (see --scene)': 'they apply no force',
     'tendons': 'they apply no force',
     'higher orders of tendons': 'their springs and dampers are linear',

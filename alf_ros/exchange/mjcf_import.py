@@ -22,10 +22,11 @@ from alf_ros.exchange import (
     mjcf_switches,
     mjcf_tendons,
 )
-from alf_ros.exchange.robot import Connection, Robot, RobotPart, lumped
+from alf_ros.exchange.robot import BodyVelocity, Connection, Robot, RobotPart, lumped
 from alf_ros.mechanism import GROUND
 from alf_ros.scene.text.yaml_document import LARGEST
 
+_CENTRED = 1e-9  # of the extent: how far from the centre of mass a force of gravity may act
 _KINDS = {
     'sensor': 'sensors',
     'key': 'keyframes',
@@ -119,6 +120,8 @@ class _Reader:
         mjcf_actuators.add(*given, names, self.joints, tendons)
         mjcf_geoms.add(self.robot, mujoco, self.data, Path(file), self.held)
         mjcf_contacts.add(self.robot, mujoco, self.data, self.held)
+        self._move()
+        self._lift()
         self._leave()
 
     def _names(self, kind: str, count: int) -> list[str]:
@@ -238,25 +241,39 @@ class _Reader:
         ):
             for name in self._names(kind, count):
                 leave(_KINDS[kind], name)
-        if np.any(self.data.qvel):
-            leave('velocities of the keyframe', ', '.join(self._moving()))
         for body in range(1, model.nbody):
             if model.body_mocapid[body] >= 0:
                 leave('motion of mocap bodies', self.bodies[body])
-            if model.body_gravcomp[body]:
-                leave('compensation of gravity', self.bodies[body])
         if model.nflex:
             leave('flex', f'{model.nflex} deformable')
         if model.opt.density or model.opt.viscosity:
             leave('fluid', 'density, viscosity, wind')
 
-    def _moving(self) -> list[str]:
-        """Joints with a velocity."""
-        model = self.model
-        return [
-            name
-            for name, first, last in zip(
-                self.joints, model.jnt_dofadr, [*model.jnt_dofadr[1:], model.nv], strict=True
-            )
-            if np.any(self.data.qvel[first:last])
-        ]
+    def _move(self) -> None:
+        """Velocities of the parts in a keyframe."""
+        model, data, mujoco = self.model, self.data, self.mujoco
+        if not np.any(data.qvel):
+            return
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_comVel(model, data)
+        both = np.zeros(6)
+        for body in range(1, model.nbody):
+            if model.body_weldid[body] == body:
+                mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_XBODY, body, both, 0)
+                place, (angular, linear) = data.xpos[body].copy(), both.copy().reshape(2, 3)
+                self.robot.velocities[self.bodies[body]] = BodyVelocity(place, linear, angular)
+
+    def _lift(self) -> None:
+        """Compensation of gravity: a force on each part, if it acts at the centre of mass."""
+        model, data = self.model, self.data
+        for part in self.robot.parts:
+            own = [n for n in range(1, model.nbody) if self.held[n] == part.name]
+            weights = model.body_mass[own] * model.body_gravcomp[own]
+            if not weights.any():
+                continue
+            at = weights @ data.xipos[own] / weights.sum()
+            beside = float(np.abs(at - part.com).max()) > _CENTRED * model.stat.extent
+            if beside or (model.jnt_actgravcomp.any() and model.jnt_actfrclimited.any()):
+                self.robot.leave('compensation of gravity', part.name)
+            else:
+                self.robot.lifts[part.name] = weights.sum() * -model.opt.gravity

@@ -195,7 +195,7 @@ class Robot:
     still: what to do if nothing can move. shapes: with their poses in the world, each after the
     part, or the ground, that it shows. planes: fixed ones, each with its coefficient of friction
     if the file has one. touches: what of the robot touches planes. velocities: of the parts that
-    move at the start.
+    move at the start. lifts: forces (3,) N in the world at the centres of mass of parts.
     """
 
     name: str
@@ -212,6 +212,7 @@ class Robot:
     planes: list[tuple[FixedPlane, float | None]] = field(default_factory=list)
     touches: list[GroundTouch] = field(default_factory=list)
     velocities: dict[str, BodyVelocity] = field(default_factory=dict)
+    lifts: dict[str, Floats] = field(default_factory=dict)
     left_out: LeftOut = field(default_factory=LeftOut)
 
     def leave(self, kind: str, name: str) -> None:

@@ -1,0 +1,92 @@
+"""Velocities of a keyframe and compensation of gravity in an imported MJCF: MuJoCo's motion."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from alf_ros import Simulation
+from alf_ros.arrays import Floats
+from alf_ros.exchange.import_file import imported
+from alf_ros.scene.scene import scene_from_text
+from support.imported_motions import saved
+
+mujoco = pytest.importorskip('mujoco')
+
+JOINTS = ('a', 'b', 'b2', 'h')
+STEP, DURATION = 2e-4, 0.4  # s
+# an arm with two hinges at one place, a tool that is fixed to it, and a body that flies
+ROBOT = f"""<mujoco model="it">
+<option timestep="{STEP}" integrator="RK4"><flag contact="disable"/></option>
+<worldbody>
+<body name="l1" pos="0 0 1" GRAVCOMP1><joint name="a" axis="0 1 0.3" damping="0.05"/>
+<geom type="capsule" size="0.02" fromto="0 0 0 0.3 0 0.1"/>
+<body name="l2" pos="0.3 0 0.1" GRAVCOMP2><joint name="b" axis="0 1 0"/>
+<joint name="b2" axis="1 0 0"/><geom type="capsule" size="0.02" fromto="0 0 0 0.2 0 -0.3"/>
+<body name="tool" pos="0.2 0 -0.3" GRAVCOMP3><geom type="sphere" size="0.03"/></body></body></body>
+<body name="free" pos="0 1 1" GRAVCOMP1><freejoint/><geom type="box" size="0.1 0.05 0.03"/>
+<body name="flap" pos="0.1 0 0"><joint name="h" axis="0 0 1"/>
+<geom type="box" size="0.03 0.02 0.05" pos="0.05 0 0"/></body></body>
+</worldbody>
+<keyframe><key name="k" qpos="0.3 0.2 0.1 0 1 1 0.8 0 0.6 0 0.4" qvel="QVEL"/></keyframe>
+</mujoco>"""
+MOVING = '1 -2 0.5 0.1 0.2 0.3 1 2 -1 3'
+
+
+def robot(qvel: str = '0 0 0 0 0 0 0 0 0 0', *gravcomp: str) -> str:
+    found = ROBOT.replace('QVEL', qvel)
+    for n in range(3):
+        text = f'gravcomp="{gravcomp[n]}"' if gravcomp else ''
+        found = found.replace(f'GRAVCOMP{n + 1}', text)
+    return found
+
+
+def theirs(source: str) -> Floats:
+    """(joints and 3,) rad, and m of a place of the flying body, at the end, by MuJoCo itself."""
+    model = mujoco.MjModel.from_xml_string(source)
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    for _ in range(round(DURATION / STEP)):
+        mujoco.mj_step(model, data)
+    mujoco.mj_forward(model, data)
+    angles = [float(data.joint(name).qpos[0]) for name in JOINTS]
+    return np.array([*angles, *data.joint('h').xanchor])
+
+
+def ours(text: str) -> Floats:
+    simulation = Simulation(scene_from_text(text), integrator='dop853', step=1e-3)
+    start = np.array([0.3, 0.2, 0.1, 0.4])  # joints are zero as drawn
+    simulation.step(round(DURATION * 1000))
+    sample = simulation.sample()
+    angles = start + [sample.joints[name].position for name in JOINTS]
+    return np.array([*angles, *sample.points['h_at']])
+
+
+@pytest.mark.parametrize(
+    'source',
+    [robot(MOVING), robot('', '0.5', '1', '1').replace(' qvel=""', ''), robot(MOVING, *'111')],
+    ids=['moving', 'lifted', 'both'],
+)
+def test_the_motion_is_mujocos(source: str, tmp_path: Path) -> None:
+    text = imported(saved(tmp_path, 'it.xml', source), scene=True, key='k')
+    assert 'Changes of the motion' not in text
+    expected = theirs(source)
+    still = theirs(robot())
+    assert np.abs(expected - still).max() > 0.1
+    assert ours(text) == pytest.approx(expected, abs=1e-8)
+
+
+def test_a_part_of_a_body_that_is_lifted_is_listed(tmp_path: Path) -> None:
+    """The force would not act at the centre of mass of the bodies fixed together."""
+    source = robot(MOVING, '0', '0.4', '1')
+    text = imported(saved(tmp_path, 'it.xml', source), scene=True, key='k')
+    assert 'compensation of gravity: these bodies have their whole weight here: l2' in text
+    assert 'constant_wrench' not in text
+
+
+def test_a_mechanism_alone_lists_both(tmp_path: Path) -> None:
+    text = imported(saved(tmp_path, 'it.xml', robot(MOVING, *'111')), key='k')
+    assert 'compensation of gravity (see --scene): these bodies have their whole weight' in text
+    assert 'velocities of bodies (see --scene): the motion starts at rest: l1, l2, ' in text
