@@ -60,7 +60,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         '-o', '--output', default='logs', metavar='DIR', help='folder of that log (default: logs)'
     )
     options = parser.parse_args(argv)
-    study = load_study(options.study, members=options.members)
+    try:
+        study = load_study(options.study, members=options.members)
+    except InputError as error:
+        if error.key == 'members' and options.members is not None:
+            raise error.about('--members') from None
+        raise
     if options.log is not None:
         return _log(study, options.log, options.output)
     if options.scheduler is not None:  # distributed logs tracebacks: here one line says it

@@ -245,7 +245,8 @@ def test_what_is_there_is_not_written_over(parent, tmp_path, capsys):
     (tmp_path / 'new').mkdir()
     assert main(['fork', str(parent.path), '--at', '0.1', '-o', str(tmp_path / 'new')]) == 2
     assert list((tmp_path / 'new').iterdir()) == []
-    assert 'File exists' in capsys.readouterr().err
+    said = f"--output: exists already, and is left as it is, got '{tmp_path / 'new'}'"
+    assert f'{said}; expected another folder: -o' in capsys.readouterr().err
 
 
 def test_by_default_it_lies_beside_its_parent(tmp_path):

@@ -53,6 +53,18 @@ def test_a_member_is_a_log_that_verifies_and_can_be_forked(study, tmp_path, caps
     assert main(['fork', str(folder), '--at', '0.1', '--set', 'm=2']) == 0
 
 
+def test_a_log_that_is_there_is_left_as_it_is(study, tmp_path, capsys):
+    command = ['ensemble', str(study), '--log', '1', '-o']
+    there = tmp_path / 'l' / 'slider_crank_member_1'
+    there.mkdir(parents=True)
+    assert main([*command, str(tmp_path / 'l')]) == 2
+    error = capsys.readouterr().err
+    assert 'ensemble: --output: exists already, and is left as it is, got ' in error
+    assert f"{there.name}'; expected another folder: -o" in error and error.count('\n') == 1
+    assert not list(there.iterdir())
+    assert main([*command, str(tmp_path / 'other')]) == 0
+
+
 @pytest.mark.parametrize(
     ('options', 'said'),
     [

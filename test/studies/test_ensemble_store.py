@@ -221,6 +221,38 @@ def short(tmp_path, monkeypatch):
     return command
 
 
+@pytest.mark.parametrize(
+    ('options', 'said'),
+    [
+        (['--members', '0'], 'alf_ros ensemble: --members: not usable, got 0; expected a whole'),
+        (['--members', '2'], 'alf_ros ensemble: --members: a table has fewer, got 2; expected 1'),
+    ],
+)
+def test_an_option_that_cannot_be_is_named(short, tmp_path, capsys, options, said):
+    text = (tmp_path / 'short.yaml').read_text()
+    (tmp_path / 'short.yaml').write_text(f'{text}members: 1\n')
+    assert short(*options) == 2
+    assert capsys.readouterr().err.startswith(said)
+    (tmp_path / 'short.yaml').write_text(f'{text}members: 0\n')
+    assert short() == 2
+    assert 'short.yaml:7: members: ' in capsys.readouterr().err
+
+
+def test_no_scheduler_is_one_line(short, tmp_path):
+    pytest.importorskip('distributed')
+    command = [sys.executable, '-m', 'alf_ros', 'ensemble', 'short.yaml']
+    done = subprocess.run(
+        [*command, '--scheduler', 'nonsense'],
+        cwd=tmp_path,
+        env=environment(),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    expected = "scheduler: no scheduler answers, got 'nonsense'; expected tcp://host:port"
+    assert (done.returncode, done.stderr) == (2, f'alf_ros ensemble: {expected}\n')
+
+
 def test_reports_have_the_names_of_their_stores(short, tmp_path):
     for store in ('run.1', 'run.2', 'run.zarr', 'run.zarr'):
         assert short('--store', store) == 0

@@ -49,7 +49,8 @@ class Recorder:
     that wait to be written: further data are dropped and counted, so that `write` never waits for
     the disk. `name` replaces scene and time in the name of the folder made in `folder`.
 
-    Raises `InputError` when the folder cannot be made or written.
+    Raises `InputError` when the folder cannot be made or written; if it has a `name`, which only
+    commands with the option --output give, the message names that option.
     """
 
     def __init__(
@@ -70,11 +71,12 @@ class Recorder:
             self.folder = _named_folder(folder, name) if name else _new_folder(folder, scene)
             self._file = self._begin(0)
         except OSError as error:
+            way_out = 'another one: -o' if name else 'record.enabled false (--no-record)'
             raise InputError(
                 f'cannot write a log: {error.strerror}',
-                key='record.folder',
+                key='--output' if name else 'record.folder',
                 value=str(folder),
-                expected='a folder that can be written, or record.enabled false (--no-record)',
+                expected=f'a folder that can be written, or {way_out}',
             ) from None
         self.busy = 0.0  # s of processor time that writing has taken
         self._finished: list[LogFile] = []
@@ -188,7 +190,15 @@ class Recorder:
 
 def _named_folder(parent: Path, name: str) -> Path:
     folder = parent / name
-    folder.mkdir(parents=True)
+    try:
+        folder.mkdir(parents=True)
+    except FileExistsError:
+        raise InputError(
+            'exists already, and is left as it is',
+            key='--output',
+            value=str(folder),
+            expected='another folder: -o',
+        ) from None
     return folder
 
 

@@ -6,6 +6,8 @@ package: it is given the address of the scheduler.
 
 from __future__ import annotations
 
+import contextlib
+import gc
 import pickle
 from collections.abc import Iterator, Sequence
 from concurrent.futures import CancelledError
@@ -57,14 +59,16 @@ class Cluster:
             ) from None
         self._distributed: Any = distributed
         self._address = address
-        try:
+        self._client: Any = None
+        with contextlib.suppress(OSError, TimeoutError, ValueError, TypeError):
             self._client = distributed.Client(
                 address, timeout=_CONNECTING, set_as_default=False, name='alf_ros'
             )
-        except (OSError, TimeoutError, ValueError):
+        if self._client is None:
+            gc.collect()  # a client that failed waits for its thread, which ends with the process
             raise InputError(
                 'no scheduler answers', key='scheduler', value=address, expected='tcp://host:port'
-            ) from None
+            )
 
     def chunks(self, study: Study, numbers: Sequence[int]) -> Iterator[Chunk]:
         """The chunks of these numbers as they are done."""

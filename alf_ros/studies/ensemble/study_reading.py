@@ -150,7 +150,8 @@ def _chunk(study: Study) -> int:
 
 
 def load_study(source: str | Path, **changes: Any) -> Study:
-    """The study in a YAML file; `changes` replace keys of it. Raises InputError."""
+    """The study in a YAML file; `changes` replace keys of it, and errors in them name no line.
+    Raises InputError."""
     path = paths.named(source)
     fields = yaml_document.read(path).mapping(KEYS, ('scene', 'vary'))
     given: dict[str, Any] = {}
@@ -160,11 +161,13 @@ def load_study(source: str | Path, **changes: Any) -> Study:
     if 'outputs' in given:
         files = lambda: _functions(given['outputs'], path.parent)  # noqa: E731
         given['outputs'] = within(fields['outputs'], lambda: read_outputs(files()))
-    given.update({key: value for key, value in changes.items() if value is not None})
+    changed = {key: value for key, value in changes.items() if value is not None}
+    given.update(changed)
     try:
         return study_of(**given)
     except InputError as error:
-        said = fields.get((error.key or '').partition('.')[0])
+        key = (error.key or '').partition('.')[0]
+        said = None if key in changed else fields.get(key)
         if error.file is None and said is not None:
             raise InputError(str(error), file=str(path), line=said.line) from None
         raise
