@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numba
 import numpy as np
 import pytest
 
@@ -42,6 +43,20 @@ def recursive(run: Any) -> Any:
     return recursive if run is None else run['energy'].max()
 
 
+@numba.njit
+def compiled(x: float) -> float:
+    return x + FACTOR
+
+
+@functools.cache
+def remembered(x: float) -> float:
+    return x * FACTOR
+
+
+def calling(run: Any) -> float:
+    return float(compiled(run['energy'].max()) + remembered(2.0))
+
+
 class Scaled:
     def __init__(self, by: float) -> None:
         self.by = by
@@ -58,6 +73,7 @@ def all_digests() -> list[str]:
         recursive,
         Scaled(1.0).read,
         functools.partial(more, by=2.0),
+        calling,
     ]
     return [digest(each) for each in (*map(made, values), *functions)]
 
@@ -70,7 +86,7 @@ def test_other_values_have_other_digests(monkeypatch: pytest.MonkeyPatch) -> Non
     changed = {
         n for n, (old, new) in enumerate(zip(before, all_digests(), strict=True)) if old != new
     }
-    assert changed == {5, 6, 7, 10}  # what calls `times`
+    assert changed == {5, 6, 7, 10, 11}  # all that use the number, or call `times`
     assert digest(Scaled(1.0).read) != digest(Scaled(2.0).read)
 
 

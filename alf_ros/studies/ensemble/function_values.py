@@ -54,7 +54,9 @@ def _parts(value: Any, within: tuple[int, ...]) -> Iterator[bytes]:
         yield from _parts((value.func, value.args, value.keywords), within)
         return
     if not isinstance(value, FunctionType):
-        yield _pickled(value)
+        # a function that is compiled, or remembers its results, is what it was made of
+        inner = getattr(value, 'py_func', getattr(value, '__wrapped__', None))
+        yield from [_pickled(value)] if inner is None else _parts(inner, within)
         return
     yield from _code(value.__code__)
     cells = []

@@ -105,7 +105,7 @@ def _cut(
         measured = _measured(channels, first * h, last * h, margin, last == edges[-1])
         if not measured:
             raise InputError(
-                'too few measurements in a window',
+                f'too few measurements in a window, from t = {first * h:.6g} s on',
                 file=recording.name,
                 key='window',
                 value=f'{(last - first) * h:.6g} s',
