@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import hashlib
 import importlib
-import inspect
 import pickle
 import sys
 from collections.abc import Callable
@@ -17,19 +16,17 @@ from typing import Any
 from alf_ros import paths
 from alf_ros.effects.contract.user_file import LARGEST
 from alf_ros.errors import InputError
-from alf_ros.studies.ensemble import function_values
+from alf_ros.studies.ensemble.function_digest import function_digest, installed
 
 
 @dataclass(frozen=True)
 class UserFunction:
     """`source`: the text of a file and the name of a function in it; or `pickled`, of a function
-    that was given itself, whose own text is `source` then, and `values` a digest of all that the
-    text uses. `digest` says which one it is."""
+    that was given itself. `digest` says which one it is."""
 
     name: str
     source: str = ''
     pickled: str = ''  # base64
-    values: str = ''
 
     @classmethod
     def of(cls, given: Any) -> UserFunction:
@@ -49,22 +46,32 @@ class UserFunction:
             raise InputError('not a function', key='function', value=given)
         name = getattr(given, '__name__', 'function')
         data = base64.b64encode(_pickled(given)).decode()
-        name = name if name.isidentifier() else 'function'
-        return cls(name, _text(given), data, function_values.digest(given))
+        return cls(name if name.isidentifier() else 'function', pickled=data)
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 of its name and text; of a function that was given itself, of its code and of
+        all values that it uses, as they were when it was given."""
+        said = self.source or self._content
+        return hashlib.sha256(f'{self.name}\0{said}'.encode()).hexdigest()
 
     @property
-    def digest(self) -> str:
-        """SHA-256 of its name, its text and the values that it uses; without a text, of its
-        pickled bytes."""
-        said = f'{self.source}\0{self.values}' if self.source else self.pickled
-        return hashlib.sha256(f'{self.name}\0{said}'.encode()).hexdigest()
+    def _content(self) -> str:
+        fresh = self._unpickled()  # `called` may have changed its values since
+        try:
+            return function_digest(fresh)
+        except (pickle.PicklingError, TypeError, AttributeError, RecursionError, ValueError):
+            return self.pickled  # a value that only cloudpickle knows
+
+    def _unpickled(self) -> Callable[[Any], Any]:
+        found: Callable[[Any], Any] = pickle.loads(base64.b64decode(self.pickled))
+        return found
 
     @cached_property
     def called(self) -> Callable[[Any], Any]:
         """The function. Raises InputError if it cannot be had."""
         if self.pickled:
-            found: Callable[[Any], Any] = pickle.loads(base64.b64decode(self.pickled))
-            return found
+            return self._unpickled()
         names: dict[str, Any] = {'__name__': f'ensemble_{self.digest[:12]}'}
         try:
             exec(compile(self.source, f'<{self.name}>', 'exec'), names)
@@ -78,8 +85,7 @@ class UserFunction:
         return made
 
     def __getstate__(self) -> dict[str, str]:
-        kept = ('name', 'source', 'pickled', 'values')
-        return {name: getattr(self, name) for name in kept}
+        return {'name': self.name, 'source': self.source, 'pickled': self.pickled}
 
 
 def _pickled(function: Callable[[Any], Any]) -> bytes:
@@ -100,23 +106,19 @@ def _pickled(function: Callable[[Any], Any]) -> bytes:
             expected="'FILE.py:NAME', or pip install 'alf_ros[ensemble]'",
         ) from None
     own = sys.modules.get(module)
-    by_value = own is not None and module != '__main__'
+    by_value = own is not None and module != '__main__' and not installed(module)
     if by_value:
         cloudpickle.register_pickle_by_value(own)
     try:
         found: bytes = cloudpickle.dumps(function, protocol=4)
+    except (pickle.PicklingError, TypeError) as error:
+        raise InputError(
+            f'cannot be given to workers: {error}', key='function', value=repr(function)
+        ) from None
     finally:
         if by_value:
             cloudpickle.unregister_pickle_by_value(own)
     return found
-
-
-def _text(function: Callable[[Any], Any]) -> str:
-    """The source of a function; '' where there is none."""
-    try:
-        return inspect.getsource(function)
-    except (OSError, TypeError):
-        return ''
 
 
 def _importable(module: str) -> bool:
