@@ -135,6 +135,8 @@ def test_refused_in_one_line(tmp_path: Path) -> None:
     push = written(tmp_path / 'push', [state, wrench('/w/copler', NOW, [1.0, 0.0, 0.0])])
     tilted = written(tmp_path / 'tilted', [state, wrench('/w/coupler', NOW, [1, 0, 0], 'tool')])
     none = written(tmp_path / 'none', [joints('/joint_states', NOW, ['crankpin'], position=[0.7])])
+    halved = joints('/joint_states', NOW, ['crank_pin', 'guide'], position=[0.7])
+    short = written(tmp_path / 'short', [halved])
     (tmp_path / 'sqlite').mkdir()
     (tmp_path / 'sqlite' / 'bag_0.db3').write_bytes(b'')
     (tmp_path / 'text.mcap').write_text('no bag')
@@ -146,6 +148,7 @@ def test_refused_in_one_line(tmp_path: Path) -> None:
         (push, None, "('/w/copler' in the recording), got 'copler'; did you mean 'coupler'?"),
         (tilted, None, "a wrench in another frame, got 'tool'; expected 'world' or 'coupler'"),
         (none, None, "no recorded joint is one of the scene, got 'crankpin'; did you mean"),
+        (short, None, 'bag_0.mcap: /joint_states: a message that is not of its type'),
         (tmp_path / 'sqlite', None, 'a recording in SQLite; expected MCAP: `ros2 bag convert`'),
         (tmp_path / 'text.mcap', None, 'not an MCAP file'),
         (tmp_path / 'nothing', None, 'no such log; expected a folder or an .mcap file'),

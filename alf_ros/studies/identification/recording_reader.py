@@ -137,7 +137,12 @@ class _Reader:
                             expected='cdr',
                         )
                     reader = readers.setdefault(id_, ChannelReader(channel))
-                    yield from reader.series(block, np.flatnonzero(block.channel == id_))
+                    try:
+                        yield from reader.series(block, np.flatnonzero(block.channel == id_))
+                    except InputError as error:  # of a message, which does not know its topic
+                        raise InputError(
+                            error.message, file=str(file), key=channel.topic, value=error.value
+                        ) from None
             if contents.damage:
                 self._damage = f'{file.name}: {contents.damage}'
 
