@@ -21,6 +21,7 @@ from alf_ros.simulation.adjoint_following import AdjointFollowing
 from alf_ros.studies.exact.exact_tangents import double_four_bar, slider_crank
 from alf_ros.studies.gradients.observed_number import observed_number
 from alf_ros.studies.gradients.taped_run import TapedRun
+from alf_ros.studies.optimisation.folds import FOLDS
 from support.dot_products import dot_products
 from support.log_files import make
 from support.some_scenes import SOME_SCENES
@@ -315,6 +316,23 @@ def test_masses_of_a_run_from_another_state() -> None:
     difference = (8 * (end(1.001) - end(0.999)) - (end(1.002) - end(0.998))) / 0.012
     assert found.by[name] == pytest.approx(difference, rel=1e-8)
     assert 'by no number' in refused(simulation, 'final(points.B.x)', [], duration=0.1)
+
+
+def test_reactions_beside_a_singular_position() -> None:
+    """At each step through the position, also a thousandth of the size beside it."""
+    scene = overrides.with_changes(load_scene('slider_crank'), {'solver.integrator': 'dop853'})
+    duration, of = 0.42, 'rms(norm(crank_pin.force))'
+
+    def size(mass: float) -> float:
+        run = Simulation(overrides.with_changes(scene, {'coupler.mass': repr(mass)}))
+        samples = list(run.run(duration))
+        forces = [np.linalg.norm(each.reactions['crank_pin'].force) for each in samples]
+        times = np.array([each.t for each in samples])
+        return FOLDS['rms'](times, np.array(forces)).value
+
+    found = gradient(Simulation(scene), of, ['coupler.mass'], duration=duration)
+    difference = (8 * (size(1.001) - size(0.999)) - (size(1.002) - size(0.998))) / 0.012
+    assert found.by['coupler.mass'] == pytest.approx(difference, rel=1e-6)
 
 
 def test_a_length_that_unfolds_a_position_is_refused_behind_it() -> None:

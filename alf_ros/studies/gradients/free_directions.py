@@ -15,7 +15,9 @@ tangents, because p, p' and W are perpendicular to Z.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -26,6 +28,10 @@ from alf_ros.simulation.displaced_scenes import Displaced, DisplacedScenes
 from alf_ros.simulation.named_quantity import NamedQuantity, slope_along
 from alf_ros.simulation.sample import Sample
 from alf_ros.studies.gradients.bars import Bars
+
+# times closer, where the quantity is not smooth as far as its first difference goes: beside a
+# singular position states that are moved straight on leave the branch
+_CLOSER = (1.0, 10.0, 100.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,20 +51,26 @@ class AlongFreeDirections:
             told = f'no gradient of {self.quantity.name}: a singular position'
             raise InputError(f'{told} at t = {sample.t:.6g} s', key='of')
 
-        def along(around: Displaced, dq: Floats, dqd: Floats) -> float:
+        def along(beside: Callable[..., Displaced], dq: Floats, dqd: Floats) -> float:
             of = self.quantity
-            found = slope_along(of.read, of.turns, sample, around, dq, dqd, of.name)
-            return float(weights @ found)
+            for closer in _CLOSER:
+                around = beside(state, closer * dq, closer * dqd)
+                try:
+                    found = slope_along(of.read, of.turns, sample, around, dq, dqd, of.name)
+                    return float(weights @ found)
+                except InputError as error:
+                    refused = error
+            raise refused
 
         still = np.zeros_like(state.q)
         for z, w in zip(instant.free_of_places.T, instant.carried.T, strict=True):
             dq, dqd = still.copy(), still.copy()
             dq[:n], dqd[:n] = z, w
-            to.q[:n] += along(self.beside.along(state, dq, dqd), dq, dqd) * z
+            to.q[:n] += along(self.beside.along, dq, dqd) * z
         for z in instant.free.T:
             dqd = still.copy()
             dqd[:n] = z
-            to.qd[:n] += along(self.beside.along(state, still, dqd), still, dqd) * z
+            to.qd[:n] += along(self.beside.along, still, dqd) * z
         for k in range(len(self.beside.names)):
             dq, dqd = instant.smallest(self.beside.around(k))
-            to.numbers[k] += along(self.beside.moving(k, state, dq, dqd), dq, dqd)
+            to.numbers[k] += along(partial(self.beside.moving, k), dq, dqd)
