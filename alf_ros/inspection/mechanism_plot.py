@@ -24,6 +24,7 @@ from alf_ros.model.joints import type_of
 COLOURS = ('#0072b2', '#d55e00', '#009e73', '#cc79a7', '#56b4e9', '#e69f00')
 RED = '#c0272d'
 MOST_NAMES = 24  # points; with more there are none written
+_AROUND = 0.1  # m: half of the side of a drawing of one place
 _VIEWS = ((22.0, -60.0, 'from the side above'), (0.0, -90.0, 'from the front, along y'))
 
 
@@ -89,7 +90,12 @@ class Picture:
             for sign in (1.0, -1.0)
         ]
         them = np.vstack([them, points, *rims])
+        if not np.ptp(them, axis=0).any():  # all at one place, as the joint of a pendulum
+            heavy = [body for body in self.layout.bodies if body.mass > 0.0]
+            coms = [self.value(self.layout.place(body.name, body.com)) for body in heavy]
+            them = np.vstack([them, *coms])
         middle, half = 0.5 * (them.max(axis=0) + them.min(axis=0)), 0.5 * np.ptp(them, axis=0)
+        half = half if half.any() else np.full_like(half, _AROUND)
         bars = [np.linalg.norm(body.local[1]) for body in self.layout.bodies if body.local[1:]]
         self.size = min(0.03 * float(half.max()), 0.1 * float(min(bars, default=np.inf)))  # m
         half = np.maximum(1.1 * half, 0.25 * half.max()) + 3.0 * self.size

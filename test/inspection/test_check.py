@@ -13,6 +13,7 @@ from matplotlib.image import imread
 
 from alf_ros import Simulation, load_scene
 from alf_ros import __main__ as program
+from alf_ros.inspection import mechanism_plot
 from alf_ros.inspection.soundness import BAD, NOTE, OK, Soundness, examine, table
 from alf_ros.model.dense_linearisation import Linearised
 from alf_ros.resources import folder
@@ -327,3 +328,26 @@ def test_wheels_that_depend_on_each_other_are_closed_at_once(
         there = here.closed(0.05 * simulation.model.size * direction, here.rank)
         assert there is not None and np.abs(there.phi).max() < 1e-12 * simulation.model.size
         assert len(counted) < 6
+
+
+@pytest.mark.filterwarnings('error')
+@pytest.mark.parametrize('com', [0.1, 0.0])
+def test_a_pendulum_of_one_place_is_drawn(com: float, tmp_path: Path) -> None:
+    """An imported pendulum has no point but its joint."""
+    found = examine(
+        scene_from_text(f"""
+mechanism:
+  alf: 1
+  space: spatial
+  points: {{O: {{at: [0, 0, 0], fixed: true}}}}
+  bodies:
+    bob: {{points: [O], mass: 1, com: [{com}, 0, 0], inertia: {{about_com: [0.01, 0.01, 0.01]}}}}
+  joints:
+    pin: {{type: revolute, between: [ground, bob], at: O, axis: [0, 1, 0]}}
+effects: {{gravity: {{acceleration: [0, 0, -9.81]}}}}
+""")
+    )
+    assert found.sound
+    mechanism_plot.draw(tmp_path / 'it.png', found)
+    picture = imread(tmp_path / 'it.png')[:, :, :3]
+    assert (picture < 0.9).any(axis=2).mean() > 0.005
