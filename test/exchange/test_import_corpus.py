@@ -85,3 +85,10 @@ def test_mistakes_of_the_command(tmp_path: Path) -> None:
     ):
         with pytest.raises(InputError, match=message):
             main(arguments)
+
+
+def test_files_that_cannot_be_read_have_a_row(tmp_path: Path) -> None:
+    (tmp_path / 'empty.urdf').write_text('')
+    (tmp_path / 'bytes.sdf').write_bytes(bytes(range(200)))
+    (tmp_path / 'macros.xacro').write_text('<nothing/>')  # what others include is no robot
+    assert [path.name for path in corpus.files_below(tmp_path)] == ['bytes.sdf', 'empty.urdf']
