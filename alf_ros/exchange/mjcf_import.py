@@ -271,8 +271,8 @@ class _Reader:
             weights = model.body_mass[own] * model.body_gravcomp[own]
             if not weights.any():
                 continue
-            at = weights @ data.xipos[own] / weights.sum()
-            beside = float(np.abs(at - part.com).max()) > _CENTRED * model.stat.extent
+            arm = weights @ (data.xipos[own] - part.com)  # kg m
+            beside = np.abs(arm).max() > _CENTRED * model.stat.extent * np.abs(weights).sum()
             if beside or (model.jnt_actgravcomp.any() and model.jnt_actfrclimited.any()):
                 self.robot.leave('compensation of gravity', part.name)
             else:

@@ -303,7 +303,7 @@ class ParameterSlopes:
                     self._around[longest] = found
                     return found
             step *= _SHORTER
-        raise self._another_form('the equations')
+        raise self._another_form()
 
     def _have_form(self, beside: Sequence[Neighbour]) -> bool:
         """Whether scenes have the form of this one."""
@@ -315,10 +315,11 @@ class ParameterSlopes:
     def _none(self, why: str, expected: str | None = None) -> InputError:
         return InputError(f'no tangent: {why}', key=self.name, value=self.value, expected=expected)
 
-    def _another_form(self, what: str) -> InputError:
+    def _another_form(self, what: str = '') -> InputError:
         """Beside this value there is an entry more, as beside a place or a torque of 0."""
         expected = f'{_ASIDE:g}, say' if self.value == 0.0 else None
-        return self._none(f'beside this value {what} have another form', expected)
+        parts = 'effects' if what == 'effects' else 'equations'
+        return self._none(f'beside this value the {parts} have another form', expected)
 
     def _neighbour(self, change: float) -> Neighbour:
         if change in self._beside:
@@ -377,7 +378,7 @@ class ParameterSlopes:
         beside = list(self._beside.values())
         for each in beside[:1] + beside[-1:]:  # one on each side
             if not all(map(np.array_equal, each.form(inputs), here)):
-                raise self._another_form('the effects')
+                raise self._another_form('effects')
         return found
 
     def _of_effects(self, data: Callable[[Neighbour], Floats]) -> Floats:
@@ -479,7 +480,7 @@ class ParameterSlopes:
         found = []
         for step, each in values.items():
             if {array.shape for array in each} != {here.shape}:
-                raise self._another_form('the effects' if what == 'effects' else 'the equations')
+                raise self._another_form(what)
             weights = [np.sign(k) * _WEIGHTS[abs(k) - 1] for k in _offsets()]
             with np.errstate(invalid='ignore'):  # no limit is an infinite one
                 changes = [np.where(x == each[0], 0.0, x - each[0]) for x in each]
@@ -499,7 +500,7 @@ class ParameterSlopes:
             apart = np.abs(sum(w * x for w, x in zip(weights, off, strict=True)))
             bent = np.max(np.abs(off), axis=0)
             if not (apart <= _SAME * bent + least * step).all():
-                raise self._another_form('the effects' if what == 'effects' else 'the equations')
+                raise self._another_form(what)
         return slope
 
 

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import importlib
 import pickle
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 from alf_ros import paths
@@ -92,7 +90,7 @@ def _pickled(function: Callable[[Any], Any]) -> bytes:
     """By reference, if a worker can import it; else by value, which needs cloudpickle."""
     module = getattr(function, '__module__', '__main__')
     try:
-        if module != '__main__' and _importable(module):
+        if installed(module):
             return pickle.dumps(function, protocol=4)
     except (pickle.PicklingError, AttributeError, TypeError):
         pass
@@ -119,9 +117,3 @@ def _pickled(function: Callable[[Any], Any]) -> bytes:
         if by_value:
             cloudpickle.unregister_pickle_by_value(own)
     return found
-
-
-def _importable(module: str) -> bool:
-    """Whether any process of this interpreter imports it: it lies where packages are installed."""
-    file = getattr(importlib.import_module(module), '__file__', None)
-    return file is not None and 'site-packages' in Path(file).parts
