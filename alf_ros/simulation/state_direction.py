@@ -13,7 +13,7 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.model.compile import Model
 from alf_ros.simulation.applied import NO_INPUTS, Inputs
-from alf_ros.simulation.parameter_slopes import ARRAYS, Neighbour
+from alf_ros.simulation.neighbour import ARRAYS, Neighbour
 
 _NAME = re.compile(r'state\.\d+')
 

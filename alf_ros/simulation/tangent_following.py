@@ -23,14 +23,14 @@ from alf_ros.model.tableaux import TABLEAUX
 from alf_ros.scene.scene import Scene, Solver
 from alf_ros.simulation.applied import Applied
 from alf_ros.simulation.effect_slopes import EffectSlopes
-from alf_ros.simulation.parameter_slopes import Neighbour, ParameterSlopes
+from alf_ros.simulation.neighbour import MASSES, Neighbour
+from alf_ros.simulation.parameter_slopes import ParameterSlopes
 from alf_ros.simulation.singular_passes import Pass
 from alf_ros.simulation.start import Start
 from alf_ros.simulation.state_direction import StateDirection, is_direction
 
 Slopes: TypeAlias = ParameterSlopes | StateDirection
 _ROWS = ('length2', 'b', 'term', 'c')
-_MASSES = ('mass_diagonal', 'mass_k', 'mass_w')
 _OF_GROUPS = (
     *('first_q', 'first_qd', 'first_qdd', 'q', 'qd', 'qdd', 'begun_q', 'begun_qd'),
     *('whole_q', 'whole_qd', 'whole_qdd', 'pushed'),
@@ -135,9 +135,9 @@ class TangentFollowing:
         force = dual_forces(applied, W)
         changes: dict[str, Any] = {
             name: _in_groups(np.array([each.arrays[name] for each in self.slopes]), W)
-            for name in (*_MASSES, *_ROWS)
+            for name in (*MASSES, *_ROWS)
         }
-        changes['mass_changes'] = _any_of_group(_any(self.slopes, _MASSES), W)
+        changes['mass_changes'] = _any_of_group(_any(self.slopes, MASSES), W)
         moved = np.array([n in self.lengths for n in self.names], dtype=np.int64)
         changes['rows_change'] = _any_of_group(moved, W)
         changes['params'] = params

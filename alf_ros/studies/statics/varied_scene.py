@@ -20,7 +20,7 @@ from alf_ros.model.assembly import displaced
 from alf_ros.model.prescribed import prescribe
 from alf_ros.scene import overrides
 from alf_ros.scene.scene import Scene
-from alf_ros.simulation.parameter_slopes import Neighbour
+from alf_ros.simulation.neighbour import Neighbour
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.simulation.start import started
 from alf_ros.studies.statics.constrained_solve import ConstrainedSolve
