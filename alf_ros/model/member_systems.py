@@ -279,7 +279,7 @@ class OfOneSystem:
         self.structs = MemberStructs(system, members, (*NUMBERS, 'penalty'))
         self._model, self._system = model, system
         self._fill = filled(model.layout.movable, system.mass, system.rows)
-        self._scales = MemberScales(model.unit, self.structs, model.layout.blocks)
+        self._scales = MemberScales(model.unit, self.structs, model.layout)
 
     def is_of(self, system: System) -> bool:
         """Whether the structs are like this system."""

@@ -9,6 +9,7 @@ from alf_ros.arrays import Floats, Indices, Integers
 from alf_ros.kernel import Rows, System
 from alf_ros.mechanism.memory import remembered
 from alf_ros.mechanism.natural_coordinates import Layout
+from alf_ros.model.constraints.carried_masses import CarriedMasses
 from alf_ros.model.struct_memory import changed
 
 
@@ -17,8 +18,8 @@ def scaled_rows(system: System, q: Floats, layout: Layout, penalty: float) -> Ro
     rows, D = system.rows, layout.dimension
     g, g2 = np.zeros(rows.i.size * D), np.zeros(rows.b.size)
     kernel.jacobian((0.0,) * D, rows, q, g, g2)
-    lengths = RowLengths(rows, g, g2, D)
-    masses = lengths.masses(system.mass.diagonal, system.mean, layout.blocks)
+    lengths, carried = RowLengths(rows, g, g2, D), CarriedMasses(layout, rows)
+    masses = lengths.masses(carried.of(system.mass.diagonal), system.mean, layout.blocks)
     return changed(rows, alpha=penalty / masses, scale=1.0 / np.sqrt(lengths.squared))
 
 
@@ -43,7 +44,7 @@ class RowLengths:
     def masses(self, diagonal: Floats, mean: float | Floats, blocks: int) -> Floats:
         """(rows,) Φ_q,r M⁻¹ Φ_q,rᵀ: one over the mass that a row moves, about its lightest block.
 
-        M is replaced by its diagonal (movable,), and missing masses by their `mean`; of several
+        M is replaced by its `diagonal` (movable,), and missing masses by their `mean`; of several
         mechanisms (members, movable) and (members,). blocks: how many there are, fixed ones too.
         """
         several, rows = diagonal.shape[:-1], self._rows
