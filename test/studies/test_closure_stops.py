@@ -11,6 +11,22 @@ from alf_ros import Closure, InputError, Scene, load_scene
 A, B, C, D = 0.10, 0.30, 0.25, 0.30  # m, crank, coupler, rocker and ground of the four-bar
 HIGHEST = math.pi - math.acos((D * D + C * C - (B - A) ** 2) / (2.0 * D * C))  # rad, of the rocker
 
+SCREWED = {
+    'alf': 1,
+    'space': 'spatial',
+    'points': {'O': {'at': [0, 0, 0], 'fixed': True}, 'A': {'at': [0.3, 0, 0]}},
+    'bodies': {
+        'arm': {'points': ['O'], 'mass': 1, 'inertia': {'about_com': [1, 1, 1, 0, 0, 0]}},
+        'slide': {'points': ['A'], 'mass': 1, 'inertia': {'about_com': [1, 1, 1, 0, 0, 0]}},
+    },
+    'joints': {
+        'pin': {'type': 'revolute', 'between': ['ground', 'arm'], 'at': 'O', 'axis': [0, 1, 0]},
+        'guide': {'type': 'prismatic', 'between': ['arm', 'slide'], 'at': 'A', 'axis': [0, 1, 0]},
+    },
+    'couplings': {'screw': {'joints': {'guide': 1.0, 'pin': -0.05}}},
+}
+SLIDE_STOP = {'joint': 'guide', 'lower': -0.25, 'upper': 1.0, 'stiffness': 1e4}
+
 
 def stopped(**stops: dict[str, float]) -> Scene:
     """The four-bar with stops at its joints."""
@@ -63,6 +79,14 @@ def test_a_stop_of_the_active_joint_after_a_turn() -> None:
     low, high = travel(stopped(knee={'lower': knee - 4.0 * math.pi}))
     assert low == -math.inf
     assert high == pytest.approx(1.0 + 4.0 * math.pi, abs=1e-10)
+
+
+def test_an_angle_coupled_to_a_length() -> None:
+    """The length has no dead point, and is never the same again; it is followed to its stop."""
+    scene = load_scene({'mechanism': SCREWED, 'effects': {'joint_stop': SLIDE_STOP}})
+    posture = Closure(scene, ['pin']).close({'pin': 0.1})
+    assert posture.travel('pin') == pytest.approx((-5.0, 20.0), abs=1e-9)
+    assert posture.travel('pin', stops=False) == (-math.inf, math.inf)
 
 
 def test_the_nearest_of_stops_and_dead_points() -> None:

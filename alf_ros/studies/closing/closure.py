@@ -34,6 +34,7 @@ _FURTHEST = 1e4  # rad, or of the size: an active coordinate in one call
 _TURNS = 1000  # of an active angle, in which the end of its travel is looked for
 _SAME = 1e-6  # of the size: positions that are the same
 _LONG = 4.0  # of the size: longest travel of a length that is looked for
+_FAR = 100.0  # of the size: how far from its posture a mechanism is followed
 _STEPS, _FEWEST = 256, 16  # places at which joints are compared with stops, in a turn and at least
 _SHORT = 1e-9  # of the way to a dead point, before which they are compared last
 _UNTRIED = (math.inf, -math.inf, 0.0)  # nothing is known of the motion so far
@@ -267,6 +268,8 @@ class Closure:
                 turned = k % _STEPS == 0 and math.isinf(end)
                 if turned and np.abs(reader.values[self._stops.which] - still).max() <= _SAME:
                     return  # the same again in each turn
+                if turned and np.abs(reader.q - state.q).max() > _FAR * size:
+                    return
 
         found = StoppedTravel(self._stops, move).end(float(at[n]), *first, steps())
         return end if found is None else found
@@ -283,7 +286,8 @@ class Closure:
             reader.wanted[n] += sign * way
             if close_loops(reader, 1.0) < 1.0:
                 return float(reader.asked[n])
-            if np.abs(reader.q - state.q).max() <= _SAME * size:
+            moved = np.abs(reader.q - state.q).max()
+            if moved <= _SAME * size or moved > _FAR * size:
                 break
         return sign * math.inf
 
