@@ -143,6 +143,11 @@ def test_a_slider_goes_through_its_dead_point(tmp_path: Path, peer: Peer) -> Non
         assert [(dim.size, dim.stride) for dim in last.layout.dim] == [(1, 3), (3, 3)]
         assert list(last.data) == pytest.approx([slope, -2.0 * slope, 1.0], rel=1e-4)
 
+        travel = peer.listen('/close/travel', Float64MultiArray)
+        limits = peer.until(lambda: travel and travel[-1], 'the travel')
+        assert [dim.label for dim in limits.layout.dim] == ['guide', 'lower,upper']
+        assert list(limits.data) == pytest.approx([-2.0, 2.0], abs=1e-8)
+
         check_interface(peer)
         # what cannot be used is counted, and changes nothing
         before = len(joints)

@@ -1,14 +1,16 @@
-"""Posture -> messages: joint_states, ~/effort_map and ~/diagnostics of the node `close`."""
+"""Posture -> messages of the node `close`: joint_states, ~/effort_map, ~/travel, ~/diagnostics."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
+import numpy as np
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension, MultiArrayLayout
 
+from alf_ros.arrays import Floats
 from alf_ros.studies.closing.closure import Closure
 from alf_ros.studies.closing.posture import Posture
 
@@ -27,11 +29,20 @@ def joint_state(posture: Posture, stamp: Time, moving: bool) -> JointState:
 
 def effort_map(closure: Closure, posture: Posture) -> Float64MultiArray:
     """Gᵀ by rows, (active, joint coordinates); the labels of the dimensions are the names."""
-    values = posture.effort_map
-    rows, columns = values.shape
+    return _table(posture.effort_map, closure.active, closure.joint_names)
+
+
+def travel(closure: Closure, posture: Posture) -> Float64MultiArray:
+    """(active, 2) the lowest and the highest value of each active joint while the others rest, rad
+    or m, possibly infinite; the labels of the dimensions are the names."""
+    limits = np.array([posture.travel(joint) for joint in closure.active])
+    return _table(limits, closure.active, ('lower', 'upper'))
+
+
+def _table(values: Floats, rows: Sequence[str], columns: Sequence[str]) -> Float64MultiArray:
     dimensions = [
-        MultiArrayDimension(label=','.join(closure.active), size=rows, stride=rows * columns),
-        MultiArrayDimension(label=','.join(closure.joint_names), size=columns, stride=columns),
+        MultiArrayDimension(label=','.join(rows), size=len(rows), stride=values.size),
+        MultiArrayDimension(label=','.join(columns), size=len(columns), stride=len(columns)),
     ]
     return Float64MultiArray(layout=MultiArrayLayout(dim=dimensions), data=values.ravel().tolist())
 

@@ -15,7 +15,14 @@ from std_msgs.msg import Float64MultiArray
 from alf_ros.errors import AlfError, InputError
 from alf_ros.model.softest_modes import near
 from alf_ros.ros.closing.active_input import ActiveInput, renamed
-from alf_ros.ros.closing.closing_messages import OK, WARN, diagnostics, effort_map, joint_state
+from alf_ros.ros.closing.closing_messages import (
+    OK,
+    WARN,
+    diagnostics,
+    effort_map,
+    joint_state,
+    travel,
+)
 from alf_ros.ros.messages.tf import transforms
 from alf_ros.ros.messages.topics import RELIABLE
 from alf_ros.ros.parameter_services import ParameterServices
@@ -33,6 +40,7 @@ except ImportError:  # not among the wheels: only a ROS 2 installation brings it
 INPUT = 'active_joint_states'
 _REPORT_PERIOD = 1.0  # s, between diagnostics
 _MISSED = 1e-9  # rad or m: values are not met, if they have no noise
+_SELDOM = 20.0  # times the time that travel takes, between two messages of it
 _DEVIATIONS = 5.0  # of the noise, likewise
 
 _SPECS = (
@@ -66,13 +74,14 @@ class CloseNode(Node):
         names = renamed([pair for pair in values['names'] if pair], active)
         self._input = ActiveInput(names)
         self._posture: Posture | None = None
-        self._heard = self._reported = -1e9  # s, steady
+        self._heard = self._reported = self._followed = -1e9  # s, steady
         self._first = self._last = -1  # ns, stamps of the first input and of the last posture
         self._failed = 0  # inputs refused
         self._refusal = self._kind = ''
         self._stamp = Time()  # of the last posture
         self._joints = self.create_publisher(JointState, 'joint_states', RELIABLE)
         self._map = self.create_publisher(Float64MultiArray, '~/effort_map', RELIABLE)
+        self._travel = self.create_publisher(Float64MultiArray, '~/travel', RELIABLE)
         self._reports = self.create_publisher(DiagnosticArray, '~/diagnostics', RELIABLE)
         self._frames = None
         if values['publish.tf']:
@@ -107,9 +116,22 @@ class CloseNode(Node):
         if now - self._reported >= _REPORT_PERIOD or kind != self._kind:
             self._reported, self._kind = now, kind
             self._report(now, text)
+        if self._travel.get_subscription_count() and now > self._followed:
+            self._follow(now)
         if self._status.live:
             self._status.show(f'{self.postures} postures  {text}')
         return LOOK_PERIOD
+
+    def _follow(self, now: float) -> None:
+        """Publish the travel of the active joints from the last posture."""
+        if self._posture is None or self._refusal:
+            return
+        try:
+            self._travel.publish(travel(self.closure, self._posture))
+        except AlfError as error:
+            self._input.trouble = str(error)
+        took = time.monotonic() - now
+        self._followed = now + max(_REPORT_PERIOD, _SELDOM * took)
 
     def _on_input(self, message: JointState) -> None:
         if not self._input.take(message) or self._input.missing:
