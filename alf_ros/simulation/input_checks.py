@@ -77,6 +77,16 @@ def steps_of(duration: Any, h: float, before: int) -> int:
     return math.floor(steps + CLOSE)
 
 
+def steps_between(steps: int, samples: int) -> int:
+    """How many steps to take between samples, so that about as many samples are taken in all
+    `steps`: if possible, a whole part of these."""
+    near = range(max(1, steps // (2 * samples)), max(1, 2 * steps // samples) + 1)
+    whole = [count for count in near if steps % count == 0]
+    if not whole:
+        return max(1, round(steps / samples))
+    return min(whole, key=lambda count: abs(math.log(steps / (count * samples))))
+
+
 def times(given: Any, now: float, h: float) -> tuple[float, ...]:
     """Instants (s) that ascend from now on, for steps of h (s). Raises InputError."""
     listed, before = numbers(given, 'at', largest=MOST_STEPS * h), now - CLOSE * h

@@ -86,6 +86,34 @@ def test_outputs_of_a_crank_that_turns():
         )
 
 
+@pytest.mark.parametrize(
+    ('duration', 'period'), [(0.75, None), (1.51, None), (0.755, None), (3.0, 0.07), (0.1, 0.07)]
+)
+def test_the_last_sample_is_at_the_end(duration: float, period: float | None) -> None:
+    """Whether or not periods fill the duration."""
+    found = alf_ros.ensemble(
+        TURNING,
+        {'w': [3.0]},
+        sampling='table',
+        outputs={name: KEPT[name] for name in ('end', 'path', 'mean_x', 'area', 'low')},
+        duration=duration,
+        period=period,
+        workers=0,
+    )
+    member, L, w = found.isel(member=0), 0.5, 3.0
+    last = 1.0 + w * duration
+    assert found.t.values[-1] == duration
+    end = [L * math.cos(last), L * math.sin(last)]
+    assert member.end.values == pytest.approx(end, abs=1e-9)
+    assert member.path.values[-1] == pytest.approx(end, abs=1e-9)
+    x, y = L / w * (math.sin(last) - math.sin(1)), L / w * (math.cos(1) - math.cos(last))
+    rough = 1e-3 if period else 1e-7
+    assert float(member.mean_x) == pytest.approx(x / duration, abs=rough)
+    assert float(member.area) == pytest.approx(y, abs=rough)
+    lowest = L * np.sin(1.0 + w * found.t.values).min()
+    assert float(member.low) == pytest.approx(lowest, abs=1e-9)
+
+
 def test_passes_are_those_of_a_simulation_that_watches():
     study = study_of(
         'slider_crank', {'m': [1.0]}, sampling='table', duration=1.5, outputs=[{'passes': 3}]

@@ -26,6 +26,7 @@ import numpy as np
 from alf_ros.arrays import Floats, Integers
 from alf_ros.errors import InputError
 from alf_ros.inspection.run import Run, RunsTogether
+from alf_ros.simulation.input_checks import CLOSE
 from alf_ros.simulation.singular_passes import Pass
 from alf_ros.studies.ensemble.user_function import UserFunction
 
@@ -228,8 +229,15 @@ def _root(t: Floats, off: Floats, n: int) -> float:
 
 def integral(t: Floats, values: Floats) -> Floats:
     """∫ dt over equally spaced samples, by Simpson's rule; of an odd number of intervals the last
-    three by the 3/8 rule, and of a single one by the trapezoid."""
+    three by the 3/8 rule, and of a single one by the trapezoid. The last interval may be shorter;
+    then it is that of the parabola through the last three samples."""
     n = t.size - 1
+    if n > 1 and t[-1] - t[-2] < (1.0 - CLOSE) * (t[1] - t[0]):
+        (a, b), ys = np.diff(t[-3:]), values[-3:]
+        weights = np.array(
+            [-(b**2) / (a * (a + b)), (3.0 * a + b) / a, (3.0 * a + 2.0 * b) / (a + b)]
+        )
+        return integral(t[:-1], values[:-1]) + b / 6.0 * np.tensordot(weights, ys, axes=(0, 0))
     if n < 2:
         return np.asarray((t[-1] - t[0]) * 0.5 * (values[0] + values[-1]))
     weights = np.zeros(n + 1)

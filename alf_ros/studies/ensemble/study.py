@@ -76,9 +76,11 @@ class Study(SentScene):
 
     @cached_property
     def times(self) -> Floats:
-        """The instants of the period, s."""
+        """The instants of the period, and the end, s."""
         count = math.floor(self.duration / self.period + check.CLOSE)
-        return np.asarray(np.arange(count + 1) * self.period, dtype=float)
+        found = np.asarray(np.arange(count + 1) * self.period, dtype=float)
+        is_end = self.duration - found[-1] <= check.CLOSE * self.period
+        return found if is_end else np.append(found, self.duration)
 
     @cached_property
     def instants(self) -> tuple[Floats, Integers]:

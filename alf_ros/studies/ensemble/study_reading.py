@@ -69,7 +69,7 @@ def study_of(
     if not steps:
         raise InputError('shorter than a step', key='duration', value=duration)
     if period is None:
-        period = max(1, round(steps / SAMPLES)) * simulation.h
+        period = check.steps_between(steps, SAMPLES) * simulation.h
     period = _positive(period, 'period')
     if period > duration:
         raise InputError('longer than the duration', key='period', value=period)

@@ -227,10 +227,14 @@ def _period(simulation: Simulation, duration: float, given: Any, driven: bool) -
     if not steps or abs(steps * h - duration) > check.CLOSE * h:
         raise InputError('not whole steps', key='duration', value=duration, expected=f'k * {h:g}')
     if given is None:
-        return max(1, round(steps / SAMPLES)) * h
+        every = check.steps_between(steps, SAMPLES)
+        return every * h if steps % every == 0 else h  # the motion ends with a sample
     every = round(asked / h)
     if not every or abs(every * h - asked) > check.CLOSE * h:
         raise InputError('not whole steps', key='period', value=asked, expected=f'k * {h:g}')
+    if steps % every:
+        text = 'not a whole part of the duration'
+        raise InputError(text, key='period', value=asked, expected=f'{duration:g} / n')
     return every * h
 
 
