@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import math
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from alf_ros import paths
 from alf_ros.errors import InputError
@@ -14,11 +15,22 @@ from alf_ros.scene.text.expression import ExpressionError, evaluate
 
 
 class Parser(argparse.ArgumentParser):
-    """Raises InputError, one line, for what it cannot read."""
+    """Raises InputError, one line, for what it cannot read. Numbers are finite."""
+
+    def __init__(self, *args: Any, **settings: Any) -> None:
+        super().__init__(*args, **settings)
+        self.register('type', float, _finite)
 
     def error(self, message: str) -> NoReturn:
         """Raise InputError with the message of argparse. Never returns."""
         raise InputError(f'{message} (see --help)')
+
+
+def _finite(text: str) -> float:
+    found = float(text)
+    if not math.isfinite(found):
+        raise argparse.ArgumentTypeError(f'not a finite number: {text!r}')
+    return found
 
 
 def of_log(prog: str, description: str) -> Parser:

@@ -29,7 +29,6 @@ from alf_ros.effects.contract.scalars import (
 from alf_ros.mechanism.natural_coordinates import Layout
 
 MULTIPLE = True
-AT_REST = contract.CONTACT
 
 
 @dataclass(frozen=True)
@@ -85,6 +84,11 @@ class Parameters:
             raise ValueError(f'exponent must be 1 at least, it is {self.exponent:g}')
         if self.normal and not any(self.normal):
             raise ValueError('normal has no direction')
+
+
+def at_rest(_: Parameters) -> str:
+    """A contact."""
+    return contract.CONTACT
 
 
 def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:

@@ -19,7 +19,6 @@ from alf_ros.effects.contract.scalars import Measures, numbers_of, push, scalar,
 from alf_ros.mechanism.natural_coordinates import Layout
 
 MULTIPLE = True
-AT_REST = contract.FRICTION_HOLDS
 
 
 @dataclass(frozen=True)
@@ -65,6 +64,11 @@ class Parameters:
         contract.positive(self, 'radius', 'stribeck', 'slip')
         if self.static is not None and self.static < self.dynamic:
             raise ValueError('static must not be less than dynamic')
+
+
+def at_rest(p: Parameters) -> str | None:
+    """Dry friction holds; viscous friction alone does not."""
+    return contract.FRICTION_HOLDS if p.dynamic or p.static else None
 
 
 def loaded(parameters: Parameters) -> str | None:

@@ -18,7 +18,6 @@ from alf_ros.effects.contract.scalars import Measures, numbers_of, push, scalar
 from alf_ros.mechanism.natural_coordinates import Layout
 
 MULTIPLE = True
-AT_REST = contract.STOP
 
 
 @dataclass(frozen=True)
@@ -48,6 +47,11 @@ class Parameters:
             raise ValueError('give a lower or an upper stop, or both')
         if None not in (self.lower, self.upper) and not self.lower < self.upper:  # type: ignore[operator]
             raise ValueError('the lower stop must be below the upper one')
+
+
+def at_rest(_: Parameters) -> str:
+    """A stop."""
+    return contract.STOP
 
 
 def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:

@@ -61,8 +61,9 @@ class _Noisy(_Timed):
 
 @dataclass(frozen=True, kw_only=True)
 class ForceTorqueSensor(_Noisy):
-    """The reaction at a joint: force and torque of the parent on the child, in axes of the child
-    with their origin at the joint, as the child carries it."""
+    """Force and torque of the parent on the child at a joint, in axes of the child with their
+    origin at the joint, as the child carries it: the reaction, and the efforts on the free axes
+    from commands, motors, springs, stops, friction and drives."""
 
     joint: str = _named('joint', 'joint')
     force_noise: float = _number('standard deviation of each message and axis', 'N')

@@ -12,6 +12,7 @@ import pytest
 
 from alf_ros import __main__ as program
 from alf_ros.commands import COMMANDS
+from alf_ros.commands import fork as fork_command
 from alf_ros.commands.parser import Parser, numbers, writing_into
 from alf_ros.commands.progress import ProgressBar
 from alf_ros.errors import InputError, StepError
@@ -145,6 +146,12 @@ def test_a_reader_that_leaves_early_is_no_error():
 
 
 # ------------------------------------------------------------------- what commands have in common
+
+
+@pytest.mark.parametrize('given', ['nan', 'inf', '-inf'])
+def test_numbers_of_options_are_finite(given: str) -> None:
+    with pytest.raises(InputError, match=f"--at: not a finite number: '{given}'"):
+        fork_command.main(['no_log', f'--at={given}'])
 
 
 def test_all_commands_have_one_parser():

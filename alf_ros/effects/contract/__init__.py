@@ -50,7 +50,7 @@
     True if the force depends neither on time nor on the motion.
 `free_fall(parameters)` (optional)
     the acceleration, m/s², that it gives every mass alike: accelerometers do not feel it.
-`AT_REST` (optional)
+`at_rest(parameters)` (optional)
     FRICTION_HOLDS if the effect holds positions around a balance, STOP or CONTACT if it pushes
     beyond a limit only: `equilibrium` says so.
 

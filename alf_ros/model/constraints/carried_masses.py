@@ -23,7 +23,7 @@ _LIGHT = 1e-6  # of the mass that is carried: a row with less mass would not hol
 
 
 class CarriedMasses:
-    """What the blocks of a mechanism carry, whatever the masses of its bodies are."""
+    """The masses that the blocks of a mechanism carry, for any masses of its bodies."""
 
     def __init__(self, layout: Layout, rows: Rows) -> None:
         self._layout, self._rows, self._movable = layout, rows, layout.movable

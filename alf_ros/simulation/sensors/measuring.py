@@ -12,6 +12,7 @@ import numpy as np
 
 from alf_ros import effects
 from alf_ros.arrays import Floats
+from alf_ros.mechanism import GROUND, Coordinate
 from alf_ros.scene.scene import Scene
 from alf_ros.scene.sensors_section import Sensor
 from alf_ros.simulation.display_geometry import in_space
@@ -111,6 +112,8 @@ class _ForceTorque(_Mounted):
         super().__init__(scene, sensor)
         joints = {joint.name: joint for joint in scene.mechanism.joints}
         self._joint = joints[sensor.parameters.joint]
+        coordinates = enumerate(scene.mechanism.coordinates)
+        self._coordinates = [(n, each) for n, each in coordinates if each.joint is self._joint]
 
     def __call__(self, sample: Sample) -> Measurement:
         reaction = sample.reactions[self._joint.name]
@@ -118,8 +121,25 @@ class _ForceTorque(_Mounted):
         (force,) = in_space(np.array([reaction.force]))
         torque = np.zeros(3)
         torque[3 - np.size(reaction.torque) :] = reaction.torque
+        for n, coordinate in self._coordinates:
+            effort = float(sample.joint_efforts[n]) * self._axis(sample, coordinate)
+            if coordinate.is_angle:
+                torque += effort
+            else:
+                force = force + effort
         found = {'force': axes.to_body(force), 'torque': axes.to_body(torque)}
         return self._with_errors(sample, found)
+
+    def _axis(self, sample: Sample, coordinate: Coordinate) -> Floats:
+        """(3,) in the world: the axes of a joint are perpendicular."""
+        base, tip = self._joint.frames
+        if coordinate.is_angle and len(tip.axes) == 2:
+            return np.array([0.0, 0.0, 1.0])
+        on_child = coordinate.is_angle and coordinate.freedom.on_child
+        body = self._joint.child if on_child else self._joint.parent
+        local = tip.axes[0] if on_child else base.axes[2 if len(base.axes) == 3 else 0]
+        (along,) = in_space(np.array([local]))
+        return along if body == GROUND else body_frame(sample, body).to_world(along)
 
     def frame(self, sample: Kinematics) -> Floats:
         body = body_frame(sample, self._joint.child)

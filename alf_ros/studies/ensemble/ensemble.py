@@ -76,9 +76,9 @@ def ensemble(
     say themselves how many `members` there are. A member is defined by `seed` and its index.
     `outputs`: the kept values, see `alf_ros.studies.ensemble.kept_outputs`. Each member runs for
     `duration` (s) and is looked at every `period` (s; about a hundredth of it) and at the end.
-    `store`: a folder in which finished chunks of `chunk` members survive whatever happens; the same call continues
-    there. `workers`: processes of this machine (as many as it has processors; 0: none,
-    this one). `scheduler`: the address of a Dask cluster to use instead. `watching` is
+    `store`: a folder in which finished chunks of `chunk` members survive whatever happens; the
+    same call continues there. `workers`: processes of this machine (as many as it has processors;
+    0: none, this one). `scheduler`: the address of a Dask cluster to use instead. `watching` is
     called after each chunk.
 
     The Dataset lies along `member`, with the varied names as coordinates and `reason`, which is

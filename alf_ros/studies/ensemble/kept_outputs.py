@@ -229,8 +229,8 @@ def _root(t: Floats, off: Floats, n: int) -> float:
 
 def integral(t: Floats, values: Floats) -> Floats:
     """∫ dt over equally spaced samples, by Simpson's rule; of an odd number of intervals the last
-    three by the 3/8 rule, and of a single one by the trapezoid. The last interval may be shorter;
-    then it is that of the parabola through the last three samples."""
+    three by the 3/8 rule, and of a single one by the trapezoid. A last interval
+    that is shorter has the integral of the parabola through the last three samples."""
     n = t.size - 1
     if n > 1 and t[-1] - t[-2] < (1.0 - CLOSE) * (t[1] - t[0]):
         (a, b), ys = np.diff(t[-3:]), values[-3:]

@@ -69,9 +69,9 @@ class ForceChange:
         """δQ (blocks D,); `steps`: lengths of differences, from the longest."""
         found = self._exact(dq, dqd)
         if not np.isfinite(found).all():
-            return slope_at_zero(self._along(self._whole, dq, dqd), steps)[0]
+            return slope_at_zero(self._along(self._whole, dq, dqd), steps).slopes
         if self._others.size or self._rubbing.size:
-            found += slope_at_zero(self._along(self._rest, dq, dqd), steps)[0]
+            found += slope_at_zero(self._along(self._rest, dq, dqd), steps).slopes
         return found
 
     def has_kink(self, directions: Floats, length: float) -> bool:

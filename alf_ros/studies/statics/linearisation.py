@@ -41,7 +41,7 @@ from alf_ros.studies.statics.positions_of_rest import Equilibrium, equilibrium, 
 
 # of a typical length, and of it a second: stiff contacts are micrometres deep
 _AWAY = (3e-3, 3e-4, 3e-5, 3e-6, 3e-7, 3e-8, 3e-9, 3e-10, 3e-11)
-# of the largest slope of a row: from there on an error means that there is no slope
+# of the largest slope of a row nearby: from there on an error means that there is no slope
 _KINKED = 1e-2
 _ROUNDED = 1e-12  # of the largest in a row of C or D, that is rounding of the differences
 
@@ -202,15 +202,18 @@ class _Charted:
 
     def slopes(self, names: tuple[str, ...]) -> Floats:
         """(names, states) slopes of quantities; NaN where there is none, as in a kink."""
-        found = np.zeros((len(names), len(self._directions)))
-        errors = np.zeros_like(found)
+        shape = len(names), len(self._directions)
+        found, errors, largest = np.zeros(shape), np.zeros(shape), np.zeros(shape)
         length = self._instant.loads.tangents.length
         for k, direction in enumerate(self._directions if names else ()):
-            largest = float(np.abs(direction).max(initial=1e-300))
-            steps = [step * length / largest for step in _AWAY]
-            found[:, k], errors[:, k] = slope_at_zero(partial(self._values, names, k), steps)
-        largest = np.abs(found).max(axis=1, initial=0.0, keepdims=True)
-        return np.asarray(np.where(errors <= _KINKED * largest, _rounded(found), np.nan))
+            longest = float(np.abs(direction).max(initial=1e-300))
+            steps = [step * length / longest for step in _AWAY]
+            near = slope_at_zero(partial(self._values, names, k), steps)
+            found[:, k], errors[:, k], largest[:, k] = near
+        steepest = largest.max(axis=1, initial=0.0, keepdims=True)
+        return np.asarray(
+            np.where(errors <= _KINKED * steepest, _rounded(found, steepest), np.nan)
+        )
 
     def _values(self, names: tuple[str, ...], k: int, size: float) -> Floats:
         return _read([self.away(k, size)], names)[:, 0]
@@ -248,10 +251,9 @@ def _direct(
             samples.append(other._sample(t, pushed, False))
         values = _read(samples, names)
         found[:, k] = (values[:, 0] - values[:, 1]) / (2.0 * each.size)
-    return _rounded(found)
+    return _rounded(found, np.abs(found).max(axis=1, initial=0.0, keepdims=True))
 
 
-def _rounded(slopes: Floats) -> Floats:
-    """Without what differences leave of zeros."""
-    largest = np.abs(slopes).max(axis=1, initial=0.0, keepdims=True)
+def _rounded(slopes: Floats, largest: Floats) -> Floats:
+    """Without what differences leave of zeros; `largest` (rows, 1): slope of each row."""
     return np.asarray(np.where(np.abs(slopes) > _ROUNDED * largest, slopes, 0.0))

@@ -16,7 +16,8 @@ from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.studies.statics.constrained_solve import ConstrainedSolve
-from alf_ros.studies.statics.instant import Instant
+from alf_ros.studies.statics.instant import DENSE, Instant
+from alf_ros.studies.statics.rest_stability import SYMMETRIC
 from alf_ros.studies.statics.sparse_rows import Sparse
 
 _LEAST = -1e-9  # the first shift, of the scale of ω²
@@ -40,12 +41,26 @@ def lowest(instant: Instant, lam: Floats, count: int) -> tuple[Floats, Floats]:
     start = pencil.inverse(pencil.M @ np.random.default_rng(0).standard_normal(instant.model.n))
     for restarts in _RESTARTS:
         try:
-            return pencil.lanczos(count, start, restarts)
+            squares, motions = pencil.lanczos(count, start, restarts)
+            _refuse_without_potential(instant, motions)
+            return squares, motions
         except ArpackNoConvergence:
             pencil.come_nearer(start)
         except ValueError as error:  # of ARPACK, for a count that is too large
             raise _not_found(count, str(error)) from None
     raise _not_found(count, 'Lanczos does not converge')
+
+
+def _refuse_without_potential(instant: Instant, motions: Floats) -> None:
+    """Lanczos needs a symmetric stiffness: raises InputError if the modes have another."""
+    K = instant.K
+    skew = motions @ ((K - K.T) @ motions.T)
+    size = np.abs(motions) @ (abs(K) @ np.abs(motions).T)
+    if np.abs(skew).max(initial=0.0) > SYMMETRIC * size.max(initial=0.0):
+        raise InputError(
+            f'loads without a potential: their modes are told of up to {DENSE} coordinates',
+            key='modes',
+        )
 
 
 def _not_found(count: int, why: str) -> InputError:

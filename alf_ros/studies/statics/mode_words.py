@@ -14,9 +14,11 @@ _LEAST = 0.005  # share that is worth a name
 
 
 def frequency_text(found: VibrationModes, k: int) -> str:
-    """The frequency of mode k in Hz, or 'falls'."""
+    """The frequency of mode k in Hz, or 'falls', or 'flutters'."""
     frequency = found.frequencies[k]
-    return 'falls' if np.isnan(frequency) else f'{frequency:.9g}'
+    if not np.isnan(frequency):
+        return f'{frequency:.9g}'
+    return 'flutters' if np.isnan(found.squares[k]) else 'falls'
 
 
 def damping_text(found: VibrationModes, k: int) -> str:

@@ -43,10 +43,10 @@ class Equilibrium:
     `Simulation.restore` takes. stability: 'stable', 'unstable', 'neutral', or 'undecided' (in a
     singular position, or of a mechanism too large to tell). stiffness (f,): eigenvalues of the
     reduced Hessian in the metric of the mass, 1/s², ascending; the squares of the natural
-    frequencies in rad/s if nothing damps. directions (f, n): their motions in the order of `q`,
-    for a unit of mass. residual: the largest acceleration that is left, m/s². conservative:
-    whether the loads have a potential here. notes: what a reader should know, a sentence each.
-    steps: of the search.
+    frequencies in rad/s if nothing damps; NaN of a pair that flutters. directions (f, n): their
+    motions in the order of `q`, for a unit of mass. residual: the largest acceleration that is
+    left, m/s². conservative: whether the loads have a potential here. notes: what a reader should
+    know, a sentence each. steps: of the search.
     """
 
     simulation: Simulation
@@ -87,7 +87,7 @@ class Equilibrium:
 
     @property
     def frequencies(self) -> Floats:
-        """(f,) natural frequencies without damping, Hz; NaN of a direction that falls."""
+        """(f,) natural frequencies without damping, Hz; NaN of a motion that falls or flutters."""
         squares = self.stiffness
         return np.sqrt(np.where(squares >= 0.0, squares, np.nan)) / (2.0 * math.pi)
 
@@ -210,7 +210,7 @@ def found_at(simulation: Simulation, landing: Landing) -> Equilibrium:
         step=round(instant.t / simulation.h),
     )
     notes = [singular] if singular else []
-    told = RestStability(UNDECIDED, np.zeros(0), np.zeros((0, model.n)), True)
+    told = RestStability(UNDECIDED, np.zeros(0), np.zeros((0, model.n)), True, True)
     if model.n > DENSE:
         notes.append(f'stability is not told of more than {DENSE} coordinates; see `modes`')
     elif not singular:
@@ -219,6 +219,10 @@ def found_at(simulation: Simulation, landing: Landing) -> Equilibrium:
             notes.append('nothing is free: rows and drives hold every point')
     if not told.conservative:
         notes.append('the loads have no potential here: stability is that of the linear motion')
+    if not told.draining:
+        notes.append('damping gives energy here: stability is that of the linear motion')
+    if np.isnan(told.stiffness).any():
+        notes.append('without damping a pair of motions grows as it oscillates (flutter)')
     notes += _held(instant)
     if told.stiffness.size and instant.is_kinked:
         notes.append('a force has a kink here: the stiffness is of one side of it')
@@ -270,7 +274,8 @@ def _held(instant: Instant) -> list[str]:
     """Notes about friction, and about stops and contacts that push."""
     notes, each = [], instant.loads.applied.each
     for effect in instant.loads.effects:
-        what = getattr(effects.load(effect.kind), 'AT_REST', None)
+        at_rest = getattr(effects.load(effect.kind), 'at_rest', None)
+        what = None if at_rest is None else at_rest(effect.parameters)
         if what == contract.FRICTION_HOLDS:
             notes.append(
                 f'{effect.label}: friction holds positions around this one too; this is the one '

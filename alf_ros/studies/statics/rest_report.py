@@ -52,7 +52,7 @@ def as_data(found: Equilibrium) -> dict[str, Any]:
         'conservative': found.conservative,
         'notes': list(found.notes),
         'residual': found.residual,
-        'stiffness': found.stiffness.tolist(),
+        'stiffness': [None if np.isnan(x) else x for x in found.stiffness.tolist()],
         'directions': found.directions.tolist(),
         'points': {name: at.tolist() for name, at in found.points.items()},
         'joints': {
@@ -73,7 +73,11 @@ def _freedoms(found: Equilibrium) -> str:
     count = found.stiffness.size
     if not count:
         return 'no freedom is told'
-    low = ', '.join('falls' if np.isnan(f) else f'{f:.9g}' for f in found.frequencies[:6])
+    each = zip(found.frequencies[:6], found.stiffness[:6], strict=True)
+    low = ', '.join(
+        f'{f:.9g}' if not np.isnan(f) else 'flutters' if np.isnan(square) else 'falls'
+        for f, square in each
+    )
     more = f' and {count - 6} more' if count > 6 else ''
     return f'{count} freedom{"s" * (count > 1)}, without damping {low}{more} Hz'
 

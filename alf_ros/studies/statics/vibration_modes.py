@@ -1,7 +1,8 @@
 """`alf_ros.modes`: the lowest natural frequencies of a mechanism at rest, and who moves in them.
 
 The modes are those without damping: (K + L - ω² M) x = 0 on the free directions. The damping of a
-mode is xᵀ C x / 2ω, the share that damping takes if it is small. `linearise` has the exact ones.
+mode is yᵀ C x / 2ω, the share that damping takes if it is small. `linearise` has the exact ones.
+y is x if the loads have a potential, else the left partner of x.
 
 Energies: of the kinetic energy of a mode the share of each body, and of its potential energy (½ ω²
 for unit mass) the share of each effect, -½ xᵀ (∂Q_e/∂q) x, and of the reactions, ½ xᵀ L x.
@@ -28,7 +29,7 @@ from alf_ros.studies.statics.force_change import STEPS
 from alf_ros.studies.statics.instant import DENSE, Instant, Loads
 from alf_ros.studies.statics.lowest_modes import lowest
 from alf_ros.studies.statics.positions_of_rest import Equilibrium, equilibrium, in_order
-from alf_ros.studies.statics.rest_stability import reduced_stiffness, without_rounding
+from alf_ros.studies.statics.rest_stability import reduced_modes, reduced_stiffness
 from alf_ros.studies.statics.sparse_rows import mass_matrix
 
 REACTIONS = 'reactions'
@@ -38,24 +39,26 @@ REACTIONS = 'reactions'
 class VibrationModes:
     """Modes at a position of rest, the lowest first.
 
-    squares (k,): ω², 1/s². motions (k, n): in the kernel's order, of unit mass, kg^-½. instant,
-    and lam (rows,): where they are modes, and its multipliers.
+    squares (k,): ω², 1/s²; NaN of a pair that flutters. motions (k, n): in the kernel's order, of
+    unit mass, kg^-½; partners (k, n): their left partners. instant, and lam (rows,): where they
+    are modes, and its multipliers.
     """
 
     instant: Instant
     lam: Floats
     squares: Floats
     motions: Floats
+    partners: Floats
 
     @property
     def frequencies(self) -> Floats:
-        """(k,) ω / 2π, Hz; NaN of a motion that falls."""
+        """(k,) ω / 2π, Hz; NaN of a motion that falls or flutters."""
         return np.sqrt(np.where(self.squares >= 0.0, self.squares, np.nan)) / (2.0 * math.pi)
 
     @cached_property
     def damping_ratios(self) -> Floats:
-        """(k,) xᵀ C x / 2ω; NaN of a motion that falls, or that nothing brings back."""
-        loss = np.einsum('kn,kn->k', self.motions, (self.instant.C @ self.motions.T).T)
+        """(k,) yᵀ C x / 2ω; NaN of a motion that falls, flutters, or that nothing brings back."""
+        loss = np.einsum('kn,kn->k', self.partners, (self.instant.C @ self.motions.T).T)
         rates = np.sqrt(np.where(self.squares > 0.0, self.squares, np.nan))
         return np.asarray(loss / (2.0 * rates))
 
@@ -121,9 +124,8 @@ def modes(about: Scene | Simulation | Equilibrium, *, count: int = 20) -> Vibrat
     instant = Instant(loads, rest.t, rest.state.q, np.zeros_like(rest.state.q), rest.state.turns)
     _, lam = pushed(instant, ConstrainedSolve(instant.model, loads.tangents.cliques))
     if instant.model.n > DENSE:
-        return VibrationModes(instant, lam, *lowest(instant, lam, count))
-    stiffness, size = reduced_stiffness(instant, lam)
-    squares, turn = np.linalg.eigh(0.5 * (stiffness + stiffness.T))
-    motions = (instant.velocity_directions @ turn).T
-    squares = without_rounding(squares, size)
-    return VibrationModes(instant, lam, squares[:count], motions[:count])
+        squares, motions = lowest(instant, lam, count)
+        return VibrationModes(instant, lam, squares, motions, motions)
+    found = reduced_modes(instant, *reduced_stiffness(instant, lam))
+    parts = (found.squares, found.motions, found.partners)
+    return VibrationModes(instant, lam, *(part[:count] for part in parts))

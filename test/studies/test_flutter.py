@@ -1,0 +1,160 @@
+"""Stability, modes and linear models where loads have no potential, or damping gives energy.
+
+Ziegler's column: two rods without mass, 2 kg and 1 kg at their ends, a torsion spring at the foot
+of each, and a load P that follows the upper rod. Without damping it flutters from P = 7/2 - √2 on,
+with equal dampers from 41/28 on: H. Ziegler, Die Stabilitätskriterien der Elastomechanik (1952).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from alf_ros import Scene, equilibrium, equilibrium_path, linearise, load_scene, modes
+
+UNDAMPED, DAMPED = 3.5 - math.sqrt(2.0), 41.0 / 28.0
+
+
+def column(load: float, damping: float = 0.0) -> Scene:
+    springs = {
+        name: {'joint': joint, 'stiffness': 1.0, 'damping': damping}
+        for name, joint in (('lower', 'foot'), ('upper', 'knee'))
+    }
+    follower = {'on': 'upper', 'force': [-load, 0.0], 'at': 'B', 'frame': 'body'}
+    return load_scene(
+        {
+            'mechanism': {
+                'alf': 1,
+                'points': {
+                    'O': {'at': [0, 0], 'fixed': True},
+                    'A': {'at': [0, 1]},
+                    'B': {'at': [0, 2]},
+                },
+                'bodies': {
+                    'lower': weight(2.0, 'O', 'A'),
+                    'upper': weight(1.0, 'A', 'B'),
+                },
+                'joints': {
+                    'foot': {'type': 'revolute', 'between': ['ground', 'lower'], 'at': 'O'},
+                    'knee': {'type': 'revolute', 'between': ['lower', 'upper'], 'at': 'A'},
+                },
+            },
+            'effects': {'torsion_spring': springs, 'constant_wrench': follower},
+        }
+    )
+
+
+def weight(mass: float, foot: str, end: str) -> dict[str, Any]:
+    """A rod without mass, and a mass at its end."""
+    return {'points': [foot, end], 'mass': mass, 'inertia': {'about_com': 0}, 'com': [1, 0]}
+
+
+@pytest.mark.parametrize('damping', [0.0, 0.01, 0.3])
+@pytest.mark.parametrize('beside', [-1e-3, 1e-3])
+def test_the_load_from_which_a_column_flutters(damping: float, beside: float) -> None:
+    # 41/28 is the limit of small damping: with c, P = 41/28 + c²/2
+    critical = DAMPED + 0.5 * damping**2 if damping else UNDAMPED
+    rest = equilibrium(column(critical + beside, damping))
+    assert rest.stability == ('unstable' if beside > 0.0 else 'stable')
+    assert not rest.conservative
+    assert 'the loads have no potential' in rest.notes[0]
+    growth = linearise(rest).eigenvalues.real.max()
+    if damping or beside > 0.0:
+        assert (growth > 0.0) == (beside > 0.0)
+
+
+def test_modes_without_potential() -> None:
+    """ω⁴ - (7/2 - P) ω² + 1/2 = 0."""
+    load = 1.9
+    squares = np.roots([1.0, -(3.5 - load), 0.5])
+    wanted = np.sort(np.sqrt(squares)) / (2.0 * math.pi)
+    rest = equilibrium(column(load))
+    np.testing.assert_allclose(rest.frequencies, wanted, rtol=1e-12)
+    damped = modes(column(load, 1e-5))
+    np.testing.assert_allclose(damped.frequencies, wanted, rtol=1e-12)
+    # of little damping the ratios are exact: those of the linear motion
+    exact = linearise(column(load, 1e-5))
+    order = np.argsort(exact.frequencies)
+    np.testing.assert_allclose(
+        damped.damping_ratios, np.asarray(exact.damping_ratios)[order], rtol=1e-6
+    )
+    shares = damped.potential_shares
+    np.testing.assert_allclose(sum(shares.values()), np.ones(2), atol=1e-9)
+
+
+def test_a_pair_that_flutters_has_no_frequency() -> None:
+    rest = equilibrium(column(2.5))
+    assert rest.stability == 'unstable'
+    assert np.isnan(rest.frequencies).all() and np.isnan(rest.stiffness).all()
+    assert 'flutter' in rest.notes[-1]
+    assert np.linalg.matrix_rank(rest.directions) == 2
+
+
+def test_stability_along_a_path_of_loads() -> None:
+    """Against the eigenvalues of the linear motion at each point of the path."""
+    path = equilibrium_path(column(1.0, 0.01), over='constant_wrench.force.0', end=-2.6)
+    flutters = np.abs(path.values) > DAMPED
+    assert flutters.any() and not flutters.all()
+    assert list(path.stability) == ['unstable' if f else 'stable' for f in flutters]
+
+
+PENDULUM = {
+    'mechanism': {
+        'alf': 1,
+        'points': {'O': {'at': [0, 0], 'fixed': True}, 'A': {'at': [0, -1]}},
+        'bodies': {'rod': {'points': ['O', 'A'], 'mass': 2, 'inertia': 'rod'}},
+        'joints': {'pin': {'type': 'revolute', 'between': ['ground', 'rod'], 'at': 'O'}},
+    },
+}
+GRAVITY = {'gravity': {'acceleration': [0, -9.81]}}
+
+
+def test_damping_that_gives_energy() -> None:
+    giving = {'between': ['A', 'ground'], 'at': [None, [1, 0]], 'table': [[-1, 5], [1, -5]]}
+    rest = equilibrium(load_scene({**PENDULUM, 'effects': {**GRAVITY, 'damper': giving}}))
+    assert rest.stability == 'unstable' and rest.conservative
+    assert any('gives energy' in note for note in rest.notes)
+    assert linearise(rest).eigenvalues.real.max() > 0.0
+
+
+@pytest.mark.parametrize(('law', 'holds'), [({'viscous': 0.1}, False), ({'dynamic': 0.1}, True)])
+def test_only_dry_friction_holds(law: dict[str, float], holds: bool) -> None:
+    friction = {'joint': 'pin', 'radius': 0.1, **law}
+    rest = equilibrium(
+        load_scene({**PENDULUM, 'effects': {**GRAVITY, 'joint_friction': friction}})
+    )
+    assert any('friction holds' in note for note in rest.notes) == holds
+
+
+@pytest.mark.parametrize('angle', [-2.8, -1.0, 0.3, 2.2])
+def test_an_arm_that_a_spring_balances_everywhere(angle: float) -> None:
+    """A spring of no free length with k h l = m g c: its stiffness and the one of reactions are
+    equal and opposite."""
+    c, h, length = 0.34, 0.7, 1.3
+    end = [length * math.cos(angle), length * math.sin(angle)]
+    rod = {'points': ['O', 'A'], 'mass': 2.0, 'com': [c, 0], 'inertia': {'about_com': 0.1}}
+    spring = {'between': ['A', 'ground'], 'at': [None, [0, h]], 'free_length': 0}
+    mechanism = {
+        **PENDULUM['mechanism'],
+        'points': {'O': {'at': [0, 0], 'fixed': True}, 'A': {'at': end}},
+        'bodies': {'rod': rod},
+    }
+    balance = {**spring, 'stiffness': 2.0 * 9.81 * c / (h * length)}
+    rest = equilibrium(
+        load_scene({'mechanism': mechanism, 'effects': {**GRAVITY, 'spring': balance}})
+    )
+    assert rest.stability == 'neutral' and rest.stiffness.tolist() == [0.0]
+
+
+def test_outputs_without_a_slope() -> None:
+    """Energies at rest, and points that do not move: the slope is 0, not NaN."""
+    rest = equilibrium(load_scene({**PENDULUM, 'effects': GRAVITY}))
+    names = ['energy', 'points.O.x', 'points.A.y', 'reactions.pin.force.y', 'points.A.x']
+    found = linearise(rest, outputs=names)
+    assert found.outputs == tuple(names) and not found.notes
+    np.testing.assert_allclose(found.C[:4], np.zeros((4, 2)), atol=1e-9)
+    # of unit mass: the moment of inertia is 2/3 kg m²
+    np.testing.assert_allclose(np.abs(found.C[4]), [math.sqrt(1.5), 0.0], rtol=1e-9)
