@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from alf_ros import InputError, Simulation, equilibrium, equilibrium_path, load_scene
+from alf_ros import InputError, Simulation, equilibrium, equilibrium_path, linearise, load_scene
 from alf_ros.arrays import Floats
 from alf_ros.scene.overrides import with_changes
 from alf_ros.scene.scene import Scene
@@ -156,9 +156,12 @@ def test_a_follower_load_without_potential() -> None:
     push = {'on': 'b1', 'at': 'P2', 'force': [0, 0], 'frame': 'body'}
     scene = chain(2, {**GRAVITY, 'constant_wrench': {'tip': push}})
     path = equilibrium_path(scene, over='tip.force.1', end=15.0, back=-1.0)
-    assert [event.name for event in path.events] == ['turn 1']
+    assert [event.name for event in path.events] == ['flutter 1', 'flutter 2', 'turn 1']
     assert path.turns[0].value == pytest.approx(9.81, rel=1e-12)
     assert not path.rest(10).conservative
+    for event in path.flutter_points:  # both frequencies become one
+        low, high = np.sort(np.abs(linearise(path.rest(event.index)).eigenvalues.imag))[1:3]
+        assert high - low < 1e-3 * high
 
 
 def test_over_the_time_of_a_drive() -> None:

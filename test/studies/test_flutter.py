@@ -96,9 +96,24 @@ def test_a_pair_that_flutters_has_no_frequency() -> None:
 def test_stability_along_a_path_of_loads() -> None:
     """Against the eigenvalues of the linear motion at each point of the path."""
     path = equilibrium_path(column(1.0, 0.01), over='constant_wrench.force.0', end=-2.6)
-    flutters = np.abs(path.values) > DAMPED
-    assert flutters.any() and not flutters.all()
-    assert list(path.stability) == ['unstable' if f else 'stable' for f in flutters]
+    beyond = np.abs(path.values) - (DAMPED + 0.5 * 0.01**2)
+    apart = np.abs(beyond) > 1e-6  # the flutter point is one of the path
+    wanted = ['unstable' if b > 0.0 else 'stable' for b in beyond[apart]]
+    assert [path.stability[k] for k in np.flatnonzero(apart)] == wanted
+    assert set(wanted) == {'stable', 'unstable'} and (~apart).sum() == 1
+
+
+@pytest.mark.parametrize('damping', [0.0, 0.01, 0.3])
+def test_flutter_is_an_event_of_a_path(damping: float) -> None:
+    path = equilibrium_path(column(1.0, damping), over='constant_wrench.force.0', end=-2.6)
+    (event,) = path.events
+    assert event.name == 'flutter 1' and (event.before, event.after) == ('stable', 'unstable')
+    critical = DAMPED + 0.5 * damping**2 if damping else UNDAMPED
+    assert event.value == pytest.approx(-critical, abs=1e-8)
+    assert path.flutter_points == (event,) and not path.turns and not path.branch_points
+    back = equilibrium_path(column(2.6, damping), over='constant_wrench.force.0', end=-1.0)
+    assert back.events[0].value == pytest.approx(-critical, abs=1e-8)
+    assert (back.events[0].before, back.events[0].after) == ('unstable', 'stable')
 
 
 PENDULUM = {

@@ -22,7 +22,7 @@ from alf_ros.simulation.quantities import groups
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.studies.statics.descent import Landing
 from alf_ros.studies.statics.path_course import PathCourse, PathLimits, branched
-from alf_ros.studies.statics.path_events import BRANCH, TURN
+from alf_ros.studies.statics.path_events import BRANCH, FLUTTER, TURN
 from alf_ros.studies.statics.path_point import PathDirection, PathPoint, PathScales
 from alf_ros.studies.statics.positions_of_rest import (
     UNDECIDED,
@@ -42,12 +42,13 @@ _SAME = 1e-5  # distance, without unit, of points that are the same
 
 @dataclass(frozen=True, eq=False)
 class PathEvent:
-    """A turning point or a branch point of a path.
+    """A turning point, a branch point or a flutter point of a path.
 
-    name: 'turn 1', 'branch 1', … in the order of the path. kind: 'turn' or 'branch'. value: of the
-    number. index: of the point in the arrays of the path. direction (n,): the motion that has no
-    stiffness, in the order of `Sample.q`, its largest number 1. before, after: stability on both
-    sides. count: how many eigenvalues of the stiffness vanish. smooth: False if they jump there.
+    name: 'turn 1', 'branch 1', … in the order of the path. kind: 'turn', 'branch' or 'flutter'.
+    value: of the number. index: of the point in the arrays of the path. direction (n,): the motion
+    that has no stiffness, or that flutters, in the order of `Sample.q`, its largest number 1.
+    before, after: stability on both sides. count: how many eigenvalues of the stiffness vanish.
+    smooth: False if they jump there.
     """
 
     name: str
@@ -150,8 +151,8 @@ class EquilibriumPath:
 
     @cached_property
     def events(self) -> tuple[PathEvent, ...]:
-        """Turning points and branch points in the order of the path."""
-        found, counts, stability = [], {TURN: 0, BRANCH: 0}, self.stability
+        """Turning points, branch points and flutter points in the order of the path."""
+        found, counts, stability = [], {TURN: 0, BRANCH: 0, FLUTTER: 0}, self.stability
         for index, each in sorted(self._course.critical.items()):
             counts[each.kind] += 1
             moving = in_order(each.point.instant.model, each.soft.q[None])[0]
@@ -179,6 +180,11 @@ class EquilibriumPath:
     def branch_points(self) -> tuple[PathEvent, ...]:
         """The branch points (bifurcations): another path crosses."""
         return tuple(event for event in self.events if event.kind == BRANCH)
+
+    @property
+    def flutter_points(self) -> tuple[PathEvent, ...]:
+        """The flutter points (Hopf): an oscillation begins to grow, or ends to."""
+        return tuple(event for event in self.events if event.kind == FLUTTER)
 
     @cached_property
     def _rests(self) -> dict[int, Equilibrium]:

@@ -1,4 +1,4 @@
-"""Turning points and branch points of a path of equilibria.
+"""Turning points, branch points and flutter points of a path of equilibria.
 
 In both the stiffness Zᵀ (K + L) Z has a zero eigenvalue μ. In a turning point (limit point, fold)
 the path turns back in its number. In a branch point another path crosses, and the path continues.
@@ -8,6 +8,9 @@ sign.
 Along a step of length s, μ(s) is smooth. A bracket of its zero is found by bisection. Then μ, the
 number and the position are interpolated from eight points around the zero (Chebyshev nodes). So no
 point is computed very near to it, where Newton's method has few digits.
+
+In a flutter point an oscillation begins to grow, or ends to. The stiffness is regular there, and
+the loads have no potential, or damping gives energy. It is found by bisection.
 """
 
 from __future__ import annotations
@@ -23,19 +26,22 @@ from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.studies.statics.arc_length import PathStep, corrected
 from alf_ros.studies.statics.path_point import PathDirection, PathPoint
+from alf_ros.studies.statics.rest_stability import UNSTABLE, growing_motion
 
-TURN, BRANCH = 'turn', 'branch'
+TURN, BRANCH, FLUTTER = 'turn', 'branch', 'flutter'
 _NODES = 8
 _AROUND = 0.15  # of a step, that the nodes reach
 _BRACKET = 0.02  # of a step
+_FLUTTER = 1e-10  # of a step: how near to each other stable and unstable points come
 _TOGETHER = 1e-5  # of a step, within which zeros count as one
 _SMOOTH = 1e-6  # of the largest coefficient, that the last ones of a smooth μ may be
 
 
 @dataclass(frozen=True, eq=False)
 class CriticalPoint:
-    """kind: TURN or BRANCH. point; leaving: the direction of the path there; soft: the motion that
-    has no stiffness. count: how many eigenvalues vanish. smooth: False if the stiffness jumps."""
+    """kind: TURN, BRANCH or FLUTTER. point; leaving: the direction of the path there; soft: the
+    motion that has no stiffness, or that flutters. count: how many eigenvalues of the stiffness
+    vanish. smooth: False if the stiffness jumps."""
 
     kind: str
     point: PathPoint
@@ -88,6 +94,25 @@ class _Zeros:
         elif turns and _is_beyond(first) and _is_beyond(last):
             # the eigenvalue touches zero: the number turns where another path crosses
             yield self._located(first, last, lambda _, along: along.value, BRANCH, 1)
+        elif _flutters(first.point) != _flutters(last.point):
+            yield self._flutter(first, last)
+
+    def _flutter(self, first: _Mark, last: _Mark) -> CriticalPoint:
+        """Where an oscillation begins or ends to grow between two marks."""
+        before = _grows(first.point)
+        while last.s - first.s > _FLUTTER * self._length:
+            middle = self._mark(0.5 * (first.s + last.s))
+            first, last = (middle, last) if _grows(middle.point) == before else (first, middle)
+        found = last.point if _grows(last.point) else first.point
+        moves = PathDirection(growing_motion(found.instant, found.lam), 0.0)
+        return CriticalPoint(
+            FLUTTER,
+            found,
+            found.tangent(self._step.leaving),
+            moves.times(1.0 / found.scales.size(moves)),
+            0,
+            True,
+        )
 
     def _located(
         self, first: _Mark, last: _Mark, measure: Measure, kind: str, count: int
@@ -156,6 +181,18 @@ def _changes(a: PathPoint, b: PathPoint) -> tuple[Measure, int]:
     changed = np.flatnonzero((a.squares * b.squares < 0.0) & ~a.are_zero & ~b.are_zero)
     which = int(changed[0]) if changed.size else 0
     return (lambda at, _: float(at.squares[which])), int(changed.size)
+
+
+def _flutters(point: PathPoint) -> bool:
+    """Whether a motion grows at a point whose loads have no potential, or damping gives energy."""
+    told = point.stability
+    return told.verdict == UNSTABLE and not (told.conservative and told.draining)
+
+
+def _grows(point: PathPoint) -> bool:
+    """Whether a motion grows, by however little."""
+    told = point.stability
+    return told.verdict == UNSTABLE if told.growth is None else told.growth > 0.0
 
 
 def _is_beyond(mark: _Mark) -> bool:

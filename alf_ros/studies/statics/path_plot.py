@@ -12,7 +12,7 @@ from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.inspection.run_plot import save
 from alf_ros.studies.statics.equilibrium_path import EquilibriumPath
-from alf_ros.studies.statics.path_events import TURN
+from alf_ros.studies.statics.path_events import BRANCH, FLUTTER, TURN
 from alf_ros.studies.statics.rest_stability import UNSTABLE
 
 if TYPE_CHECKING:
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 # Okabe & Ito: told apart by all eyes
 _COLOURS = ('#0072b2', '#d55e00', '#009e73', '#cc79a7', '#56b4e9', '#e69f00')
 _SHOWN = 2  # panels without names
+_MARKERS = {TURN: 'o', BRANCH: 's', FLUTTER: '^'}
 
 
 def draw(
@@ -71,7 +72,7 @@ def _curve(axes: Axes, path: EquilibriumPath, values: Floats, colour: str, named
             axes.plot(path.values[first:last], values[first:last], style, color=colour, lw=1.6)
     for event in path.events:
         at = path.values[event.index], values[event.index]
-        marker = 'o' if event.kind == TURN else 's'
+        marker = _MARKERS[event.kind]
         axes.plot(*at, marker, color=colour, markerfacecolor='white', markersize=6)
         if named:
             above = 6 if event.kind == TURN else -13  # they may lie side by side

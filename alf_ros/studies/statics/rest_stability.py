@@ -46,13 +46,15 @@ class ReducedModes:
 class RestStability:
     """verdict: STABLE, UNSTABLE or NEUTRAL. stiffness (f,), directions (f, n): ω² and motions, as
     in `ReducedModes`. conservative: whether the loads have a potential to second order.
-    draining: whether no motion gains energy from the damping."""
+    draining: whether no motion gains energy from the damping. growth: the largest real part of the
+    eigenvalues of the linear motion, 1/s; None where the Hessian decides alone."""
 
     verdict: str
     stiffness: Floats
     directions: Floats
     conservative: bool
     draining: bool
+    growth: float | None = None
 
 
 def reduced_stiffness(instant: Instant, lam: Floats) -> tuple[Floats, float]:
@@ -100,6 +102,7 @@ def stability_of(instant: Instant, lam: Floats) -> RestStability:
     draining = bool(gains >= -_DRAINING * np.abs(damping).max(initial=0.0))
     least = float(found.squares.min(initial=np.inf))  # not a number, if a pair grows
     verdict = STABLE if least > 0.0 else NEUTRAL if least == 0.0 else UNSTABLE
+    growth = None
     # where loads have no potential, damping may make a motion grow that is stable without it
     if damping.any() and not (found.conservative and draining):
         fastest, growth = _growth(stiffness, damping)
@@ -108,13 +111,28 @@ def stability_of(instant: Instant, lam: Floats) -> RestStability:
             verdict = UNSTABLE
         elif verdict == UNSTABLE:  # damping may also hold what grows without it
             verdict = STABLE if growth < -rounding else NEUTRAL
-    return RestStability(verdict, found.squares, found.motions, found.conservative, draining)
+    return RestStability(
+        verdict, found.squares, found.motions, found.conservative, draining, growth
+    )
+
+
+def growing_motion(instant: Instant, lam: Floats) -> Floats:
+    """(n,) the displacement of the motion that grows fastest, when its largest number is."""
+    Z = instant.velocity_directions
+    stiffness, _ = reduced_stiffness(instant, lam)
+    values, vectors = np.linalg.eig(_motion(stiffness, np.asarray(Z.T @ (instant.C @ Z))))
+    found = Z @ vectors[: len(stiffness), np.argmax(values.real)]
+    return np.asarray((found / found[np.argmax(np.abs(found))]).real)
 
 
 def _growth(stiffness: Floats, damping: Floats) -> tuple[float, float]:
     """The largest magnitude, and the largest real part, of the eigenvalues of the linear motion,
     1/s."""
-    f = len(stiffness)
-    motion = np.block([[np.zeros((f, f)), np.eye(f)], [-stiffness, -damping]])
-    values = np.linalg.eigvals(motion)
+    values = np.linalg.eigvals(_motion(stiffness, damping))
     return float(np.abs(values).max(initial=0.0)), float(values.real.max(initial=-np.inf))
+
+
+def _motion(stiffness: Floats, damping: Floats) -> Floats:
+    """(2 f, 2 f) of positions and velocities."""
+    f = len(stiffness)
+    return np.block([[np.zeros((f, f)), np.eye(f)], [-stiffness, -damping]])
