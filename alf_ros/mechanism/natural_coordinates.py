@@ -9,9 +9,7 @@ gives the forces on each body alone, and thus the reactions in the joints.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from contextvars import ContextVar
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 
@@ -21,6 +19,7 @@ from alf_ros import columns
 from alf_ros.arrays import Floats
 from alf_ros.mechanism import affine
 from alf_ros.mechanism.affine import Form
+from alf_ros.mechanism.form_of_rows import RowForm, row_form
 from alf_ros.mechanism.memory import remembered
 from alf_ros.mechanism.parts import GROUND, Body, Mechanism, Numbers
 
@@ -28,28 +27,6 @@ TURN = np.array([[0.0, -1.0], [1.0, 0.0]])  # J, a quarter turn
 _EYE = np.eye(2)
 _APART = 0.5  # sine from which on directions are well apart
 _SHORT = 1e-290  # m, of a direction that rounding may turn
-
-
-_HELD: ContextVar[float | None] = ContextVar('_HELD', default=None)
-
-
-def held_length() -> float | None:
-    """The length (m) within `unit_length`, else None."""
-    return _HELD.get()
-
-
-@contextmanager
-def unit_length(length: float) -> Iterator[None]:
-    """Within this, layouts have unit vectors of a length (m) that does not depend on the drawing.
-
-    The motion does not depend on it. But the extent of a drawing has a kink where two of its
-    sides are equally long, which a scene and the scenes beside it must not have.
-    """
-    before = _HELD.set(length)
-    try:
-        yield
-    finally:
-        _HELD.reset(before)
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +43,7 @@ class Shape:
     points: int
     ends: tuple[int, ...]
     inverse: Floats
+    whole: bool = False  # whether its rows keep entries that are zero
 
     @cached_property
     def is_point(self) -> tuple[bool, ...]:
@@ -97,7 +75,7 @@ class Layout:
     of_auxiliary: Mapping[str, int]
     of_prescribed: Mapping[str, int]
     _shapes: dict[str, Shape] = field(default_factory=dict)
-    _held: float | None = None  # the length of unit vectors, if it is not that of the drawing
+    asked: RowForm = RowForm()  # the form of its equations, as far as it is given
 
     def renumbered(self, place: Sequence[int]) -> Layout:
         """The same with other numbers for the blocks: `place` (blocks,) of each."""
@@ -117,9 +95,9 @@ class Layout:
     def like(self, mechanism: Mechanism) -> Layout:
         """The same blocks of another mechanism of the same structure."""
         same = mechanism.geometry is not None and mechanism.geometry == self.mechanism.geometry
-        held = held_length()
-        shapes = self._shapes if same and held == self._held else {}
-        return replace(self, mechanism=mechanism, _shapes=shapes, _held=held)
+        form = row_form()
+        shapes = self._shapes if same and form == self.asked else {}
+        return replace(self, mechanism=mechanism, _shapes=shapes, asked=form)
 
     @property
     def body(self) -> Mapping[str, Body]:
@@ -135,10 +113,20 @@ class Layout:
     def length(self) -> float:
         """Length of the blocks of unit vectors, m, as in the drawing, so that every natural
         coordinate is a length, and every mass one."""
-        if self._held is not None:
-            return self._held
+        if self.asked.length is not None:
+            return self.asked.length
         places = np.array([point.at for point in self.mechanism.points])
         return columns.extent(places) or 1.0
+
+    @property
+    def form(self) -> RowForm:
+        """The form of the equations, for mechanisms with other numbers."""
+        ends = tuple((body.name, self.shape(body.name).ends) for body in self.bodies)
+        return RowForm(self.length, self.asked.whole, ends)
+
+    @cached_property
+    def _ends(self) -> dict[str, tuple[int, ...]]:
+        return dict(self.asked.ends)
 
     @property
     def bodies(self) -> tuple[Body, ...]:
@@ -150,7 +138,10 @@ class Layout:
         if name not in self._shapes:
             body = self.mechanism.body[name]
             unit = self.length if body.axes else 1.0
-            self._shapes[name] = _shape(self.dimension, unit, body.local, body.axes)
+            ends = self._ends.get(name)
+            self._shapes[name] = _shape(
+                self.dimension, unit, body.local, body.axes, self.asked.whole, ends
+            )
         return self._shapes[name]
 
     def direction(self, body: str, local: Numbers) -> Form:
@@ -229,17 +220,23 @@ def place(shape: Shape, local: Numbers) -> Form:
 
 @remembered(1024)
 def _shape(
-    dimension: int, length: float, local: tuple[Numbers, ...], axes: tuple[Numbers, ...]
+    dimension: int,
+    length: float,
+    local: tuple[Numbers, ...],
+    axes: tuple[Numbers, ...],
+    whole: bool,
+    ends: tuple[int, ...] | None,
 ) -> Shape:
     """The shape of bodies whose points and vectors are there in their frame, the vectors of a
-    length, m."""
+    length, m. `ends`: the ones that carry them, if this is known."""
     points = len(local)
     places = [columns.array(place) for place in local]
     places += [length * np.array(axis) for axis in axes]
     # the second point, then vectors, then further points: independent ones span the body
     order = [*range(1, min(2, points)), *range(points, len(places)), *range(2, points)]
-    found = independent([places[n] for n in order], 1 if dimension == 2 else 3)
-    ends = tuple(order[k] for k in found)
+    if ends is None:
+        found = independent([places[n] for n in order], 1 if dimension == 2 else 3)
+        ends = tuple(order[k] for k in found)
     directions = [places[n] for n in ends]
     if dimension == 2 and directions:
         directions.append(columns.dot(TURN, directions[0]))
@@ -247,7 +244,7 @@ def _shape(
     if directions:
         inverse = columns.pseudoinverse(np.array(directions).T)
     inverse.flags.writeable = False
-    return Shape(tuple(places), points, ends, inverse)
+    return Shape(tuple(places), points, ends, inverse, whole)
 
 
 def independent(directions: Sequence[Floats], most: int, least: float = 1e-6) -> tuple[int, ...]:
@@ -312,7 +309,7 @@ def cut(mechanism: Mechanism) -> Layout:
     for each in mechanism.prescribed:
         of_prescribed[each.name], n = n, n + 1
     found = Layout(mechanism, n, n, of_point, of_vector, of_body, of_auxiliary, of_prescribed)
-    return replace(found, _held=held_length())
+    return replace(found, asked=row_form())
 
 
 def assembled(
@@ -334,4 +331,4 @@ def assembled(
     found = Layout(
         mechanism, movable, blocks, of_point, of_vector, of_body, of_auxiliary, of_prescribed
     )
-    return replace(found, _held=held_length())
+    return replace(found, asked=row_form())

@@ -19,8 +19,9 @@ from alf_ros.kernel.data import EPS
 from alf_ros.kernel.step_error import JUDGED
 from alf_ros.mechanism import Coordinate, Mechanism, Point, Vector
 from alf_ros.mechanism import natural_coordinates as layouts
+from alf_ros.mechanism.form_of_rows import row_form
 from alf_ros.mechanism.memory import ResultMemory, exactly
-from alf_ros.mechanism.natural_coordinates import Layout, held_length
+from alf_ros.mechanism.natural_coordinates import Layout
 from alf_ros.model.arm_tree import arms_of
 from alf_ros.model.constraints import auxiliary
 from alf_ros.model.constraints.couplings import coupling_row
@@ -233,7 +234,7 @@ def _of_geometry(
     key = mechanism.geometry
     if key is None:
         return make()
-    return memory.found((key, exactly(held_length()), *more), make)
+    return memory.found((key, exactly(tuple(row_form())), *more), make)
 
 
 def _rows(draft: Layout) -> tuple[Rows, Integers, tuple[str, ...]]:

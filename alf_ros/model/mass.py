@@ -18,6 +18,7 @@ from alf_ros.arrays import Floats, Integers
 from alf_ros.columns import array, dot, mapped, real
 from alf_ros.kernel import Mass
 from alf_ros.mechanism import Body, Numbers
+from alf_ros.mechanism.form_of_rows import row_form
 from alf_ros.mechanism.memory import remembered
 from alf_ros.mechanism.natural_coordinates import Layout, Shape
 from alf_ros.model.constraints.packing import indices
@@ -65,7 +66,9 @@ def mass_of(layout: Layout) -> Mass:
         unit = unit_of(layout.mechanism.coordinate[rotor.of], layout)
         total[layout.of_auxiliary[rotor.name]] = rotor.inertia / unit**2
     kept = sums.kept(values)
-    values, turned = values[kept], np.flatnonzero(values[kept, 1])
+    values = values[kept]
+    turns = np.full(len(values), layout.dimension == 2) if row_form().whole else values[:, 1]
+    turned = np.flatnonzero(turns)
     return made(
         Mass,
         diagonal=total[: layout.movable].copy(),
@@ -88,7 +91,7 @@ class MassSums:
 
     def kept(self, values: Floats) -> NDArray[np.bool_]:
         """(..., pairs) the pairs that M has, of their sums (..., pairs, 2)."""
-        return (self.i < self._movable) & values.any(axis=-1)
+        return (self.i < self._movable) & (values.any(axis=-1) | row_form().whole)
 
     def of(self, masses: Floats, bound: Floats) -> tuple[Floats, Floats]:
         """(members, movable) diagonal and (members, pairs, 2) sums of many mechanisms; masses

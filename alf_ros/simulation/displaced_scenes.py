@@ -14,7 +14,7 @@ import numpy as np
 from alf_ros import kernel
 from alf_ros.arrays import Floats
 from alf_ros.errors import AlfError, InputError
-from alf_ros.mechanism.natural_coordinates import unit_length
+from alf_ros.mechanism.form_of_rows import form_of
 from alf_ros.model.compile import Model, compile_model
 from alf_ros.model.prescribed import prescribe
 from alf_ros.scene.scene import Scene, Solver
@@ -77,13 +77,13 @@ class DisplacedScene:
     def model(self) -> Model:
         """Its equations; positions are not closed."""
         middle = self._middle.model
-        with unit_length(middle.layout.length):
+        with form_of(middle.layout.form):
             return compile_model(self._scene.mechanism, middle.penalty)
 
     @cached_property
     def _simulation(self) -> Simulated:
         solver = self._middle.solver
-        with unit_length(self._middle.model.layout.length):
+        with form_of(self._middle.model.layout.form):
             return self._middle.simulate(
                 self._scene,
                 step=solver.step,

@@ -12,6 +12,7 @@ from alf_ros.arrays import Addresses, Floats, Integers
 from alf_ros.effects.contract import Effect, Packed
 from alf_ros.errors import InputError
 from alf_ros.kernel import Effects
+from alf_ros.mechanism.form_of_rows import form_of
 from alf_ros.mechanism.natural_coordinates import Layout
 
 
@@ -90,7 +91,8 @@ def kinds_of(
     for kind, instances in _by_kind(effects).items():
         module = registry.load(kind)
         try:
-            packed = module.pack(instances, layout)
+            with form_of(layout.asked):
+                packed = module.pack(instances, layout)
         except ValueError as error:
             names = ', '.join(effect.name for effect in instances)
             raise InputError(str(error), key=f'{kind} ({names})') from None

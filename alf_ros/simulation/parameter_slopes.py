@@ -24,7 +24,7 @@ import numpy as np
 from alf_ros import kernel
 from alf_ros.arrays import Floats
 from alf_ros.errors import AlfError, InputError
-from alf_ros.mechanism.natural_coordinates import unit_length
+from alf_ros.mechanism.form_of_rows import form_of
 from alf_ros.model.compile import Model
 from alf_ros.scene import overrides
 from alf_ros.scene.scene import Solver
@@ -36,7 +36,7 @@ _WEIGHTS = (4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0)  # of the eighth o
 _BETWEEN = (4.0 / 5.0, -2.0 / 5.0, 4.0 / 35.0, -1.0 / 70.0)  # of the value in the middle
 LONGEST = 2.5e-3  # step of a difference, in parts of the number or of 1
 _FINER = (0.25 * LONGEST, 0.06 * LONGEST)  # where arrays bend too much for it
-_SHORTER, _MOST = 0.7, 12  # shorter ones that are tried
+_SHORTER, _MOST, _FEW_LENGTHS = 0.7, 12, 4  # shorter ones that are tried
 _TWO = 2  # of them are used
 _FEW = (-2, 2, 4)  # steps at which arrays show whether they are quadratic
 _QUADRATIC = 1e-14  # of the size of a number, by which a quadratic one may be off there
@@ -49,6 +49,10 @@ _SAME = 1e-5  # part of the changes by which neighbours may miss the scene in th
 
 class _NotSmoothError(Exception):
     """Two lengths of the step disagree about this array."""
+
+
+class AnotherFormError(InputError):
+    """The equations of scenes beside this one have another form."""
 
 
 class ParameterSlopes:
@@ -177,13 +181,15 @@ class ParameterSlopes:
         this one.
 
         They must have its form. Where a number of a row is zero but for rounding, some have an
-        entry more: then other lengths are taken.
+        entry more: then other lengths are taken, few if the scene can be begun again with all
+        entries.
         """
         if longest in self._around:
             return self._around[longest]
         found = {}
         step = longest * (abs(self.value) or 1.0)
-        for _ in range(_MOST):
+        whole = self._here.start.model.layout.asked.whole
+        for _ in range(_MOST if whole else _FEW_LENGTHS):
             beside = [self._neighbour(k * step) for k in _offsets()]
             if self._have_form(beside):
                 found[step] = beside
@@ -207,7 +213,9 @@ class ParameterSlopes:
         """Beside this value there is an entry more, as beside a place or a torque of 0."""
         expected = f'{_ASIDE:g}, say' if self.value == 0.0 else None
         parts = 'effects' if what == 'effects' else 'equations'
-        return self._none(f'beside this value the {parts} have another form', expected)
+        why = f'no tangent: beside this value the {parts} have another form'
+        kind = AnotherFormError if parts == 'equations' else InputError
+        return kind(why, key=self.name, value=self.value, expected=expected)
 
     def _neighbour(self, change: float) -> Neighbour:
         if change in self._beside:
@@ -217,7 +225,7 @@ class ParameterSlopes:
             other = overrides.with_changes(self._here.scene, {self.name: text})
             start = self._here.start
             if not self._is_of_effects:
-                with unit_length(start.model.layout.length):
+                with form_of(start.model.layout.form):
                     start = started(other, self._solver)
             found = Neighbour(start, other)
         except AlfError as error:

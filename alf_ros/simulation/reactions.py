@@ -20,6 +20,7 @@ from alf_ros import kernel
 from alf_ros.arrays import Floats, Integers
 from alf_ros.kernel import BlockSums, Cut, CutWork, Work
 from alf_ros.mechanism import GROUND, Joint, natural_coordinates
+from alf_ros.mechanism.form_of_rows import form_of
 from alf_ros.model.compile import Model, constraints
 from alf_ros.model.constraints.packing import forms_of, indices, rows_of
 from alf_ros.model.constraints.rows import joint_rows
@@ -32,6 +33,10 @@ class Reactions:
     """The cut mechanism of a model, analysed once."""
 
     def __init__(self, model: Model) -> None:
+        with form_of(model.layout.asked):
+            self._analyse(model)
+
+    def _analyse(self, model: Model) -> None:
         mechanism = model.mechanism
         self.model = model
         self.cut = natural_coordinates.cut(mechanism)

@@ -16,6 +16,7 @@ from alf_ros.arrays import Integers
 from alf_ros.effects.contract.trajectory import Curve
 from alf_ros.errors import AssemblyError, InputError
 from alf_ros.kernel import Phase, Status, Watch
+from alf_ros.mechanism.form_of_rows import form_of, whole_form
 from alf_ros.model.singular_branches import Branch, Position
 from alf_ros.resources import version
 from alf_ros.scene.scene import Scene, Solver, joined
@@ -27,6 +28,7 @@ from alf_ros.simulation.between import Between
 from alf_ros.simulation.displaced_scenes import Middle
 from alf_ros.simulation.formulations import Formulation
 from alf_ros.simulation.one_thread import by_one_thread
+from alf_ros.simulation.parameter_slopes import AnotherFormError
 from alf_ros.simulation.placement import placed
 from alf_ros.simulation.present import Present
 from alf_ros.simulation.quantity_tangents import QuantityTangents
@@ -109,29 +111,50 @@ class Simulation:
         self._unfolded: dict[str, float] = {}  # t (s) from which a tangent does not exist
         self.accuracy: Budget | None = None
         solver, to_pick = chosen(scene, {k: v for k, v in given.items() if v is not None})
-        self._start = started(scene, solver)
-        self.adjustment = self._start.adjustment
         # of `Sample.works`, by name
         self.accounts = named_accounts(scene.effects, solver) if self.ledger else ()
+        self._begin(solver)
+        if to_pick:
+            self.accuracy = pick(solver, self._with, explicit=bool(names))
+            self._use(self.accuracy.solver)
+        if names:
+            known = like.following if like is not None else None
+            self._following = self._following_of(names, known)
+            self._use(self.solver)
+        if watches or (self._following is not None and self._following.placing):
+            self._watcher = self._watching()
+
+    def _begin(self, solver: Solver) -> None:
+        """The scene where it starts."""
+        self._start = started(self.scene, solver)
+        self.adjustment = self._start.adjustment
         self._set_up(solver)
         self._initial = self._stepper.initial(self.accounts)
         self._enter(self._initial, self._stepper.applied)
         try:
             told = self._stepper.examined(self._applied)
         except AssemblyError as error:
-            raise AssemblyError(error.message, file=scene.file, key=error.key) from None
+            raise AssemblyError(error.message, file=self.scene.file, key=error.key) from None
         if told:
             self._start = replace(self._start, unexamined=told)
             self._use(solver)
-        if to_pick:
-            self.accuracy = pick(solver, self._with, explicit=bool(names))
-            self._use(self.accuracy.solver)
-        if names:
-            known = like.following if like is not None else None
-            self._following = TangentFollowing(names, scene, self.solver, self._start, known)
-            self._use(self.solver)
-        if watches or (self._following is not None and self._following.placing):
-            self._watcher = self._watching()
+
+    def _following_of(
+        self, names: Sequence[str], known: TangentFollowing | None = None
+    ) -> TangentFollowing:
+        """Tangents by these numbers, from the start. Where scenes beside this one have equations
+        with other entries, the scene is begun again with all of them."""
+        try:
+            return TangentFollowing(names, self.scene, self.solver, self._start, known)
+        except AnotherFormError:
+            here, first = self.state, self._initial
+            same = np.array_equal(here.q, first.q) and np.array_equal(here.qd, first.qd)
+            begins = here.step == 0 and here.inputs == first.inputs and same
+            if self._start.model.layout.asked.whole or not begins:
+                raise
+        with form_of(whole_form()):
+            self._begin(self.solver)
+        return TangentFollowing(names, self.scene, self.solver, self._start, known)
 
     def _set_up(self, solver: Solver, formulation: Formulation | None = None) -> None:
         """The data of steps with these settings."""

@@ -211,3 +211,41 @@ def test_another_solver_is_refused_as_the_first_one_is() -> None:
         with pytest.raises(InputError, match='tangents follow explicit integrators'):
             sim.with_solver(**given)
     assert sim.with_solver('dop853').sample().tangents['L'].points
+
+
+ROBOTS = [
+    ('delta_robot', 'a'),
+    ('delta_robot', 'mechanism.points.E<k>.at.2'),
+    ('four_axis_delta', 'rb'),
+    ('actuator_leg', 'mechanism.points.K.at.0'),
+]
+
+
+@pytest.mark.parametrize('name, number', ROBOTS)
+def test_lengths_of_robots_in_space(name: str, number: str) -> None:
+    """Scenes beside them have other entries, and bodies that other points carry, by rounding."""
+    scene = overrides.with_changes(load_scene(name), FINE)
+    assert_exact(scene, number, 0.03, step=1e-4)
+
+
+@pytest.mark.parametrize('name, number', ROBOTS[:3])
+def test_reactions_and_gradients_of_robots_in_space(name: str, number: str) -> None:
+    scene = overrides.with_changes(load_scene(name), FINE)
+    sim = Simulation(scene, tangents=[number])
+    sim.step(20)
+    sample, joint = sim.sample(), next(iter(sim.sample().reactions))
+    found = sample.tangents[number].of(f'reactions.{joint}.force')
+    plain = Simulation(scene)
+    plain.step(20)
+    np.testing.assert_allclose(sample.q, plain.sample().q, rtol=0.0, atol=1e-12)
+
+    def force(value: float) -> Floats:
+        other = Simulation(overrides.with_changes(scene, {number: repr(value)}))
+        other.step(20)
+        return np.asarray(other.sample().reactions[joint].force)
+
+    here = overrides.number(scene, number)
+    exact = derivative(lambda x: force(here + x), 1e-4)
+    assert np.abs(found - exact).max() <= 1e-6 * np.abs(exact).max()
+    back = gradient(scene, of=f'final(reactions.{joint}.force.x)', by=[number], duration=20e-3)
+    assert back.by[number] == pytest.approx(found[0], rel=1e-9, abs=1e-9)

@@ -14,6 +14,7 @@ from numpy import count_nonzero  # of small arrays in a third of the time of `an
 from alf_ros.arrays import Floats
 from alf_ros.columns import dot, real
 from alf_ros.mechanism.affine import Form
+from alf_ros.mechanism.form_of_rows import row_form
 
 Terms = dict[int, dict[int, Floats]]
 
@@ -74,8 +75,9 @@ def product(name: str, f: Form, g: Form, offset: float = 0.0) -> Row:
             for j, G in second.parts.items():
                 row = terms.setdefault(i, {})
                 row[j] = row.get(j, 0.0) + dot(C.T, G)
-    terms = {i: {j: T for j, T in row.items() if count_nonzero(T)} for i, row in terms.items()}
-    b = {i: v for i, v in b.items() if terms.get(i) or count_nonzero(v)}
+    if not row_form().whole:
+        terms = {i: {j: T for j, T in row.items() if count_nonzero(T)} for i, row in terms.items()}
+        b = {i: v for i, v in b.items() if terms.get(i) or count_nonzero(v)}
     return Row(name, b, terms, real(dot(f.constant, g.constant)) - offset)
 
 
@@ -126,4 +128,6 @@ def value(row: Row, places: Floats) -> float:
 
 
 def _kept(b: dict[int, Floats]) -> dict[int, Floats]:
+    if row_form().whole:
+        return b
     return {block: value for block, value in b.items() if count_nonzero(value)}

@@ -13,6 +13,7 @@ import numpy as np
 from alf_ros import columns
 from alf_ros.mechanism import Body, Joint, affine
 from alf_ros.mechanism.affine import Form
+from alf_ros.mechanism.form_of_rows import row_form
 from alf_ros.mechanism.memory import remembered
 from alf_ros.mechanism.natural_coordinates import Layout, Shape, carrier, direction
 from alf_ros.model.constraints.row import (
@@ -68,7 +69,11 @@ def _held(row: Row, movable: int) -> Row:
     moves = columns.largest(abs(x) for block, b in row.b.items() if block < movable for x in b)
     if moves > _ROUNDED * most:
         return row
-    return replace(row, b={block: b for block, b in row.b.items() if block >= movable})
+    if row_form().whole:
+        held = {block: b if block >= movable else 0.0 * b for block, b in row.b.items()}
+    else:
+        held = {block: b for block, b in row.b.items() if block >= movable}
+    return replace(row, b=held)
 
 
 @remembered(1024)

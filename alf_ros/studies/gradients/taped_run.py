@@ -14,6 +14,7 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
+from alf_ros.mechanism.form_of_rows import form_of
 from alf_ros.simulation.adjoint_following import SUMS, AdjointFollowing, NoRoom, TakenBack
 from alf_ros.simulation.displaced_scenes import Middle
 from alf_ros.simulation.quantity_tangents import QuantityTangents
@@ -21,7 +22,6 @@ from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.simulation.slope_products import SlopeProducts
 from alf_ros.simulation.state import State
-from alf_ros.simulation.tangent_following import TangentFollowing
 from alf_ros.studies.gradients.bars import Bars
 from alf_ros.studies.gradients.observed_number import ObservedNumber
 
@@ -54,8 +54,8 @@ class TapedRun:
     ) -> None:
         simulation._begin_writing()
         self._simulation = simulation
-        start, solver = simulation._start, simulation.solver
-        self.following = TangentFollowing(names, simulation.scene, solver, start)
+        self.following = simulation._following_of(names)
+        solver = simulation.solver
         self.displaced = QuantityTangents(self.following, Middle.of(simulation)).displaced
         self._check_begin()
         self._products = SlopeProducts(simulation.model, self.following.slopes, _ARRAYS)
@@ -189,7 +189,8 @@ class TapedRun:
         following, simulation = self.following, self._simulation
         if not following.placing:
             return
-        watched = Simulation(simulation.scene, **asdict(simulation.solver), watch=True)
+        with form_of(simulation.model.layout.asked):
+            watched = Simulation(simulation.scene, **asdict(simulation.solver), watch=True)
         for leg in self._legs:
             steps = min(leg.steps, last - leg.state.step)
             if steps <= 0:

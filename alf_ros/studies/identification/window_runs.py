@@ -17,6 +17,7 @@ import numpy as np
 
 from alf_ros.arrays import Floats, Integers
 from alf_ros.errors import InputError
+from alf_ros.mechanism.form_of_rows import form_of
 from alf_ros.scene import overrides
 from alf_ros.scene.scene import Scene, Solver
 from alf_ros.simulation.applied import NO_INPUTS
@@ -63,10 +64,9 @@ class WindowRuns:
     ) -> None:
         self.scene, self.names, self.delay = scene, tuple(names), delay
         self.channels = tuple(channels)
-        self._settings = _settled(explicit_solver(Simulation(scene)))
-        self.reference = Simulation(scene, **self._settings)
-        self.h = self.reference.h
-        self._joints = list(self.reference.model.coordinate_names)
+        begun = Simulation(scene)
+        self._settings = _settled(explicit_solver(begun))
+        self._joints = list(begun.model.coordinate_names)
         for each in self.channels:
             if each.joint not in self._joints:
                 raise InputError(
@@ -75,6 +75,9 @@ class WindowRuns:
                     value=each.joint,
                     choices=self._joints,
                 )
+        # with tangents, so that its equations have the form of all runs
+        self.reference = Simulation(scene, **self._settings, tangents=self.names)
+        self.h = self.reference.h
         self._measured = sorted({self._joints.index(each.joint) for each in self.channels})
         self._known: dict[tuple[int, bool], tuple[tuple[float, ...], list[Simulation]]] = {}
         self._found: dict[Any, tuple[Any, Misfit]] = {}  # the last of a window
@@ -105,8 +108,9 @@ class WindowRuns:
             tangents = [f'state.{k}' for k in range(directions)]
             if directions and not alone:
                 tangents = [*self.names, *tangents]
-            last = self._known[kind][1][0] if kind in self._known else None
-            made = Simulation(self.at(values), **self._settings, tangents=tangents, like=last)
+            last = self._known[kind][1][0] if kind in self._known else self.reference
+            with form_of(self.reference.model.layout.asked):
+                made = Simulation(self.at(values), **self._settings, tangents=tangents, like=last)
             self._known[kind] = key, [made]
         crew = self._known[kind][1]
         crew += [copy(crew[0]) for _ in range(count - len(crew))]
