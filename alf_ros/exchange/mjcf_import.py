@@ -189,7 +189,7 @@ class _Reader:
         drawn = float(self.data.qpos[place])
         lower, upper = model.jnt_range[joint]
         if drawn:
-            self.robot.leave('zero of joints', f'{name} at {drawn:g}')
+            self.robot.leave('zero of joints', f'{name} at {drawn:.12g}')
         for kind, orders in (
             ('damping', model.dof_dampingpoly[dof]),
             ('springs', model.jnt_stiffnesspoly[joint]),

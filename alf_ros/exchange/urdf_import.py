@@ -60,16 +60,17 @@ class UrdfReader:
             if self.joints[name].type not in _MOVES:
                 raise InputError('not a joint with one coordinate', key='--set', value=name)
         self.mimics = self._mimics()
-        self.positions = self._drawn(positions)
+        self.positions = self.drawn(positions)
         for kind, things, count in (
             ('joint', self.joints, len(self.urdf.joints)),
             ('link', self.links, len(self.urdf.links)),
         ):
             if len(things) < count:
                 raise self.error(kind, f'a name of two {kind}s')
-        self.poses: dict[str, FramePose] = {}
+        self._above: dict[str, Any] = {}
         self.part_of: dict[str, str] = {}
-        self._place(floating)
+        self._order = self._ordered(floating)
+        self.poses = self.poses_at(self.positions)
         inner = {self.joints[each].child for row in self._balls.values() for each in row[:-1]}
         self.part_of = {name: part for name, part in self.part_of.items() if name not in inner}
         parts = {
@@ -124,8 +125,8 @@ class UrdfReader:
             found[name] = each.joint, factor, float(each.offset or 0.0)
         return found
 
-    def _drawn(self, given: Mapping[str, float]) -> dict[str, float]:
-        """Positions of joints: given, from <ros2_control>, and from mimics."""
+    def drawn(self, given: Mapping[str, float]) -> dict[str, float]:
+        """Positions of joints: given, from <ros2_control>, and from mimics. Raises InputError."""
         positions = {}
         for name, text in urdf_actuators.initial_positions(self.xml).items():
             if name in self.joints and self.joints[name].type in _MOVES:
@@ -166,33 +167,41 @@ class UrdfReader:
 
     # -------------------------------------------------------------------------------------- tree
 
-    def _place(self, floating: bool) -> None:
-        """Poses of all links, and which links move as one."""
-        above: dict[str, Any] = {}
+    def _ordered(self, floating: bool) -> list[str]:
+        """The links, each after the one that it hangs from; `part_of` says which move as one."""
         for joint in self.urdf.joints:
             for link in (joint.parent, joint.child):
                 if link not in self.links:
                     raise self.error(joint.name, 'no such link', value=link, choices=self.links)
-            if joint.child in above:
-                first = above[joint.child].name
+            if joint.child in self._above:
+                first = self._above[joint.child].name
                 message = f'{joint.child!r} is a child of {first} already: close loops otherwise'
                 raise self.error(joint.name, message)
-            above[joint.child] = joint
+            self._above[joint.child] = joint
         for name in self.links:
             chain = [name]
-            while chain[-1] in above and chain[-1] not in self.poses:
-                chain.append(above[chain[-1]].parent)
+            while chain[-1] in self._above and chain[-1] not in self.part_of:
+                chain.append(self._above[chain[-1]].parent)
                 if len(chain) > len(self.links) + 1:
                     raise self.error(name, 'this link is its own ancestor')
-            if chain[-1] not in self.poses:
-                self.poses[chain[-1]] = STILL
+            if chain[-1] not in self.part_of:
                 moves = floating and chain[-1] != 'world'
                 self.part_of[chain[-1]] = chain[-1] if moves else GROUND
             for link in reversed(chain[:-1]):
-                joint = above[link]
-                self.poses[link] = self.poses[joint.parent] @ self.pose_of(joint, self.positions)
+                joint = self._above[link]
                 fixed = joint.type == 'fixed'
                 self.part_of[link] = self.part_of[joint.parent] if fixed else link
+        return list(self.part_of)
+
+    def poses_at(self, positions: Mapping[str, float]) -> dict[str, FramePose]:
+        """Poses of all links in the frame of the root, at positions of joints (rad, m), zero where
+        absent."""
+        poses: dict[str, FramePose] = {}
+        for link in self._order:
+            joint = self._above.get(link)
+            pose = STILL if joint is None else self.pose_of(joint, positions)
+            poses[link] = pose if joint is None else poses[joint.parent] @ pose
+        return poses
 
     def pose_of(self, joint: Any, positions: Mapping[str, float]) -> FramePose:
         """Of the child's frame in the parent's, at positions of joints (rad, m)."""
@@ -227,7 +236,7 @@ class UrdfReader:
         dynamics = joint.dynamics
         drawn = self.positions.get(joint.name, 0.0)
         if drawn:
-            self.robot.leave('zero of joints', f'{joint.name} at {drawn:g}')
+            self.robot.leave('zero of joints', f'{joint.name} at {drawn:.12g}')
         self.robot.connect(
             Connection(
                 joint.name,

@@ -193,7 +193,9 @@ def test_an_open_loop_is_closed_around_the_positions_given(tmp_path: Path) -> No
     moved = source.replace(f'rpy="0 {-robots.four_bar_angles()[2]!r} 0"', 'rpy="0 0 0"')
     path = saved(tmp_path, 'it.urdf', moved)
     assert 'posture' in imported(path)
-    with pytest.raises(InputError, match='wrist cannot be closed: 0.*m stay open.*--set'):
+    with pytest.raises(
+        InputError, match='wrist cannot be closed: all joints.*0.*m stay open.*--set'
+    ):
         imported(path, positions={'crank_pin': 0.0, 'knee': 0.0, 'rocker_pin': 0.0})
     text = imported(path, positions={'rocker_pin': robots.four_bar_angles()[2]}, scene=True)
     check_four_bar(text)
