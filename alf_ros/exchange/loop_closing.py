@@ -71,7 +71,7 @@ def closed(posture: Posture, robot: Robot) -> Floats | None:
             'loops',
             f'{posture.loops} cannot be closed: all joints are held, and {open_by:.3g} m stay '
             'open',
-            expected='a joint of the loop that is free to move: leave it out of --set',
+            expected='a joint of the loop that can move and is not in --set',
         )
     low, high = posture.limits()
     begin = np.clip(drawn, low, high)
