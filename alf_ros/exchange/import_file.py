@@ -8,13 +8,14 @@ from pathlib import Path
 from typing import Any
 
 from alf_ros import paths, resources
-from alf_ros.errors import InputError
+from alf_ros.errors import AssemblyError, InputError
 from alf_ros.exchange import (
     ball_rows,
     fitting_solver,
     gimbal_lock,
     ground_touches,
     inertia,
+    inertialess_ends,
     initial_velocities,
     massless_ends,
     mechanism_text,
@@ -26,6 +27,8 @@ from alf_ros.exchange import (
 )
 from alf_ros.exchange.robot import Robot
 from alf_ros.exchange.usd_stage import SUFFIXES
+from alf_ros.model import massless_directions
+from alf_ros.model.compile import compile_model
 from alf_ros.scene.scene import Scene, scene_from_text
 
 
@@ -69,6 +72,7 @@ def imported(source: str, **wishes: Any) -> str:
     robot = _robot(paths.named(source), asked)
     ground_touches.of_colliders(robot, asked.ground)
     massless_ends.left_out(robot)
+    inertialess_ends.fixed(robot)
     if asked.balls:
         ball_rows.joined(robot, asked.stops is not None)
     gimbal_lock.checked(robot)
@@ -77,6 +81,10 @@ def imported(source: str, **wishes: Any) -> str:
     inertia.checked(robot, asked.repair_inertia)
     scene = asked.is_scene
     text, loaded = _written(robot, asked)
+    if inertia.may_lack(robot) and (names := _without_mass(loaded)):
+        for name in names:
+            robot.leave('no mass in a free direction', name)
+        text, loaded = _written(robot, asked)
     if scene and robot.velocities:
         section = initial_velocities.section(loaded, robot)
         if not section:
@@ -97,6 +105,15 @@ def _written(robot: Robot, asked: Wishes, more: str = '') -> tuple[str, Scene]:
     except InputError as error:
         message = f'the imported mechanism cannot be used: {error.key or ""}: {error.message}'
         raise InputError(message, file=robot.file, value=error.value) from None
+
+
+def _without_mass(scene: Scene) -> list[str]:
+    """Bodies that move in a direction of the free motion in which nothing has mass."""
+    try:
+        model = compile_model(scene.mechanism, scene.solver.penalty)
+    except AssemblyError:
+        return []
+    return massless_directions.bodies(model, model.q)
 
 
 def format_of(path: Path) -> str:

@@ -7,7 +7,7 @@ For the frames A_0, A_1 at p_0, p_1, with d = p_0 - p_1 and their axes x, y, z:
     cylindrical  x_0 · d, y_0 · d, z_0 × z_1  planar       z_0 · d, and z_0 × z_1
     prismatic    x_0 · d, y_0 · d, A_0 - A_1
 
-What has no unit is multiplied by the size of the robot.
+Numbers without unit are multiplied by the size of the robot.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from alf_ros.arrays import Floats
-from alf_ros.exchange import loop_closing, loop_gaps
+from alf_ros.exchange import loop_gaps, open_loops
 from alf_ros.exchange.robot import FramePose, Robot
 
 _SMALL = 1e-4  # rad, below which a series stands for the formula of J
@@ -68,11 +68,11 @@ def close(
         dofs = {int(model.jnt_dofadr[joint]) for joint in joints if joint >= 0}
         held.append((coupling, dofs & free))
     found = data.qpos.copy()
-    for own, unknowns in loop_closing.groups(held):
+    for own, unknowns in open_loops.groups(held):
         if not any(isinstance(each, MjcfLoop) for each in own):
             continue
         posture = _MjcfPosture(mujoco, data, own, sorted(unknowns), size)
-        x = loop_closing.closed(posture, robot)
+        x = open_loops.closed(posture, robot)
         data.qpos[:] = posture.begin
         if x is not None:
             for joint in {model.dof_jntid[dof] for dof in unknowns}:
@@ -98,7 +98,7 @@ def _dofs(model: Any, loop: MjcfLoop) -> set[int]:
 
 
 class _MjcfPosture:
-    """Loops and couplings that share joints; see `loop_closing.Posture`."""
+    """Loops and couplings that share joints; see `open_loops.OpenLoops`."""
 
     def __init__(
         self, mujoco: Any, data: Any, held: Sequence[Held], dofs: Sequence[int], size: float
@@ -117,7 +117,7 @@ class _MjcfPosture:
         self.drawn = np.where(self._single, self.begin[at], 0.0)
 
     def limits(self) -> tuple[Floats, Floats]:
-        """Those of hinges and slides."""
+        """Limits of hinges and slides."""
         limited = self._single & self._model.jnt_limited[self._joints].astype(bool)
         low, high = self._model.jnt_range[self._joints].T
         limited &= low < high
@@ -171,7 +171,7 @@ class _MjcfPosture:
         return np.array([unit * (x[0] - each.constant - other)]), row
 
     def _by_unknowns(self, x: Floats) -> Floats:
-        """(degrees of freedom, n): the velocities of MuJoCo by those of the unknowns."""
+        """(degrees of freedom, n): the velocities of MuJoCo by the velocities of the unknowns."""
         found = np.zeros((self._model.nv, x.size))
         found[self._dofs, np.arange(x.size)] = 1.0
         turns = ~self._single & ~self._slides

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from alf_ros.arrays import Floats
-from alf_ros.exchange import loop_closing, loop_gaps
+from alf_ros.exchange import loop_gaps, open_loops
 from alf_ros.exchange.robot import STILL, FramePose
 from alf_ros.exchange.two_ended_loops import TwoEndedLoop
 from alf_ros.exchange.urdf_import import UrdfReader
@@ -177,9 +177,9 @@ def closed_positions(
     size = max(float(np.abs(pose.origin).max()) for pose in reader.poses.values()) or 1.0
     found: dict[str, float] = {}
     movable = ((loop, _movable(reader, loop, held)) for loop in loops)
-    for own, free in loop_closing.groups(movable):
+    for own, free in open_loops.groups(movable):
         names = sorted(free)
-        x = loop_closing.closed(TreePosture(reader, own, names, size), reader.robot)
+        x = open_loops.closed(TreePosture(reader, own, names, size), reader.robot)
         if x is not None:
             found |= dict(zip(names, x.tolist(), strict=True))
     return found

@@ -83,8 +83,10 @@ def _moved(
     by_file: Collection[str],
     by_user: Collection[str],
 ) -> dict[str, float]:
-    """Positions (rad, m) of joints that close the loops. Those that the side file has stay; if
-    with those of --set no posture is left, only those of --set stay."""
+    """Positions (rad, m) of joints that close the loops.
+
+    Joints of the side file and of --set stay. If they leave no posture, only those with --set do.
+    """
     try:
         return closed_positions(reader, loops, [*by_file, *by_user])
     except InputError:

@@ -57,7 +57,7 @@ def test_a_four_bar_closes_after_set(tmp_path: Path) -> None:
 
 
 def test_a_keyframe_that_opens_the_loop_is_a_start(tmp_path: Path) -> None:
-    """Digits of a keyframe are few; those of --set stay."""
+    """Joints of --set stay, joints of the keyframe do not."""
     source = robots.four_bar_mjcf().replace('</mujoco>', KEY.format('0.40 -0.14 0.13'))
     path = saved(tmp_path, 'it.xml', source)
     found = told(imported(path, key='up'))

@@ -24,7 +24,7 @@ LoopT = TypeVar('LoopT')
 Unknown = TypeVar('Unknown', bound=Hashable)
 
 
-class Posture(Protocol):
+class OpenLoops(Protocol):
     """Loops that share joints, as a function of (n,) unknown positions, rad or m.
 
     size: m, of the robot. drawn: (n,) where the joints are drawn. loops: their names.
@@ -57,7 +57,7 @@ def groups(
     return found
 
 
-def closed(posture: Posture, robot: Robot) -> Floats | None:
+def closed(posture: OpenLoops, robot: Robot) -> Floats | None:
     """(n,) where the loops are closed; None if they are closed as drawn.
 
     The robot's report gets the number of starts. Raises InputError if no start closes them.
@@ -98,7 +98,7 @@ def closed(posture: Posture, robot: Robot) -> Floats | None:
     return min(found, key=lambda each: each[:2])[2]
 
 
-def _settled(posture: Posture, x: Floats, low: Floats, high: Floats) -> tuple[Floats, float]:
+def _settled(posture: OpenLoops, x: Floats, low: Floats, high: Floats) -> tuple[Floats, float]:
     """Where Newton's method leads from x within limits, and the largest gap there, m."""
     inside = np.nextafter(low, high), np.nextafter(high, low)
     with np.errstate(all='ignore'):  # where it has arrived, scipy divides zero by zero
