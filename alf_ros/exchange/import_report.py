@@ -91,6 +91,7 @@ MOTION = {
     'fluid': 'the air has no density, no viscosity, no wind',
     'joints of unknown type': 'they are omitted',
     'includes': 'their content is omitted',
+    'version of SDF': '1.4 to 1.12 are expected: read as the nearest of them',
 }
 _COUNTED = (
     'contact',
