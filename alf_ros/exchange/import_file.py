@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -124,6 +125,9 @@ def format_of(path: Path) -> str:
 
 def _robot(path: Path, asked: Wishes) -> Robot:
     """The robot of a file."""
+    if os.path.isdir(path):
+        expected = f'a file; `import --corpus {path}` imports all files below it'
+        raise InputError('a folder', file=str(path), expected=expected)
     kind = format_of(path)
     for_urdf = ((asked.loops, '--loops'), (asked.floating, '--floating'))
     for given, option in for_urdf if kind != 'robot' else ():

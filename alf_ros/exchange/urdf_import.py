@@ -16,7 +16,13 @@ from scipy.spatial.transform import Rotation
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
-from alf_ros.exchange import urdf_actuators, urdf_joint_types, urdf_visuals, xml_file
+from alf_ros.exchange import (
+    urdf_actuators,
+    urdf_joint_types,
+    urdf_numbers,
+    urdf_visuals,
+    xml_file,
+)
 from alf_ros.exchange.robot import STILL, Connection, Coupled, FramePose, Robot, RobotPart
 from alf_ros.mechanism import GROUND
 
@@ -301,8 +307,8 @@ def _parsed(
         if element.tag in ('link', 'joint'):
             kept = [each for each in element if each.tag not in ('visual', 'collision')]
             ElementTree.SubElement(plain, element.tag, element.attrib).extend(kept)
-    for element in plain.iter():
-        xml_file.check_sizes(element, path)
+    for part in plain:
+        urdf_numbers.checked(part, xml, path)
     told, core.on_error = core.on_error, lambda message: None  # unknown elements are listed here
     try:
         robot = urdf.URDF.from_xml_string(ElementTree.tostring(plain))

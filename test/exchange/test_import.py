@@ -134,11 +134,20 @@ def test_floating_root(tmp_path: Path) -> None:
 MISTAKES = {
     'no XML': (('<robot name', '<robot <'), 'not XML: '),
     'type': (('"continuous"', '"contnuous"'), 'Invalid joint type: contnuous in /robot'),
-    'number': (('mass value="1.0"', 'mass value="one"'), 'could not convert'),
+    'number': (
+        ('mass value="1.0"', 'mass value="one"'),
+        r'it.urdf:\d: link upper: mass value: not a number, got',
+    ),
     'no mass': (('mass value="1.0"', 'mass'), 'cannot read it'),
-    'nan': (('xyz="1.0 0 0"', 'xyz="nan 0 0"'), "origin xyz: not a usable number, got 'nan'"),
+    'nan': (
+        ('xyz="1.0 0 0"', 'xyz="nan 0 0"'),
+        "elbow: origin xyz: not usable numbers, got 'nan 0 0'",
+    ),
     'huge': (('mass value="1.0"', 'mass value="1e300"'), 'mass value: not a usable number'),
-    'a number more': (('<axis xyz="0 -1 0"', '<axis xyz="0 -1 0 0"'), 'Invalid vector length'),
+    'a number more': (
+        ('<axis xyz="0 -1 0"', '<axis xyz="0 -1 0 0"'),
+        'shoulder: axis xyz: the wrong number of values.*expected 3 numbers',
+    ),
     'link': (('parent link="upper"', 'parent link="uper"'), "elbow: no such link.*mean 'upper'"),
     'two parents': (('child link="lower"', 'child link="upper"'), 'child of shoulder already'),
     'hangs from itself': (('parent link="world"', 'parent link="lower"'), 'own ancestor'),
