@@ -12,21 +12,21 @@ from alf_ros.arrays import Floats
 from alf_ros.exchange import loop_gaps, open_loops
 from alf_ros.exchange.robot import STILL, FramePose
 from alf_ros.exchange.two_ended_loops import TwoEndedLoop
-from alf_ros.exchange.urdf_import import UrdfReader
+from alf_ros.exchange.urdf_import import JointMotion, UrdfReader
 
 
 @dataclass(frozen=True)
 class TreeStep:
-    """One joint of a tree: the pose of the child's frame with the joint at zero, the axis there.
+    """One motion of a tree: of a frame in the one before, which is at `pose` without the motion.
 
-    driver: number of the joint that moves it, -1 for none; x = factor x_driver + offset.
+    motion: None if nothing moves. driver: number of the unknown that moves it, -1 for none;
+    x = factor x_driver + offset.
     """
 
     child: str
     parent: str
     pose: FramePose
-    axis: Floats
-    slides: bool
+    motion: JointMotion | None
     driver: int
     factor: float
     offset: float
@@ -49,43 +49,52 @@ class TreePosture:
         self._reader = reader
         self.loops = ', '.join(loop.name for loop in loops)
         self.drawn = np.array([reader.positions.get(name, 0.0) for name in names])
-        place = {name: n for n, name in enumerate(names)}
+        self._place = {name: n for n, name in enumerate(names)}
+        motions = [each for joint in reader.joints.values() for each in reader.motions(joint)]
+        slides = {motion.name: motion.slides for motion in motions}
+        self._slides = np.array([slides[name] for name in names], dtype=bool)
         self._chains: dict[str, list[TreeStep]] = {}
-        steps: dict[str, TreeStep] = {}
+        steps: dict[str, list[TreeStep]] = {}
         for loop in loops:
             for end in loop.ends:
-                chain = []
+                chain: list[TreeStep] = []
                 for joint in _chain(reader, end.link):
                     if joint.child not in steps:
-                        steps[joint.child] = self._step(joint, place)
-                    chain.append(steps[joint.child])
+                        steps[joint.child] = self._steps(joint)
+                    chain += reversed(steps[joint.child])
                 self._chains[end.link] = chain
 
-    def _step(self, joint: Any, place: dict[str, int]) -> TreeStep:
-        reader, name = self._reader, joint.name
-        pose, moves = reader.pose_of(joint, {}), _moves(joint)
-        driver, factor = _driver(reader, name)
-        x = reader.positions.get(name, 0.0) if moves else 0.0
-        number = place.get(driver, -1) if moves else -1
-        offset = x - factor * reader.positions.get(driver, 0.0) if number >= 0 else x
-        axis = reader.unit(name, joint.axis) if moves else np.zeros(3)
-        slides = joint.type == 'prismatic'
-        return TreeStep(joint.child, joint.parent, pose, axis, slides, number, factor, offset)
+    def _steps(self, joint: Any) -> list[TreeStep]:
+        """The motions of a joint, that of the child's frame last."""
+        reader, pose, above = self._reader, self._reader.pose_of(joint, {}), joint.parent
+        motions = reader.motions(joint)
+        if not motions:
+            return [TreeStep(joint.child, above, pose, None, -1, 0.0, 0.0)]
+        found = []
+        for motion in motions:
+            driver, factor = _driver(reader, motion.name)
+            x = reader.positions.get(motion.name, 0.0)
+            number = self._place.get(driver, -1)
+            offset = x - factor * reader.positions.get(driver, 0.0) if number >= 0 else x
+            child = joint.child if motion is motions[-1] else motion.name
+            found.append(TreeStep(child, above, pose, motion, number, factor, offset))
+            above, pose = child, STILL
+        return found
 
     def limits(self) -> tuple[Floats, Floats]:
         """Lower and upper limit of each joint, rad or m."""
         low, high = np.full((2, len(self.names)), np.inf) * [[-1.0], [1.0]]
         for n, name in enumerate(self.names):
-            joint = self._reader.joints[name]
-            limit = joint.limit if joint.type in ('revolute', 'prismatic') else None
+            joint = self._reader.joints.get(name)
+            limited = joint is not None and joint.type in ('revolute', 'prismatic')
+            limit = joint.limit if joint is not None and limited else None
             if limit is not None and (limit.lower or 0.0) < (limit.upper or 0.0):
                 low[n], high[n] = limit.lower or 0.0, limit.upper or 0.0
         return low, high
 
     def scales(self) -> Floats:
         """rad, or the size of the robot, of each joint."""
-        kinds = [self._reader.joints[name].type for name in self.names]
-        return np.array([self.size if kind == 'prismatic' else 1.0 for kind in kinds])
+        return np.where(self._slides, self.size, 1.0)
 
     def gaps(self, x: Floats) -> tuple[Floats, Floats]:
         """By how much the loops are open (rows,), m, and the derivative (rows, joints)."""
@@ -116,11 +125,11 @@ class TreePosture:
         """(3, joints) derivatives of the rotation of a link, and of a place on it."""
         turn, slide = np.zeros((2, 3, len(self.names)))
         for step in self._chains[link]:
-            if step.driver < 0:
+            if step.driver < 0 or step.motion is None:
                 continue
             pose = poses[step.child]
-            axis = step.factor * (pose.turn @ step.axis)
-            if step.slides:
+            axis = step.factor * (pose.turn @ step.motion.axis)
+            if step.motion.slides:
                 slide[:, step.driver] += axis
             else:
                 turn[:, step.driver] += axis
@@ -130,19 +139,10 @@ class TreePosture:
 
 def _moved(step: TreeStep, at: Floats) -> FramePose:
     """The pose of the child's frame in the parent's."""
-    value = step.offset + (step.factor * float(at[step.driver]) if step.driver >= 0 else 0.0)
-    if value == 0.0:
+    if step.motion is None:
         return step.pose
-    if step.slides:
-        return FramePose(step.pose.place(value * step.axis), step.pose.turn)
-    x, y, z = step.axis.tolist()
-    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    turned = np.eye(3) + np.sin(value) * K + (1.0 - np.cos(value)) * (K @ K)
-    return FramePose(step.pose.origin, step.pose.turn @ turned)
-
-
-def _moves(joint: Any) -> bool:
-    return joint.type in ('revolute', 'continuous', 'prismatic')
+    value = step.offset + (step.factor * float(at[step.driver]) if step.driver >= 0 else 0.0)
+    return step.motion.moved(step.pose, value)
 
 
 def _chain(reader: UrdfReader, link: str) -> list[Any]:
@@ -186,9 +186,12 @@ def closed_positions(
 
 
 def _movable(reader: UrdfReader, loop: TwoEndedLoop, held: Sequence[str]) -> set[str]:
-    """The joints that may move to close a loop: below where both of its ends meet."""
+    """The coordinates of joints that may move to close a loop: below where both ends meet."""
     first, second = (
-        {joint.name for joint in _chain(reader, end.link) if _moves(joint)} for end in loop.ends
+        {motion.name for joint in _chain(reader, end.link) for motion in reader.motions(joint)}
+        for end in loop.ends
     )
     drivers = {_driver(reader, name)[0] for name in first ^ second} - set(held)
-    return {name for name in drivers if _moves(reader.joints[name])}
+    return {
+        name for name in drivers if name in first | second or reader.motions(reader.joints[name])
+    }

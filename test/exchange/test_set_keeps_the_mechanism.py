@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 import support.imported_robots as robots
-from alf_ros import InputError, Simulation
+from alf_ros import InputError, Simulation, load_scene
+from alf_ros.exchange.export import exported
 from alf_ros.exchange.import_file import imported
 from alf_ros.scene.scene import scene_from_text
 from support.imported_motions import saved
@@ -176,3 +177,44 @@ def test_a_slider_stays_on_its_rail(kind: str, tmp_path: Path) -> None:
 
 def positions_told_or_none(text: str) -> dict[str, float]:
     return positions_told(text) if 'zero of joints' in text else {}
+
+
+@pytest.mark.parametrize(('name', 'joint'), [('delta_robot', 'motor0'), ('bricard', 'j0')])
+def test_an_exported_mechanism_starts_elsewhere(name: str, joint: str, tmp_path: Path) -> None:
+    """Loops through links on `floating` joints, and a loop whose joints all have positions."""
+    urdf, side, _ = exported(load_scene(name))
+    source, loops = saved(tmp_path, 'it.urdf', urdf), saved(tmp_path, 'loops.yaml', side)
+    drawn = simulation_of(imported(source, loops=loops, scene=True))
+    text = imported(source, loops=loops, scene=True, positions={joint: 0.1})
+    assert positions_told(text)[joint] == 0.1
+    moved = simulation_of(text)
+    assert lengths(moved) == pytest.approx(lengths(drawn), abs=1e-9)
+    assert moved.sample().diagnostics.position_violation < 1e-9
+
+
+def test_a_planar_joint_follows(tmp_path: Path) -> None:
+    """A block in the x-z plane, pinned to a crank at a place beside its origin."""
+    side = (
+        'loops: {pin: {type: revolute, between: [crank, block], at: [0.1, 0, 0], axis: [0, 1, 0]}}'
+    )
+    block = robots.link('block', (0.0, 0.0, 0.0), 1.0, (0.01, 0.01, 0.01, 0.0, 0.0, 0.0))
+    eyes = (
+        '<link name="{0}_eye"/><joint name="{0}_end" type="fixed"><parent link="{0}"/>'
+        '<child link="{0}_eye"/><origin xyz="{1} 0 {2}"/></joint>'
+    )
+    urdf = robots.robot(
+        '<link name="base"/>',
+        robots.rod('crank', 0.1, 1.0),
+        block,
+        robots.hinge('crank_pin', 'base', 'crank', 0.0, 0.0),
+        '<joint name="plane" type="planar"><parent link="base"/><child link="block"/>'
+        '<origin xyz="0.3 0 0.1"/><axis xyz="0 1 0"/></joint>',
+        eyes.format('crank', 0.1, 0),
+        eyes.format('block', -0.2, -0.1),
+    )
+    source, loops = saved(tmp_path, 'it.urdf', urdf), saved(tmp_path, 'loops.yaml', side)
+    expected = lengths(simulation_of(imported(source, loops=loops, scene=True)))
+    text = imported(source, loops=loops, scene=True, positions=SET)
+    moved = simulation_of(text)
+    assert lengths(moved) == pytest.approx(expected, abs=1e-9)
+    assert moved.sample().diagnostics.position_violation < 1e-9
