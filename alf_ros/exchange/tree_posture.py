@@ -12,7 +12,8 @@ from alf_ros.arrays import Floats
 from alf_ros.exchange import loop_gaps, open_loops
 from alf_ros.exchange.robot import STILL, FramePose
 from alf_ros.exchange.two_ended_loops import TwoEndedLoop
-from alf_ros.exchange.urdf_import import JointMotion, UrdfReader
+from alf_ros.exchange.urdf_import import UrdfReader
+from alf_ros.exchange.urdf_motions import TreeMotion
 
 
 @dataclass(frozen=True)
@@ -26,7 +27,7 @@ class TreeStep:
     child: str
     parent: str
     pose: FramePose
-    motion: JointMotion | None
+    motion: TreeMotion | None
     driver: int
     factor: float
     offset: float
@@ -65,7 +66,7 @@ class TreePosture:
                 self._chains[end.link] = chain
 
     def _steps(self, joint: Any) -> list[TreeStep]:
-        """The motions of a joint, that of the child's frame last."""
+        """The motions of a joint; the last one is of the child's frame."""
         reader, pose, above = self._reader, self._reader.pose_of(joint, {}), joint.parent
         motions = reader.motions(joint)
         if not motions:

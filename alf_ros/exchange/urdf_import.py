@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -20,40 +19,22 @@ from alf_ros.errors import InputError
 from alf_ros.exchange import (
     urdf_actuators,
     urdf_joint_types,
+    urdf_motions,
     urdf_numbers,
     urdf_visuals,
     xml_file,
 )
 from alf_ros.exchange.robot import STILL, Connection, Coupled, FramePose, Robot, RobotPart
+from alf_ros.exchange.urdf_motions import TreeMotion
 from alf_ros.mechanism import GROUND
 
 _TREE = {'revolute': 'revolute', 'continuous': 'revolute', 'prismatic': 'prismatic'}
-_MOVES = tuple(_TREE)  # along or about an axis, by one number
+_MOVES = urdf_motions.SINGLE
 _TREE |= {'planar': 'planar'}  # and `fixed` and `floating`, which are no joints
 _READ = ('link', 'joint', 'gazebo', 'constraint', 'material', 'transmission', 'ros2_control')
 _GRAVITY = (0.0, 0.0, -9.81)
 _OFF = 1e-9  # rad or m: how far a joint that mimics may be drawn from where the other has it
-_PART = '\0'  # between the name of a joint with several coordinates and the number of one
 _STILL = ': with --floating its root link moves'
-
-
-@dataclass(frozen=True, eq=False)
-class JointMotion:
-    """A coordinate of a joint: along (`slides`) or about an axis (3,) of the child's frame. Its
-    name is the joint's if the joint has one coordinate."""
-
-    name: str
-    slides: bool
-    axis: Floats
-
-    def moved(self, pose: FramePose, x: float) -> FramePose:
-        """A pose after the motion by x, rad or m."""
-        if x == 0.0:
-            return pose
-        if self.slides:
-            return FramePose(pose.place(x * self.axis), pose.turn)
-        turned = Rotation.from_rotvec(x * self.axis).as_matrix()
-        return FramePose(pose.origin, pose.turn @ turned)
 
 
 class UrdfReader:
@@ -82,7 +63,7 @@ class UrdfReader:
         self.joints = {joint.name: joint for joint in self.urdf.joints}
         self.links = {link.name: link for link in self.urdf.links}
         for name in positions:
-            if _PART in name:  # of a joint with several coordinates, which nobody else can name
+            if urdf_motions.PART in name:  # of a joint with several, which --set cannot name
                 continue
             if name not in self.joints:
                 raise InputError('no such joint', key='--set', value=name, choices=self.joints)
@@ -232,25 +213,12 @@ class UrdfReader:
             poses[link] = pose if joint is None else poses[joint.parent] @ pose
         return poses
 
-    def motions(self, joint: Any) -> list[JointMotion]:
+    def motions(self, joint: Any) -> list[TreeMotion]:
         """The motions of a joint, one after the other; a joint that is fixed has none."""
-        if joint.type in _MOVES:
-            axis = self.unit(joint.name, joint.axis)
-            return [JointMotion(joint.name, joint.type == 'prismatic', axis)]
-        if joint.type == 'floating':
-            axes = [*np.eye(3), *np.eye(3)]
-            slides = [True] * 3 + [False] * 3
-        elif joint.type == 'planar':
-            normal = self.unit(joint.name, joint.axis)
-            side = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
-            side /= np.linalg.norm(side)
-            axes, slides = [side, np.cross(normal, side), normal], [True, True, False]
-        else:  # of which the axis may be any, zero as well
+        if joint.type not in urdf_motions.TYPES:  # its axis may be any, zero as well
             return []
-        return [
-            JointMotion(f'{joint.name}{_PART}{n}', *each)
-            for n, each in enumerate(zip(slides, axes, strict=True))
-        ]
+        axis = None if joint.type == 'floating' else self.unit(joint.name, joint.axis)
+        return urdf_motions.of(joint.name, joint.type, axis)
 
     def pose_of(self, joint: Any, positions: Mapping[str, float]) -> FramePose:
         """Of the child's frame in the parent's, at positions of joints (rad, m)."""
