@@ -78,6 +78,11 @@ def imported(source: str, **wishes: Any) -> str:
         ball_rows.joined(robot, asked.stops is not None)
     gimbal_lock.checked(robot)
     if not robot.parts:
+        kinds = ('joints of massless ends', 'joints without inertia')
+        light = [name for kind in kinds for name in robot.left_out.names.get(kind, ())]
+        if light:
+            message = f'no part of it can move: joints {", ".join(light)} move no mass'
+            raise InputError(message, file=source, expected='mass and inertia of their links')
         raise InputError(f'no part of it can move{robot.still}', file=source)
     inertia.checked(robot, asked.repair_inertia)
     scene = asked.is_scene

@@ -43,5 +43,7 @@ def loops(path: Path, reader: UrdfReader) -> list[TwoEndedLoop]:
             raise closure['axis'].error('zero is no direction')
         place, along = np.array(closure['point'].vector(3, {})), axis / np.linalg.norm(axis)
         name = f'{links[0]}_{links[1]}'
-        found.append(two_ended_loops.drawn(name, 'revolute', links, place, [along], zero))
+        found.append(
+            two_ended_loops.drawn(name, 'revolute', links, place, [along], zero, str(path))
+        )
     return found

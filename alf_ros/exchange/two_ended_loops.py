@@ -9,9 +9,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alf_ros.arrays import Floats
+from alf_ros.errors import InputError
 from alf_ros.exchange import loop_gaps
 from alf_ros.exchange.robot import AXES, STILL, Connection, FramePose
 from alf_ros.exchange.urdf_import import UrdfReader
+
+_OBLIQUE = 1e-6  # cosine between the axes of a `universal`
 
 
 @dataclass(frozen=True)
@@ -44,11 +47,15 @@ def drawn(
     place: Floats,
     axes: Sequence[Floats],
     poses: Mapping[str, FramePose],
+    file: str,
 ) -> TwoEndedLoop:
     """The loop that a joint at one place, with axes in the same frame as `poses`, closes.
 
     links: the two, a link without pose is the ground. place (3,) m; axes: unit directions (3,).
+    Raises InputError for two axes that are not perpendicular.
     """
+    if len(axes) == 2 and abs(float(axes[0] @ axes[1])) > _OBLIQUE:
+        raise InputError('its two axes are not perpendicular', file=file, key=name)
     turns = [rotation_to(axis) for axis in axes] or [np.eye(3)]
     first, second = (
         LoopEnd(link, poses.get(link, STILL).inverse @ FramePose(place, turn))

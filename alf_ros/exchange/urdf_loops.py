@@ -75,7 +75,7 @@ def _gazebo(
         of_model = (axis.findtext('use_parent_model_frame') or '').strip() in ('1', 'true')
         of_model |= xyz.get('expressed_in') == '__model__'
         axes.append(u if of_model else frame.turn @ u)
-    return two_ended_loops.drawn(name, kind, sides, frame.origin, axes, zero)
+    return two_ended_loops.drawn(name, kind, sides, frame.origin, axes, zero, reader.file)
 
 
 def _constraint(

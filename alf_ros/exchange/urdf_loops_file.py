@@ -78,4 +78,4 @@ def _drawn(
     axes = (fields['axis'],) if 'axis' in fields else axes
     along = [pose.turn @ unit(axis, 3, {}) for axis in axes]
     place = pose.place(np.array(fields['at'].vector(3, {})))
-    return two_ended_loops.drawn(name, kind, links, place, along, poses)
+    return two_ended_loops.drawn(name, kind, links, place, along, poses, entry.file or '')

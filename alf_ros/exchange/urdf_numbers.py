@@ -20,15 +20,19 @@ _COUNTS = {
     'mimic': {'multiplier': 1, 'offset': 1},
     'dynamics': {'damping': 1, 'friction': 1},
     'calibration': {'rising': 1, 'falling': 1},
+    'safety_controller': dict.fromkeys(
+        ('soft_lower_limit', 'soft_upper_limit', 'k_position', 'k_velocity'), 1
+    ),
 }
 
 
 def checked(part: ElementTree.Element, root: ElementTree.Element, path: Path) -> None:
     """Refuse attributes of a link or a joint that are no numbers, or cannot be computed with.
 
-    root: of the file, for the line. Shapes are not looked at. Raises InputError.
+    root: of the file, for the line. Elements that URDF does not have are not looked at. Raises
+    InputError.
     """
-    for element in part.iter():
+    for element in (*part, *(each for inner in part.findall('inertial') for each in inner)):
         for attribute, count in _COUNTS.get(element.tag, {}).items():
             given = element.get(attribute)
             message = None if given is None else _fault(given, count)

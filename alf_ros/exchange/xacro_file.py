@@ -27,7 +27,7 @@ def expanded(path: Path, arguments: Mapping[str, str]) -> bytes:
     except ImportError:
         message = 'a xacro: `pip install xacro`, or run `xacro FILE > OUT.urdf` first'
         raise InputError(message, file=str(path)) from None
-    xacro.all_includes.clear()  # of files before
+    getattr(xacro, 'all_includes', []).clear()  # of files before
     try:
         document = xacro.process_file(str(path), mappings=dict(arguments))
         whole = bytes(document.toxml(encoding='utf-8'))
@@ -57,7 +57,7 @@ def _check(arguments: Mapping[str, str], path: Path, xacro: Any) -> None:
 
 def _texts(path: Path, xacro: Any) -> list[str]:
     """The texts of a file and of those that it includes."""
-    files = dict.fromkeys([str(path), *map(str, xacro.all_includes)])
+    files = dict.fromkeys([str(path), *map(str, getattr(xacro, 'all_includes', ()))])
     return [
         paths.content(Path(each), LARGEST_FILE).decode('utf-8', 'replace')
         for each in files

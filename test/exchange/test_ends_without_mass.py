@@ -9,7 +9,7 @@ import pytest
 
 import support.imported_robots as robots
 from alf_ros import Simulation
-from alf_ros.errors import AssemblyError
+from alf_ros.errors import AssemblyError, InputError
 from alf_ros.exchange.import_file import imported
 from alf_ros.scene.scene import scene_from_text
 from support.imported_motions import saved, simulate
@@ -98,6 +98,16 @@ def test_a_point_mass_on_its_axis_is_fixed(tmp_path: Path) -> None:
     offset = turns.replace(head[1], robots.link('head', (0.1, 0.0, 0.0), 0.3, nothing))
     kept = imported(saved(tmp_path, 'kept.urdf', offset), scene=True)
     assert not told(kept, 'joints without inertia')  # yaw moves the mass of the head
+
+
+def test_a_robot_that_moves_no_mass_is_refused(tmp_path: Path) -> None:
+    wheel = robots.robot(
+        '<link name="base"/>',
+        robots.link('wheel', (0.0, 0.0, 0.0), 1.0, (0.0,) * 6),
+        robots.hinge('axle', 'base', 'wheel', 0.0, 0.0),
+    )
+    with pytest.raises(InputError, match='can move: joints axle move no mass; expected mass'):
+        imported(saved(tmp_path, 'it.urdf', wheel))
 
 
 def neck() -> str:

@@ -186,6 +186,11 @@ def test_what_is_no_urdf(tmp_path: Path) -> None:
         ('loops: {w: {type: weld, between: [crank, crank], at: [0, 0, 0]}}', 'of one body'),
         ('loops: {w: {type: weld, between: [crank, rocker], at: [0, 0]}}', 'a list of 3'),
         (
+            'loops: {w: {type: universal, between: [crank, rocker], at: [0, 0, 0], '
+            'axes: [[1, 0, 0], [1, 1, 0]]}}',
+            'loops.yaml: w: its two axes are not perpendicular',
+        ),
+        (
             'loops: {w: {type: weld, between: [crank, rocker], at: [0, 0, 0], axis: [1]}}',
             'unknown key',
         ),

@@ -88,6 +88,13 @@ def test_a_number_of_a_link_has_its_line(tmp_path: Path) -> None:
     assert str(caught.value).startswith(f'{path}: link bar: mass value: not a number')
 
 
+def test_numbers_of_other_programs_are_not_looked_at(tmp_path: Path) -> None:
+    """An element of a simulator, within a link, with names that URDF has too."""
+    other = '<link name="lower"><contact><limit lower="soft"/></contact>'
+    source = robots.double_pendulum().replace('<link name="lower">', other)
+    assert other in source and imported(saved(tmp_path, 'it.urdf', source))
+
+
 def test_a_folder_is_no_file_but_a_corpus(tmp_path: Path) -> None:
     with pytest.raises(InputError, match='a folder; expected a file; `import --corpus '):
         main([str(tmp_path)])
