@@ -143,7 +143,12 @@ def _moved(step: TreeStep, at: Floats) -> FramePose:
     if step.motion is None:
         return step.pose
     value = step.offset + (step.factor * float(at[step.driver]) if step.driver >= 0 else 0.0)
-    return step.motion.moved(step.pose, value)
+    if step.motion.slides or value == 0.0:
+        return step.motion.moved(step.pose, value)
+    x, y, z = step.motion.axis.tolist()  # random starts differ by its rounding
+    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    turned = np.eye(3) + np.sin(value) * K + (1.0 - np.cos(value)) * (K @ K)
+    return FramePose(step.pose.origin, step.pose.turn @ turned)
 
 
 def _chain(reader: UrdfReader, link: str) -> list[Any]:
