@@ -141,6 +141,13 @@ def _corpus(options: argparse.Namespace, wishes: dict[str, Any]) -> int:
             raise InputError('for one file only', key=f'--{_OPTIONS.get(option, option)}')
     if not 0.0 < options.limit < math.inf:
         raise InputError('not a time', key='--limit', value=options.limit, expected='s')
+    if not corpus.files_below(folder):
+        raise InputError(
+            'no robot files below this folder',
+            key='--corpus',
+            value=options.corpus,
+            expected=', '.join(corpus.SUFFIXES),
+        )
     found: list[corpus.Examined] = []
     print(corpus.head())
     limits = corpus.ExaminationLimits(seconds=options.limit)

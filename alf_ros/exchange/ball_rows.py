@@ -28,6 +28,8 @@ def joined(robot: Robot, stops: bool) -> None:
         parent, child = _end(first, middle), _end(last, middle)
         inner = {middle.parent, middle.child}
         ball = Connection(first.name, 'spherical', parent, child, middle.place)
+        for name in inner:
+            robot.left_out.remove('mass: there is none', name)
         robot.parts = [part for part in robot.parts if part.name not in inner]
         robot.connections = [
             ball if each is first else each

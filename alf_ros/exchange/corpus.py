@@ -25,7 +25,7 @@ from alf_ros.inspection.soundness import BAD, TooLarge, examine
 from alf_ros.scene.scene import Scene, scene_from_text
 from alf_ros.simulation.simulation import Simulation
 
-_SUFFIXES = ('.urdf', '.xacro', '.sdf', '.world', '.xml', '.mjcf', *usd_stage.SUFFIXES)
+SUFFIXES = ('.urdf', '.xacro', '.sdf', '.world', '.xml', '.mjcf', *usd_stage.SUFFIXES)
 _ALONE = ('.urdf', '.sdf')  # nothing includes these
 _KINDS = ('robot', 'sdf', 'mujoco', 'usd')
 _STEPS = 10  # between two looks at closure and clock
@@ -87,7 +87,7 @@ class Examined:
 def files_below(folder: Path) -> list[Path]:
     """The robot files below a folder, in order: also those that cannot be read, but no files that
     only other files include."""
-    found = [path for path in folder.rglob('*') if path.suffix in _SUFFIXES and path.is_file()]
+    found = [path for path in folder.rglob('*') if path.suffix in SUFFIXES and path.is_file()]
     return sorted(path for path in found if path.suffix in _ALONE or format_of(path) in _KINDS)
 
 

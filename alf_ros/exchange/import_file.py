@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from alf_ros import paths, resources
-from alf_ros.errors import InputError
+from alf_ros.errors import AssemblyError, InputError
 from alf_ros.exchange import (
     ball_rows,
     fitting_solver,
     gimbal_lock,
     ground_touches,
     inertia,
+    inertialess_ends,
     initial_velocities,
     massless_ends,
     mechanism_text,
@@ -26,6 +28,8 @@ from alf_ros.exchange import (
 )
 from alf_ros.exchange.robot import Robot
 from alf_ros.exchange.usd_stage import SUFFIXES
+from alf_ros.model import massless_directions
+from alf_ros.model.compile import compile_model
 from alf_ros.scene.scene import Scene, scene_from_text
 
 
@@ -69,14 +73,24 @@ def imported(source: str, **wishes: Any) -> str:
     robot = _robot(paths.named(source), asked)
     ground_touches.of_colliders(robot, asked.ground)
     massless_ends.left_out(robot)
+    inertialess_ends.fixed(robot)
     if asked.balls:
         ball_rows.joined(robot, asked.stops is not None)
     gimbal_lock.checked(robot)
     if not robot.parts:
+        kinds = ('joints of massless ends', 'joints without inertia')
+        light = [name for kind in kinds for name in robot.left_out.names.get(kind, ())]
+        if light:
+            message = f'no part of it can move: joints {", ".join(light)} move no mass'
+            raise InputError(message, file=source, expected='mass and inertia of their links')
         raise InputError(f'no part of it can move{robot.still}', file=source)
     inertia.checked(robot, asked.repair_inertia)
     scene = asked.is_scene
     text, loaded = _written(robot, asked)
+    if inertia.may_lack(robot) and (names := _without_mass(loaded)):
+        for name in names:
+            robot.leave('no mass in a free direction', name)
+        text, loaded = _written(robot, asked)
     if scene and robot.velocities:
         section = initial_velocities.section(loaded, robot)
         if not section:
@@ -99,6 +113,15 @@ def _written(robot: Robot, asked: Wishes, more: str = '') -> tuple[str, Scene]:
         raise InputError(message, file=robot.file, value=error.value) from None
 
 
+def _without_mass(scene: Scene) -> list[str]:
+    """Bodies that move in a direction of the free motion in which nothing has mass."""
+    try:
+        model = compile_model(scene.mechanism, scene.solver.penalty)
+    except AssemblyError:
+        return []
+    return massless_directions.bodies(model, model.q)
+
+
 def format_of(path: Path) -> str:
     """`usd` by the ending of the name, or else the first element of a file: `mujoco`, `sdf`,
     `robot`."""
@@ -107,6 +130,9 @@ def format_of(path: Path) -> str:
 
 def _robot(path: Path, asked: Wishes) -> Robot:
     """The robot of a file."""
+    if os.path.isdir(path):
+        expected = f'a file; `import --corpus {path}` imports all files below it'
+        raise InputError('a folder', file=str(path), expected=expected)
     kind = format_of(path)
     for_urdf = ((asked.loops, '--loops'), (asked.floating, '--floating'))
     for given, option in for_urdf if kind != 'robot' else ():

@@ -14,6 +14,9 @@ MOTION = {
     'inertia: there is none': 'all mass is at the centre of mass',
     'mass: there is none': 'a body without mass: a body that turns alone needs some',
     'joints of massless ends': 'they and their links do not move, because they carry no mass',
+    'joints without inertia': 'all mass that turns is on their axis, so they are fixed as drawn',
+    'no mass in a free direction': 'a run stops: give these bodies mass and inertia, or make a '
+    'joint of them `fixed`',
     'angles of balls': 'a ball is in place of the joints: their angles are not published',
     'joints near gimbal lock': 'links without mass turn fast there, and stop a run (see --balls)',
     'rows of joints for balls': 'at gimbal lock they stop a run (see --balls)',
@@ -88,6 +91,7 @@ MOTION = {
     'fluid': 'the air has no density, no viscosity, no wind',
     'joints of unknown type': 'they are omitted',
     'includes': 'their content is omitted',
+    'version of SDF': '1.4 to 1.12 are expected: read as the nearest of them',
 }
 _COUNTED = (
     'contact',
@@ -128,6 +132,14 @@ class LeftOut:
         names = self.names.setdefault(kind, [])
         if name not in names:
             names.append(name)
+
+    def remove(self, kind: str, name: str) -> None:
+        """Take back what `add` noted."""
+        names = self.names.get(kind, [])
+        if name in names:
+            names.remove(name)
+        if not names:
+            self.names.pop(kind, None)
 
     def lines(self) -> Iterator[str]:
         """The report: first omissions that change the motion, at the end the others in one

@@ -43,6 +43,13 @@ def is_possible(J: Floats) -> bool:
     return bool(low >= -1e-3 * _ALLOWED * high and low + middle >= high * (1.0 - _ALLOWED))
 
 
+def may_lack(robot: Robot) -> bool:
+    """Whether a part has no mass, or turns about an axis without inertia."""
+    return any(
+        part.mass == 0.0 or np.linalg.eigvalsh(part.inertia)[0] <= 0.0 for part in robot.parts
+    )
+
+
 def checked(robot: Robot, repair: bool) -> None:
     """Repair the impossible inertias of a robot, or refuse them. Raises InputError.
 
@@ -52,6 +59,8 @@ def checked(robot: Robot, repair: bool) -> None:
     for n, part in enumerate(robot.parts):
         if 0.0 < np.abs(part.inertia).max() <= _ROUNDED * part.mass * size**2:
             robot.parts[n] = replace(part, inertia=np.zeros((3, 3)))
+        if part.mass > 0.0 and not robot.parts[n].inertia.any():
+            robot.leave('inertia: there is none', part.name)
     wrong = [n for n, part in enumerate(robot.parts) if not is_possible(part.inertia)]
     if not wrong:
         return

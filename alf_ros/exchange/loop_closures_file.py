@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from alf_ros.exchange.robot import FramePose
-from alf_ros.exchange.two_ended_loops import LoopEnd, TwoEndedLoop, rotation_to
+from alf_ros.exchange import two_ended_loops
+from alf_ros.exchange.two_ended_loops import TwoEndedLoop
 from alf_ros.exchange.urdf_import import UrdfReader
 from alf_ros.scene.text import yaml_document
 
@@ -30,18 +30,20 @@ def dependent(path: Path) -> list[str]:
     )
 
 
-def loops(path: Path, zero: UrdfReader) -> list[TwoEndedLoop]:
-    """The loops; `zero` is the URDF with all joints at zero. Raises InputError."""
+def loops(path: Path, reader: UrdfReader) -> list[TwoEndedLoop]:
+    """The loops of a URDF. Raises InputError."""
     found = []
+    zero = reader.poses_at({})
     fields = yaml_document.read(path).mapping(KEYS, ('closures',))
     for entry in fields['closures'].sequence():
         closure = entry.mapping(_KEYS, _KEYS)
-        links = [closure[key].text(zero.links) for key in ('link_a', 'link_b')]
+        links = [closure[key].text(reader.links) for key in ('link_a', 'link_b')]
         axis = np.array(closure['axis'].vector(3, {}))
         if not axis.any():
             raise closure['axis'].error('zero is no direction')
-        axis /= np.linalg.norm(axis)
-        frame = FramePose(np.array(closure['point'].vector(3, {})), rotation_to(axis))
-        first, second = (LoopEnd(link, zero.poses[link].inverse @ frame) for link in links)
-        found.append(TwoEndedLoop(f'{links[0]}_{links[1]}', 'revolute', (first, second)))
+        place, along = np.array(closure['point'].vector(3, {})), axis / np.linalg.norm(axis)
+        name = f'{links[0]}_{links[1]}'
+        found.append(
+            two_ended_loops.drawn(name, 'revolute', links, place, [along], zero, str(path))
+        )
     return found

@@ -102,10 +102,11 @@ class _Reader:
             self._begin_at(key)
         self._set(positions)
         mjcf_equalities.draw(mujoco, self.data, self.joints, positions)
-        mujoco.mj_kinematics(model, self.data)
         called = model.names.split(b'\0')[0].decode()
         gravity = tuple(map(float, model.opt.gravity))
         self.robot = Robot(called or Path(file).stem, file, gravity, ': no body has a joint')
+        mjcf_equalities.close(self.robot, mujoco, self.data, self.joints, positions)
+        mujoco.mj_kinematics(model, self.data)
         self.held = [GROUND if w == 0 else self.bodies[w] for w in model.body_weldid]
         for body in range(1, model.nbody):
             if model.body_weldid[body] == body:
@@ -189,7 +190,7 @@ class _Reader:
         drawn = float(self.data.qpos[place])
         lower, upper = model.jnt_range[joint]
         if drawn:
-            self.robot.leave('zero of joints', f'{name} at {drawn:g}')
+            self.robot.leave('zero of joints', f'{name} at {drawn:.12g}')
         for kind, orders in (
             ('damping', model.dof_dampingpoly[dof]),
             ('springs', model.jnt_stiffnesspoly[joint]),

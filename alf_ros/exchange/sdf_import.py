@@ -16,7 +16,7 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
-from alf_ros.exchange import sdf_resources, sdf_visuals, xml_file
+from alf_ros.exchange import sdf_merge, sdf_resources, sdf_visuals, xml_file
 from alf_ros.exchange.robot import AXES, TYPES, Connection, Coupled, Robot, RobotPart
 from alf_ros.exchange.sdf_frames import MODEL, WORLD, SdfFrames, numbers, pose_of
 from alf_ros.mechanism import GROUND
@@ -26,6 +26,9 @@ _AXES = ('axis', 'axis2')
 _GRAVITY = '0 0 -9.8'
 _ENDLESS = 1e15  # a limit from there on is none: the default is 1e16
 _MOMENTS = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
+_OLDEST, _NEWEST = 4, 12  # minor versions that are read
+_AXES_OF_JOINTS = 5  # from this minor version on, axes are in the frames of their joints
+_DEEPEST = 40  # models in models
 _STILL = ': every link is fixed to the world, or its model is static'
 
 
@@ -41,10 +44,9 @@ class _Reader:
     """Links and frames of all models first, then the joints between them."""
 
     def __init__(self, path: Path) -> None:
-        root = xml_file.root_of(path)
         self.path = path
-        version = root.get('version', '1.12')
-        self.version = tuple(int(n) if n.isdigit() else 0 for n in version.split('.'))
+        self._unsaid: list[str] = []  # files without a version, or with another than known ones
+        root = self._root(path)
         world = root.find('world')
         top = root if world is None else world
         models = [each for each in top if each.tag in ('model', 'include')]
@@ -66,15 +68,46 @@ class _Reader:
         self.only = f'{only}::' if world is not None and only else ''
         self._scope(top, world is None and len(models) == 1)
         self._connect()
+        for name in self._unsaid:
+            self.robot.leave('version of SDF', name)
+
+    def _root(self, path: Path) -> ElementTree.Element:
+        """The root of a file, whose joints say where their axes are. Raises InputError."""
+        root = xml_file.root_of(path)
+        given = root.get('version')
+        words = ('1.12' if given is None else given).strip().split('.')
+        known = len(words) == 2 and all(word.isdigit() for word in words) and words[0] == '1'
+        if not known:
+            message, expected = 'not a version of SDF that is read', '1.4 to 1.12'
+            raise InputError(
+                message, file=str(path), key='sdf version', value=given, expected=expected
+            )
+        minor = int(words[1])
+        if given is None or not _OLDEST <= minor <= _NEWEST:
+            self._unsaid.append(f'{path.name} has {given or "none"}')
+        if minor < _AXES_OF_JOINTS:
+            for joint in root.iter('joint'):
+                for tag in _AXES:
+                    axis = joint.find(tag)
+                    axis = ElementTree.SubElement(joint, tag) if axis is None else axis
+                    if axis.find('use_parent_model_frame') is None:
+                        ElementTree.SubElement(axis, 'use_parent_model_frame').text = '1'
+        return root
 
     # ------------------------------------------------------------------------- links and frames
 
     def _scope(self, element: ElementTree.Element, alone: bool) -> None:
         """Models, frames and joints of a world, or of a file with models; one alone has no scope
         of its own, so its names stay short."""
+        self._merge(element, WORLD)
         for each in self._models(element):
             self._model(each, '', '' if alone else f'{self._name(each)}::', WORLD)
         for each in element:
+            if each.tag == 'link':
+                message = 'merged into a world, where a link has no model'
+                raise self.robot.error(
+                    self._name(each), message, expected='<include> in a <model>'
+                )
             if each.tag == 'frame':
                 self._frame(each, '', WORLD)
             elif each.tag == 'joint':
@@ -94,12 +127,29 @@ class _Reader:
                 if found is not None:
                     yield found
 
+    def _merge(self, element: ElementTree.Element, around: str, depth: int = 0) -> None:
+        """Put the content of models that are to be merged in the place of their <include>."""
+        for each in element.findall('include'):
+            if not _is(each.get('merge')):
+                continue
+            model = self._included(each)
+            place = list(element).index(each)
+            element.remove(each)
+            if model is None:
+                continue
+            if depth > _DEEPEST:
+                raise self.robot.error('include', 'a model that includes itself')
+            self._merge(model, MODEL, depth + 1)
+            canonical = model.get('canonical_link') or _first_link(model)
+            for n, part in enumerate(sdf_merge.content(model, canonical, around)):
+                element.insert(place + n, part)
+
     def _included(self, element: ElementTree.Element) -> ElementTree.Element | None:
         """The model of another file, with the name and the pose that this one gives it."""
         uri = (element.findtext('uri') or '').strip()
         path = sdf_resources.model_file(uri, self.path.parent)
-        model = None if path is None else xml_file.root_of(path).find('model')
-        if model is None or element.get('merge') == 'true':
+        model = None if path is None else self._root(path).find('model')
+        if model is None:
             self.robot.leave('includes', uri)
             return None
         name = element.findtext('name')
@@ -117,6 +167,9 @@ class _Reader:
         self, element: ElementTree.Element, outer: str, scope: str, above: str, still: bool = False
     ) -> None:
         """A model in the scope `outer`, whose own scope is `scope`."""
+        if scope.count('::') > _DEEPEST:
+            raise self.robot.error('include', 'a model that includes itself')
+        self._merge(element, MODEL)
         pose = element.find('pose')
         to = '' if pose is None else pose.get('relative_to', '')
         placed = element.get('placement_frame') or element.findtext('placement_frame') or ''
@@ -162,7 +215,10 @@ class _Reader:
         attached = self._later(given, scope) if given else default
         to = self._relative(element)
         above = self._later(to, scope) if to else attached
-        self.frames.add(name, self._pose(element), above, attached)
+        placed = element.get(sdf_merge.PLACED)
+        self.frames.add(
+            name, self._pose(element), above, attached, scope + placed if placed else ''
+        )
 
     def _joint(self, element: ElementTree.Element, scope: str) -> None:
         to = self._relative(element)
@@ -379,7 +435,7 @@ class _Reader:
         if not np.linalg.norm(u) > 0.0:
             raise self.robot.error(name, 'zero is no direction')
         given = '' if xyz is None else xyz.get('expressed_in', '')
-        of_model = _is(axis.findtext('use_parent_model_frame')) or self.version < (1, 5)
+        of_model = _is(axis.findtext('use_parent_model_frame'))
         if given:
             frame = self.frames.find(given, scope)
         else:

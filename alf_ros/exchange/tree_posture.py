@@ -1,43 +1,33 @@
-"""Positions of the joints of a tree at which its loops close.
-
-Loops that share joints are closed together. Newton's method moves their joints within the limits:
-from the positions given first, then from random ones around them. Of the postures found, the one
-nearest to the given positions holds.
-"""
+"""Positions of the joints of a URDF at which its loops close."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from alf_ros.arrays import Floats
+from alf_ros.exchange import loop_gaps, open_loops
 from alf_ros.exchange.robot import STILL, FramePose
 from alf_ros.exchange.two_ended_loops import TwoEndedLoop
 from alf_ros.exchange.urdf_import import UrdfReader
-
-_AS_DRAWN, _CLOSED = 1e-6, 1e-10  # of the size: loops that are closed as drawn, and when found
-_STARTS, _ROUNDS, _POLISH = 60, 60, 6
-_MORE = 2  # times as many starts as the first posture took, to find nearer ones
-_SPREAD = 0.3  # rad, or of the size: standard deviation of the first random start
-_AXES = {'weld': (0, 1, 2), 'revolute': (2,)}  # of frames that coincide
+from alf_ros.exchange.urdf_motions import TreeMotion
 
 
 @dataclass(frozen=True)
 class TreeStep:
-    """One joint of a tree: the pose of the child's frame with the joint at zero, the axis there.
+    """One motion of a tree: of a frame in the one before, which is at `pose` without the motion.
 
-    driver: number of the joint that moves it, -1 for none; x = factor x_driver + offset.
+    motion: None if nothing moves. driver: number of the unknown that moves it, -1 for none;
+    x = factor x_driver + offset.
     """
 
     child: str
     parent: str
     pose: FramePose
-    axis: Floats
-    slides: bool
+    motion: TreeMotion | None
     driver: int
     factor: float
     offset: float
@@ -56,68 +46,70 @@ class TreePosture:
         names: Sequence[str],
         size: float,
     ) -> None:
-        self.names, self.size, self.loops = names, size, loops
+        self.names, self.size, self._loops = names, size, loops
         self._reader = reader
-        place = {name: n for n, name in enumerate(names)}
+        self.loops = ', '.join(loop.name for loop in loops)
+        self.drawn = np.array([reader.positions.get(name, 0.0) for name in names])
+        self._place = {name: n for n, name in enumerate(names)}
+        motions = [each for joint in reader.joints.values() for each in reader.motions(joint)]
+        slides = {motion.name: motion.slides for motion in motions}
+        self._slides = np.array([slides[name] for name in names], dtype=bool)
         self._chains: dict[str, list[TreeStep]] = {}
-        steps: dict[str, TreeStep] = {}
+        steps: dict[str, list[TreeStep]] = {}
         for loop in loops:
             for end in loop.ends:
-                chain = []
+                chain: list[TreeStep] = []
                 for joint in _chain(reader, end.link):
                     if joint.child not in steps:
-                        steps[joint.child] = self._step(joint, place)
-                    chain.append(steps[joint.child])
+                        steps[joint.child] = self._steps(joint)
+                    chain += reversed(steps[joint.child])
                 self._chains[end.link] = chain
 
-    def _step(self, joint: Any, place: dict[str, int]) -> TreeStep:
-        reader, name = self._reader, joint.name
-        pose, moves = reader.pose_of(joint, {}), _moves(joint)
-        driver, factor = _driver(reader, name)
-        x = reader.positions.get(name, 0.0) if moves else 0.0
-        number = place.get(driver, -1) if moves else -1
-        offset = x - factor * reader.positions.get(driver, 0.0) if number >= 0 else x
-        axis = reader.unit(name, joint.axis) if moves else np.zeros(3)
-        slides = joint.type == 'prismatic'
-        return TreeStep(joint.child, joint.parent, pose, axis, slides, number, factor, offset)
+    def _steps(self, joint: Any) -> list[TreeStep]:
+        """The motions of a joint; the last one is of the child's frame."""
+        reader, pose, above = self._reader, self._reader.pose_of(joint, {}), joint.parent
+        motions = reader.motions(joint)
+        if not motions:
+            return [TreeStep(joint.child, above, pose, None, -1, 0.0, 0.0)]
+        found = []
+        for motion in motions:
+            driver, factor = _driver(reader, motion.name)
+            x = reader.positions.get(motion.name, 0.0)
+            number = self._place.get(driver, -1)
+            offset = x - factor * reader.positions.get(driver, 0.0) if number >= 0 else x
+            child = joint.child if motion is motions[-1] else motion.name
+            found.append(TreeStep(child, above, pose, motion, number, factor, offset))
+            above, pose = child, STILL
+        return found
 
     def limits(self) -> tuple[Floats, Floats]:
         """Lower and upper limit of each joint, rad or m."""
         low, high = np.full((2, len(self.names)), np.inf) * [[-1.0], [1.0]]
         for n, name in enumerate(self.names):
-            joint = self._reader.joints[name]
-            limit = joint.limit if joint.type in ('revolute', 'prismatic') else None
+            joint = self._reader.joints.get(name)
+            limited = joint is not None and joint.type in ('revolute', 'prismatic')
+            limit = joint.limit if joint is not None and limited else None
             if limit is not None and (limit.lower or 0.0) < (limit.upper or 0.0):
                 low[n], high[n] = limit.lower or 0.0, limit.upper or 0.0
         return low, high
 
     def scales(self) -> Floats:
         """rad, or the size of the robot, of each joint."""
-        kinds = [self._reader.joints[name].type for name in self.names]
-        return np.array([self.size if kind == 'prismatic' else 1.0 for kind in kinds])
+        return np.where(self._slides, self.size, 1.0)
 
     def gaps(self, x: Floats) -> tuple[Floats, Floats]:
         """By how much the loops are open (rows,), m, and the derivative (rows, joints)."""
         poses = self._poses(x)
-        values, slopes = list[Floats](), list[Floats]()
-        for loop in self.loops:
+        found = []
+        for loop in self._loops:
             ends = [poses[end.link] @ end.frame for end in loop.ends]
-            (turn0, slide0), (turn1, slide1) = (
+            slopes = [
                 self._slopes(end.link, pose.origin, poses)
                 for end, pose in zip(loop.ends, ends, strict=True)
-            )
-            values.append(ends[0].origin - ends[1].origin)
-            slopes.append(slide0 - slide1)
-            for k in _AXES.get(loop.kind, ()):
-                a, b = (end.turn[:, k] for end in ends)
-                da, db = np.cross(turn0.T, a), np.cross(turn1.T, b)
-                if loop.kind == 'weld':
-                    values.append(self.size * (a - b))
-                    slopes.append(self.size * (da - db).T)
-                else:  # a hinge has no direction
-                    values.append(np.asarray(self.size * np.cross(a, b), dtype=float))
-                    slopes.append(self.size * np.asarray(np.cross(da, b) + np.cross(a, db)).T)
-        return np.concatenate(values), np.concatenate(slopes)
+            ]
+            found.append(loop_gaps.gap(loop.kind, ends, slopes, self.size))
+        values, rows = zip(*found, strict=True)
+        return np.concatenate(values), np.concatenate(rows)
 
     def _poses(self, x: Floats) -> dict[str, FramePose]:
         poses: dict[str, FramePose] = {}
@@ -134,11 +126,11 @@ class TreePosture:
         """(3, joints) derivatives of the rotation of a link, and of a place on it."""
         turn, slide = np.zeros((2, 3, len(self.names)))
         for step in self._chains[link]:
-            if step.driver < 0:
+            if step.driver < 0 or step.motion is None:
                 continue
             pose = poses[step.child]
-            axis = step.factor * (pose.turn @ step.axis)
-            if step.slides:
+            axis = step.factor * (pose.turn @ step.motion.axis)
+            if step.motion.slides:
                 slide[:, step.driver] += axis
             else:
                 turn[:, step.driver] += axis
@@ -148,19 +140,15 @@ class TreePosture:
 
 def _moved(step: TreeStep, at: Floats) -> FramePose:
     """The pose of the child's frame in the parent's."""
-    value = step.offset + (step.factor * float(at[step.driver]) if step.driver >= 0 else 0.0)
-    if value == 0.0:
+    if step.motion is None:
         return step.pose
-    if step.slides:
-        return FramePose(step.pose.place(value * step.axis), step.pose.turn)
-    x, y, z = step.axis.tolist()
+    value = step.offset + (step.factor * float(at[step.driver]) if step.driver >= 0 else 0.0)
+    if step.motion.slides or value == 0.0:
+        return step.motion.moved(step.pose, value)
+    x, y, z = step.motion.axis.tolist()  # random starts differ by its rounding
     K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     turned = np.eye(3) + np.sin(value) * K + (1.0 - np.cos(value)) * (K @ K)
     return FramePose(step.pose.origin, step.pose.turn @ turned)
-
-
-def _moves(joint: Any) -> bool:
-    return joint.type in ('revolute', 'continuous', 'prismatic')
 
 
 def _chain(reader: UrdfReader, link: str) -> list[Any]:
@@ -182,25 +170,6 @@ def _driver(reader: UrdfReader, name: str) -> tuple[str, float]:
     return name, factor
 
 
-def _groups(
-    reader: UrdfReader, loops: Sequence[TwoEndedLoop], held: Sequence[str]
-) -> Iterator[tuple[list[TwoEndedLoop], list[str]]]:
-    """Loops that share joints, and these joints: below where both ends of a loop meet."""
-    groups: list[tuple[list[TwoEndedLoop], set[str]]] = []
-    for loop in loops:
-        first, second = (
-            {joint.name for joint in _chain(reader, end.link) if _moves(joint)}
-            for end in loop.ends
-        )
-        names = {_driver(reader, name)[0] for name in first ^ second} - set(held)
-        together = [group for group in groups if group[1] & names]
-        groups = [group for group in groups if not group[1] & names]
-        joined = [each for group in together for each in group[0]]
-        groups.append(([*joined, loop], names.union(*(group[1] for group in together))))
-    for own, names in groups:
-        yield own, sorted(name for name in names if _moves(reader.joints[name]))
-
-
 def closed_positions(
     reader: UrdfReader, loops: Sequence[TwoEndedLoop], held: Sequence[str]
 ) -> dict[str, float]:
@@ -213,70 +182,22 @@ def closed_positions(
             reader.part(end.link, loop.name)
     size = max(float(np.abs(pose.origin).max()) for pose in reader.poses.values()) or 1.0
     found: dict[str, float] = {}
-    for own, names in _groups(reader, loops, held):
-        tree = TreePosture(reader, own, names, size)
-        x = _posture(tree, reader)
+    movable = ((loop, _movable(reader, loop, held)) for loop in loops)
+    for own, free in open_loops.groups(movable):
+        names = sorted(free)
+        x = open_loops.closed(TreePosture(reader, own, names, size), reader.robot)
         if x is not None:
             found |= dict(zip(names, x.tolist(), strict=True))
     return found
 
 
-def _posture(tree: TreePosture, reader: UrdfReader) -> Floats | None:
-    """(joints,) rad or m, where a group of loops is closed; None if it is closed as drawn."""
-    low, high = tree.limits()
-    drawn = np.array([reader.positions.get(name, 0.0) for name in tree.names])
-    if np.abs(tree.gaps(drawn)[0]).max() <= _AS_DRAWN * tree.size:
-        return None
-    begin = np.clip(drawn, low, high)
-    scales, random = tree.scales(), np.random.default_rng(0)
-    found: list[tuple[float, int, Floats]] = []
-    least, starts = np.inf, 0
-    while starts < _STARTS and not (found and starts > _MORE * found[0][1]):
-        spread = _SPREAD * min(1.0, 0.1 * starts) * (1.0 + starts / 15.0)
-        x = begin + spread * scales * random.standard_normal(begin.size)
-        x, gap = _settled(tree, np.clip(x, low, high), low, high)
-        least = min(least, gap)
-        if gap <= _CLOSED * tree.size:
-            away = float(np.abs((x - begin) / scales).max(initial=0.0))
-            found.append((away, starts, x))
-        starts += 1
-    names = ', '.join(loop.name for loop in tree.loops)
-    if not found:
-        raise reader.error(
-            'loops',
-            f'{names} cannot be closed: {least:.3g} m stay open, from {starts} starts',
-            expected='positions near a posture, by --set JOINT=NUMBER',
-        )
-    count = f'{len(found)} of {starts} starts close them'
-    reader.robot.leave('posture', f'{names} ({count}; the nearest posture is taken)')
-    return min(found, key=lambda each: each[:2])[2]
-
-
-def _settled(tree: TreePosture, x: Floats, low: Floats, high: Floats) -> tuple[Floats, float]:
-    """Where Newton's method leads from x within limits, and the largest gap there, m."""
-    if not x.size:
-        return x, float(np.abs(tree.gaps(x)[0]).max())
-    inside = np.nextafter(low, high), np.nextafter(high, low)
-    with np.errstate(all='ignore'):  # where it has arrived, scipy divides zero by zero
-        solved = least_squares(
-            lambda y: tree.gaps(y)[0],
-            np.clip(x, *inside),
-            lambda y: tree.gaps(y)[1],
-            bounds=(low, high),
-            x_scale=tree.scales(),
-            xtol=1e-8,
-            ftol=1e-8,
-            gtol=None,
-            max_nfev=_ROUNDS,
-        )
-    x = np.asarray(solved.x)
-    best = float(np.abs(tree.gaps(x)[0]).max())
-    for _ in range(_POLISH):
-        value, slope = tree.gaps(x)
-        step, *_ = np.linalg.lstsq(slope, -value, rcond=1e-10)
-        y = np.clip(x + step, low, high)
-        gap = float(np.abs(tree.gaps(y)[0]).max())
-        if not gap < best:
-            break
-        x, best = y, gap
-    return x, best
+def _movable(reader: UrdfReader, loop: TwoEndedLoop, held: Sequence[str]) -> set[str]:
+    """The coordinates of joints that may move to close a loop: below where both ends meet."""
+    first, second = (
+        {motion.name for joint in _chain(reader, end.link) for motion in reader.motions(joint)}
+        for end in loop.ends
+    )
+    drivers = {_driver(reader, name)[0] for name in first ^ second} - set(held)
+    return {
+        name for name in drivers if name in first | second or reader.motions(reader.joints[name])
+    }

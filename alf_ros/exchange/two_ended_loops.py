@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alf_ros.arrays import Floats
-from alf_ros.exchange.robot import Connection, FramePose
+from alf_ros.errors import InputError
+from alf_ros.exchange import loop_gaps
+from alf_ros.exchange.robot import AXES, STILL, Connection, FramePose
 from alf_ros.exchange.urdf_import import UrdfReader
 
-CLOSES = ('spherical', 'weld', 'revolute')  # kinds of loops that are closed from open positions
-_APART = 1e-6  # sine between directions of both ends as drawn
+_OBLIQUE = 1e-6  # cosine between the axes of a `universal`
 
 
 @dataclass(frozen=True)
@@ -25,8 +27,8 @@ class LoopEnd:
 
 @dataclass(frozen=True)
 class TwoEndedLoop:
-    """A joint of a `kind` between two frames. The origins of the frames coincide; of a `weld` all
-    axes coincide too, of a `revolute` the z axes do, in this or the opposite direction."""
+    """A joint of a `kind` between two frames, of which z is its axis (`loop_gaps`). The first z is
+    the first axis of a `universal`, the second z its second axis."""
 
     name: str
     kind: str
@@ -38,6 +40,30 @@ def rotation_to(z: Floats) -> Floats:
     return np.asarray(Rotation.align_vectors([z], [[0.0, 0.0, 1.0]])[0].as_matrix())
 
 
+def drawn(
+    name: str,
+    kind: str,
+    links: Sequence[str],
+    place: Floats,
+    axes: Sequence[Floats],
+    poses: Mapping[str, FramePose],
+    file: str,
+) -> TwoEndedLoop:
+    """The loop that a joint at one place, with axes in the same frame as `poses`, closes.
+
+    links: the two, a link without pose is the ground. place (3,) m; axes: unit directions (3,).
+    Raises InputError for two axes that are not perpendicular.
+    """
+    if len(axes) == 2 and abs(float(axes[0] @ axes[1])) > _OBLIQUE:
+        raise InputError('its two axes are not perpendicular', file=file, key=name)
+    turns = [rotation_to(axis) for axis in axes] or [np.eye(3)]
+    first, second = (
+        LoopEnd(link, poses.get(link, STILL).inverse @ FramePose(place, turn))
+        for link, turn in zip(links, (turns[0], turns[-1]), strict=True)
+    )
+    return TwoEndedLoop(name, kind, (first, second))
+
+
 def add(reader: UrdfReader, loop: TwoEndedLoop) -> None:
     """Add a loop to the robot. Raises InputError if its ends are drawn apart."""
     parts, frames = [], []
@@ -45,16 +71,8 @@ def add(reader: UrdfReader, loop: TwoEndedLoop) -> None:
         part, pose = reader.part(end.link, loop.name)
         parts.append(part)
         frames.append(pose @ end.frame)
-    first, second = (frame.turn for frame in frames)
-    if loop.kind == 'weld':
-        off = float(np.abs(first - second).max())
-    elif loop.kind == 'revolute':
-        off = float(np.linalg.norm(np.cross(first[:, 2], second[:, 2])))
-    else:
-        off = 0.0
-    if off > _APART:
-        raise reader.error(loop.name, 'its two ends are drawn at an angle to each other')
-    axes = (first[:, 2],) if loop.kind == 'revolute' else ()
-    place = frames[0].origin
+    axes = tuple(frame.turn[:, 2] for frame in frames)[: AXES[loop.kind]]
+    slides = loop_gaps.slides(loop.kind)
+    place = frames[1 if slides else 0].origin  # where something slides it belongs to the child
     made = Connection(loop.name, loop.kind, parts[0], parts[1], place, axes)
-    reader.robot.connect(made, frames[1].origin)
+    reader.robot.connect(made, None if slides else frames[1].origin)

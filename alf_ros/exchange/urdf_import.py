@@ -16,12 +16,20 @@ from scipy.spatial.transform import Rotation
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
-from alf_ros.exchange import urdf_actuators, urdf_joint_types, urdf_visuals, xml_file
+from alf_ros.exchange import (
+    urdf_actuators,
+    urdf_joint_types,
+    urdf_motions,
+    urdf_numbers,
+    urdf_visuals,
+    xml_file,
+)
 from alf_ros.exchange.robot import STILL, Connection, Coupled, FramePose, Robot, RobotPart
+from alf_ros.exchange.urdf_motions import TreeMotion
 from alf_ros.mechanism import GROUND
 
 _TREE = {'revolute': 'revolute', 'continuous': 'revolute', 'prismatic': 'prismatic'}
-_MOVES = tuple(_TREE)  # along or about an axis, by one number
+_MOVES = urdf_motions.SINGLE
 _TREE |= {'planar': 'planar'}  # and `fixed` and `floating`, which are no joints
 _READ = ('link', 'joint', 'gazebo', 'constraint', 'material', 'transmission', 'ros2_control')
 _GRAVITY = (0.0, 0.0, -9.81)
@@ -55,21 +63,24 @@ class UrdfReader:
         self.joints = {joint.name: joint for joint in self.urdf.joints}
         self.links = {link.name: link for link in self.urdf.links}
         for name in positions:
+            if urdf_motions.PART in name:  # of a joint with several, which --set cannot name
+                continue
             if name not in self.joints:
                 raise InputError('no such joint', key='--set', value=name, choices=self.joints)
             if self.joints[name].type not in _MOVES:
                 raise InputError('not a joint with one coordinate', key='--set', value=name)
         self.mimics = self._mimics()
-        self.positions = self._drawn(positions)
+        self.positions = self.drawn(positions)
         for kind, things, count in (
             ('joint', self.joints, len(self.urdf.joints)),
             ('link', self.links, len(self.urdf.links)),
         ):
             if len(things) < count:
                 raise self.error(kind, f'a name of two {kind}s')
-        self.poses: dict[str, FramePose] = {}
+        self._above: dict[str, Any] = {}
         self.part_of: dict[str, str] = {}
-        self._place(floating)
+        self._order = self._ordered(floating)
+        self.poses = self.poses_at(self.positions)
         inner = {self.joints[each].child for row in self._balls.values() for each in row[:-1]}
         self.part_of = {name: part for name, part in self.part_of.items() if name not in inner}
         parts = {
@@ -124,8 +135,8 @@ class UrdfReader:
             found[name] = each.joint, factor, float(each.offset or 0.0)
         return found
 
-    def _drawn(self, given: Mapping[str, float]) -> dict[str, float]:
-        """Positions of joints: given, from <ros2_control>, and from mimics."""
+    def drawn(self, given: Mapping[str, float]) -> dict[str, float]:
+        """Positions of joints: given, from <ros2_control>, and from mimics. Raises InputError."""
         positions = {}
         for name, text in urdf_actuators.initial_positions(self.xml).items():
             if name in self.joints and self.joints[name].type in _MOVES:
@@ -166,44 +177,55 @@ class UrdfReader:
 
     # -------------------------------------------------------------------------------------- tree
 
-    def _place(self, floating: bool) -> None:
-        """Poses of all links, and which links move as one."""
-        above: dict[str, Any] = {}
+    def _ordered(self, floating: bool) -> list[str]:
+        """The links, each after the one that it hangs from; `part_of` says which move as one."""
         for joint in self.urdf.joints:
             for link in (joint.parent, joint.child):
                 if link not in self.links:
                     raise self.error(joint.name, 'no such link', value=link, choices=self.links)
-            if joint.child in above:
-                first = above[joint.child].name
+            if joint.child in self._above:
+                first = self._above[joint.child].name
                 message = f'{joint.child!r} is a child of {first} already: close loops otherwise'
                 raise self.error(joint.name, message)
-            above[joint.child] = joint
+            self._above[joint.child] = joint
         for name in self.links:
             chain = [name]
-            while chain[-1] in above and chain[-1] not in self.poses:
-                chain.append(above[chain[-1]].parent)
+            while chain[-1] in self._above and chain[-1] not in self.part_of:
+                chain.append(self._above[chain[-1]].parent)
                 if len(chain) > len(self.links) + 1:
                     raise self.error(name, 'this link is its own ancestor')
-            if chain[-1] not in self.poses:
-                self.poses[chain[-1]] = STILL
+            if chain[-1] not in self.part_of:
                 moves = floating and chain[-1] != 'world'
                 self.part_of[chain[-1]] = chain[-1] if moves else GROUND
             for link in reversed(chain[:-1]):
-                joint = above[link]
-                self.poses[link] = self.poses[joint.parent] @ self.pose_of(joint, self.positions)
+                joint = self._above[link]
                 fixed = joint.type == 'fixed'
                 self.part_of[link] = self.part_of[joint.parent] if fixed else link
+        return list(self.part_of)
+
+    def poses_at(self, positions: Mapping[str, float]) -> dict[str, FramePose]:
+        """Poses of all links in the frame of the root, at positions of joints (rad, m), zero where
+        absent."""
+        poses: dict[str, FramePose] = {}
+        for link in self._order:
+            joint = self._above.get(link)
+            pose = STILL if joint is None else self.pose_of(joint, positions)
+            poses[link] = pose if joint is None else poses[joint.parent] @ pose
+        return poses
+
+    def motions(self, joint: Any) -> list[TreeMotion]:
+        """The motions of a joint, one after the other; a joint that is fixed has none."""
+        if joint.type not in urdf_motions.TYPES:  # its axis may be any, zero as well
+            return []
+        axis = None if joint.type == 'floating' else self.unit(joint.name, joint.axis)
+        return urdf_motions.of(joint.name, joint.type, axis)
 
     def pose_of(self, joint: Any, positions: Mapping[str, float]) -> FramePose:
         """Of the child's frame in the parent's, at positions of joints (rad, m)."""
         pose = _pose(joint.origin)
-        if joint.type not in _MOVES:  # what does not move may have any axis, zero as well
-            return pose
-        x = positions.get(joint.name, 0.0)
-        if joint.type == 'prismatic':
-            return FramePose(pose.place(x * self.unit(joint.name, joint.axis)), pose.turn)
-        turned = Rotation.from_rotvec(x * self.unit(joint.name, joint.axis)).as_matrix()
-        return FramePose(pose.origin, pose.turn @ turned)
+        for motion in self.motions(joint):
+            pose = motion.moved(pose, positions.get(motion.name, 0.0))
+        return pose
 
     def _part(self, name: str, link: Any) -> RobotPart:
         pose = self.poses[name]
@@ -227,7 +249,7 @@ class UrdfReader:
         dynamics = joint.dynamics
         drawn = self.positions.get(joint.name, 0.0)
         if drawn:
-            self.robot.leave('zero of joints', f'{joint.name} at {drawn:g}')
+            self.robot.leave('zero of joints', f'{joint.name} at {drawn:.12g}')
         self.robot.connect(
             Connection(
                 joint.name,
@@ -292,8 +314,8 @@ def _parsed(
         if element.tag in ('link', 'joint'):
             kept = [each for each in element if each.tag not in ('visual', 'collision')]
             ElementTree.SubElement(plain, element.tag, element.attrib).extend(kept)
-    for element in plain.iter():
-        xml_file.check_sizes(element, path)
+    for part in plain:
+        urdf_numbers.checked(part, xml, path)
     told, core.on_error = core.on_error, lambda message: None  # unknown elements are listed here
     try:
         robot = urdf.URDF.from_xml_string(ElementTree.tostring(plain))

@@ -1,50 +1,98 @@
 """Loops in a URDF, by the two idioms there are.
 
 `<gazebo><joint>` is an SDF joint inside the extension: its pose is in the frame of the child, its
-axis in that pose. `<constraint>` is proposed for urdfdom (pull request 264): an origin and an axis
-on each side.
+axis in that pose. Gazebo creates it with all joints of the tree at zero, so its place on the
+parent is the one that it has there. `<constraint>` is proposed for urdfdom (pull request 264): an
+origin and an axis on each side.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from xml.etree import ElementTree
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alf_ros.arrays import Floats
-from alf_ros.exchange.robot import AXES, TYPES, Connection, FramePose
-from alf_ros.exchange.two_ended_loops import CLOSES, LoopEnd, TwoEndedLoop, rotation_to
+from alf_ros.exchange import two_ended_loops
+from alf_ros.exchange.robot import AXES, STILL, TYPES, FramePose
+from alf_ros.exchange.two_ended_loops import LoopEnd, TwoEndedLoop, rotation_to
 from alf_ros.exchange.urdf_import import UrdfReader
 
-_PARALLEL = 1e-9  # 1 - cosine: how far the axes of both sides may be drawn apart
 _NONE = (0.0, 0.0, 0.0)
 
 
-def close(reader: UrdfReader) -> None:
-    """Add the loops of a URDF to its robot. Raises InputError."""
+def loops(reader: UrdfReader) -> Iterator[TwoEndedLoop]:
+    """The loops of a URDF, which may be open as drawn. Raises InputError."""
+    zero = reader.poses_at({})
+    for element in _gazebo_joints(reader):
+        yield _gazebo(reader, element, zero)
+    for element in reader.xml.findall('constraint'):
+        yield _constraint(reader, element, zero)
+
+
+def leave(reader: UrdfReader) -> None:
+    """Note the extensions of Gazebo that are no loops, and what loops do not have here."""
     for extension in reader.xml.findall('gazebo'):
         about = extension.get('reference')
         for element in extension:
-            if element.tag == 'joint' and about is None:
-                _gazebo(reader, element)
-            else:
+            if element.tag != 'joint' or about is not None:
                 reader.robot.leave('gazebo', f'{element.tag} of {about or "the robot"}')
-    for element in reader.xml.findall('constraint'):
-        if _kind_of(reader, element) not in CLOSES:
-            _constraint(reader, element)
+    for element in _gazebo_joints(reader):
+        axes = (*element.findall('axis'), *element.findall('axis2'))
+        if any(axis.find(tag) is not None for axis in axes for tag in ('limit', 'dynamics')):
+            name = element.get('name', 'gazebo_joint')
+            reader.robot.leave('limits, damping, friction, springs, armature', name)
 
 
-def two_ended(reader: UrdfReader) -> list[TwoEndedLoop]:
-    """The loops of <constraint> that may be open as drawn. Raises InputError."""
-    found = []
-    for element in reader.xml.findall('constraint'):
-        kind = _kind_of(reader, element)
-        if kind in CLOSES:
-            first, second = (_end(reader, element, side, kind) for side in ('parent', 'child'))
-            name = element.get('name', 'constraint')
-            found.append(TwoEndedLoop(name, kind, (first, second)))
-    return found
+def _gazebo_joints(reader: UrdfReader) -> list[ElementTree.Element]:
+    extensions = reader.xml.findall('gazebo')
+    return [
+        element
+        for extension in extensions
+        for element in (extension.findall('joint') if extension.get('reference') is None else ())
+    ]
+
+
+def _gazebo(
+    reader: UrdfReader, element: ElementTree.Element, zero: dict[str, FramePose]
+) -> TwoEndedLoop:
+    name = element.get('name', 'gazebo_joint')
+    kind = _kind(reader, name, element.get('type', ''))
+    sides = [(element.findtext(side) or '').strip() for side in ('parent', 'child')]
+    for side in sides:
+        reader.part(side, name)
+    x = _floats(reader, name, element.findtext('pose'), (*_NONE, *_NONE))
+    frame = zero.get(sides[1], STILL) @ _frame(x[:3], x[3:])
+    axes = []
+    for tag in ('axis', 'axis2')[: AXES[kind]]:
+        axis = element.find(tag)
+        xyz = None if axis is None else axis.find('xyz')
+        if axis is None or xyz is None:
+            raise reader.error(name, f'no <xyz> in <{tag}>')
+        u = reader.unit(name, _floats(reader, name, xyz.text, (0.0, 0.0, 1.0)))
+        of_model = (axis.findtext('use_parent_model_frame') or '').strip() in ('1', 'true')
+        of_model |= xyz.get('expressed_in') == '__model__'
+        axes.append(u if of_model else frame.turn @ u)
+    return two_ended_loops.drawn(name, kind, sides, frame.origin, axes, zero, reader.file)
+
+
+def _constraint(
+    reader: UrdfReader, element: ElementTree.Element, zero: dict[str, FramePose]
+) -> TwoEndedLoop:
+    """An axis has no direction, and a `prismatic` turns about its axis as little as it can from
+    how both sides are with all joints at zero."""
+    name = element.get('name', 'constraint')
+    kind = _kind(reader, name, element.get('type', ''))
+    first, second = (_end(reader, element, side, kind) for side in ('parent', 'child'))
+    if kind == 'prismatic':
+        one, other = (zero.get(end.link, STILL) @ end.frame for end in (first, second))
+        z = one.turn[:, 2] if one.turn[:, 2] @ other.turn[:, 2] >= 0.0 else -one.turn[:, 2]
+        across = np.asarray(Rotation.align_vectors([z], [other.turn[:, 2]])[0].as_matrix())
+        turn = other.turn.T @ across.T @ one.turn
+        second = LoopEnd(second.link, second.frame @ FramePose(np.zeros(3), turn))
+    return TwoEndedLoop(name, kind, (first, second))
 
 
 def _end(reader: UrdfReader, element: ElementTree.Element, side: str, kind: str) -> LoopEnd:
@@ -56,59 +104,11 @@ def _end(reader: UrdfReader, element: ElementTree.Element, side: str, kind: str)
     at = {} if origin is None else origin.attrib
     xyz, rpy = (_floats(reader, name, at.get(key), _NONE) for key in ('xyz', 'rpy'))
     frame = _frame(xyz, rpy)
-    if kind == 'revolute':
+    if AXES[kind]:
         given = None if axis is None else axis.get('xyz')
         u = reader.unit(name, _floats(reader, name, given, (1.0, 0.0, 0.0)))
         frame = FramePose(frame.origin, frame.turn @ rotation_to(u))
     return LoopEnd(body, frame)
-
-
-def _kind_of(reader: UrdfReader, element: ElementTree.Element) -> str:
-    return _kind(reader, element.get('name', 'constraint'), element.get('type', ''))
-
-
-def _gazebo(reader: UrdfReader, element: ElementTree.Element) -> None:
-    name = element.get('name', 'gazebo_joint')
-    kind = _kind(reader, name, element.get('type', ''))
-    sides = [(element.findtext(side) or '').strip() for side in ('parent', 'child')]
-    (parent, _), (child, frame) = (reader.part(side, name) for side in sides)
-    x = _floats(reader, name, element.findtext('pose'), (*_NONE, *_NONE))
-    frame = frame @ _frame(x[:3], x[3:])
-    axes = []
-    for tag in ('axis', 'axis2')[: AXES[kind]]:
-        axis = element.find(tag)
-        xyz = None if axis is None else axis.find('xyz')
-        if axis is None or xyz is None:
-            raise reader.error(name, f'no <xyz> in <{tag}>')
-        u = reader.unit(name, _floats(reader, name, xyz.text, (0.0, 0.0, 1.0)))
-        of_model = (axis.findtext('use_parent_model_frame') or '').strip() in ('1', 'true')
-        of_model |= xyz.get('expressed_in') == '__model__'
-        axes.append(u if of_model else frame.turn @ u)
-        if axis.find('limit') is not None or axis.find('dynamics') is not None:
-            reader.robot.leave('limits, damping, friction, springs, armature', name)
-    reader.robot.connect(Connection(name, kind, parent, child, frame.origin, tuple(axes)))
-
-
-def _constraint(reader: UrdfReader, element: ElementTree.Element) -> None:
-    name = element.get('name', 'constraint')
-    kind = _kind(reader, name, element.get('type', ''))
-    parts, places, axes = [], [], []
-    for side in ('parent', 'child'):
-        link = element.find(side)
-        part, pose = reader.part('' if link is None else link.get('link', ''), name)
-        origin, axis = element.find(f'{side}_origin'), element.find(f'{side}_axis')
-        at = {} if origin is None else origin.attrib
-        xyz, rpy = (_floats(reader, name, at.get(key), _NONE) for key in ('xyz', 'rpy'))
-        frame = pose @ _frame(xyz, rpy)
-        u = None if axis is None else axis.get('xyz')
-        parts.append(part)
-        places.append(frame.origin)
-        axes.append(frame.turn @ reader.unit(name, _floats(reader, name, u, (1.0, 0.0, 0.0))))
-    if AXES[kind] == 1 and 1.0 - abs(axes[0] @ axes[1]) > _PARALLEL:
-        raise reader.error(name, 'its two axes are drawn apart', expected='joints placed by --set')
-    along = tuple(axes[: AXES[kind]])
-    made = Connection(name, kind, parts[0], parts[1], places[0], along)
-    reader.robot.connect(made, places[1])
 
 
 def _kind(reader: UrdfReader, name: str, given: str) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
 from alf_ros.errors import InputError
@@ -15,6 +15,7 @@ from alf_ros.exchange import (
 )
 from alf_ros.exchange.robot import Robot
 from alf_ros.exchange.tree_posture import closed_positions
+from alf_ros.exchange.two_ended_loops import TwoEndedLoop
 from alf_ros.exchange.urdf_import import UrdfReader
 from alf_ros.scene.text import yaml_document
 
@@ -41,37 +42,55 @@ def read(
 ) -> Robot:
     """The robot of a URDF, with its loops closed. side: the file beside it, if there is one.
 
-    positions: of joints (rad, m), which stay there. Raises InputError.
+    positions: of joints (rad, m), which stay there, and do not change the loops. Raises
+    InputError.
     """
     keys = set() if side is None else set(yaml_document.read(side).mapping())
     of_gepetto, of_scikit = 'closed_loop' in keys, 'closures' in keys
     own = side is not None and not of_gepetto and not of_scikit
-    drawn = {**(urdf_loops_file.positions(side) if side and own else {}), **positions}
+    by_file = urdf_loops_file.positions(side) if side and own else {}
     types = closed_loop_file.joint_types(side) if side and of_gepetto else {}
     follows = loop_closures_file.dependent(side) if side and of_scikit else []
 
     def reader_at(positions: Mapping[str, float]) -> UrdfReader:
         return UrdfReader(path, positions, floating, arguments, types, follows)
 
-    reader = reader_at(drawn)
-    loops = urdf_loops.two_ended(reader)
+    reader = reader_at({**by_file, **positions})
+    loops = list(urdf_loops.loops(reader))
     if side and own:
-        loops += urdf_loops_file.two_ended(side)
+        loops += urdf_loops_file.loops(side, reader)
     if side and of_gepetto:
         loops += closed_loop_file.loops(side)
     if side and of_scikit:
-        loops += loop_closures_file.loops(side, reader_at({}))
-    moved = closed_positions(reader, loops, list(drawn))
+        loops += loop_closures_file.loops(side, reader)
+    moved = _moved(reader, loops, by_file, positions)
     if moved:
         told = reader.robot.left_out.names['posture']
-        reader = reader_at({**drawn, **moved})
+        reader = reader_at({**by_file, **positions, **moved})
         for text in told:
             reader.robot.leave('posture', text)
-    urdf_loops.close(reader)
-    if side and own:
-        urdf_loops_file.close(side, reader)
+    urdf_loops.leave(reader)
     for loop in loops:
         two_ended_loops.add(reader, loop)
     if side and of_gepetto:
         closed_loop_file.add_motors(side, reader)
     return reader.robot
+
+
+def _moved(
+    reader: UrdfReader,
+    loops: Sequence[TwoEndedLoop],
+    by_file: Collection[str],
+    by_user: Collection[str],
+) -> dict[str, float]:
+    """Positions (rad, m) of joints that close the loops.
+
+    Joints of the side file and of --set stay. If they leave no posture, only those with --set do.
+    """
+    try:
+        return closed_positions(reader, loops, [*by_file, *by_user])
+    except InputError:
+        if not by_user or not set(by_file) - set(by_user):
+            raise
+    reader.robot.left_out.names.pop('posture', None)
+    return closed_positions(reader, loops, list(by_user))

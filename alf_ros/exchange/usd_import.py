@@ -149,7 +149,7 @@ class _Reader:
         if abs(drawn) <= _ROUNDED * size:
             drawn = 0.0
         else:
-            self.robot.leave('zero of joints', f'{joint.name} at {drawn:g}')
+            self.robot.leave('zero of joints', f'{joint.name} at {drawn:.12g}')
         usd_states.leave(self.stage, self.robot, joint, drawn)
         made = replace(made, drawn=drawn, limits=limits)
         return usd_dynamics.with_passive(self.stage, self.scene, self.robot, joint, made)

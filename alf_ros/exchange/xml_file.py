@@ -10,16 +10,17 @@ import re
 from collections.abc import Mapping
 from pathlib import Path
 from xml.etree import ElementTree
+from xml.parsers import expat
 
 from alf_ros import paths
 from alf_ros.errors import InputError
-from alf_ros.scene.text.yaml_document import LARGEST, LARGEST_FILE
+from alf_ros.exchange import xacro_file
+from alf_ros.scene.text.yaml_document import LARGEST_FILE
 
 XACRO = 'http://www.ros.org/wiki/xacro'
 _USED = re.compile(rb'[<\s/]([A-Za-z_][\w.-]*):[A-Za-z_][\w.-]*(?=[\s/>=])')
 _COMMENT = re.compile(rb'<!--.*?-->', re.DOTALL)
 _ROOT = re.compile(rb'<[A-Za-z_][\w.-]*(?=[\s/>])')
-_TEXTS = ('name', 'link', 'joint', 'type', 'filename', 'uri')
 
 
 def kind_of(path: Path) -> str:
@@ -35,8 +36,8 @@ def root_of(path: Path, arguments: Mapping[str, str] | None = None) -> ElementTr
     Raises InputError.
     """
     root = _parsed(paths.content(path, LARGEST_FILE), path)
-    if path.suffix == '.xacro' or root.find(f'.//{{{XACRO}}}*') is not None:
-        return _parsed(_expanded(path, arguments or {}), path)
+    if _is_xacro(root, path):
+        return _parsed(xacro_file.expanded(path, arguments or {}), path)
     if arguments:
         raise InputError('for xacro only', key='--argument', value=next(iter(arguments)))
     return root
@@ -61,32 +62,17 @@ def _declared(text: bytes) -> bytes:
     return text[: root.end()] + more + text[root.end() :]
 
 
-def _expanded(path: Path, arguments: Mapping[str, str]) -> bytes:
-    """A file expanded by the package xacro of ROS."""
-    try:
-        import xacro
-    except ImportError:
-        message = 'a xacro: `pip install xacro`, or run `xacro FILE > OUT.urdf` first'
-        raise InputError(message, file=str(path)) from None
-    try:
-        document = xacro.process_file(str(path), mappings=dict(arguments))
-        return bytes(document.toxml(encoding='utf-8'))
-    except Exception as error:  # whatever an expression of the file raises
-        message = f'xacro cannot expand it: {error or type(error).__name__}'
-        if isinstance(error, ImportError):
-            message = 'xacro cannot expand it: $(find ...) needs a sourced ROS 2'
-        raise InputError(message, file=str(path)) from None
+def line_of(element: ElementTree.Element, root: ElementTree.Element, path: Path) -> int | None:
+    """The line on which an element of `root_of` begins; None for a xacro, which is expanded."""
+    if _is_xacro(root, path):
+        return None
+    number = next((n for n, each in enumerate(root.iter()) if each is element), None)
+    lines: list[int] = []
+    parser = expat.ParserCreate()
+    parser.StartElementHandler = lambda tag, attributes: lines.append(parser.CurrentLineNumber)
+    parser.Parse(_declared(paths.content(path, LARGEST_FILE)), True)
+    return None if number is None else lines[number]
 
 
-def check_sizes(element: ElementTree.Element, path: Path) -> None:
-    """Refuse attributes that read as numbers, but cannot be computed with. Raises InputError."""
-    for key, value in element.attrib.items():
-        for word in value.split() if key not in _TEXTS else ():
-            try:
-                usable = abs(float(word)) <= LARGEST
-            except ValueError:  # the parser says what should have been there
-                usable = True
-            if not usable:
-                where = f'{element.tag} {key}'
-                message = 'not a usable number'
-                raise InputError(message, file=str(path), key=where, value=word)
+def _is_xacro(root: ElementTree.Element, path: Path) -> bool:
+    return path.suffix == '.xacro' or root.find(f'.//{{{XACRO}}}*') is not None

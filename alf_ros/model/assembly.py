@@ -25,6 +25,7 @@ from alf_ros.model.compile import Model, allocate, hold
 from alf_ros.model.constraints.drives import is_aligned
 from alf_ros.model.constraints.meshing import Integral, integrals, slips
 from alf_ros.model.constraints.row import Row, linear
+from alf_ros.model.massless_directions import no_mass
 from alf_ros.model.prescribed import prescribe
 
 LEAST, CLOSED = 1e-13, 1e-10  # of the size, to which rows are closed, and must be
@@ -173,7 +174,7 @@ def _settle(model: Model, system: System, work: Work, least: float) -> Floats:
     phi, gap = np.zeros(system.rows.alpha.size), np.zeros(system.rows.alpha.size)
     least, best = float(least * model.size), np.array(work.q)
     if not settle(model.unit, system, work, least, best, phi, gap):
-        raise _no_factor()
+        raise no_mass(model, work.q)
     return gap
 
 
@@ -370,11 +371,7 @@ def held(model: Model, given: Given) -> list[Row]:
 
 def _linearised(model: Model, system: System, work: Work) -> None:
     if not kernel.linearise(model.unit, system, work, work.q):
-        raise _no_factor()
-
-
-def _no_factor() -> AssemblyError:
-    return AssemblyError('a point that moves has neither mass nor constraint', key='points')
+        raise no_mass(model, work.q)
 
 
 def _gaps(model: Model, system: System, work: Work) -> Floats:

@@ -17,6 +17,7 @@ from alf_ros.arrays import Floats
 from alf_ros.errors import AssemblyError
 from alf_ros.kernel import System, Work
 from alf_ros.model.compile import Model
+from alf_ros.model.massless_directions import no_mass
 from alf_ros.model.rank import effective_rank
 
 _PASSES = 3  # of the projection onto a null space
@@ -26,7 +27,7 @@ _MORE = 2  # vectors beyond those expected
 def linearise(model: Model, system: System, work: Work) -> None:
     """Φ_q and the factor of A at work.q. Raises AssemblyError if there is no factor."""
     if not kernel.linearise(model.unit, system, work, work.q):
-        raise AssemblyError('a point that moves has neither mass nor constraint', key='points')
+        raise no_mass(model, work.q)
 
 
 def free_directions(model: Model, system: System, work: Work) -> tuple[Floats, Floats]:

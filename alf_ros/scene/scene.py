@@ -65,6 +65,18 @@ REQUIRED = ('mechanism',)
 INITIAL = ('positions', 'velocities', 'branch')
 
 _SUFFIXES = ('.yaml', '.yml')
+_OF_ROBOTS = (
+    '.urdf',
+    '.xacro',
+    '.sdf',
+    '.world',
+    '.xml',
+    '.mjcf',
+    '.usd',
+    '.usda',
+    '.usdc',
+    '.usdz',
+)
 PICKED = ('integrator', 'tolerance')  # by an accuracy
 CHOICES = {'integrator': INTEGRATORS, 'formulation': FORMULATIONS}
 NUMBERS = {  # smallest, largest, whole, expected value
@@ -354,7 +366,13 @@ def _mechanism(entry: Entry, name: str, references: References) -> tuple[Entry, 
 
 
 def _path(source: str) -> Path | None:
-    """The path that `source` is, or None for a name."""
+    """The path that `source` is, or None for a name. Raises InputError for a robot file."""
+    if source.lower().endswith(_OF_ROBOTS):
+        message, expected = (
+            'a robot file',
+            f'`python -m alf_ros import {source} --scene -o OUT.yaml`',
+        )
+        raise InputError(message, file=source, expected=f'a scene, which {expected} makes of it')
     is_path = source.endswith(_SUFFIXES) or '/' in source or os.sep in source
     return paths.named(source) if is_path else None
 

@@ -134,7 +134,9 @@ class Simulation:
         try:
             told = self._stepper.examined(self._applied)
         except AssemblyError as error:
-            raise AssemblyError(error.message, file=self.scene.file, key=error.key) from None
+            raise AssemblyError(
+                error.message, file=self.scene.file, key=error.key, expected=error.expected
+            ) from None
         if told:
             self._start = replace(self._start, unexamined=told)
             self._use(solver)

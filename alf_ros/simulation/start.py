@@ -57,7 +57,9 @@ def started(scene: Scene, solver: Solver) -> Start:
             at.model, at.q, scene.velocities, at.dependent_rows, at.near, branch=scene.branch
         )
     except AssemblyError as error:
-        raise AssemblyError(error.message, file=scene.file, key=error.key) from None
+        raise AssemblyError(
+            error.message, file=scene.file, key=error.key, expected=error.expected
+        ) from None
     return Start(
         at.model, at.q, qd, at.dependent_rows, at.ordinary, singular, at.near, at.adjustment
     )
@@ -83,7 +85,9 @@ def assembled(scene: Scene, solver: Solver) -> Assembled:
         if near:
             q = assembly.close(model, scene.positions, q, least=0.0)
     except AssemblyError as error:
-        raise AssemblyError(error.message, file=scene.file, key=error.key) from None
+        raise AssemblyError(
+            error.message, file=scene.file, key=error.key, expected=error.expected
+        ) from None
     return Assembled(model, q, dependent, ordinary, near, adjustment)
 
 

@@ -65,8 +65,14 @@ def check(source: str, kind: str, folder: Path) -> None:
     assert found == pytest.approx(angle(source), abs=SOFT)
 
 
-def test_an_anchor_that_is_elsewhere_is_refused(tmp_path: Path) -> None:
-    """`relpose` places it on the first body."""
+def test_an_anchor_that_is_elsewhere_moves_the_bodies_there(tmp_path: Path) -> None:
+    """`relpose` places it on the first body. Without a joint that reaches it, it is refused."""
     source = two_bodies('anchor="0.1 0 0" relpose="0.3 0 0 1 0 0 0"')
-    with pytest.raises(InputError, match=r'held: its two ends are drawn 0\.1 m apart'):
-        imported(saved(tmp_path, 'it.xml', source))
+    sample = simulate(imported(saved(tmp_path, 'it.xml', source), scene=True)).sample()
+    assert sample.diagnostics.position_violation < 1e-12
+    fixed = source.replace('<freejoint name="free"/>', '')
+    message = 'held cannot be closed: 0.*m stay open, from 60 starts'
+    with pytest.raises(InputError, match=message):
+        imported(saved(tmp_path, 'it.xml', fixed))
+    with pytest.raises(InputError, match=r'all joints are held, and 0.106 m stay open'):
+        imported(saved(tmp_path, 'it.xml', fixed), positions={'pin': 0.2})

@@ -206,11 +206,14 @@ def parse(text: str, file: str | None) -> Entry:
     try:
         return _Reader(yaml.parse(text, Loader=_Loader), file).document()
     except yaml.MarkedYAMLError as error:
-        mark: Any = error.problem_mark or error.context_mark
         problem = ' '.join(part for part in (error.context, error.problem) if part)
-        raise InputError(
-            f'not YAML: {problem}', file=file, line=mark.line + 1 if mark else None
-        ) from None
+        marks: list[Any] = [mark for mark in (error.problem_mark, error.context_mark) if mark]
+        lines = [mark.line + 1 for mark in marks] or [1]
+        last = text.rstrip().count('\n') + 1
+        if lines[0] > last:  # where the text ends something is open, which began before
+            problem = f'{problem}: the file ends in it'
+            lines = [*(line for line in lines if line <= last), last]
+        raise InputError(f'not YAML: {problem}', file=file, line=lines[0]) from None
     except yaml.YAMLError as error:
         raise InputError(f'not YAML: {error}', file=file) from None
 
@@ -226,7 +229,7 @@ class _Reader:
     def document(self) -> Entry:
         next(self.events)  # the start of the stream
         if isinstance(next(self.events), yaml.StreamEndEvent):
-            raise InputError('the file is empty', file=self.file, expected='a mapping')
+            raise InputError('the file is empty', file=self.file, line=1, expected='a mapping')
         root = self.node(next(self.events), '', None, DEEPEST)
         next(self.events)  # the end of the document
         after = next(self.events)

@@ -99,7 +99,9 @@ def actuated(scene: Scene, active: Sequence[str]) -> Actuated:
         dependent, _, sigma = ordinary_positions.ordinary(model, q)
         model = fitted(model.accustomed(sigma, dependent), sigma)
     except AssemblyError as error:
-        raise AssemblyError(error.message, file=scene.file, key=error.key) from None
+        raise AssemblyError(
+            error.message, file=scene.file, key=error.key, expected=error.expected
+        ) from None
     before = free.model.n - (len(free.model.row_names) - free.dependent_rows)
     after = model.n - (len(model.row_names) - dependent)
     _refuse_count(model, q, names, before, after)

@@ -21,6 +21,7 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.errors import AssemblyError
 from alf_ros.model.assembly import displaced
+from alf_ros.model.massless_directions import no_mass
 from alf_ros.studies.statics.constrained_solve import ConstrainedSolve
 from alf_ros.studies.statics.instant import Instant, counted
 from alf_ros.studies.statics.sparse_rows import Sparse
@@ -91,7 +92,7 @@ def pushed(instant: Instant, solve: ConstrainedSolve) -> tuple[Floats, Floats]:
     """q̈ (n,) from rest, m/s², and λ (rows,): M q̈ + Jᵀ λ = Q, J q̈ = 0."""
     J = instant.J[:, : instant.model.n].tocsr()
     if not solve.factorise(instant.M, J, instant.q):
-        raise AssemblyError('a point that moves has neither mass nor constraint', key='points')
+        raise no_mass(instant.model, instant.q)
     return solve.solve(instant.Q[: instant.model.n], np.zeros(J.shape[0]))
 
 

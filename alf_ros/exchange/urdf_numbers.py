@@ -1,0 +1,59 @@
+"""The numbers of a URDF, checked with their link or joint and line before the parser sees them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+from alf_ros.errors import InputError
+from alf_ros.exchange import xml_file
+from alf_ros.scene.text.yaml_document import LARGEST
+
+_MOMENTS = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
+# how many numbers an attribute has, by elements of a link or a joint
+_COUNTS = {
+    'mass': {'value': 1},
+    'inertia': dict.fromkeys(_MOMENTS, 1),
+    'origin': {'xyz': 3, 'rpy': 3},
+    'axis': {'xyz': 3},
+    'limit': dict.fromkeys(('lower', 'upper', 'effort', 'velocity'), 1),
+    'mimic': {'multiplier': 1, 'offset': 1},
+    'dynamics': {'damping': 1, 'friction': 1},
+    'calibration': {'rising': 1, 'falling': 1},
+    'safety_controller': dict.fromkeys(
+        ('soft_lower_limit', 'soft_upper_limit', 'k_position', 'k_velocity'), 1
+    ),
+}
+
+
+def checked(part: ElementTree.Element, root: ElementTree.Element, path: Path) -> None:
+    """Refuse attributes of a link or a joint that are no numbers, or cannot be computed with.
+
+    root: of the file, for the line. Elements that URDF does not have are not looked at. Raises
+    InputError.
+    """
+    for element in (*part, *(each for inner in part.findall('inertial') for each in inner)):
+        for attribute, count in _COUNTS.get(element.tag, {}).items():
+            given = element.get(attribute)
+            message = None if given is None else _fault(given, count)
+            if message is not None:
+                raise InputError(
+                    message,
+                    file=str(path),
+                    line=xml_file.line_of(element, root, path),
+                    key=f'{part.tag} {part.get("name", "")}: {element.tag} {attribute}',
+                    value=given,
+                    expected='a number' if count == 1 else f'{count} numbers',
+                )
+
+
+def _fault(given: str, count: int) -> str | None:
+    """The fault of a text of so many numbers; None without one."""
+    words = given.split()
+    try:
+        usable = all(abs(float(word)) <= LARGEST for word in words)
+    except ValueError:
+        return 'not a number' if count == 1 else 'not numbers'
+    if not usable:
+        return 'not a usable number' if count == 1 else 'not usable numbers'
+    return None if len(words) == count else 'the wrong number of values'

@@ -1,0 +1,79 @@
+"""A xacro, expanded by the package xacro of ROS; what it lacks ends in one line."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from alf_ros import paths
+from alf_ros.errors import InputError
+from alf_ros.scene.text.yaml_document import LARGEST_FILE
+
+# <xacro:arg name="...">, $(arg ...) and xacro.arg('...') in expressions
+_ARGUMENT = re.compile(
+    r"""<\w+:arg\b[^>]*?\bname\s*=\s*["']([^"']+)|\$\(arg\s+([^)\s]+)|\barg\(\s*["']([^"']+)"""
+)
+_PACKAGE = re.compile(r'\$\(find\s+([^)\s]+)')
+_NOT_FOUND = ('AMENT_PREFIX_PATH', 'not found, searching')
+
+
+def expanded(path: Path, arguments: Mapping[str, str]) -> bytes:
+    """The XML of a xacro. Raises InputError, also for arguments that it does not have."""
+    try:
+        import xacro
+    except ImportError:
+        message = 'a xacro: `pip install xacro`, or run `xacro FILE > OUT.urdf` first'
+        raise InputError(message, file=str(path)) from None
+    getattr(xacro, 'all_includes', []).clear()  # of files before
+    try:
+        document = xacro.process_file(str(path), mappings=dict(arguments))
+        whole = bytes(document.toxml(encoding='utf-8'))
+    except Exception as error:  # whatever an expression of the file raises
+        raise _refused(path, xacro, error) from None
+    if arguments:
+        _check(arguments, path, xacro)
+    return whole
+
+
+def _check(arguments: Mapping[str, str], path: Path, xacro: Any) -> None:
+    """Refuse arguments that neither the file nor one that it includes names."""
+    named = [''.join(each) for text in _texts(path, xacro) for each in _ARGUMENT.findall(text)]
+    if any('$' in name for name in named):  # a name that is computed
+        return
+    for name, value in arguments.items():
+        if name not in named:
+            raise InputError(
+                'no such argument',
+                file=str(path),
+                key='--argument',
+                value=name,
+                choices=dict.fromkeys(named),
+                expected=None if named else f'no --argument {name}={value}: it has none',
+            )
+
+
+def _texts(path: Path, xacro: Any) -> list[str]:
+    """The texts of a file and of those that it includes."""
+    files = dict.fromkeys([str(path), *map(str, getattr(xacro, 'all_includes', ()))])
+    return [
+        paths.content(Path(each), LARGEST_FILE).decode('utf-8', 'replace')
+        for each in files
+        if os.path.isfile(each)
+    ]
+
+
+def _refused(path: Path, xacro: Any, error: Exception) -> InputError:
+    said = f'{error or type(error).__name__}'
+    if isinstance(error, ImportError) or any(each in said for each in _NOT_FOUND):
+        found = [name for text in _texts(path, xacro) for name in _PACKAGE.findall(text)]
+        missing = ', '.join(dict.fromkeys(found))
+        return InputError(
+            'xacro cannot expand it: $(find ...) finds no package',
+            file=str(path),
+            value=missing or None,
+            expected='a sourced ROS 2 that has the package, or `xacro FILE > OUT.urdf` there',
+        )
+    return InputError(f'xacro cannot expand it: {said}', file=str(path))

@@ -1,0 +1,134 @@
+"""Mistakes around an import end in one line that names file, line, key, value and the cure."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import support.imported_robots as robots
+from alf_ros import Closure, InputError, load_scene
+from alf_ros.commands.import_ import main
+from alf_ros.exchange.import_file import imported
+from support.imported_motions import saved
+
+XACRO = (
+    '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">{}'
+    '<link name="base"/><link name="bar"><inertial><mass value="{}"/>'
+    '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+    '<joint name="pin" type="continuous"><parent link="base"/><child link="bar"/></joint></robot>'
+)
+SIZE = '<xacro:arg name="size" default="1"/>'
+
+
+@pytest.mark.parametrize(
+    ('inside', 'mass'),
+    [
+        (SIZE, '$(arg size)'),
+        ('', '$(arg size)'),
+        (SIZE, "${float(xacro.arg('size')) * 1.0}"),
+        ("<xacro:property name='s' value='1'/>" + SIZE.replace('"size"', '"${chr(115)}ize"'), '2'),
+    ],
+)
+def test_arguments_that_a_xacro_names_are_taken(inside: str, mass: str, tmp_path: Path) -> None:
+    """Declared, only used, used in an expression, declared by a computed name."""
+    pytest.importorskip('xacro')
+    path = saved(tmp_path, 'it.urdf.xacro', XACRO.format(inside, mass))
+    assert 'mass: 2' in imported(path, arguments={'size': '2'})
+
+
+def test_an_argument_of_an_included_file_is_taken(tmp_path: Path) -> None:
+    pytest.importorskip('xacro')
+    other = '<robot xmlns:xacro="http://www.ros.org/wiki/xacro">{}</robot>'
+    saved(tmp_path, 'other.xacro', other.format(SIZE))
+    inside = '<xacro:include filename="other.xacro"/>'
+    path = saved(tmp_path, 'it.urdf.xacro', XACRO.format(inside, '$(arg size)'))
+    assert 'mass: 2' in imported(path, arguments={'size': '2'})
+
+
+def test_an_argument_that_a_xacro_lacks_is_refused(tmp_path: Path) -> None:
+    pytest.importorskip('xacro')
+    path = saved(tmp_path, 'it.urdf.xacro', XACRO.format(SIZE, '$(arg size)'))
+    message = "--argument: no such argument, got 'sice'; did you mean 'size'?"
+    with pytest.raises(InputError, match=message):
+        main([path, '--argument', 'sice:=2'])
+    path = saved(tmp_path, 'none.urdf.xacro', XACRO.format('', '1'))
+    with pytest.raises(InputError, match="no such argument, got 'size'; expected no --argument"):
+        main([path, '--argument', 'size=2'])
+
+
+@pytest.mark.parametrize('prefix', ['', '/nowhere'])
+def test_a_package_that_is_not_found_is_one_line(prefix: str, tmp_path: Path, monkeypatch) -> None:
+    pytest.importorskip('xacro')
+    monkeypatch.setenv('AMENT_PREFIX_PATH', prefix)
+    inside = '<xacro:include filename="$(find no_such_robot)/a.xacro"/>'
+    path = saved(tmp_path, 'it.urdf.xacro', XACRO.format(inside, '1'))
+    with pytest.raises(InputError) as caught:
+        imported(path)
+    message = str(caught.value)
+    assert "$(find ...) finds no package, got 'no_such_robot'; expected a sourced ROS" in message
+    assert 'Error' not in message and '\n' not in message and caught.value.exit_code == 2
+
+
+def test_a_number_of_a_link_has_its_line(tmp_path: Path) -> None:
+    """Not of a xacro, whose text is another one after its expansion."""
+    source = robots.double_pendulum().replace('<mass value="1.0"/>\n', '<mass value="1.0"/>')
+    lines = source.split('\n')
+    number = next(n for n, line in enumerate(lines) if 'name="lower"' in line)
+    lines[number] = lines[number].replace('mass value="1.0"', 'mass value="abc"')
+    path = saved(tmp_path, 'it.urdf', '\n'.join(lines))
+    with pytest.raises(InputError) as caught:
+        imported(path)
+    expected = "link lower: mass value: not a number, got 'abc'; expected a number"
+    assert str(caught.value) == f'{path}:{number + 1}: {expected}'
+    pytest.importorskip('xacro')
+    path = saved(tmp_path, 'it.urdf.xacro', XACRO.format('', 'abc'))
+    with pytest.raises(InputError) as caught:
+        imported(path)
+    assert str(caught.value).startswith(f'{path}: link bar: mass value: not a number')
+
+
+def test_numbers_of_other_programs_are_not_looked_at(tmp_path: Path) -> None:
+    """An element of a simulator, within a link, with names that URDF has too."""
+    other = '<link name="lower"><contact><limit lower="soft"/></contact>'
+    source = robots.double_pendulum().replace('<link name="lower">', other)
+    assert other in source and imported(saved(tmp_path, 'it.urdf', source))
+
+
+def test_a_folder_is_no_file_but_a_corpus(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match='a folder; expected a file; `import --corpus '):
+        main([str(tmp_path)])
+    with pytest.raises(InputError, match='--corpus: no robot files below this folder.*urdf'):
+        main(['--corpus', str(tmp_path)])
+
+
+@pytest.mark.parametrize(
+    ('text', 'line', 'message'),
+    [
+        ('loops:\n  a: {b: [1, 2\n\n\n', 2, 'not YAML.*the file ends in it'),
+        ('loops:\n  a: {b: [1,\n\n\n', 2, 'not YAML.*the file ends in it'),
+        ('loops:\n  a: "b\n\n\n', 2, 'not YAML.*the file ends in it'),
+        ('{', 1, 'not YAML.*the file ends in it'),
+        ('# nothing\n', 1, 'the file is empty'),
+    ],
+)
+def test_the_end_of_a_yaml_file_has_a_line(
+    text: str, line: int, message: str, tmp_path: Path
+) -> None:
+    """A line of the file: the one where it begins, or the last one."""
+    urdf = saved(tmp_path, 'it.urdf', robots.four_bar())
+    side = saved(tmp_path, 'loops.yaml', text)
+    with pytest.raises(InputError, match=f'loops.yaml:{line}: {message}'):
+        imported(urdf, loops=side)
+
+
+@pytest.mark.parametrize('name', ['it.urdf', 'folder/it.sdf', 'it.xml', 'it.usda', 'it.xacro'])
+def test_a_robot_file_is_no_scene(name: str) -> None:
+    """The message has the command that makes one."""
+    expected = f'python -m alf_ros import {name} --scene -o OUT.yaml'
+    for use in (load_scene, lambda name: Closure(name, [])):
+        with pytest.raises(InputError, match='a robot file') as caught:
+            use(name)
+        assert expected in str(caught.value)
+    with pytest.raises(InputError, match='a robot file'):
+        load_scene({'mechanism': name})
