@@ -19,32 +19,31 @@ UNDAMPED, DAMPED = 3.5 - math.sqrt(2.0), 41.0 / 28.0
 
 
 def column(load: float, damping: float = 0.0) -> Scene:
+    return load_scene(column_data(load, damping))
+
+
+def column_data(load: float, damping: float) -> dict[str, Any]:
     springs = {
         name: {'joint': joint, 'stiffness': 1.0, 'damping': damping}
         for name, joint in (('lower', 'foot'), ('upper', 'knee'))
     }
     follower = {'on': 'upper', 'force': [-load, 0.0], 'at': 'B', 'frame': 'body'}
-    return load_scene(
-        {
-            'mechanism': {
-                'alf': 1,
-                'points': {
-                    'O': {'at': [0, 0], 'fixed': True},
-                    'A': {'at': [0, 1]},
-                    'B': {'at': [0, 2]},
-                },
-                'bodies': {
-                    'lower': weight(2.0, 'O', 'A'),
-                    'upper': weight(1.0, 'A', 'B'),
-                },
-                'joints': {
-                    'foot': {'type': 'revolute', 'between': ['ground', 'lower'], 'at': 'O'},
-                    'knee': {'type': 'revolute', 'between': ['lower', 'upper'], 'at': 'A'},
-                },
+    return {
+        'mechanism': {
+            'alf': 1,
+            'points': {
+                'O': {'at': [0, 0], 'fixed': True},
+                'A': {'at': [0, 1]},
+                'B': {'at': [0, 2]},
             },
-            'effects': {'torsion_spring': springs, 'constant_wrench': follower},
-        }
-    )
+            'bodies': {'lower': weight(2.0, 'O', 'A'), 'upper': weight(1.0, 'A', 'B')},
+            'joints': {
+                'foot': {'type': 'revolute', 'between': ['ground', 'lower'], 'at': 'O'},
+                'knee': {'type': 'revolute', 'between': ['lower', 'upper'], 'at': 'A'},
+            },
+        },
+        'effects': {'torsion_spring': springs, 'constant_wrench': follower},
+    }
 
 
 def weight(mass: float, foot: str, end: str) -> dict[str, Any]:
@@ -142,6 +141,52 @@ def test_only_dry_friction_holds(law: dict[str, float], holds: bool) -> None:
         load_scene({**PENDULUM, 'effects': {**GRAVITY, 'joint_friction': friction}})
     )
     assert any('friction holds' in note for note in rest.notes) == holds
+
+
+def beside_a_stiff_slider(scene: dict[str, Any], stiffness: float) -> Scene:
+    """The scene, and 1 g on a spring, which has nothing to do with it."""
+    mechanism, effects = scene['mechanism'], scene['effects']
+    slide = {'type': 'slider', 'point': 'S', 'between': ['ground', 'block']}
+    held = {'joint': 'slide', 'stiffness': stiffness, 'free_position': 0}
+    springs = effects.get('torsion_spring', {})
+    return load_scene(
+        {
+            'mechanism': {
+                **mechanism,
+                'points': {**mechanism['points'], 'S': {'at': [9, 0]}},
+                'bodies': {
+                    **mechanism['bodies'],
+                    'block': {'points': ['S'], 'mass': 1e-3, 'inertia': 'point'},
+                },
+                'joints': {
+                    **mechanism['joints'],
+                    'slide': {**slide, 'on': {'through': [9, 0], 'direction': [0, 1]}},
+                },
+            },
+            'effects': {**effects, 'torsion_spring': {**springs, 'stiff': held}},
+        }
+    )
+
+
+@pytest.mark.parametrize('stiffness', [1e2, 1e6, 1e9])
+@pytest.mark.parametrize('down', [-9.81, 9.81])
+def test_a_pendulum_beside_a_stiff_slider(stiffness: float, down: float) -> None:
+    """A standing one falls, a hanging one swings with its own frequency."""
+    effects = {'gravity': {'acceleration': [0, down]}}
+    found = beside_a_stiff_slider({**PENDULUM, 'effects': effects}, stiffness)
+    rest = equilibrium(found, nearest=True)  # it is drawn at rest
+    assert rest.stability == ('stable' if down < 0.0 else 'unstable')
+    assert rest.stiffness[0] == pytest.approx(-1.5 * down, rel=1e-6)
+    assert modes(rest).squares[0] == pytest.approx(-1.5 * down, rel=1e-6)
+
+
+@pytest.mark.parametrize('stiffness', [1e2, 1e6, 1e9])
+@pytest.mark.parametrize('damping', [0.0, 0.01])
+def test_a_column_that_flutters_beside_a_stiff_slider(stiffness: float, damping: float) -> None:
+    rest = equilibrium(beside_a_stiff_slider(column_data(2.5, damping), stiffness))
+    assert rest.stability == 'unstable' and not rest.conservative
+    held = equilibrium(beside_a_stiff_slider(column_data(1.2, damping), stiffness))
+    assert held.stability == 'stable' and not held.conservative
 
 
 @pytest.mark.parametrize('angle', [-2.8, -1.0, 0.3, 2.2])

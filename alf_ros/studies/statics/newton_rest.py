@@ -31,7 +31,7 @@ def nearest_rest(instant: Instant) -> Landing:
         if best.left <= _AT_REST * best.scale:
             break
         here, Z = best.instant, best.instant.velocity_directions
-        K, _ = reduced_stiffness(here, best.lam)
+        K = reduced_stiffness(here, best.lam).matrix
         along = np.linalg.lstsq(K, Z.T @ here.Q[: here.model.n], rcond=_SMALL)[0]
         dq = Z @ along
         dq *= min(1.0, longest / max(float(np.abs(dq).max(initial=0.0)), 1e-300))

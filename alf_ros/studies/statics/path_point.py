@@ -22,7 +22,7 @@ from alf_ros.arrays import Floats
 from alf_ros.studies.statics.descent import free_rate, pushed
 from alf_ros.studies.statics.instant import Instant
 from alf_ros.studies.statics.rest_stability import (
-    NEUTRAL_PART,
+    ReducedStiffness,
     RestStability,
     reduced_stiffness,
     stability_of,
@@ -114,7 +114,7 @@ class PathPoint:
         return PathDirection(self.instant.q[:n] - other.instant.q[:n], self.value - other.value)
 
     @cached_property
-    def _reduced(self) -> tuple[Floats, float]:
+    def _reduced(self) -> ReducedStiffness:
         return reduced_stiffness(self.instant, self.lam)
 
     @cached_property
@@ -122,7 +122,7 @@ class PathPoint:
         """The acceleration that the forces give without rows, or that the stiffness gives over a
         small part of a typical length, m/s²."""
         length = _PART * self.instant.loads.tangents.length
-        return max(free_rate(self.instant), self._reduced[1] * length)
+        return max(free_rate(self.instant), self._reduced.size * length)
 
     @property
     def freedoms(self) -> int:
@@ -137,18 +137,18 @@ class PathPoint:
     @property
     def stiffness(self) -> Floats:
         """Zᵀ (K + L) Z (f, f), 1/s²."""
-        return self._reduced[0]
+        return self._reduced.matrix
 
-    @cached_property
+    @property
     def squares(self) -> Floats:
         """(f,) eigenvalues of its symmetric part, 1/s², ascending."""
-        K = self.stiffness
-        return np.asarray(np.linalg.eigvalsh(0.5 * (K + K.T)), dtype=float)
+        return self._reduced.symmetric[0]
 
     @property
     def are_zero(self) -> Truths:
         """(f,) which of them are zero to rounding."""
-        return np.asarray(np.abs(self.squares) <= NEUTRAL_PART * self._reduced[1])
+        squares, motions = self._reduced.symmetric
+        return np.asarray(np.abs(squares) <= self._reduced.rounding(motions))
 
     @cached_property
     def soft(self) -> PathDirection:

@@ -12,19 +12,72 @@ gives energy, the eigenvalues of the linear motion decide, with damping.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.studies.statics.instant import Instant
+from alf_ros.studies.statics.sparse_rows import Sparse
 
 STABLE, UNSTABLE, NEUTRAL = 'stable', 'unstable', 'neutral'
-NEUTRAL_PART = 1e-9  # ω² of the terms that it is the sum of, from which down it counts as zero
-SYMMETRIC = 1e-7  # of the Hessian, that its skew part may be
-_DRAINING = 1e-9  # of the damping: what rounding may leave of none
-# of the fastest eigenvalue of the motion: what rounding may leave of none, and of a double one
-_GROWING, _GROWING_TWICE = 1e-9, 1e-6
+SYMMETRIC = 1e-7  # of the terms of two motions, that the skew part between them may be
+_NEUTRAL = 1e-9  # ω² of the terms that it is the sum of, from which down it counts as zero
+_DRAINING = 1e-9  # of the damping of a motion: what rounding may leave of none
+_GROWING = 1e-9  # of an eigenvalue of the motion: what rounding may leave of none
+_SOLVED = 1e-14  # of the largest number of a matrix: what its eigenvalues may be off by
+
+
+@dataclass(frozen=True, eq=False)
+class ReducedStiffness:
+    """H = Zᵀ (K + Σ λ_k H_k) Z on the free directions, and what it is the sum of.
+
+    matrix (f, f): H, 1/s². terms (n, n): magnitudes, N/m. Z (n, f), kg^-½.
+    """
+
+    matrix: Floats
+    terms: Sparse
+    Z: Floats
+
+    @cached_property
+    def size(self) -> float:
+        """How large the largest terms are, 1/s²."""
+        return float((np.abs(self.Z.T) @ (self.terms @ np.abs(self.Z))).max(initial=0.0))
+
+    def sums(self, motions: Floats) -> Floats:
+        """(k,) how large the terms are that ω² of motions (k, n) is the sum of, 1/s²."""
+        shapes = np.abs(motions)
+        return np.asarray(np.einsum('kn,nk->k', shapes, self.terms @ shapes.T), dtype=float)
+
+    @cached_property
+    def solved(self) -> float:
+        """The possible error of eigenvalues, 1/s²."""
+        return _SOLVED * float(np.abs(self.matrix).max(initial=0.0))
+
+    def rounding(self, motions: Floats) -> Floats:
+        """(k,) the rounding of an ω² that is zero, of motions (k, n), 1/s²."""
+        return _NEUTRAL * self.sums(motions) + self.solved
+
+    @cached_property
+    def symmetric(self) -> tuple[Floats, Floats]:
+        """(f,) eigenvalues of its symmetric part, 1/s², ascending, and motions (f, n), kg^-½."""
+        values, turn = self._solved
+        return values, (self.Z @ turn).T
+
+    @cached_property
+    def _solved(self) -> tuple[Floats, Floats]:
+        values, turn = np.linalg.eigh(0.5 * (self.matrix + self.matrix.T))
+        return np.asarray(values, dtype=float), np.asarray(turn, dtype=float)
+
+    @cached_property
+    def conservative(self) -> bool:
+        """Whether it is symmetric: the loads have a potential to second order."""
+        _, turn = self._solved
+        skew = turn.T @ (self.matrix - self.matrix.T) @ turn
+        scale = np.sqrt(self.sums(self.symmetric[1]))
+        return bool((np.abs(skew) <= SYMMETRIC * np.outer(scale, scale) + self.solved).all())
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +92,6 @@ class ReducedModes:
     squares: Floats
     motions: Floats
     partners: Floats
-    conservative: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,79 +109,79 @@ class RestStability:
     growth: float | None = None
 
 
-def reduced_stiffness(instant: Instant, lam: Floats) -> tuple[Floats, float]:
-    """(f, f) Zᵀ (K + Σ λ_k H_k) Z, 1/s², and how large the terms are that it is the sum of."""
-    Z = instant.velocity_directions
-    K, L = instant.K, instant.curvature(lam)
-    terms = abs(K) + abs(L)
-    size = float((np.abs(Z.T) @ (terms @ np.abs(Z))).max(initial=0.0))
-    return np.asarray(Z.T @ ((K + L) @ Z)), size
+def reduced_stiffness(instant: Instant, lam: Floats) -> ReducedStiffness:
+    """Of an instant with λ (rows,) in the kernel's order."""
+    Z, K, L = instant.velocity_directions, instant.K, instant.curvature(lam)
+    return ReducedStiffness(np.asarray(Z.T @ ((K + L) @ Z)), abs(K) + abs(L), Z)
 
 
-def reduced_modes(instant: Instant, stiffness: Floats, size: float) -> ReducedModes:
-    """The modes without damping, of the reduced stiffness and its size."""
-    Z = instant.velocity_directions
-    skew = float(np.abs(stiffness - stiffness.T).max(initial=0.0))
-    if skew <= SYMMETRIC * size:
-        values, turn = np.linalg.eigh(0.5 * (stiffness + stiffness.T))
-        motions = (Z @ turn).T
-        return ReducedModes(_without_rounding(values, size), motions, motions, True)
-    found, vectors = np.linalg.eig(stiffness)
-    grow = np.abs(found.imag) > SYMMETRIC * size
+def reduced_modes(stiffness: ReducedStiffness) -> ReducedModes:
+    """The modes without damping."""
+    if stiffness.conservative:
+        values, motions = stiffness.symmetric
+        squares = np.where(np.abs(values) > stiffness.rounding(motions), values, 0.0)
+        return ReducedModes(squares, motions, motions)
+    found, vectors = np.linalg.eig(stiffness.matrix)
+    both = [(stiffness.Z @ part).T for part in (vectors.real, vectors.imag)]
+    sums, rounding = (sum(of(x) for x in both) for of in (stiffness.sums, stiffness.rounding))
+    grow = np.abs(found.imag) > SYMMETRIC * sums + stiffness.solved
+    squares = np.where(np.abs(found.real) > rounding, found.real, 0.0)
     order = np.lexsort((found.imag, found.real, grow))
-    found, vectors, grow = found[order], vectors[:, order], grow[order]
+    squares = np.where(grow, np.nan, squares)[order]
     # of a pair that is complex, real and imaginary part span the motion
-    real = np.where(grow & (found.imag < 0.0), vectors.imag, vectors.real)
+    real = np.where(grow & (found.imag < 0.0), vectors.imag, vectors.real)[:, order]
     real /= np.linalg.norm(real, axis=0)
-    squares = np.where(grow, np.nan, _without_rounding(found.real, size))
-    partners = (Z @ np.linalg.pinv(real).T).T
-    return ReducedModes(squares, (Z @ real).T, partners, False)
-
-
-def _without_rounding(squares: Floats, size: float) -> Floats:
-    """ω² (1/s²) of the reduced stiffness; zero where terms as large as `size` leave rounding."""
-    return np.where(np.abs(squares) > NEUTRAL_PART * size, squares, 0.0)
+    partners = (stiffness.Z @ np.linalg.pinv(real).T).T
+    return ReducedModes(squares, (stiffness.Z @ real).T, partners)
 
 
 def stability_of(instant: Instant, lam: Floats) -> RestStability:
     """Of an instant at rest with λ (rows,) in the kernel's order. Raises InputError if a free
     motion has no mass, or the mechanism is too large for dense matrices."""
+    stiffness = reduced_stiffness(instant, lam)
+    found, conservative = reduced_modes(stiffness), stiffness.conservative
     Z = instant.velocity_directions
-    stiffness, size = reduced_stiffness(instant, lam)
-    found = reduced_modes(instant, stiffness, size)
     damping = np.asarray(Z.T @ (instant.C @ Z))
-    gains = np.linalg.eigvalsh(0.5 * (damping + damping.T)).min(initial=0.0)
-    draining = bool(gains >= -_DRAINING * np.abs(damping).max(initial=0.0))
+    draining = _drains(instant, damping)
     least = float(found.squares.min(initial=np.inf))  # not a number, if a pair grows
     verdict = STABLE if least > 0.0 else NEUTRAL if least == 0.0 else UNSTABLE
     growth = None
     # where loads have no potential, damping may make a motion grow that is stable without it
-    if damping.any() and not (found.conservative and draining):
-        fastest, growth = _growth(stiffness, damping)
-        rounding = (_GROWING_TWICE if verdict == NEUTRAL else _GROWING) * fastest
+    if damping.any() and not (conservative and draining):
+        neutral = found.motions[found.squares == 0.0]
+        growth, rounding = _growth(stiffness.matrix, damping)
+        rounding += math.sqrt(stiffness.rounding(neutral).max(initial=0.0))
         if growth > rounding:
             verdict = UNSTABLE
         elif verdict == UNSTABLE:  # damping may also hold what grows without it
             verdict = STABLE if growth < -rounding else NEUTRAL
-    return RestStability(
-        verdict, found.squares, found.motions, found.conservative, draining, growth
-    )
+    return RestStability(verdict, found.squares, found.motions, conservative, draining, growth)
+
+
+def _drains(instant: Instant, damping: Floats) -> bool:
+    """Whether no motion gains energy from the damping (f, f), 1/s."""
+    values, turn = np.linalg.eigh(0.5 * (damping + damping.T))
+    shapes = np.abs((instant.velocity_directions @ turn).T)
+    sums = np.einsum('kn,nk->k', shapes, abs(instant.C) @ shapes.T)
+    solved = _SOLVED * np.abs(damping).max(initial=0.0)
+    return bool((values >= -_DRAINING * sums - solved).all())
 
 
 def growing_motion(instant: Instant, lam: Floats) -> Floats:
     """(n,) the displacement of the motion that grows fastest, when its largest number is."""
-    Z = instant.velocity_directions
-    stiffness, _ = reduced_stiffness(instant, lam)
+    Z, stiffness = instant.velocity_directions, reduced_stiffness(instant, lam).matrix
     values, vectors = np.linalg.eig(_motion(stiffness, np.asarray(Z.T @ (instant.C @ Z))))
     found = Z @ vectors[: len(stiffness), np.argmax(values.real)]
     return np.asarray((found / found[np.argmax(np.abs(found))]).real)
 
 
 def _growth(stiffness: Floats, damping: Floats) -> tuple[float, float]:
-    """The largest magnitude, and the largest real part, of the eigenvalues of the linear motion,
-    1/s."""
+    """The largest real part of the eigenvalues of the linear motion, and what rounding may leave
+    of none, 1/s."""
     values = np.linalg.eigvals(_motion(stiffness, damping))
-    return float(np.abs(values).max(initial=0.0)), float(values.real.max(initial=-np.inf))
+    grows = values[np.argmax(values.real)]
+    fastest = float(np.abs(values).max())
+    return float(grows.real), _GROWING * float(np.abs(grows)) + _SOLVED * fastest
 
 
 def _motion(stiffness: Floats, damping: Floats) -> Floats:

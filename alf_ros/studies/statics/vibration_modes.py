@@ -126,6 +126,6 @@ def modes(about: Scene | Simulation | Equilibrium, *, count: int = 20) -> Vibrat
     if instant.model.n > DENSE:
         squares, motions = lowest(instant, lam, count)
         return VibrationModes(instant, lam, squares, motions, motions)
-    found = reduced_modes(instant, *reduced_stiffness(instant, lam))
+    found = reduced_modes(reduced_stiffness(instant, lam))
     parts = (found.squares, found.motions, found.partners)
     return VibrationModes(instant, lam, *(part[:count] for part in parts))
