@@ -68,6 +68,11 @@ class Status(IntEnum):
         'the motion itself is: run it without tangents, or from another start',
     )
     NO_ROOM = 11, 'a trace is longer than its room', 'give it more'
+    DRIVE_JUMPS = (
+        12,
+        'the rate of a drive jumps in the step, which takes an infinite force',
+        'round the corners of its motion, or give it as a table',
+    )
     # of the formulations besides alf2
     SINGULAR = 20, 'the equations are singular there', 'take the formulation alf2'
     OPENED = 21, 'the constraints have opened', _SMALLER

@@ -184,6 +184,19 @@ def moves_kink(slots: Integers, changes: Floats) -> bool:
     return False
 
 
+def switches(slots: Integers) -> Integers:
+    """(2 k,) of each abs, min or max that depends on time: the instructions that it compares, -1
+    for zero. One branch is for a first number that is not less than the second one."""
+    depends: list[bool] = []
+    found: list[int] = []
+    for code, first, last in slots[2 : 2 + 3 * int(slots[0])].reshape(-1, 3).tolist():
+        of_two = code >= _ADD and depends[last]
+        depends.append(code == _TIME or (code != _NUMBER and (depends[first] or of_two)))
+        if depends[-1] and code in (_ABS, _MIN, _MAX):
+            found += [last, first] if code == _MIN else [first, -1 if code == _ABS else last]
+    return np.array(found, dtype=np.int64)
+
+
 def _spline(signal: Signal) -> list[float]:
     x, f = np.array(signal.points).T
     inner = cubic_spline(x, f, 'clamped').c[::-1].T

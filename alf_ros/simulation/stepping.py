@@ -26,6 +26,7 @@ from alf_ros.scene.scene import Solver
 from alf_ros.simulation import locked_rows, stiff_failures
 from alf_ros.simulation.applied import NO_INPUTS, Applied
 from alf_ros.simulation.drive_failures import beyond_reach
+from alf_ros.simulation.drive_jumps import DriveJump, DriveJumps
 from alf_ros.simulation.dynamics import Dynamics
 from alf_ros.simulation.formulations import Formulation
 from alf_ros.simulation.instruments import Instruments
@@ -102,6 +103,8 @@ class Stepper:
         self._problems: dict[bool, Problem] = {}  # of the run, and aside
         self._watched: Problem | None = None  # of the run, while somebody watches
         self.trail: Trail | None = None  # on which the steps of the run are written down
+        self._jumps = DriveJumps.of(self._model, ledger)
+        self._jump: DriveJump | None = None
         self.formulation = formulation
         if solver.formulation != 'alf2' and formulation is None:
             self.formulation = Formulation(self._model, solver, start.q)
@@ -190,6 +193,9 @@ class Stepper:
             return Status(result)
         within = first == 0 and start == 0.0 and self.begins_within(present)
         self.work.crossing[1] = 0.0
+        asked = n
+        if self._jumps is not None:
+            n, self._jump = self._jumps.before(start, first, n, h)
         problem, span = self._problem(work, forces), Span(start, first, n, h)
         follow: tuple[Tangents, ...] = ()
         if followed and self._following is not None:
@@ -199,6 +205,8 @@ class Stepper:
         if self.trail is not None and work is self.work:
             problem = changed(problem, work=changed(problem.work, trail=self.trail))
         result, _, self.iterations = self._kernel(problem, phase, span, within, *follow)
+        if n < asked and result == Status.OK and phase.step[0] == first + n:
+            return Status.DRIVE_JUMPS
         return Status(result)
 
     def begins_within(self, present: Present) -> bool:
@@ -225,6 +233,11 @@ class Stepper:
     def problem_of(self, present: Present) -> Problem:
         """The problem of the steps from the present."""
         return self._problem(self.work, present.applied.assembled)
+
+    @property
+    def may_jump(self) -> bool:
+        """Whether the rates of drives may jump, so that steps look for it."""
+        return self._jumps is not None
 
     @property
     def is_implicit(self) -> bool:
@@ -265,6 +278,8 @@ class Stepper:
         if found is not None:
             return StepError(*found, t)
         reason, remedy = status.reason, status.remedy
+        if status == Status.DRIVE_JUMPS:
+            reason = f'{self._jump}, which takes an infinite force'
         if status == Status.JAMMED:
             reason += f', at t = {present.applied.assembled.bearings.ended[0]:.9g} s'
         if status == Status.NOT_CLOSED:

@@ -1,0 +1,20 @@
+"""Data of the search for steps in which functions of time switch."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from alf_ros.arrays import Floats, Integers
+from alf_ros.kernel.numba_ext.structs import Struct
+
+
+@dataclass(frozen=True, eq=False)
+class DriveSwitches(Struct):
+    """The instructions abs, min and max of the program of the drives, and memory."""
+
+    compared: Integers  # (switches 2,) the instructions that each compares, -1 for zero
+    here: Integers  # (switches,) the branch of each, 0 or 1
+    there: Integers  # (switches,) likewise, at the end of a step
+    q: Floats  # (blocks D,) of the drives
+    qd: Floats  # (blocks D,)
+    qdd: Floats  # (blocks D,)

@@ -1,0 +1,103 @@
+"""Drives with corners: a rate that jumps ends the run, an acceleration that jumps does not."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import alf_ros
+from alf_ros import Scene, Simulation, StepError, load_scene
+from alf_ros.arrays import Floats
+
+
+def cart(motion: str, **more: Any) -> Scene:
+    """A driven pivot, from which a rod of 1 m hangs aside."""
+    return load_scene(
+        {
+            'mechanism': {
+                'alf': 1,
+                'points': {'P': {'at': [0, 0]}, 'A': {'at': [0.8, -0.6]}},
+                'bodies': {'rod': {'points': ['P', 'A'], 'mass': 1, 'inertia': 'rod'}},
+            },
+            'drives': {'cart': {'point': 'P', 'at': [motion, '0*t']}},
+            'solver': {'step': 1e-3, 'integrator': 'dop853', **more},
+        }
+    )
+
+
+def angle(acceleration: float, begins: float, ends: float) -> float:
+    """Of the rod, rad, on a pivot that accelerates (m/s²) from an instant on: at rest before."""
+
+    def rates(_: float, y: Floats) -> Floats:
+        return np.array([y[1], 1.5 * np.sin(y[0]) * acceleration])
+
+    first = [np.arctan2(-0.6, 0.8), 0.0]
+    found = solve_ivp(rates, (begins, ends), first, rtol=1e-12, atol=1e-13, method='DOP853')
+    return float(found.y[0, -1])
+
+
+@pytest.mark.parametrize('t', [0.1, 0.10037, 0.2])
+@pytest.mark.parametrize(
+    'motion', ['2*max(t - {t}, 0)', 'abs(t - {t})', 'min(t, {t})', '-max({t}, t)']
+)
+@pytest.mark.parametrize('integrator', ['rk4', 'dop853_adaptive', 'esdirk43'])
+def test_a_rate_that_jumps(t: float, motion: str, integrator: str) -> None:
+    simulation = Simulation(cart(motion.format(t=t)), integrator=integrator)
+    with pytest.raises(StepError, match=rf'the rate of cart jumps by [12] at t = {t:g} s') as told:
+        simulation.step(300)
+    assert told.value.t == simulation.t
+    assert t - 1.001e-3 < simulation.t <= t
+    with pytest.raises(StepError, match='jumps'):  # in the first step of a call
+        simulation.step()
+
+
+@pytest.mark.parametrize('t', [0.1, 0.10037])
+def test_an_acceleration_that_jumps(t: float) -> None:
+    simulation = Simulation(cart(f'5*max(t - {t}, 0)**2'))
+    simulation.step(300)
+    at = simulation.sample().points
+    off = at['A'] - at['P']
+    assert np.arctan2(off[1], off[0]) == pytest.approx(angle(10.0, t, 0.3), abs=1e-7)
+
+
+def test_several_corners_in_one_step() -> None:
+    """The first two have no jump."""
+    smooth = '0.01*max(t - 0.1002, 0)**2 + 0.01*max(t - 0.1004, 0)**3'
+    simulation = Simulation(cart(f'{smooth} + max(t - 0.1006, 0)'))
+    with pytest.raises(StepError, match=r'jumps by 1 at t = 0\.1006 s'):
+        simulation.step(300)
+    Simulation(cart(smooth)).step(300)
+
+
+def test_a_corner_at_the_start_and_corners_of_constants() -> None:
+    Simulation(cart('max(t, 0)')).step(10)
+    Simulation(cart('max(1, 2)*t')).step(10)
+
+
+def test_where_nothing_is_free_the_motion_is_known() -> None:
+    """But the works of a jump are not."""
+    turned = {'turn': {'joint': 'crank_pin', 'angle': 'max(t - 0.1, 0)'}}
+    scene = load_scene({'mechanism': 'four_bar', 'drives': turned})
+    simulation = Simulation(scene)
+    before = simulation.sample().joints['crank_pin'].position
+    simulation.step(300)
+    assert simulation.sample().joints['crank_pin'].position - before == pytest.approx(
+        simulation.t - 0.1, abs=1e-12
+    )
+    with pytest.raises(StepError, match=r'the rate of turn jumps by 1 at t = 0\.1 s'):
+        Simulation(scene, ledger=True).step(300)
+
+
+def test_members_tell_the_same() -> None:
+    found = alf_ros.ensemble(
+        cart('2*max(t - 0.1, 0)'),
+        {'rod.mass': [1.0, 2.0]},
+        sampling='table',
+        outputs=['final(points.A.x)'],
+        duration=0.2,
+        workers=0,
+    )
+    assert all('the rate of cart jumps by 2' in reason for reason in found.reason.values)
