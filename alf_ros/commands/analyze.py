@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -47,7 +46,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         help='simulated seconds per second of the moving picture (default: 1)',
     )
     options = parser.parse_args(argv)
-    if not (math.isfinite(options.speed) and options.speed > 0.0):
+    if options.speed <= 0.0:
         raise InputError(
             'no speed', key='--speed', value=f'{options.speed:g}', expected='a number above 0'
         )

@@ -97,10 +97,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = parser.parse_args(argv)
     for key in ('stops', 'contact'):
         given = getattr(options, key)
-        if given is not None and not 0.0 < given < math.inf:
+        if given is not None and given <= 0.0:
             raise InputError('not a stiffness', key=f'--{key}', value=given)
-    if options.ground is not None and not math.isfinite(options.ground):
-        raise InputError('not a height', key='--ground', value=options.ground)
     if (options.file is None) == (options.corpus is None):
         raise InputError('give a FILE, or a folder of them by --corpus')
     wishes = {

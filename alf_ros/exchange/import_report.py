@@ -20,6 +20,7 @@ MOTION = {
     'angles of balls': 'a ball is in place of the joints: their angles are not published',
     'joints near gimbal lock': 'links without mass turn fast there, and stop a run (see --balls)',
     'rows of joints for balls': 'at gimbal lock they stop a run (see --balls)',
+    'inertia by shapes': 'it is not computed: the one in the file counts',
     'mass: default of SDF': 'a link without a mass has 1 kg and 1 kg m2 about every axis',
     'gravity (see --scene)': 'gravity is absent',
     'velocities of bodies (see --scene)': 'the motion starts at rest',
@@ -89,6 +90,11 @@ MOTION = {
     'motion of kinematic bodies': 'they do not move',
     'flex': 'deformable bodies are omitted',
     'fluid': 'the air has no density, no viscosity, no wind',
+    'added mass of fluids': 'these bodies move without it',
+    'plugins': 'forces and control that they apply are missing',
+    'state of the world': 'models start where they are placed',
+    'physics of Gazebo': 'what these extensions do to the motion is missing',
+    'several root links': 'each is fixed to the ground as drawn (see --floating)',
     'joints of unknown type': 'they are omitted',
     'includes': 'their content is omitted',
     'version of SDF': '1.4 to 1.12 are expected: read as the nearest of them',
@@ -117,7 +123,7 @@ READING = {
     'safety_controller': '',
 }
 # what moves nothing, counted only
-NOTHING = ('shapes', 'lights', 'cameras', 'sensors', 'keyframes', 'materials', 'plugins')
+NOTHING = ('shapes', 'lights', 'cameras', 'sensors', 'keyframes', 'materials')
 
 
 class LeftOut:

@@ -114,8 +114,12 @@ class _Reader:
                 self._joint(each, '')
             elif each.tag == 'light':
                 self.robot.leave('lights', each.get('name', ''))
-            elif each.tag in ('plugin', 'actor', 'road', 'population', 'state'):
-                self.robot.leave('plugins', f'{each.tag} {each.get("name", "")}')
+            elif each.tag == 'plugin':
+                self.robot.leave('plugins', each.get('name', ''))
+            elif each.tag == 'state':
+                self.robot.leave('state of the world', each.get('world_name', ''))
+            elif each.tag in ('actor', 'road', 'population'):
+                self.robot.leave('elements', f'{each.tag} {each.get("name", "")}')
 
     def _models(self, element: ElementTree.Element) -> Iterator[ElementTree.Element]:
         """The models in an element and in the files that it includes."""
@@ -191,8 +195,10 @@ class _Reader:
                 self._frame(each, scope, scope + MODEL)
             elif each.tag == 'joint':
                 self._joint(each, scope)
-            elif each.tag in ('plugin', 'gripper'):
+            elif each.tag == 'plugin':
                 self.robot.leave('plugins', each.get('name', ''))
+            elif each.tag == 'gripper':
+                self.robot.leave('elements', f'gripper {each.get("name", "")}')
 
     def _link(self, element: ElementTree.Element, scope: str, still: bool) -> None:
         name = scope + self._name(element)
@@ -263,6 +269,10 @@ class _Reader:
         inertial = element.find('inertial')
         if inertial is None or inertial.find('mass') is None:
             self.robot.leave('mass: default of SDF', name)
+        if inertial is not None and _is(inertial.get('auto')):
+            self.robot.leave('inertia by shapes', name)
+        if inertial is not None and inertial.find('fluid_added_mass') is not None:
+            self.robot.leave('added mass of fluids', name)
         origin = pose_of(None if inertial is None else inertial.find('pose'), self.error, name)
         inertia = None if inertial is None else inertial.find('inertia')
         mass = self._number(inertial, 'mass', 1.0, name)
@@ -355,8 +365,7 @@ class _Reader:
         if len(axes) == 2 and abs(axes[0] @ axes[1]) > 1e-6:
             raise self.robot.error(name, 'its two axes are not perpendicular')
         if len(axes) != 1:
-            if any(element.find(f'{tag}/dynamics') is not None for tag in tags):
-                self.robot.leave('limits, damping, friction, springs, armature', name)
+            self._leave_of_axes(element, tags, name)
             return Connection(name, kind, parent, child, place, axes)
         limit, dynamics = element.find('axis/limit'), element.find('axis/dynamics')
         ends = [self._end(limit, tag, d, name) for tag, d in _ENDS]
@@ -385,6 +394,19 @@ class _Reader:
             pitch=self._pitch(element, name) if kind == 'screw' else 0.0,
         )
 
+    def _leave_of_axes(
+        self, element: ElementTree.Element, tags: tuple[str, ...], name: str
+    ) -> None:
+        """Note what only joints with one axis have here."""
+        for axis in (element.find(tag) for tag in tags):
+            if axis is None:
+                continue
+            ends = [self._end(axis.find('limit'), tag, d, name) for tag, d in _ENDS]
+            if axis.find('dynamics') is not None or min(map(abs, ends)) < math.inf:
+                self.robot.leave('limits, damping, friction, springs, armature', name)
+            if axis.find('mimic') is not None:
+                self.robot.leave('mimic', name)
+
     def _end(
         self, limit: ElementTree.Element | None, tag: str, default: float, name: str
     ) -> float:
@@ -401,6 +423,8 @@ class _Reader:
     def _mimic(self, scope: str, name: str, element: ElementTree.Element) -> None:
         """x = multiplier (other - reference) + offset, of a joint with one axis."""
         other = self.frames.find(element.get('joint', ''), scope)
+        if self._short(other) == name:
+            raise self.robot.error(name, 'it mimics itself')
         kinds = [each.get('type') for at, each in self.joints if at + self._name(each) == other]
         if kinds[:1] not in (['revolute'], ['continuous'], ['prismatic']):
             self.robot.leave('mimic', name)

@@ -6,7 +6,7 @@ joint, and applies no force until a scene or a topic commands one.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from xml.etree import ElementTree
 
 from alf_ros.exchange.robot import Actuator, Robot
@@ -21,6 +21,24 @@ def initial_positions(xml: ElementTree.Element) -> dict[str, str]:
                 if state.get('name') == 'position' and each.get('name') == 'initial_value':
                     found[joint.get('name', '')] = (each.text or '').strip()
     return found
+
+
+def leave(robot: Robot, xml: ElementTree.Element, mimics: Container[str]) -> None:
+    """Note their other contents; `mimics`: joints that mimic others already."""
+    for joint in xml.findall('ros2_control/joint'):
+        name = joint.get('name', '')
+        if any(each.get('name') == 'mimic' for each in joint.findall('param')):
+            if name not in mimics:
+                robot.leave('mimic', name)
+        for state in joint.findall('state_interface'):
+            begins = any(each.get('name') == 'initial_value' for each in state.findall('param'))
+            if begins and state.get('name') == 'velocity':
+                robot.leave('velocities of joints', name)
+    for transmission in xml.findall('transmission'):
+        if next(transmission.iter('motorInertia'), None) is not None:
+            for joint in transmission.findall('joint'):
+                text = 'limits, damping, friction, springs, armature'
+                robot.leave(text, joint.get('name', ''))
 
 
 def add(robot: Robot, xml: ElementTree.Element, limits: dict[str, float | None]) -> None:

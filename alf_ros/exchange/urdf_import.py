@@ -100,6 +100,7 @@ class UrdfReader:
             if joint.type in _MOVES
         }
         urdf_actuators.add(self.robot, self.xml, limits)
+        urdf_actuators.leave(self.robot, self.xml, self.mimics)
         urdf_visuals.add(self.robot, self.xml, path.parent, self.poses, self.part_of)
         self._leave()
 
@@ -231,7 +232,7 @@ class UrdfReader:
         pose = self.poses[name]
         J: Floats = np.zeros((3, 3))
         inertial = link.inertial
-        if inertial is None or not inertial.mass:
+        if inertial is None or not (inertial.mass or inertial.inertia):
             return RobotPart(name, pose.origin, 0.0, pose.origin, J)
         frame = pose @ _pose(inertial.origin)
         if inertial.inertia is None:
@@ -239,14 +240,18 @@ class UrdfReader:
         else:
             J = np.array(inertial.inertia.to_matrix(), dtype=float)
         turned = frame.turn @ J @ frame.turn.T
-        return RobotPart(name, pose.origin, float(inertial.mass), frame.origin, turned)
+        return RobotPart(name, pose.origin, float(inertial.mass or 0.0), frame.origin, turned)
 
     def _connect(self, joint: Any) -> None:
+        dynamics = joint.dynamics
+        if joint.type in ('planar', 'floating') and dynamics is not None:
+            if dynamics.damping or dynamics.friction:
+                self.robot.leave('limits, damping, friction, springs, armature', joint.name)
+            dynamics = None
         if joint.type in ('fixed', 'floating'):
             return
         pose = self.poses[joint.child]
         turns = joint.limit is not None and joint.type in ('revolute', 'prismatic')
-        dynamics = joint.dynamics
         drawn = self.positions.get(joint.name, 0.0)
         if drawn:
             self.robot.leave('zero of joints', f'{joint.name} at {drawn:.12g}')
@@ -283,6 +288,9 @@ class UrdfReader:
 
     def _leave(self) -> None:
         """Note the other contents of the file."""
+        roots = [link for link in self._order if link not in self._above and link != 'world']
+        for link in roots if len(roots) > 1 else ():
+            self.robot.leave('several root links', link)
         pushed = {actuator.joint for actuator in self.robot.actuators}
         for joint in self.urdf.joints:
             for kind in ('calibration', 'safety_controller'):

@@ -110,7 +110,8 @@ def test_everything_else_is_listed(tmp_path: Path) -> None:
     )
     text = imported(saved(tmp_path, 'it.urdf', source))
     for line in (
-        'gazebo: mu1 of upper-arm, plugin of the robot',
+        'gazebo: mu1 of upper-arm',
+        'plugins: forces and control that they apply are missing: p',
         "mimic: these joints are free: shoulder, for there is no 'x'",
         'actuators (see --scene): they apply no force: elbow_motor',
         'names, changed: upper-arm is upper_arm',

@@ -259,7 +259,7 @@ def test_options_that_cannot_be(tmp_path: Path) -> None:
     path = saved(tmp_path, 'it.xml', world(ball(R)))
     with pytest.raises(InputError, match="--contact: not a stiffness, got '?-1"):
         import_.main([path, '--contact', '-1'])
-    with pytest.raises(InputError, match='--ground: not a height'):
+    with pytest.raises(InputError, match='--ground: not a finite number'):
         import_.main([path, '--ground', 'inf'])
     with pytest.raises(InputError, match='--ground: not for MJCF'):
         import_.main([path, '--ground', '0'])

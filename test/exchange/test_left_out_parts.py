@@ -1,0 +1,102 @@
+"""Parts of URDF and SDF that change the motion and are not imported: each is named as such."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from alf_ros import Simulation, load_scene
+from alf_ros.commands.import_ import main
+from alf_ros.errors import InputError
+
+INERTIA = '<inertia ixx="0.01" iyy="0.02" izz="0.03" ixy="0" ixz="0" iyz="0"/>'
+LINK = f'<inertial><origin xyz="0.2 0 0"/><mass value="1"/>{INERTIA}</inertial>'
+LIMIT = '<limit lower="-1" upper="1" effort="3" velocity="2"/>'
+URDF = f"""
+<robot name="r"><link name="base"/><link name="arm">{LINK}</link>
+<joint name="j" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/>{LIMIT}
+</joint>MORE</robot>"""
+BODY = '<inertial><mass>1</mass><pose>0.2 0 0 0 0 0</pose></inertial>'
+SDF = f"""
+<sdf version="1.11"><model name="m"><link name="base">{BODY}</link><link name="arm">{BODY}</link>
+<joint name="held" type="fixed"><parent>world</parent><child>base</child></joint>
+<joint name="j" type="TYPE"><parent>base</parent><child>arm</child>AXES</joint>MORE
+</model></sdf>"""
+AXES = '<axis><xyz>1 0 0</xyz>FIRST</axis><axis2><xyz>0 1 0</xyz>SECOND</axis2>'
+TWO = '<limit><lower>-0.1</lower><upper>0.1</upper></limit>'
+
+
+def sdf(kind: str, axes: str, more: str = '') -> str:
+    return SDF.replace('TYPE', kind).replace('AXES', axes).replace('MORE', more)
+
+
+def universal(first: str = '', second: str = '') -> str:
+    return sdf('universal', AXES.replace('FIRST', first).replace('SECOND', second))
+
+
+def report(tmp_path: Path, name: str, text: str) -> tuple[list[str], Path]:
+    """The lines about the motion, and the file that is written."""
+    (tmp_path / name).write_text(text, encoding='utf-8')
+    made = tmp_path / 'made.yaml'
+    assert main([str(tmp_path / name), '--scene', '-o', str(made)]) == 0
+    head = made.read_text('utf-8').partition('Changes of readings')[0].splitlines()
+    return [line.strip('# ') for line in head if line.startswith('#   ')], made
+
+
+JOINTS = 'limits, damping, friction, springs, armature: these joints have none: j'
+GAZEBO = '<gazebo reference="arm"><gravity>false</gravity><mu1>0.1</mu1></gazebo>'
+SPRING = '<gazebo reference="j"><springStiffness>5</springStiffness></gazebo>'
+MIMIC = '<ros2_control><joint name="j"><param name="mimic">k</param></joint></ros2_control>'
+ROTOR = (
+    '<transmission name="t"><joint name="j"/><actuator name="a"><motorInertia>1</motorInertia>'
+    '</actuator></transmission>'
+)
+
+
+@pytest.mark.parametrize(
+    'name, text, told',
+    [
+        ('a.urdf', URDF.replace('MORE', GAZEBO), 'physics of Gazebo'),
+        ('a.urdf', URDF.replace('MORE', SPRING), 'physics of Gazebo'),
+        ('a.urdf', URDF.replace('MORE', '<gazebo><plugin name="p"/></gazebo>'), 'plugins'),
+        ('a.urdf', URDF.replace('MORE', MIMIC), 'mimic: these joints are free: j'),
+        ('a.urdf', URDF.replace('MORE', ROTOR), JOINTS),
+        ('a.urdf', URDF.replace('MORE', '<link name="alone"/>'), 'several root links'),
+        ('a.urdf', URDF.replace('MORE', '').replace('"revolute"', '"floating"').replace(
+            LIMIT, '<dynamics damping="1"/>'), JOINTS),
+        ('a.urdf', URDF.replace('MORE', '').replace('"revolute"', '"planar"').replace(
+            LIMIT, '<dynamics damping="1"/>'), JOINTS),
+        ('a.sdf', universal(TWO), JOINTS),
+        ('a.sdf', universal('', '<dynamics><damping>1</damping></dynamics>'), JOINTS),
+        ('a.sdf', universal('', '<mimic joint="j"><multiplier>1</multiplier></mimic>'),
+         'mimic: these joints are free: j'),
+        ('a.sdf', sdf('ball', '', '<plugin name="p" filename="f"/>'), 'plugins'),
+        ('a.sdf', sdf('ball', '').replace('<inertial>', '<inertial auto="true">'),
+         'inertia by shapes'),
+        ('a.sdf', sdf('ball', '').replace('</inertial>', '<fluid_added_mass/></inertial>'),
+         'added mass of fluids'),
+    ],
+)  # fmt: skip
+def test_each_is_named(tmp_path: Path, name: str, text: str, told: str) -> None:
+    lines, made = report(tmp_path, name, text)
+    assert any(line.startswith(told) for line in lines), lines
+    if 'floating' not in text:
+        Simulation(load_scene(made)).step()
+
+
+def test_a_joint_of_an_sdf_that_mimics_itself(tmp_path: Path) -> None:
+    axis = '<axis><xyz>1 0 0</xyz><mimic joint="j"><multiplier>2</multiplier></mimic></axis>'
+    with pytest.raises(InputError, match='j: it mimics itself'):
+        report(tmp_path, 'a.sdf', sdf('revolute', axis))
+
+
+def test_a_link_of_a_urdf_with_inertia_alone(tmp_path: Path) -> None:
+    """Its inertia is added to the link that it is fixed to."""
+    more = f"""<link name="disk"><inertial><mass value="0"/>{INERTIA}</inertial></link>
+    <joint name="on" type="fixed"><parent link="arm"/><child link="disk"/></joint>"""
+    _, made = report(tmp_path, 'a.urdf', URDF.replace('MORE', more))
+    (body,) = load_scene(made).mechanism.bodies
+    np.testing.assert_allclose(np.diag(body.inertia), [0.02, 0.04, 0.06])
+    assert body.mass == 1.0
