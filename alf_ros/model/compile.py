@@ -24,6 +24,7 @@ from alf_ros.mechanism.memory import ResultMemory, exactly
 from alf_ros.mechanism.natural_coordinates import Layout
 from alf_ros.model.arm_tree import arms_of
 from alf_ros.model.constraints import auxiliary
+from alf_ros.model.constraints.carried_masses import carried
 from alf_ros.model.constraints.couplings import coupling_row
 from alf_ros.model.constraints.drives import drive_rows
 from alf_ros.model.constraints.integrals import with_integrals
@@ -70,6 +71,7 @@ class Model:
     coordinate_block: Integers  # (movable,) blocks of movable points, vectors, auxiliary ones
     row_names: tuple[str, ...]
     row: Integers  # (rows,) place in the kernel of each named row
+    carried: Floats  # (movable,) diagonal of M, kg, with the masses that light blocks carry
 
     def __getstate__(self) -> dict[str, Any]:
         """Without the address of prescribed motions: it belongs to this process."""
@@ -206,10 +208,11 @@ def compile_model(mechanism: Mechanism, penalty: float) -> Model:
         q.reshape(-1, layout.dimension)[n] = auxiliary.place(name, layout, q)
     block = {**layout.of_point, **layout.of_vector}
     points = sorted(mechanism.points, key=lambda point: point.fixed)
+    felt = carried((0.0,) * layout.dimension, system, q)
     model = Model(
         mechanism=mechanism,
         layout=layout,
-        system=changed(system, rows=scaled_rows(system, q, layout, penalty)),
+        system=changed(system, rows=scaled_rows(system, q, layout, penalty, felt)),
         lengths=lengths,
         penalty=penalty,
         q=q,
@@ -222,6 +225,7 @@ def compile_model(mechanism: Mechanism, penalty: float) -> Model:
         ),
         row_names=row_names,
         row=np.argsort(kernel_order),
+        carried=felt,
     )
     _freeze(model)
     return model
@@ -307,7 +311,9 @@ def hold(model: Model, extra: Sequence[Row], velocities: bool) -> tuple[System, 
     pattern = pattern_of(model.layout, model.system.mass, rows)
     kept = model.system.integrals if velocities else _no_integrals()
     system = changed(model.system, rows=rows, pattern=pattern, integrals=kept)
-    system = changed(system, rows=scaled_rows(system, model.q, model.layout, model.penalty))
+    drawn, layout, penalty = model.q, model.layout, model.penalty
+    rows = scaled_rows(system, drawn, layout, penalty, model.carried)
+    system = changed(system, rows=rows)
     return system, names, slice(at, at + len(extra))
 
 

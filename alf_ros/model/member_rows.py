@@ -21,7 +21,6 @@ from alf_ros.kernel.numba_ext.lane_structs import struct_at
 from alf_ros.kernel.numba_ext.structs import Struct
 from alf_ros.mechanism.natural_coordinates import Layout
 from alf_ros.model.compile import Model, constraints, drawn, length_rows
-from alf_ros.model.constraints.carried_masses import CarriedMasses
 from alf_ros.model.constraints.joint_coordinates import counted_rows
 from alf_ros.model.constraints.packing import RowNumbers, parts_of, placed_rows, rows_of
 from alf_ros.model.constraints.row import Constraint
@@ -147,12 +146,11 @@ def gradients(unit: Unit, of: System, found: MemberGradients) -> None:
 class MemberScales:
     """The scales of the rows of members, and their penalties."""
 
-    def __init__(self, unit: Unit, systems: MemberStructs, layout: Layout) -> None:
+    def __init__(self, unit: Unit, systems: MemberStructs, blocks: int) -> None:
         rows: Rows = systems.like.rows  # type: ignore[attr-defined]
         members, D = systems.members, len(unit)
-        self._unit, self._systems, self._rows, self._layout = unit, systems, rows, layout
-        self._carried = CarriedMasses(layout, rows)
-        bars, entries, blocks = rows.i.size * D, rows.b.size, layout.blocks
+        self._unit, self._systems, self._blocks, self._rows = unit, systems, blocks, rows
+        bars, entries = rows.i.size * D, rows.b.size
         self._found = MemberGradients(
             system=systems.addresses,
             drawn=np.zeros(members * blocks * D),
@@ -171,6 +169,6 @@ class MemberScales:
         gradients(self._unit, systems.member(0), found)
         g, g2 = (each.reshape(members, -1) for each in (found.g, found.g2))
         lengths = RowLengths(self._rows, g, g2, len(self._unit))
-        moved = lengths.masses(self._carried.of(diagonal), mean, self._layout.blocks)
+        moved = lengths.masses(diagonal, mean, self._blocks)
         systems.rows.alpha[:] = penalty[:, None] / moved
         systems.rows.scale[:] = 1.0 / np.sqrt(lengths.squared)

@@ -19,6 +19,7 @@ from alf_ros.kernel import System
 from alf_ros.kernel.data import NOTHING
 from alf_ros.model.assembly import AGREED, CLOSED, LEAST, TO_ROUNDING, Given, held
 from alf_ros.model.compile import Model, allocate, close_to, hold, patience_of
+from alf_ros.model.constraints.carried_masses import have_light
 from alf_ros.model.mass import BodyMasses, MassSums
 from alf_ros.model.member_rows import GEOMETRY, Geometry, MemberRows, MemberScales
 from alf_ros.model.member_starts import (
@@ -178,6 +179,7 @@ class MemberSystems:
         turned = np.zeros(values.shape[1], dtype=bool)
         turned[skew] = True
         usual &= ((values[:, :, 1] != 0.0) == turned).all(axis=1) & (diagonal.sum(axis=1) > 0.0)
+        usual &= ~have_light(diagonal)  # a single start decides what they carry
         return Masses(diagonal, values[:, :, 0], values[:, skew, 1], usual)
 
     def _start(self, masses: Masses, given: Floats) -> Starts:
@@ -279,7 +281,7 @@ class OfOneSystem:
         self.structs = MemberStructs(system, members, (*NUMBERS, 'penalty'))
         self._model, self._system = model, system
         self._fill = filled(model.layout.movable, system.mass, system.rows)
-        self._scales = MemberScales(model.unit, self.structs, model.layout)
+        self._scales = MemberScales(model.unit, self.structs, model.layout.blocks)
 
     def is_of(self, system: System) -> bool:
         """Whether the structs are like this system."""

@@ -126,3 +126,45 @@ def test_members_with_light_links() -> None:
         assert not member.reason
         for array, own in zip(member.arrays, run_member(made, k).arrays, strict=True):
             assert array.tobytes() == own.tobytes()
+
+
+@pytest.mark.parametrize('spin', [1e-6, 1e-9, 1e-11])
+def test_a_rod_that_spins_between_heavy_ones(spin: float) -> None:
+    """Its spin is a free motion of its own, of little mass: it keeps its rate."""
+    moments = [1e-2, 2e-2, 2e-2, 0.0, 0.0, 0.0]
+    arm = {'mass': 1.0, 'com': [0.1, 0.01, 0.0], 'inertia': {'about_com': moments}}
+    rod = {'points': ['A', 'B'], 'mass': 0.1, 'com': [0.2, 0.0, 0.0]}
+    pin = {'type': 'revolute', 'axis': [0, 1, 0]}
+    data = {
+        'mechanism': {
+            'alf': 1,
+            'space': 'spatial',
+            'points': {
+                'O': {'at': [0, 0, 0], 'fixed': True},
+                'A': {'at': [0.3, 0, 0]},
+                'B': {'at': [0.3, 0.4, 0]},
+                'C': {'at': [0, 0.4, 0], 'fixed': True},
+            },
+            'bodies': {
+                'left': {'points': ['O', 'A'], **arm},
+                'right': {'points': ['C', 'B'], **arm},
+                'rod': {**rod, 'inertia': {'about_com': [spin, 1e-3, 1e-3, 0.0, 0.0, 0.0]}},
+            },
+            'joints': {
+                'first': {**pin, 'between': ['ground', 'left'], 'at': 'O'},
+                'second': {**pin, 'between': ['ground', 'right'], 'at': 'C'},
+                'third': {'type': 'spherical', 'between': ['left', 'rod'], 'at': 'A'},
+                'fourth': {'type': 'spherical', 'between': ['rod', 'right'], 'at': 'B'},
+            },
+        },
+        'effects': {'gravity': {'acceleration': [1.0, 0.0, -9.81]}},
+        'solver': {'step': 0.01, 'integrator': 'dop853_adaptive', 'tolerance': 1e-10},
+    }
+    simulation = Simulation(load_scene(data))
+    energy = simulation.sample().energy
+    simulation.step(STEPS)
+    sample = simulation.sample()
+    assert sample.energy == pytest.approx(energy, abs=1e-8)
+    assert sample.joints['first'].position == pytest.approx(
+        sample.joints['second'].position, abs=1e-9
+    )

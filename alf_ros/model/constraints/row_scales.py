@@ -9,17 +9,21 @@ from alf_ros.arrays import Floats, Indices, Integers
 from alf_ros.kernel import Rows, System
 from alf_ros.mechanism.memory import remembered
 from alf_ros.mechanism.natural_coordinates import Layout
-from alf_ros.model.constraints.carried_masses import CarriedMasses
 from alf_ros.model.struct_memory import changed
 
 
-def scaled_rows(system: System, q: Floats, layout: Layout, penalty: float) -> Rows:
-    """The rows with scale 1 / |Φ_q,r| and α_r = penalty / (Φ_q,r M⁻¹ Φ_q,rᵀ), both as drawn."""
+def scaled_rows(
+    system: System, q: Floats, layout: Layout, penalty: float, carried: Floats
+) -> Rows:
+    """The rows with scale 1 / |Φ_q,r| and α_r = penalty / (Φ_q,r M⁻¹ Φ_q,rᵀ), both as drawn.
+
+    carried (movable,): the diagonal of M, kg, with the masses that light blocks carry.
+    """
     rows, D = system.rows, layout.dimension
     g, g2 = np.zeros(rows.i.size * D), np.zeros(rows.b.size)
     kernel.jacobian((0.0,) * D, rows, q, g, g2)
-    lengths, carried = RowLengths(rows, g, g2, D), CarriedMasses(layout, rows)
-    masses = lengths.masses(carried.of(system.mass.diagonal), system.mean, layout.blocks)
+    lengths = RowLengths(rows, g, g2, D)
+    masses = lengths.masses(carried, system.mean, layout.blocks)
     return changed(rows, alpha=penalty / masses, scale=1.0 / np.sqrt(lengths.squared))
 
 
