@@ -13,9 +13,7 @@ from alf_ros.scene.scene import Solver
 def test_the_largest_penalty_runs_and_changes_nothing(name: str) -> None:
     ends = []
     for penalty in (1e8, 1e12):
-        simulation = Simulation(
-            load_scene(name), step=1e-3, integrator='dop853', penalty=penalty
-        )
+        simulation = Simulation(load_scene(name), step=1e-3, integrator='dop853', penalty=penalty)
         simulation.step(300)
         ends.append(simulation.sample().q)
     np.testing.assert_allclose(ends[1], ends[0], rtol=0.0, atol=1e-12)
