@@ -2,6 +2,9 @@
 
 It acts on the child and, the other way round, on the parent. Efforts that come from outside while
 a scene runs are packed by this file too.
+
+The axis is fixed in both bodies, so that the torque is linear in q. The axes of a universal joint
+turn with one body each: a `motor` takes efforts about them.
 """
 
 from __future__ import annotations
@@ -38,15 +41,21 @@ def held(name: str, what: float) -> Parameters:
 def pack(effects: Sequence[contract.Effect], layout: Layout) -> contract.Packed:
     """Packed as Q = K q + k, see `affine`.
 
-    Raises ValueError for a joint without a free axis that can take an effort.
+    Raises ValueError for a joint without a single free axis, and for an axis of a universal joint.
     """
     named = layout.mechanism.coordinate
     planar = layout.dimension == 2
     Q = Affine(layout.dimension)
     for effect in effects:
         p: Parameters = effect.parameters
-        if p.joint not in named or not named[p.joint].freedom.alone:
-            raise ValueError(f'{p.joint!r} is no single free axis: a motor can drive one of two')
+        if p.joint not in named:
+            known = ', '.join(named)
+            raise ValueError(f'{p.joint!r} has no single free axis; joint coordinates: {known}')
+        if not named[p.joint].freedom.alone:
+            raise ValueError(
+                f'{p.joint!r} is one of the two axes of a universal joint: name the effect motor, '
+                'which takes joint and effort too'
+            )
         joint, is_angle = named[p.joint].joint, named[p.joint].is_angle
         axis = joint.frames[0].axes[0 if planar else 2]
         along = layout.direction(joint.parent, axis)

@@ -81,12 +81,8 @@ PICKED = ('integrator', 'tolerance')  # by an accuracy
 CHOICES = {'integrator': INTEGRATORS, 'formulation': FORMULATIONS}
 NUMBERS = {  # smallest, largest, whole, expected value
     'step': (1e-12, 1e6, False, 's, from 1e-12 to 1e6'),
-    'penalty': (
-        yaml_document.SMALLEST,
-        yaml_document.LARGEST,
-        False,
-        'a number from 1e-60 to 1e40',
-    ),
+    # its rounding is ε penalty of the reactions: above 1e12 it reaches the motion
+    'penalty': (yaml_document.SMALLEST, 1e12, False, 'a number from 1e-60 to 1e12'),
     'iterations': (1, 1000, True, 'a whole number from 1 to 1000'),
     'tolerance': (0.0, 1.0, False, 'a number from 0 to 1'),
     'accuracy': (1e-60, 1e6, False, 'm, from 1e-60 to 1e6'),
@@ -122,6 +118,9 @@ class Solver:
             fault = None if value is None else _setting_fault(name, value)
             if fault:
                 raise InputError(key=name, value=value, **fault)
+            if name in NUMBERS and value is not None:  # compiled code takes no others
+                kind = int if NUMBERS[name][2] else float
+                object.__setattr__(self, name, kind(value))
 
     @property
     def settings(self) -> dict[str, Any]:

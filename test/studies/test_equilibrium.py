@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 
 from alf_ros import InputError, Simulation, equilibria, equilibrium, load_scene
-from support.statics_scenes import GRAVITY, KNOWN, chain, redundant_parallelogram, sprung
+from alf_ros.studies.statics import descent, newton_rest
+from support.statics_scenes import (
+    GRAVITY,
+    KNOWN,
+    chain,
+    level_chain,
+    redundant_parallelogram,
+    sprung,
+)
 
 
 def points_of(known: dict[str, object]) -> dict[str, list[float]]:
@@ -147,6 +155,17 @@ def test_a_long_chain_falls() -> None:
     np.testing.assert_allclose(found.points['P100'], [0.0, -100.0], atol=1e-11)
 
 
+@pytest.mark.parametrize('links', [150, 300, 650])
+def test_all_links_of_a_long_chain_turn_at_once(links: int) -> None:
+    """One after another they need more steps than a search has."""
+    found = equilibrium(level_chain(links))
+    hanging = [[0.0, -0.1 * k] for k in range(links + 1)]
+    places = [found.points[f'P{k}'] for k in range(links + 1)]
+    np.testing.assert_allclose(places, hanging, rtol=0.0, atol=1e-12)
+    assert found.reactions['j0'].force[1] == pytest.approx(0.1 * 9.81 * links, rel=1e-11)
+    assert found.steps < 1000
+
+
 @pytest.mark.parametrize('stiffness', [1e3, 1e5, 1e7, 1e9, 1e11])
 @pytest.mark.parametrize('exponent', [1.0, 1.5, 2.0])
 def test_on_a_stiff_contact(stiffness: float, exponent: float) -> None:
@@ -191,6 +210,61 @@ def test_a_singular_position_is_named() -> None:
     assert found.stability == 'undecided'
     assert 'singular position' in found.notes[0]
     np.testing.assert_allclose(found.points['A'], [0.0, -1.0], atol=1e-4)
+
+
+def test_the_nearest_rest_where_the_force_is_stationary() -> None:
+    """A level pendulum: the force on it is the largest, so that Newton's step is zero."""
+    found = equilibrium(load_scene('pendulum'), nearest=True)
+    assert np.cos(found.joints['pin'].position) == pytest.approx(0.0, abs=1e-14)
+    assert found.stability == 'stable'
+    assert found.stiffness[0] == pytest.approx(9.81, rel=1e-12)
+
+
+def test_the_nearest_rest_of_two_links_drawn_at_right_angles() -> None:
+    found = equilibrium(
+        load_scene({'mechanism': 'double_pendulum', 'effects': GRAVITY}), nearest=True
+    )
+    upper, lower = found.points['A'], found.points['B'] - found.points['A']
+    for link in (upper, lower):
+        assert link[0] == pytest.approx(0.0, abs=1e-13)
+    assert found.residual < 1e-12
+
+
+def test_the_nearest_rest_where_no_force_gets_less() -> None:
+    """The force on a slider has a least value at the start, but no zero; a stop holds it."""
+    pull = [[-9.0, 1.0], [-1.0, 1.0], [0.0, 0.5], [1.0, 1.0], [9.0, 1.0]]  # m, N
+    scene = load_scene(
+        {
+            'mechanism': {
+                'alf': 1,
+                'points': {'P': {'at': [0.0, 0.0]}},
+                'bodies': {'b': {'points': ['P'], 'mass': 1.0, 'inertia': 'point'}},
+                'joints': {
+                    'g': {
+                        'type': 'slider',
+                        'point': 'P',
+                        'between': ['ground', 'b'],
+                        'on': {'through': [0.0, 0.0], 'direction': [1.0, 0.0]},
+                    }
+                },
+            },
+            'effects': {
+                'torsion_spring': {'joint': 'g', 'table': pull, 'free_position': 0.0},
+                'joint_stop': {'joint': 'g', 'lower': -3.0, 'stiffness': 100.0, 'exponent': 1.0},
+            },
+        }
+    )
+    found = equilibrium(scene, nearest=True)
+    np.testing.assert_allclose(found.points['P'], [-3.01, 0.0], atol=1e-12)
+
+
+def test_a_search_that_ends_at_its_limit_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(descent, '_STEPS', 5)
+    monkeypatch.setattr(newton_rest, '_STEPS', 2)
+    for nearest in (False, True):
+        with pytest.raises(InputError, match='limit of the search') as error:
+            equilibrium(level_chain(30), nearest=nearest)
+        assert 'never stop' not in str(error.value) and '\n' not in str(error.value)
 
 
 def test_none_is_said_in_one_line() -> None:

@@ -6,6 +6,7 @@ import runpy
 
 import numpy as np
 import pytest
+import scipy.linalg
 
 from alf_ros import InputError, equilibrium, load_scene, modes
 from alf_ros.studies.statics.lowest_modes import lowest
@@ -40,6 +41,42 @@ def test_shares_of_bodies_and_effects() -> None:
     assert shares == pytest.approx(cranks | dict.fromkeys(couplers, 1 / 3))
     assert sum(share[0] for share in found.potential_shares.values()) == pytest.approx(1.0)
     assert found.potential_shares['gravity'][0] == 0.0
+
+
+def test_shares_of_rotors() -> None:
+    """A double pendulum with a rotor in each joint: the exact modes of two freedoms."""
+    first, second = 0.2, 0.15  # kg m^2
+    scene = load_scene(
+        {
+            'mechanism': 'double_pendulum',
+            'effects': {
+                **GRAVITY,
+                'motor': {
+                    'a': {'joint': 'shoulder', 'armature': first},
+                    'b': {'joint': 'elbow', 'armature': second},
+                },
+            },
+        }
+    )
+    found = modes(scene)
+    mechanism = scene.mechanism
+    upper, lower = (mechanism.bodies[k] for k in (0, 1))
+    a, b = 1.0, 0.8  # m
+    m, n = upper.mass, lower.mass
+    bodies = {
+        upper.name: np.array([[m * a**2 / 3, 0], [0, 0]]),
+        lower.name: n * np.array([[a**2, a * b / 2], [a * b / 2, b**2 / 3]]),
+        'motor.a.rotor': first * np.array([[1.0, 0.0], [0.0, 0.0]]),
+        'motor.b.rotor': second * np.array([[1.0, -1.0], [-1.0, 1.0]]),
+    }
+    K = 9.81 * np.diag([m * a / 2 + n * a, n * b / 2])
+    squares, vectors = scipy.linalg.eigh(K, sum(bodies.values()))
+    np.testing.assert_allclose(found.squares, squares, rtol=1e-10)
+    assert list(found.kinetic_shares) == list(bodies)
+    for name, M in bodies.items():
+        exact = np.einsum('ik,ij,jk->k', vectors, M, vectors)
+        np.testing.assert_allclose(found.kinetic_shares[name], exact, atol=1e-10)
+    np.testing.assert_allclose(sum(found.kinetic_shares.values()), [1.0, 1.0], rtol=1e-12)
 
 
 def test_lanczos_finds_what_dense_matrices_find() -> None:

@@ -67,6 +67,21 @@ def chain(masses: int, effects: dict[str, Any] | None = None) -> Scene:
     return load_scene({'mechanism': mechanism, 'effects': effects or GRAVITY})
 
 
+def level_chain(links: int) -> Scene:
+    """Rods (0.1 kg, 0.1 m) in a level row that hangs from its first end."""
+    names = [f'P{k}' for k in range(links + 1)]
+    points: dict[str, Any] = {name: {'at': [0.1 * k, 0.0]} for k, name in enumerate(names)}
+    points['P0']['fixed'] = True
+    bodies: dict[str, Any] = {}
+    joints: dict[str, Any] = {}
+    for k in range(links):
+        bodies[f'b{k}'] = {'points': names[k : k + 2], 'mass': 0.1, 'inertia': 'rod'}
+        parent = f'b{k - 1}' if k else 'ground'
+        joints[f'j{k}'] = {'type': 'revolute', 'between': [parent, f'b{k}'], 'at': names[k]}
+    mechanism = {'alf': 1, 'points': points, 'bodies': bodies, 'joints': joints}
+    return load_scene({'mechanism': mechanism, 'effects': GRAVITY})
+
+
 def redundant_parallelogram(angle: float = -1.2, effects: dict[str, Any] | None = None) -> Scene:
     """A rigid bar (2 m, 1 kg) on three equal upright cranks (1 m, 1 kg): one crank is redundant.
 

@@ -121,7 +121,7 @@ def solver_specs(solver: Solver) -> list[Spec]:
             'solver.penalty',
             solver.penalty,
             'Penalty, dimensionless',
-            (1e-60, 1e40),
+            (1e-60, 1e12),
             fixed=False,
         ),
         Spec(

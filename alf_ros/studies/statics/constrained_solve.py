@@ -18,6 +18,7 @@ from alf_ros import kernel
 from alf_ros.arrays import Floats
 from alf_ros.model.compile import Model, allocate
 from alf_ros.model.symbolic_factor import pattern_of
+from alf_ros.studies.statics.connected_parts import parts_of
 from alf_ros.studies.statics.sparse_rows import Sparse
 
 _FEWEST, _ROUNDS = 3, 40
@@ -25,7 +26,10 @@ _DONE = 1e-15  # part of x that the last round changes
 
 
 class ConstrainedSolve:
-    """A pattern that includes the blocks that effects bind, and one factor on it."""
+    """A pattern that includes the blocks that effects bind, and one factor on it.
+
+    parts: what the pattern connects.
+    """
 
     def __init__(self, model: Model, cliques: Sequence[Sequence[int]]) -> None:
         self._model, movable = model, model.layout.movable
@@ -36,6 +40,9 @@ class ConstrainedSolve:
         self._work = allocate(model, self._system, 0)
         column = np.repeat(np.arange(movable), np.diff(pattern.first.astype(np.int64)))
         self._keys = column * movable + pattern.row
+        self.parts = parts_of(
+            column, pattern.row.astype(np.int64), movable, model.layout.dimension
+        )
         heavy = system.mass.diagonal
         self._masses = np.where(heavy > 0.0, heavy, system.mean)
         self._alpha = system.rows.alpha

@@ -20,6 +20,7 @@ from alf_ros.simulation.input_checks import number, truth, whole
 from alf_ros.simulation.named_values import NamedValues
 from alf_ros.simulation.quantities import groups
 from alf_ros.simulation.simulation import Simulation
+from alf_ros.studies.statics.connected_parts import one_part
 from alf_ros.studies.statics.descent import Landing
 from alf_ros.studies.statics.path_course import PathCourse, PathLimits, branched
 from alf_ros.studies.statics.path_events import BRANCH, FLUTTER, TURN
@@ -196,7 +197,8 @@ class EquilibriumPath:
         if k not in self._rests:
             point = self._course.points[k]
             simulation, _ = self._varied.simulation(point.value)
-            landing = Landing(point.instant, point.lam, point.left, point.scale, 0)
+            whole, left = one_part(simulation.model.n), np.array([point.left])
+            landing = Landing(point.instant, point.lam, whole, left, np.array([point.scale]), 0)
             self._rests[k] = found_at(simulation, landing)
         return self._rests[k]
 

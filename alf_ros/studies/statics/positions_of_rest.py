@@ -23,7 +23,7 @@ from alf_ros.simulation.input_checks import number, truth, whole
 from alf_ros.simulation.sample import JointState, Reaction, Sample
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.simulation.state import State
-from alf_ros.studies.statics.descent import Landing, descended
+from alf_ros.studies.statics.descent import FAR, LIMIT, STUCK, Landing, descended
 from alf_ros.studies.statics.instant import DENSE, Instant, Loads
 from alf_ros.studies.statics.newton_rest import nearest_rest
 from alf_ros.studies.statics.rest_stability import NEUTRAL, RestStability, stability_of
@@ -32,6 +32,12 @@ UNDECIDED = 'undecided'
 _SAME = 1e-6  # of the size, between positions that count as one
 # of the acceleration without rows, from which down a singular position is looked for
 _NEAR_SINGULAR = 1e-3
+_NEARER = 'start nearer to one (`initial`), or take several starts (`equilibria`)'
+_REASONS = {  # why a search ended without rest
+    FAR: 'loads that never stop doing work have none',
+    LIMIT: f'this is the limit of the search: {_NEARER}',
+    STUCK: f'no step from there leads further down: {_NEARER}',
+}
 _DRIVEN = 0.05  # of the size that a drive moves in one step on the way to an instant
 
 
@@ -103,10 +109,10 @@ def equilibrium(
 
     t (s): the instant at which drives and signals are frozen; the present of a simulation, 0 of a
     scene if absent. The search goes down the potential, so that it ends in a stable or neutral
-    position, unless it starts in another one. With `nearest` it goes to the nearest position of
-    rest of any kind, by Newton's method.
+    position, unless it starts in another one. With `nearest` it goes to a near position of rest of
+    any kind, by Newton's method; where this ends without rest, down the potential.
 
-    Raises InputError if there is none, or loads without a potential do not settle; AssemblyError
+    Raises InputError if none is found, or loads without a potential do not settle; AssemblyError
     if the mechanism cannot be closed.
     """
     nearest = truth(nearest, 'nearest')
@@ -258,7 +264,7 @@ def in_order(model: Model, directions: Floats) -> Floats:
 def _singular(simulation: Simulation, landing: Landing) -> str:
     """The kind of a singular position; empty for other positions."""
     model, q = simulation.model, landing.instant.q
-    if model.n > DENSE or landing.left > _NEAR_SINGULAR * landing.scale:
+    if model.n > DENSE or (landing.lefts > _NEAR_SINGULAR * landing.scales).any():
         return ''
     dependent = len(model.row_names) - round(model.system.rank)
     if not ordinary_positions.within(model, q, dependent):
@@ -305,4 +311,4 @@ def _unrest(simulation: Simulation, landing: Landing) -> str:
         skew = np.abs(reduced - reduced.T).max(initial=0.0)
         if skew > 1e-6 * np.abs(reduced).max(initial=1e-300):
             return text + '; the loads have no potential, and do not settle'
-    return text + '; loads that never stop doing work have none'
+    return f'{text}; {_REASONS[landing.ending]}'

@@ -4,8 +4,9 @@ The modes are those without damping: (K + L - ω² M) x = 0 on the free directio
 mode is yᵀ C x / 2ω, the share that damping takes if it is small. `linearise` has the exact ones.
 y is x if the loads have a potential, else the left partner of x.
 
-Energies: of the kinetic energy of a mode the share of each body, and of its potential energy (½ ω²
-for unit mass) the share of each effect, -½ xᵀ (∂Q_e/∂q) x, and of the reactions, ½ xᵀ L x.
+Energies: of the kinetic energy of a mode the share of each body and each rotor, and of its
+potential energy (½ ω² for unit mass) the share of each effect, -½ xᵀ (∂Q_e/∂q) x, and of the
+reactions, ½ xᵀ L x.
 """
 
 from __future__ import annotations
@@ -73,7 +74,8 @@ class VibrationModes:
 
     @cached_property
     def kinetic_shares(self) -> Mapping[str, Floats]:
-        """(k,) share of each body in the kinetic energy; with rotors the sum is 1."""
+        """(k,) of each body and each rotor ('motor.a.rotor'): its share of the kinetic energy.
+        Their sum is 1."""
         model, shares = self.instant.model, dict[str, Floats]()
         for body in model.mechanism.bodies:
             alone = replace(model.mechanism, bodies=(body,), rotors=())
@@ -81,6 +83,11 @@ class VibrationModes:
             system = replace(model.system, mass=mass_of(layout))
             own = mass_matrix(replace(model, system=system)) @ self.motions.T
             shares[body.name] = np.einsum('kn,nk->k', self.motions, own)
+        blocks = self.motions.reshape(len(self.motions), -1, model.layout.dimension)
+        for rotor in model.mechanism.rotors:  # each is a block of its own
+            block = model.layout.of_auxiliary[rotor.name]
+            speeds = (blocks[:, block : block + 1] ** 2).sum(axis=(1, 2))
+            shares[rotor.name] = model.system.mass.diagonal[block : block + 1].sum() * speeds
         return shares
 
     @cached_property
