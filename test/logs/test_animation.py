@@ -81,7 +81,7 @@ def test_logs_stand_side_by_side_with_what_differs(planar: Path, tmp_path: Path)
     [
         (['--animation', 'film.avi'], "got 'film.avi'; expected .gif, .webp, .mp4"),
         (['--animation', 'film.gif', '--speed', '0'], "--speed: no speed, got '0'"),
-        (['--animation', 'film.gif', '--speed', 'nan'], "--speed: no speed, got 'nan'"),
+        (['--animation', 'film.gif', '--speed', 'nan'], "--speed: not a finite number: 'nan'"),
         (['--animation', 'film.gif', '--speed', '1e-4'], 'would have 500001 pictures'),
         (['--animation', 'none/film.gif'], 'none/film.gif: cannot be written: No such file'),
     ],

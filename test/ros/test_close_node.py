@@ -144,7 +144,8 @@ def test_a_slider_goes_through_its_dead_point(tmp_path: Path, peer: Peer) -> Non
         assert list(last.data) == pytest.approx([slope, -2.0 * slope, 1.0], rel=1e-4)
 
         travel = peer.listen('/close/travel', Float64MultiArray)
-        limits = peer.until(lambda: travel and travel[-1], 'the travel')
+        peer.until(lambda: travel, 'the travel')
+        limits = travel[-1]
         assert [dim.label for dim in limits.layout.dim] == ['guide', 'lower,upper']
         assert list(limits.data) == pytest.approx([-2.0, 2.0], abs=1e-8)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -30,7 +32,7 @@ def test_a_penalty_that_rounding_does_not_resolve_is_refused(penalty: float) -> 
 @pytest.mark.parametrize('integrator', ['dop853_adaptive', 'esdirk43_adaptive'])
 def test_the_largest_tolerance_runs(tolerance: float, integrator: str) -> None:
     """A whole number reached the compiled code as the bits of another one."""
-    settings = {'integrator': integrator, 'step': 1e-3}
+    settings: dict[str, Any] = {'integrator': integrator, 'step': 1e-3}
     exact = Simulation(load_scene('pendulum'), **settings, tolerance=1e-12)
     coarse = Simulation(load_scene('pendulum'), **settings, tolerance=tolerance)
     for simulation in (exact, coarse):
@@ -39,7 +41,8 @@ def test_the_largest_tolerance_runs(tolerance: float, integrator: str) -> None:
 
 
 def test_whole_numbers_become_the_numbers_that_compiled_code_takes() -> None:
-    solver = Solver(step=1, penalty=10**6, tolerance=1, iterations=np.int32(4), accuracy=1)
+    four: Any = np.int32(4)
+    solver = Solver(step=1, penalty=10**6, tolerance=1, iterations=four, accuracy=1)
     for name in ('step', 'penalty', 'tolerance', 'accuracy'):
         assert type(getattr(solver, name)) is float
     assert type(solver.iterations) is int

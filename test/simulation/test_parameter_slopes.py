@@ -234,7 +234,7 @@ def test_reactions_and_gradients_of_robots_in_space(name: str, number: str) -> N
     sim = Simulation(scene, tangents=[number])
     sim.step(20)
     sample, joint = sim.sample(), next(iter(sim.sample().reactions))
-    found = sample.tangents[number].of(f'reactions.{joint}.force')
+    found = np.asarray(sample.tangents[number].of(f'reactions.{joint}.force'))
     plain = Simulation(scene)
     plain.step(20)
     np.testing.assert_allclose(sample.q, plain.sample().q, rtol=0.0, atol=1e-12)

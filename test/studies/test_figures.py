@@ -257,7 +257,7 @@ def test_table_one_is_the_printed_one(capsys: pytest.CaptureFixture[str]) -> Non
     [
         (['--step', '0'], '--step: not a whole number of steps, got 0.0; expected 0.02 s / k'),
         (['--step', '0.003'], '--step: not a whole number'),
-        (['--step', 'nan'], '--step: not a whole number'),
+        (['--step', 'nan'], '--step: not a finite number'),
         (['--penalty', '-1'], 'penalty: not usable, got -1.0'),
         (['--tolerance', '0'], '--tolerance: not usable, got 0.0; expected 1e-12 to 0.1'),
         (['--integrator', 'vod'], "--integrator: no such integrator, got 'vod'; did you mean"),
