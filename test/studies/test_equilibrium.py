@@ -12,6 +12,7 @@ from support.statics_scenes import (
     KNOWN,
     chain,
     level_chain,
+    pendulum_and_slider,
     redundant_parallelogram,
     sprung,
 )
@@ -265,6 +266,29 @@ def test_a_search_that_ends_at_its_limit_says_so(monkeypatch: pytest.MonkeyPatch
         with pytest.raises(InputError, match='limit of the search') as error:
             equilibrium(level_chain(30), nearest=nearest)
         assert 'never stop' not in str(error.value) and '\n' not in str(error.value)
+
+
+@pytest.mark.parametrize('force', [1e3, 1e9, 1e12, 1e15])
+@pytest.mark.parametrize('angle', [0.5, 1e-3])
+def test_a_load_elsewhere_does_not_hide_what_is_left(force: float, angle: float) -> None:
+    found = equilibrium(pendulum_and_slider(force, angle))
+    np.testing.assert_allclose(found.points['A'], [0.0, -1.0], rtol=0.0, atol=1e-8)
+    assert found.stability == 'stable' and found.notes == ()
+    assert found.stiffness[0] == pytest.approx(1.5 * 9.81, rel=1e-8)
+
+
+@pytest.mark.parametrize('force', [1e3, 1e6, 1e9, 1e12, 1e15])
+@pytest.mark.parametrize('angle', [0.5, 1e-3, 2.5])
+def test_a_load_beside_says_what_its_rounding_hides(force: float, angle: float) -> None:
+    """1e15 N are known to 0.1 N: more than what brings the pendulum to rest."""
+    found = equilibrium(pendulum_and_slider(force, angle, hung=True))
+    away = float(np.abs(found.points['A'] - [0.0, -1.0]).max())
+    if found.stability != 'stable':
+        assert found.stability == 'undecided' and force > 1e9
+    if away > 1e-7 or found.stability == 'undecided':
+        assert 'the position is uncertain by about' in found.notes[0]
+    if force < 1e9:
+        assert away < 1e-10 and found.notes == ()
 
 
 def test_none_is_said_in_one_line() -> None:

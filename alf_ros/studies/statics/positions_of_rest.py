@@ -38,6 +38,8 @@ _REASONS = {  # why a search ended without rest
     LIMIT: f'this is the limit of the search: {_NEARER}',
     STUCK: f'no step from there leads further down: {_NEARER}',
 }
+# of the size: how uncertain a position may be without a note, and with a verdict
+_SHARP, _BLURRED = 1e-7, 1e-3
 _DRIVEN = 0.05  # of the size that a drive moves in one step on the way to an instant
 
 
@@ -223,6 +225,15 @@ def found_at(simulation: Simulation, landing: Landing) -> Equilibrium:
         told = stability_of(instant, landing.lam)
         if not told.stiffness.size:
             notes.append('nothing is free: rows and drives hold every point')
+    blur = _uncertainty(instant, told)
+    if blur > _SHARP * model.size:
+        most = float(np.abs(instant.Q).max(initial=0.0))
+        notes.append(
+            f'the position is uncertain by about {blur:.1g} m: {landing.left:.2g} m/s^2 are left, '
+            f'which rounding of loads of {most:.2g} N hides'
+        )
+        if blur > _BLURRED * model.size:
+            told = replace(told, verdict=UNDECIDED)
     if not told.conservative:
         notes.append('the loads have no potential here: stability is that of the linear motion')
     if not told.draining:
@@ -250,6 +261,13 @@ def found_at(simulation: Simulation, landing: Landing) -> Equilibrium:
         notes=tuple(notes),
         steps=landing.steps,
     )
+
+
+def _uncertainty(instant: Instant, told: RestStability) -> float:
+    """How far the forces left would move the mechanism until its stiffness holds them, m."""
+    squares = np.where(told.stiffness != 0.0, np.abs(told.stiffness), np.inf)
+    along = told.directions @ instant.Q[: instant.model.n] / squares
+    return float(np.abs(np.nan_to_num(along @ told.directions)).max(initial=0.0))
 
 
 def in_order(model: Model, directions: Floats) -> Floats:
