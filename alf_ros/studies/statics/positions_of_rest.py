@@ -26,9 +26,9 @@ from alf_ros.simulation.state import State
 from alf_ros.studies.statics.descent import FAR, LIMIT, STUCK, Landing, descended
 from alf_ros.studies.statics.instant import DENSE, Instant, Loads
 from alf_ros.studies.statics.newton_rest import nearest_rest
+from alf_ros.studies.statics.rest_at_kink import ON_ONE_SIDE, UNDECIDED, with_both_sides
 from alf_ros.studies.statics.rest_stability import NEUTRAL, RestStability, stability_of
 
-UNDECIDED = 'undecided'
 _SAME = 1e-6  # of the size, between positions that count as one
 # of the acceleration without rows, from which down a singular position is looked for
 _NEAR_SINGULAR = 1e-3
@@ -98,6 +98,12 @@ class Equilibrium:
         """(f,) natural frequencies without damping, Hz; NaN of a motion that falls or flutters."""
         squares = self.stiffness
         return np.sqrt(np.where(squares >= 0.0, squares, np.nan)) / (2.0 * math.pi)
+
+    @property
+    def has_stiffness(self) -> bool:
+        """Whether `stiffness` is known, if only of one side of a kink."""
+        sides = any(note.startswith(ON_ONE_SIDE) for note in self.notes)
+        return self.stability != UNDECIDED or sides
 
     def __repr__(self) -> str:
         return f'<Equilibrium {self.stability}, {self.stiffness.size} freedoms, t = {self.t:g} s>'
@@ -242,7 +248,10 @@ def found_at(simulation: Simulation, landing: Landing) -> Equilibrium:
         notes.append('without damping a pair of motions grows as it oscillates (flutter)')
     notes += _held(instant)
     if told.stiffness.size and instant.is_kinked:
+        told, sides = with_both_sides(instant, told)
         notes.append('a force has a kink here: the stiffness is of one side of it')
+        if sides:
+            notes.append(sides)
     if model.mechanism.drives:
         notes.append(f'drives are frozen at t = {instant.t:g} s')
     if told.stiffness.size and model.system.rows.velocity:
