@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from alf_ros import InputError, Simulation, equilibria, equilibrium, load_scene
+from alf_ros import InputError, Simulation, equilibria, equilibrium, load_scene, modes
 from alf_ros.studies.statics import descent, newton_rest
 from support.statics_scenes import (
     GRAVITY,
     KNOWN,
     chain,
     level_chain,
+    pendulum_and_slider,
     redundant_parallelogram,
     sprung,
 )
@@ -265,6 +266,80 @@ def test_a_search_that_ends_at_its_limit_says_so(monkeypatch: pytest.MonkeyPatch
         with pytest.raises(InputError, match='limit of the search') as error:
             equilibrium(level_chain(30), nearest=nearest)
         assert 'never stop' not in str(error.value) and '\n' not in str(error.value)
+
+
+@pytest.mark.parametrize('force', [1e3, 1e9, 1e12, 1e15])
+@pytest.mark.parametrize('angle', [0.5, 1e-3])
+def test_a_load_elsewhere_does_not_hide_what_is_left(force: float, angle: float) -> None:
+    found = equilibrium(pendulum_and_slider(force, angle))
+    np.testing.assert_allclose(found.points['A'], [0.0, -1.0], rtol=0.0, atol=1e-8)
+    assert found.stability == 'stable' and found.notes == ()
+    assert found.stiffness[0] == pytest.approx(1.5 * 9.81, rel=1e-8)
+
+
+@pytest.mark.parametrize('force', [1e3, 1e6, 1e9, 1e12, 1e15])
+@pytest.mark.parametrize('angle', [0.5, 1e-3, 2.5])
+def test_a_load_beside_says_what_its_rounding_hides(force: float, angle: float) -> None:
+    """1e15 N are known to 0.1 N: more than what brings the pendulum to rest."""
+    found = equilibrium(pendulum_and_slider(force, angle, hung=True))
+    away = float(np.abs(found.points['A'] - [0.0, -1.0]).max())
+    if found.stability != 'stable':
+        assert found.stability == 'undecided' and force > 1e9
+    if away > 1e-7 or found.stability == 'undecided':
+        assert 'the position is uncertain by about' in found.notes[0]
+    if force < 1e9:
+        assert away < 1e-10 and found.notes == ()
+
+
+CORD = [[-1.0, 0.0], [0.0, 0.0], [1.0, 200.0]]  # m, N
+OTHER = [[-1.0, 0.0], [0.0, 0.0], [1.0, 800.0]]
+HALF = [[-1.0, 300.0], [0.0, 0.0], [1.0, 200.0]]  # pulls where it is shorter, too
+
+
+@pytest.mark.parametrize(
+    ('pulls', 'verdict', 'sides'),
+    [
+        ({'right': CORD}, 'neutral', ('neutral', 'stable')),
+        ({'left': CORD, 'right': CORD}, 'stable', ()),
+        ({'left': CORD, 'right': OTHER}, 'stable', ()),
+        ({'right': HALF}, 'unstable', ('unstable', 'stable')),
+    ],
+)
+def test_a_cord_that_is_just_taut(
+    pulls: dict[str, list[list[float]]], verdict: str, sides: tuple[str, ...]
+) -> None:
+    """A mass on a guide, cords along the guide: each side has its own stiffness k / m."""
+    cords = {}
+    for name, table in pulls.items():
+        end = [-3.0 if name == 'left' else 3.0, 0.0]
+        cord = {'between': ['P', 'ground'], 'at': [None, end], 'free_length': 3.0}
+        cords[name] = {**cord, 'table': table}
+    guide = {'through': [0.0, 0.0], 'direction': [1.0, 0.0]}
+    slider = {'type': 'slider', 'point': 'P', 'between': ['ground', 'b'], 'on': guide}
+    mechanism = {
+        'alf': 1,
+        'points': {'P': {'at': [0.0, 0.0]}},
+        'bodies': {'b': {'points': ['P'], 'mass': 2.0, 'inertia': 'point'}},
+        'joints': {'g': slider},
+    }
+    found = equilibrium(load_scene({'mechanism': mechanism, 'effects': {'spring': cords}}))
+    assert found.stability == verdict
+    words = [note for note in found.notes if note.startswith('on one side')]
+    assert len(words) == bool(sides)
+    assert all(f'is {sides[0]}' in note and note.endswith(sides[1]) for note in words)
+
+
+def test_sides_that_differ_with_two_freedoms_are_undecided() -> None:
+    """A free mass with a cord, and a spring across it; the modes belong to one side."""
+    body = {'points': ['P'], 'mass': 2.0, 'inertia': 'point'}
+    mechanism = {'alf': 1, 'points': {'P': {'at': [0.0, 0.0]}}, 'bodies': {'b': body}}
+    cord = {'between': ['P', 'ground'], 'at': [None, [3.0, 0.0]], 'free_length': 3.0}
+    across = {'between': ['P', 'ground'], 'at': [None, [0.0, 3.0]], 'stiffness': 50.0}
+    effects = {'spring': {'cord': {**cord, 'table': HALF}, 'across': across}}
+    found = equilibrium(load_scene({'mechanism': mechanism, 'effects': effects}))
+    assert found.stability == 'undecided' and found.has_stiffness
+    assert 'is unstable, on another' in found.notes[-1]
+    assert modes(found).squares.shape == (2,)
 
 
 def test_none_is_said_in_one_line() -> None:

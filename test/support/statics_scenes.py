@@ -109,3 +109,34 @@ def redundant_parallelogram(angle: float = -1.2, effects: dict[str, Any] | None 
     }
     mechanism = {'alf': 1, 'space': 'planar', 'points': points, 'bodies': bodies, 'joints': joints}
     return load_scene({'mechanism': mechanism, 'effects': effects or GRAVITY})
+
+
+def pendulum_and_slider(force: float, angle: float, hung: bool = False) -> Scene:
+    """A rod (1 m, 1 kg) at an angle to the vertical, and a mass on a slider with a spring that
+    carries a force across its guide. The rod is apart from it, or hung from it."""
+    tip = [float(np.sin(angle)), -float(np.cos(angle))]
+    at = [0.0, 0.0] if hung else [2.0, 0.0]
+    points: dict[str, Any] = {'P': {'at': at}, 'A': {'at': tip}}
+    if not hung:
+        points['O'] = {'at': [0.0, 0.0], 'fixed': True}
+    top = 'P' if hung else 'O'
+    parent = 'block' if hung else 'ground'
+    guide = {'through': at, 'direction': [1.0, 0.0]}
+    mechanism = {
+        'alf': 1,
+        'points': points,
+        'bodies': {
+            'block': {'points': ['P'], 'mass': 1.0, 'inertia': 'point'},
+            'rod': {'points': [top, 'A'], 'mass': 1.0, 'inertia': 'rod'},
+        },
+        'joints': {
+            'g': {'type': 'slider', 'point': 'P', 'between': ['ground', 'block'], 'on': guide},
+            'j': {'type': 'revolute', 'between': [parent, 'rod'], 'at': top},
+        },
+    }
+    effects = {
+        **GRAVITY,
+        'torsion_spring': {'joint': 'g', 'stiffness': 1000.0, 'free_position': 0.0},
+        'constant_wrench': {'on': 'P', 'force': [0.0, force]},
+    }
+    return load_scene({'mechanism': mechanism, 'effects': effects})

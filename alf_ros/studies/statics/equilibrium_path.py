@@ -26,7 +26,6 @@ from alf_ros.studies.statics.path_course import PathCourse, PathLimits, branched
 from alf_ros.studies.statics.path_events import BRANCH, FLUTTER, TURN
 from alf_ros.studies.statics.path_point import PathDirection, PathPoint, PathScales
 from alf_ros.studies.statics.positions_of_rest import (
-    UNDECIDED,
     Equilibrium,
     equilibrium,
     found_at,
@@ -326,7 +325,7 @@ def _at_rest(scene: Scene) -> Simulation:
 
 def _check(rest: Equilibrium) -> None:
     """Raises InputError where a path cannot begin."""
-    if rest.stability == UNDECIDED:
+    if not rest.has_stiffness:
         raise InputError(f'a path cannot begin here: {"; ".join(rest.notes)}', key='start')
     if not rest.stiffness.size:
         raise InputError('nothing is free: there is one position', key='scene')

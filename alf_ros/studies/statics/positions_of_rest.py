@@ -26,9 +26,9 @@ from alf_ros.simulation.state import State
 from alf_ros.studies.statics.descent import FAR, LIMIT, STUCK, Landing, descended
 from alf_ros.studies.statics.instant import DENSE, Instant, Loads
 from alf_ros.studies.statics.newton_rest import nearest_rest
+from alf_ros.studies.statics.rest_at_kink import ON_ONE_SIDE, UNDECIDED, with_both_sides
 from alf_ros.studies.statics.rest_stability import NEUTRAL, RestStability, stability_of
 
-UNDECIDED = 'undecided'
 _SAME = 1e-6  # of the size, between positions that count as one
 # of the acceleration without rows, from which down a singular position is looked for
 _NEAR_SINGULAR = 1e-3
@@ -38,6 +38,8 @@ _REASONS = {  # why a search ended without rest
     LIMIT: f'this is the limit of the search: {_NEARER}',
     STUCK: f'no step from there leads further down: {_NEARER}',
 }
+# of the size: how uncertain a position may be without a note, and with a verdict
+_SHARP, _BLURRED = 1e-7, 1e-3
 _DRIVEN = 0.05  # of the size that a drive moves in one step on the way to an instant
 
 
@@ -96,6 +98,12 @@ class Equilibrium:
         """(f,) natural frequencies without damping, Hz; NaN of a motion that falls or flutters."""
         squares = self.stiffness
         return np.sqrt(np.where(squares >= 0.0, squares, np.nan)) / (2.0 * math.pi)
+
+    @property
+    def has_stiffness(self) -> bool:
+        """Whether `stiffness` is known, if only of one side of a kink."""
+        sides = any(note.startswith(ON_ONE_SIDE) for note in self.notes)
+        return self.stability != UNDECIDED or sides
 
     def __repr__(self) -> str:
         return f'<Equilibrium {self.stability}, {self.stiffness.size} freedoms, t = {self.t:g} s>'
@@ -223,6 +231,15 @@ def found_at(simulation: Simulation, landing: Landing) -> Equilibrium:
         told = stability_of(instant, landing.lam)
         if not told.stiffness.size:
             notes.append('nothing is free: rows and drives hold every point')
+    blur = _uncertainty(instant, told)
+    if blur > _SHARP * model.size:
+        most = float(np.abs(instant.Q).max(initial=0.0))
+        notes.append(
+            f'the position is uncertain by about {blur:.1g} m: {landing.left:.2g} m/s^2 are left, '
+            f'which rounding of loads of {most:.2g} N hides'
+        )
+        if blur > _BLURRED * model.size:
+            told = replace(told, verdict=UNDECIDED)
     if not told.conservative:
         notes.append('the loads have no potential here: stability is that of the linear motion')
     if not told.draining:
@@ -231,7 +248,10 @@ def found_at(simulation: Simulation, landing: Landing) -> Equilibrium:
         notes.append('without damping a pair of motions grows as it oscillates (flutter)')
     notes += _held(instant)
     if told.stiffness.size and instant.is_kinked:
+        told, sides = with_both_sides(instant, told)
         notes.append('a force has a kink here: the stiffness is of one side of it')
+        if sides:
+            notes.append(sides)
     if model.mechanism.drives:
         notes.append(f'drives are frozen at t = {instant.t:g} s')
     if told.stiffness.size and model.system.rows.velocity:
@@ -250,6 +270,13 @@ def found_at(simulation: Simulation, landing: Landing) -> Equilibrium:
         notes=tuple(notes),
         steps=landing.steps,
     )
+
+
+def _uncertainty(instant: Instant, told: RestStability) -> float:
+    """How far the forces left would move the mechanism until its stiffness holds them, m."""
+    squares = np.where(told.stiffness != 0.0, np.abs(told.stiffness), np.inf)
+    along = told.directions @ instant.Q[: instant.model.n] / squares
+    return float(np.abs(np.nan_to_num(along @ told.directions)).max(initial=0.0))
 
 
 def in_order(model: Model, directions: Floats) -> Floats:

@@ -125,7 +125,7 @@ def modes(about: Scene | Simulation | Equilibrium, *, count: int = 20) -> Vibrat
     """
     rest = about if isinstance(about, Equilibrium) else equilibrium(about)
     count = whole(count, 'count', 1)
-    if rest.stability == 'undecided' and rest.sample.model.n <= DENSE:
+    if not rest.has_stiffness and rest.sample.model.n <= DENSE:
         raise InputError('no modes are told', key='modes', value='; '.join(rest.notes))
     loads = Loads(rest.simulation)
     instant = Instant(loads, rest.t, rest.state.q, np.zeros_like(rest.state.q), rest.state.turns)
