@@ -154,13 +154,16 @@ class Stepper:
 
     def advance_recorded(self, present: Present, n: int, record: StepRecord) -> Status:
         """n steps from the present, written down in `record`; fewer if one fails."""
-        problem = self._problem(self.work, present.applied.assembled)
-        span, within = Span(0.0, present.step, n, self.h), self.begins_within(present)
-        within = within and present.step == 0
+        problem, first = self._problem(self.work, present.applied.assembled), present.step
+        within = self.begins_within(present) and first == 0
+        free = self._free_of_jumps(0.0, first, n, self.h)
+        if free == 0 < n:
+            return Status.DRIVE_JUMPS
+        span = Span(0.0, first, free, self.h)
         result, _, self.iterations = self._kernel(
             problem, present.phase, span, within, None, record
         )
-        return Status(result)
+        return self._ended(result, present, free < n, first + free)
 
     def problem_aside(self, present: Present) -> Problem:
         """The problem of the steps from the present, with another workspace."""
@@ -184,19 +187,19 @@ class Stepper:
     ) -> Status:
         """n steps of h from `start` + `first` h (s); tangents follow if `followed`."""
         forces, phase = present.applied.assembled, present.phase
+        free = self._free_of_jumps(start, first, n, h)
+        if free == 0 < n:
+            return Status.DRIVE_JUMPS
         if self.formulation is not None:
             if self.trail is not None:
                 raise InputError('alf2 alone leaves a trail', key='formulation')
             result, _, self.iterations = self.formulation.advance(
-                forces, work, phase, present.carried, start, first, n, h
+                forces, work, phase, present.carried, start, first, free, h
             )
-            return Status(result)
+            return self._ended(result, present, free < n, first + free)
         within = first == 0 and start == 0.0 and self.begins_within(present)
         self.work.crossing[1] = 0.0
-        asked = n
-        if self._jumps is not None:
-            n, self._jump = self._jumps.before(start, first, n, h)
-        problem, span = self._problem(work, forces), Span(start, first, n, h)
+        problem, span = self._problem(work, forces), Span(start, first, free, h)
         follow: tuple[Tangents, ...] = ()
         if followed and self._following is not None:
             follow = (self._followed(present.applied, problem),)
@@ -205,7 +208,19 @@ class Stepper:
         if self.trail is not None and work is self.work:
             problem = changed(problem, work=changed(problem.work, trail=self.trail))
         result, _, self.iterations = self._kernel(problem, phase, span, within, *follow)
-        if n < asked and result == Status.OK and phase.step[0] == first + n:
+        return self._ended(result, present, free < n, first + free)
+
+    def _free_of_jumps(self, start: float, first: int, n: int, h: float) -> int:
+        """How many of n steps of h from `start` + `first` h (s) come before a drive jumps."""
+        if self._jumps is None:
+            return n
+        free, self._jump = self._jumps.before(start, first, n, h)
+        return free
+
+    @staticmethod
+    def _ended(result: int, present: Present, jumps: bool, last: int) -> Status:
+        """The status of steps; `jumps`: a drive jumps behind step `last`."""
+        if jumps and result == Status.OK and present.step == last:
             return Status.DRIVE_JUMPS
         return Status(result)
 
@@ -268,6 +283,8 @@ class Stepper:
         if status == Status.STOPPED:
             self.listener.answer()
         t = present.step * self.h
+        if status == Status.DRIVE_JUMPS:
+            return StepError(f'{self._jump}, which takes an infinite force', status.remedy, t)
         found = beyond_reach(self._model, present.phase.q, t, self.h)
         if found is None and self.formulation:
             found = self.formulation.failure(status)
@@ -278,8 +295,6 @@ class Stepper:
         if found is not None:
             return StepError(*found, t)
         reason, remedy = status.reason, status.remedy
-        if status == Status.DRIVE_JUMPS:
-            reason = f'{self._jump}, which takes an infinite force'
         if status == Status.JAMMED:
             reason += f', at t = {present.applied.assembled.bearings.ended[0]:.9g} s'
         if status == Status.NOT_CLOSED:

@@ -9,8 +9,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import alf_ros
-from alf_ros import Scene, Simulation, StepError, load_scene
+from alf_ros import Scene, Simulation, StepError, gradient, load_scene
 from alf_ros.arrays import Floats
+from alf_ros.scene.scene import FORMULATIONS
 
 
 def cart(motion: str, **more: Any) -> Scene:
@@ -89,6 +90,30 @@ def test_where_nothing_is_free_the_motion_is_known() -> None:
     )
     with pytest.raises(StepError, match=r'the rate of turn jumps by 1 at t = 0\.1 s'):
         Simulation(scene, ledger=True).step(300)
+
+
+@pytest.mark.parametrize('formulation', [f for f in FORMULATIONS if f != 'independent'])
+def test_every_formulation_tells(formulation: str) -> None:
+    """Where the run is, and in a last step of its own that ends between two of the grid.
+
+    (`independent` refuses drives.)
+    """
+    simulation = Simulation(cart('2*max(t - 0.1003, 0)', formulation=formulation, integrator='rk4'))
+    simulation.step(100)
+    assert simulation._sample_at(0.1002).t == 0.1002
+    for further in (lambda: simulation._sample_at(0.1006), simulation.step):
+        with pytest.raises(StepError, match=r'the rate of cart jumps by 2 at t = 0\.1003 s'):
+            further()
+    assert simulation.t == 0.1
+
+
+@pytest.mark.parametrize('integrator', ['rk4', 'dop853_adaptive'])
+def test_gradients_tell(integrator: str) -> None:
+    simulation = Simulation(cart('2*max(t - 0.1, 0)'), integrator=integrator)
+    found = gradient(simulation, 'final(points.A.x)', ['rod.mass'], duration=0.09)
+    assert np.isfinite(found.value)
+    with pytest.raises(StepError, match=r'the rate of cart jumps by 2 at t = 0\.1 s'):
+        gradient(simulation, 'final(points.A.x)', ['rod.mass'], duration=0.2)
 
 
 def test_members_tell_the_same() -> None:
