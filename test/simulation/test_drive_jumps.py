@@ -98,7 +98,8 @@ def test_every_formulation_tells(formulation: str) -> None:
 
     (`independent` refuses drives.)
     """
-    simulation = Simulation(cart('2*max(t - 0.1003, 0)', formulation=formulation, integrator='rk4'))
+    scene = cart('2*max(t - 0.1003, 0)', formulation=formulation, integrator='rk4')
+    simulation = Simulation(scene)
     simulation.step(100)
     assert simulation._sample_at(0.1002).t == 0.1002
     for further in (lambda: simulation._sample_at(0.1006), simulation.step):
