@@ -14,10 +14,22 @@ import numpy as np
 
 from alf_ros.arrays import Unit
 from alf_ros.kernel.adaptive import BEYOND, ENDED, REFUSED, collapsed, forget_end
-from alf_ros.kernel.data import EPS, Method, Phase, Problem, Scales, Span, System, Work
+from alf_ros.kernel.crossed_kinks import CROSSINGS, crossed, next_aim, passed, shorter
+from alf_ros.kernel.data import (
+    EPS,
+    Method,
+    Phase,
+    Problem,
+    Scales,
+    Span,
+    System,
+    Tangents,
+    Work,
+)
 from alf_ros.kernel.effect_jacobians import add_soft_times, weigh
 from alf_ros.kernel.fixed_steps import PIECES
 from alf_ros.kernel.grazed_kinks import UNFOUND, unresolved_kink
+from alf_ros.kernel.implicit_tangents import carry_implicitly
 from alf_ros.kernel.interpolated_stages import (
     DIRECTION_ONLY,
     evaluate_interpolated,
@@ -55,6 +67,7 @@ from alf_ros.kernel.step import (
 from alf_ros.kernel.step_error import free_part, judge
 from alf_ros.kernel.step_length import MOST, embedded, relative
 from alf_ros.kernel.stopping import told_to_stop
+from alf_ros.kernel.tangent_axes import read_tangents
 from alf_ros.kernel.trail import leave_trail
 from alf_ros.kernel.work_ledger import ALL_FORCES, record_power
 
@@ -269,6 +282,7 @@ def advance_implicitly(
     phase: Phase,
     span: Span,
     within: bool,
+    tangents: Tangents | None = None,
 ) -> tuple[int, int, int]:
     """Like `advance`; a step whose stages do not converge is taken in parts, and with an embedded
     error each in as many as the tolerance of the method takes."""
@@ -278,6 +292,9 @@ def advance_implicitly(
     pace, adaptive, kinks = phase.pace, method.embedded.size > 0, problem.forces.kinks
     good_pace = pace[0]
     save_grid_point(problem, phase)
+    if tangents is not None:
+        copy(phase.tangents, tangents.good)
+        read_tangents(tangents, phase)
     most, here = 0, within
     store_angles(unit, system, work, phase)
     for taken in range(steps):
@@ -285,6 +302,7 @@ def advance_implicitly(
         t, end = t0 + (first + taken) * h, t0 + (first + taken + 1) * h
         done, goal, result, tried, unsettled, refused = 0.0, 0.0, OK, 0, 0, 0
         cuts = 0  # pieces of a fixed step
+        since, crossings = 0.0, 0  # s since a kink was crossed; pieces on the way to crossings
         tries, before, longer = 0, np.inf, h  # from here; error and length of the last
         trial = False  # whether the step only tells if the balance of friction ends
         length = pace[0] if adaptive else h
@@ -331,9 +349,20 @@ def advance_implicitly(
                     continue
                 if part < 1.0:
                     kinks.near[0] = UNFOUND
+            if good and tangents is not None:
+                part = crossed(problem, phase, begin, dt)
+                length_to = shorter(part, dt, h)
+                if length_to < dt and crossings < CROSSINGS:
+                    goal, crossings = done + length_to, crossings + 1
+                    continue
+                since = passed(since, part, dt)
+                if since > 0.0:
+                    goal = next_aim(done + dt, since, h)
             if good:
                 near = kinks.near[0] if kinks.search.size > 0 else 0.0
                 result = judge(unit, system, method, work, dt, h, near)
+                if result == OK and tangents is not None:
+                    result = carry_implicitly(tangents, problem, phase, begin, to, dt)
                 if result != OK:
                     break
                 record_power(problem, phase, t, method.b.size, dt, ALL_FORCES)
@@ -358,9 +387,13 @@ def advance_implicitly(
             pace[0] = length
         if done < h:
             restore_grid_point(problem, phase)
+            if tangents is not None:
+                copy(tangents.good, phase.tangents)
             pace[0] = good_pace
             return result, taken, most
         save_grid_point(problem, phase)
+        if tangents is not None:
+            copy(phase.tangents, tangents.good)
         phase.step[0] = first + taken + 1
         leave_trail(work.trail, phase)
         good_pace = pace[0]

@@ -9,6 +9,7 @@ import numpy as np
 from alf_ros.kernel.augmented_residuals import residuals, update_rows
 from alf_ros.kernel.augmented_solve import NOISE, solved
 from alf_ros.kernel.data import EPS, NOTHING, SOLVED, FollowedStage, Problem, System, Tangents
+from alf_ros.kernel.effect_jacobians import add_soft_times
 from alf_ros.kernel.mass import add_mass_times
 from alf_ros.kernel.numba_ext.jit import inlined, inner
 from alf_ros.kernel.numba_ext.lane_numbers import everywhere, nowhere, pick, unless
@@ -68,6 +69,9 @@ def solved_together(
         zero(f)
         add_mass_times(unit, system.mass, 1.0, x, f)
         add_mass_times(unit, system.mass, -1.0, at.delta, f)
+        if system.soft.weight.size > 0:
+            add_soft_times(unit, system.soft, 1.0, x, f)
+            add_soft_times(unit, system.soft, -1.0, at.delta, f)
     residuals(unit, system, at, f, x)
     step, size = step_by(unit, system, at, x)
     step *= EPS * system.penalty

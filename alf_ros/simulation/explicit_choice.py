@@ -1,4 +1,5 @@
-"""The solver of runs with derivatives, which explicit integrators alone have."""
+"""The solver of runs with gradients, and with tangents that pass singular positions: both take
+explicit integrators."""
 
 from __future__ import annotations
 

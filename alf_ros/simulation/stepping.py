@@ -79,7 +79,7 @@ class Stepper:
             method.b if ledger else None,
             AskedFunctions(
                 tangents=tableau.implicit,
-                sides=(adaptive or written or following is not None) and not tableau.implicit,
+                sides=following is not None or (adaptive or written) and not tableau.implicit,
                 intervals=solver.formulation == 'alf2',
                 instants=adaptive,
                 ends=not (adaptive or written or following is not None),
@@ -295,6 +295,8 @@ class Stepper:
         if found is not None:
             return StepError(*found, t)
         reason, remedy = status.reason, status.remedy
+        if status == Status.UNFOLLOWED and self.is_implicit:
+            remedy = 'beside a singular position they follow explicit integrators alone'
         if status == Status.JAMMED:
             reason += f', at t = {present.applied.assembled.bearings.ended[0]:.9g} s'
         if status == Status.NOT_CLOSED:

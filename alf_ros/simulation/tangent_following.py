@@ -13,13 +13,13 @@ from alf_ros import effects as registry
 from alf_ros.arrays import Addresses, Floats, Integers
 from alf_ros.errors import InputError
 from alf_ros.kernel import FollowedStage, Forces, Kinks, Ledger, Problem, Tangents, Work
+from alf_ros.kernel.data.tangents import DIRECTIONS
 from alf_ros.kernel.numba_ext.lane_numbers import width
 from alf_ros.kernel.numba_ext.lane_structs import aligned
 from alf_ros.kernel.numba_ext.plain import PLAIN
 from alf_ros.model.compile import Model
 from alf_ros.model.prescribed import program_apart
 from alf_ros.model.struct_memory import changed
-from alf_ros.model.tableaux import TABLEAUX
 from alf_ros.scene.scene import Scene, Solver
 from alf_ros.simulation.applied import Applied
 from alf_ros.simulation.effect_slopes import EffectSlopes
@@ -192,6 +192,7 @@ def tangents_of(
         'rates': 2 * groups * stages * n,
         **dict.fromkeys(_OF_GROUPS, groups * whole),
         'f': whole,
+        'search': 2 * DIRECTIONS * whole if problem.method.guess.size else 0,
     }
     T = rows.term.reshape(-1, D, D)
     even = (T == T[:, :1, :1] * np.eye(D)).all(axis=(1, 2))
@@ -292,14 +293,6 @@ def check_settings(solver: Solver) -> None:
         )
     if solver.formulation != 'alf2':
         raise InputError('tangents follow alf2 alone', key='formulation', value=solver.formulation)
-    if TABLEAUX[solver.integrator].implicit:
-        choices = [name for name, tableau in TABLEAUX.items() if not tableau.implicit]
-        raise InputError(
-            'tangents follow explicit integrators',
-            key='integrator',
-            value=solver.integrator,
-            choices=choices,
-        )
 
 
 def _check_start(start: Start) -> None:

@@ -328,10 +328,16 @@ def test_what_tangents_refuse_is_refused_by_name() -> None:
     }
     with pytest.raises(AlfError, match='joint_friction'):
         optimise(scene, {'a': [0.05, 0.15]}, 'final(energy)', duration=0.1)
-    scene = four_bar(driven=False, step=1e-3)
-    scene['solver']['integrator'] = 'esdirk43'
-    with pytest.raises(AlfError, match='tangents follow explicit integrators'):
-        optimise(scene, {'a': [0.05, 0.15]}, 'final(energy)', duration=0.1)
+
+
+def test_implicit_integrators_find_the_same() -> None:
+    found = []
+    for integrator in ('dop853', 'esdirk43'):
+        scene = four_bar(driven=False, step=1e-3)
+        scene['solver']['integrator'] = integrator
+        found.append(optimise(scene, {'a': [0.05, 0.15]}, 'final(points.P.y)', duration=0.1))
+    assert found[0].values == pytest.approx(found[1].values, rel=1e-6)
+    assert found[0].objective_after == pytest.approx(found[1].objective_after, rel=1e-6)
 
 
 def test_a_limit_that_no_design_holds_is_not_active() -> None:

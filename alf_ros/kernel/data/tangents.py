@@ -11,6 +11,8 @@ from alf_ros.kernel.data.problem import Problem
 from alf_ros.kernel.data.work import Work
 from alf_ros.kernel.numba_ext.structs import Lanes, Struct
 
+DIRECTIONS = 24  # of δk in a stage of an implicit method, until they are begun anew
+
 
 @dataclass(frozen=True, eq=False)
 class FollowedStage(Struct):
@@ -87,6 +89,7 @@ class Tangents(Struct):
     g2d: Floats  # (entries D,) Φ̇_q of the quadratic rows of the stage
     term_qd: Floats  # (terms D,) Tᵀ q̇ of the block of its entry
     term_qdd: Floats  # (terms D,) Tᵀ q̈
+    search: Lanes  # (2, DIRECTIONS, all blocks D) of δk and to what they are mapped, if implicit
     part: Floats  # (stages,) s, weights of the earlier stages that count, and
     of: Integers  # (stages,) which these are
     f: Lanes  # (all blocks D,) right-hand side of a solve

@@ -15,6 +15,8 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.mechanism.form_of_rows import form_of
+from alf_ros.model.tableaux import TABLEAUX
+from alf_ros.scene.scene import Solver
 from alf_ros.simulation.adjoint_following import SUMS, AdjointFollowing, NoRoom, TakenBack
 from alf_ros.simulation.displaced_scenes import Middle
 from alf_ros.simulation.quantity_tangents import QuantityTangents
@@ -43,6 +45,16 @@ class Leg(NamedTuple):
         return self.state.step + self.steps
 
 
+def _check_method(solver: Solver) -> None:
+    if TABLEAUX[solver.integrator].implicit:
+        raise InputError(
+            'gradients take steps of explicit integrators back; tangents follow implicit ones',
+            key='integrator',
+            value=solver.integrator,
+            choices=[name for name, tableau in TABLEAUX.items() if not tableau.implicit],
+        )
+
+
 class TapedRun:
     """The run of a simulation from its present on, which it moves.
 
@@ -52,6 +64,7 @@ class TapedRun:
     def __init__(
         self, simulation: Simulation, names: Sequence[str], memory: float = _MEMORY
     ) -> None:
+        _check_method(simulation.solver)
         simulation._begin_writing()
         self._simulation = simulation
         self.following = simulation._following_of(names)
