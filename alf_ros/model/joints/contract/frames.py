@@ -12,6 +12,13 @@ from alf_ros.mechanism.affine import Form
 from alf_ros.mechanism.natural_coordinates import Layout
 from alf_ros.model.constraints.row import Row, linear, product
 
+_ROUNDING = 1e-12  # of the largest factor of a block: a difference of factors that is none
+
+
+def _largest(form: Form) -> float:
+    """The largest factor of a block."""
+    return max((float(np.abs(C).max()) for C in form.parts.values()), default=0.0)
+
 
 class Frames:
     """A joint of a layout; rows get its name, and a suffix if they have one."""
@@ -24,7 +31,14 @@ class Frames:
         """From the parent's origin of the joint to the child's."""
         joint, layout = self.joint, self.layout
         base, tip = joint.frames
-        return layout.place(joint.child, tip.origin) - layout.place(joint.parent, base.origin)
+        to, start = (
+            layout.place(body, frame.origin)
+            for body, frame in ((joint.child, tip), (joint.parent, base))
+        )
+        gap = to - start
+        # bodies that share this place have no gap: its rounding would become rows of full size
+        least = _ROUNDING * max(_largest(to), _largest(start))
+        return gap if _largest(gap) > least else gap.times(0.0)
 
     def axis(self, side: int, n: int) -> Form:
         """The n-th axis of the frame on the parent (0) or the child (1)."""
