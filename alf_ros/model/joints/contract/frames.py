@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
+from alf_ros import columns
 from alf_ros.arrays import Floats
 from alf_ros.mechanism import Joint
 from alf_ros.mechanism.affine import Form
@@ -15,9 +17,10 @@ from alf_ros.model.constraints.row import Row, linear, product
 _ROUNDING = 1e-12  # of the largest factor of a block: a difference of factors that is none
 
 
-def _largest(form: Form) -> float:
-    """The largest factor of a block."""
-    return max((float(np.abs(C).max()) for C in form.parts.values()), default=0.0)
+def _largest(form: Form, blocks: int) -> Any:
+    """The largest factor of the first blocks."""
+    parts = (C for block, C in form.parts.items() if block < blocks)
+    return columns.largest(abs(x) for C in parts for x in C.ravel().tolist())
 
 
 class Frames:
@@ -37,8 +40,9 @@ class Frames:
         )
         gap = to - start
         # bodies that share this place have no gap: its rounding would become rows of full size
-        least = _ROUNDING * max(_largest(to), _largest(start))
-        return gap if _largest(gap) > least else gap.times(0.0)
+        movable, every = self.layout.movable, self.layout.blocks
+        least = columns.largest([_largest(to, every), _largest(start, every)]) * _ROUNDING
+        return gap if _largest(gap, movable) > least else gap.times(0.0)
 
     def axis(self, side: int, n: int) -> Form:
         """The n-th axis of the frame on the parent (0) or the child (1)."""
