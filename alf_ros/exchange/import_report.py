@@ -66,6 +66,8 @@ MOTION = {
     'distances with play': 'these joints hold nothing: a minimum and a maximum differ',
     'swings of two axes': 'universal joints: with both angles large they turn otherwise',
     'limits (see --stops)': 'joints pass their limits',
+    'limits of screws': 'of angles or of lengths, as simulators differ: nothing stops them here',
+    'pitch of screws: default of SDF': 'a screw without a pitch advances 1 m in a turn',
     'limits without range': 'lower is not below upper: joints pass them',
     'limits, damping, friction, springs, armature': 'these joints have none',
     'mimic': 'these joints are free',
@@ -93,10 +95,12 @@ MOTION = {
     'added mass of fluids': 'these bodies move without it',
     'plugins': 'forces and control that they apply are missing',
     'state of the world': 'models start where they are placed',
+    'wind': 'it exerts no force on these bodies',
     'physics of Gazebo': 'what these extensions do to the motion is missing',
     'several root links': 'each is fixed to the ground as drawn (see --floating)',
     'joints of unknown type': 'they are omitted',
     'includes': 'their content is omitted',
+    'parameters of includes': 'the models are as in their own files',
     'version of SDF': '1.4 to 1.12 are expected: read as the nearest of them',
 }
 _COUNTED = (
