@@ -68,6 +68,7 @@ MOTION = {
     'limits (see --stops)': 'joints pass their limits',
     'limits of screws': 'of angles or of lengths, as simulators differ: nothing stops them here',
     'pitch of screws: default of SDF': 'a screw without a pitch advances 1 m in a turn',
+    'limits as drawn': 'these are drawn beyond a limit, and its stop throws them back at the start',
     'limits without range': 'lower is not below upper: joints pass them',
     'limits, damping, friction, springs, armature': 'these joints have none',
     'mimic': 'these joints are free',
