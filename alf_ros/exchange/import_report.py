@@ -68,7 +68,8 @@ MOTION = {
     'limits (see --stops)': 'joints pass their limits',
     'limits of screws': 'of angles or of lengths, as simulators differ: nothing stops them here',
     'pitch of screws: default of SDF': 'a screw without a pitch advances 1 m in a turn',
-    'limits as drawn': 'these are drawn beyond a limit, and its stop throws them back at the start',
+    'limits as drawn': 'these are drawn beyond a limit, and its stop throws them back at the '
+    'start',
     'limits without range': 'lower is not below upper: joints pass them',
     'limits, damping, friction, springs, armature': 'these joints have none',
     'mimic': 'these joints are free',
@@ -80,6 +81,8 @@ MOTION = {
     'actuators (see --scene)': 'they apply no force',
     'actuators': 'they apply no force',
     'gains of actuators': 'the file has none: a motor without gains applies no force by itself',
+    'reductions of transmissions': 'a command is the effort of the joint, not that of a motor '
+    'before the reduction',
     'activation of actuators': 'they act without delay',
     'integrators of actuators': 'they integrate no control: they stay as at the start',
     'force ranges of joints': 'they are of a sum: here of each actuator on the joint or tendon, '

@@ -68,6 +68,15 @@ ROTOR = (
     '</actuator></transmission>'
 )
 
+REDUCED = (
+    'reductions of transmissions: a command is the effort of the joint, not that of a motor '
+    'before the reduction'
+)
+
+
+def geared(reduction: str) -> str:
+    return f'<transmission name="t"><joint name="j"/>{reduction}</transmission>'
+
 
 SOFT = 'soft limits: they do not give way as in the file: with --stops they have its stiffness: j'
 STIFF = TWO.replace('</limit>', '<stiffness>1e4</stiffness></limit>')
@@ -156,6 +165,17 @@ def test_what_an_include_adds_to_a_model_is_named(tmp_path: Path) -> None:
         ('a.urdf', URDF.replace('MORE', '<gazebo><plugin name="p"/></gazebo>'), 'plugins'),
         ('a.urdf', URDF.replace('MORE', MIMIC), 'mimic: these joints are free: j'),
         ('a.urdf', URDF.replace('MORE', ROTOR), JOINTS),
+        ('a.urdf', URDF.replace('MORE', ROTOR.replace('motorInertia', 'drake:rotor_inertia')),
+         JOINTS),
+        ('a.urdf', URDF.replace('MORE', geared('<actuator name="a"><mechanicalReduction>50'
+         '</mechanicalReduction></actuator>')), f'{REDUCED}: j by 50'),
+        ('a.urdf', URDF.replace('MORE', geared('<mechanicalReduction>-3.5</mechanicalReduction>')),
+         f'{REDUCED}: j by -3.5'),
+        ('a.urdf', URDF.replace('MORE', geared('<actuator name="a"><drake:gear_ratio value="9"/>'
+         '</actuator>')), f'{REDUCED}: j by 9'),
+        ('a.urdf', URDF.replace('MORE', '<ros2_control>' + geared('<actuator name="a">'
+         '<mechanical_reduction>2.0</mechanical_reduction></actuator>') + '</ros2_control>'),
+         f'{REDUCED}: j by 2.0'),
         ('a.urdf', URDF.replace('MORE', '<link name="alone"/>'), 'several root links'),
         ('a.urdf', URDF.replace('MORE', '').replace('"revolute"', '"floating"').replace(
             LIMIT, '<dynamics damping="1"/>'), JOINTS),
@@ -193,3 +213,9 @@ def test_a_link_of_a_urdf_with_inertia_alone(tmp_path: Path) -> None:
     (body,) = load_scene(made).mechanism.bodies
     np.testing.assert_allclose(np.diag(body.inertia), [0.02, 0.04, 0.06])
     assert body.mass == 1.0
+
+
+def test_a_transmission_that_reduces_nothing_is_not_listed(tmp_path: Path) -> None:
+    plain = geared('<actuator name="a"><mechanicalReduction>1.0</mechanicalReduction></actuator>')
+    lines, _ = report(tmp_path, 'a.urdf', URDF.replace('MORE', plain))
+    assert not any('reductions' in line for line in lines)
