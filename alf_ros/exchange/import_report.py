@@ -70,6 +70,8 @@ MOTION = {
     'pitch of screws: default of SDF': 'a screw without a pitch advances 1 m in a turn',
     'limits as drawn': 'these are drawn beyond a limit, and its stop throws them back at the '
     'start',
+    'limits of mimics': 'they contradict those of the joints that are mimicked: loops were closed '
+    'beyond them',
     'limits without range': 'lower is not below upper: joints pass them',
     'limits, damping, friction, springs, armature': 'these joints have none',
     'mimic': 'these joints are free',
