@@ -15,8 +15,8 @@ MOTION = {
     'mass: there is none': 'a body without mass: a body that turns alone needs some',
     'joints of massless ends': 'they and their links do not move, because they carry no mass',
     'joints without inertia': 'all mass that turns is on their axis, so they are fixed as drawn',
-    'no mass in a free direction': 'a run stops: give these bodies mass and inertia, or make a '
-    'joint of them `fixed`',
+    'no mass in a free direction': 'a run stops: give these bodies mass and inertia, make one of '
+    'the joints `fixed`, or give one a rotor (`armature` of a motor)',
     'angles of balls': 'a ball is in place of the joints: their angles are not published',
     'joints near gimbal lock': 'links without mass turn fast there, and stop a run (see --balls)',
     'rows of joints for balls': 'at gimbal lock they stop a run (see --balls)',

@@ -1,8 +1,8 @@
 """The root of an SDF of any version that is read, written as the newest one has it.
 
 Versions 1.4 to 1.6 say three things in other places: 1.4 has the axes of joints in the frame of
-the model, 1.4 and 1.5 have gravity in <physics>, and until 1.6 `frame` of a <pose> is what is
-`relative_to` now. Source: the *.convert files of sdformat.
+the model, 1.4 and 1.5 have gravity in <physics>, and until 1.6 a <pose> has `frame` for
+`relative_to`. Source: the *.convert files of sdformat.
 """
 
 from __future__ import annotations

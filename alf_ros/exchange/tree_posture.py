@@ -83,8 +83,8 @@ class TreePosture:
         return found
 
     def limits(self) -> tuple[Floats, Floats]:
-        """Lower and upper limit of each joint, rad or m: its own, and those of the joints that
-        mimic it; limits that leave it no room are listed, and do not count."""
+        """Lower and upper limit of each joint, rad or m. Limits of joints that mimic it count as
+        well, unless they leave it no interval: such limits are listed."""
         low, high = np.full((2, len(self.names)), np.inf) * [[-1.0], [1.0]]
         for joint in sorted(self._reader.joints.values(), key=lambda j: j.name not in self._place):
             limited = joint.limit is not None and joint.type in ('revolute', 'prismatic')

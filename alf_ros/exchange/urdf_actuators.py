@@ -2,7 +2,7 @@
 
 Both name joints and interfaces, not gains: a motor on such a joint has the effort limit of the
 joint, and applies no force until a scene or a topic commands one. As in ros_control and
-ros2_control, commands and limits are those of the joint. A reduction n gives the joint n times the
+ros2_control, commands and limits belong to the joint. A reduction n gives the joint n times the
 effort of the motor before it; it changes no command here, and is listed.
 """
 

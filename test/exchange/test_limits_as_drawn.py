@@ -53,7 +53,7 @@ def test_each_is_named_with_its_limit(
 
 
 def test_the_stop_throws_it_back(tmp_path: Path) -> None:
-    """Without weight and losses the energy of the stop, k d^2.5 / 2.5, becomes that of the rod."""
+    """Without weight and losses the energy of the stop, k d^2.5 / 2.5, moves the rod."""
     depth, k = 0.3, 100.0
     text = imported(saved(tmp_path, 'it.urdf', URDF), stops=k)
     weightless = text.replace('[0.0, 0.0, -9.81]', '[0.0, 0.0, 0.0]')

@@ -142,7 +142,7 @@ def test_couplings_hold_as_in_the_file_wherever_it_starts(
     equality: str, start: dict[str, Any], tmp_path: Path
 ) -> None:
     """By MuJoCo's own residuals, at the start and after a motion, which a constant must not leave.
-    Its reference is `qpos0`, which is neither the keyframe nor what is set."""
+    The reference is `qpos0`, neither the keyframe nor the positions set."""
     source, given = COUPLED.format(equality), dict(start)
     key = given.pop('key', None)
     text = imported(saved(tmp_path, 'it.xml', source), scene=True, key=key, positions=given)

@@ -41,7 +41,7 @@ def test_a_four_bar_that_is_closed_twice(
 
 @pytest.mark.parametrize('kind', AXES)
 def test_each_type_may_be_repeated(kind: str, tmp_path: Path) -> None:
-    """The bars move as with one loop, and the share of the load is told to be indeterminate."""
+    """The bars move as with one loop, and the shares of the load are flagged as indeterminate."""
     source = saved(tmp_path, 'it.urdf', robots.four_bar())
     fields = f'{{type: {kind}, between: [coupler, rocker], at: [0.3, 0, 0], {AXES[kind]}}}'
     found = []

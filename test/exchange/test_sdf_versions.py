@@ -1,4 +1,4 @@
-"""What older versions of SDF say elsewhere, and links that no force moves, against pendulums."""
+"""Older versions of SDF, which have data elsewhere, and links that no force moves: pendulums."""
 
 from __future__ import annotations
 
