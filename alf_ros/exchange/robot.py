@@ -167,12 +167,14 @@ class GroundTouch:
 @dataclass(frozen=True, eq=False)
 class Collider:
     """A shape of a part with which the part touches others, placed as drawn; None: of a kind that
-    no shape here has. friction: coefficient; None: not given."""
+    no shape here has. friction: coefficient, None: not given; `across` its direction another one
+    if that differs."""
 
     name: str
     part: str
     shape: VisualShape | None
     friction: float | None = None
+    across: float | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,12 +7,14 @@ is read.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from alf_ros.exchange import sdf_visuals
 from alf_ros.exchange.robot import Collider, FramePose, Robot
 from alf_ros.exchange.visuals import ROUND, mesh_file, moved, numbers, shape, show
 from alf_ros.mechanism import VisualShape
@@ -32,6 +34,11 @@ def add(
     colors: Colors = {}
     for material in xml.findall('material'):
         _color(material, colors)
+    frictions = {
+        gazebo.get('reference'): gazebo
+        for gazebo in xml.findall('gazebo')
+        if gazebo.find('mu1') is not None or gazebo.find('mu2') is not None
+    }
     for link in xml.findall('link'):
         name = link.get('name', '')
         for n, visual in enumerate(link.findall('visual')):
@@ -41,7 +48,8 @@ def add(
             except (KeyError, ValueError):
                 robot.leave('shapes', f'visual {n} of {name}')
         for n, collision in enumerate(link.findall('collision') if name in part_of else ()):
-            robot.colliders.append(_collider(collision, folder, name, n, part_of, poses))
+            found = _collider(collision, folder, name, n, part_of, poses)
+            robot.colliders.append(_with_friction(robot, found, name, frictions.get(name)))
 
 
 def _collider(
@@ -57,6 +65,21 @@ def _collider(
         return Collider(name, part_of[link], moved(_shape(element, {}, folder), poses[link]))
     except ValueError:
         return Collider(name, part_of[link], None)
+
+
+def _with_friction(
+    robot: Robot, collider: Collider, link: str, gazebo: ElementTree.Element | None
+) -> Collider:
+    """With the coefficients that the extension of Gazebo gives the link."""
+    if gazebo is None:
+        return collider
+    try:
+        along, across = sdf_visuals.coefficients(
+            *(gazebo.findtext(key) or None for key in ('mu1', 'mu2'))
+        )
+    except ValueError:
+        raise robot.error(link, 'mu1 and mu2 are not usable numbers') from None
+    return replace(collider, friction=along, across=across)
 
 
 def _color(material: ElementTree.Element | None, colors: Colors) -> list[float] | None:

@@ -50,7 +50,7 @@ def test_a_pendulum_of(name: str, inertia_about_pin: float, arguments: dict[str,
 
 def test_undeclared_prefixes_are_listed() -> None:
     text = imported(str(FOLDER / 'undeclared_prefixes.urdf'))
-    assert '#   gazebo: ' in text and 'gazebo_ros_p3d' in text
+    assert '#   physics of Gazebo: ' in text and 'gazebo_ros_p3d' in text
 
 
 def test_a_moving_joint_needs_an_axis(tmp_path: Path) -> None:

@@ -68,6 +68,7 @@ ROTOR = (
     '</actuator></transmission>'
 )
 
+EXTENSIONS = 'physics of Gazebo: what these extensions do to the motion is missing'
 REDUCED = (
     'reductions of transmissions: a command is the effort of the joint, not that of a motor '
     'before the reduction'
@@ -163,6 +164,14 @@ def test_what_an_include_adds_to_a_model_is_named(tmp_path: Path) -> None:
         ('a.urdf', URDF.replace('MORE', GAZEBO), 'physics of Gazebo'),
         ('a.urdf', URDF.replace('MORE', SPRING), 'physics of Gazebo'),
         ('a.urdf', URDF.replace('MORE', '<gazebo><plugin name="p"/></gazebo>'), 'plugins'),
+        ('a.urdf', URDF.replace('MORE', '<gazebo><link name="more"/></gazebo>'),
+         f'{EXTENSIONS}: link of the robot'),
+        ('a.urdf', URDF.replace('MORE', '<gazebo reference="arm"><joint name="k"/></gazebo>'),
+         f'{EXTENSIONS}: joint of arm'),
+        ('a.urdf', URDF.replace('MORE', '<gazebo reference="j"><stopErp>0.8</stopErp></gazebo>'),
+         f'{EXTENSIONS}: stopErp of j'),
+        ('a.urdf', URDF.replace('MORE', '<gazebo reference="arm"><turnGravityOff>true'
+         '</turnGravityOff></gazebo>'), 'physics of Gazebo'),
         ('a.urdf', URDF.replace('MORE', MIMIC), 'mimic: these joints are free: j'),
         ('a.urdf', URDF.replace('MORE', ROTOR), JOINTS),
         ('a.urdf', URDF.replace('MORE', ROTOR.replace('motorInertia', 'drake:rotor_inertia')),
@@ -213,6 +222,21 @@ def test_a_link_of_a_urdf_with_inertia_alone(tmp_path: Path) -> None:
     (body,) = load_scene(made).mechanism.bodies
     np.testing.assert_allclose(np.diag(body.inertia), [0.02, 0.04, 0.06])
     assert body.mass == 1.0
+
+
+@pytest.mark.parametrize(
+    'harmless',
+    [
+        '<turnGravityOff>false</turnGravityOff>', '<gravity>true</gravity>', '<static>0</static>',
+        '<material>Gazebo/Red</material>', '<kp>1e6</kp>', '<kinematic>false</kinematic>',
+    ],
+)  # fmt: skip
+def test_extensions_of_gazebo_without_an_effect_are_no_change_of_the_motion(
+    harmless: str, tmp_path: Path
+) -> None:
+    gazebo = f'<gazebo reference="arm">{harmless}</gazebo>'
+    lines, _ = report(tmp_path, 'a.urdf', URDF.replace('MORE', gazebo))
+    assert lines == report(tmp_path, 'a.urdf', URDF.replace('MORE', ''))[0]
 
 
 def test_a_transmission_that_reduces_nothing_is_not_listed(tmp_path: Path) -> None:
