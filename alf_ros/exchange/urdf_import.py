@@ -31,6 +31,7 @@ from alf_ros.mechanism import GROUND
 _TREE = {'revolute': 'revolute', 'continuous': 'revolute', 'prismatic': 'prismatic'}
 _MOVES = urdf_motions.SINGLE
 _TREE |= {'planar': 'planar'}  # and `fixed` and `floating`, which are no joints
+_SEVERAL = ('planar', 'floating')  # types with several coordinates
 _READ = ('link', 'joint', 'gazebo', 'constraint', 'material', 'transmission', 'ros2_control')
 _GRAVITY = (0.0, 0.0, -9.81)
 _OFF = 1e-9  # rad or m: how far a joint that mimics may be drawn from where the other has it
@@ -123,6 +124,8 @@ class UrdfReader:
         found = {}
         for name, joint in self.joints.items():
             each = joint.mimic
+            if each is not None and joint.type in _SEVERAL:
+                self.robot.leave('mimic', name)
             if each is None or joint.type not in _MOVES:
                 continue
             if name in self._follows:
@@ -131,6 +134,9 @@ class UrdfReader:
             other = self.joints.get(each.joint)
             if other is None or each.joint == name:
                 self.robot.leave('mimic', f'{name}, for there is no {each.joint!r}')
+                continue
+            if other.type in _SEVERAL:
+                self.robot.leave('mimic', f'{name}, for {each.joint!r} has several coordinates')
                 continue
             factor = 1.0 if each.multiplier is None else float(each.multiplier)
             found[name] = each.joint, factor, float(each.offset or 0.0)
@@ -244,7 +250,7 @@ class UrdfReader:
 
     def _connect(self, joint: Any) -> None:
         dynamics = joint.dynamics
-        if joint.type in ('planar', 'floating') and dynamics is not None:
+        if joint.type in _SEVERAL and dynamics is not None:
             if dynamics.damping or dynamics.friction:
                 self.robot.leave('limits, damping, friction, springs, armature', joint.name)
             dynamics = None

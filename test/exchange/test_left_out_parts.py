@@ -68,6 +68,10 @@ ROTOR = (
     '</actuator></transmission>'
 )
 
+PLANE = (
+    f'<link name="plate">{LINK}</link><joint name="k" type="planar"><parent link="base"/>'
+    '<child link="plate"/><axis xyz="0 0 1"/></joint>'
+)
 EXTENSIONS = 'physics of Gazebo: what these extensions do to the motion is missing'
 REDUCED = (
     'reductions of transmissions: a command is the effort of the joint, not that of a motor '
@@ -174,6 +178,10 @@ def test_what_an_include_adds_to_a_model_is_named(tmp_path: Path) -> None:
          '</turnGravityOff></gazebo>'), 'physics of Gazebo'),
         ('a.urdf', URDF.replace('MORE', MIMIC), 'mimic: these joints are free: j'),
         ('a.urdf', URDF.replace('MORE', ROTOR), JOINTS),
+        ('a.urdf', URDF.replace('MORE', '').replace('"revolute"', '"planar"').replace(
+            LIMIT, '<mimic joint="k"/>'), 'mimic: these joints are free: j'),
+        ('a.urdf', URDF.replace(LIMIT, LIMIT + '<mimic joint="k"/>').replace('MORE', PLANE),
+         "mimic: these joints are free: j, for 'k' has several coordinates"),
         ('a.urdf', URDF.replace('MORE', ROTOR.replace('motorInertia', 'drake:rotor_inertia')),
          JOINTS),
         ('a.urdf', URDF.replace('MORE', geared('<actuator name="a"><mechanicalReduction>50'

@@ -86,3 +86,23 @@ def test_a_circle_of_joints_at_one_place(axis: str, tmp_path: Path) -> None:
         if joints is pairs:
             assert sample.reactions['a_c'].indeterminate
     np.testing.assert_allclose(ends[1], ends[0], rtol=0.0, atol=1e-10)
+
+
+def test_a_length_on_the_ground_is_no_gap_that_vanishes() -> None:
+    """A distance between the pin of a rod and another point of the ground: constant, not zero."""
+    scene = """mechanism:
+  alf: 1
+  name: rod
+  space: spatial
+  points: {O: {at: [0, 0, 0], fixed: true}, Q: {at: [0, 0.5, 0], fixed: true}, B: {at: [1, 0, 0]}}
+  bodies:
+    rod: {points: [O, B], mass: 1, com: [0.5, 0, 0], inertia: {about_com: [1, 1, 1, 0, 0, 0]}}
+  joints:
+    pin: {type: revolute, between: [ground, rod], at: O, axis: [0, 1, 0]}
+    far: {type: distance, between: [ground, rod], points: [Q, O], length: 0.5}
+effects: {gravity: {acceleration: [0, 0, -9.81]}}
+"""
+    simulation = simulate(scene)
+    simulation.step(1)
+    speed = simulation.sample().joints['pin'].velocity
+    assert speed == pytest.approx(1e-3 * 9.81 * 0.5 / 1.25, rel=1e-5)

@@ -38,11 +38,14 @@ class Frames:
             layout.place(body, frame.origin)
             for body, frame in ((joint.child, tip), (joint.parent, base))
         )
-        gap = to - start
+        gap, movable = to - start, self.layout.movable
         # bodies that share this place have no gap: its rounding would become rows of full size
-        movable, every = self.layout.movable, self.layout.blocks
+        every = self.layout.blocks
         least = columns.largest([_largest(to, every), _largest(start, every)]) * _ROUNDING
-        return gap if _largest(gap, movable) > least else gap.times(0.0)
+        if _largest(gap, movable) > least:
+            return gap
+        still = {n: C if n >= movable else 0.0 * C for n, C in gap.parts.items()}
+        return Form(still, gap.constant)
 
     def axis(self, side: int, n: int) -> Form:
         """The n-th axis of the frame on the parent (0) or the child (1)."""
