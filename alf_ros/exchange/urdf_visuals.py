@@ -48,8 +48,8 @@ def add(
             except (KeyError, ValueError):
                 robot.leave('shapes', f'visual {n} of {name}')
         for n, collision in enumerate(link.findall('collision') if name in part_of else ()):
-            found = _collider(collision, folder, name, n, part_of, poses)
-            robot.colliders.append(_with_friction(robot, found, name, frictions.get(name)))
+            collider = _collider(collision, folder, name, n, part_of, poses)
+            robot.colliders.append(_with_friction(robot, collider, name, frictions.get(name)))
 
 
 def _collider(
