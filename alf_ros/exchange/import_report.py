@@ -39,6 +39,7 @@ MOTION = {
     'contact as drawn': 'these are drawn in the ground, which pushes them out at the start',
     'law of contact': 'its stiffness is that of --contact; no impact leaves the ground faster '
     'than 0.1 m/s',
+    'filters of contact': 'these meet the ground whatever their bitmask',
     'friction in two directions': 'the smallest coefficient acts in all directions',
     'friction of contact': 'bodies spin and roll on the ground without resistance',
     'damping (see --scene)': 'joints are not damped',

@@ -23,10 +23,9 @@ def draw(mujoco: Any, data: Any, joints: Sequence[str], positions: Mapping[str, 
     couplings = {n: _of_joints(model, n) for n in _linear(mujoco, model)}
     for _ in couplings:  # of joints that follow one another, whatever their order
         for n, each in couplings.items():
-            one = int(model.eq_obj1id[n])
-            wanted = float(data.qpos[model.jnt_qposadr[one]]) - each.off(data)
-            if joints[one] not in positions:
-                data.qpos[model.jnt_qposadr[one]] = wanted
+            one, off = int(model.eq_obj1id[n]), each.off(data)
+            if joints[one] not in positions or abs(off) <= _TURNED:  # digits that --set lacks
+                data.qpos[model.jnt_qposadr[one]] -= off
     for n, each in couplings.items():
         name = joints[int(model.eq_obj1id[n])]
         given = positions.get(name, 0.0)

@@ -10,10 +10,12 @@ import numpy as np
 from alf_ros.exchange.robot import Collider, FixedPlane, FramePose, Robot
 from alf_ros.exchange.sdf_frames import pose_of
 from alf_ros.exchange.sdf_resources import mesh_uri
+from alf_ros.exchange.sdf_values import is_true
 from alf_ros.exchange.visuals import ROUND, mesh_file, moved, numbers, shape, show
 from alf_ros.mechanism import GROUND, VisualShape
 
 COLLISION = 'collision'
+_EVERY = ('65535', '0xffff', '0xFFFF')  # the mask of what meets all others, the default
 READ = ('visual', COLLISION)
 
 
@@ -43,6 +45,9 @@ def _collide(
 ) -> None:
     """A plane is one of the ground; what no shape here has is still there."""
     friction, across, found = None, None, None
+    contact = element.find('surface/contact')
+    if part != GROUND and contact is not None and _is_filtered(contact):
+        robot.leave('filters of contact', name)
     try:
         friction, across = coefficients(
             *(element.findtext(f'surface/friction/ode/{key}') for key in ('mu', 'mu2'))
@@ -62,6 +67,12 @@ def _collide(
     except ValueError:
         pass
     robot.colliders.append(Collider(name.replace(' ', '_'), part, found, friction, across))
+
+
+def _is_filtered(contact: ElementTree.Element) -> bool:
+    """Whether something of a collision passes through it."""
+    mask = (contact.findtext('collide_bitmask') or '').strip()
+    return mask not in ('', *_EVERY) or is_true(contact.findtext('collide_without_contact'))
 
 
 def coefficients(mu: str | None, mu2: str | None) -> tuple[float, float | None]:

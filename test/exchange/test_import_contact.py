@@ -296,6 +296,23 @@ def test_the_ground_of_an_sdf(tmp_path: Path) -> None:
     assert '#   contact between bodies: they pass through each other (1)\n' in text
 
 
+@pytest.mark.parametrize(
+    ('more', 'is_told'),
+    [
+        ('<collide_bitmask>0x02</collide_bitmask>', True),
+        ('<collide_without_contact>1</collide_without_contact>', True),
+        ('<collide_bitmask>0xffff</collide_bitmask>', False),
+    ],
+)
+def test_filters_of_contact_are_listed(more: str, is_told: bool, tmp_path: Path) -> None:
+    surface = f'<surface><contact>{more}</contact></surface>'
+    end = '</collision></link></model></world>'
+    assert end in SDF
+    text = imported(saved(tmp_path, 'it.sdf', SDF.replace(end, surface + end)), contact=K)
+    line = 'filters of contact: these meet the ground whatever their bitmask: robot::foot tip'
+    assert (f'#   {line}\n' in text) == is_told
+
+
 def test_options_that_cannot_be(tmp_path: Path) -> None:
     path = saved(tmp_path, 'it.xml', world(ball(R)))
     with pytest.raises(InputError, match="--contact: not a stiffness, got '?-1"):
