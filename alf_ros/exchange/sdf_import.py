@@ -53,6 +53,7 @@ class _Reader:
         self.frames = SdfFrames(self.robot.error)
         self.links: dict[str, RobotPart] = {}
         self.still: set[str] = set()  # links of static models
+        self.weightless: set[str] = set()  # links without gravity
         self.joints: list[tuple[str, ElementTree.Element]] = []
         self.visuals: list[tuple[str, str, ElementTree.Element]] = []  # scope, link
         if not models:
@@ -205,6 +206,8 @@ class _Reader:
             self.robot.leave('motion of kinematic bodies', self._short(name))
         else:
             self._leave_of_link(element, self._short(name), blown)
+            if not is_true(element.findtext('gravity') or 'true'):
+                self.weightless.add(name)
         shown = (each for each in element if each.tag in sdf_visuals.READ)
         self.visuals += [(scope, name, each) for each in shown]
         for tag, kind in (('sensor', 'sensors'), ('light', 'lights')):
@@ -213,8 +216,6 @@ class _Reader:
 
     def _leave_of_link(self, element: ElementTree.Element, name: str, blown: bool) -> None:
         """Note forces on a link that moves."""
-        if element.findtext('gravity') is not None and not is_true(element.findtext('gravity')):
-            self.robot.leave('gravity off', name)
         decay = element.find('velocity_decay')
         if any(number(decay, tag, 0.0, self.error, name) for tag in ('linear', 'angular')):
             self.robot.leave('damping of bodies', name)
@@ -313,6 +314,7 @@ class _Reader:
                 above[child] = parent
         roots = {name: GROUND if root(name) == WORLD else root(name) for name in links}
         part_of = self.robot.add_links(links, roots) | {WORLD: GROUND}
+        self._lift(part_of)
         for scope, link, visual in self.visuals:
             frame = self.frames.pose(self._visual_frame(scope, link, visual))
             sdf_visuals.add(self.robot, visual, self.path.parent, part_of[link], frame)
@@ -329,6 +331,17 @@ class _Reader:
                 self.robot.leave('elements', f'joint {each.get("name")} of a fixed part')
             else:
                 self.robot.connect(joints.connection(scope, each, parent, child))
+
+    def _lift(self, part_of: Mapping[str, str]) -> None:
+        """A force on each part without gravity, equal to its weight; list parts of which only some
+        links are without, because the force would not be at their centre of mass."""
+        for part in self.robot.parts if any(self.robot.gravity) else ():
+            own = {link for link, other in part_of.items() if other == part.name and link != WORLD}
+            heavy = {link for link in own if self.links[link].mass > 0.0}
+            if heavy and heavy <= self.weightless:
+                self.robot.lifts[part.name] = -part.mass * np.array(self.robot.gravity) + 0.0
+            elif heavy & self.weightless:
+                self.robot.leave('gravity off', part.name)
 
     def _visual_frame(self, scope: str, link: str, visual: ElementTree.Element) -> str:
         to = self._relative(visual)
