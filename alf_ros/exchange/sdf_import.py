@@ -314,7 +314,8 @@ class _Reader:
                 above[child] = parent
         roots = {name: GROUND if root(name) == WORLD else root(name) for name in links}
         part_of = self.robot.add_links(links, roots) | {WORLD: GROUND}
-        self._lift(part_of)
+        masses = {name: part.mass for name, part in self.links.items()}
+        self.robot.lift(masses, part_of, self.weightless)
         for scope, link, visual in self.visuals:
             frame = self.frames.pose(self._visual_frame(scope, link, visual))
             sdf_visuals.add(self.robot, visual, self.path.parent, part_of[link], frame)
@@ -331,17 +332,6 @@ class _Reader:
                 self.robot.leave('elements', f'joint {each.get("name")} of a fixed part')
             else:
                 self.robot.connect(joints.connection(scope, each, parent, child))
-
-    def _lift(self, part_of: Mapping[str, str]) -> None:
-        """A force on each part without gravity, equal to its weight; list parts of which only some
-        links are without, because the force would not be at their centre of mass."""
-        for part in self.robot.parts if any(self.robot.gravity) else ():
-            own = {link for link, other in part_of.items() if other == part.name and link != WORLD}
-            heavy = {link for link in own if self.links[link].mass > 0.0}
-            if heavy and heavy <= self.weightless:
-                self.robot.lifts[part.name] = -part.mass * np.array(self.robot.gravity) + 0.0
-            elif heavy & self.weightless:
-                self.robot.leave('gravity off', part.name)
 
     def _visual_frame(self, scope: str, link: str, visual: ElementTree.Element) -> str:
         to = self._relative(visual)

@@ -18,6 +18,7 @@ from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.exchange import (
     urdf_actuators,
+    urdf_gazebo,
     urdf_joint_types,
     urdf_motions,
     urdf_numbers,
@@ -88,6 +89,8 @@ class UrdfReader:
             name: self._part(name, link) for name, link in self.links.items() if name not in inner
         }
         self.part_of = self.robot.add_links(parts, self.part_of)
+        masses = {name: part.mass for name, part in parts.items()}
+        self.robot.lift(masses, self.part_of, urdf_gazebo.weightless(self.xml))
         in_balls = {each for row in self._balls.values() for each in row}
         for joint in self.urdf.joints:
             if joint.name not in in_balls:

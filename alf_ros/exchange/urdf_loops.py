@@ -15,25 +15,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alf_ros.arrays import Floats
-from alf_ros.exchange import two_ended_loops
+from alf_ros.exchange import two_ended_loops, urdf_gazebo
 from alf_ros.exchange.robot import AXES, STILL, TYPES, FramePose
-from alf_ros.exchange.sdf_values import is_true
 from alf_ros.exchange.two_ended_loops import LoopEnd, TwoEndedLoop, rotation_to
 from alf_ros.exchange.urdf_import import UrdfReader
 
 _NONE = (0.0, 0.0, 0.0)
-# Extensions of Gazebo without an effect on the motion, besides contact. It copies others into its
-# model as they are.
-_HARMLESS = (
-    *('material', 'visual', 'collision', 'sensor', 'light', 'projector', 'audio_sink', 'battery'),
-    *('mu1', 'mu2', 'fdir1', 'kp', 'kd', 'maxVel', 'minDepth', 'maxContacts', 'laserRetro'),
-    *('selfCollide', 'self_collide', 'provideFeedback', 'canonicalBody', 'preserveFixedJoint'),
-    *('disableFixedJointLumping', 'cfmDamping', 'implicitSpringDamper', 'fudgeFactor'),
-    *('must_be_base_link', 'allow_auto_disable'),
-)
-_UNLESS = {'gravity': False} | dict.fromkeys(  # harmless unless they have this value
-    ('static', 'turnGravityOff', 'kinematic', 'enable_wind'), True
-)
 
 
 def loops(reader: UrdfReader) -> Iterator[TwoEndedLoop]:
@@ -47,26 +34,12 @@ def loops(reader: UrdfReader) -> Iterator[TwoEndedLoop]:
 
 def leave(reader: UrdfReader) -> None:
     """Note the extensions of Gazebo that are no loops, and what loops do not have here."""
-    for extension in reader.xml.findall('gazebo'):
-        about = extension.get('reference')
-        for element in extension:
-            if element.tag == 'plugin':
-                reader.robot.leave('plugins', element.get('name', ''))
-            elif element.tag != 'joint' or about is not None:
-                kind = 'gazebo' if _is_harmless(element) else 'physics of Gazebo'
-                reader.robot.leave(kind, f'{element.tag} of {about or "the robot"}')
+    urdf_gazebo.leave(reader.robot, reader.xml, reader.links)
     for element in _gazebo_joints(reader):
         axes = (*element.findall('axis'), *element.findall('axis2'))
         if any(axis.find(tag) is not None for axis in axes for tag in ('limit', 'dynamics')):
             name = element.get('name', 'gazebo_joint')
             reader.robot.leave('limits, damping, friction, springs, armature', name)
-
-
-def _is_harmless(element: ElementTree.Element) -> bool:
-    """Whether the motion is the same without it."""
-    if element.tag in _UNLESS:
-        return is_true(element.text) != _UNLESS[element.tag]
-    return element.tag in _HARMLESS
 
 
 def _gazebo_joints(reader: UrdfReader) -> list[ElementTree.Element]:

@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from alf_ros.exchange import sdf_visuals
+from alf_ros.exchange import sdf_visuals, urdf_gazebo
 from alf_ros.exchange.robot import Collider, FramePose, Robot
 from alf_ros.exchange.visuals import ROUND, mesh_file, moved, numbers, shape, show
 from alf_ros.mechanism import VisualShape
@@ -34,11 +34,7 @@ def add(
     colors: Colors = {}
     for material in xml.findall('material'):
         _color(material, colors)
-    frictions = {
-        gazebo.get('reference'): gazebo
-        for gazebo in xml.findall('gazebo')
-        if gazebo.find('mu1') is not None or gazebo.find('mu2') is not None
-    }
+    frictions = urdf_gazebo.frictions(xml)
     for link in xml.findall('link'):
         name = link.get('name', '')
         for n, visual in enumerate(link.findall('visual')):
@@ -68,15 +64,13 @@ def _collider(
 
 
 def _with_friction(
-    robot: Robot, collider: Collider, link: str, gazebo: ElementTree.Element | None
+    robot: Robot, collider: Collider, link: str, given: Mapping[str, str] | None
 ) -> Collider:
     """With the coefficients that the extension of Gazebo gives the link."""
-    if gazebo is None:
+    if given is None:
         return collider
     try:
-        along, across = sdf_visuals.coefficients(
-            *(gazebo.findtext(key) or None for key in ('mu1', 'mu2'))
-        )
+        along, across = sdf_visuals.coefficients(given.get('mu1'), given.get('mu2'))
     except ValueError:
         raise robot.error(link, 'mu1 and mu2 are not usable numbers') from None
     return replace(collider, friction=along, across=across)

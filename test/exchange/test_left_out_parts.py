@@ -60,7 +60,7 @@ def report(tmp_path: Path, name: str, text: str) -> tuple[list[str], Path]:
 
 
 JOINTS = 'limits, damping, friction, springs, armature: these joints have none: j'
-GAZEBO = '<gazebo reference="arm"><gravity>false</gravity><mu1>0.1</mu1></gazebo>'
+GAZEBO = '<gazebo reference="arm"><static>true</static><mu1>0.1</mu1></gazebo>'
 SPRING = '<gazebo reference="j"><springStiffness>5</springStiffness></gazebo>'
 MIMIC = '<ros2_control><joint name="j"><param name="mimic">k</param></joint></ros2_control>'
 ROTOR = (
@@ -72,6 +72,8 @@ PLANE = (
     f'<link name="plate">{LINK}</link><joint name="k" type="planar"><parent link="base"/>'
     '<child link="plate"/><axis xyz="0 0 1"/></joint>'
 )
+HALF = f"""<link name="disk">{LINK}</link><joint name="on" type="fixed"><parent link="arm"/>
+<child link="disk"/></joint><gazebo reference="disk"><gravity>0</gravity></gazebo>"""
 EXTENSIONS = 'physics of Gazebo: what these extensions do to the motion is missing'
 REDUCED = (
     'reductions of transmissions: a command is the effort of the joint, not that of a motor '
@@ -174,8 +176,7 @@ def test_what_an_include_adds_to_a_model_is_named(tmp_path: Path) -> None:
          f'{EXTENSIONS}: joint of arm'),
         ('a.urdf', URDF.replace('MORE', '<gazebo reference="j"><stopErp>0.8</stopErp></gazebo>'),
          f'{EXTENSIONS}: stopErp of j'),
-        ('a.urdf', URDF.replace('MORE', '<gazebo reference="arm"><turnGravityOff>true'
-         '</turnGravityOff></gazebo>'), 'physics of Gazebo'),
+        ('a.urdf', URDF.replace('MORE', HALF), 'gravity off: these bodies have weight here: arm'),
         ('a.urdf', URDF.replace('MORE', MIMIC), 'mimic: these joints are free: j'),
         ('a.urdf', URDF.replace('MORE', ROTOR), JOINTS),
         ('a.urdf', URDF.replace('MORE', '').replace('"revolute"', '"planar"').replace(
