@@ -63,7 +63,12 @@ def test_sensors_of_old_gazebo_are_no_change_of_the_motion(tmp_path: Path) -> No
 
 @pytest.mark.parametrize(
     'off',
-    ['<gravity>0</gravity>', '<turnGravityOff>true</turnGravityOff>', '<gravity>1</gravity>'],
+    [
+        '<gravity>0</gravity>',
+        '<turnGravityOff>true</turnGravityOff>',
+        '<turnGravityOff>Yes</turnGravityOff>',
+        '<gravity>1</gravity>',
+    ],
 )
 def test_links_of_a_urdf_without_gravity(off: str, tmp_path: Path) -> None:
     """The arm stays, whose centre of mass is beside the pin; the one with gravity falls."""
