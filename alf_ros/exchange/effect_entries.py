@@ -14,6 +14,7 @@ from alf_ros.scene.text.repetition import NAME
 
 _LOSSES = 10.0  # s/m: no impact leaves the ground faster than 0.1 m/s
 _DRAWN = 1e-6  # m: depth as drawn that is not worth a word
+_BEYOND = 1e-6  # rad or m: as drawn behind a limit that is not worth a word
 _DIGITS = 15  # of m, for places on bodies: what is less is rounding
 
 
@@ -70,6 +71,7 @@ def _tendons(robot: Robot, named: Named, stops: float | None) -> dict[str, dict[
         if each.limits is not None and stops is not None:
             low, high = (limit - each.drawn for limit in each.limits)
             acting |= {'lower': low, 'upper': high, 'stop_stiffness': stops}
+            _leave_beyond(robot, each.name, each.drawn, each.limits)
         if acting:
             entries[_label(each.name, entries)] = shape | acting
     for actuator in robot.actuators:
@@ -167,8 +169,16 @@ def _of_joints(robot: Robot, joints: Mapping[str, str], stops: float | None) -> 
             effects.setdefault('joint_stop', {})[joints[c.name]] = (
                 joint | ends | {'stiffness': stops}
             )
+            _leave_beyond(robot, c.name, c.drawn, c.limits)
     motors = _motors(robot, joints)
     return effects | ({'motor': motors} if motors else {})
+
+
+def _leave_beyond(robot: Robot, name: str, drawn: float, limits: tuple[float, float]) -> None:
+    """Note a joint or a tendon that is drawn beyond a limit, from which a stop throws it back."""
+    depth, limit = max((limits[0] - drawn, limits[0]), (drawn - limits[1], limits[1]))
+    if depth > _BEYOND:
+        robot.leave('limits as drawn', f'{name} is at {drawn:.6g}, its limit is {limit:.6g}')
 
 
 def _motors(robot: Robot, joints: Mapping[str, str]) -> dict[str, dict[str, Any]]:

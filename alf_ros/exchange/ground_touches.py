@@ -67,9 +67,11 @@ def of_colliders(robot: Robot, ground: float | None) -> None:
         return
     for each in moving:
         robot.leave('contact between bodies', each.part)
+        if each.across is not None:
+            robot.leave('friction in two directions', each.name)
         for plane, friction in planes:
             if each.shape is None:  # a mesh that cannot be named, or another kind
                 robot.leave('contact of other shapes', each.name)
                 continue
-            given = [mu for mu in (each.friction, friction) if mu is not None]
+            given = [mu for mu in (each.friction, each.across, friction) if mu is not None]
             touch(robot, each.part, each.name, each.shape, plane, min(given, default=1.0))

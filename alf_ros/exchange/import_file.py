@@ -114,12 +114,17 @@ def _written(robot: Robot, asked: Wishes, more: str = '') -> tuple[str, Scene]:
 
 
 def _without_mass(scene: Scene) -> list[str]:
-    """Bodies that move in a direction of the free motion in which nothing has mass."""
+    """Bodies that move in a direction of the free motion in which nothing has mass, and the last
+    with their joints."""
     try:
         model = compile_model(scene.mechanism, scene.solver.penalty)
     except AssemblyError:
         return []
-    return massless_directions.bodies(model, model.q)
+    found = massless_directions.bodies(model, model.q)
+    joints = massless_directions.joints_of(model, found)
+    if joints:
+        found[-1] += f' (joints {", ".join(joints)})'
+    return found
 
 
 def format_of(path: Path) -> str:

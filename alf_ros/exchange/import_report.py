@@ -15,8 +15,8 @@ MOTION = {
     'mass: there is none': 'a body without mass: a body that turns alone needs some',
     'joints of massless ends': 'they and their links do not move, because they carry no mass',
     'joints without inertia': 'all mass that turns is on their axis, so they are fixed as drawn',
-    'no mass in a free direction': 'a run stops: give these bodies mass and inertia, or make a '
-    'joint of them `fixed`',
+    'no mass in a free direction': 'a run stops: give these bodies mass and inertia, make one of '
+    'the joints `fixed`, or give one a rotor (`armature` of a motor)',
     'angles of balls': 'a ball is in place of the joints: their angles are not published',
     'joints near gimbal lock': 'links without mass turn fast there, and stop a run (see --balls)',
     'rows of joints for balls': 'at gimbal lock they stop a run (see --balls)',
@@ -39,6 +39,8 @@ MOTION = {
     'contact as drawn': 'these are drawn in the ground, which pushes them out at the start',
     'law of contact': 'its stiffness is that of --contact; no impact leaves the ground faster '
     'than 0.1 m/s',
+    'filters of contact': 'these meet the ground whatever their bitmask',
+    'friction in two directions': 'the smallest coefficient acts in all directions',
     'friction of contact': 'bodies spin and roll on the ground without resistance',
     'damping (see --scene)': 'joints are not damped',
     'springs (see --scene)': 'joints have no springs',
@@ -66,6 +68,12 @@ MOTION = {
     'distances with play': 'these joints hold nothing: a minimum and a maximum differ',
     'swings of two axes': 'universal joints: with both angles large they turn otherwise',
     'limits (see --stops)': 'joints pass their limits',
+    'limits of screws': 'of angles or of lengths, as simulators differ: nothing stops them here',
+    'pitch of screws: default of SDF': 'a screw without a pitch advances 1 m in a turn',
+    'limits as drawn': 'these are drawn beyond a limit, and its stop throws them back at the '
+    'start',
+    'limits of mimics': 'they contradict those of the joints that are mimicked: loops were closed '
+    'beyond them',
     'limits without range': 'lower is not below upper: joints pass them',
     'limits, damping, friction, springs, armature': 'these joints have none',
     'mimic': 'these joints are free',
@@ -77,6 +85,8 @@ MOTION = {
     'actuators (see --scene)': 'they apply no force',
     'actuators': 'they apply no force',
     'gains of actuators': 'the file has none: a motor without gains applies no force by itself',
+    'reductions of transmissions': 'a command is the effort of the joint, not that of a motor '
+    'before the reduction',
     'activation of actuators': 'they act without delay',
     'integrators of actuators': 'they integrate no control: they stay as at the start',
     'force ranges of joints': 'they are of a sum: here of each actuator on the joint or tendon, '
@@ -93,10 +103,12 @@ MOTION = {
     'added mass of fluids': 'these bodies move without it',
     'plugins': 'forces and control that they apply are missing',
     'state of the world': 'models start where they are placed',
+    'wind': 'it exerts no force on these bodies',
     'physics of Gazebo': 'what these extensions do to the motion is missing',
     'several root links': 'each is fixed to the ground as drawn (see --floating)',
     'joints of unknown type': 'they are omitted',
     'includes': 'their content is omitted',
+    'parameters of includes': 'the models are as in their own files',
     'version of SDF': '1.4 to 1.12 are expected: read as the nearest of them',
 }
 _COUNTED = (

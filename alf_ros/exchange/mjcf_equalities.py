@@ -13,33 +13,38 @@ from alf_ros.exchange.mjcf_posture import MjcfCoupling, MjcfLoop
 from alf_ros.exchange.robot import Connection, Coupled, FramePose, Robot
 
 _TURNED = 1e-6  # rad: how far --set may have a joint from where an equality has it
+_PHASE = 1e-9  # rad or m: how far a coupling may be drawn from what the file says
 _TORQUE_SCALE = 10  # place among the numbers of a weld; at 0 it holds places and no turn
 
 
 def draw(mujoco: Any, data: Any, joints: Sequence[str], positions: Mapping[str, float]) -> None:
     """Draw joints where equalities have them. Raises InputError if --set says otherwise."""
     model = data.model
-    for each in _couplings(mujoco, model):
-        wanted = each.constant
-        if each.other >= 0:
-            wanted += each.slope * float(data.qpos[model.jnt_qposadr[each.other]])
-        given = positions.get(joints[each.one])
-        if given is not None and abs(given - wanted) > _TURNED:
-            message = f'an equality has it at {wanted:.9g}'
-            raise InputError(message, key='--set', value=f'{joints[each.one]}={given:g}')
-        data.qpos[model.jnt_qposadr[each.one]] = wanted
+    couplings = {n: _of_joints(model, n) for n in _linear(mujoco, model)}
+    for _ in couplings:  # of joints that follow one another, whatever their order
+        for n, each in couplings.items():
+            one, off = int(model.eq_obj1id[n]), each.off(data)
+            if joints[one] not in positions or abs(off) <= _TURNED:  # digits that --set lacks
+                data.qpos[model.jnt_qposadr[one]] -= off
+    for n, each in couplings.items():
+        name = joints[int(model.eq_obj1id[n])]
+        given = positions.get(name, 0.0)
+        if name in positions and abs(off := each.off(data)) > _TURNED:
+            message = f'an equality has it at {given - off:.9g}'
+            raise InputError(message, key='--set', value=f'{name}={given:g}')
 
 
 def close(
     robot: Robot, mujoco: Any, data: Any, joints: Sequence[str], positions: Mapping[str, float]
 ) -> None:
-    """Move the joints of `data` that are not in `positions` to where the loops of its model close.
+    """Move the joints of `data` that are not in `positions` to where the loops of its model close,
+    and couplings hold.
 
     Raises InputError if they cannot be closed.
     """
     loops = list(_loops(mujoco, data.model).values())
     stay = [n for n, name in enumerate(joints) if name in positions]
-    couplings = _couplings(mujoco, data.model)
+    couplings = list(_couplings(mujoco, data.model).values())
     mjcf_posture.close(robot, mujoco, data, loops, couplings, stay)
 
 
@@ -49,22 +54,22 @@ def add(
     data: Any,
     joints: Sequence[str],
     held: Sequence[str],
-    tendons: Sequence[str],
 ) -> None:
     """Add the equalities of a model to its robot; list those that hold nothing.
 
-    joints, tendons: their names; held: the part of each body.
+    joints: their names; held: the part of each body.
     """
-    model, kinds = data.model, mujoco.mjtEq
-    linear, loops = _linear(mujoco, model), _loops(mujoco, model)
+    model = data.model
+    couplings, loops = _couplings(mujoco, model), _loops(mujoco, model)
     for n in range(model.neq):
-        kind, name = model.eq_type[n], _name(model, n)
+        name = _name(model, n)
         if not model.eq_active0[n]:
             robot.leave('switched off in the file', name)
             continue
-        if n in linear:
-            joint, other, (_, slope) = _coupled(model, n)
-            of = {joints[joint]: 1.0} | ({joints[other]: -slope} if slope else {})
+        if n in couplings:
+            if abs(couplings[n].off(data)) > _PHASE:
+                robot.leave('phase of mimic', name)
+            of = {joints[joint]: factor for joint, factor in couplings[n].of.items()}
             robot.couplings.append(Coupled(name, of))
         elif n in loops:
             loop = loops[n]
@@ -75,7 +80,7 @@ def add(
             )
             made = Connection(name, loop.kind, parts[0], parts[1], first)
             robot.connect(made, second)
-        elif kind != kinds.mjEQ_TENDON or not mjcf_tendons.couple(robot, model, n, name, tendons):
+        else:
             robot.leave('equalities', name)
             continue
         robot.leave('softness', name)
@@ -88,30 +93,32 @@ def _linear(mujoco: Any, model: Any) -> list[int]:
     for n in range(model.neq):
         if model.eq_type[n] != mujoco.mjtEq.mjEQ_JOINT or not model.eq_active0[n]:
             continue
-        one, other, _ = _coupled(model, n)
+        one, other = int(model.eq_obj1id[n]), int(model.eq_obj2id[n])
         single = all(model.jnt_type[each] in kinds for each in (one, other) if each >= 0)
         if single and (other < 0 or not np.any(model.eq_data[n, 2:5])):
             found.append(n)
     return found
 
 
-def _coupled(model: Any, equality: int) -> tuple[int, int, tuple[float, float]]:
-    """Two joints, the second -1 if there is none: x₁ = constant + slope x₂, less their
-    positions in the file."""
+def _of_joints(model: Any, equality: int) -> MjcfCoupling:
+    """x₁ = constant + slope x₂, less their positions in the file, as a coupling of positions."""
     one, other = (int(ids[equality]) for ids in (model.eq_obj1id, model.eq_obj2id))
     constant, slope = map(float, model.eq_data[equality, :2])
-    return one, other, (constant, slope if other >= 0 else 0.0)
+    constant += float(model.qpos0[model.jnt_qposadr[one]])
+    of = {one: 1.0}
+    if other >= 0 and slope:
+        constant -= slope * float(model.qpos0[model.jnt_qposadr[other]])
+        of[other] = -slope
+    return MjcfCoupling(_name(model, equality), of, constant)
 
 
-def _couplings(mujoco: Any, model: Any) -> list[MjcfCoupling]:
-    """Linear couplings, of positions as MuJoCo counts them."""
-    found = []
-    for n in _linear(mujoco, model):
-        one, other, (constant, slope) = _coupled(model, n)
-        constant += float(model.qpos0[model.jnt_qposadr[one]])
-        if other >= 0:
-            constant -= slope * float(model.qpos0[model.jnt_qposadr[other]])
-        found.append(MjcfCoupling(one, other, constant, slope))
+def _couplings(mujoco: Any, model: Any) -> dict[int, MjcfCoupling]:
+    """The active linear equalities, of joints and of tendons over joints, by their numbers."""
+    found = {n: _of_joints(model, n) for n in _linear(mujoco, model)}
+    for n in range(model.neq):
+        if model.eq_type[n] == mujoco.mjtEq.mjEQ_TENDON and model.eq_active0[n]:
+            coupling = mjcf_tendons.coupling(mujoco, model, n, _name(model, n))
+            found |= {n: coupling} if coupling is not None else {}
     return found
 
 

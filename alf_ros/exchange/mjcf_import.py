@@ -116,7 +116,7 @@ class _Reader:
         self.tendons = self._names('tendon', model.ntendon)
         given = self.robot, mujoco, self.data
         tendons = mjcf_tendons.add(*given, self.tendons, self.joints, self.held)
-        mjcf_equalities.add(*given, self.joints, self.held, self.tendons)
+        mjcf_equalities.add(*given, self.joints, self.held)
         names = self._names('actuator', model.nu)
         mjcf_actuators.add(*given, names, self.joints, tendons)
         mjcf_geoms.add(self.robot, mujoco, self.data, Path(file), self.held)

@@ -1,4 +1,5 @@
-"""Positions of the joints of an MJCF at which its loops (`connect` and `weld`) close.
+"""Positions of the joints of an MJCF at which its loops (`connect` and `weld`) close, and at which
+linear couplings hold.
 
 MuJoCo itself gives poses and their derivatives. The unknowns are its degrees of freedom: positions
 of hinges and slides, and where a free joint is from its place as drawn. Of a ball, and of the turn
@@ -10,7 +11,7 @@ velocity in the body is J(r) dr/dt, where
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -33,14 +34,18 @@ class MjcfLoop:
     frames: tuple[FramePose, FramePose]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class MjcfCoupling:
-    """x_one = constant + slope x_other of hinges and slides; other is -1 if there is none."""
+    """Σ factor · x = constant over hinges and slides, by number; positions count as in MuJoCo."""
 
-    one: int
-    other: int
+    name: str
+    of: Mapping[int, float]
     constant: float
-    slope: float
+
+    def off(self, data: Any) -> float:
+        """By how much the left side is larger, in its own unit."""
+        places = data.model.jnt_qposadr
+        return sum(a * float(data.qpos[places[n]]) for n, a in self.of.items()) - self.constant
 
 
 Held = MjcfLoop | MjcfCoupling
@@ -54,8 +59,8 @@ def close(
     couplings: Sequence[MjcfCoupling],
     stay: Sequence[int],
 ) -> None:
-    """Move the joints of `data` to where the loops close, except the joints whose numbers `stay`
-    has. Raises InputError if no start closes them.
+    """Move the joints of `data` to where the loops close and the couplings hold, except the joints
+    whose numbers `stay` has. Raises InputError if no start closes them.
     """
     model = data.model
     mujoco.mj_kinematics(model, data)
@@ -64,13 +69,10 @@ def close(
     free = {dof for dof in range(model.nv) if model.dof_jntid[dof] not in stay}
     held: list[tuple[Held, set[int]]] = [(loop, _dofs(model, loop) & free) for loop in loops]
     for coupling in couplings:
-        joints = (coupling.one, coupling.other)
-        dofs = {int(model.jnt_dofadr[joint]) for joint in joints if joint >= 0}
+        dofs = {int(model.jnt_dofadr[joint]) for joint in coupling.of}
         held.append((coupling, dofs & free))
     found = data.qpos.copy()
     for own, unknowns in open_loops.groups(held):
-        if not any(isinstance(each, MjcfLoop) for each in own):
-            continue
         posture = _MjcfPosture(mujoco, data, own, sorted(unknowns), size)
         x = open_loops.closed(posture, robot)
         data.qpos[:] = posture.begin
@@ -105,7 +107,8 @@ class _MjcfPosture:
     ) -> None:
         self._mujoco, self._data, self._model = mujoco, data, data.model
         self._held, self._dofs, self.size = held, np.array(dofs, dtype=int), size
-        self.loops = ', '.join(each.name for each in held if isinstance(each, MjcfLoop))
+        named = [each.name for each in held if isinstance(each, MjcfLoop)]
+        self.loops = ', '.join(named or [each.name for each in held])
         self.begin = data.qpos.copy()
         kinds, single = self._model.jnt_type, mujoco.mjtJoint
         self._joints = self._model.dof_jntid[self._dofs]
@@ -162,13 +165,12 @@ class _MjcfPosture:
 
     def _coupled(self, each: MjcfCoupling) -> tuple[Floats, Floats]:
         model, row = self._model, np.zeros((1, self._model.nv))
-        x = [float(self._data.qpos[model.jnt_qposadr[joint]]) for joint in (each.one, each.other)]
-        unit = 1.0 if model.jnt_type[each.one] == self._mujoco.mjtJoint.mjJNT_SLIDE else self.size
-        row[0, model.jnt_dofadr[each.one]] = unit
-        if each.other >= 0:
-            row[0, model.jnt_dofadr[each.other]] = -unit * each.slope
-        other = each.slope * x[1] if each.other >= 0 else 0.0
-        return np.array([unit * (x[0] - each.constant - other)]), row
+        first = max(each.of, key=lambda joint: abs(each.of[joint]))
+        is_slide = model.jnt_type[first] == self._mujoco.mjtJoint.mjJNT_SLIDE
+        unit = (1.0 if is_slide else self.size) / abs(each.of[first])  # so that it is in m
+        for joint, factor in each.of.items():
+            row[0, model.jnt_dofadr[joint]] = unit * factor
+        return np.array([unit * each.off(self._data)]), row
 
     def _by_unknowns(self, x: Floats) -> Floats:
         """(degrees of freedom, n): the velocities of MuJoCo by the velocities of the unknowns."""

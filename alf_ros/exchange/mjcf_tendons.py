@@ -13,9 +13,8 @@ from typing import Any
 import numpy as np
 
 from alf_ros.arrays import Floats
-from alf_ros.exchange.robot import Coupled, Robot, Tendon
-
-_PHASE = 1e-9  # m: how far lengths may be drawn from what an equality says
+from alf_ros.exchange.mjcf_posture import MjcfCoupling
+from alf_ros.exchange.robot import Robot, Tendon
 
 
 def add(
@@ -69,13 +68,9 @@ def _shape(
     first = int(model.tendon_adr[n])
     whole = range(first, first + int(model.tendon_num[n]))
     if model.wrap_type[first] == kinds.mjWRAP_JOINT:
-        of: dict[str, float] = {}
-        drawn = 0.0
-        for w in whole:
-            joint, factor = int(model.wrap_objid[w]), float(model.wrap_prm[w])
-            of[joints[joint]] = of.get(joints[joint], 0.0) + factor
-            drawn += factor * float(data.qpos[model.jnt_qposadr[joint]])
-        of = {joint: factor for joint, factor in of.items() if factor}
+        own = _over_joints(mujoco, model, n)
+        drawn = sum(a * float(data.qpos[model.jnt_qposadr[joint]]) for joint, a in own.items())
+        of = {joints[joint]: factor for joint, factor in own.items()}
         return Tendon(name, of, drawn=drawn) if of else None
     path: list[tuple[str, Floats]] = []
     weights: list[float] = []
@@ -94,28 +89,31 @@ def _shape(
     return Tendon(name, path=path, weights=weights) if any(weights) else None
 
 
-def couple(robot: Robot, model: Any, equality: int, name: str, tendons: Sequence[str]) -> bool:
-    """Add a linear equality of tendons over joints as a coupling. Returns False for others.
+def coupling(mujoco: Any, model: Any, equality: int, name: str) -> MjcfCoupling | None:
+    """A linear equality of tendons over joints; None for others.
 
-    It states L₁ - L₁⁰ = a + b (L₂ - L₂⁰) with the lengths L⁰ at the positions of the file.
+    It states L₁ - L₁⁰ = a + b (L₂ - L₂⁰), the lengths L⁰ at `qpos0`, the positions of the file.
     """
     numbers = list(map(float, model.eq_data[equality, :5]))
     ids = [int(each[equality]) for each in (model.eq_obj1id, model.eq_obj2id)]
-    known = {each.name: each for each in robot.tendons}
-    sides = [known.get(tendons[n]) for n in ids if n >= 0]
-    if any(each is None or not each.joints for each in sides) or any(numbers[2:]):
-        return False
-    of: dict[str, float] = {}
-    left = -numbers[0]
-    for each, n, factor in zip(sides, ids, (1.0, -numbers[1]), strict=False):
-        assert each is not None
-        left += factor * (each.drawn - float(model.tendon_length0[n]))
-        for joint, value in each.joints.items():
+    sides = [_over_joints(mujoco, model, n) for n in ids if n >= 0]
+    if not all(sides) or any(numbers[2:]):
+        return None
+    of: dict[int, float] = {}
+    constant = numbers[0]
+    for side, n, factor in zip(sides, ids, (1.0, -numbers[1]), strict=False):
+        constant += factor * float(model.tendon_length0[n])
+        for joint, value in side.items():
             of[joint] = of.get(joint, 0.0) + factor * value
-    if abs(left) > _PHASE:
-        robot.leave('phase of mimic', name)
     of = {joint: factor for joint, factor in of.items() if factor}
-    if not of:
-        return False
-    robot.couplings.append(Coupled(name, of))
-    return True
+    return MjcfCoupling(name, of, constant) if of else None
+
+
+def _over_joints(mujoco: Any, model: Any, n: int) -> dict[int, float]:
+    """The joints of a tendon, by number, with their factors; none for one through places."""
+    first, of = int(model.tendon_adr[n]), dict[int, float]()
+    if model.wrap_type[first] == mujoco.mjtWrap.mjWRAP_JOINT:
+        for w in range(first, first + int(model.tendon_num[n])):
+            joint = int(model.wrap_objid[w])
+            of[joint] = of.get(joint, 0.0) + float(model.wrap_prm[w])
+    return {joint: factor for joint, factor in of.items() if factor}

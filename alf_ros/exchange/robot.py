@@ -5,7 +5,7 @@ All places and directions are in the world frame, as drawn.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -167,12 +167,14 @@ class GroundTouch:
 @dataclass(frozen=True, eq=False)
 class Collider:
     """A shape of a part with which the part touches others, placed as drawn; None: of a kind that
-    no shape here has. friction: coefficient; None: not given."""
+    no shape here has. friction: coefficient, None: not given; `across` its direction another one
+    if that differs."""
 
     name: str
     part: str
     shape: VisualShape | None
     friction: float | None = None
+    across: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -262,6 +264,22 @@ class Robot:
                 self.leave('mass: there is none', part.name)
             self.parts.append(part)
         return {link: named[root] for link, root in root_of.items()}
+
+    def lift(
+        self, masses: Mapping[str, float], part_of: Mapping[str, str], weightless: Container[str]
+    ) -> None:
+        """Add a force on each part without gravity, equal to its weight; list parts of which only
+        some links are without, because the force would not be at their centre of mass.
+
+        masses: kg, of the links; part_of: of each link; weightless: the links without gravity.
+        """
+        for part in self.parts if any(self.gravity) else ():
+            own = [m for m, other in part_of.items() if other == part.name and masses.get(m)]
+            without = [link in weightless for link in own]
+            if own and all(without):
+                self.lifts[part.name] = -part.mass * np.array(self.gravity) + 0.0
+            elif any(without):
+                self.leave('gravity off', part.name)
 
     def error(self, key: str, message: str, **details: Any) -> InputError:
         """Return an InputError with file and key; `details` are its other fields."""

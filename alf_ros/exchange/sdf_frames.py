@@ -6,19 +6,16 @@ a pose is relative to follows from the element alone. Names of nested models are
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from xml.etree import ElementTree
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from alf_ros.arrays import Floats
 from alf_ros.exchange.robot import STILL, FramePose
-from alf_ros.scene.text.yaml_document import LARGEST
+from alf_ros.exchange.sdf_values import Refuse, is_true, numbers
 
 MODEL, WORLD = '__model__', 'world'
-Refuse = Callable[..., Exception]  # key, message, details -> the error to raise
 
 
 @dataclass
@@ -113,16 +110,5 @@ def pose_of(element: ElementTree.Element | None, refuse: Refuse, key: str) -> Fr
         if not np.linalg.norm(x[3:]) > 0.0:
             raise refuse(key, 'zero is no quaternion')
         return FramePose(x[:3], Rotation.from_quat(x[3:]).as_matrix())
-    degrees = (element.get('degrees') or '').strip() in ('1', 'true')
+    degrees = is_true(element.get('degrees'))
     return FramePose(x[:3], Rotation.from_euler('xyz', x[3:], degrees=degrees).as_matrix())
-
-
-def numbers(text: str, count: int, refuse: Refuse, key: str) -> Floats:
-    """So many numbers, that can be computed with."""
-    try:
-        found = np.array([float(word) for word in text.split()])
-    except ValueError:
-        found = np.empty(0)
-    if found.size != count or not np.all(np.abs(found) <= LARGEST):
-        raise refuse(key, 'not usable numbers', value=text.strip(), expected=f'{count} numbers')
-    return found

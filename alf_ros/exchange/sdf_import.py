@@ -6,7 +6,6 @@ Specification: sdformat.org, versions 1.4 to 1.12; what a file does not say has 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -14,20 +13,16 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
-from alf_ros.exchange import sdf_merge, sdf_resources, sdf_visuals, xml_file
-from alf_ros.exchange.robot import AXES, TYPES, Connection, Coupled, Robot, RobotPart
-from alf_ros.exchange.sdf_frames import MODEL, WORLD, SdfFrames, numbers, pose_of
+from alf_ros.exchange import sdf_joints, sdf_merge, sdf_resources, sdf_versions, sdf_visuals
+from alf_ros.exchange.robot import Robot, RobotPart
+from alf_ros.exchange.sdf_frames import MODEL, WORLD, SdfFrames, pose_of
+from alf_ros.exchange.sdf_joints import SdfJoints
+from alf_ros.exchange.sdf_values import is_true, name_of, number, numbers
 from alf_ros.mechanism import GROUND
 
-_TYPES = TYPES | {'screw': 'screw'}  # which only SDF has, with its pitch
-_AXES = ('axis', 'axis2')
 _GRAVITY = '0 0 -9.8'
-_ENDLESS = 1e15  # a limit from there on is none: the default is 1e16
 _MOMENTS = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
-_OLDEST, _NEWEST = 4, 12  # minor versions that are read
-_AXES_OF_JOINTS = 5  # from this minor version on, axes are in the frames of their joints
 _DEEPEST = 40  # models in models
 _STILL = ': every link is fixed to the world, or its model is static'
 
@@ -58,6 +53,7 @@ class _Reader:
         self.frames = SdfFrames(self.robot.error)
         self.links: dict[str, RobotPart] = {}
         self.still: set[str] = set()  # links of static models
+        self.weightless: set[str] = set()  # links without gravity
         self.joints: list[tuple[str, ElementTree.Element]] = []
         self.visuals: list[tuple[str, str, ElementTree.Element]] = []  # scope, link
         if not models:
@@ -72,26 +68,9 @@ class _Reader:
             self.robot.leave('version of SDF', name)
 
     def _root(self, path: Path) -> ElementTree.Element:
-        """The root of a file, whose joints say where their axes are. Raises InputError."""
-        root = xml_file.root_of(path)
-        given = root.get('version')
-        words = ('1.12' if given is None else given).strip().split('.')
-        known = len(words) == 2 and all(word.isdigit() for word in words) and words[0] == '1'
-        if not known:
-            message, expected = 'not a version of SDF that is read', '1.4 to 1.12'
-            raise InputError(
-                message, file=str(path), key='sdf version', value=given, expected=expected
-            )
-        minor = int(words[1])
-        if given is None or not _OLDEST <= minor <= _NEWEST:
-            self._unsaid.append(f'{path.name} has {given or "none"}')
-        if minor < _AXES_OF_JOINTS:
-            for joint in root.iter('joint'):
-                for tag in _AXES:
-                    axis = joint.find(tag)
-                    axis = ElementTree.SubElement(joint, tag) if axis is None else axis
-                    if axis.find('use_parent_model_frame') is None:
-                        ElementTree.SubElement(axis, 'use_parent_model_frame').text = '1'
+        """The root of a file, as the newest version has it. Raises InputError."""
+        root, unsaid = sdf_versions.root_of(path)
+        self._unsaid += [unsaid] if unsaid else []
         return root
 
     # ------------------------------------------------------------------------- links and frames
@@ -118,8 +97,8 @@ class _Reader:
                 self.robot.leave('plugins', each.get('name', ''))
             elif each.tag == 'state':
                 self.robot.leave('state of the world', each.get('world_name', ''))
-            elif each.tag in ('actor', 'road', 'population'):
-                self.robot.leave('elements', f'{each.tag} {each.get("name", "")}')
+            elif each.tag in ('actor', 'road', 'population', 'wind'):
+                self.robot.leave('elements', f'{each.tag} {each.get("name", "")}'.strip())
 
     def _models(self, element: ElementTree.Element) -> Iterator[ElementTree.Element]:
         """The models in an element and in the files that it includes."""
@@ -134,7 +113,7 @@ class _Reader:
     def _merge(self, element: ElementTree.Element, around: str, depth: int = 0) -> None:
         """Put the content of models that are to be merged in the place of their <include>."""
         for each in element.findall('include'):
-            if not _is(each.get('merge')):
+            if not is_true(each.get('merge')):
                 continue
             model = self._included(each)
             place = list(element).index(each)
@@ -159,6 +138,9 @@ class _Reader:
         name = element.findtext('name')
         if name is not None:
             model.set('name', name.strip())
+        model.extend(each for each in element if each.tag in ('plugin', 'model_state'))
+        if any(each.tag.rpartition('}')[2] == 'params' for each in element):
+            self.robot.leave('parameters of includes', model.get('name', uri))
         for tag in ('pose', 'static', 'placement_frame'):
             given = element.find(tag)
             if given is not None:
@@ -168,9 +150,16 @@ class _Reader:
         return model
 
     def _model(
-        self, element: ElementTree.Element, outer: str, scope: str, above: str, still: bool = False
+        self,
+        element: ElementTree.Element,
+        outer: str,
+        scope: str,
+        above: str,
+        still: bool = False,
+        blown: bool = False,
     ) -> None:
-        """A model in the scope `outer`, whose own scope is `scope`."""
+        """A model in the scope `outer`, whose own scope is `scope`. still, blown: whether a model
+        around it is static, or feels the wind."""
         if scope.count('::') > _DEEPEST:
             raise self.robot.error('include', 'a model that includes itself')
         self._merge(element, MODEL)
@@ -178,7 +167,8 @@ class _Reader:
         to = '' if pose is None else pose.get('relative_to', '')
         placed = element.get('placement_frame') or element.findtext('placement_frame') or ''
         canonical = element.get('canonical_link') or _first_link(element)
-        still |= _is(element.findtext('static'))
+        still |= is_true(element.findtext('static'))
+        blown |= is_true(element.findtext('enable_wind'))
         self.frames.add(
             scope + MODEL,
             self._pose(element),
@@ -187,9 +177,10 @@ class _Reader:
             scope + placed if placed else '',
         )
         for link in element.findall('link'):
-            self._link(link, scope, still)
+            self._link(link, scope, still, blown)
         for each in self._models(element):
-            self._model(each, scope, f'{scope}{self._name(each)}::', scope + MODEL, still)
+            own = f'{scope}{self._name(each)}::'
+            self._model(each, scope, own, scope + MODEL, still, blown)
         for each in element:
             if each.tag == 'frame':
                 self._frame(each, scope, scope + MODEL)
@@ -199,8 +190,10 @@ class _Reader:
                 self.robot.leave('plugins', each.get('name', ''))
             elif each.tag == 'gripper':
                 self.robot.leave('elements', f'gripper {each.get("name", "")}')
+            elif each.tag == 'model_state':
+                self.robot.leave('state of the world', each.get('name', ''))
 
-    def _link(self, element: ElementTree.Element, scope: str, still: bool) -> None:
+    def _link(self, element: ElementTree.Element, scope: str, still: bool, blown: bool) -> None:
         name = scope + self._name(element)
         to = self._relative(element)
         above = self._later(to, scope) if to else scope + MODEL
@@ -208,13 +201,27 @@ class _Reader:
         self.links[name] = self._part(element, self._short(name))
         if still:
             self.still.add(name)
-        if element.findtext('gravity') is not None and not _is(element.findtext('gravity')):
-            self.robot.leave('gravity off', self._short(name))
+        elif is_true(element.findtext('kinematic')):  # no force moves it
+            self.still.add(name)
+            self.robot.leave('motion of kinematic bodies', self._short(name))
+        else:
+            self._leave_of_link(element, self._short(name), blown)
+            if not is_true(element.findtext('gravity') or 'true'):
+                self.weightless.add(name)
         shown = (each for each in element if each.tag in sdf_visuals.READ)
         self.visuals += [(scope, name, each) for each in shown]
         for tag, kind in (('sensor', 'sensors'), ('light', 'lights')):
             if element.find(tag) is not None:
                 self.robot.leave(kind, self._short(name))
+
+    def _leave_of_link(self, element: ElementTree.Element, name: str, blown: bool) -> None:
+        """Note forces on a link that moves."""
+        decay = element.find('velocity_decay')
+        if any(number(decay, tag, 0.0, self.error, name) for tag in ('linear', 'angular')):
+            self.robot.leave('damping of bodies', name)
+        own = element.findtext('enable_wind')
+        if blown if own is None else is_true(own):
+            self.robot.leave('wind', name)
 
     def _frame(self, element: ElementTree.Element, scope: str, default: str) -> None:
         name, given = scope + self._name(element), element.get('attached_to', '')
@@ -253,10 +260,7 @@ class _Reader:
         return pose_of(element.find('pose'), self.robot.error, element.get('name', element.tag))
 
     def _name(self, element: ElementTree.Element) -> str:
-        given = element.get('name', '')
-        if not given:
-            raise self.robot.error(element.tag, 'it has no name')
-        return given
+        return name_of(element, self.robot.error)
 
     def _side(self, element: ElementTree.Element, side: str) -> str:
         given = (element.findtext(side) or '').strip()
@@ -269,27 +273,19 @@ class _Reader:
         inertial = element.find('inertial')
         if inertial is None or inertial.find('mass') is None:
             self.robot.leave('mass: default of SDF', name)
-        if inertial is not None and _is(inertial.get('auto')):
+        if inertial is not None and is_true(inertial.get('auto')):
             self.robot.leave('inertia by shapes', name)
         if inertial is not None and inertial.find('fluid_added_mass') is not None:
             self.robot.leave('added mass of fluids', name)
         origin = pose_of(None if inertial is None else inertial.find('pose'), self.error, name)
         inertia = None if inertial is None else inertial.find('inertia')
-        mass = self._number(inertial, 'mass', 1.0, name)
+        mass = number(inertial, 'mass', 1.0, self.error, name)
         ixx, ixy, ixz, iyy, iyz, izz = (
-            self._number(inertia, key, float(key[1] == key[2]), name) for key in _MOMENTS
+            number(inertia, key, float(key[1] == key[2]), self.error, name) for key in _MOMENTS
         )
         J = np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
         turned = origin.turn @ J @ origin.turn.T
         return RobotPart(name, np.zeros(3), mass, origin.origin, turned)
-
-    def _number(
-        self, element: ElementTree.Element | None, tag: str, default: float, key: str
-    ) -> float:
-        text = None if element is None else element.findtext(tag)
-        if text is None or not text.strip():
-            return default
-        return float(numbers(text, 1, self.error, key)[0])
 
     @property
     def error(self) -> Any:
@@ -311,29 +307,31 @@ class _Reader:
             above[root(name)] = root(WORLD)
         sides = {id(each): self._sides(scope, each) for scope, each in self.joints}
         for _, each in self.joints:
-            if each.get('type') == 'fixed':
+            if sdf_joints.kind_of(each) == 'fixed':
                 parent, child = map(root, sides[id(each)])
                 if child == WORLD:  # which stays a root
                     parent, child = child, parent
                 above[child] = parent
         roots = {name: GROUND if root(name) == WORLD else root(name) for name in links}
         part_of = self.robot.add_links(links, roots) | {WORLD: GROUND}
+        masses = {name: part.mass for name, part in self.links.items()}
+        self.robot.lift(masses, part_of, self.weightless)
         for scope, link, visual in self.visuals:
             frame = self.frames.pose(self._visual_frame(scope, link, visual))
             sdf_visuals.add(self.robot, visual, self.path.parent, part_of[link], frame)
+        joints = SdfJoints(self.robot, self.frames, self.joints, self._short)
         for scope, each in self.joints:
-            kind = each.get('type', '')
-            if kind == 'fixed':
+            joints.leave(scope, each)
+            if sdf_joints.kind_of(each) == 'fixed':
                 continue
             parent, child = (part_of[side] for side in sides[id(each)])
-            if kind not in _TYPES:
-                self.robot.leave(
-                    'joints of unknown type', f'{self._short(scope)}{each.get("name")} ({kind})'
-                )
+            if not sdf_joints.is_known(each):
+                name = f'{self._short(scope)}{each.get("name")}'
+                self.robot.leave('joints of unknown type', f'{name} ({each.get("type", "")})')
             elif parent == child == GROUND:
                 self.robot.leave('elements', f'joint {each.get("name")} of a fixed part')
             else:
-                self.robot.connect(self._connection(scope, each, parent, child))
+                self.robot.connect(joints.connection(scope, each, parent, child))
 
     def _visual_frame(self, scope: str, link: str, visual: ElementTree.Element) -> str:
         to = self._relative(visual)
@@ -354,122 +352,6 @@ class _Reader:
                 raise self.robot.error(self._name(element), 'no link carries it', value=link)
         return parent, child
 
-    def _connection(
-        self, scope: str, element: ElementTree.Element, parent: str, child: str
-    ) -> Connection:
-        own = scope + self._name(element)
-        name, place = self._short(own), self.frames.pose(own).origin
-        kind = _TYPES[element.get('type', '')]
-        tags = _AXES[: AXES.get(kind, 1)]
-        axes = tuple(self._axis(scope, element, tag) for tag in tags)
-        if len(axes) == 2 and abs(axes[0] @ axes[1]) > 1e-6:
-            raise self.robot.error(name, 'its two axes are not perpendicular')
-        if len(axes) != 1:
-            self._leave_of_axes(element, tags, name)
-            return Connection(name, kind, parent, child, place, axes)
-        limit, dynamics = element.find('axis/limit'), element.find('axis/dynamics')
-        ends = [self._end(limit, tag, d, name) for tag, d in _ENDS]
-        limited = kind != 'screw' and min(map(abs, ends)) < math.inf
-        if limit is not None and 0.0 <= self._end(limit, 'effort', -1.0, name) < math.inf:
-            self.robot.leave('limits of effort', name)
-        damping, friction, stiffness, rest = (
-            self._number(dynamics, tag, 0.0, name)
-            for tag in ('damping', 'friction', 'spring_stiffness', 'spring_reference')
-        )
-        mimic = element.find('axis/mimic')
-        if mimic is not None:
-            self._mimic(scope, name, mimic)
-        return Connection(
-            name,
-            kind,
-            parent,
-            child,
-            place,
-            axes,
-            limits=(ends[0], ends[1]) if limited else None,
-            damping=damping,
-            stiffness=stiffness,
-            rest=rest,
-            friction=friction,
-            pitch=self._pitch(element, name) if kind == 'screw' else 0.0,
-        )
-
-    def _leave_of_axes(
-        self, element: ElementTree.Element, tags: tuple[str, ...], name: str
-    ) -> None:
-        """Note what only joints with one axis have here."""
-        for axis in (element.find(tag) for tag in tags):
-            if axis is None:
-                continue
-            ends = [self._end(axis.find('limit'), tag, d, name) for tag, d in _ENDS]
-            if axis.find('dynamics') is not None or min(map(abs, ends)) < math.inf:
-                self.robot.leave('limits, damping, friction, springs, armature', name)
-            if axis.find('mimic') is not None:
-                self.robot.leave('mimic', name)
-
-    def _end(
-        self, limit: ElementTree.Element | None, tag: str, default: float, name: str
-    ) -> float:
-        """A limit, infinite if there is none."""
-        text = '' if limit is None else (limit.findtext(tag) or '').strip()
-        try:
-            x = float(text or default)
-        except ValueError:
-            x = math.nan
-        if math.isnan(x):
-            raise self.robot.error(name, 'not a number', value=text)
-        return x if abs(x) < _ENDLESS else math.copysign(math.inf, x)
-
-    def _mimic(self, scope: str, name: str, element: ElementTree.Element) -> None:
-        """x = multiplier (other - reference) + offset, of a joint with one axis."""
-        other = self.frames.find(element.get('joint', ''), scope)
-        if self._short(other) == name:
-            raise self.robot.error(name, 'it mimics itself')
-        kinds = [each.get('type') for at, each in self.joints if at + self._name(each) == other]
-        if kinds[:1] not in (['revolute'], ['continuous'], ['prismatic']):
-            self.robot.leave('mimic', name)
-            return
-        factor, reference, offset = (
-            self._number(element, tag, default, name)
-            for tag, default in (('multiplier', 1.0), ('reference', 0.0), ('offset', 0.0))
-        )
-        if offset != factor * reference:
-            self.robot.leave('phase of mimic', name)
-        of = {name: 1.0} | ({self._short(other): -factor} if factor else {})
-        self.robot.couplings.append(Coupled(f'{name}_mimic', of))
-
-    def _pitch(self, element: ElementTree.Element, name: str) -> float:
-        """m per turn; `thread_pitch`, the older one, is -rad/m."""
-        if element.find('screw_thread_pitch') is not None:
-            return self._number(element, 'screw_thread_pitch', 1.0, name)
-        per_metre = self._number(element, 'thread_pitch', 1.0, name)
-        if per_metre == 0.0:
-            raise self.robot.error(name, 'a thread without pitch')
-        return -2.0 * np.pi / per_metre
-
-    def _axis(self, scope: str, element: ElementTree.Element, tag: str) -> Floats:
-        """A unit direction in the world."""
-        name = self._name(element)
-        axis = element.find(tag)
-        axis = (
-            ElementTree.Element(tag) if axis is None else axis
-        )  # along z, as where <xyz> is absent
-        xyz = axis.find('xyz')
-        u = numbers((xyz is not None and xyz.text) or '0 0 1', 3, self.robot.error, name)
-        if not np.linalg.norm(u) > 0.0:
-            raise self.robot.error(name, 'zero is no direction')
-        given = '' if xyz is None else xyz.get('expressed_in', '')
-        of_model = _is(axis.findtext('use_parent_model_frame'))
-        if given:
-            frame = self.frames.find(given, scope)
-        else:
-            frame = scope + (MODEL if of_model else name)
-        turned = self.frames.pose(frame).turn @ (u / np.linalg.norm(u))
-        return np.asarray(turned, dtype=float)
-
-
-_ENDS = (('lower', -1e16), ('upper', 1e16))
-
 
 def _first_link(element: ElementTree.Element) -> str:
     """The name of the link that a model is fixed to unless it says another; '' if it has none."""
@@ -480,7 +362,3 @@ def _first_link(element: ElementTree.Element) -> str:
         if name:
             return f'{model.get("name")}::{name}'
     return ''
-
-
-def _is(text: str | None) -> bool:
-    return (text or '').strip().lower() in ('1', 'true')

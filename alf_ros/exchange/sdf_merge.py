@@ -12,11 +12,13 @@ from __future__ import annotations
 from xml.etree import ElementTree
 
 from alf_ros.exchange.sdf_frames import MODEL
+from alf_ros.exchange.sdf_values import is_true
+from alf_ros.exchange.sdf_versions import OF_MODEL
 
 PLACED = 'placement_frame'  # an attribute of the frame, which SDF itself does not have
 _NAMES = ('relative_to', 'attached_to', 'expressed_in')
 _NESTED = ('model', 'include')
-_OF_MODEL = ('link', 'joint', 'frame', 'plugin', 'gripper', *_NESTED)
+_OF_MODEL = ('link', 'joint', 'frame', 'plugin', 'gripper', 'model_state', *_NESTED)
 
 
 def content(model: ElementTree.Element, canonical: str, around: str) -> list[ElementTree.Element]:
@@ -68,8 +70,8 @@ def _rename(element: ElementTree.Element, own: str) -> None:
 
 def _express(axis: ElementTree.Element, own: str) -> None:
     """An axis in the frame of the model is one in the frame that stands for it."""
-    flag = axis.find('use_parent_model_frame')
-    if flag is None or (flag.text or '').strip().lower() not in ('1', 'true'):
+    flag = axis.find(OF_MODEL)
+    if flag is None or not is_true(flag.text):
         return
     xyz = axis.find('xyz')
     if xyz is None:

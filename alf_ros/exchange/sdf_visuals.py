@@ -10,10 +10,12 @@ import numpy as np
 from alf_ros.exchange.robot import Collider, FixedPlane, FramePose, Robot
 from alf_ros.exchange.sdf_frames import pose_of
 from alf_ros.exchange.sdf_resources import mesh_uri
+from alf_ros.exchange.sdf_values import is_true
 from alf_ros.exchange.visuals import ROUND, mesh_file, moved, numbers, shape, show
 from alf_ros.mechanism import GROUND, VisualShape
 
 COLLISION = 'collision'
+_EVERY = ('65535', '0xffff', '0xFFFF')  # the mask of what meets all others, the default
 READ = ('visual', COLLISION)
 
 
@@ -42,22 +44,42 @@ def _collide(
     frame: FramePose,
 ) -> None:
     """A plane is one of the ground; what no shape here has is still there."""
-    friction, found = None, None
+    friction, across, found = None, None, None
+    contact = element.find('surface/contact')
+    if part != GROUND and contact is not None and _is_filtered(contact):
+        robot.leave('filters of contact', name)
     try:
-        text = element.findtext('surface/friction/ode/mu')
-        friction = numbers(text, 1, [1.0])[0]
+        friction, across = coefficients(
+            *(element.findtext(f'surface/friction/ode/{key}') for key in ('mu', 'mu2'))
+        )
         pose = frame @ pose_of(element.find('pose'), lambda *_, **__: ValueError(name), name)
         plane = element.find('geometry/plane')
         if plane is not None and part == GROUND:
             normal = pose.turn @ numbers(plane.findtext('normal'), 3, (0.0, 0.0, 1.0))
             size = float(np.linalg.norm(normal))
             if size > 0.0:
-                robot.planes.append((FixedPlane(pose.origin, normal / size), friction))
+                if across is not None:
+                    robot.leave('friction in two directions', name)
+                least = min(mu for mu in (friction, across) if mu is not None)
+                robot.planes.append((FixedPlane(pose.origin, normal / size), least))
             return
         found = moved(_shape(element, folder), pose)
     except ValueError:
         pass
-    robot.colliders.append(Collider(name.replace(' ', '_'), part, found, friction))
+    robot.colliders.append(Collider(name.replace(' ', '_'), part, found, friction, across))
+
+
+def _is_filtered(contact: ElementTree.Element) -> bool:
+    """Whether something of a collision passes through it."""
+    mask = (contact.findtext('collide_bitmask') or '').strip()
+    return mask not in ('', *_EVERY) or is_true(contact.findtext('collide_without_contact'))
+
+
+def coefficients(mu: str | None, mu2: str | None) -> tuple[float, float | None]:
+    """Of friction along a direction and across it, 1 where one is absent: None for the second if
+    both are alike. Raises ValueError."""
+    along, across = (numbers(text, 1, [1.0])[0] for text in (mu, mu2))
+    return along, None if across == along else across
 
 
 def _shape(visual: ElementTree.Element, folder: Path) -> VisualShape:

@@ -83,14 +83,23 @@ class TreePosture:
         return found
 
     def limits(self) -> tuple[Floats, Floats]:
-        """Lower and upper limit of each joint, rad or m."""
+        """Lower and upper limit of each joint, rad or m. Limits of joints that mimic it count as
+        well, unless they leave it no interval: such limits are listed."""
         low, high = np.full((2, len(self.names)), np.inf) * [[-1.0], [1.0]]
-        for n, name in enumerate(self.names):
-            joint = self._reader.joints.get(name)
-            limited = joint is not None and joint.type in ('revolute', 'prismatic')
-            limit = joint.limit if joint is not None and limited else None
-            if limit is not None and (limit.lower or 0.0) < (limit.upper or 0.0):
-                low[n], high[n] = limit.lower or 0.0, limit.upper or 0.0
+        for joint in sorted(self._reader.joints.values(), key=lambda j: j.name not in self._place):
+            limited = joint.limit is not None and joint.type in ('revolute', 'prismatic')
+            ends = (joint.limit.lower or 0.0, joint.limit.upper or 0.0) if limited else (0.0, 0.0)
+            driver, factor = _driver(self._reader, joint.name)
+            n = self._place.get(driver, -1)
+            if not ends[0] < ends[1] or n < 0 or factor == 0.0:
+                continue
+            offset = self._reader.mimicked(joint.name, {driver: 0.0})
+            lower, upper = sorted((end - offset) / factor for end in ends)
+            lower, upper = max(low[n], lower), min(high[n], upper)
+            if lower < upper:
+                low[n], high[n] = lower, upper
+            else:
+                self._reader.robot.leave('limits of mimics', f'{joint.name} of {driver}')
         return low, high
 
     def scales(self) -> Floats:

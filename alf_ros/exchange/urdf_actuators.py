@@ -1,7 +1,9 @@
 """Actuators of a URDF: `<transmission>` of ROS 1, `<ros2_control>` of ROS 2.
 
 Both name joints and interfaces, not gains: a motor on such a joint has the effort limit of the
-joint, and applies no force until a scene or a topic commands one.
+joint, and applies no force until a scene or a topic commands one. As in ros_control and
+ros2_control, commands and limits belong to the joint. A reduction n gives the joint n times the
+effort of the motor before it; it changes no command here, and is listed.
 """
 
 from __future__ import annotations
@@ -10,6 +12,9 @@ from collections.abc import Container, Iterator
 from xml.etree import ElementTree
 
 from alf_ros.exchange.robot import Actuator, Robot
+
+_REDUCTIONS = ('mechanicalReduction', 'mechanical_reduction', 'gear_ratio')
+_ROTORS = ('motorInertia', 'rotor_inertia')
 
 
 def initial_positions(xml: ElementTree.Element) -> dict[str, str]:
@@ -34,11 +39,30 @@ def leave(robot: Robot, xml: ElementTree.Element, mimics: Container[str]) -> Non
             begins = any(each.get('name') == 'initial_value' for each in state.findall('param'))
             if begins and state.get('name') == 'velocity':
                 robot.leave('velocities of joints', name)
-    for transmission in xml.findall('transmission'):
-        if next(transmission.iter('motorInertia'), None) is not None:
-            for joint in transmission.findall('joint'):
-                text = 'limits, damping, friction, springs, armature'
-                robot.leave(text, joint.get('name', ''))
+    for transmission in (*xml.findall('transmission'), *xml.findall('ros2_control/transmission')):
+        names = [joint.get('name', '') for joint in transmission.findall('joint')]
+        tags = {each.tag.rpartition('}')[2] for each in transmission.iter()}
+        for name in names if not tags.isdisjoint(_ROTORS) else ():
+            robot.leave('limits, damping, friction, springs, armature', name)
+        reduced = [text for text in _reductions(transmission) if not _is_one(text)]
+        if reduced:
+            told = f'{", ".join(names)} by {", ".join(reduced)}'
+            robot.leave('reductions of transmissions', told)
+
+
+def _reductions(transmission: ElementTree.Element) -> Iterator[str]:
+    """The reductions of its joints and actuators, as they are written."""
+    for each in transmission.iter():
+        tag = each.tag.rpartition('}')[2]
+        if tag in _REDUCTIONS:
+            yield (each.text or each.get('value') or '').strip()
+
+
+def _is_one(text: str) -> bool:
+    try:
+        return float(text or 1.0) == 1.0
+    except ValueError:
+        return False
 
 
 def add(robot: Robot, xml: ElementTree.Element, limits: dict[str, float | None]) -> None:

@@ -18,6 +18,7 @@ from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.exchange import (
     urdf_actuators,
+    urdf_gazebo,
     urdf_joint_types,
     urdf_motions,
     urdf_numbers,
@@ -31,6 +32,7 @@ from alf_ros.mechanism import GROUND
 _TREE = {'revolute': 'revolute', 'continuous': 'revolute', 'prismatic': 'prismatic'}
 _MOVES = urdf_motions.SINGLE
 _TREE |= {'planar': 'planar'}  # and `fixed` and `floating`, which are no joints
+_SEVERAL = ('planar', 'floating')  # types with several coordinates
 _READ = ('link', 'joint', 'gazebo', 'constraint', 'material', 'transmission', 'ros2_control')
 _GRAVITY = (0.0, 0.0, -9.81)
 _OFF = 1e-9  # rad or m: how far a joint that mimics may be drawn from where the other has it
@@ -87,6 +89,8 @@ class UrdfReader:
             name: self._part(name, link) for name, link in self.links.items() if name not in inner
         }
         self.part_of = self.robot.add_links(parts, self.part_of)
+        masses = {name: part.mass for name, part in parts.items()}
+        self.robot.lift(masses, self.part_of, urdf_gazebo.weightless(self.xml))
         in_balls = {each for row in self._balls.values() for each in row}
         for joint in self.urdf.joints:
             if joint.name not in in_balls:
@@ -123,6 +127,8 @@ class UrdfReader:
         found = {}
         for name, joint in self.joints.items():
             each = joint.mimic
+            if each is not None and joint.type in _SEVERAL:
+                self.robot.leave('mimic', name)
             if each is None or joint.type not in _MOVES:
                 continue
             if name in self._follows:
@@ -131,6 +137,9 @@ class UrdfReader:
             other = self.joints.get(each.joint)
             if other is None or each.joint == name:
                 self.robot.leave('mimic', f'{name}, for there is no {each.joint!r}')
+                continue
+            if other.type in _SEVERAL:
+                self.robot.leave('mimic', f'{name}, for {each.joint!r} has several coordinates')
                 continue
             factor = 1.0 if each.multiplier is None else float(each.multiplier)
             found[name] = each.joint, factor, float(each.offset or 0.0)
@@ -244,7 +253,7 @@ class UrdfReader:
 
     def _connect(self, joint: Any) -> None:
         dynamics = joint.dynamics
-        if joint.type in ('planar', 'floating') and dynamics is not None:
+        if joint.type in _SEVERAL and dynamics is not None:
             if dynamics.damping or dynamics.friction:
                 self.robot.leave('limits, damping, friction, springs, armature', joint.name)
             dynamics = None

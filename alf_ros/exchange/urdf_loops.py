@@ -15,17 +15,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from alf_ros.arrays import Floats
-from alf_ros.exchange import two_ended_loops
+from alf_ros.exchange import two_ended_loops, urdf_gazebo
 from alf_ros.exchange.robot import AXES, STILL, TYPES, FramePose
 from alf_ros.exchange.two_ended_loops import LoopEnd, TwoEndedLoop, rotation_to
 from alf_ros.exchange.urdf_import import UrdfReader
 
 _NONE = (0.0, 0.0, 0.0)
-# extensions of Gazebo that change the motion, besides contact
-_PHYSICS = (
-    *('gravity', 'turnGravityOff', 'implicitSpringDamper', 'springStiffness', 'springReference'),
-    *('dampingFactor', 'static', 'kinematic', 'velocity_decay', 'fluid_added_mass'),
-)
 
 
 def loops(reader: UrdfReader) -> Iterator[TwoEndedLoop]:
@@ -39,14 +34,7 @@ def loops(reader: UrdfReader) -> Iterator[TwoEndedLoop]:
 
 def leave(reader: UrdfReader) -> None:
     """Note the extensions of Gazebo that are no loops, and what loops do not have here."""
-    for extension in reader.xml.findall('gazebo'):
-        about = extension.get('reference')
-        for element in extension:
-            if element.tag == 'plugin':
-                reader.robot.leave('plugins', element.get('name', ''))
-            elif element.tag != 'joint' or about is not None:
-                kind = 'physics of Gazebo' if element.tag in _PHYSICS else 'gazebo'
-                reader.robot.leave(kind, f'{element.tag} of {about or "the robot"}')
+    urdf_gazebo.leave(reader.robot, reader.xml, reader.links)
     for element in _gazebo_joints(reader):
         axes = (*element.findall('axis'), *element.findall('axis2'))
         if any(axis.find(tag) is not None for axis in axes for tag in ('limit', 'dynamics')):

@@ -7,12 +7,14 @@ is read.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from alf_ros.exchange import sdf_visuals, urdf_gazebo
 from alf_ros.exchange.robot import Collider, FramePose, Robot
 from alf_ros.exchange.visuals import ROUND, mesh_file, moved, numbers, shape, show
 from alf_ros.mechanism import VisualShape
@@ -32,6 +34,7 @@ def add(
     colors: Colors = {}
     for material in xml.findall('material'):
         _color(material, colors)
+    frictions = urdf_gazebo.frictions(xml)
     for link in xml.findall('link'):
         name = link.get('name', '')
         for n, visual in enumerate(link.findall('visual')):
@@ -41,7 +44,8 @@ def add(
             except (KeyError, ValueError):
                 robot.leave('shapes', f'visual {n} of {name}')
         for n, collision in enumerate(link.findall('collision') if name in part_of else ()):
-            robot.colliders.append(_collider(collision, folder, name, n, part_of, poses))
+            collider = _collider(collision, folder, name, n, part_of, poses)
+            robot.colliders.append(_with_friction(robot, collider, name, frictions.get(name)))
 
 
 def _collider(
@@ -57,6 +61,19 @@ def _collider(
         return Collider(name, part_of[link], moved(_shape(element, {}, folder), poses[link]))
     except ValueError:
         return Collider(name, part_of[link], None)
+
+
+def _with_friction(
+    robot: Robot, collider: Collider, link: str, given: Mapping[str, str] | None
+) -> Collider:
+    """With the coefficients that the extension of Gazebo gives the link."""
+    if given is None:
+        return collider
+    try:
+        along, across = sdf_visuals.coefficients(given.get('mu1'), given.get('mu2'))
+    except ValueError:
+        raise robot.error(link, 'mu1 and mu2 are not usable numbers') from None
+    return replace(collider, friction=along, across=across)
 
 
 def _color(material: ElementTree.Element | None, colors: Colors) -> list[float] | None:

@@ -19,6 +19,8 @@ from alf_ros.exchange.two_ended_loops import TwoEndedLoop
 from alf_ros.exchange.urdf_import import UrdfReader
 from alf_ros.scene.text import yaml_document
 
+_TOLD = ('posture', 'limits of mimics')  # what closing loops tells
+
 
 def side_file(path: Path) -> Path | None:
     """The file beside a URDF that closes its loops, in the format of others; None without one."""
@@ -65,10 +67,11 @@ def read(
         loops += loop_closures_file.loops(side, reader)
     moved = _moved(reader, loops, by_file, positions)
     if moved:
-        told = reader.robot.left_out.names['posture']
+        told = reader.robot.left_out.names
         reader = reader_at({**by_file, **positions, **moved})
-        for text in told:
-            reader.robot.leave('posture', text)
+        for kind in _TOLD:
+            for text in told.get(kind, ()):
+                reader.robot.leave(kind, text)
     urdf_loops.leave(reader)
     for loop in loops:
         two_ended_loops.add(reader, loop)
@@ -92,5 +95,6 @@ def _moved(
     except InputError:
         if not by_user or not set(by_file) - set(by_user):
             raise
-    reader.robot.left_out.names.pop('posture', None)
+    for kind in _TOLD:
+        reader.robot.left_out.names.pop(kind, None)
     return closed_positions(reader, loops, list(by_user))

@@ -35,13 +35,20 @@ def no_mass(model: Model, q: Floats) -> AssemblyError:
     message = 'a point that moves has neither mass nor constraint'
     if not found:
         return AssemblyError(message, key='points')
-    joints = [each.name for each in model.mechanism.joints if {each.parent, each.child} & {*found}]
+    joints = joints_of(model, found)
     at = f', joints {listed(joints)}' if joints else ''
     return AssemblyError(
         f'a part that moves has neither mass nor constraint: bodies {listed(found)}{at}',
         key='points',
-        expected='mass and inertia of these bodies, or a weld in place of a joint',
+        expected='mass and inertia of these bodies, a weld in place of one of the joints, or a '
+        'rotor on one (`armature` of a motor)',
     )
+
+
+def joints_of(model: Model, found: list[str]) -> list[str]:
+    """The joints of some bodies."""
+    mine = {*found}
+    return [each.name for each in model.mechanism.joints if {each.parent, each.child} & mine]
 
 
 def listed(names: list[str]) -> str:

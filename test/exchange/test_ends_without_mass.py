@@ -129,13 +129,39 @@ def test_what_no_inertia_holds_is_named(tmp_path: Path) -> None:
     text = imported(saved(tmp_path, 'it.urdf', neck()), scene=True)
     line = told(text, 'no mass in a free direction')
     assert 'a run stops: give these bodies mass and inertia' in line
-    assert line.endswith(': b, head')
+    assert line.endswith(': b, head (joints roll, yaw)')
     assert told(text, 'inertia: there is none').endswith(': a, b, head')
     with pytest.raises(AssemblyError) as caught:
         Simulation(scene_from_text(text))
     message = str(caught.value)
     assert 'neither mass nor constraint: bodies b, head, joints roll, yaw' in message
-    assert 'expected mass and inertia of these bodies, or a weld in place of a joint' in message
+    assert 'expected mass and inertia of these bodies, a weld in place of one of the' in message
+    assert 'or a rotor on one (`armature` of a motor)' in message
+
+
+@pytest.mark.parametrize('joint', ['roll', 'yaw'])
+@pytest.mark.parametrize('cure', ['inertia', 'fixed', 'rotor'])
+def test_each_cure_that_the_message_names_lets_it_run(
+    cure: str, joint: str, tmp_path: Path
+) -> None:
+    source = neck()
+    if cure == 'fixed':
+        one = f'<joint name="{joint}" type="continuous">'
+        assert one in source
+        source = source.replace(one, f'<joint name="{joint}" type="fixed">')
+    elif cure == 'inertia':
+        head = robots.link('head', (0.1, 0.0, 0.2), 1.0, (0.0,) * 6)
+        ball = robots.link('head', (0.1, 0.0, 0.2), 1.0, (1e-3, 1e-3, 1e-3, 0.0, 0.0, 0.0))
+        source = source.replace(head, ball)
+    text = imported(saved(tmp_path, 'it.urdf', source), scene=True)
+    if cure == 'rotor':
+        motor = f'effects:\n  motor: {{rotor: {{joint: {joint}, armature: 1e-3}}}}\n'
+        text = text.replace('effects:\n', motor)
+    else:
+        assert not told(text, 'no mass in a free direction')
+    simulation = Simulation(scene_from_text(text))
+    simulation.step(50)
+    assert simulation.sample().diagnostics.position_violation < 1e-12
 
 
 def test_rows_for_balls_are_not_listed_as_links_without_mass(tmp_path: Path) -> None:

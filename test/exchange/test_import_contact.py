@@ -236,6 +236,40 @@ def test_a_ground_for_a_urdf(tmp_path: Path) -> None:
     assert f'#   {line}\n' in imported(path, floating=True)
 
 
+TWO = '#   friction in two directions: the smallest coefficient acts in all directions: '
+
+
+@pytest.mark.parametrize(
+    ('given', 'friction', 'is_told'),
+    [
+        ('<mu1>0.3</mu1><mu2>0.3</mu2>', 0.3, False),
+        ('<mu1>0.3</mu1>', 0.3, True),
+        ('<mu1>0.9</mu1><mu2> 0.4 </mu2>', 0.4, True),
+        ('<kp>1e5</kp>', 1.0, False),
+    ],
+)
+def test_friction_of_gazebo(given: str, friction: float, is_told: bool, tmp_path: Path) -> None:
+    """Of the link; a coefficient that is absent is 1, as in Gazebo."""
+    ball = f'<collision><geometry><sphere radius="{R}"/></geometry></collision></link>'
+    foot = robots.link('foot', (0.0, 0.0, 0.0), MASS, (0.01, 0.01, 0.01, 0, 0, 0))
+    foot = foot.replace('</link>', ball)
+    gazebo = f'<gazebo reference="foot">{given}</gazebo>'
+    path = saved(tmp_path, 'it.urdf', robots.robot(foot, gazebo))
+    text = imported(path, floating=True, contact=K, ground=-1.0)
+    (found,) = (each.parameters for each in contacts(text))
+    assert found.friction == friction
+    assert (f'{TWO}foot\n' in text) == is_told
+
+
+def test_friction_of_gazebo_that_is_no_number(tmp_path: Path) -> None:
+    foot = robots.link('foot', (0.0, 0.0, 0.0), MASS, (0.01, 0.01, 0.01, 0, 0, 0))
+    foot = foot.replace('</link>', '<collision/></link>')
+    gazebo = '<gazebo reference="foot"><mu1>much</mu1></gazebo>'
+    path = saved(tmp_path, 'it.urdf', robots.robot(foot, gazebo))
+    with pytest.raises(InputError, match='foot: mu1 and mu2 are not usable numbers'):
+        imported(path, floating=True)
+
+
 SDF = f"""<sdf version="1.9"><world name="w">
 <model name="ground"><static>true</static><link name="l"><collision name="c">
  <pose>0 0 -0.5 0 0 0</pose><geometry><plane><normal>0 0 2</normal></plane></geometry>
@@ -252,7 +286,31 @@ def test_the_ground_of_an_sdf(tmp_path: Path) -> None:
     assert found.at == pytest.approx([0.0, 0.2, 0.0]) and found.radius == R
     assert found.through == (0.0, 0.0, -0.5) and found.normal in ((), (0.0, 0.0, 1.0))
     assert found.friction == 0.6
+    assert f'{TWO}ground c\n' in text
+    alike = SDF.replace('</mu>', '</mu><mu2>0.6</mu2>')
+    assert TWO not in imported(saved(tmp_path, 'it.sdf', alike), contact=K)
+    rough = SDF.replace('</mu>', '</mu><mu2>0.2</mu2>')
+    text = imported(saved(tmp_path, 'it.sdf', rough), contact=K)
+    (found,) = (each.parameters for each in contacts(text))
+    assert found.friction == 0.2 and f'{TWO}ground c\n' in text
     assert '#   contact between bodies: they pass through each other (1)\n' in text
+
+
+@pytest.mark.parametrize(
+    ('more', 'is_told'),
+    [
+        ('<collide_bitmask>0x02</collide_bitmask>', True),
+        ('<collide_without_contact>1</collide_without_contact>', True),
+        ('<collide_bitmask>0xffff</collide_bitmask>', False),
+    ],
+)
+def test_filters_of_contact_are_listed(more: str, is_told: bool, tmp_path: Path) -> None:
+    surface = f'<surface><contact>{more}</contact></surface>'
+    end = '</collision></link></model></world>'
+    assert end in SDF
+    text = imported(saved(tmp_path, 'it.sdf', SDF.replace(end, surface + end)), contact=K)
+    line = 'filters of contact: these meet the ground whatever their bitmask: robot::foot tip'
+    assert (f'#   {line}\n' in text) == is_told
 
 
 def test_options_that_cannot_be(tmp_path: Path) -> None:

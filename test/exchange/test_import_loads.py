@@ -50,7 +50,34 @@ def test_a_pendulum_of(name: str, inertia_about_pin: float, arguments: dict[str,
 
 def test_undeclared_prefixes_are_listed() -> None:
     text = imported(str(FOLDER / 'undeclared_prefixes.urdf'))
-    assert '#   gazebo: ' in text and 'gazebo_ros_p3d' in text
+    line = 'physics of Gazebo: what these extensions do to the motion is missing'
+    assert f'#   {line}: controller:gazebo_ros_p3d of arm\n' in text
+
+
+def test_sensors_of_old_gazebo_are_no_change_of_the_motion(tmp_path: Path) -> None:
+    source = (FOLDER / 'undeclared_prefixes.urdf').read_text(encoding='utf-8')
+    source = source.replace('controller:gazebo_ros_p3d', 'sensor:camera')
+    text = imported(saved(tmp_path, 'it.urdf', source))
+    assert '#   gazebo: sensor:camera of arm\n' in text and 'physics of Gazebo' not in text
+
+
+@pytest.mark.parametrize(
+    'off',
+    [
+        '<gravity>0</gravity>',
+        '<turnGravityOff>true</turnGravityOff>',
+        '<turnGravityOff>Yes</turnGravityOff>',
+        '<gravity>1</gravity>',
+    ],
+)
+def test_links_of_a_urdf_without_gravity(off: str, tmp_path: Path) -> None:
+    """The arm stays, whose centre of mass is beside the pin; the one with gravity falls."""
+    source = (FOLDER / 'undeclared_prefixes.urdf').read_text(encoding='utf-8')
+    gazebo = f'<gazebo reference="arm">{off}</gazebo></robot>'
+    text = imported(saved(tmp_path, 'it.urdf', source.replace('</robot>', gazebo)), scene=True)
+    speed = GRAVITY / 1.1 * 1e-3 if '1' in off else 0.0
+    assert first_speed(text, 'pin') == pytest.approx(speed, rel=1e-5, abs=1e-12)
+    assert 'gravity of' not in text and 'turnGravityOff' not in text
 
 
 def test_a_moving_joint_needs_an_axis(tmp_path: Path) -> None:

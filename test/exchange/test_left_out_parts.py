@@ -36,6 +36,20 @@ def universal(first: str = '', second: str = '') -> str:
     return sdf('universal', AXES.replace('FIRST', first).replace('SECOND', second))
 
 
+def hinge(axis: str = '', joint: str = '', limit: str = TWO) -> str:
+    """With more in the axis, and in the joint; a limit of the axis."""
+    return sdf('revolute', f'<axis><xyz>0 1 0</xyz>{limit}{axis}</axis>{joint}')
+
+
+def of_arm(more: str) -> str:
+    """With more in the second link."""
+    return hinge().replace('<link name="arm">', f'<link name="arm">{more}')
+
+
+def ode(more: str) -> str:
+    return f'<physics><ode>{more}</ode></physics>'
+
+
 def report(tmp_path: Path, name: str, text: str) -> tuple[list[str], Path]:
     """The lines about the motion, and the file that is written."""
     (tmp_path / name).write_text(text, encoding='utf-8')
@@ -46,13 +60,108 @@ def report(tmp_path: Path, name: str, text: str) -> tuple[list[str], Path]:
 
 
 JOINTS = 'limits, damping, friction, springs, armature: these joints have none: j'
-GAZEBO = '<gazebo reference="arm"><gravity>false</gravity><mu1>0.1</mu1></gazebo>'
+GAZEBO = '<gazebo reference="arm"><static>true</static><mu1>0.1</mu1></gazebo>'
 SPRING = '<gazebo reference="j"><springStiffness>5</springStiffness></gazebo>'
 MIMIC = '<ros2_control><joint name="j"><param name="mimic">k</param></joint></ros2_control>'
 ROTOR = (
     '<transmission name="t"><joint name="j"/><actuator name="a"><motorInertia>1</motorInertia>'
     '</actuator></transmission>'
 )
+
+PLANE = (
+    f'<link name="plate">{LINK}</link><joint name="k" type="planar"><parent link="base"/>'
+    '<child link="plate"/><axis xyz="0 0 1"/></joint>'
+)
+HALF = f"""<link name="disk">{LINK}</link><joint name="on" type="fixed"><parent link="arm"/>
+<child link="disk"/></joint><gazebo reference="disk"><gravity>0</gravity></gazebo>"""
+EXTENSIONS = 'physics of Gazebo: what these extensions do to the motion is missing'
+REDUCED = (
+    'reductions of transmissions: a command is the effort of the joint, not that of a motor '
+    'before the reduction'
+)
+
+
+def geared(reduction: str) -> str:
+    return f'<transmission name="t"><joint name="j"/>{reduction}</transmission>'
+
+
+SOFT = 'soft limits: they do not give way as in the file: with --stops they have its stiffness: j'
+STIFF = TWO.replace('</limit>', '<stiffness>1e4</stiffness></limit>')
+LOSSY = TWO.replace('</limit>', '<dissipation>2</dissipation></limit>')
+SCREW = '<axis><xyz>0 1 0</xyz>{}</axis>{}'
+
+
+@pytest.mark.parametrize(
+    'text, told',
+    [
+        (of_arm('<velocity_decay><linear>0.1</linear></velocity_decay>'),
+         'damping of bodies: these bodies are not damped: arm'),
+        (of_arm('<velocity_decay><angular>0.1</angular></velocity_decay>'),
+         'damping of bodies: these bodies are not damped: arm'),
+        (of_arm('<enable_wind>1</enable_wind>'),
+         'wind: it exerts no force on these bodies: arm'),
+        (of_arm('<enable_wind>0</enable_wind>').replace(
+            '<model name="m">', '<model name="m"><enable_wind>true</enable_wind>'),
+         'wind: it exerts no force on these bodies: base'),
+        (hinge('<initial_position>0.05</initial_position>'),
+         'positions of joints: the bodies start as drawn, not there: j'),
+        (hinge(limit=STIFF), SOFT),
+        (hinge(limit=LOSSY), SOFT),
+        (hinge(joint=ode('<limit><cfm>0.1</cfm><erp>0.2</erp></limit>')), SOFT),
+        (hinge(joint=ode('<limit><erp>0.8</erp></limit>')), SOFT),
+        (hinge(joint=ode('<bounce>0.5</bounce>')), SOFT),
+        (hinge(joint=ode('<cfm>0.01</cfm>')), 'softness: constraints hold exactly: j'),
+        (hinge(joint=ode('<suspension><cfm>0.01</cfm></suspension>')),
+         'softness: constraints hold exactly: j'),
+        (hinge(joint=ode('<max_force>3</max_force>')), 'actuators: they apply no force: j (max'),
+        (sdf('screw', SCREW.format(TWO, '<screw_thread_pitch>1</screw_thread_pitch>')),
+         'limits of screws: of angles or of lengths'),
+        (sdf('screw', SCREW.format('', '')), 'pitch of screws: default of SDF'),
+        (sdf('ball', '', '<model_state name="m"/>'), 'state of the world: models start'),
+    ],
+)  # fmt: skip
+def test_each_of_an_sdf_is_named(tmp_path: Path, text: str, told: str) -> None:
+    lines, made = report(tmp_path, 'a.sdf', text)
+    assert any(line.startswith(told) for line in lines), lines
+    Simulation(load_scene(made)).step()
+
+
+def test_what_an_sdf_says_as_it_is_by_default_is_not_listed(tmp_path: Path) -> None:
+    usual = TWO.replace(
+        '</limit>', '<stiffness>1e8</stiffness><dissipation>1</dissipation></limit>'
+    )
+    plain = ode(
+        '<limit><cfm>0</cfm><erp>0.2</erp></limit><max_force>0</max_force><erp>0.5</erp>'
+        '<suspension><cfm>0</cfm><erp>0.2</erp></suspension>'
+    )
+    text = hinge('<initial_position>0</initial_position>', plain, usual).replace(
+        '<link name="arm">',
+        '<link name="arm"><kinematic>0</kinematic><enable_wind>0</enable_wind>'
+        '<velocity_decay><linear>0</linear><angular>0</angular></velocity_decay>',
+    )
+    assert report(tmp_path, 'a.sdf', text)[0] == report(tmp_path, 'a.sdf', hinge())[0]
+
+
+def test_steps_and_limits_of_velocity_change_readings_only(tmp_path: Path) -> None:
+    fast = TWO.replace('</limit>', '<velocity>2</velocity></limit>')
+    scheme = ode('<implicit_spring_damper>1</implicit_spring_damper>')
+    expected, _ = report(tmp_path, 'b.sdf', hinge())
+    lines, made = report(tmp_path, 'a.sdf', hinge('', scheme, fast))
+    assert lines == expected
+    told = made.read_text('utf-8')
+    assert 'elements: implicit_spring_damper of j' in told
+    assert 'limits of velocity: j' in told
+
+
+def test_what_an_include_adds_to_a_model_is_named(tmp_path: Path) -> None:
+    (tmp_path / 'arm').mkdir()
+    (tmp_path / 'arm' / 'model.sdf').write_text(sdf('ball', ''), encoding='utf-8')
+    text = """<sdf version="1.9" xmlns:experimental="x"><world name="w"><include>
+    <uri>model://arm</uri><plugin name="p" filename="f"/><experimental:params/>
+    </include></world></sdf>"""
+    lines, _ = report(tmp_path, 'a.sdf', text)
+    assert 'plugins: forces and control that they apply are missing: p' in lines
+    assert 'parameters of includes: the models are as in their own files: m' in lines
 
 
 @pytest.mark.parametrize(
@@ -61,8 +170,30 @@ ROTOR = (
         ('a.urdf', URDF.replace('MORE', GAZEBO), 'physics of Gazebo'),
         ('a.urdf', URDF.replace('MORE', SPRING), 'physics of Gazebo'),
         ('a.urdf', URDF.replace('MORE', '<gazebo><plugin name="p"/></gazebo>'), 'plugins'),
+        ('a.urdf', URDF.replace('MORE', '<gazebo><link name="more"/></gazebo>'),
+         f'{EXTENSIONS}: link of the robot'),
+        ('a.urdf', URDF.replace('MORE', '<gazebo reference="arm"><joint name="k"/></gazebo>'),
+         f'{EXTENSIONS}: joint of arm'),
+        ('a.urdf', URDF.replace('MORE', '<gazebo reference="j"><stopErp>0.8</stopErp></gazebo>'),
+         f'{EXTENSIONS}: stopErp of j'),
+        ('a.urdf', URDF.replace('MORE', HALF), 'gravity off: these bodies have weight here: arm'),
         ('a.urdf', URDF.replace('MORE', MIMIC), 'mimic: these joints are free: j'),
         ('a.urdf', URDF.replace('MORE', ROTOR), JOINTS),
+        ('a.urdf', URDF.replace('MORE', '').replace('"revolute"', '"planar"').replace(
+            LIMIT, '<mimic joint="k"/>'), 'mimic: these joints are free: j'),
+        ('a.urdf', URDF.replace(LIMIT, LIMIT + '<mimic joint="k"/>').replace('MORE', PLANE),
+         "mimic: these joints are free: j, for 'k' has several coordinates"),
+        ('a.urdf', URDF.replace('MORE', ROTOR.replace('motorInertia', 'drake:rotor_inertia')),
+         JOINTS),
+        ('a.urdf', URDF.replace('MORE', geared('<actuator name="a"><mechanicalReduction>50'
+         '</mechanicalReduction></actuator>')), f'{REDUCED}: j by 50'),
+        ('a.urdf', URDF.replace('MORE', geared('<mechanicalReduction>-3.5</mechanicalReduction>')),
+         f'{REDUCED}: j by -3.5'),
+        ('a.urdf', URDF.replace('MORE', geared('<actuator name="a"><drake:gear_ratio value="9"/>'
+         '</actuator>')), f'{REDUCED}: j by 9'),
+        ('a.urdf', URDF.replace('MORE', '<ros2_control>' + geared('<actuator name="a">'
+         '<mechanical_reduction>2.0</mechanical_reduction></actuator>') + '</ros2_control>'),
+         f'{REDUCED}: j by 2.0'),
         ('a.urdf', URDF.replace('MORE', '<link name="alone"/>'), 'several root links'),
         ('a.urdf', URDF.replace('MORE', '').replace('"revolute"', '"floating"').replace(
             LIMIT, '<dynamics damping="1"/>'), JOINTS),
@@ -100,3 +231,24 @@ def test_a_link_of_a_urdf_with_inertia_alone(tmp_path: Path) -> None:
     (body,) = load_scene(made).mechanism.bodies
     np.testing.assert_allclose(np.diag(body.inertia), [0.02, 0.04, 0.06])
     assert body.mass == 1.0
+
+
+@pytest.mark.parametrize(
+    'harmless',
+    [
+        '<turnGravityOff>false</turnGravityOff>', '<gravity>true</gravity>', '<static>0</static>',
+        '<material>Gazebo/Red</material>', '<kp>1e6</kp>', '<kinematic>false</kinematic>',
+    ],
+)  # fmt: skip
+def test_extensions_of_gazebo_without_an_effect_are_no_change_of_the_motion(
+    harmless: str, tmp_path: Path
+) -> None:
+    gazebo = f'<gazebo reference="arm">{harmless}</gazebo>'
+    lines, _ = report(tmp_path, 'a.urdf', URDF.replace('MORE', gazebo))
+    assert lines == report(tmp_path, 'a.urdf', URDF.replace('MORE', ''))[0]
+
+
+def test_a_transmission_that_reduces_nothing_is_not_listed(tmp_path: Path) -> None:
+    plain = geared('<actuator name="a"><mechanicalReduction>1.0</mechanicalReduction></actuator>')
+    lines, _ = report(tmp_path, 'a.urdf', URDF.replace('MORE', plain))
+    assert not any('reductions' in line for line in lines)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -108,7 +109,7 @@ def test_the_derivative_of_the_gaps(tmp_path: Path) -> None:
     model = mujoco.MjModel.from_xml_string(BALLS)
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    held: list[Held] = [*_loops(mujoco, model).values(), *_couplings(mujoco, model)]
+    held: list[Held] = [*_loops(mujoco, model).values(), *_couplings(mujoco, model).values()]
     posture = _MjcfPosture(mujoco, data, held, range(model.nv), 0.7)
     x = np.random.default_rng(3).uniform(-0.8, 0.8, model.nv)
     slope = posture.gaps(x)[1]
@@ -116,3 +117,57 @@ def test_the_derivative_of_the_gaps(tmp_path: Path) -> None:
         step = 1e-6 * np.eye(x.size)[n]
         ahead, behind = posture.gaps(x + step)[0], posture.gaps(x - step)[0]
         np.testing.assert_allclose(slope[:, n], (ahead - behind) / 2e-6, rtol=0.0, atol=1e-8)
+
+
+COUPLED = """<mujoco><compiler angle="radian" autolimits="true"/>
+<default><geom contype="0" conaffinity="0" size="0.03"/></default><worldbody>
+<body><joint name="a" axis="0 1 0" ref="0.2"/><geom pos="0.3 0 0"/>
+ <body pos="0.4 0 0"><joint name="b" axis="0 1 0"/><geom pos="0.2 0.1 0"/></body></body>
+<body pos="0 1 0"><joint name="c" axis="0 1 0" ref="-0.1"/><geom pos="0.3 0 0"/>
+ <body pos="0.4 0 0"><joint name="d" type="slide" axis="0 1 0"/><geom pos="0.1 0 0"/></body></body>
+</worldbody><tendon>
+<fixed name="one"><joint joint="a" coef="1"/><joint joint="b" coef="0.5"/></fixed>
+<fixed name="two"><joint joint="c" coef="2"/><joint joint="d" coef="-1"/></fixed></tendon>
+<equality>{}</equality><keyframe><key name="bent" qpos="0.5 -0.2 0.3 0.1"/></keyframe></mujoco>"""
+TIED = '<tendon name="tied" tendon1="one" tendon2="two" polycoef="0.05 -0.7 0 0 0"/>'
+HELD = '<tendon name="held" tendon1="one" polycoef="0.3 0 0 0 0"/>'
+CHAIN = """<joint name="first" joint1="a" joint2="b" polycoef="0.1 2 0 0 0"/>
+<joint name="second" joint1="b" joint2="c" polycoef="0 -0.5 0 0 0"/>"""
+EQUALITIES = {'tendons': TIED, 'a tendon': HELD, 'a chain': CHAIN, 'both': TIED + CHAIN}
+
+
+@pytest.mark.parametrize('start', [{}, {'c': 0.7}, {'key': 'bent'}, {'key': 'bent', 'c': 0.7}])
+@pytest.mark.parametrize('equality', EQUALITIES.values(), ids=EQUALITIES)
+def test_couplings_hold_as_in_the_file_wherever_it_starts(
+    equality: str, start: dict[str, Any], tmp_path: Path
+) -> None:
+    """By MuJoCo's own residuals, at the start and after a motion, which a constant must not leave.
+    The reference is `qpos0`, neither the keyframe nor the positions set."""
+    source, given = COUPLED.format(equality), dict(start)
+    key = given.pop('key', None)
+    text = imported(saved(tmp_path, 'it.xml', source), scene=True, key=key, positions=given)
+    assert 'phase of mimic' not in text
+    simulation = Simulation(scene_from_text(text))
+    model = mujoco.MjModel.from_xml_string(source)
+    drawn = {'a': 0.0, 'b': 0.0, 'c': 0.0, 'd': 0.0} | told(text)
+    assert given.items() <= drawn.items()
+    for _ in range(2):
+        data = mujoco.MjData(model)
+        for name, joint in simulation.sample().joints.items():
+            data.joint(name).qpos[0] = drawn[name] + joint.position
+        mujoco.mj_forward(model, data)
+        assert np.abs(data.efc_pos[: model.neq]).max() < 1e-12
+        simulation.step(200)
+    assert abs(simulation.sample().joints['c'].position) > 1e-3
+
+
+def test_couplings_that_contradict_what_is_set_are_refused(tmp_path: Path) -> None:
+    source = saved(tmp_path, 'it.xml', COUPLED.format(TIED))
+    everything = {'a': 0.3, 'b': 0.0, 'c': 0.0, 'd': 0.2}
+    with pytest.raises(InputError, match='tied cannot be closed: all joints are held'):
+        imported(source, positions=everything)
+    chain = saved(tmp_path, 'it.xml', COUPLED.format(CHAIN))
+    text = imported(chain, positions={'a': 0.3000004})
+    assert 'phase of mimic' not in text and 'a at 0.3,' in text
+    with pytest.raises(InputError, match='an equality has it at 0.3'):
+        imported(chain, positions={'a': 0.5})

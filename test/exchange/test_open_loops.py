@@ -177,3 +177,69 @@ def test_the_file_beside_a_urdf_is_found(tmp_path: Path) -> None:
     beside = tmp_path / 'loop_closures.yaml'
     beside.write_text('closures: []\n', 'utf-8')
     assert side_file(urdf) == beside
+
+
+# two elbows, one of which mimics the other: -1 times it, on the other side of the symmetric robot
+MIRRORED = """<robot name="tongs"><link name="base"/>{bars}{joints}</robot>"""
+
+
+def tongs(limits: str, multiplier: float = -1.0, offset: float = 0.0, own: str = '') -> str:
+    """A symmetric five-bar of which the second motor mimics the first; its slide follows."""
+    mimic = f'<mimic joint="mot1" multiplier="{multiplier}" offset="{offset}"/>'
+    one = 'revolute' if own else 'continuous'
+    bars = link('a', FIRST) + link('b', ROD) + link('c', FIRST) + link('d', ROD)
+    joints = (
+        joint('mot1', 'base', 'a', -0.1, own, one)
+        + joint('e1', 'a', 'b', FIRST)
+        + joint('mot2', 'base', 'c', 0.1, mimic + limits, 'revolute')
+        + joint('e2', 'c', 'd', FIRST)
+        + '<link name="tip_b"/><link name="tip_d"/>'
+        + joint('f1', 'b', 'tip_b', ROD, kind='fixed')
+        + joint('f2', 'd', 'tip_d', ROD, kind='fixed')
+    )
+    return MIRRORED.format(bars=bars, joints=joints)
+
+
+def limit(lower: float, upper: float) -> str:
+    return f'<limit lower="{lower}" upper="{upper}" effort="1" velocity="1"/>'
+
+
+def closed_at(folder: Path, urdf: str, **positions: float) -> tuple[dict[str, float], str]:
+    """Positions (rad) of the joints where the tips meet, and the report."""
+    path, loops = written(folder, urdf, OWN)
+    text = imported(path, loops=loops, positions=positions)
+    line = next(line for line in text.splitlines() if 'zero of joints' in line)
+    words = (each.rsplit(' at ', 1) for each in line.split('drawn: ')[1].split(', '))
+    return {name: float(x) for name, x in words}, text
+
+
+@pytest.mark.parametrize(
+    ('lower', 'upper', 'offset'),
+    [(-2.5, -1.2, 0.0), (0.6, 1.1, 0.0), (-1.5, -1.0, 0.4), (2.0, 2.6, math.pi)],
+)
+def test_a_joint_that_mimics_stays_within_its_limits(
+    tmp_path: Path, lower: float, upper: float, offset: float
+) -> None:
+    """The other one has none, and would close the loop elsewhere."""
+    found, text = closed_at(tmp_path, tongs(limit(lower, upper), offset=offset))
+    assert lower <= found['mot2'] <= upper
+    assert found['mot2'] == pytest.approx(offset - found.get('mot1', 0.0), abs=1e-11)
+    ends = []
+    for x, one, other in ((-0.1, 'mot1', 'e1'), (0.1, 'mot2', 'e2')):
+        first = found.get(one, 0.0)
+        second = first + found.get(other, 0.0)
+        reach = (FIRST * math.cos(first) + ROD * math.cos(second), FIRST * math.sin(first))
+        ends.append((x + reach[0], reach[1] + ROD * math.sin(second)))
+    assert ends[0] == pytest.approx(ends[1], abs=1e-10)
+    assert 'limits of mimics' not in text
+
+
+def test_limits_of_mimics_that_leave_no_room_are_listed(tmp_path: Path) -> None:
+    """Both from 0.2 to 1, though one is minus the other."""
+    both = limit(0.2, 1.0)
+    found, text = closed_at(tmp_path, tongs(both, own=both))
+    assert 0.2 <= found['mot1'] <= 1.0
+    assert (
+        '#   limits of mimics: they contradict those of the joints that are mimicked: loops were '
+        'closed beyond them: mot2 of mot1\n' in text
+    )

@@ -3,14 +3,24 @@
 from __future__ import annotations
 
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
+from alf_ros import columns
 from alf_ros.arrays import Floats
 from alf_ros.mechanism import Joint
 from alf_ros.mechanism.affine import Form
 from alf_ros.mechanism.natural_coordinates import Layout
 from alf_ros.model.constraints.row import Row, linear, product
+
+_ROUNDING = 1e-12  # of the largest factor of a block: a difference of factors that is none
+
+
+def _largest(form: Form, blocks: int) -> Any:
+    """The largest factor of the first blocks."""
+    parts = (C for block, C in form.parts.items() if block < blocks)
+    return columns.largest(abs(x) for C in parts for x in C.ravel().tolist())
 
 
 class Frames:
@@ -24,7 +34,18 @@ class Frames:
         """From the parent's origin of the joint to the child's."""
         joint, layout = self.joint, self.layout
         base, tip = joint.frames
-        return layout.place(joint.child, tip.origin) - layout.place(joint.parent, base.origin)
+        to, start = (
+            layout.place(body, frame.origin)
+            for body, frame in ((joint.child, tip), (joint.parent, base))
+        )
+        gap, movable = to - start, self.layout.movable
+        # bodies that share this place have no gap: its rounding would become rows of full size
+        every = self.layout.blocks
+        least = columns.largest([_largest(to, every), _largest(start, every)]) * _ROUNDING
+        if _largest(gap, movable) > least:
+            return gap
+        still = {n: C if n >= movable else 0.0 * C for n, C in gap.parts.items()}
+        return Form(still, gap.constant)
 
     def axis(self, side: int, n: int) -> Form:
         """The n-th axis of the frame on the parent (0) or the child (1)."""

@@ -1,0 +1,81 @@
+"""The extensions of Gazebo in a URDF, except its joints, which `urdf_loops` reads.
+
+Gazebo knows some of them, and copies the others into its model as they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from xml.etree import ElementTree
+
+from alf_ros.exchange.robot import Robot
+from alf_ros.exchange.sdf_values import is_true
+
+# without an effect on the motion, besides contact
+_HARMLESS = (
+    *('material', 'visual', 'collision', 'sensor', 'light', 'projector', 'audio_sink', 'battery'),
+    *('mu1', 'mu2', 'fdir1', 'kp', 'kd', 'maxVel', 'minDepth', 'maxContacts', 'laserRetro'),
+    *('selfCollide', 'self_collide', 'provideFeedback', 'canonicalBody', 'preserveFixedJoint'),
+    *('disableFixedJointLumping', 'cfmDamping', 'implicitSpringDamper', 'fudgeFactor'),
+    *('must_be_base_link', 'allow_auto_disable'),
+)
+_UNLESS = ('static', 'kinematic', 'enable_wind')  # harmless unless it is so
+_GRAVITY = ('gravity', 'turnGravityOff')
+_NO = ('false', 'no', '0')  # any other word turns gravity off
+
+
+def weightless(xml: ElementTree.Element) -> set[str]:
+    """The links without gravity."""
+    found = set()
+    for about, element in _of_links(xml):
+        by_sdf = element.tag == 'gravity' and not is_true(element.text)
+        if by_sdf or (element.tag == 'turnGravityOff' and _word(element) not in _NO):
+            found.add(about)
+    return found
+
+
+def frictions(xml: ElementTree.Element) -> dict[str, dict[str, str]]:
+    """By link the coefficients of friction, `mu1` and `mu2`, as they are written."""
+    found: dict[str, dict[str, str]] = {}
+    for about, element in _of_links(xml):
+        if element.tag in ('mu1', 'mu2') and (element.text or '').strip():
+            found.setdefault(about, {})[element.tag] = element.text or ''
+    return found
+
+
+def leave(robot: Robot, xml: ElementTree.Element, links: Collection[str]) -> None:
+    """Note the extensions that are not read; `links`: the names of all."""
+    for extension in xml.findall('gazebo'):
+        about = extension.get('reference')
+        for element in extension:
+            if element.tag == 'plugin':
+                robot.leave('plugins', element.get('name', ''))
+            elif element.tag in _GRAVITY and about in links:
+                continue
+            elif element.tag != 'joint' or about is not None:
+                kind = 'gazebo' if _is_harmless(element) else 'physics of Gazebo'
+                robot.leave(kind, f'{_called(element)} of {about or "the robot"}')
+
+
+def _of_links(xml: ElementTree.Element) -> list[tuple[str, ElementTree.Element]]:
+    extensions = xml.findall('gazebo')
+    return [(about, each) for one in extensions for each in one if (about := one.get('reference'))]
+
+
+def _is_harmless(element: ElementTree.Element) -> bool:
+    """Whether the motion is the same without it."""
+    tag = _called(element)
+    if tag in _UNLESS:
+        return not is_true(element.text) and _word(element) != 'yes'
+    return tag in _HARMLESS or tag.startswith('sensor:')
+
+
+def _word(element: ElementTree.Element) -> str:
+    return (element.text or '').strip().lower()
+
+
+def _called(element: ElementTree.Element) -> str:
+    """Its tag, with the last word of the name space before it: `sensor:camera`."""
+    space, _, tag = element.tag.rpartition('}')
+    prefix = space.rpartition('#')[2].rpartition(':')[2]
+    return f'{prefix}:{tag}' if space else tag
