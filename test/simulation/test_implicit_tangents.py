@@ -1,5 +1,5 @@
-"""Tangents of implicit integrators: against exact derivatives, and of stiff effects against those
-of an explicit integrator with a small tolerance."""
+"""Tangents of implicit integrators, against exact derivatives. With stiff effects they are compared
+with the tangents of an explicit integrator with a small tolerance."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from alf_ros.errors import InputError
 from alf_ros.scene import overrides
 from alf_ros.studies.exact.exact_tangents import slider_crank
 
-FINE = {'integrator': 'dop853_adaptive', 'tolerance': 1e-11}
-IMPLICIT = {'integrator': 'esdirk43_adaptive', 'tolerance': 1e-9}
+FINE: dict[str, Any] = {'integrator': 'dop853_adaptive', 'tolerance': 1e-11}
+IMPLICIT: dict[str, Any] = {'integrator': 'esdirk43_adaptive', 'tolerance': 1e-9}
 GRAVITY = {'gravity': {'acceleration': [0, -9.81]}}
 
 
@@ -50,7 +50,7 @@ def test_order_of_convergence() -> None:
         assert error <= 100.0 * coarse[0], name
 
 
-STIFF = {
+STIFF: dict[str, Any] = {
     'spring and damper': (
         {
             **GRAVITY,
@@ -169,7 +169,7 @@ def test_starts_and_masses_that_change_nothing() -> None:
 
 
 def test_lengths_of_a_robot_in_space() -> None:
-    """With energies: what is read from a sample has tangents as well."""
+    """The energy of a sample has tangents as well."""
     scene = load_scene(
         {
             'mechanism': 'delta_robot',
@@ -199,7 +199,7 @@ def test_the_run_keeps_its_bits(integrator: str) -> None:
 
 
 def test_fixed_steps_against_differences_of_themselves() -> None:
-    """What M̂ changes in projections is not followed: a small part of the error of the step."""
+    """The change of M̂ in projections is not followed: a small part of the error of the step."""
     effects, _ = STIFF['spring and damper']
     scene = load_scene({'mechanism': 'four_bar', 'solver': {'step': 5e-4}, 'effects': effects})
     name = 'coupler.mass'

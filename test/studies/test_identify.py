@@ -46,7 +46,7 @@ def test_without_noise_the_numbers_are_exact() -> None:
         assert np.allclose(found.values, TRUE, rtol=1e-7)
 
 
-IMPLICIT = {'solver.integrator': 'esdirk43_adaptive', 'solver.tolerance': 1e-8}
+IMPLICIT: dict[str, Any] = {'solver.integrator': 'esdirk43_adaptive', 'solver.tolerance': 1e-8}
 
 
 @pytest.mark.parametrize('settings, seal', [({}, 1.3), (IMPLICIT, 1.3), (IMPLICIT, 130.0)])
