@@ -25,6 +25,7 @@ from alf_ros import kernel
 from alf_ros.arrays import Floats
 from alf_ros.errors import AlfError, InputError
 from alf_ros.mechanism.form_of_rows import form_of
+from alf_ros.mechanism.orientation import orientation
 from alf_ros.model.compile import Model
 from alf_ros.scene import overrides
 from alf_ros.scene.scene import Solver
@@ -34,6 +35,7 @@ from alf_ros.simulation.start import started
 
 _WEIGHTS = (4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0)  # of the eighth order
 _BETWEEN = (4.0 / 5.0, -2.0 / 5.0, 4.0 / 35.0, -1.0 / 70.0)  # of the value in the middle
+_TURNED_OVER = 0.9  # cosine of half the angle between two orientations
 LONGEST = 2.5e-3  # step of a difference, in parts of the number or of 1
 _FINER = (0.25 * LONGEST, 0.06 * LONGEST)  # where arrays bend too much for it
 _SHORTER, _MOST, _FEW_LENGTHS = 0.7, 12, 4  # shorter ones that are tried
@@ -369,7 +371,24 @@ class ParameterSlopes:
                 ]
             except _NotSmoothError as error:
                 what = str(error)
-        raise self._none(f'{what} is not smooth in it')
+        raise self._none(self._kink(what, self._neighbours(_FINER[-1])))
+
+    def _kink(self, what: str, around: Mapping[float, Sequence[Neighbour]]) -> str:
+        """The reason why an array is not smooth, as its name does not tell it."""
+        model, q = self._here.start.model, self._here.start.q.reshape(-1, 3)
+        for body in model.layout.body if model.layout.dimension == 3 else ():
+            if not model.layout.turns(body):
+                continue
+            own = orientation(model.layout, body, q)
+            for each in (each for beside in around.values() for each in beside):
+                start = each.start
+                other = orientation(start.model.layout, body, start.q.reshape(-1, 3))
+                if abs(own @ other) < _TURNED_OVER:
+                    return (
+                        f'with other values the frame of {body} turns over, in which its mass '
+                        'and its joints are given'
+                    )
+        return 'the data of an effect have a kink' if what == 'effects' else 'the scene has a kink'
 
     def _slope(self, what: str, here: Floats, values: Mapping[float, Sequence[Floats]]) -> Floats:
         """Of an array that is `here`, and has these values at the offsets of each step."""

@@ -213,6 +213,12 @@ def test_another_solver_is_refused_as_the_first_one_is() -> None:
         assert sim.with_solver(integrator).sample().tangents['L'].points
 
 
+def test_a_frame_that_turns_over_is_named() -> None:
+    """A third point that leaves the line of the others to either side decides where y points."""
+    with pytest.raises(InputError, match='the frame of lid turns over'):
+        Simulation(load_scene('screw_jack'), tangents=['cx'])
+
+
 ROBOTS = [
     ('delta_robot', 'a'),
     ('delta_robot', 'mechanism.points.E<k>.at.2'),
