@@ -4,7 +4,6 @@ and where the equations look as if they had a kink: tangents against differences
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest

@@ -16,6 +16,7 @@ import numpy as np
 from alf_ros.errors import InputError
 from alf_ros.logs.log import Log, load
 from alf_ros.logs.rerun import Rerun
+from alf_ros.model.tableaux import TABLEAUX
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation import input_checks as check
 from alf_ros.simulation.displaced_scenes import DisplacedScenes
@@ -23,6 +24,7 @@ from alf_ros.simulation.explicit_choice import explicit_solver
 from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.simulation.tangent_following import checked_names
+from alf_ros.studies.gradients.followed_run import FollowedRun
 from alf_ros.studies.gradients.observed_number import ObservedNumber, observed_number
 from alf_ros.studies.gradients.taped_run import TapedRun
 from alf_ros.studies.optimisation.folds import FOLDS, Folded
@@ -139,7 +141,8 @@ def _gradient(
         names = checked_names(by)
         if not names:
             raise InputError('by no number', key='by', expected='names of numbers of the scene')
-        run = TapedRun(simulation, names)
+        implicit = TABLEAUX[simulation.solver.integrator].implicit
+        run = FollowedRun(simulation, names) if implicit else TapedRun(simulation, names)
     except InputError as error:
         raise error.about(str(error.key).replace('tangents', 'by')) from None
     fold, number = _objective(of, simulation.sample(), run.displaced)

@@ -7,96 +7,44 @@ comes; the last one is still there. So one leg is in memory, and a state for eac
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, replace
-from typing import NamedTuple
+from dataclasses import replace
 
 import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
-from alf_ros.mechanism.form_of_rows import form_of
 from alf_ros.model.tableaux import TABLEAUX
-from alf_ros.scene.scene import Solver
-from alf_ros.simulation.adjoint_following import SUMS, AdjointFollowing, NoRoom, TakenBack
-from alf_ros.simulation.displaced_scenes import Middle
-from alf_ros.simulation.quantity_tangents import QuantityTangents
+from alf_ros.simulation.adjoint_following import AdjointFollowing, NoRoom, TakenBack
 from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.simulation import Simulation
-from alf_ros.simulation.slope_products import SlopeProducts
-from alf_ros.simulation.state import State
 from alf_ros.studies.gradients.bars import Bars
+from alf_ros.studies.gradients.legs import Leg, RunOfLegs
 from alf_ros.studies.gradients.observed_number import ObservedNumber
 
 _MEMORY = 256e6  # bytes for the steps of a leg
 _INNER = 16  # steps of an adaptive method for one of the grid, at first
-_FORMS = ('angle_b', 'angle_c', 'angle_term', 'length_b', 'length_c', 'length_term')
-_ARRAYS = (*SUMS, *_FORMS, 'prescribed', 'q', 'qd')
 
 
-class Leg(NamedTuple):
-    """Steps of the grid from a state, with its inputs."""
-
-    state: State
-    steps: int
-
-    @property
-    def end(self) -> int:
-        """The step where it ends."""
-        return self.state.step + self.steps
-
-
-def _check_method(solver: Solver) -> None:
-    if TABLEAUX[solver.integrator].implicit:
-        raise InputError(
-            'gradients take steps of explicit integrators back; tangents follow implicit ones',
-            key='integrator',
-            value=solver.integrator,
-            choices=[name for name, tableau in TABLEAUX.items() if not tableau.implicit],
-        )
-
-
-class TapedRun:
+class TapedRun(RunOfLegs):
     """The run of a simulation from its present on, which it moves.
 
-    Raises InputError for names that the motion has no derivative by.
+    Raises InputError for names that the motion has no derivative by, and for an implicit
+    integrator, whose steps no adjoint takes back.
     """
 
     def __init__(
         self, simulation: Simulation, names: Sequence[str], memory: float = _MEMORY
     ) -> None:
-        _check_method(simulation.solver)
+        integrator = simulation.solver.integrator
+        if TABLEAUX[integrator].implicit:
+            raise InputError('implicit steps are not taken back', key='by', value=integrator)
         simulation._begin_writing()
-        self._simulation = simulation
-        self.following = simulation._following_of(names)
+        super().__init__(simulation, names)
         solver = simulation.solver
-        self.displaced = QuantityTangents(self.following, Middle.of(simulation)).displaced
-        self._check_begin()
-        self._products = SlopeProducts(simulation.model, self.following.slopes, _ARRAYS)
         self._adjoint = AdjointFollowing(simulation._stepper, simulation.model, self._products)
         per_step = _INNER if solver.method.embedded.size else 1
         self._longest = max(1, int(memory / (self._adjoint.bytes_of_step * per_step)))
         self._per_step = per_step
-        self._legs: list[Leg] = []
-
-    def _check_begin(self) -> None:
-        """A run from another state than the scene's, which is given, does not change with where
-        the scene begins, and not in a consistent way with lengths."""
-        simulation, (own, here) = self._simulation, self._begins()
-        self._from_start = here.step == 0 and all(
-            map(np.array_equal, (own.q, own.qd), (here.q, here.qd))
-        )
-        if self._from_start:
-            return
-        for name, slopes in zip(self.following.names, self.following.slopes, strict=True):
-            if name in self.following.placing or not slopes.acts:
-                raise InputError(
-                    'no gradient: the run does not begin where its scene begins',
-                    key=name,
-                    value=f't = {simulation.t:g} s',
-                )
-
-    def _begins(self) -> tuple[State, State]:
-        return self._simulation._initial, self._simulation.state
 
     def restart(self) -> None:
         """Back to where the run began, without legs. The slopes of the scene stay."""
@@ -196,21 +144,3 @@ class TapedRun:
                 bars.arrays[name] += array
             bars.numbers[:] += own.numbers
             return self._adjoint.taken_back()
-
-    def _check_unfolding(self, last: int) -> None:
-        """Refuse lengths and drives that unfold a singular position passed before a step."""
-        following, simulation = self.following, self._simulation
-        if not following.placing:
-            return
-        with form_of(simulation.model.layout.asked):
-            watched = Simulation(simulation.scene, **asdict(simulation.solver), watch=True)
-        for leg in self._legs:
-            steps = min(leg.steps, last - leg.state.step)
-            if steps <= 0:
-                return
-            watched.restore(leg.state)
-            watched.step(steps)
-            for passed in watched.passes:
-                for name in following.unfolded_by(passed):
-                    told = f'it unfolds the singular position passed at t = {passed.t:.6g} s'
-                    raise InputError(f'no gradient: {told}', key=name)

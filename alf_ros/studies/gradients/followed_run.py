@@ -1,0 +1,68 @@
+"""A run whose tangents are read: the gradient where no adjoint takes the steps back.
+
+The first pass gives the number. The second one reads its derivatives where they count, from the
+tangents of the state. The cost grows with the number of parameters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from alf_ros.arrays import Floats
+from alf_ros.simulation.sample import Sample
+from alf_ros.simulation.simulation import Simulation
+from alf_ros.studies.gradients.bars import Bars
+from alf_ros.studies.gradients.legs import Leg, RunOfLegs
+from alf_ros.studies.gradients.observed_number import ObservedNumber
+
+
+class FollowedRun(RunOfLegs):
+    """The run of a simulation from its present on, which it moves; steps have tangents."""
+
+    def __init__(self, simulation: Simulation, names: Sequence[str]) -> None:
+        super().__init__(simulation, names)
+        simulation._follow(self.following, self._from_start)
+
+    def go_on(self, steps: int) -> Iterator[Leg]:
+        """Steps of the grid, with the inputs held now. Raises StepError."""
+        leg = Leg(self._simulation.state, steps)
+        self._legs.append(leg)
+        yield leg
+        self._go_to(leg.end)
+
+    def samples(self, steps: Sequence[int]) -> Iterator[Sample]:
+        """Samples at these steps of the last leg, in order."""
+        for step in steps:
+            self._go_to(step)
+            yield self._simulation.sample()
+
+    def _go_to(self, step: int) -> None:
+        if step > self._simulation.step_index:
+            self._simulation.step(step - self._simulation.step_index)
+
+    def derivatives(self, number: ObservedNumber, weights: Mapping[int, float]) -> Floats:
+        """(names,) the derivatives of the sum of `weights` times the number at their steps, by the
+        numbers of the scene. Raises StepError, and InputError by a name without a derivative."""
+        self._check_unfolding(max(weights))
+        simulation, K = self._simulation, len(self.following.names)
+        total = Bars.of(simulation.model, K)
+        for leg in self._legs:
+            simulation.restore(leg.state)
+            begins = leg is self._legs[0]
+            for step in sorted(weights):
+                if leg.state.step < step <= leg.end or begins and step == leg.state.step:
+                    self._go_to(step)
+                    self._add(number, weights[step], total)
+        return np.asarray(total.numbers + self._products.by_arrays(total.arrays))
+
+    def _add(self, number: ObservedNumber, weight: float, total: Bars) -> None:
+        """The derivatives at the present."""
+        simulation, K = self._simulation, len(self.following.names)
+        own = Bars.of(simulation.model, K)
+        number.add(simulation.sample(), weight, own)
+        tangents = simulation.state.tangents.reshape(K, 2, -1)
+        total.numbers[:] += own.numbers + tangents[:, 0] @ own.q + tangents[:, 1] @ own.qd
+        for name, array in own.arrays.items():
+            total.arrays[name] += array
