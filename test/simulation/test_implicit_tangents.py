@@ -11,8 +11,11 @@ import pytest
 
 from alf_ros import Simulation, StepError, load_scene
 from alf_ros.arrays import Floats
+from alf_ros.errors import InputError
 from alf_ros.scene import overrides
+from alf_ros.scene.scene import Scene
 from alf_ros.studies.exact.exact_tangents import slider_crank
+from support.some_scenes import SOME_SCENES
 
 FINE: dict[str, Any] = {'integrator': 'dop853_adaptive', 'tolerance': 1e-11}
 IMPLICIT: dict[str, Any] = {'integrator': 'esdirk43_adaptive', 'tolerance': 1e-9}
@@ -228,3 +231,29 @@ def test_a_singular_position_is_told() -> None:
         sim.step(2000)
     assert 0.3 < sim.t < 0.5
     assert np.isfinite(sim.sample().tangents['m'].q).all()
+
+
+def numbers_of(scene: Scene) -> list[str]:
+    """Three numbers of a scene that it gives as such."""
+    found = []
+    for name in (*(f'{b.name}.mass' for b in scene.mechanism.bodies), 'gravity.acceleration.1'):
+        try:
+            if np.isfinite(overrides.number(scene, name)):
+                found.append(name)
+        except InputError:
+            continue
+    return found[:3]
+
+
+@pytest.mark.parametrize('name', SOME_SCENES)
+def test_every_scene(name: str) -> None:
+    """All rows of the library. A mass that changes nothing has a tangent of rounding."""
+    scene = load_scene(name)
+    names = numbers_of(scene)
+    found, expected = (Simulation(scene, tangents=names, **s) for s in (IMPLICIT, FINE))
+    for each in (found, expected):
+        each.step(20)
+    for number in names:
+        here, there = (each.sample().tangents[number] for each in (found, expected))
+        assert np.abs(here.q - there.q).max() <= 1e-6 * np.abs(there.q).max() + 1e-12, number
+        assert np.abs(here.qd - there.qd).max() <= 1e-6 * np.abs(there.qd).max() + 1e-10, number
