@@ -349,7 +349,6 @@ def test_names_are_refused(names: Any, told: str) -> None:
 
 def test_settings_are_refused() -> None:
     scene = load_scene('slider_crank')
-    assert 'explicit integrators' in refused(scene, ['m'], integrator='esdirk43')
     assert 'alf2 alone' in refused(scene, ['m'], formulation='canonical')
 
 
