@@ -18,7 +18,7 @@ from multiprocessing.connection import Connection as Pipe
 from pathlib import Path
 from typing import Any, TextIO
 
-from alf_ros.errors import AlfError
+from alf_ros.errors import AlfError, printable
 from alf_ros.exchange import urdf_with_loops, usd_stage
 from alf_ros.exchange.import_file import format_of, imported
 from alf_ros.inspection.soundness import BAD, TooLarge, examine
@@ -243,14 +243,14 @@ def total(found: Sequence[Examined]) -> str:
 
 def row(found: Examined) -> str:
     """One line of the table."""
-    result = ': '.join(part for part in (found.result, found.why.replace('|', '/')) if part)
     cells = [
         found.file,
-        result,
+        ': '.join(part for part in (found.result, found.why) if part),
         '' if found.freedoms is None else str(found.freedoms),
         '' if found.loops is None else str(found.loops),
         '' if found.evaluations is None else f'{found.evaluations:.0f} /s',
         '' if found.closure is None else f'{found.closure:.1e} m',
         '' if found.seconds is None else f'{found.seconds:.3g} s/s',
     ]
-    return f'| {" | ".join(cells)} |'
+    # names of files may contain anything: also what ends a cell or a line
+    return f'| {" | ".join(printable(cell).replace("|", "/") for cell in cells)} |'

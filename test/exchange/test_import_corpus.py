@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -53,6 +54,7 @@ def test_a_file_that_takes_too_long_or_is_broken(tmp_path: Path) -> None:
     ]
     assert found.result == corpus.REFUSED and found.why.startswith('not XML')
     assert corpus.row(found).startswith('| broken.urdf | refused: not XML')
+    assert corpus.row(replace(found, file='a|b\nc')).startswith('| a/b\\nc | refused')
     assert corpus.total([found]) == '1 files: 1 refused'
 
 
