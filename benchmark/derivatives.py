@@ -31,8 +31,10 @@ from results_file import RESULTS  # sets the path
 # isort: split
 from alf_ros import Scene, Simulation, load_scene
 from alf_ros.logs.provenance import about
+from alf_ros.model.tableaux import TABLEAUX
 from alf_ros.scene.overrides import with_changes
 from alf_ros.studies.exact.exact_tangents import double_four_bar, slider_crank
+from alf_ros.studies.gradients.followed_run import FollowedRun
 from alf_ros.studies.gradients.observed_number import observed_number
 from alf_ros.studies.gradients.taped_run import TapedRun
 
@@ -67,6 +69,7 @@ TEN = {
         'gravity.acceleration.0',
     ),
 }
+IMPLICIT = {'integrator': 'esdirk43', 'step': '1e-3'}
 BARS = 50  # four-bars in a row, each link with a mass of its own
 COST = RESULTS / 'derivatives.csv'
 ERRORS = RESULTS / 'derivative_errors.csv'
@@ -129,9 +132,12 @@ def cases() -> Mapping[str, tuple[Scene, tuple[str, ...], str, int]]:
     """Of each scene the numbers, the observed number and the steps."""
     crank = with_changes(load_scene('slider_crank'), EFFECTS)
     row, masses = row_of_four_bars()
+    delta = load_scene('delta_robot')
+    implicit = with_changes(delta, {f'solver.{key}': value for key, value in IMPLICIT.items()})
     return {
         'slider_crank, spring, damper, drag': (crank, TEN['slider_crank'], 'points.B.x', 400),
-        'delta_robot': (load_scene('delta_robot'), TEN['delta_robot'], 'points.C.x', 400),
+        'delta_robot': (delta, TEN['delta_robot'], 'points.C.x', 400),
+        f'delta_robot, {IMPLICIT["integrator"]}': (implicit, TEN['delta_robot'], 'points.C.x', 40),
         f'{BARS} four-bars': (row, masses, 'points.B0.x', 200),
     }
 
@@ -155,7 +161,8 @@ def cost(scene: Scene, names: tuple[str, ...], of: str, steps: int) -> tuple[flo
             pass
         run.derivatives(number, {steps: 1.0})
 
-    run = TapedRun(Simulation(scene), names)
+    implicit = TABLEAUX[alone.solver.integrator].implicit
+    run = (FollowedRun if implicit else TapedRun)(Simulation(scene), names)
     number = observed_number(of, 'of', alone.sample(), run.displaced)
     found = []
     for turn in range(22):

@@ -47,6 +47,12 @@ class RunOfLegs:
         self._products = SlopeProducts(simulation.model, self.following.slopes, _ARRAYS)
         self._legs: list[Leg] = []
 
+    def restart(self) -> None:
+        """Back to where the run began, without legs. The slopes of the scene stay."""
+        if self._legs:
+            self._simulation.restore(self._legs[0].state)
+            self._legs.clear()
+
     def _check_begin(self) -> None:
         """A run from another state than the scene's, which is given, does not change with where
         the scene begins, and not in a consistent way with lengths."""

@@ -46,12 +46,6 @@ class TapedRun(RunOfLegs):
         self._longest = max(1, int(memory / (self._adjoint.bytes_of_step * per_step)))
         self._per_step = per_step
 
-    def restart(self) -> None:
-        """Back to where the run began, without legs. The slopes of the scene stay."""
-        if self._legs:
-            self._simulation.restore(self._legs[0].state)
-            self._legs.clear()
-
     def go_on(self, steps: int) -> Iterator[Leg]:
         """Steps of the grid, with the inputs held now, leg by leg. Raises StepError."""
         while steps > 0:
