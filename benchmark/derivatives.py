@@ -33,6 +33,7 @@ from alf_ros import Scene, Simulation, load_scene
 from alf_ros.logs.provenance import about
 from alf_ros.scene.overrides import with_changes
 from alf_ros.studies.exact.exact_tangents import double_four_bar, slider_crank
+from alf_ros.studies.gradients.legs import RunInstant
 from alf_ros.studies.gradients.observed_number import observed_number
 from alf_ros.studies.gradients.taped_run import TapedRun
 
@@ -153,7 +154,7 @@ def cost(scene: Scene, names: tuple[str, ...], of: str, steps: int) -> tuple[flo
     def back() -> None:
         for _ in run.go_on(steps):
             pass
-        run.derivatives(number, {steps: 1.0})
+        run.derivatives(number, {RunInstant(steps): 1.0})
 
     run = TapedRun(Simulation(scene), names)
     number = observed_number(of, 'of', alone.sample(), run.displaced)

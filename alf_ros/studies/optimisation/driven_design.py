@@ -23,6 +23,7 @@ from alf_ros.simulation.closed_instant import ClosedInstant
 from alf_ros.simulation.displaced_scenes import DisplacedScenes
 from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.simulation import Simulation
+from alf_ros.simulation.time_kinks import time_kinks
 from alf_ros.studies.optimisation.design_numbers import DesignNumbers, displaced
 from alf_ros.studies.optimisation.instants import PointTrack, path
 
@@ -66,6 +67,12 @@ class DrivenDesign:
             state = replace(state, step=own.step).moved(own.q, own.qd, own.turns)
             found.append(self.simulation._sample(each.t, state, False))
         return found
+
+    @cached_property
+    def kinks(self) -> Floats:
+        """The instants (s) at which functions of time of drives and effects have a kink."""
+        n = self.t.size - 1
+        return time_kinks(self.simulation, 0.0, n, float(self.t[-1]) / n)
 
     @property
     def trouble(self) -> str:

@@ -46,6 +46,11 @@ class DesignMotion(Protocol):
         ...
 
     @property
+    def kinks(self) -> Floats:
+        """The instants (s) at which functions of time of drives and effects have a kink."""
+        ...
+
+    @property
     def trouble(self) -> str:
         """Steps of its run that are too long, in words; or empty."""
         ...
