@@ -402,6 +402,21 @@ def test_an_effort_that_jumps_with_the_acceleration_of_a_drive(jump: float, peri
     assert found.gradient[0] == pytest.approx(integral / 3.0, rel=1e-9)
 
 
+def test_a_jump_that_moves_with_a_number_has_no_derivative() -> None:
+    """The peak behind it has one."""
+    mechanism = {**ARM['mechanism'], 'parameters': {'T': 0.31}}
+    angle = 'max(t - T, 0)**2/2 + max(t - T, 0)**3/6'
+    drives = {'motor': {'joint': 'pin', 'angle': angle}}
+    scene = load_scene({**ARM, 'mechanism': mechanism, 'drives': drives})
+    numbers, of = design_numbers(scene, {'T': [0.1, 0.5]}), 'drives.motor.effort'
+    motion = DrivenDesign(numbers, numbers.before, 1.0, 1 / 60)
+    for goal in (f'integral({of})', {'crossing': of, 'value': 0.5}):
+        with pytest.raises(InputError, match=r'effort jumps at t = 0.31 s, which moves with it'):
+            design_goal(goal, 'minimise', motion.samples[0], 1.0).of(motion)
+    peak = design_goal(f'max({of})', 'minimise', motion.samples[0], 1.0).of(motion)
+    assert peak.gradient[0] == pytest.approx(-1.0, rel=1e-9)
+
+
 def test_an_effort_that_jumps_at_a_row_of_a_table() -> None:
     """Of a motor that follows the slopes of a table, in a run that forces decide on."""
     row, fast = 0.1234, 1e-4  # s: the table turns, and rad/s

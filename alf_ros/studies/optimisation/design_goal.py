@@ -95,6 +95,8 @@ class DesignGoal:
 
     def _gradient(self, motion: DesignMotion, folded: Folded, size: float) -> Floats:
         assert self.quantity is not None
+        if folded.jumps:
+            motion.check_held(folded.jumps, self.quantity.text)
         which = np.flatnonzero(folded.weights)
         if not which.size:
             return np.zeros(len(motion.displaced.names))

@@ -29,12 +29,14 @@ _BEYOND = 4  # samples of a polynomial that goes on beyond them: more of them wo
 class Folded:
     """A number of N samples: its value, and `weights` (N,), its derivatives by the values.
 
-    t (s): the instant it belongs to; others: the other peaks, from the largest one."""
+    t (s): the instant it belongs to; others: the other peaks, from the largest one. jumps (s): the
+    known instants of jumps with which it changes, if they move."""
 
     value: float
     weights: Floats
     t: float | None = None
     others: tuple[Folded, ...] = ()
+    jumps: tuple[float, ...] = ()
 
 
 def unit_of(fold: str, unit: str) -> str:
@@ -47,24 +49,28 @@ def _final(t: Floats, y: Floats, instants: Floats = NO_INSTANTS) -> Folded:
 
 
 def _integral(t: Floats, y: Floats, instants: Floats = NO_INSTANTS) -> Folded:
-    weights = _integrating(t, y, instants)
-    return Folded(float(weights @ y), weights)
+    weights, jumps = _integrating(t, y, instants)
+    return Folded(float(weights @ y), weights, jumps=jumps)
 
 
 def _mean(t: Floats, y: Floats, instants: Floats = NO_INSTANTS) -> Folded:
-    weights = _integrating(t, y, instants) / (t[-1] - t[0])
-    return Folded(float(weights @ y), weights)
+    weights, jumps = _integrating(t, y, instants)
+    weights /= t[-1] - t[0]
+    return Folded(float(weights @ y), weights, jumps=jumps)
 
 
 def _rms(t: Floats, y: Floats, instants: Floats = NO_INSTANTS) -> Folded:
-    weights = _integrating(t, y, instants) / (t[-1] - t[0])
+    weights, jumps = _integrating(t, y, instants)
+    weights /= t[-1] - t[0]
     value = float(np.sqrt(max(0.0, weights @ (y * y))))
-    return Folded(value, weights * y / value if value > 0.0 else np.zeros(t.size))
+    slopes = weights * y / value if value > 0.0 else np.zeros(t.size)
+    return Folded(value, slopes, jumps=jumps)
 
 
-def _integrating(t: Floats, y: Floats, instants: Floats) -> Floats:
+def _integrating(t: Floats, y: Floats, instants: Floats) -> tuple[Floats, tuple[float, ...]]:
     """(N,) weights of the values in their integral: the sum over the pieces, and where the instant
-    of a jump is not known, the mean of both sides over the time between their samples."""
+    of a jump is not known, the mean of both sides over the time between their samples. And the
+    known instants."""
     pieces, weights = smooth_pieces(t, y, instants), np.zeros(t.size)
     for piece in pieces:
         own = t[piece.of]
@@ -75,7 +81,12 @@ def _integrating(t: Floats, y: Floats, instants: Floats) -> Floats:
                 weights[window.of] += window.integral(begin, end)
     for one, other in pairwise(pieces):
         weights[[one.last, other.first]] += 0.5 * (other.begin - one.end)
-    return weights
+    return weights, _known(pieces)
+
+
+def _known(pieces: list[SmoothPiece]) -> tuple[float, ...]:
+    """The known instants (s) of the jumps between pieces."""
+    return tuple(other.begin for one, other in pairwise(pieces) if one.end == other.begin)
 
 
 def _around(t: Floats, piece: SmoothPiece, at: float) -> NearSamples:
@@ -88,7 +99,7 @@ def _around(t: Floats, piece: SmoothPiece, at: float) -> NearSamples:
 def _least(t: Floats, y: Floats, instants: Floats = NO_INSTANTS) -> Folded:
     found = _largest(t, -y, instants)
     others = tuple(Folded(-each.value, each.weights, each.t) for each in found.others)
-    return Folded(-found.value, found.weights, found.t, others)
+    return Folded(-found.value, found.weights, found.t, others, found.jumps)
 
 
 def _largest(t: Floats, y: Floats, instants: Floats = NO_INSTANTS) -> Folded:
@@ -98,7 +109,9 @@ def _largest(t: Floats, y: Floats, instants: Floats = NO_INSTANTS) -> Folded:
     found = [_peak(t, y, *each) for each in order]
     found += [_value(t, y, piece, at) for piece in pieces for at in _beyond(t, piece)]
     found.sort(key=lambda each: -each.value)
-    return Folded(found[0].value, found[0].weights, found[0].t, tuple(found[1:]))
+    best = found[0]
+    jumps = tuple(at for at in _known(pieces) if at == best.t)
+    return Folded(best.value, best.weights, best.t, tuple(found[1:]), jumps)
 
 
 def _peaks_of(y: Floats, piece: SmoothPiece) -> list[int]:
@@ -182,7 +195,7 @@ def crossing(
             if piece.begin > end:
                 told = f'{what} jumps across {value:g} between t = {end:.6g} s and '
                 raise AlfError(f'{told}{piece.begin:.6g} s: when, is not known')
-            return Folded(piece.begin, np.zeros(t.size), piece.begin)
+            return Folded(piece.begin, np.zeros(t.size), piece.begin, jumps=(piece.begin,))
         found = _crossed(along[:-1], along[1:], direction)
         if found:
             n = found[0]

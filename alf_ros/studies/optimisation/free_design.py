@@ -48,6 +48,9 @@ class FreeDesign:
         n = self.t.size - 1
         return time_kinks(self.simulation, 0.0, n, float(self.t[-1]) / n)
 
+    def check_held(self, instants: Sequence[float], what: str) -> None:
+        """Nothing: tangents refuse numbers that move the instant of a jump."""
+
     @property
     def trouble(self) -> str:
         """Steps of the run that are too long, in words; or empty."""
