@@ -62,7 +62,7 @@ def _mean(t: Floats, y: Floats, instants: Floats = NO_INSTANTS) -> Folded:
 def _rms(t: Floats, y: Floats, instants: Floats = NO_INSTANTS) -> Folded:
     weights, jumps = _integrating(t, y, instants)
     weights /= t[-1] - t[0]
-    value = float(np.sqrt(max(0.0, weights @ (y * y))))
+    value = float(np.sqrt(max(0.0, float(weights @ (y * y)))))
     slopes = weights * y / value if value > 0.0 else np.zeros(t.size)
     return Folded(value, slopes, jumps=jumps)
 
