@@ -35,6 +35,7 @@ from alf_ros.model.tableaux import TABLEAUX
 from alf_ros.scene.overrides import with_changes
 from alf_ros.studies.exact.exact_tangents import double_four_bar, slider_crank
 from alf_ros.studies.gradients.followed_run import FollowedRun
+from alf_ros.studies.gradients.legs import RunInstant
 from alf_ros.studies.gradients.observed_number import observed_number
 from alf_ros.studies.gradients.taped_run import TapedRun
 
@@ -159,7 +160,7 @@ def cost(scene: Scene, names: tuple[str, ...], of: str, steps: int) -> tuple[flo
     def back() -> None:
         for _ in run.go_on(steps):
             pass
-        run.derivatives(number, {steps: 1.0})
+        run.derivatives(number, {RunInstant(steps): 1.0})
 
     implicit = TABLEAUX[alone.solver.integrator].implicit
     run = (FollowedRun if implicit else TapedRun)(Simulation(scene), names)

@@ -17,6 +17,7 @@ from alf_ros.studies.identification import robust_loss
 from alf_ros.studies.identification.candidate_motion import candidates
 from alf_ros.studies.identification.design_runs import checked_duration
 from alf_ros.studies.identification.identification import identify
+from alf_ros.studies.identification.identified import check_folder
 from alf_ros.studies.identification.recording_reader import Topics
 
 
@@ -112,6 +113,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     if options.design:  # faults of candidates are told before the fit
         checked_duration(options.design_duration)
         candidates(options.design, scene, options.fit, topics)
+    folder = paths.named(options.output, '--output')
+    check_folder(folder, scene, bool(options.design), '--output')
     with ProgressBar('identify') as bar:
         found = identify(
             scene,
@@ -135,7 +138,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     print(found)
     if design is not None:
         print(f'\n{design}\n')
-    folder = paths.named(options.output, '--output')
     with writing('--output', folder):
         found.save(folder, design)
     files = f'{found.scene.name}.yaml, report.html' + (', design.json' if design else '')

@@ -10,7 +10,8 @@ from collections.abc import Sequence
 from alf_ros import paths
 from alf_ros.commands.parser import Parser, writing
 from alf_ros.commands.progress import ProgressBar
-from alf_ros.studies.optimisation.optimisation_reading import optimise_file
+from alf_ros.studies.optimisation.optimisation_reading import read_study
+from alf_ros.studies.optimisation.optimum import check_folder
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -41,12 +42,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         help='folder of the new scene and the report (default: optimised)',
     )
     options = parser.parse_args(argv)
-    with ProgressBar('optimise') as bar:
-        found = optimise_file(
-            options.study, bar.note, starts=options.starts, workers=options.workers
-        )
-    print(found)
+    study = read_study(options.study, starts=options.starts, workers=options.workers)
     folder = paths.named(options.output, '--output')
+    check_folder(folder, study.scene, '--output')
+    with ProgressBar('optimise') as bar:
+        found = study.optimum(bar.note)
+    print(found)
     with writing('--output', folder):
         found.save(folder)
     print(f'{folder}: {found.scene.name}.yaml, report.html')

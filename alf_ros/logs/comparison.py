@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,11 +10,11 @@ import numpy as np
 
 from alf_ros.arrays import Floats
 from alf_ros.errors import InputError, StepError, printable
-from alf_ros.logs import journal, progress, provenance
+from alf_ros.logs import input_faults, journal, progress, provenance
+from alf_ros.logs.journal_faults import JournalFaults
 from alf_ros.logs.log import Log
 from alf_ros.logs.rerun import Rerun, in_order
 from alf_ros.logs.series import COMPONENTS, Series
-from alf_ros.logs.stamps import stamp_ns
 from alf_ros.simulation.observables import READINGS, Reading
 from alf_ros.simulation.sample import Sample
 
@@ -120,31 +119,23 @@ class _Comparison:
         self._log = log
         self._readings = {log.topic(reading.name): reading for reading in READINGS.values()}
         self._journal = log.topic('~/inputs')
-        self._seal, self._cause = '', ''
+        self._inputs, self._cause = JournalFaults(log.info), ''
         self._numbers: dict[str, int] = {}
         self._missing: dict[str, int] = {}
         self._forms: dict[tuple[str, tuple[str, ...]], bytes] = {}
         self._ends: dict[str, tuple[int, int]] = {}  # last stamp and largest gap of a topic, ns
         self._sample: Sample | None = None
         self._result = Result(versions=_other(log.versions, provenance.versions()))
-        self._check_scene()
+        self._wrong(input_faults.of_scene(log))
         self._rerun = Rerun(log, trust)
         there = log.info.get('effects') or {}
         self._result.versions.update(_other(there, provenance.origins(self._rerun.scene)))
-
-    def _check_scene(self) -> None:
-        digest = hashlib.sha256(self._log.scene_text.encode()).hexdigest()
-        if digest != self._log.info['scene_sha256']:
-            self._fault('the text of the scene is not the text that was run')
 
     def run(self, report: progress.Report) -> Result:
         result = self._result
         topics = [*self._readings, self._journal]
         survey = self._log.survey
-        if survey.leap:
-            self._fault(survey.leap)
-        if survey.passed_over:
-            self._fault(f'a part cannot be read: {survey.passed_over}')
+        self._wrong(input_faults.unread(self._log))
         for topic in sorted(survey.counts):
             if not self._is_known(topic):
                 self._fault(f'{topic}: a topic that its run does not have')
@@ -167,37 +158,22 @@ class _Comparison:
 
     def _follow(self, series: Series, row: int) -> None:
         topic = series.topic
+        if topic == self._journal:
+            entry = journal.entries(series)[row]
+            self._wrong(self._inputs.of(series, row, entry))
+            self._result.inputs += 1
+            self._cause = journal.told(entry) if entry['kind'] != 'start' else ''
+            self._act(entry, journal.told(entry))
+            return
         number, expected = int(series.sequence[row]), self._numbers.get(topic, 0) + 1
         self._numbers[topic] = max(number, expected - 1)
         if number < expected:
             self._fault(f'{topic}: message {number} comes after message {expected - 1}')
-        if topic != self._journal:
-            self._missing[topic] = self._missing.get(topic, 0) + max(0, number - expected)
-            stamp = int(series.stamp[row])
-            before, gap = self._ends.get(topic, (stamp, 0))
-            self._ends[topic] = stamp, max(gap, stamp - before)
-            self._compare(series, row, self._readings[topic])
-            return
-        entry = journal.entries(series)[row]
-        told = journal.told(entry)
-        if series.form:
-            self._fault(f'input at {told}: it, or one beside it, is not written as a text is')
-        if number > expected:
-            self._fault(f'{number - expected} inputs are missing before {told}')
-        if int(series.stamp[row]) != stamp_ns(entry['t'], self._log.ahead):
-            self._fault(f'input at {told}: stamp {int(series.stamp[row])} ns is not that of its t')
-        self._check(entry, told)
-        self._act(entry, told)
-
-    def _check(self, entry: dict[str, Any], told: str) -> None:
-        self._result.inputs += 1
-        fault = journal.fault(entry, self._seal)
-        if fault:
-            self._fault(f'input at {told}: {fault}')
-        if entry['kind'] == 'start' and not _same_start(entry, self._log.info):
-            self._fault('its two descriptions of the start differ')
-        self._seal = entry.get(journal.SEAL, '')
-        self._cause = told if entry['kind'] != 'start' else ''
+        self._missing[topic] = self._missing.get(topic, 0) + max(0, number - expected)
+        stamp = int(series.stamp[row])
+        before, gap = self._ends.get(topic, (stamp, 0))
+        self._ends[topic] = stamp, max(gap, stamp - before)
+        self._compare(series, row, self._readings[topic])
 
     def _act(self, entry: dict[str, Any], told: str) -> None:
         """Damaged entries may request impossible actions."""
@@ -228,7 +204,7 @@ class _Comparison:
             self._result.lost = f'{missing} messages were dropped when it was recorded'
         if self._log.survey.damage:
             return
-        self._count_stated()
+        self._wrong(input_faults.of_counts(self._log))
         if missing:
             return
         last = max((stamp for stamp, _ in self._ends.values()), default=0)
@@ -236,15 +212,9 @@ class _Comparison:
             if gap and stamp + 1.5 * gap < last:
                 self._fault(f'{topic}: ends at {stamp} ns, and other topics continue')
 
-    def _count_stated(self) -> None:
-        counts, stated = self._log.survey.counts, self._log.survey.stated
-        if stated is None:
-            self._fault('its index does not state how many messages it has')
-            return
-        for topic in sorted({*counts, *stated}):
-            found, told = counts.get(topic, 0), stated.get(topic, 0)
-            if found != told:
-                self._fault(f'{topic}: {found} messages, and its index states {told}')
+    def _wrong(self, faults: Iterable[str]) -> None:
+        for fault in faults:
+            self._fault(fault)
 
     def _fault(self, text: str) -> None:
         """The first of many."""
@@ -329,7 +299,3 @@ def _other(there: Mapping[str, str], here: Mapping[str, str]) -> dict[str, tuple
     keys = dict.fromkeys((*there, *here))
     pairs = {key: (there.get(key, 'unknown'), here.get(key, 'unknown')) for key in keys}
     return {key: pair for key, pair in pairs.items() if pair[0] != pair[1]}
-
-
-def _same_start(entry: dict[str, Any], info: dict[str, Any]) -> bool:
-    return all(entry.get(key) == value for key, value in info.items())

@@ -22,6 +22,7 @@ from alf_ros.effects.contract import user_file
 from alf_ros.effects.contract.user_file import is_file_name
 from alf_ros.errors import InputError, shortened
 from alf_ros.logs import journal, mcap_chunks, progress, record
+from alf_ros.logs.journal_faults import JournalFaults
 from alf_ros.logs.mcap_chunks import Contents
 from alf_ros.logs.series import ChannelReader, Series, joined
 from alf_ros.scene.references import WHOLE
@@ -50,7 +51,8 @@ class Survey:
     `lost`: messages that are missing, by topic, of which `dropped` were never written; `damage`:
     the unreadable places, `passed_over` if later parts were read; `leap`: a stamp that cannot be
     one of the run, '' if there is none. first and last stamp without such. `stated` are the counts
-    that the files state at their ends; None if a file does not.
+    that the files state at their ends; None if a file does not. `journal_fault`: the first one of
+    the journal, in words.
     """
 
     counts: dict[str, int] = field(default_factory=dict)
@@ -64,6 +66,7 @@ class Survey:
     leap: str = ''
     dropped: int = 0
     stated: dict[str, int] | None = field(default_factory=dict)
+    journal_fault: str = ''
 
 
 class Log:
@@ -148,7 +151,7 @@ class Log:
 
     def surveyed(self, report: progress.Report) -> Survey:
         """The survey, made now; `report` hears how far it is."""
-        found, stamps = Survey(), _Stamps(self.info)
+        found, stamps, faults = Survey(), _Stamps(self.info), JournalFaults(self.info)
         numbers: dict[str, int] = {}
         where = self.topic(_INPUTS)
         for block, contents in self._blocks(found, report):
@@ -165,6 +168,9 @@ class Log:
                         entries = journal.entries(series)
                         found.inputs += entries
                         stamps.heed(entries)
+                        for row, entry in enumerate(entries):
+                            for fault in faults.of(series, row, entry):
+                                found.journal_fault = found.journal_fault or fault
         for topic, number in numbers.items():
             if number > found.counts[topic]:
                 found.lost[topic] = number - found.counts[topic]

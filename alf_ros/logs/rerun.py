@@ -13,7 +13,7 @@ from alf_ros.logs import journal
 from alf_ros.logs.log import Log
 from alf_ros.logs.series import Series
 from alf_ros.logs.stamps import stamp_ns
-from alf_ros.scene.effect_values import with_effect_values
+from alf_ros.scene.effect_values import effect_values, with_effect_values
 from alf_ros.scene.scene import Solver
 from alf_ros.simulation.saved_states import from_data, read_curve
 from alf_ros.simulation.setup import on_grid
@@ -107,6 +107,18 @@ class Rerun:
             self._change(entry)
         elif kind != 'start':
             raise InputError('unknown kind of entry in the journal', value=kind)
+
+    def changes(self, entry: dict[str, Any]) -> list[str]:
+        """The names of the settings that an entry changes; none for another rate of the ticks."""
+        solver, known = asdict(self.simulation.solver), effect_values(self.scene)
+        return [
+            *(f'solver.{key}' for key, new in entry['solver'].items() if solver.get(key) != new),
+            *(
+                name
+                for name, new in entry['effects'].items()
+                if name not in known or known[name].value != new
+            ),
+        ]
 
     def _change(self, entry: dict[str, Any]) -> None:
         before = self.simulation

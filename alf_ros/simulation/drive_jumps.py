@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from alf_ros.arrays import Floats, Integers
-from alf_ros.kernel.data.drive_switches import DriveSwitches
+from alf_ros.arrays import Floats
 from alf_ros.model.compile import Model
+from alf_ros.simulation.drive_branches import DriveBranches
 
 _JUMP = 1e-6  # of the rates on both sides
 _SAME = 1e-9  # rank, of a whole number
@@ -33,77 +33,40 @@ class DriveJump(NamedTuple):
 class DriveJumps:
     """Where drives of a model jump."""
 
-    def __init__(self, model: Model, switches: Integers) -> None:
-        self._model, self._system = model, model.system
-        sides = switches.size // 2
-        self._switches = DriveSwitches(
-            compared=switches,
-            here=np.zeros(sides, dtype=np.int64),
-            there=np.zeros(sides, dtype=np.int64),
-            q=np.zeros(model.q.size),
-            qd=np.zeros(model.q.size),
-            qdd=np.zeros(model.q.size),
-        )
+    def __init__(self, model: Model, branches: DriveBranches) -> None:
+        self._model, self._branches = model, branches
 
     @classmethod
     def of(cls, model: Model, ledger: bool) -> DriveJumps | None:
         """Of a model whose drives may jump; None if no drive may, or where nothing moves freely
         and no works are counted: the motion is then known whatever the forces are."""
-        slots = model.system.prescribed.slots
-        if not slots.size:
-            return None
-        from alf_ros.model import time_program
-
-        switches = time_program.switches(slots)
+        branches = DriveBranches.of(model)
         free = model.n - model.system.rank > _SAME or bool(model.system.rows.velocity)
-        return cls(model, switches) if switches.size and (free or ledger) else None
+        return cls(model, branches) if branches is not None and (free or ledger) else None
 
     def before(self, start: float, first: int, n: int, h: float) -> tuple[int, DriveJump | None]:
         """How many of n steps of h (s), from start + first h on, are free of jumps, and the jump
         that follows."""
-        from alf_ros.kernel.first_switch import first_switch
-
-        done, switches = 0, self._switches
-        self._branches(start + first * h, switches.here)
+        done, branches = 0, self._branches
+        branches.begin(start + first * h)
         while done < n:
-            t = start + (first + done) * h
-            done += int(first_switch(self._system, switches, t, h, n - done))
+            done += branches.same(start + (first + done) * h, n - done, h)
             if done == n:
                 break
-            t = start + (first + done) * h
-            jump = self._between(t, start + (first + done + 1) * h)
+            jump = self._between(start + (first + done) * h, start + (first + done + 1) * h)
             if jump is not None:
                 return done, jump
             done += 1
         return n, None
 
-    def _branches(self, t: float, out: Integers) -> Floats:
-        """The branches at t (s) into `out`, and the rates (blocks D,) of the drives there."""
-        from alf_ros.kernel.first_switch import branches_at
-
-        branches_at(self._system, self._switches, t, out)
-        return self._switches.qd.copy()
-
     def _between(self, low: float, high: float) -> DriveJump | None:
-        """The first jump between two times; without one, `here` are the branches at the end."""
-        here, there = self._switches.here, self._switches.there
-        while True:
-            end = high
-            self._branches(high, there)
-            if np.array_equal(here, there):
-                return None
-            while True:
-                middle = 0.5 * (low + end)
-                if not low < middle < end:
-                    break
-                self._branches(middle, there)
-                low, end = (middle, end) if np.array_equal(here, there) else (low, middle)
-            before = self._branches(low, there)
-            after = self._branches(end, here)
+        """The first jump between two times."""
+        for last, end in self._branches.between(low, high):
+            before, after = self._branches.rates(last), self._branches.rates(end)
             by, most = np.abs(after - before), np.maximum(np.abs(after), np.abs(before))
             if (by > _JUMP * most).any():
                 return self._named(end, by)
-            low = end
+        return None
 
     def _named(self, t: float, by: Floats) -> DriveJump:
         layout = self._model.layout

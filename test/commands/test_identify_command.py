@@ -59,6 +59,22 @@ def test_errors_are_one_line(
     assert not (folder / 'none').exists()
 
 
+@pytest.mark.parametrize(
+    ('output', 'expected'),
+    [('', "machine.yaml'; expected another folder"), ('machine.yaml', 'Not a directory')],
+)
+def test_what_cannot_be_written_is_told_before_the_fit(
+    folder: Path, output: str, expected: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """There is no such recording, which the fit would say; the scene stays as it is."""
+    before = (folder / 'machine.yaml').read_bytes()
+    given = ['identify', str(folder / 'machine.yaml'), str(folder / 'no_bag'), *FIT]
+    assert main([*given, '--output', str(folder / output)]) == 2
+    told = capsys.readouterr().err
+    assert told.count('\n') == 1 and '--output: ' in told and expected in told
+    assert (folder / 'machine.yaml').read_bytes() == before
+
+
 def test_ctrl_c_leaves_nothing(folder: Path) -> None:
     """In the middle of the fit, which the first line of progress marks."""
     command = [sys.executable, '-c', INTERRUPTED, 'identify', 'machine.yaml', 'bag', *FIT]

@@ -49,6 +49,30 @@ def test_it_writes_a_scene_and_a_report(folder: Path, capsys: pytest.CaptureFixt
     assert spring.parameters.stiffness == pytest.approx(78.125, rel=1e-6)
     report = (out / 'report.html').read_text('utf-8')
     assert 'main.stiffness' in report and report.count('<svg') == 3 and 'http' not in report
+    assert main(given) == 0  # in place of its own files
+
+
+@pytest.mark.parametrize(
+    ('output', 'expected'),
+    [
+        ('', "block.yaml'; expected another folder"),
+        ('study.yaml', 'Not a directory'),
+        ('study.yaml/below', 'Not a directory'),
+        ('others', "report.html'; expected another folder"),
+    ],
+)
+def test_what_cannot_be_written_is_told_before_the_search(
+    folder: Path, output: str, expected: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """This study fails, but its folder is examined first; the scene stays as it is."""
+    (folder / 'study.yaml').write_text(STUDY.replace('value: 0.2', 'value: -0.5'), 'utf-8')
+    (folder / 'others').mkdir()
+    (folder / 'others' / 'report.html').write_text('<title>Optimisation of fish</title>', 'utf-8')
+    before = (folder / 'block.yaml').read_bytes()
+    assert main(['optimise', str(folder / 'study.yaml'), '-o', str(folder / output)]) == 2
+    told = capsys.readouterr().err
+    assert told.count('\n') == 1 and '--output: ' in told and expected in told
+    assert (folder / 'block.yaml').read_bytes() == before
 
 
 @pytest.mark.parametrize(

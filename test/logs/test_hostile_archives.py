@@ -172,9 +172,11 @@ def test_brought_code_needs_trust_and_is_that_of_the_log(archive, capsys, name):
     assert ran and result.compared > 10 and not result.equal  # 1 N more than was recorded
     archive.owned.unlink()
     # What has run in this process may run again, and is not imported twice.
-    assert main(['fork', str(log), '--at', '0.01', '-o', 'new']) == 0
+    assert compare(load(log)).compared == result.compared
     assert not archive.owned.exists()
-    assert load('new').info['files'] == {full: archive.code}
+    # It is not the scene that was run: what goes on from there would be another motion.
+    assert main(['fork', str(log), '--at', '0.01', '-o', 'new']) == 2
+    assert 'its two descriptions of the start differ' in capsys.readouterr().err
 
 
 @pytest.mark.parametrize('text', ['pass', '', None, 7, '\ud800'])

@@ -16,7 +16,7 @@ from alf_ros.logs.rerun import in_order, read_state
 from alf_ros.ros.recording.run_writer import LogRun
 from alf_ros.scene.effect_values import with_effect_values
 from alf_ros.simulation import setup as settings
-from support.log_files import make, push
+from support.log_files import Retold, make, push, rewritten
 
 
 def eventful(folder, scene='slider_crank', recorded=None, **solver):
@@ -238,6 +238,23 @@ def test_what_cannot_be_is_one_line(parent, tmp_path, options, said, capsys):
     error = capsys.readouterr().err
     assert code == 2 and len(error.strip().splitlines()) == 1
     assert re.search(said, error), error
+    assert not (tmp_path / 'new').exists()
+
+
+@pytest.mark.parametrize(
+    ('edit', 'said'),
+    [
+        (lambda k, entry: None if k == 2 else entry, '1 inputs are missing before step'),
+        (lambda k, entry: {**entry, 'force': [9.0, 0.0]} if k == 2 else entry, 'changed after it'),
+        (lambda k, entry: entry if k < 5 else None, 'its inputs give another motion'),
+    ],
+    ids=['missing', 'changed', 'the last ones are missing'],
+)
+def test_inputs_that_are_not_the_ones_of_the_run_are_refused(parent, tmp_path, edit, said, capsys):
+    spoilt = rewritten(parent.files[0], tmp_path, change=Retold(edit))
+    assert main(['fork', str(spoilt), '--at', '0.1', '-o', str(tmp_path / 'new')]) == 2
+    error = capsys.readouterr().err
+    assert said in error and error.count('\n') == 1
     assert not (tmp_path / 'new').exists()
 
 

@@ -15,6 +15,7 @@ from alf_ros.arrays import Floats
 from alf_ros.errors import AlfError, InputError
 from alf_ros.studies.optimisation.design_goal import DesignGoal, design_goal
 from alf_ros.studies.optimisation.design_numbers import DesignNumbers, design_numbers
+from alf_ros.studies.optimisation.design_quantity import design_quantity
 from alf_ros.studies.optimisation.driven_design import DrivenDesign
 from alf_ros.studies.optimisation.free_design import FreeDesign
 from alf_ros.studies.optimisation.instants import DesignMotion
@@ -351,3 +352,82 @@ def test_a_limit_that_no_design_holds_is_not_active() -> None:
         designs=5,
     )
     assert not found.is_feasible and found.active in ((), ('a',))
+
+
+# ---------------------------------------------------------------------------- quantities that jump
+
+ARM: dict[str, Any] = {
+    'name': 'arm',
+    'mechanism': {
+        'alf': 1,
+        'space': 'planar',
+        'points': {'O': {'at': [0, 0], 'fixed': True}, 'A': {'at': [1, 0]}},
+        'bodies': {'bar': {'points': ['O', 'A'], 'mass': 3.0, 'inertia': 'rod'}},
+        'joints': {'pin': {'type': 'revolute', 'between': ['ground', 'bar'], 'at': 'O'}},
+    },
+}
+
+
+def asked(motion: DesignMotion, goals: dict[Any, float]) -> None:
+    """The goals have these values, to their last digits but for polynomials."""
+    for text, expected in goals.items():
+        data = dict(text) if isinstance(text, tuple) else text
+        found = design_goal(data, 'minimise', motion.samples[0], 1.0).value(motion)
+        assert found == pytest.approx(expected, rel=1e-9, abs=1e-9), text
+
+
+@pytest.mark.parametrize('jump', [0.3, 0.3333])
+@pytest.mark.parametrize('period', [0.1, 1 / 60])
+def test_an_effort_that_jumps_with_the_acceleration_of_a_drive(jump: float, period: float) -> None:
+    """The effort is 0 and then 1 + t - jump, of an inertia of 1 kg m²."""
+    angle = f'max(t - {jump}, 0)**2/2 + max(t - {jump}, 0)**3/6'
+    scene = load_scene({**ARM, 'drives': {'motor': {'joint': 'pin', 'angle': angle}}})
+    numbers, of = design_numbers(scene, {'bar.mass': [1, 5]}), 'drives.motor.effort'
+    motion, left = DrivenDesign(numbers, numbers.before, 1.0, period), 1.0 - jump
+    integral = left + left**2 / 2
+    goals: dict[Any, float] = {
+        f'max({of})': 1.0 + left,
+        f'min({of})': 0.0,
+        f'integral({of})': integral,
+        f'mean({of})': integral,
+        f'rms({of})': math.sqrt(((1.0 + left) ** 3 - 1.0) / 3.0),
+        (('at', jump - 1e-3), ('of', of)): 0.0,
+        (('at', jump + 1e-3), ('of', of)): 1.001,
+        (('crossing', of), ('value', 0.5)): jump,
+        (('crossing', of), ('value', 1.2)): jump + 0.2,
+    }
+    asked(motion, goals)
+    text = f'integral({of})'
+    found = design_goal(text, 'minimise', motion.samples[0], 1.0).of(motion)
+    assert found.gradient[0] == pytest.approx(integral / 3.0, rel=1e-9)
+
+
+def test_a_jump_that_moves_with_a_number_has_no_derivative() -> None:
+    """The peak behind it has one."""
+    mechanism = {**ARM['mechanism'], 'parameters': {'T': 0.31}}
+    angle = 'max(t - T, 0)**2/2 + max(t - T, 0)**3/6'
+    drives = {'motor': {'joint': 'pin', 'angle': angle}}
+    scene = load_scene({**ARM, 'mechanism': mechanism, 'drives': drives})
+    numbers, of = design_numbers(scene, {'T': [0.1, 0.5]}), 'drives.motor.effort'
+    motion = DrivenDesign(numbers, numbers.before, 1.0, 1 / 60)
+    for goal in (f'integral({of})', {'crossing': of, 'value': 0.5}):
+        with pytest.raises(InputError, match=r'effort jumps at t = 0.31 s, which moves with it'):
+            design_goal(goal, 'minimise', motion.samples[0], 1.0).of(motion)
+    peak = design_goal(f'max({of})', 'minimise', motion.samples[0], 1.0).of(motion)
+    assert peak.gradient[0] == pytest.approx(-1.0, rel=1e-9)
+
+
+def test_an_effort_that_jumps_at_a_row_of_a_table() -> None:
+    """Of a motor that follows the slopes of a table, in a run that forces decide on."""
+    row, fast = 0.1234, 1e-4  # s: the table turns, and rad/s
+    table = [[0.0, 0.0], [row, fast * row], [1.0, fast * (2.0 * row - 1.0)]]
+    gains = {'position_gain': 1e-9, 'velocity_gain': 1e-3}
+    motor = {'servo': {'joint': 'pin', 'position': table, **gains}}
+    scene = load_scene({**ARM, 'effects': {'motor': motor}, 'solver': {'step': 0.01}})
+    numbers, of = design_numbers(scene, {'bar.mass': [1, 5]}), 'reactions.pin.force.y'
+    motion = FreeDesign(numbers, numbers.before, 0.5, 0.01)
+    force = 1.5 * fast * 1e-3  # 3/2 of the effort over the length, while the arm hardly moves
+    y = design_quantity(of, 'of', motion.samples[0]).values(motion.samples)
+    for fold, expected in (('max', force), ('min', -force), ('integral', force * (2 * row - 0.5))):
+        found = design_goal(f'{fold}({of})', 'minimise', motion.samples[0], 1.0).value(motion)
+        assert found * np.sign(y[0]) == pytest.approx(expected, rel=1e-3), fold

@@ -10,11 +10,13 @@ import pytest
 
 from alf_ros import identify, load_scene
 from alf_ros.errors import InputError
+from alf_ros.logs import load
 from alf_ros.ros.recording.run_writer import LogRun
 from alf_ros.scene.scene import Scene
 from alf_ros.simulation.setup import made
 from alf_ros.studies.identification.recording_reader import Topics, read_recording
 from support.foreign_bags import Message, joints, wrench, written
+from support.log_files import Retold, rewritten
 from support.recordings import Machine, pushes, scene
 
 NOW = 1_760_000_000_123_456_789  # ns, as clocks of machines are
@@ -87,6 +89,14 @@ def test_a_log_of_this_package(tmp_path: Path) -> None:
     assert {x.kind for x in recording.inputs} == {'effort', 'wrench'}
     found = identify(scene(), path, FIT, window=0.5)
     assert np.allclose(found.values, [1.2, 0.35], rtol=1e-9)
+
+
+def test_a_log_with_a_changed_input_is_refused(tmp_path: Path) -> None:
+    """The fit would take what did not act."""
+    log = load(own_log(tmp_path, scene()))
+    edit = Retold(lambda k, entry: {**entry, 'effort': 9.0} if k == 2 else entry)
+    with pytest.raises(InputError, match='effort crank_pin: changed after it was written'):
+        read_recording(rewritten(log.files[0], tmp_path, change=edit), scene())
 
 
 def test_names_are_mapped(tmp_path: Path) -> None:

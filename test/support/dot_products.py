@@ -9,6 +9,7 @@ import numpy as np
 
 from alf_ros import Simulation
 from alf_ros.scene.scene import Scene
+from alf_ros.studies.gradients.legs import RunInstant
 from alf_ros.studies.gradients.taped_run import TapedRun
 
 
@@ -35,6 +36,6 @@ def dot_products(
             to.qd[:] += weight * bars[1]
 
     run._check_unfolding = lambda last: None  # type: ignore[method-assign]
-    found = run.derivatives(AnySum(), {steps: 1.0})  # type: ignore[arg-type]
+    found = run.derivatives(AnySum(), {RunInstant(steps): 1.0})  # type: ignore[arg-type]
     size = np.abs(tangents).reshape(len(names), -1) @ np.abs(bars).ravel()
     return np.einsum('kha,ha->k', tangents, bars), found, size

@@ -10,11 +10,13 @@ from typing import Any
 import numpy as np
 
 from alf_ros.errors import AssemblyError, InputError
+from alf_ros.logs.input_faults import check_motion
 from alf_ros.logs.log import Log
 from alf_ros.logs.progress import Report, silent
 from alf_ros.logs.rerun import Rerun
 from alf_ros.logs.resume import resume
 from alf_ros.model import assembly
+from alf_ros.ros.recording.recorder import unused
 from alf_ros.ros.recording.run_writer import LogRun, ticks
 from alf_ros.scene import overrides
 from alf_ros.scene.scene import PICKED, joined
@@ -43,8 +45,11 @@ def fork(
     `changes` are changes for `scene.overrides`. The inputs that the log has from there on act at
     the same times. `warn` is called with a text if the steps are too long. Returns the folder of
     the new log, made in `folder`. Raises InputError for an impossible request, StepError if a step
-    fails; the log is complete up to that step.
+    fails; the log is complete up to that step. A log whose inputs are not the ones of its motion
+    is refused.
     """
+    if name:
+        unused(folder, name)  # told before the log is run
     resumed = resume(log, at, trust)
     rerun = resumed.rerun
     before, steps = rerun.simulation, rerun.steps_per_tick
@@ -56,6 +61,8 @@ def fork(
     simulation = rerun.simulation
     steps = steps_per_tick(1.0 / tick, simulation.h)
     end = log.end if duration is None else start + duration
+    again = resume(log, at, trust)
+    check_motion(log, again.rerun, again.rest, end)
     parent = {
         'log': log.path.name,
         'seal': log.inputs[0].get('seal', ''),

@@ -5,6 +5,7 @@ A thread of its own writes: finishing a chunk takes milliseconds that a step doe
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 from collections import deque
@@ -188,17 +189,22 @@ class Recorder:
             self._bytes_out += len(data)
 
 
-def _named_folder(parent: Path, name: str) -> Path:
+def unused(parent: Path, name: str) -> Path:
+    """The folder of this name, for a log. Raises InputError if there is something."""
     folder = parent / name
-    try:
-        folder.mkdir(parents=True)
-    except FileExistsError:
+    if os.path.lexists(folder):
         raise InputError(
             'exists already, and is left as it is',
             key='--output',
             value=str(folder),
             expected='another folder: -o',
-        ) from None
+        )
+    return folder
+
+
+def _named_folder(parent: Path, name: str) -> Path:
+    folder = unused(parent, name)
+    folder.mkdir(parents=True)
     return folder
 
 

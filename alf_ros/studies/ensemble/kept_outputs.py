@@ -229,15 +229,16 @@ def _root(t: Floats, off: Floats, n: int) -> float:
 
 def integral(t: Floats, values: Floats) -> Floats:
     """∫ dt over equally spaced samples, by Simpson's rule; of an odd number of intervals the last
-    three by the 3/8 rule, and of a single one by the trapezoid. A last interval
-    that is shorter has the integral of the parabola through the last three samples."""
+    three by the 3/8 rule, and of a single one by the trapezoid. A first or a last interval
+    that is shorter has the integral of the parabola through the three samples at its end."""
     n = t.size - 1
-    if n > 1 and t[-1] - t[-2] < (1.0 - CLOSE) * (t[1] - t[0]):
-        (a, b), ys = np.diff(t[-3:]), values[-3:]
-        weights = np.array(
-            [-(b**2) / (a * (a + b)), (3.0 * a + b) / a, (3.0 * a + 2.0 * b) / (a + b)]
-        )
-        return integral(t[:-1], values[:-1]) + b / 6.0 * np.tensordot(weights, ys, axes=(0, 0))
+    if n > 1 and t[-1] - t[-2] < (1.0 - CLOSE) * (t[-2] - t[-3]):
+        return integral(t[:-1], values[:-1]) + _last_interval(t[-3:], values[-3:])
+    if n > 1 and t[1] - t[0] < (1.0 - CLOSE) * (t[2] - t[1]):
+        mirrored = _last_interval(-t[2::-1], values[2::-1])
+        # of two intervals the other one has this parabola too
+        rest = _last_interval(t, values) if n == 2 else integral(t[1:], values[1:])
+        return mirrored + rest
     if n < 2:
         return np.asarray((t[-1] - t[0]) * 0.5 * (values[0] + values[-1]))
     weights = np.zeros(n + 1)
@@ -247,6 +248,13 @@ def integral(t: Floats, values: Floats) -> Floats:
     if even < n:
         weights[even:] += (3 / 8, 9 / 8, 9 / 8, 3 / 8)
     return np.asarray((t[-1] - t[0]) / n * np.tensordot(weights, values, axes=(0, 0)))
+
+
+def _last_interval(t: Floats, values: Floats) -> Floats:
+    """∫ dt of the parabola through three samples over the second of their intervals."""
+    a, b = np.diff(t)
+    weights = np.array([-(b**2) / (a * (a + b)), (3.0 * a + b) / a, (3.0 * a + 2.0 * b) / (a + b)])
+    return np.asarray(b / 6.0 * np.tensordot(weights, values, axes=(0, 0)))
 
 
 # ----------------------------------------------------------------------------------------- reading

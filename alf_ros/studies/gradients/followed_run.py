@@ -14,7 +14,7 @@ from alf_ros.arrays import Floats
 from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.studies.gradients.bars import Bars
-from alf_ros.studies.gradients.legs import Leg, RunOfLegs
+from alf_ros.studies.gradients.legs import Leg, RunInstant, RunOfLegs
 from alf_ros.studies.gradients.observed_number import ObservedNumber
 
 
@@ -28,12 +28,12 @@ class FollowedRun(RunOfLegs):
     def go_on(self, steps: int) -> Iterator[Leg]:
         """Steps of the grid, with the inputs held now. Raises StepError."""
         leg = Leg(self._simulation.state, steps)
-        self._legs.append(leg)
+        self._begin(leg)
         yield leg
         self._go_to(leg.end)
 
     def samples(self, steps: Sequence[int]) -> Iterator[Sample]:
-        """Samples at these steps of the last leg, in order."""
+        """Samples at these steps of the last leg, in order, with its inputs."""
         for step in steps:
             self._go_to(step)
             yield self._simulation.sample()
@@ -42,19 +42,18 @@ class FollowedRun(RunOfLegs):
         if step > self._simulation.step_index:
             self._simulation.step(step - self._simulation.step_index)
 
-    def derivatives(self, number: ObservedNumber, weights: Mapping[int, float]) -> Floats:
-        """(names,) the derivatives of the sum of `weights` times the number at their steps, by the
-        numbers of the scene. Raises StepError, and InputError by a name without a derivative."""
-        self._check_unfolding(max(weights))
+    def derivatives(self, number: ObservedNumber, weights: Mapping[RunInstant, float]) -> Floats:
+        """(names,) the derivatives of the sum of `weights` times the number at their instants, by
+        the numbers of the scene. Raises StepError, and InputError by a name without a
+        derivative."""
+        self._check_unfolding(max(weights).step)
         simulation, K = self._simulation, len(self.following.names)
         total = Bars.of(simulation.model, K)
         for leg in self._legs:
             simulation.restore(leg.state)
-            begins = leg is self._legs[0]
-            for step in sorted(weights):
-                if leg.state.step < step <= leg.end or begins and step == leg.state.step:
-                    self._go_to(step)
-                    self._add(number, weights[step], total)
+            for instant in sorted(filter(leg.has, weights)):
+                self._go_to(instant.step)
+                self._add(number, weights[instant], total)
         return np.asarray(total.numbers + self._products.by_arrays(total.arrays))
 
     def _add(self, number: ObservedNumber, weight: float, total: Bars) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import math
 import os
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -14,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from alf_ros.errors import InputError
+from alf_ros.logs.input_faults import check_motion, checked_inputs
 from alf_ros.logs.log import Log, load
 from alf_ros.logs.rerun import Rerun
 from alf_ros.model.tableaux import TABLEAUX
@@ -25,11 +25,13 @@ from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.simulation.tangent_following import checked_names
 from alf_ros.studies.gradients.followed_run import FollowedRun
+from alf_ros.studies.gradients.legs import RunInstant
 from alf_ros.studies.gradients.observed_number import ObservedNumber, observed_number
 from alf_ros.studies.gradients.taped_run import TapedRun
-from alf_ros.studies.optimisation.folds import FOLDS, Folded
+from alf_ros.studies.optimisation.folds import FOLDS, Folded, unit_of
 
 _CALL = re.compile(r'(\w+)\((.+)\)')
+_SAME = 1e-9  # of the largest value: what differs by less does not jump
 
 
 @dataclass(frozen=True)
@@ -87,6 +89,7 @@ def gradient(
         if duration is not None:
             raise InputError('a log has its own duration', key='duration', value=duration)
         log = source if isinstance(source, Log) else load(Path(source))
+        check_motion(log, Rerun(log, trust), checked_inputs(log))
         rerun = Rerun(log, trust)
         simulation, tick = rerun.simulation, rerun.steps_per_tick
         stretches = _stretches(log, rerun)
@@ -105,8 +108,6 @@ def _steps_of(simulation: Simulation, duration: float | None) -> int:
 
 def _stretches(log: Log, rerun: Rerun) -> Iterator[_Stretch]:
     """The stretches of a log. Raises InputError if its settings change on the way."""
-    if not log.inputs:
-        raise InputError('the log has no journal: its inputs are not known', file=str(log.path))
     last, at = rerun.step_of(log.survey.last), rerun.simulation.step_index
     waiting: list[Callable[[], None]] = []
 
@@ -118,8 +119,12 @@ def _stretches(log: Log, rerun: Rerun) -> Iterator[_Stretch]:
     for entry in log.inputs:
         if entry['kind'] == 'start':
             continue
-        if entry['kind'] == 'settings' and (entry['effects'] or entry['solver']):
-            raise InputError('no gradient: settings change on the way', file=str(log.path))
+        if entry['kind'] == 'settings':
+            changed = rerun.changes(entry)
+            if changed:
+                told, value = 'no gradient: it changes on the way', f't = {entry["t"]:.9g} s'
+                raise InputError(told, file=str(log.path), key=changed[0], value=value)
+            continue
         step = rerun.step_before(entry)
         if step >= last:
             break
@@ -145,38 +150,65 @@ def _gradient(
         run = FollowedRun(simulation, names) if implicit else TapedRun(simulation, names)
     except InputError as error:
         raise error.about(str(error.key).replace('tangents', 'by')) from None
-    fold, number = _objective(of, simulation.sample(), run.displaced)
-    first = simulation.step_index
-    values = {first: number.value(simulation.sample())}
-    for stretch in stretches:
-        stretch.begin()
-        for leg in run.go_on(stretch.steps):
-            begin = first + every * ((leg.state.step - first) // every + 1)
-            wanted = range(begin, leg.end + 1, every)
-            for sample, step in zip(run.samples(wanted), wanted, strict=True):
-                values[step] = number.value(sample)
-    if len(values) == 1:
-        raise InputError('longer than the run', key='every', value=every, expected='steps')
-    trouble = simulation.sample().diagnostics.trouble
-    at = np.array(list(values))
-    found = fold(at * simulation.h, np.array(list(values.values())))
-    if not math.isfinite(found.value):
+    fold, number, unit = _objective(of, simulation.sample(), run.displaced)
+    samples = _sampled(run, number, simulation, stretches, every)
+    values = np.array(list(samples.values()))
+    if not np.isfinite(values).all():
         raise InputError('it has no value on the way', key='of', value=of)
+    trouble = simulation.sample().diagnostics.trouble
+    t = np.array([instant.step for instant in samples]) * simulation.h
+    found = fold(t, values, run.kinks)
     weights = {
-        int(step): weight
-        for step, weight in zip(at.tolist(), found.weights.tolist(), strict=True)
+        instant: weight
+        for instant, weight in zip(samples, found.weights.tolist(), strict=True)
         if weight != 0.0
     }
     slopes = run.derivatives(number, weights) if weights else np.zeros(len(names))
     derivatives = dict(zip(names, slopes.tolist(), strict=True))
-    return Gradient(of, found.value, number.unit, found.t, derivatives, trouble)
+    return Gradient(of, found.value, unit, found.t, derivatives, trouble)
+
+
+def _sampled(
+    run: FollowedRun | TapedRun,
+    number: ObservedNumber,
+    simulation: Simulation,
+    stretches: Iterator[_Stretch],
+    every: int,
+) -> dict[RunInstant, float]:
+    """Make the run. Returns the number where it begins and ends, and each `every` steps between;
+    before and behind a change of inputs by which it jumps."""
+    first, found = simulation.step_index, dict[RunInstant, float]()
+    for stretch in stretches:
+        stretch.begin()
+        begin, end = simulation.step_index, simulation.step_index + stretch.steps
+        for leg in run.go_on(stretch.steps):
+            steps = range(leg.state.step + 1, leg.end + 1)
+            wanted = [RunInstant(n) for n in steps if (n - first) % every == 0 or n == end]
+            if leg.state.step == begin:
+                wanted.insert(0, leg.begin)
+            samples = run.samples([instant.step for instant in wanted])
+            for instant, sample in zip(wanted, samples, strict=True):
+                found[instant] = number.value(sample)
+    last = simulation.step_index
+    if last - first < every:
+        raise InputError('longer than the run', key='every', value=every, expected='steps')
+    least = _SAME * max(map(abs, found.values()))
+    for behind in [instant for instant in found if instant.begins and instant.step > first]:
+        before = RunInstant(behind.step)
+        if abs(found[behind] - found[before]) <= least:
+            del found[behind]
+            if (before.step - first) % every:
+                del found[before]
+    return found
 
 
 def _objective(
     of: str, sample: Sample, beside: DisplacedScenes
-) -> tuple[Callable[..., Folded], ObservedNumber]:
+) -> tuple[Callable[..., Folded], ObservedNumber, str]:
+    """How the number is made of the values of a quantity, the quantity, and the number's unit."""
     called = _CALL.fullmatch(of.strip()) if isinstance(of, str) else None
     if called is None or called[1] not in FOLDS:
         choices = ', '.join(f'{name}(…)' for name in FOLDS)
         raise InputError('not a number of a run', key='of', value=of, expected=choices)
-    return FOLDS[called[1]], observed_number(called[2], 'of', sample, beside)
+    number = observed_number(called[2], 'of', sample, beside)
+    return FOLDS[called[1]], number, unit_of(called[1], number.unit)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from alf_ros.arrays import Floats
 from alf_ros.errors import InputError
 from alf_ros.mechanism.form_of_rows import form_of
 from alf_ros.simulation.adjoint_following import SUMS
@@ -16,9 +17,18 @@ from alf_ros.simulation.quantity_tangents import QuantityTangents
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.simulation.slope_products import SlopeProducts
 from alf_ros.simulation.state import State
+from alf_ros.simulation.time_kinks import time_kinks
 
 _FORMS = ('angle_b', 'angle_c', 'angle_term', 'length_b', 'length_c', 'length_term')
 _ARRAYS = (*SUMS, *_FORMS, 'prescribed', 'q', 'qd')
+
+
+class RunInstant(NamedTuple):
+    """A step of a run, with the inputs that act up to it, or with those from it on (`begins`):
+    quantities such as efforts jump where an input changes."""
+
+    step: int
+    begins: bool = False
 
 
 class Leg(NamedTuple):
@@ -32,11 +42,23 @@ class Leg(NamedTuple):
         """The step where it ends."""
         return self.state.step + self.steps
 
+    @property
+    def begin(self) -> RunInstant:
+        """Where it begins, with its inputs."""
+        return RunInstant(self.state.step, begins=True)
+
+    def has(self, instant: RunInstant) -> bool:
+        """Whether an instant belongs to it, and not to the leg before or behind."""
+        return instant == self.begin or (
+            not instant.begins and self.state.step < instant.step <= self.end
+        )
+
 
 class RunOfLegs:
     """The run of a simulation from its present on, which it moves.
 
-    Raises InputError for names that the motion has no derivative by.
+    `kinks` (s): at which functions of time of drives, effects and inputs have a kink. Raises
+    InputError for names that the motion has no derivative by.
     """
 
     def __init__(self, simulation: Simulation, names: Sequence[str]) -> None:
@@ -46,6 +68,14 @@ class RunOfLegs:
         self._check_begin()
         self._products = SlopeProducts(simulation.model, self.following.slopes, _ARRAYS)
         self._legs: list[Leg] = []
+        self.kinks: Floats = np.zeros(0)
+
+    def _begin(self, leg: Leg) -> None:
+        """Note a leg, from the present with its inputs on."""
+        self._legs.append(leg)
+        simulation = self._simulation
+        kinks = time_kinks(simulation, simulation.t, leg.steps, simulation.h)
+        self.kinks = np.union1d(self.kinks, kinks)
 
     def restart(self) -> None:
         """Back to where the run began, without legs. The slopes of the scene stay."""

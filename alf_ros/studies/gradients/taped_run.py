@@ -18,7 +18,7 @@ from alf_ros.simulation.adjoint_following import AdjointFollowing, NoRoom, Taken
 from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.simulation import Simulation
 from alf_ros.studies.gradients.bars import Bars
-from alf_ros.studies.gradients.legs import Leg, RunOfLegs
+from alf_ros.studies.gradients.legs import Leg, RunInstant, RunOfLegs
 from alf_ros.studies.gradients.observed_number import ObservedNumber
 
 _MEMORY = 256e6  # bytes for the steps of a leg
@@ -50,7 +50,7 @@ class TapedRun(RunOfLegs):
         """Steps of the grid, with the inputs held now, leg by leg. Raises StepError."""
         while steps > 0:
             n = min(steps, self._longest)
-            self._legs.append(Leg(self._simulation.state, n))
+            self._begin(Leg(self._simulation.state, n))
             self._write_down(self._legs[-1])
             steps -= n
             yield self._legs[-1]
@@ -65,7 +65,7 @@ class TapedRun(RunOfLegs):
                 self._simulation.restore(leg.state)
 
     def samples(self, steps: Sequence[int]) -> Iterator[Sample]:
-        """Samples at these steps of the last leg, in order."""
+        """Samples at these steps of the last leg, in order, with its inputs."""
         leg = self._legs[-1]
         for step in steps:
             yield self._sample(leg, step)
@@ -86,10 +86,11 @@ class TapedRun(RunOfLegs):
 
     # ----------------------------------------------------------------------------------- back
 
-    def derivatives(self, number: ObservedNumber, weights: Mapping[int, float]) -> Floats:
-        """(names,) the derivatives of the sum of `weights` times the number at their steps, by the
-        numbers of the scene. Raises StepError, and InputError by a name without a derivative."""
-        self._check_unfolding(max(weights))
+    def derivatives(self, number: ObservedNumber, weights: Mapping[RunInstant, float]) -> Floats:
+        """(names,) the derivatives of the sum of `weights` times the number at their instants, by
+        the numbers of the scene. Raises StepError, and InputError by a name without a
+        derivative."""
+        self._check_unfolding(max(weights).step)
         bars = Bars.of(self._simulation.model, len(self.following.names))
         sums: dict[str, Floats] = {}
         for leg in reversed(self._legs):
@@ -108,27 +109,19 @@ class TapedRun(RunOfLegs):
         self._write_down(leg)
 
     def _leg_back(
-        self, leg: Leg, number: ObservedNumber, weights: Mapping[int, float], bars: Bars
+        self, leg: Leg, number: ObservedNumber, weights: Mapping[RunInstant, float], bars: Bars
     ) -> TakenBack:
         """A leg, taken back from `bars` where it ends; what does not come through the state is
         added to these."""
-        begins = leg is self._legs[0]
-        steps = sorted(
-            (
-                n
-                for n in weights
-                if leg.state.step < n <= leg.end or begins and n == leg.state.step
-            ),
-            reverse=True,
-        )
+        instants = sorted(filter(leg.has, weights), reverse=True)
         while True:
             own = Bars.of(self._simulation.model, len(self.following.names))
             self._adjoint.begin(bars.q, bars.qd)
             try:
-                for step in steps:
-                    self._adjoint.take_back(self._written(leg, step))
+                for instant in instants:
+                    self._adjoint.take_back(self._written(leg, instant.step))
                     own.q[:], own.qd[:] = 0.0, 0.0
-                    number.add(self._sample(leg, step), weights[step], own)
+                    number.add(self._sample(leg, instant.step), weights[instant], own)
                     self._adjoint.add(own.q, own.qd)
                 self._adjoint.take_back(0)
             except NoRoom:

@@ -13,6 +13,7 @@ import numpy as np
 
 from alf_ros import html_table
 from alf_ros.errors import printable
+from alf_ros.scene.scene import Scene
 from alf_ros.studies.ensemble import report_look, svg_charts
 from alf_ros.studies.identification.experiment_design import ExperimentDesign, untold
 from alf_ros.studies.identification.identified import ChannelFit, Identification, rounded
@@ -32,9 +33,14 @@ _FURTHER = (
 )
 
 
+def title_of(scene: Scene) -> str:
+    """Of the report, HTML."""
+    return html.escape(f'Identification of {scene.name}')
+
+
 def page(found: Identification, design: ExperimentDesign | None = None) -> str:
     """The text of the file; `design`: of further motions."""
-    title = html.escape(f'Identification of {found.scene.name}')
+    title = title_of(found.scene)
     parts = [
         '<!doctype html><html lang="en"><head><meta charset="utf-8">',
         '<meta name="viewport" content="width=device-width, initial-scale=1">',

@@ -12,6 +12,7 @@ import numpy as np
 from alf_ros import html_table, paths
 from alf_ros.arrays import Floats
 from alf_ros.scene.scene import Scene
+from alf_ros.studies import result_folder
 from alf_ros.studies.identification.candidate_motion import Candidate
 from alf_ros.studies.identification.candidate_motion import candidates as read_candidates
 from alf_ros.studies.identification.design_runs import DesignRuns, checked_duration
@@ -23,7 +24,9 @@ from alf_ros.studies.identification.residual_tests import Whiteness
 from alf_ros.studies.identification.shared_numbers import LONGEST_DELAY
 from alf_ros.studies.identification.window import Window
 from alf_ros.studies.identification.window_runs import WindowRuns
+from alf_ros.studies.result_folder import REPORT
 
+_DESIGN = 'design.json'
 _FAR = 1.5  # times its noise: residuals that the noise does not explain
 _WIDE = 1.959963984540054  # standard deviations of a normal distribution around 95 % of it
 
@@ -215,10 +218,19 @@ class Identification:
         from alf_ros.studies.identification.identification_page import page
 
         scene = f'{self.scene.name}.yaml'
-        texts = {scene: self.fitted_scene.text, 'report.html': page(self, design)}
+        texts = {scene: self.fitted_scene.text, REPORT: page(self, design)}
         if design is not None:
-            texts['design.json'] = json.dumps(design.as_data(), indent=1, allow_nan=False) + '\n'
+            texts[_DESIGN] = json.dumps(design.as_data(), indent=1, allow_nan=False) + '\n'
         return paths.written(folder, texts)
+
+
+def check_folder(folder: Path, scene: Scene, with_design: bool, key: str) -> None:
+    """Raise InputError, which says `key`, if the identification of a scene cannot be saved there,
+    or only in place of other files."""
+    from alf_ros.studies.identification.identification_page import title_of
+
+    names = [f'{scene.name}.yaml', REPORT, *([_DESIGN] if with_design else [])]
+    result_folder.check(folder, names, title_of(scene), key)
 
 
 def rounded(value: float, deviation: float) -> str:

@@ -22,7 +22,13 @@ from alf_ros.simulation.input_checks import number, numbers, text
 from alf_ros.simulation.sample import Sample
 from alf_ros.studies.ensemble.kept_outputs import DIRECTIONS
 from alf_ros.studies.optimisation.design_quantity import CALL, DesignQuantity, design_quantity
-from alf_ros.studies.optimisation.folds import FOLDS, Folded, crossing, value_at
+from alf_ros.studies.optimisation.folds import (
+    FOLDS,
+    Folded,
+    crossing,
+    unit_of,
+    value_at,
+)
 from alf_ros.studies.optimisation.instants import DesignMotion
 from alf_ros.studies.optimisation.path_error import PathError
 
@@ -70,7 +76,7 @@ class DesignGoal:
             return Asked(value, gradient, r, J)
         assert self.quantity is not None
         y = self.quantity.values(motion.samples)
-        folded = self._folded(motion.t, y)
+        folded = self._folded(motion, y)
         return Asked(folded.value, self._gradient(motion, folded, float(np.abs(y).max())))
 
     def has_equal_peaks(self, motion: DesignMotion) -> bool:
@@ -79,7 +85,7 @@ class DesignGoal:
         if self.quantity is None:
             return False
         y = self.quantity.values(motion.samples)
-        size, folded = float(np.abs(y).max()), self._folded(motion.t, y)
+        size, folded = float(np.abs(y).max()), self._folded(motion, y)
         equal = [e for e in folded.others if abs(e.value - folded.value) <= _EQUAL * size]
         if not equal:
             return False
@@ -89,6 +95,8 @@ class DesignGoal:
 
     def _gradient(self, motion: DesignMotion, folded: Folded, size: float) -> Floats:
         assert self.quantity is not None
+        if folded.jumps:
+            motion.check_held(folded.jumps, self.quantity.text)
         which = np.flatnonzero(folded.weights)
         if not which.size:
             return np.zeros(len(motion.displaced.names))
@@ -99,15 +107,16 @@ class DesignGoal:
         if self.path is not None:
             return self.path.distance(motion)
         assert self.quantity is not None
-        return self._folded(motion.t, self.quantity.values(motion.samples)).value
+        return self._folded(motion, self.quantity.values(motion.samples)).value
 
-    def _folded(self, t: Floats, y: Floats) -> Folded:
+    def _folded(self, motion: DesignMotion, y: Floats) -> Folded:
+        t, kinks = motion.t, motion.kinks
         if self.kind == 'at':
-            return value_at(t, y, self.at)
+            return value_at(t, y, self.at, kinks)
         if self.kind == 'crossing':
             assert self.quantity is not None
-            return crossing(t, y, self.at, self.direction, self.quantity.text)
-        return FOLDS[self.kind](t, y)
+            return crossing(t, y, self.at, self.direction, self.quantity.text, kinks)
+        return FOLDS[self.kind](t, y, kinks)
 
 
 def design_goal(data: Any, key: str, sample: Sample, duration: float) -> DesignGoal:
@@ -120,7 +129,7 @@ def design_goal(data: Any, key: str, sample: Sample, duration: float) -> DesignG
     if called[1] not in FOLDS:
         raise InputError('no such number', key=key, value=called[1], choices=FOLDS)
     quantity = design_quantity(called[2], key, sample)
-    unit = f'{quantity.unit} s'.strip() if called[1] == 'integral' else quantity.unit
+    unit = unit_of(called[1], quantity.unit)
     return DesignGoal(f'{called[1]}({quantity.text})', unit, called[1], quantity)
 
 

@@ -23,9 +23,12 @@ from alf_ros.simulation.closed_instant import ClosedInstant
 from alf_ros.simulation.displaced_scenes import DisplacedScenes
 from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.simulation import Simulation
+from alf_ros.simulation.time_kinks import time_kinks
 from alf_ros.studies.optimisation.design_numbers import DesignNumbers, displaced
 from alf_ros.studies.optimisation.instants import PointTrack, path
 
+_BESIDE = 1e-6  # of the range of a number
+_HELD = 1e-12  # s: an instant that is off by less has not moved
 _SINGULAR = 1e-6  # singular value, of the largest, from which down the drives do not decide
 
 
@@ -66,6 +69,29 @@ class DrivenDesign:
             state = replace(state, step=own.step).moved(own.q, own.qd, own.turns)
             found.append(self.simulation._sample(each.t, state, False))
         return found
+
+    @cached_property
+    def kinks(self) -> Floats:
+        """The instants (s) at which functions of time of drives and effects have a kink."""
+        return self._kinks(self.simulation)
+
+    def _kinks(self, simulation: Simulation) -> Floats:
+        n = self.t.size - 1
+        return time_kinks(simulation, 0.0, n, float(self.t[-1]) / n)
+
+    def check_held(self, instants: Sequence[float], what: str) -> None:
+        """Raise InputError, which says `what` jumps, if a number of the design moves one of these
+        kinks (s): the derivative would leave out the jump."""
+        numbers = self._numbers
+        for k, name in enumerate(numbers.names):
+            beside = self._values.copy()
+            inwards = 1.0 if 2.0 * beside[k] < numbers.lower[k] + numbers.upper[k] else -1.0
+            beside[k] += inwards * _BESIDE * numbers.width[k]
+            kinks = self._kinks(Simulation(numbers.framed_at(beside)))
+            for t in instants:
+                if np.abs(kinks - t).min(initial=np.inf) > _HELD:
+                    text = f'no derivative: {what} jumps at t = {t:.6g} s, which moves with it'
+                    raise InputError(text, key=name, value=float(self._values[k]))
 
     @property
     def trouble(self) -> str:

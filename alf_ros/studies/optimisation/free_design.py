@@ -11,6 +11,7 @@ from alf_ros.arrays import Floats
 from alf_ros.simulation.displaced_scenes import DisplacedScenes
 from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.simulation import Simulation
+from alf_ros.simulation.time_kinks import time_kinks
 from alf_ros.studies.optimisation.design_numbers import DesignNumbers, displaced
 from alf_ros.studies.optimisation.instants import PointTrack, path
 from alf_ros.studies.optimisation.near_samples import near
@@ -40,6 +41,15 @@ class FreeDesign:
         for name in numbers.names:  # refused where a singular position unfolds
             _ = self.samples[-1].tangents[name]
         self.t = np.array([sample.t for sample in self.samples])
+
+    @cached_property
+    def kinks(self) -> Floats:
+        """The instants (s) at which functions of time of drives and effects have a kink."""
+        n = self.t.size - 1
+        return time_kinks(self.simulation, 0.0, n, float(self.t[-1]) / n)
+
+    def check_held(self, instants: Sequence[float], what: str) -> None:
+        """Nothing: tangents refuse numbers that move the instant of a jump."""
 
     @property
     def trouble(self) -> str:

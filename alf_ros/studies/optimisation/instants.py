@@ -46,6 +46,16 @@ class DesignMotion(Protocol):
         ...
 
     @property
+    def kinks(self) -> Floats:
+        """The instants (s) at which functions of time of drives and effects have a kink."""
+        ...
+
+    def check_held(self, instants: Sequence[float], what: str) -> None:
+        """Raise InputError, which says `what` jumps, if a number of the design moves one of these
+        kinks (s)."""
+        ...
+
+    @property
     def trouble(self) -> str:
         """Steps of its run that are too long, in words; or empty."""
         ...

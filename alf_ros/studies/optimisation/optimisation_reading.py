@@ -9,12 +9,16 @@ starts: 8
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from alf_ros import paths
 from alf_ros.errors import InputError
+from alf_ros.scene.scene import Scene, load_scene
 from alf_ros.scene.text import yaml_document
+from alf_ros.scene.text.yaml_document import Entry
 from alf_ros.studies.ensemble.study_reading import plain, scene_beside, within
 from alf_ros.studies.optimisation.optimisation import Report, optimise
 from alf_ros.studies.optimisation.optimum import Optimum
@@ -33,22 +37,42 @@ KEYS = (
 )
 
 
-def optimise_file(source: str | Path, report: Report | None = None, **changes: Any) -> Optimum:
-    """The optimum of the study in a YAML file; `changes` replace keys of it.
+@dataclass(frozen=True, eq=False)
+class StudyFile:
+    """A study in a file: its scene, and all arguments of `optimise` by name."""
 
-    Raises InputError and AlfError as `optimise`, errors of the file with their line.
-    """
+    path: Path
+    fields: Mapping[str, Entry]
+    scene: Scene
+    given: Mapping[str, Any]
+
+    def optimum(self, report: Report | None = None) -> Optimum:
+        """Its optimum. Raises InputError and AlfError as `optimise`, errors of the file with their
+        line."""
+        try:
+            return optimise(self.scene, **self.given, report=report)
+        except InputError as error:
+            raise _of_file(error, self.path, self.fields) from None
+
+
+def read_study(source: str | Path, **changes: Any) -> StudyFile:
+    """The study in a YAML file; `changes` replace keys of it. Raises InputError."""
     path = paths.named(source)
     fields = yaml_document.read(path).mapping(KEYS, ('scene', 'vary', 'minimise'))
     given: dict[str, Any] = {}
     for key, entry in fields.items():
         given[key] = within(entry, lambda entry=entry: plain(entry))  # type: ignore[misc]
-    given['scene'] = within(fields['scene'], lambda: scene_beside(given['scene'], path.parent))
+    named = within(fields['scene'], lambda: scene_beside(given.pop('scene'), path.parent))
     given.update({key: value for key, value in changes.items() if value is not None})
     try:
-        return optimise(**given, report=report)
+        return StudyFile(path, fields, load_scene(named), given)
     except InputError as error:
-        said = fields.get((error.key or '').partition('.')[0])
-        if error.file is None and said is not None:
-            raise InputError(str(error), file=str(path), line=said.line) from None
-        raise
+        raise _of_file(error, path, fields) from None
+
+
+def _of_file(error: InputError, path: Path, fields: Mapping[str, Entry]) -> InputError:
+    """An error with the line of its key, if it does not belong to another file."""
+    said = fields.get((error.key or '').partition('.')[0])
+    if error.file is None and said is not None:
+        return InputError(str(error), file=str(path), line=said.line)
+    return error

@@ -11,9 +11,11 @@ import numpy as np
 from alf_ros import html_table, paths
 from alf_ros.arrays import Floats
 from alf_ros.scene.scene import Scene
+from alf_ros.studies import result_folder
 from alf_ros.studies.optimisation.design_goal import DesignGoal, DesignLimit
 from alf_ros.studies.optimisation.design_numbers import DesignNumbers
 from alf_ros.studies.optimisation.designs import DesignCurve
+from alf_ros.studies.result_folder import REPORT
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,4 +121,12 @@ class Optimum:
         from alf_ros.studies.optimisation.optimum_page import page
 
         scene = f'{self.scene.name}.yaml'
-        return paths.written(folder, {scene: self.optimised_scene.text, 'report.html': page(self)})
+        return paths.written(folder, {scene: self.optimised_scene.text, REPORT: page(self)})
+
+
+def check_folder(folder: Path, scene: Scene, key: str) -> None:
+    """Raise InputError, which says `key`, if the optimum of a scene cannot be saved there, or only
+    in place of other files."""
+    from alf_ros.studies.optimisation.optimum_page import title_of
+
+    result_folder.check(folder, [f'{scene.name}.yaml', REPORT], title_of(scene), key)

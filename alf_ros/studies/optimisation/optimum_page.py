@@ -12,6 +12,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from alf_ros.errors import printable
+from alf_ros.scene.scene import Scene
 from alf_ros.studies.ensemble import report_look
 from alf_ros.studies.optimisation import before_after_charts
 from alf_ros.studies.optimisation.before_after_charts import Line, chart
@@ -23,9 +24,14 @@ from alf_ros.studies.optimisation.optimum import Optimum
 _LEAST = 1e-18  # of an objective over tries: a logarithm needs one
 
 
+def title_of(scene: Scene) -> str:
+    """Of the report, HTML."""
+    return html.escape(f'Optimisation of {scene.name}')
+
+
 def page(found: Optimum) -> str:
     """The text of the file."""
-    title = html.escape(f'Optimisation of {found.scene.name}')
+    title = title_of(found.scene)
     look = report_look.LOOK + before_after_charts.LOOK
     parts = [
         '<!doctype html><html lang="en"><head><meta charset="utf-8">',
