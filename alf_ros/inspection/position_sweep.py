@@ -1,30 +1,26 @@
 """A walk through the positions of a mechanism, along its free directions, to find singular ones.
 
 Drives and forces are absent: each step continues in the direction of the last one, as far as the
-constraints leave it free, and is projected onto Φ = 0. With one freedom the walk returns to its
-start, unless the mechanism moves without end; with several it is a sample.
+constraints leave it free, and stays on its curve (`sure_step`). With one freedom the walk returns
+to its start, unless the mechanism moves without end; with several it is a sample.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from alf_ros.arrays import Floats
-from alf_ros.model.dense_linearisation import DEPENDENT, Linearised
-from alf_ros.model.golden_section import lowest
+from alf_ros.model.dense_linearisation import Linearised
+from alf_ros.model.sure_step import BESIDE, SINGULAR, sure_step
 
 _STEP = 0.03  # of the shortest bar
-_MOST, _SAMPLE = 1200, 480  # positions: of one way, of several together
+_MOST, _SAMPLE = 1200, 480  # steps of this length: of one way, of several together
+_SHORT = 4  # times as many positions: steps are shorter near singular positions
 _LABOUR = 3e8  # n³ times positions, of all ways
-_BOTTOM = 40  # positions for finding the minimum of a dip
-_LEAST = 20  # positions: with fewer there is no walk
-_SUSPECT = 0.3  # singular value, of its usual one, below which a dip is looked at
-_APPROACHES, _CLOSE = 60, 1e-7  # steps up to a singular position, and the value at their end
-_STRAIGHT = 0.97  # least product of the directions of two of them
-_SINGULAR = 1e-5  # and below which its bottom counts as singular
+_LEAST = 20  # steps: with fewer there is no walk
+_SAME = 1e-3  # of the size: two singular positions that are one
 
 
 @dataclass
@@ -60,81 +56,48 @@ def sweep(start: Linearised, beside: Linearised | None = None) -> Sweep:
 
 def _walk(start: Linearised, direction: Floats, most: int, found: Sweep) -> None:
     """One walk. `found` is added to."""
-    model, rank = start.model, start.rank
-    D = model.layout.dimension
-    step = _STEP * shortest(start)
+    n, rank, D = start.model.n, start.rank, start.model.layout.dimension
     usual = start.singular_values[rank - 1] if rank else 1.0
-    at, before, back = start, math.inf, start  # back: the position before
-    weak = usual
-    for count in range(most):
-        direction = direction / np.linalg.norm(direction.reshape(-1, D), axis=1).max()
-        ahead = at.closed(step * direction, rank)
+    step = _STEP * shortest(start)
+    at, last, left = start, start, float(most)  # last: the last position that is not beside one
+    for count in range(_SHORT * most):
+        t = direction / np.linalg.norm(direction)
+        longest = step / np.linalg.norm(t.reshape(-1, D), axis=1).max()
+        crosses = at is not last and _is_below(SINGULAR, at, rank, usual)
+        if crosses:
+            if all(np.abs(at.q - q).max() > _SAME * start.model.size for q in found.singular):
+                found.singular.append(at.q)
+            # straight on, as far behind as it was before: the tangent is of no use here
+            ahead = at.closed(at.q[:n] - last.q[:n], rank)
+        else:
+            ahead = sure_step(at, t, longest, rank)
         found.left -= 1
         if ahead is None or found.left < 0:
             return
-        value = float(ahead.singular_values[rank - 1]) if rank else 1.0
-        usual = max(usual, value)  # the start may be near a singular position
-        if weak <= min(before, value) and weak < _SUSPECT * usual:
-            found.left -= _BOTTOM
-            lowest = bottom(back, ahead, rank)
-            if lowest is not None and lowest.singular_values[rank - 1] < _SINGULAR * usual:
-                gone = at.q[: model.n] - back.q[: model.n]
-                t = gone / (float(np.linalg.norm(gone)) or 1.0)
-                near = approached(back, t, rank, 0.02 * step, usual) or lowest
-                same = 1e-3 * model.size
-                if all(np.abs(near.q - other).max() > same for other in found.singular):
-                    found.singular.append(near.q)
-        gone = ahead.q[: model.n] - at.q[: model.n]
-        back, before, at, weak = at, weak, ahead, value
+        gone = ahead.q[:n] - at.q[:n]
+        if crosses or not _is_below(BESIDE, ahead, rank, usual):
+            last = ahead
+        at = ahead
+        if rank:
+            # the start may be near a singular position
+            usual = max(usual, float(at.singular_values[rank - 1]))
         found.positions.append(at.q)
-        home = at.q[: model.n] - start.q[: model.n]
-        alone = start.free.shape[1] == 1
-        if alone and count > 2 and np.abs(home).max() <= 1.01 * step and home @ gone > -1e-9:
+        home = at.q[:n] - start.q[:n]
+        far = np.linalg.norm(gone)
+        alone = n - rank == 1
+        if alone and count > 2 and np.linalg.norm(home) <= 1.01 * far and home @ gone > -1e-9:
             found.whole = True
             return
-        free = at.free if at.rank == rank else np.eye(model.n)
-        onward = free @ (free.T @ gone)
-        # beside a singular position the tangent may turn away in no time: go straight through
-        straight = np.linalg.norm(onward) > 0.5 * np.linalg.norm(gone)
-        direction = onward if straight else gone
+        left -= far / longest
+        if left < 0.0:
+            return
+        free = at.free if at.rank == rank else np.eye(n)
+        direction = free @ (free.T @ gone)
 
 
-def bottom(back: Linearised, ahead: Linearised, rank: int) -> Linearised | None:
-    """The position between two at which the rank-th singular value is least."""
-    n = back.model.n
-    span = ahead.q[:n] - back.q[:n]
-    tried: dict[float, Linearised | None] = {}
-
-    def height(s: float) -> float:
-        at = tried[s] = back.closed(s * span, rank)
-        return math.inf if at is None else float(at.singular_values[rank - 1])
-
-    return tried[lowest(height, 0.0, 1.0, 0.1 * DEPENDENT)]
-
-
-def approached(at: Linearised, t: Floats, rank: int, h: float, usual: float) -> Linearised | None:
-    """The position just before a singular one ahead, by the secant of its singular value; None if
-    that does not fall to zero on the way.
-
-    Behind it the mechanism may have more freedoms: then there is no single minimum. t (n,): the
-    tangent, of length 1; h (m): first step; usual: the singular value at ordinary positions.
-    """
-    n = at.model.n
-    for _ in range(_APPROACHES):
-        value = float(at.singular_values[rank - 1])
-        if value < _CLOSE * usual:
-            return at
-        ahead = at.closed(h * t, rank)
-        if ahead is None or not 0.0 < ahead.singular_values[rank - 1] < value:
-            h *= 0.25
-            continue
-        gone = ahead.q[:n] - at.q[:n]
-        size = float(np.linalg.norm(gone))
-        if gone @ t < _STRAIGHT * size:
-            return None
-        left = float(ahead.singular_values[rank - 1])
-        at, t, h = ahead, gone / size, 0.7 * left * size / (value - left)
-    return None
+def _is_below(part: float, at: Linearised, rank: int, usual: float) -> bool:
+    """Whether the rank-th singular value is below a part of its usual one."""
+    return bool(rank) and (at.rank < rank or at.singular_values[rank - 1] < part * usual)
 
 
 def shortest(at: Linearised) -> float:

@@ -106,6 +106,12 @@ class Linearised:
         masses, directions = np.linalg.eigh(V.T @ MV)
         return np.asarray(V @ directions[:, masses < MASSLESS * model.system.mean])
 
+    def across(self, gaps: Floats, rank: int) -> Floats:
+        """(rank, k) displacements across the free motion that open gaps (rows, k) of the `rank`
+        largest singular values, in the basis of these."""
+        U, s, _ = self._decomposed
+        return np.asarray((U[:, :rank].T @ gaps) / s[:rank, None])
+
     def _slip_of(self, phi: Floats, rank: int) -> Floats:
         """(rows,) slip of rolling rows that gaps `phi` of rows that depend on them go with: the
         combinations of rows that vanish have no gap then."""

@@ -194,6 +194,21 @@ def test_no_singular_position_where_there_is_none() -> None:
         assert found.walk.whole and not found.walk.singular, name
 
 
+@pytest.mark.parametrize('off', [1e-4, -1e-6, 1e-9, -1e-10])
+def test_the_walk_stays_on_its_curve_where_another_one_is_near(off: float) -> None:
+    """The sense in which coupler and rocker follow each other: a crank that turns all the way
+    round keeps it, and one that turns back just before it would lie flat changes it."""
+    found = examine(scene_from_text(four_bar((1.0, 3.0, 2.0 + off))))
+    assert found.walk.whole and not found.walk.singular
+    places = np.array(found.walk.positions).reshape(len(found.walk.positions), -1, 2)
+    of = found.model.layout.of_point
+    A, B = places[:, of['A']], places[:, of['B']]
+    coupler, rocker = B - A, B - np.array([4.0, 0.0])
+    senses = coupler[:, 0] * rocker[:, 1] - coupler[:, 1] * rocker[:, 0]
+    changes = bool((senses > 1e-9).any() and (senses < -1e-9).any())
+    assert changes == (off < 0.0)
+
+
 def test_freedoms_of_velocity_and_of_position() -> None:
     mobility = {
         name: answers(examine(load_scene(name)))['mobility'][1]

@@ -115,6 +115,46 @@ def test_a_triple_rocker_is_one_circuit() -> None:
     assert branches >= 2
 
 
+def gap_angle(p: float, q: float, r: float, s: float) -> float:
+    """The least inner angle of neighbours p, q in a four-bar with r, s, without cancellation."""
+    squares = ((r - s) ** 2 - (p - q) ** 2) / (4 * p * q)
+    return 2 * math.asin(math.sqrt(max(0.0, squares)))
+
+
+@pytest.mark.parametrize('off', [1e-3, 1e-5, 1e-7, 1e-10])
+def test_curves_that_nearly_cross_are_two_or_one(off: float) -> None:
+    """Two circuits of full turns on one side of a change point; on the other side one, of a crank
+    that turns back just before it would lie flat."""
+    a, c, d = 1.0, 2.5, 1.5
+    two = atlas(four_bar(a, 3.0 - off, c, d), 'pin', starts=30)
+    assert not two.nodes and all(piece.piece.closed for piece in two.pieces)
+    assert two.limits() == {1: (-math.inf, math.inf), 2: (-math.inf, math.inf)}
+    one = atlas(four_bar(a, 3.0 + off, c, d), 'pin', starts=30)
+    assert not one.nodes and [piece.piece.closed for piece in one.pieces] == [True]
+    end = gap_angle(a, d, 3.0 + off, c)
+    assert [*one.limits()[1]] == pytest.approx([end, 2 * math.pi - end], abs=1e-8)
+
+
+@pytest.mark.parametrize('off', [1e-4, 1e-6, 1e-9])
+def test_near_two_change_points_there_is_one_circuit(off: float) -> None:
+    """A parallelogram and a kite that miss both of their crossings. The kite goes round its fold,
+    where the crank nearly stands still."""
+    for lengths in ((1.0, 2.0 + off, 1.0, 2.0), (1.0, 2.0 + off, 2.0, 1.0)):
+        a, b, c, d = lengths
+        found = atlas(four_bar(*lengths), 'pin', starts=30)
+        assert not found.nodes and [piece.piece.closed for piece in found.pieces] == [True]
+        end = gap_angle(a, d, b, c)
+        limits = sorted(turn.value for turn in found.turnings)
+        assert limits == pytest.approx([-end, end], abs=1e-8)
+
+
+@pytest.mark.parametrize('off', [1e-12, -1e-12])
+def test_curves_nearer_than_the_resolution_cross(off: float) -> None:
+    found = atlas(four_bar(1.0, 3.0 + off, 2.5, 1.5), 'pin', starts=30)
+    assert [node.report.kind for node in found.nodes] == ['crossing']
+    assert [piece.piece.ends for piece in found.pieces] == [(0, 0), (0, 0)]
+
+
 def test_the_slider_crank_has_four_pieces_and_two_nodes() -> None:
     found = atlas('slider_crank', 'B.x')
     assert len(found.pieces) == 4 and len(found.nodes) == 2

@@ -12,16 +12,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from alf_ros.arrays import Floats
-from alf_ros.inspection.position_sweep import approached, bottom
 from alf_ros.model.compile import Model
 from alf_ros.model.dense_linearisation import Linearised
 from alf_ros.model.singular_location import located
+from alf_ros.model.sure_step import BESIDE, SINGULAR, sure_step
 
-_TURNED = 0.97  # least product of the tangents before and after a step
-_SHORTEST = 1.0 / 512.0  # of the longest step
-_SUSPECT = 0.3  # singular value, of its usual one, below which a dip is looked at
-_SINGULAR = 1e-5  # and below which its bottom is singular
-_ARRIVED = 0.9  # least product of two directions that are one
+_LEAVING = 1e-3  # of the longest step: the first one from a singular position
+_STRAIGHT = 0.97  # least product of its direction and that of the branch
 MOST = 4000  # positions of a piece
 
 
@@ -102,30 +99,32 @@ def followed(space: CurveSpace, q: Floats, direction: Floats, from_node: bool) -
     """Follow a curve from q (blocks D, m) along a direction (n,) to a singular position, back to
     q, or to `MOST` positions."""
     n, usual, piece = space.model.n, space.rank, Piece()
-    at, t, h = space.at(q), direction / np.linalg.norm(direction), space.longest
+    at, t = space.at(q), direction / np.linalg.norm(direction)
     first, start = t, q[:n]
     piece.add(q, t, 0.0 if from_node else space.sigma(at))
     if from_node:
         space = _beside(space, at, t)
         piece.singular = space.rank < usual
+    away = not from_node
     while len(piece.q) < MOST:
-        step = _step(space, at, t, h, from_node and len(piece.q) == 1)
-        if step is None:
-            piece.complete = False
+        leaves = from_node and len(piece.q) == 1
+        ahead = (_left if leaves else _ahead)(space, at, t)
+        if ahead is None:
+            break
+        gone, home = ahead.q[:n] - at.q[:n], ahead.q[:n] - start
+        onward, sigma = tangent_at(space, ahead, gone), space.sigma(ahead)
+        piece.add(ahead.q, onward, sigma)
+        away = away or sigma > BESIDE
+        if away and (sigma < SINGULAR or ahead.rank < space.rank):
+            node = located(space.known, ahead.q)
+            _end(piece, node, n)
+            return FollowedCurve(piece, node)
+        near = np.linalg.norm(home) <= 1.01 * np.linalg.norm(gone)
+        if not from_node and len(piece.q) > 3 and near and home @ first >= 0.0 < onward @ first:
+            piece.q[-1], piece.tangents[-1], piece.sigma[-1] = q, first, piece.sigma[0]
+            piece.closed = True
             return FollowedCurve(piece)
-        ahead, onward, h = step
-        piece.add(ahead.q, onward, space.sigma(ahead))
-        node = _passed(space, piece)
-        if node is not None:
-            return FollowedCurve(_cut(piece, node, n), node)
-        gone, away = ahead.q[:n] - at.q[:n], ahead.q[:n] - start
-        near = np.linalg.norm(away) <= 1.01 * np.linalg.norm(gone)
-        if len(piece.q) > 3 and near and away @ first >= 0.0 and onward @ first > 0.0:
-            if not from_node:
-                piece.q[-1], piece.tangents[-1], piece.sigma[-1] = q, first, piece.sigma[0]
-                piece.closed = True
-                return FollowedCurve(piece)
-        at, t, h = ahead, onward, min(2.0 * h, space.longest)
+        at, t = ahead, onward
     piece.complete = False
     return FollowedCurve(piece)
 
@@ -144,49 +143,27 @@ def _beside(space: CurveSpace, at: Linearised, t: Floats) -> CurveSpace:
     return space
 
 
-def _step(
-    space: CurveSpace, at: Linearised, t: Floats, h: float, leaves: bool
-) -> tuple[Linearised, Floats, float] | None:
-    """The next position, its tangent, and the step that it took; None if there is none."""
-    n = space.model.n
-    while h >= _SHORTEST * space.longest:
-        ahead = at.closed(h * t, space.rank)
-        if ahead is not None:
-            gone = ahead.q[:n] - at.q[:n]
-            size = float(np.linalg.norm(gone))
-            if size > 0.0:
-                onward = tangent_at(space, ahead, gone)
-                straight = gone @ t > _TURNED * size
-                # where a step ends beside a singular position its tangent may be any
-                smooth = onward @ t > _TURNED or space.sigma(ahead) < 1e-3
-                if straight and (smooth or leaves) and 0.5 * h < size < 2.0 * h:
-                    return ahead, (onward if onward @ t > _TURNED else t), h
-        h *= 0.5
-    return None
+def _ahead(space: CurveSpace, at: Linearised, t: Floats) -> Linearised | None:
+    """The next position along a tangent t (n,); None if there is none."""
+    return sure_step(at, t, space.longest, space.rank)
 
 
-def _passed(space: CurveSpace, piece: Piece) -> Floats | None:
-    """The singular position (blocks D, m) beside the last but one position, if there is one."""
-    if len(piece.q) < 3:
+def _left(space: CurveSpace, at: Linearised, t: Floats) -> Linearised | None:
+    """The first position on the branch t (n,) of a singular position; None if there is none.
+
+    Nothing is sure there. The step is so short that there is no other singular position on it."""
+    ahead = at.closed(_LEAVING * space.longest * t, space.rank)
+    if ahead is None:
         return None
-    before, middle, now = piece.sigma[-3:]
-    if middle > min(before, now) or middle > _SUSPECT:
-        return None
-    found = bottom(space.at(piece.q[-3]), space.at(piece.q[-1]), space.rank)
-    if found is None or space.sigma(found) > _SINGULAR:
-        return None
-    back = space.at(piece.q[-3])
-    near = approached(back, piece.tangents[-3], space.rank, 0.02 * space.longest, space.weakest)
-    return located(space.known, found.q if near is None else near.q)
+    gone = ahead.q[: t.size] - at.q[: t.size]
+    return ahead if gone @ t > _STRAIGHT * np.linalg.norm(gone) else None
 
 
-def _cut(piece: Piece, node: Floats, n: int) -> Piece:
-    """The piece up to a node that it has passed."""
-    for _ in range(2):
-        gone = node[:n] - piece.q[-1][:n]
-        if gone @ piece.tangents[-1] <= 0.0 or not gone.any():
-            piece.q.pop(), piece.tangents.pop(), piece.sigma.pop()
+def _end(piece: Piece, node: Floats, n: int) -> None:
+    """End a piece in a node, with a last direction that is that of the branch: positions that lie
+    beside the node are left out, where its place and that of the curve differ by rounding, or by
+    lengths that miss a crossing."""
+    while len(piece.q) > 1 and piece.sigma[-1] < BESIDE:
+        piece.q.pop(), piece.tangents.pop(), piece.sigma.pop()
     last = node[:n] - piece.q[-1][:n]
-    size = float(np.linalg.norm(last))
-    piece.add(node, last / size if size else piece.tangents[-1], 0.0)
-    return piece
+    piece.add(node, last / np.linalg.norm(last), 0.0)

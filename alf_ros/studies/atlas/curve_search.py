@@ -14,6 +14,7 @@ from alf_ros.arrays import Floats
 from alf_ros.errors import AssemblyError
 from alf_ros.inspection.branches_report import Branches, reported
 from alf_ros.model import assembly, singular_branches
+from alf_ros.model.sure_step import BESIDE, SAME, change
 from alf_ros.studies.atlas.configuration_curve import (
     CurveSpace,
     Piece,
@@ -22,8 +23,7 @@ from alf_ros.studies.atlas.configuration_curve import (
 from alf_ros.studies.atlas.handedness import Handedness
 from alf_ros.studies.atlas.random_places import RandomPlaces
 
-_SAME = 1e-6  # of the size: two positions that are one
-_SINGULAR = 1e-4  # σ over its ordinary value, from which down nothing is started
+_SAME = 1e-4  # of the size: two nodes that are one
 _ALONG = 0.7  # least product of the direction in which a piece arrives and that of its branch
 _MOST_NODES = 200
 _MOST_STARTS = 50  # times the patience
@@ -71,7 +71,7 @@ class CurveSearch:
         if self._handedness.is_mirrored(q):
             self.mirrored += 1
             return
-        if at.rank < space.rank or space.sigma(at) < _SINGULAR:
+        if at.rank < space.rank or space.sigma(at) < BESIDE:
             self.singular_starts += 1
             return
         known = self._piece_at(q)
@@ -166,13 +166,9 @@ class CurveSearch:
 
     # ------------------------------------------------------------------------------------ nodes
 
-    def _is_known_node(self, q: Floats) -> bool:
-        same = _SAME * self.space.model.size
-        return any(np.abs(q - node.q).max() < same for node in self.nodes)
-
     def _node(self, q: Floats) -> int:
         """The number of the node at q, a new one if it is not known."""
-        same = 1e2 * _SAME * self.space.model.size
+        same = _SAME * self.space.model.size
         for number, node in enumerate(self.nodes):
             if np.abs(q - node.q).max() < same:
                 return number
@@ -189,18 +185,15 @@ class CurveSearch:
     def _piece_at(self, q: Floats) -> int:
         """The number of the piece that q lies on, -1 if it is none."""
         n, space = self.space.model.n, self.space
-        same = _SAME * space.model.size
+        here = space.at(q)
         for number, piece in enumerate(self.pieces):
+            if piece.singular:
+                continue
             places = np.array([each[:n] for each in piece.q])
             gaps = np.linalg.norm(places - q[:n], axis=1)
+            gaps[np.array(piece.sigma) < BESIDE] = np.inf  # Φ_q tells nothing there
             nearest = int(np.argmin(gaps))
-            if gaps[nearest] > 1.5 * space.longest:
-                continue
-            at = space.at(piece.q[nearest])
-            t = piece.tangents[nearest]
-            there = at.closed(((q - at.q)[:n] @ t) * t, space.rank)
-            if gaps[nearest] < same or (
-                there is not None and np.abs(there.q - q).max() < max(same, 0.05 * gaps[nearest])
-            ):
-                return number
+            if gaps[nearest] < 1.5 * space.longest:
+                if change(space.at(piece.q[nearest]), here, space.rank) < SAME:
+                    return number
         return -1

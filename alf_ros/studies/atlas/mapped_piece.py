@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 from scipy.optimize import brentq
@@ -116,13 +117,12 @@ def mapped(
         rates[DEAD_POINT] = (reads.output, rows[:, 3])
     turnings = []
     for kind, (coordinate, rate) in rates.items():
-        moving = np.maximum(np.abs(rate[:-1]), np.abs(rate[1:])) > _STILL
-        for k in np.flatnonzero((rate[:-1] * rate[1:] < 0.0) & moving):
-            found = _turning(space, piece, int(k), partial(reads.rate, coordinate))
+        for k in _turned(rate, piece.closed):
+            found = _turning(space, piece, k, partial(reads.rate, coordinate))
             if found is not None:
                 q, part = found
                 value = reads.over.read(reads.reader, q, np.zeros_like(q))[0]
-                turnings.append(Turning(kind, q, value, int(k) + part))
+                turnings.append(Turning(kind, q, value, k + part))
     is_angle = reads.over.is_angle
     out_angle = reads.output is not None and reads.output.is_angle
     return MappedPiece(
@@ -140,6 +140,25 @@ def mapped(
         tuple(sorted(turnings, key=lambda each: each.place)),
         is_angle,
     )
+
+
+def _turned(rates: Floats, closed: bool) -> list[int]:
+    """The positions behind which a coordinate turns, from its rates (positions,).
+
+    Where it stands still its rate has any sign. It turns there if it moves one way before and the
+    other way behind.
+    """
+    moving = np.flatnonzero(np.abs(rates) > _STILL).tolist()
+    ways = list(pairwise(moving))
+    if closed and moving:
+        ways.append((moving[-1], moving[0] + len(rates) - 1))  # the last position is the first
+    found = []
+    for before, behind in ways:
+        between = np.arange(before, behind + 1) % (len(rates) - 1 if closed else len(rates))
+        signs = rates[between]
+        if signs[0] * signs[-1] < 0.0:
+            found.append(int(between[np.argmax(signs[:-1] * signs[1:] <= 0.0)]))
+    return found
 
 
 def _turning(
