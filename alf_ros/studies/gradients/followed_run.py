@@ -1,7 +1,8 @@
 """A run whose tangents are read: the gradient where no adjoint takes the steps back.
 
-The first pass gives the number. The second one reads its derivatives where they count, from the
-tangents of the state. The cost grows with the number of parameters.
+The run gives the number. Its derivatives are read where they count, from the tangents of the
+states on the way. These are kept while there is room; behind them the run is made again. The cost
+grows with the number of parameters.
 """
 
 from __future__ import annotations
@@ -13,17 +14,29 @@ import numpy as np
 from alf_ros.arrays import Floats
 from alf_ros.simulation.sample import Sample
 from alf_ros.simulation.simulation import Simulation
+from alf_ros.simulation.state import State
 from alf_ros.studies.gradients.bars import Bars
 from alf_ros.studies.gradients.legs import Leg, RunInstant, RunOfLegs
 from alf_ros.studies.gradients.observed_number import ObservedNumber
+
+_MEMORY = 256e6  # bytes for the states on the way
 
 
 class FollowedRun(RunOfLegs):
     """The run of a simulation from its present on, which it moves; steps have tangents."""
 
-    def __init__(self, simulation: Simulation, names: Sequence[str]) -> None:
+    def __init__(
+        self, simulation: Simulation, names: Sequence[str], memory: float = _MEMORY
+    ) -> None:
         super().__init__(simulation, names)
         simulation._follow(self.following, self._from_start)
+        state = simulation.state
+        self._room = int(memory / (state.q.nbytes + state.qd.nbytes + state.tangents.nbytes))
+        self._kept: dict[int, State] = {}  # by their steps, with the inputs up to them
+
+    def restart(self) -> None:
+        super().restart()
+        self._kept.clear()
 
     def go_on(self, steps: int) -> Iterator[Leg]:
         """Steps of the grid, with the inputs held now. Raises StepError."""
@@ -36,6 +49,8 @@ class FollowedRun(RunOfLegs):
         """Samples at these steps of the last leg, in order, with its inputs."""
         for step in steps:
             self._go_to(step)
+            if len(self._kept) < self._room:
+                self._kept[step] = self._simulation.state
             yield self._simulation.sample()
 
     def _go_to(self, step: int) -> None:
@@ -52,6 +67,8 @@ class FollowedRun(RunOfLegs):
         for leg in self._legs:
             simulation.restore(leg.state)
             for instant in sorted(filter(leg.has, weights)):
+                if not instant.begins and instant.step in self._kept:
+                    simulation.restore(self._kept[instant.step])
                 self._go_to(instant.step)
                 self._add(number, weights[instant], total)
         return np.asarray(total.numbers + self._products.by_arrays(total.arrays))
