@@ -6,7 +6,8 @@ itself: E = Φ_q⁺ ΔΦ_q is large. Rows are quadratic in q and Φ_q is linear,
 apart have 0 = Φ_q⁺ ΔΦ = (P + E / 2) d, with P the projection across the tangent.
 
 - While |E| < 1, Φ_q keeps its rank on the straight way from one position to the other.
-- The angle between d and the tangent is asin(|E| / 2) at most, that of the tangents asin(|E|).
+- The angle between d and the tangent is at most asin(|E| / 2), and the tangents differ by at most
+  asin(|E|).
 - Two positions with the same part along the tangent, and with E and E', are a δ apart with
   δ = -(E + E') δ / 2. With |E| + |E'| < 2 they are one.
 

@@ -160,9 +160,10 @@ def _left(space: CurveSpace, at: Linearised, t: Floats) -> Linearised | None:
 
 
 def _end(piece: Piece, node: Floats, n: int) -> None:
-    """End a piece in a node, with a last direction that is that of the branch: positions that lie
-    beside the node are left out, where its place and that of the curve differ by rounding, or by
-    lengths that miss a crossing."""
+    """End a piece in a node, so that its last direction is the direction of the branch.
+
+    Positions beside the node are left out: there rounding, and lengths that miss a crossing, turn
+    the direction to the node."""
     while len(piece.q) > 1 and piece.sigma[-1] < BESIDE:
         piece.q.pop(), piece.tangents.pop(), piece.sigma.pop()
     last = node[:n] - piece.q[-1][:n]
