@@ -41,7 +41,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         help='folder of the new scene and the report (default: optimised)',
     )
     options = parser.parse_args(argv)
-    with ProgressBar('optimise') as bar:
+    with parser.naming(), ProgressBar('optimise') as bar:
         found = optimise_file(
             options.study, bar.note, starts=options.starts, workers=options.workers
         )

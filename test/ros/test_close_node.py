@@ -174,7 +174,7 @@ def test_a_slider_goes_through_its_dead_point(tmp_path: Path, peer: Peer) -> Non
 @pytest.mark.parametrize(
     ('arguments', 'said'),
     [
-        (['--active', 'giude'], "active: no such joint coordinate, got 'giude'; did you mean"),
+        (['--active', 'giude'], "--active: no such joint coordinate, got 'giude'; did you mean"),
         (['--scene', 'delta_robot', '--active', 'motor0'], '2 freedoms are left: motor1, motor2'),
         (['--ros-args', '-p', 'activ:=[a]'], "unknown parameter of the node, got 'activ'"),
         (
