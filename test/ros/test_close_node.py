@@ -192,6 +192,26 @@ def test_a_wrong_start_is_refused_in_one_line(
     assert done.stderr.count('\n') == 1
 
 
+def test_messages_without_stamps_have_the_time_of_arrival(tmp_path: Path, peer: Peer) -> None:
+    """In ROS a stamp of zero is none; the second such message was refused as not later."""
+    with ClosingProcess(tmp_path, '--active', 'guide') as node:
+        joints = peer.listen('/joint_states', JointState)
+        talker = peer.talk(INPUT, JointState)
+        peer.until(lambda: peer.node.count_publishers('/joint_states'), 'joint_states')
+        for n in range(1, 5):
+            talker.publish(message(0, guide=1.5 - 0.01 * n))
+            peer.until(lambda n=n: len(joints) == n, f'answer {n}')
+        stamps = [each.header.stamp.sec * 10**9 + each.header.stamp.nanosec for each in joints]
+        assert 0 < stamps[-1] - stamps[0] < LIMIT * 1e9 and stamps == sorted(stamps)
+        assert abs(stamps[-1] * 1e-9 - time.time()) < LIMIT
+        assert [each.position[2] for each in joints] == pytest.approx([1.49, 1.48, 1.47, 1.46])
+        assert node.stop() == 0, node.output
+
+
+def test_names_may_be_exchanged() -> None:
+    assert renamed(['b=a', 'a=b'], ['a', 'b', 'c']) == {'b': 'a', 'a': 'b', 'c': 'c'}
+
+
 def heard(*messages: dict[str, Any]) -> ActiveInput:
     found = ActiveInput(renamed(['e1=a'], ['a', 'b']))
     for fields in messages:
@@ -212,6 +232,7 @@ def test_partial_messages_keep_the_last_values() -> None:
     (['x=c'], "names: not an active joint, got 'c'"),
     (['x=a', 'x=b'], "names: renamed twice, got 'x=b'"),
     (['x=a', 'y=a'], "names: renamed twice, got 'y=a'"),
+    (['b=a'], "names: the name of another active joint, got 'b=a'; expected a new name of b too"),
 ])  # fmt: skip
 def test_wrong_names_are_refused(pairs: list[str], said: str) -> None:
     with pytest.raises(InputError) as caught:

@@ -75,7 +75,7 @@ class CloseNode(Node):
         self._input = ActiveInput(names)
         self._posture: Posture | None = None
         self._heard = self._reported = self._followed = -1e9  # s, steady
-        self._first = self._last = -1  # ns, stamps of the first input and of the last posture
+        self._first, self._last = -1, 0  # ns, stamps of the first input and of the last posture
         self._failed = 0  # inputs refused
         self._refusal = self._kind = ''
         self._stamp = Time()  # of the last posture
@@ -138,11 +138,15 @@ class CloseNode(Node):
             return
         stamp = message.header.stamp
         ns = stamp.sec * 1_000_000_000 + stamp.nanosec
-        if ns and ns <= self._last:
+        if not ns:  # in ROS no stamp: the time of arrival, zero while nobody publishes `clock`
+            now = self.get_clock().now()
+            stamp, ns = now.to_msg(), now.nanoseconds
+        later = ns > self._last
+        if ns and not later:
             self._input.went_back()
-        if self._first < 0:
+        if later and self._first < 0:
             self._first = ns
-        t = (ns - self._first) * 1e-9 if ns > self._last else None
+        t = (ns - self._first) * 1e-9 if later else None
         rates = self._input.rates
         moving = len(rates) == len(self.closure.active)
         try:
