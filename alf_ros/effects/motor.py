@@ -22,7 +22,6 @@ from alf_ros.effects.contract.scalars import Measures, numbers_of, push, scalar,
 from alf_ros.mechanism.natural_coordinates import Layout
 
 MULTIPLE = True
-ONE_OF = ('effort', 'position', 'velocity', 'position_gain', 'velocity_gain', 'armature')
 HOLDS = (contract.EFFORT_OVER_TIME,)
 
 
@@ -57,7 +56,6 @@ class Parameters:
             'kind': 'number',
             'unit': 'N m or N',
             'doc': 'L; no limit if absent',
-            'needs': ('effort', 'position_gain', 'velocity_gain'),
         },
     )
     free_speed: float | None = field(

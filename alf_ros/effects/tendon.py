@@ -44,19 +44,6 @@ from alf_ros.effects.contract.scalars import (
 from alf_ros.mechanism.natural_coordinates import Layout
 
 MULTIPLE = True
-ONE_OF = (
-    'stiffness',
-    'table',
-    'damping',
-    'friction',
-    'lower',
-    'upper',
-    'effort',
-    'position',
-    'velocity',
-    'position_gain',
-    'velocity_gain',
-)
 
 STOP = 1.5  # exponent of the stops
 _TABLES = 18  # where the tables begin
@@ -125,8 +112,7 @@ class Parameters:
     velocity_gain: float = field(default=0.0, metadata=_number('N s/m', 'k_v'))
     limit: float | None = field(
         default=None,
-        metadata=_number('N', 'largest effort of the drive; no limit if absent')
-        | {'needs': ('effort', 'position_gain', 'velocity_gain')},
+        metadata=_number('N', 'largest effort of the drive; no limit if absent'),
     )
 
     def __post_init__(self) -> None:
